@@ -1,0 +1,142 @@
+//! The two traits everything stands on: a bus owns time, a device is a value.
+
+use std::collections::VecDeque;
+use std::fmt;
+
+use crate::frame::Frame;
+use crate::time::Instant;
+
+/// A wire and its clock. Waiting is receiving: there is no other way to let time pass.
+pub trait Bus {
+    /// The time on this bus.
+    fn now(&mut self) -> Instant;
+
+    /// Queues a frame for transmission. Its echo comes back from [`Bus::recv`] with
+    /// [`Stamped::own`] set once it is complete on the wire.
+    fn send(&mut self, frame: &Frame) -> Result<(), BusError>;
+
+    /// The next frame that is complete by `until`, or `None` when `until` has come.
+    fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError>;
+}
+
+/// A frame with the time at which it was complete on the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamped {
+    /// End of the frame.
+    pub at: Instant,
+    /// The frame.
+    pub frame: Frame,
+    /// Whether it is the echo of a frame sent through this handle of the bus.
+    pub own: bool,
+}
+
+/// Why a bus could not do what it was asked for. Says nothing about any device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum BusError {
+    /// The interface could not be opened; the text says what to do about it.
+    Open(String),
+    /// The interface failed while in use.
+    Io(String),
+    /// The CAN controller reported an error condition, such as error passive or bus-off.
+    Controller(String),
+    /// The user asked to stop while the bus was waiting.
+    Interrupted,
+    /// A simulated device asked to be polled again and again without time passing.
+    Spinning {
+        /// The device's place on the bus, counted from 0.
+        station: usize,
+        /// When it happened.
+        at: Instant,
+    },
+}
+
+impl fmt::Display for BusError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Open(why) | Self::Io(why) => f.write_str(why),
+            Self::Controller(what) => write!(f, "the CAN controller reports {what}"),
+            Self::Interrupted => f.write_str("interrupted"),
+            Self::Spinning { station, at } => {
+                write!(f, "simulated device {station} does not let time pass at {at} s")
+            }
+        }
+    }
+}
+
+impl std::error::Error for BusError {}
+
+/// A CANopen device as a value: frames and time go in, frames and the next deadline come out.
+pub trait Device {
+    /// Takes a frame of another station.
+    fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox);
+
+    /// Does what is due at `now`. Harmless when nothing is.
+    fn handle_timeout(&mut self, now: Instant, out: &mut Outbox);
+
+    /// When [`Device::handle_timeout`] is wanted next. Too early is harmless, too late is not.
+    fn poll_at(&self) -> Option<Instant>;
+}
+
+/// The frames a station wants to send, in its own order.
+#[derive(Debug, Default)]
+pub struct Outbox {
+    frames: VecDeque<Frame>,
+}
+
+impl Outbox {
+    /// Queues a frame.
+    pub fn push(&mut self, frame: Frame) {
+        self.frames.push_back(frame);
+    }
+
+    /// The frame that is to be sent next, left in place.
+    pub fn first(&self) -> Option<&Frame> {
+        self.frames.front()
+    }
+
+    /// Takes the frame that is to be sent next.
+    pub fn pop(&mut self) -> Option<Frame> {
+        self.frames.pop_front()
+    }
+
+    /// Drops everything that waits, as a controller does on a reset.
+    pub fn clear(&mut self) {
+        self.frames.clear();
+    }
+
+    /// Whether nothing waits.
+    pub fn is_empty(&self) -> bool {
+        self.frames.is_empty()
+    }
+
+    /// How many frames wait.
+    pub fn len(&self) -> usize {
+        self.frames.len()
+    }
+}
+
+/// Runs `device` as a station of `bus` until `end`.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub fn serve(bus: &mut dyn Bus, device: &mut dyn Device, end: Instant) -> Result<(), BusError> {
+    let mut out = Outbox::default();
+    loop {
+        let now = bus.now();
+        if device.poll_at().is_some_and(|due| due <= now) {
+            device.handle_timeout(now, &mut out);
+        }
+        while let Some(frame) = out.pop() {
+            bus.send(&frame)?;
+        }
+        if now >= end {
+            return Ok(());
+        }
+        let wake = device.poll_at().map_or(end, |due| due.min(end));
+        if let Some(seen) = bus.recv(wake)?
+            && !seen.own
+        {
+            device.handle_frame(seen.at, &seen.frame, &mut out);
+        }
+    }
+}

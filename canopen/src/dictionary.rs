@@ -1,0 +1,221 @@
+//! The object dictionary at work: the values of one device, and the rules of network access.
+
+use std::sync::Arc;
+
+use crate::abort::Abort;
+use crate::eds::{Eds, Entry};
+use crate::mux::Mux;
+use crate::value::{DataType, Value, ValueError};
+
+/// The values of one device's objects. [`read`](Self::read) and [`write`](Self::write) are the
+/// network's side, where the error is the SDO abort code; [`get`](Self::get) and
+/// [`set`](Self::set) are the device's own.
+#[derive(Clone, Debug)]
+pub struct Dictionary {
+    entries: Arc<[Entry]>,
+    values: Vec<Vec<u8>>,
+}
+
+impl Dictionary {
+    /// The dictionary of a device with this sheet and node id, every value at its default.
+    ///
+    /// # Errors
+    /// The address of a default value that is not one of its entry's type, and why.
+    pub fn new(eds: &Eds, node: u8) -> Result<Self, (Mux, ValueError)> {
+        let entries: Arc<[Entry]> = eds.entries().cloned().collect();
+        let values = entries
+            .iter()
+            .map(|entry| entry.default_bytes(node).map_err(|error| (entry.mux, error)))
+            .collect::<Result<_, _>>()?;
+        Ok(Self { entries, values })
+    }
+
+    /// The value at `mux` for an SDO upload.
+    ///
+    /// # Errors
+    /// [`Abort::NO_OBJECT`], [`Abort::NO_SUB_INDEX`] or [`Abort::WRITE_ONLY`].
+    pub fn read(&self, mux: Mux) -> Result<&[u8], Abort> {
+        let place = self.place(mux)?;
+        if !self.entries[place].access.readable() {
+            return Err(Abort::WRITE_ONLY);
+        }
+        Ok(&self.values[place])
+    }
+
+    /// Stores `bytes` at `mux` for an SDO download, after [`check`](Self::check).
+    ///
+    /// # Errors
+    /// Those of [`check`](Self::check); the value is then unchanged.
+    pub fn write(&mut self, mux: Mux, bytes: &[u8]) -> Result<(), Abort> {
+        let place = self.check(mux, bytes)?;
+        store(&mut self.values[place], bytes);
+        Ok(())
+    }
+
+    /// Whether the network may write `bytes` to `mux`: existence, access, length, range.
+    ///
+    /// # Errors
+    /// [`Abort::NO_OBJECT`], [`Abort::NO_SUB_INDEX`], [`Abort::READ_ONLY`], [`Abort::TOO_LONG`],
+    /// [`Abort::TOO_SHORT`], [`Abort::VALUE`], [`Abort::TOO_HIGH`] or [`Abort::TOO_LOW`].
+    pub fn check(&self, mux: Mux, bytes: &[u8]) -> Result<usize, Abort> {
+        let place = self.place(mux)?;
+        let entry = &self.entries[place];
+        if !entry.access.writable() {
+            return Err(Abort::READ_ONLY);
+        }
+        check_length(entry.data_type, bytes.len())?;
+        check_range(entry, bytes)?;
+        Ok(place)
+    }
+
+    /// The bytes at `mux`, `None` when there is no such entry.
+    pub fn get(&self, mux: Mux) -> Option<&[u8]> {
+        self.find(mux).map(|place| self.values[place].as_slice())
+    }
+
+    /// The whole number at `mux`, `None` when there is none.
+    pub fn int(&self, mux: Mux) -> Option<i64> {
+        let place = self.find(mux)?;
+        let value = self.entries[place].data_type.decode(&self.values[place]).ok()?;
+        value.as_int().and_then(|number| number.try_into().ok())
+    }
+
+    /// Stores `bytes` at `mux`, whatever the network may do there; ignored when there is no such
+    /// entry, as optional objects are.
+    pub fn set(&mut self, mux: Mux, bytes: &[u8]) {
+        if let Some(place) = self.find(mux) {
+            store(&mut self.values[place], bytes);
+        }
+    }
+
+    /// Stores a whole number at `mux`, cut to the entry's type; ignored when there is no such
+    /// entry.
+    pub fn set_int(&mut self, mux: Mux, number: i64) {
+        if let Some(place) = self.find(mux)
+            && let Some(size) = self.entries[place].data_type.size()
+        {
+            let bytes = i128::from(number).to_le_bytes();
+            store(&mut self.values[place], &bytes[..size]);
+        }
+    }
+
+    /// The description of the entry at `mux`.
+    pub fn entry(&self, mux: Mux) -> Option<&Entry> {
+        self.find(mux).map(|place| &self.entries[place])
+    }
+
+    /// Every entry, by ascending address.
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// Whether there is an object at `index`.
+    pub fn has_object(&self, index: u16) -> bool {
+        let place = self.entries.partition_point(|entry| entry.mux.index < index);
+        self.entries.get(place).is_some_and(|entry| entry.mux.index == index)
+    }
+
+    /// The address's value as a typed value.
+    pub fn value(&self, mux: Mux) -> Option<Value> {
+        let place = self.find(mux)?;
+        self.entries[place].data_type.decode(&self.values[place]).ok()
+    }
+
+    fn find(&self, mux: Mux) -> Option<usize> {
+        self.entries.binary_search_by_key(&mux, |entry| entry.mux).ok()
+    }
+
+    fn place(&self, mux: Mux) -> Result<usize, Abort> {
+        self.find(mux).ok_or_else(|| match self.has_object(mux.index) {
+            true => Abort::NO_SUB_INDEX,
+            false => Abort::NO_OBJECT,
+        })
+    }
+}
+
+fn store(value: &mut Vec<u8>, bytes: &[u8]) {
+    value.clear();
+    value.extend_from_slice(bytes);
+}
+
+fn check_length(data_type: DataType, len: usize) -> Result<(), Abort> {
+    match data_type.size() {
+        Some(size) if len > size => Err(Abort::TOO_LONG),
+        Some(size) if len < size => Err(Abort::TOO_SHORT),
+        _ => Ok(()),
+    }
+}
+
+fn check_range(entry: &Entry, bytes: &[u8]) -> Result<(), Abort> {
+    if entry.data_type == DataType::BOOLEAN && bytes[0] > 1 {
+        return Err(Abort::VALUE);
+    }
+    if entry.low.is_none() && entry.high.is_none() {
+        return Ok(());
+    }
+    let value = entry.data_type.decode(bytes).ok().and_then(|value| value.as_real());
+    let bound = |term: &Option<crate::eds::Term>| term.as_ref().and_then(|t| t.value.as_real());
+    match (value, bound(&entry.low), bound(&entry.high)) {
+        (Some(value), _, Some(high)) if value > high => Err(Abort::TOO_HIGH),
+        (Some(value), Some(low), _) if value < low => Err(Abort::TOO_LOW),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::eds::{Access, Object, ObjectKind, Term};
+
+    fn entry(mux: Mux, data_type: DataType, access: Access) -> Entry {
+        let name = String::new();
+        let (default, low, high) = (None, None, None);
+        Entry { mux, name, data_type, access, mappable: false, default, low, high, line: 0 }
+    }
+
+    fn dictionary() -> Dictionary {
+        let var = |entry: Entry| Object {
+            index: entry.mux.index,
+            name: String::new(),
+            kind: ObjectKind::VAR,
+            flags: 0,
+            entries: vec![entry],
+            line: 0,
+        };
+        let period = Entry {
+            low: Some(Term::fixed(10.into())),
+            high: Some(Term::fixed(1000.into())),
+            default: Some(Term { value: 100.into(), plus_node: true }),
+            ..entry(Mux::new(0x1017, 0), DataType::UNSIGNED16, Access::Rw)
+        };
+        let objects = vec![
+            var(entry(Mux::new(0x1000, 0), DataType::UNSIGNED32, Access::Ro)),
+            var(period),
+            var(entry(Mux::new(0x2000, 0), DataType::UNSIGNED8, Access::Wo)),
+            var(entry(Mux::new(0x2001, 0), DataType::BOOLEAN, Access::Rw)),
+        ];
+        Dictionary::new(&Eds { objects, ..Eds::default() }, 5).unwrap()
+    }
+
+    #[test]
+    fn every_refusal_has_its_code() {
+        let mut od = dictionary();
+        assert_eq!(od.read(Mux::new(0x1001, 0)), Err(Abort::NO_OBJECT));
+        assert_eq!(od.read(Mux::new(0x1000, 1)), Err(Abort::NO_SUB_INDEX));
+        assert_eq!(od.read(Mux::new(0x2000, 0)), Err(Abort::WRITE_ONLY));
+        assert_eq!(od.write(Mux::new(0x1000, 0), &[0; 4]), Err(Abort::READ_ONLY));
+        assert_eq!(od.write(Mux::new(0x1017, 0), &[0; 4]), Err(Abort::TOO_LONG));
+        assert_eq!(od.write(Mux::new(0x1017, 0), &[0]), Err(Abort::TOO_SHORT));
+        assert_eq!(od.write(Mux::new(0x1017, 0), &[0xE9, 3]), Err(Abort::TOO_HIGH));
+        assert_eq!(od.write(Mux::new(0x1017, 0), &[9, 0]), Err(Abort::TOO_LOW));
+        assert_eq!(od.write(Mux::new(0x2001, 0), &[2]), Err(Abort::VALUE));
+        assert_eq!(od.read(Mux::new(0x1017, 0)), Ok(&[105, 0][..]));
+    }
+
+    #[test]
+    fn a_legal_write_is_read_back() {
+        let mut od = dictionary();
+        assert_eq!(od.write(Mux::new(0x1017, 0), &[0xE8, 3]), Ok(()));
+        assert_eq!(od.int(Mux::new(0x1017, 0)), Some(1000));
+    }
+}

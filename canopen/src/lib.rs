@@ -1,0 +1,31 @@
+//! The CANopen language: frames, service codecs, object dictionary, electronic data sheets, and
+//! a virtual bus on which devices are values. No I/O, no clock, no threads.
+//!
+//! A [`Bus`] carries the wire and the time; a [`Device`] takes frames and
+//! time and gives frames and its next deadline. Everything else is data.
+
+mod abort;
+mod bus;
+mod dictionary;
+pub mod eds;
+pub mod emcy;
+mod frame;
+pub mod heartbeat;
+mod malformed;
+mod mux;
+pub mod nmt;
+pub mod pdo;
+pub mod sdo;
+pub mod sync;
+mod time;
+mod value;
+
+pub use abort::Abort;
+pub use bus::{Bus, BusError, Device, Outbox, Stamped, serve};
+pub use dictionary::Dictionary;
+pub use frame::{Data, Frame, FrameError, Id};
+pub use malformed::Malformed;
+pub use mux::{Mux, NoMux};
+pub use nmt::NmtState;
+pub use time::Instant;
+pub use value::{DataType, Value, ValueError};

@@ -1,0 +1,88 @@
+//! The address of a value in an object dictionary.
+
+use std::fmt;
+use std::str::FromStr;
+
+/// Index and sub-index. Written `1017:00`, hexadecimal both.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Mux {
+    /// Index of the object.
+    pub index: u16,
+    /// Sub-index within the object.
+    pub sub: u8,
+}
+
+impl Mux {
+    /// The address `index:sub`.
+    pub const fn new(index: u16, sub: u8) -> Self {
+        Self { index, sub }
+    }
+
+    /// The three bytes an SDO carries: index with the low byte first, sub-index.
+    pub const fn bytes(self) -> [u8; 3] {
+        let [low, high] = self.index.to_le_bytes();
+        [low, high, self.sub]
+    }
+
+    /// The address in three SDO bytes.
+    pub const fn from_bytes(bytes: [u8; 3]) -> Self {
+        Self { index: u16::from_le_bytes([bytes[0], bytes[1]]), sub: bytes[2] }
+    }
+}
+
+impl fmt::Display for Mux {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:04X}:{:02X}", self.index, self.sub)
+    }
+}
+
+impl fmt::Debug for Mux {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
+}
+
+/// A text is not an address of the form `1017:00`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NoMux;
+
+impl fmt::Display for NoMux {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("an object is written \"1017:00\": four and two hex digits")
+    }
+}
+
+impl std::error::Error for NoMux {}
+
+impl FromStr for Mux {
+    type Err = NoMux;
+
+    fn from_str(text: &str) -> Result<Self, NoMux> {
+        let (index, sub) = text.split_once(':').ok_or(NoMux)?;
+        let digits = |text: &str, len| {
+            text.len() == len && text.bytes().all(|digit| digit.is_ascii_hexdigit())
+        };
+        if !digits(index, 4) || !digits(sub, 2) {
+            return Err(NoMux);
+        }
+        let index = u16::from_str_radix(index, 16).map_err(|_| NoMux)?;
+        let sub = u8::from_str_radix(sub, 16).map_err(|_| NoMux)?;
+        Ok(Self { index, sub })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn text_and_bytes() {
+        let mux = Mux::new(0x1017, 0xA);
+        assert_eq!(mux.to_string(), "1017:0A");
+        assert_eq!("1017:0a".parse(), Ok(mux));
+        assert_eq!(Mux::from_bytes(mux.bytes()), mux);
+        for wrong in ["1017", "1017:", "1017:1", "+017:00", "1017:000", "x"] {
+            assert_eq!(wrong.parse::<Mux>(), Err(NoMux), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,14 @@
+//! Service data objects, expedited and segmented (CiA 301, 7.2.4).
+
+mod initiate;
+mod request;
+mod response;
+
+pub use initiate::{Initiate, Segment};
+pub use request::Request;
+pub use response::Response;
+
+/// The identifier of requests to node 0's default server; add the node id.
+pub const REQUEST_COB_ID: u16 = 0x600;
+/// The identifier of answers of node 0's default server; add the node id.
+pub const RESPONSE_COB_ID: u16 = 0x580;
