@@ -1,1 +1,13 @@
-//! placeholder
+//! The record of a run: events, the journal that keeps them, the fold to a [`Run`], and pure
+//! writers of reports. No I/O and no clock: every report is a function of a run, and a run is a
+//! function of its events.
+
+mod event;
+mod verdict;
+mod wire;
+
+pub use event::{
+    CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
+    RunStarted,
+};
+pub use verdict::{Grade, Outcome, Phase, Place, Problem, Verdict};

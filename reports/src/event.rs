@@ -1,0 +1,185 @@
+//! What a runner tells while it runs: the contract between it and every report.
+//!
+//! The order is: run started; then per device, device started and its cases, one after the
+//! other; run ended. A run that was cut off simply stops. Nothing in an event comes from a wall
+//! clock, a host name or an absolute path, so that a run in virtual time tells the same events
+//! each time, byte for byte.
+
+use canopen::{Instant, Stamped};
+use serde::{Deserialize, Serialize};
+
+use crate::verdict::{Grade, Outcome};
+use crate::wire;
+
+/// One thing that happened. In the journal, one line.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Event {
+    /// The first event.
+    RunStarted(RunStarted),
+    /// The cases that follow run against this device.
+    DeviceStarted(DeviceStarted),
+    /// A case begins; settling the device is part of it.
+    CaseStarted(CaseStarted),
+    /// A frame on the bus, echoes of our own included.
+    #[serde(with = "wire::stamped")]
+    Frame(Stamped),
+    /// A remark of the runner, the bench or the CAN controller.
+    Note(Note),
+    /// A figure that the case took, whatever came of it.
+    Measured(Measured),
+    /// The case is over.
+    CaseEnded(CaseEnded),
+    /// The last event.
+    RunEnded(RunEnded),
+}
+
+/// What is true of the whole run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunStarted {
+    /// The version of the harness.
+    pub harness: String,
+    /// The target as the user wrote it, such as `vcan0` or `sim:drr460`; of the default target,
+    /// `sim`.
+    pub target: String,
+    /// The seed of everything random, when anything is.
+    pub seed: Option<u64>,
+    /// The grade at which the run counts as green.
+    pub grade: Grade,
+}
+
+/// The device under test.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DeviceStarted {
+    /// What reports call it. Two devices of one run differ here.
+    pub device: String,
+    /// Its node id.
+    pub node: u8,
+    /// What it says of itself.
+    pub identity: Identity,
+    /// The command that runs cases against this device again; the name of a case is appended.
+    pub rerun: String,
+}
+
+/// What 1000h and 1018h say. `None` is an object that the device does not have or did not give.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Identity {
+    /// Device type, 1000h.
+    pub device_type: Option<u32>,
+    /// Vendor-ID, 1018h sub 1.
+    pub vendor: Option<u32>,
+    /// Product code, 1018h sub 2.
+    pub product: Option<u32>,
+    /// Revision number, 1018h sub 3.
+    pub revision: Option<u32>,
+    /// Serial number, 1018h sub 4.
+    pub serial: Option<u32>,
+}
+
+/// One instance of a case.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseStarted {
+    /// When, on the bus of this device. Reports give every later time relative to it.
+    #[serde(with = "wire::nanoseconds")]
+    pub at: Instant,
+    /// The suite, such as `cia301/heartbeat`.
+    pub suite: String,
+    /// The id of the case within its suite, such as `heartbeat-period`.
+    pub case: String,
+    /// What tells this instance from the others of its case, such as `period=20 ms`; `None` when
+    /// the case is its only instance.
+    pub instance: Option<String>,
+    /// The sentence that is true of a conformant device.
+    pub title: String,
+    /// The requirements it checks.
+    pub checks: Vec<Check>,
+    /// The suite file, relative to the folder of the project, with `/`.
+    pub file: String,
+    /// The line of the case, counted from 1.
+    pub line: u32,
+    /// The column of the case, counted from 1.
+    pub column: u32,
+}
+
+/// A requirement of the register.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Check {
+    /// The id, such as `CIA301-HB-02`.
+    pub id: String,
+    /// The document, such as `CiA 301`.
+    pub document: String,
+    /// The clause of the document.
+    pub clause: String,
+    /// What the document demands there.
+    pub says: String,
+}
+
+/// A remark with its time.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Note {
+    /// When.
+    #[serde(with = "wire::nanoseconds")]
+    pub at: Instant,
+    /// What, in one line, such as `settled by reset node`.
+    pub text: String,
+}
+
+/// A series of measurements. All numbers are finite.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Measured {
+    /// What was measured, such as `interval of 705h`.
+    pub what: String,
+    /// The unit of the figures, such as `ms`.
+    pub unit: String,
+    /// How many values went in.
+    pub count: u64,
+    /// The smallest.
+    pub min: f64,
+    /// The arithmetic mean.
+    pub mean: f64,
+    /// The largest.
+    pub max: f64,
+    /// The limits of a PASS, such as `19.8 to 20.2`.
+    pub strict: Option<String>,
+    /// The limits of a LENIENT.
+    pub lenient: Option<String>,
+}
+
+/// How the case came out.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaseEnded {
+    /// When, its `finally` included.
+    #[serde(with = "wire::nanoseconds")]
+    pub at: Instant,
+    /// The verdict and what led to it.
+    pub outcome: Outcome,
+}
+
+/// How the run came out.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RunEnded {
+    /// The exit code of the harness.
+    pub exit: u8,
+    /// Why the run stopped before its end, when it did.
+    pub reason: Option<String>,
+}
+
+impl CaseStarted {
+    /// The full name of the instance, such as `cia301/heartbeat/heartbeat-period[period=20 ms]`:
+    /// what reports print and what the command line takes.
+    pub fn name(&self) -> String {
+        self.instance.as_ref().map_or_else(
+            || format!("{}/{}", self.suite, self.case),
+            |instance| format!("{}/{}[{instance}]", self.suite, self.case),
+        )
+    }
+}

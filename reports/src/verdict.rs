@@ -1,0 +1,150 @@
+//! Verdicts, and what has to be said with each of them.
+
+use std::fmt;
+
+use canopen::Frame;
+use serde::{Deserialize, Serialize};
+
+use crate::wire;
+
+/// What a case says of the device, in ascending weight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Verdict {
+    /// Conformant.
+    Pass,
+    /// Not what the document says, yet within what is tolerated.
+    Lenient,
+    /// Not applicable to this device or not possible on this bench.
+    Skip,
+    /// Not conformant.
+    Fail,
+    /// No statement about the device: the bench or the harness could not do its part.
+    Error,
+}
+
+impl Verdict {
+    /// Every verdict, in ascending weight.
+    pub const ALL: [Self; 5] = [Self::Pass, Self::Lenient, Self::Skip, Self::Fail, Self::Error];
+
+    /// The verdict in capitals, as every report prints it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Pass => "PASS",
+            Self::Lenient => "LENIENT",
+            Self::Skip => "SKIP",
+            Self::Fail => "FAIL",
+            Self::Error => "ERROR",
+        }
+    }
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+/// The grade at which a run counts as green.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Grade {
+    /// LENIENT is not good enough.
+    Strict,
+    /// LENIENT is good enough.
+    #[default]
+    Lenient,
+}
+
+/// A verdict with what must be said about it: no case fails, errs or is skipped without a reason.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub enum Outcome {
+    /// Conformant.
+    Pass,
+    /// Tolerated; the problem is that of the strict grade.
+    Lenient(Box<Problem>),
+    /// Why the case does not apply.
+    Skip(String),
+    /// What the device did wrong.
+    Fail(Box<Problem>),
+    /// Why there is no statement about the device.
+    Error {
+        /// In one sentence.
+        reason: String,
+        /// Where it came up, when it was in a step.
+        problem: Option<Box<Problem>>,
+    },
+}
+
+impl Outcome {
+    /// The verdict alone.
+    pub const fn verdict(&self) -> Verdict {
+        match self {
+            Self::Pass => Verdict::Pass,
+            Self::Lenient(_) => Verdict::Lenient,
+            Self::Skip(_) => Verdict::Skip,
+            Self::Fail(_) => Verdict::Fail,
+            Self::Error { .. } => Verdict::Error,
+        }
+    }
+
+    /// The problem, when there is one.
+    pub fn problem(&self) -> Option<&Problem> {
+        match self {
+            Self::Lenient(problem) | Self::Fail(problem) => Some(problem),
+            Self::Error { problem, .. } => problem.as_deref(),
+            Self::Pass | Self::Skip(_) => None,
+        }
+    }
+}
+
+/// A difference between what was expected and what came.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Problem {
+    /// In which part of the case.
+    pub phase: Phase,
+    /// The step in the suite file; for a monitor, the step during which it spoke.
+    pub place: Place,
+    /// What should have come.
+    pub expected: String,
+    /// What came instead, decoded.
+    pub actual: String,
+    /// The frame in question, when it is one.
+    #[serde(with = "wire::optional_frame")]
+    pub raw: Option<Frame>,
+    /// What else helps: interpretations of the register, later problems of the same case.
+    pub notes: Vec<String>,
+}
+
+/// The parts of a case, in the order in which they run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Phase {
+    /// Bringing the device into a known state.
+    Settle,
+    /// The steps of `setup`.
+    Setup,
+    /// The steps proper.
+    Step,
+    /// The steps of `finally`.
+    Finally,
+    /// A monitor, which watches all the time.
+    Monitor,
+}
+
+/// A stretch of one line of a suite file. Lines and columns count from 1, columns in characters.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Place {
+    /// The file, relative to the folder of the project, with `/`.
+    pub file: String,
+    /// The line.
+    pub line: u32,
+    /// The column at which the stretch begins.
+    pub column: u32,
+    /// Its length in characters, at least 1.
+    pub length: u32,
+    /// The text of the whole line, without its end.
+    pub source: String,
+}
