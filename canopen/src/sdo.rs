@@ -1,9 +1,11 @@
 //! Service data objects, expedited and segmented (CiA 301, 7.2.4).
 
+mod client;
 mod initiate;
 mod request;
 mod response;
 
+pub use client::{Client, Failure, Next, Transfer};
 pub use initiate::{Initiate, Segment};
 pub use request::Request;
 pub use response::Response;
