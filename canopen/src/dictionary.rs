@@ -1,5 +1,6 @@
 //! The object dictionary at work: the values of one device, and the rules of network access.
 
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use crate::abort::Abort;
@@ -97,6 +98,19 @@ impl Dictionary {
             let bytes = i128::from(number).to_le_bytes();
             store(&mut self.values[place], &bytes[..size]);
         }
+    }
+
+    /// Takes over the values of `other`, a dictionary of the same sheet, for every object whose
+    /// index is in `indices`, as a reset does.
+    ///
+    /// # Panics
+    /// When `other` was made from another sheet.
+    pub fn restore(&mut self, other: &Self, indices: RangeInclusive<u16>) {
+        assert_eq!(self.entries.len(), other.entries.len(), "dictionaries of different sheets");
+        let (first, last) = indices.into_inner();
+        let from = self.entries.partition_point(|entry| entry.mux.index < first);
+        let to = self.entries.partition_point(|entry| entry.mux.index <= last).max(from);
+        self.values[from..to].clone_from_slice(&other.values[from..to]);
     }
 
     /// The description of the entry at `mux`.
@@ -210,6 +224,17 @@ mod tests {
         assert_eq!(od.write(Mux::new(0x1017, 0), &[9, 0]), Err(Abort::TOO_LOW));
         assert_eq!(od.write(Mux::new(0x2001, 0), &[2]), Err(Abort::VALUE));
         assert_eq!(od.read(Mux::new(0x1017, 0)), Ok(&[105, 0][..]));
+    }
+
+    #[test]
+    fn a_reset_takes_back_the_objects_of_its_range_only() {
+        let initial = dictionary();
+        let mut od = initial.clone();
+        od.set(Mux::new(0x1017, 0), &[1, 0]);
+        od.set(Mux::new(0x2001, 0), &[1]);
+        od.restore(&initial, 0x1000..=0x1FFF);
+        assert_eq!(od.int(Mux::new(0x1017, 0)), Some(105));
+        assert_eq!(od.get(Mux::new(0x2001, 0)), Some(&[1][..]));
     }
 
     #[test]
