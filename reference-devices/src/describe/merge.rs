@@ -1,0 +1,125 @@
+//! One object: what the device chose over what a profile says.
+
+use canopen::Mux;
+use canopen::catalogue::{self, Facts, Mapping, ObjectFacts, Scalar};
+use canopen::eds::{Access, Entry, Object, Term};
+
+use super::{DescribeError, Description, Note};
+
+/// Adds the object at `index`, which must follow those that are there, with its notes.
+pub(super) fn object(
+    described: &mut Description,
+    index: u16,
+    chosen: &ObjectFacts,
+) -> Result<(), DescribeError> {
+    let nothing = ObjectFacts::default();
+    let known = catalogue::lookup(&described.profiles, index).unwrap_or(&nothing);
+    let shape = chosen.object.or(known.object).ok_or_else(|| {
+        let why = "neither the device nor a profile gives its object code";
+        DescribeError(format!("{index:04X}: {why}"))
+    })?;
+    let name = chosen.name.as_ref().or(known.name.as_ref()).cloned();
+    let name = name.ok_or_else(|| DescribeError(format!("{index:04X}:00 has no name")))?;
+    let kind = shape.kind();
+
+    let values = if kind.has_subs() {
+        let whole = chosen.of_var().or(&known.of_var());
+        described.heads.insert(index, note(&whole));
+        subs(index, chosen, known)?
+    } else {
+        vec![(0, chosen.of_var().or(&known.of_var()))]
+    };
+    let mut entries = Vec::with_capacity(values.len());
+    for (sub, facts) in values {
+        let mux = Mux::new(index, sub);
+        entries.push(entry(mux, &facts)?);
+        described.notes.insert(mux, note(&facts));
+    }
+    let flags = chosen.flags.or(known.flags).unwrap_or(0);
+    described.eds.objects.push(Object { index, name, kind, flags, entries, line: 0 });
+    Ok(())
+}
+
+/// The values of an array or record with all that is known of them, sub 0 first.
+fn subs(
+    index: u16,
+    chosen: &ObjectFacts,
+    known: &ObjectFacts,
+) -> Result<Vec<(u8, Facts)>, DescribeError> {
+    let present: Vec<u8> = match chosen.count.or(known.count) {
+        Some(count) => (1..=count).collect(),
+        None => chosen.subs.keys().copied().collect(),
+    };
+    let Some(&highest) = present.last() else {
+        return Err(DescribeError(format!("{index:04X}: neither count nor subs say how many")));
+    };
+    if let Some(sub) = chosen.subs.keys().find(|sub| !present.contains(sub)) {
+        let mux = Mux::new(index, *sub);
+        return Err(DescribeError(format!("{mux} is beyond count {highest}")));
+    }
+
+    let item = chosen.item.as_ref().or(known.item.as_ref());
+    let count = Facts {
+        name: Some("Highest sub-index supported".into()),
+        data_type: Some(canopen::DataType::UNSIGNED8),
+        access: Some(Access::Ro),
+        value: Some(Scalar::Int(highest.into())),
+        clause: chosen.clause.clone(),
+        ..Facts::default()
+    };
+    let mut values = vec![(0, chosen.of_sub(0).or(&known.of_sub(0)).or(&count))];
+    values.extend(present.into_iter().map(|sub| {
+        let numbered = Facts { name: item.map(|item| format!("{item} {sub}")), ..Facts::default() };
+        (sub, chosen.of_sub(sub).or(&known.of_sub(sub)).or(&numbered))
+    }));
+    Ok(values)
+}
+
+fn entry(mux: Mux, facts: &Facts) -> Result<Entry, DescribeError> {
+    let missing = |what: &str| DescribeError(format!("{mux} has no {what}"));
+    let data_type = facts.data_type.ok_or_else(|| missing("type"))?;
+    let chosen_access = facts.access.ok_or_else(|| missing("access"))?;
+    let pdo = facts.pdo.unwrap_or(Mapping::No);
+    let access = mapped_access(chosen_access, pdo).ok_or_else(|| {
+        let (access, pdo) = (chosen_access.name(), pdo.name());
+        DescribeError(format!("{mux} is {access} and cannot be mapped: {pdo}"))
+    })?;
+    let term = |scalar: &Option<Scalar>| -> Result<Option<Term>, DescribeError> {
+        let Some(scalar) = scalar else { return Ok(None) };
+        let why = || DescribeError(format!("{mux}: {scalar} is no value of type {data_type}"));
+        scalar.term(data_type).map(Some).ok_or_else(why)
+    };
+    Ok(Entry {
+        mux,
+        name: facts.name.clone().ok_or_else(|| missing("name"))?,
+        data_type,
+        access,
+        mappable: pdo != Mapping::No,
+        default: term(&facts.value)?,
+        low: term(&facts.low)?,
+        high: term(&facts.high)?,
+        line: 0,
+    })
+}
+
+/// The access type that says which way a value may be mapped; `None` when none does.
+fn mapped_access(access: Access, pdo: Mapping) -> Option<Access> {
+    match (access, pdo) {
+        (_, Mapping::No) | (Access::Rw, Mapping::Both) => Some(access),
+        (Access::Rw | Access::Rww, Mapping::Rpdo) => Some(Access::Rww),
+        (Access::Wo, Mapping::Rpdo) => Some(access),
+        (Access::Rw | Access::Rwr, Mapping::Tpdo) => Some(Access::Rwr),
+        (Access::Ro | Access::Const, Mapping::Tpdo) => Some(access),
+        _ => None,
+    }
+}
+
+fn note(facts: &Facts) -> Note {
+    Note {
+        pdo: facts.pdo,
+        unit: facts.unit.clone(),
+        scale: facts.scale,
+        doc: facts.doc.clone(),
+        clause: facts.clause.clone(),
+    }
+}
