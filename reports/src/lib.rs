@@ -3,6 +3,8 @@
 //! function of its events.
 
 mod event;
+pub mod journal;
+mod run;
 mod verdict;
 mod wire;
 
@@ -10,4 +12,5 @@ pub use event::{
     CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
     RunStarted,
 };
+pub use run::{CaseRun, Counts, DeviceRun, Keep, OutOfOrder, Run, SuiteRun};
 pub use verdict::{Grade, Outcome, Phase, Place, Problem, Verdict};

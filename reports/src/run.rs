@@ -1,0 +1,319 @@
+//! A run as data: devices, their suites, their cases. What every report is a function of.
+
+use std::fmt;
+
+use canopen::{Instant, Stamped};
+
+use crate::event::{
+    CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, RunEnded, RunStarted,
+};
+use crate::journal::{self, JournalError};
+use crate::verdict::{Grade, Outcome, Verdict};
+
+/// Of which cases the frames are kept.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Keep {
+    /// Of every case.
+    All,
+    /// Of those that neither passed nor were skipped. The memory of a run then grows with what
+    /// has to be explained, not with what was on the bus.
+    #[default]
+    Unusual,
+}
+
+/// A run, whole or as far as it came.
+#[derive(Clone, Debug, Default)]
+pub struct Run {
+    /// How it began; `None` before the first event.
+    pub started: Option<RunStarted>,
+    /// The devices, in the order in which they were tested.
+    pub devices: Vec<DeviceRun>,
+    /// How it ended; `None` when it was cut off.
+    pub ended: Option<RunEnded>,
+    keep: Keep,
+    running: bool,
+    suite: usize,
+    /// The memory of a trace that was not kept, for the next one.
+    spare: Vec<Stamped>,
+}
+
+/// What ran against one device.
+#[derive(Clone, Debug)]
+pub struct DeviceRun {
+    /// The device.
+    pub info: DeviceStarted,
+    /// The suites, in the order of their first case.
+    pub suites: Vec<SuiteRun>,
+}
+
+/// The cases of one suite that ran against one device.
+#[derive(Clone, Debug)]
+pub struct SuiteRun {
+    /// The suite, such as `cia301/heartbeat`.
+    pub name: String,
+    /// Its file, relative to the folder of the project.
+    pub file: String,
+    /// The instances of its cases, in the order in which they ran.
+    pub cases: Vec<CaseRun>,
+}
+
+/// One instance of a case and what came of it.
+#[derive(Clone, Debug)]
+pub struct CaseRun {
+    /// The case.
+    pub info: CaseStarted,
+    /// The verdict and what led to it; an error when the case did not come to its end.
+    pub outcome: Outcome,
+    /// When it was over; the last that is known of it when it did not come to its end.
+    pub ended: Instant,
+    /// The figures it took.
+    pub measured: Vec<Measured>,
+    /// Remarks, by time.
+    pub notes: Vec<Note>,
+    /// How many frames were on the bus.
+    pub frames: usize,
+    /// Those frames, by time; empty when they were not [kept](Keep).
+    pub trace: Vec<Stamped>,
+}
+
+impl Run {
+    /// A run of which nothing is known yet.
+    pub fn new(keep: Keep) -> Self {
+        Self { keep, ..Self::default() }
+    }
+
+    /// The run that a journal tells.
+    ///
+    /// # Errors
+    /// The first line that is no event, or one that cannot follow those before it.
+    pub fn fold(journal: &str, keep: Keep) -> Result<Self, JournalError> {
+        let mut run = Self::new(keep);
+        for (line, event) in journal::read(journal) {
+            run.apply(&event?).map_err(|error| JournalError {
+                line,
+                column: 1,
+                why: error.to_string(),
+            })?;
+        }
+        Ok(run)
+    }
+
+    /// Adds what `event` tells. Frames and remarks between two cases belong to none and are left
+    /// to the journal.
+    ///
+    /// # Errors
+    /// [`OutOfOrder`] when the event cannot follow those before it; the run is then unchanged.
+    pub fn apply(&mut self, event: &Event) -> Result<(), OutOfOrder> {
+        match event {
+            Event::RunStarted(run) => self.start_run(run),
+            Event::DeviceStarted(device) => self.start_device(device),
+            Event::CaseStarted(case) => self.start_case(case),
+            Event::Frame(seen) => {
+                if let Some(case) = self.open_case() {
+                    case.ended = case.ended.max(seen.at);
+                    case.frames += 1;
+                    case.trace.push(*seen);
+                }
+                Ok(())
+            }
+            Event::Note(note) => {
+                if let Some(case) = self.open_case() {
+                    case.ended = case.ended.max(note.at);
+                    case.notes.push(note.clone());
+                }
+                Ok(())
+            }
+            Event::Measured(measured) => {
+                let case = self.open_case().ok_or(OutOfOrder("a figure belongs to no case"))?;
+                case.measured.push(measured.clone());
+                Ok(())
+            }
+            Event::CaseEnded(end) => self.end_case(end),
+            Event::RunEnded(end) => {
+                self.idle("the run ends within a case")?;
+                self.ended = Some(end.clone());
+                Ok(())
+            }
+        }
+    }
+
+    /// Every case with its device, in the order of the report.
+    pub fn cases(&self) -> impl Iterator<Item = (&DeviceRun, &CaseRun)> {
+        self.devices.iter().flat_map(|device| device.cases().map(move |case| (device, case)))
+    }
+
+    /// How many cases came out how.
+    pub fn counts(&self) -> Counts {
+        self.cases().map(|(_, case)| case.verdict()).collect()
+    }
+
+    /// The heaviest verdict; `None` when no case ran.
+    pub fn worst(&self) -> Option<Verdict> {
+        self.cases().map(|(_, case)| case.verdict()).max()
+    }
+
+    /// Whether no verdict is worse than the grade of the run allows.
+    pub fn is_green(&self) -> bool {
+        let grade = self.started.as_ref().map_or_else(Grade::default, |run| run.grade);
+        let counts = self.counts();
+        counts.of(Verdict::Fail) + counts.of(Verdict::Error) == 0
+            && (grade == Grade::Lenient || counts.of(Verdict::Lenient) == 0)
+    }
+
+    fn start_run(&mut self, run: &RunStarted) -> Result<(), OutOfOrder> {
+        if self.started.is_some() {
+            return Err(OutOfOrder("a second run starts"));
+        }
+        self.started = Some(run.clone());
+        Ok(())
+    }
+
+    fn start_device(&mut self, device: &DeviceStarted) -> Result<(), OutOfOrder> {
+        self.idle("a device starts within a case")?;
+        self.devices.push(DeviceRun { info: device.clone(), suites: Vec::new() });
+        Ok(())
+    }
+
+    fn start_case(&mut self, case: &CaseStarted) -> Result<(), OutOfOrder> {
+        self.idle("a case starts within another")?;
+        let device = self.devices.last_mut().ok_or(OutOfOrder("a case starts before a device"))?;
+        let suites = &mut device.suites;
+        self.suite =
+            suites.iter().position(|suite| suite.name == case.suite).unwrap_or_else(|| {
+                let (name, file) = (case.suite.clone(), case.file.clone());
+                suites.push(SuiteRun { name, file, cases: Vec::new() });
+                suites.len() - 1
+            });
+        suites[self.suite].cases.push(CaseRun {
+            info: case.clone(),
+            // Stands if nothing follows: a case that did not end is an error and not forgotten.
+            outcome: Outcome::Error { reason: INTERRUPTED.into(), problem: None },
+            ended: case.at,
+            measured: Vec::new(),
+            notes: Vec::new(),
+            frames: 0,
+            trace: std::mem::take(&mut self.spare),
+        });
+        self.running = true;
+        Ok(())
+    }
+
+    fn end_case(&mut self, end: &CaseEnded) -> Result<(), OutOfOrder> {
+        let keep = self.keep;
+        let case = self.open_case().ok_or(OutOfOrder("a case ends that did not start"))?;
+        case.ended = end.at;
+        case.outcome = end.outcome.clone();
+        let usual = matches!(case.verdict(), Verdict::Pass | Verdict::Skip);
+        if keep == Keep::Unusual && usual {
+            let mut spare = std::mem::take(&mut case.trace);
+            spare.clear();
+            self.spare = spare;
+        } else {
+            case.trace.shrink_to_fit();
+        }
+        self.running = false;
+        Ok(())
+    }
+
+    fn open_case(&mut self) -> Option<&mut CaseRun> {
+        if !self.running {
+            return None;
+        }
+        self.devices.last_mut()?.suites.get_mut(self.suite)?.cases.last_mut()
+    }
+
+    /// Whether no case runs and the run goes on.
+    fn idle(&self, otherwise: &'static str) -> Result<(), OutOfOrder> {
+        if self.running {
+            return Err(OutOfOrder(otherwise));
+        }
+        if self.ended.is_some() {
+            return Err(OutOfOrder("the run is over"));
+        }
+        Ok(())
+    }
+}
+
+impl DeviceRun {
+    /// Every case, in the order of the report.
+    pub fn cases(&self) -> impl Iterator<Item = &CaseRun> {
+        self.suites.iter().flat_map(|suite| &suite.cases)
+    }
+
+    /// How many cases came out how.
+    pub fn counts(&self) -> Counts {
+        self.cases().map(CaseRun::verdict).collect()
+    }
+}
+
+impl CaseRun {
+    /// The verdict alone.
+    pub const fn verdict(&self) -> Verdict {
+        self.outcome.verdict()
+    }
+
+    /// How long it took on the bus.
+    pub fn duration(&self) -> std::time::Duration {
+        self.ended.since(self.info.at)
+    }
+}
+
+/// How many cases came out how.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts([usize; Verdict::ALL.len()]);
+
+impl Counts {
+    /// How many came out as `verdict`.
+    pub const fn of(self, verdict: Verdict) -> usize {
+        self.0[verdict as usize]
+    }
+
+    /// How many there are.
+    pub fn total(self) -> usize {
+        self.0.iter().sum()
+    }
+
+    /// Counts one more.
+    pub const fn add(&mut self, verdict: Verdict) {
+        self.0[verdict as usize] += 1;
+    }
+}
+
+impl FromIterator<Verdict> for Counts {
+    fn from_iter<I: IntoIterator<Item = Verdict>>(verdicts: I) -> Self {
+        let mut counts = Self::default();
+        verdicts.into_iter().for_each(|verdict| counts.add(verdict));
+        counts
+    }
+}
+
+/// `9 passed, 0 lenient, 1 failed, 0 errors, 2 skipped`.
+impl fmt::Display for Counts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let errors = self.of(Verdict::Error);
+        write!(
+            f,
+            "{} passed, {} lenient, {} failed, {errors} error{}, {} skipped",
+            self.of(Verdict::Pass),
+            self.of(Verdict::Lenient),
+            self.of(Verdict::Fail),
+            if errors == 1 { "" } else { "s" },
+            self.of(Verdict::Skip),
+        )
+    }
+}
+
+/// An event that cannot follow those before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct OutOfOrder(&'static str);
+
+impl fmt::Display for OutOfOrder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.0)
+    }
+}
+
+impl std::error::Error for OutOfOrder {}
+
+/// The reason of a case that did not come to its end.
+const INTERRUPTED: &str = "interrupted";
