@@ -6,6 +6,7 @@
 
 mod abort;
 mod bus;
+pub mod catalogue;
 mod dictionary;
 pub mod eds;
 pub mod emcy;
