@@ -1,1 +1,31 @@
-//! placeholder
+//! Reference CANopen devices: one small stack, a struct and a file per service.
+//!
+//! A [`Node`] is a [`canopen::Device`]: frames and time go in, frames and the next deadline come
+//! out. Its data sheet says which services it has, [`NodeSettings`] what a data sheet cannot say,
+//! a [`Behaviour`] what the device does, and [`Rules`] every decision that the specification
+//! takes. [`rules::named`] breaks exactly one of those decisions.
+
+mod behaviour;
+pub mod describe;
+pub mod devices;
+pub mod drr460;
+mod emcy;
+mod error_behaviour;
+mod errors;
+mod heartbeat_producer;
+mod nmt;
+mod node;
+pub mod rules;
+mod sdo_server;
+mod services;
+mod settings;
+#[cfg(test)]
+mod testing;
+mod time;
+
+pub use behaviour::{Behaviour, Event, Inert};
+pub use errors::Errors;
+pub use nmt::{Change, Reset};
+pub use node::Node;
+pub use rules::{Rules, Specification};
+pub use settings::{Byte, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};

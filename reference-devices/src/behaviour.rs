@@ -1,0 +1,57 @@
+//! What a device does beside communicating.
+
+use canopen::{Abort, Dictionary, Instant, Mux, NmtState};
+
+use crate::errors::Errors;
+
+/// The application of a device. It sees its objects and the time, and no frames.
+///
+/// Objects it changes are noticed by the TPDOs that map them.
+pub trait Behaviour: Send {
+    /// Starts anew after power-on or reset node; the objects hold their stored or default values.
+    fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {}
+
+    /// The application's own refusals, after those of the data sheet and before anything changes.
+    ///
+    /// # Errors
+    /// The abort code the client shall get.
+    fn check(&self, _mux: Mux, _bytes: &[u8], _od: &Dictionary) -> Result<(), Abort> {
+        Ok(())
+    }
+
+    /// The network has written the object at `mux`.
+    fn written(&mut self, _now: Instant, _mux: Mux, _od: &mut Dictionary) {}
+
+    /// Something happened to the communication.
+    fn event(&mut self, _now: Instant, _event: Event, _od: &mut Dictionary) {}
+
+    /// Advances the model to `now`. Called when [`poll_at`](Self::poll_at) has come and after
+    /// each call of the other methods that change something; it may raise and clear errors.
+    fn run(&mut self, _now: Instant, _od: &mut Dictionary, _errors: &mut Errors) {}
+
+    /// When [`run`](Self::run) is wanted next; later than the last `now`.
+    fn poll_at(&self) -> Option<Instant> {
+        None
+    }
+
+    /// Whether the difference between `last`, which was transmitted, and the present value of a
+    /// mapped object is an event that transmits a TPDO (CiA 301, 7.2.2.3). Thresholds belong here.
+    fn triggers(&self, _mux: Mux, _last: &[u8], _od: &Dictionary) -> bool {
+        true
+    }
+}
+
+/// What an application may want to know of the communication.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// The node entered this NMT state.
+    Entered(NmtState),
+    /// A communication error appeared: heartbeat or life guarding was lost.
+    CommunicationError,
+}
+
+/// A device without an application.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Inert;
+
+impl Behaviour for Inert {}

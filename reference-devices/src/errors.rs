@@ -1,0 +1,156 @@
+//! The errors a device has at the moment, and what of them was not told yet.
+
+use std::collections::VecDeque;
+
+use canopen::emcy::{Emcy, EmcyCode};
+
+use crate::rules::Rules;
+use crate::settings::EmcyTable;
+
+/// The errors that are present. Each is told once when it appears and once when it goes.
+#[derive(Debug, Default)]
+pub struct Errors {
+    active: Vec<Active>,
+    news: VecDeque<News>,
+    communication_error: bool,
+}
+
+/// What happened to an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum News {
+    /// It appeared: a message and a line in the history.
+    Appeared(Emcy),
+    /// It went: a message with code 0000h.
+    Gone(Emcy),
+}
+
+/// An error of the stack: what, on which node or PDO, and lengths where they matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Fault {
+    pub(crate) kind: FaultKind,
+    pub(crate) subject: u16,
+    pub(crate) expected: u8,
+    pub(crate) actual: u8,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum FaultKind {
+    SyncTimeout,
+    SyncLength,
+    Guarding,
+    Heartbeat,
+    RpdoTooShort,
+    RpdoTooLong,
+    RpdoTimeout,
+    /// Of the behaviour, which numbers its errors itself.
+    Application,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Active {
+    kind: FaultKind,
+    subject: u16,
+    register: u8,
+    end: Option<([u8; 5], u8)>,
+}
+
+impl Errors {
+    /// An error of the application appeared. `error` is the application's own number for it;
+    /// nothing happens while that one is present. Bit 0 of the register is set in any case
+    /// (CiA 301, 7.5.2.2).
+    pub fn raise(&mut self, error: u16, code: EmcyCode, register: u8, vendor: [u8; 5]) {
+        let register = register | 1;
+        let kind = FaultKind::Application;
+        if !self.is_active(kind, error) {
+            self.active.push(Active { kind, subject: error, register, end: None });
+            self.tell(code, vendor);
+        }
+    }
+
+    /// The application's error `error` is gone. Nothing happens when it was not there.
+    pub fn clear(&mut self, error: u16) {
+        self.remove(FaultKind::Application, error);
+    }
+
+    /// The error register of what is present (CiA 301, 7.5.2.2).
+    pub fn register(&self) -> u8 {
+        self.active.iter().fold(0, |bits, active| bits | active.register)
+    }
+
+    /// An error of the communication appeared.
+    pub(crate) fn raise_fault(&mut self, fault: Fault, table: &EmcyTable, rules: &dyn Rules) {
+        let known = self.is_active(fault.kind, fault.subject);
+        if known && !rules.emcy_repeated() {
+            return;
+        }
+        self.communication_error |= fault.kind.is_communication_error();
+        let form = table.form(fault.kind);
+        let vendor = form.map_or([0; 5], |form| form.vendor_bytes(fault));
+        if !known {
+            self.active.push(Active {
+                kind: fault.kind,
+                subject: fault.subject,
+                register: form.map_or(0, |form| form.register),
+                end: form.filter(|form| form.end_repeats).map(|form| (vendor, form.register)),
+            });
+        }
+        if let Some(form) = form {
+            self.tell(form.code, vendor);
+        }
+    }
+
+    /// An error of the communication is gone.
+    pub(crate) fn remove(&mut self, kind: FaultKind, subject: u16) {
+        let matches = |active: &Active| active.kind == kind && active.subject == subject;
+        let Some(place) = self.active.iter().position(matches) else { return };
+        let gone = self.active.remove(place);
+        if gone.register != 0 {
+            let (vendor, register) = gone.end.unwrap_or(([0; 5], self.register()));
+            let message = Emcy { code: EmcyCode::RESET, register, vendor };
+            self.news.push_back(News::Gone(message));
+        }
+    }
+
+    /// Forgets the errors of the communication, or all of them; nothing is told.
+    pub(crate) fn reset(&mut self, application_too: bool) {
+        let stays = |active: &Active| active.kind == FaultKind::Application && !application_too;
+        self.active.retain(stays);
+        self.news.clear();
+        self.communication_error = false;
+    }
+
+    pub(crate) fn take_news(&mut self) -> Option<News> {
+        self.news.pop_front()
+    }
+
+    pub(crate) fn has_news(&self) -> bool {
+        !self.news.is_empty()
+    }
+
+    /// Whether an error appeared to which the device reacts as 1029h says.
+    pub(crate) fn take_communication_error(&mut self) -> bool {
+        std::mem::take(&mut self.communication_error)
+    }
+
+    fn tell(&mut self, code: EmcyCode, vendor: [u8; 5]) {
+        let message = Emcy { code, register: self.register(), vendor };
+        self.news.push_back(News::Appeared(message));
+    }
+
+    fn is_active(&self, kind: FaultKind, subject: u16) -> bool {
+        self.active.iter().any(|active| active.kind == kind && active.subject == subject)
+    }
+}
+
+impl Fault {
+    pub(crate) const fn new(kind: FaultKind, subject: u16) -> Self {
+        Self { kind, subject, expected: 0, actual: 0 }
+    }
+}
+
+impl FaultKind {
+    /// CiA 301, 7.5.2.32: what 1029h sub 1 reacts to.
+    const fn is_communication_error(self) -> bool {
+        matches!(self, Self::Guarding | Self::Heartbeat)
+    }
+}

@@ -1,0 +1,244 @@
+//! A CANopen device: NMT, the SDO server and the services they command.
+
+use canopen::eds::Eds;
+use canopen::{Device, Dictionary, Frame, Instant, Mux, NmtState, Outbox, ValueError, nmt, sdo};
+
+use crate::behaviour::Behaviour;
+use crate::errors::Errors;
+use crate::nmt::{Change, Nmt, Reset};
+use crate::rules::Rules;
+use crate::sdo_server::SdoServer;
+use crate::services::{Base, Services};
+use crate::settings::NodeSettings;
+
+/// A device on a bus. Which services it has is a matter of the objects in its data sheet.
+pub struct Node {
+    nmt: Nmt,
+    sdo: SdoServer,
+    pub(crate) services: Services,
+}
+
+impl Node {
+    /// A device that is switched on at time 0.
+    ///
+    /// # Errors
+    /// The address of a default value that is not one of its entry's type, and why.
+    pub fn new(
+        eds: &Eds,
+        node_id: u8,
+        settings: NodeSettings,
+        rules: Box<dyn Rules>,
+        behaviour: Box<dyn Behaviour>,
+    ) -> Result<Self, (Mux, ValueError)> {
+        let od = Dictionary::new(eds, node_id)?;
+        let state = NmtState::INITIALISING;
+        let base = Base { id: node_id, state, settings, rules, od, errors: Errors::default() };
+        let services = Services::new(base, behaviour);
+        let mut node = Self { nmt: Nmt::default(), sdo: SdoServer::default(), services };
+        node.power_on(Instant::ZERO);
+        Ok(node)
+    }
+
+    /// Switches the device off and on again. What 1010h stored is kept.
+    pub fn power_on(&mut self, now: Instant) {
+        self.initialise(now, Reset::Node);
+    }
+
+    /// The NMT state.
+    pub fn state(&self) -> NmtState {
+        self.services.base.state
+    }
+
+    /// The objects, as the device itself sees them.
+    pub fn dictionary(&self) -> &Dictionary {
+        &self.services.base.od
+    }
+
+    fn initialise(&mut self, now: Instant, reset: Reset) {
+        self.sdo.drop_transfer();
+        self.services.reset(now, reset);
+        self.nmt.initialise(now, &mut self.services.base);
+    }
+
+    fn handle_data(&mut self, now: Instant, id: u16, data: &[u8], out: &mut Outbox) {
+        let own = u16::from(self.services.base.id);
+        if id == nmt::COB_ID {
+            match self.nmt.command(&self.services.base, data) {
+                Some(Change::Enter(state)) => self.enter(now, state, out),
+                Some(Change::Reset(reset)) => {
+                    // A controller that is initialised forgets what it was asked to send.
+                    out.clear();
+                    self.initialise(now, reset);
+                }
+                None => {}
+            }
+        } else if id == sdo::REQUEST_COB_ID + own
+            && self.services.base.rules.sdo_served_in(self.state())
+        {
+            self.sdo.handle_request(now, data, &mut self.services, out);
+        }
+    }
+
+    fn enter(&mut self, now: Instant, state: NmtState, out: &mut Outbox) {
+        if state == self.state() {
+            return;
+        }
+        self.services.enter(now, state, out);
+        if !self.services.base.rules.sdo_served_in(state) {
+            self.sdo.drop_transfer();
+        }
+    }
+
+    /// Lets what happened take its course: errors are told before the device reacts to them.
+    fn settle(&mut self, now: Instant, out: &mut Outbox) {
+        self.services.settle(now, out);
+        if let Some(state) = self.services.take_reaction(now) {
+            self.enter(now, state, out);
+            self.services.settle(now, out);
+        }
+    }
+}
+
+impl Device for Node {
+    fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
+        // Until boot-up the controller is not on the bus (CiA 301, 7.3.2.2.1).
+        if self.state() == NmtState::INITIALISING {
+            return;
+        }
+        if let Some(id) = frame.data_id() {
+            self.handle_data(now, id, &frame.data, out);
+        }
+        self.settle(now, out);
+    }
+
+    fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
+        if let Some(state) = self.nmt.handle_timeout(now, &self.services.base, out) {
+            self.services.start(now, state, out);
+        }
+        self.sdo.handle_timeout(now, &mut self.services, out);
+        self.services.handle_timeout(now, out);
+        self.settle(now, out);
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        let deadlines = [self.nmt.poll_at(), self.sdo.poll_at(), self.services.poll_at()];
+        deadlines.into_iter().flatten().min()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{Rig, basic, eds, mux};
+    use crate::{Inert, Specification};
+    use canopen::Abort;
+    use std::time::Duration;
+
+    fn sent(frames: &[(u64, &str)]) -> Vec<(u64, String)> {
+        frames.iter().map(|(at, frame)| (*at, (*frame).to_owned())).collect()
+    }
+
+    #[test]
+    fn boots_up_once_and_only_then_listens() {
+        let settings =
+            NodeSettings { boot_up_time: Duration::from_millis(10), ..NodeSettings::default() };
+        let mut rig = Rig::with(&eds(basic()), settings, Box::new(Specification), Box::new(Inert));
+        assert_eq!(rig.node.state(), NmtState::INITIALISING);
+        assert!(rig.ask("605#4000100000000000").is_empty());
+        rig.send("000#0105");
+        assert_eq!(rig.until(100_000), sent(&[(10_000, "705#00")]));
+        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
+    }
+
+    #[test]
+    fn commands_lead_from_every_state_to_every_other() {
+        let mut rig = Rig::new(&eds(basic()));
+        for from in ["000#0105", "000#0205", "000#8005"] {
+            for (to, state) in [("0105", 5), ("0205", 4), ("8005", 127), ("0100", 5)] {
+                rig.send(from);
+                rig.send(&format!("000#{to}"));
+                assert_eq!(rig.node.state(), NmtState(state), "{from} {to}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_command_for_this_node_is_ignored() {
+        let mut rig = Rig::new(&eds(basic()));
+        for frame in ["000#0106", "000#01", "000#", "000#010500", "000#0305", "000#R2"] {
+            assert!(rig.ask(frame).is_empty(), "{frame}");
+            assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL, "{frame}");
+        }
+    }
+
+    #[test]
+    fn a_reset_takes_back_its_areas() {
+        let mut rig = Rig::new(&eds(basic()));
+        for (reset, area_2000) in [("000#8205", 0x77), ("000#8105", 0x11)] {
+            rig.write(mux(0x1017, 0), &[50, 0]).unwrap();
+            rig.write(mux(0x2000, 0), &[0x77]).unwrap();
+            rig.send(reset);
+            let at = rig.now.0 / 1000;
+            assert_eq!(rig.until(at + 100_000), sent(&[(at + 1000, "705#00")]));
+            assert_eq!(rig.read(mux(0x1017, 0)), Ok(vec![0, 0]));
+            assert_eq!(rig.read(mux(0x2000, 0)), Ok(vec![area_2000]));
+        }
+    }
+
+    #[test]
+    fn heartbeat_keeps_its_beat_and_tells_the_state() {
+        let mut rig = Rig::new(&eds(basic()));
+        rig.write(mux(0x1017, 0), &[100, 0]).unwrap();
+        assert_eq!(rig.until(201_000), sent(&[(101_000, "705#7F"), (201_000, "705#7F")]));
+        rig.send("000#0205");
+        assert_eq!(rig.until(301_000), sent(&[(301_000, "705#04")]));
+        rig.send("000#8005");
+        rig.write(mux(0x1017, 0), &[0, 0]).unwrap();
+        assert_eq!(rig.until(900_000), []);
+    }
+
+    #[test]
+    fn state_and_time_of_boot_up_may_be_objects() {
+        let settings = NodeSettings {
+            boot_up_time_object: Some((mux(0x2000, 0), Duration::from_millis(10))),
+            boot_up_state_object: Some(mux(0x2001, 0)),
+            ..NodeSettings::default()
+        };
+        let mut entries = basic();
+        let state = entries.iter_mut().find(|entry| entry.mux.index == 0x2001).unwrap();
+        state.default = Some(canopen::eds::Term::fixed(5.into()));
+        let mut rig = Rig::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
+        assert_eq!(rig.until(300_000), sent(&[(170_000, "705#00")]));
+        assert_eq!(rig.node.state(), NmtState::OPERATIONAL);
+    }
+
+    #[test]
+    fn the_application_refuses_sees_writes_and_moves_its_objects() {
+        struct Doubler;
+        impl Behaviour for Doubler {
+            fn reset(&mut self, _now: Instant, od: &mut Dictionary) {
+                od.set_int(mux(0x2002, 0), 1);
+            }
+            fn check(&self, mux: Mux, bytes: &[u8], _od: &Dictionary) -> Result<(), Abort> {
+                match (mux.index, bytes) {
+                    (0x2000, [0xFF]) => Err(Abort::LOCAL_CONTROL),
+                    _ => Ok(()),
+                }
+            }
+            fn written(&mut self, _now: Instant, _mux: Mux, od: &mut Dictionary) {
+                let value = od.int(mux(0x2000, 0)).unwrap();
+                od.set_int(mux(0x2002, 0), 2 * value);
+            }
+        }
+        let mut rig = Rig::with(
+            &eds(basic()),
+            NodeSettings::default(),
+            Box::new(Specification),
+            Box::new(Doubler),
+        );
+        assert_eq!(rig.read(mux(0x2002, 0)), Ok(vec![1, 0, 0, 0]));
+        assert_eq!(rig.write(mux(0x2000, 0), &[0xFF]), Err(Abort::LOCAL_CONTROL.0));
+        assert_eq!(rig.write(mux(0x2000, 0), &[21]), Ok(()));
+        assert_eq!(rig.read(mux(0x2002, 0)), Ok(vec![42, 0, 0, 0]));
+    }
+}
