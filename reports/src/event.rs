@@ -177,9 +177,13 @@ impl CaseStarted {
     /// The full name of the instance, such as `cia301/heartbeat/heartbeat-period[period=20 ms]`:
     /// what reports print and what the command line takes.
     pub fn name(&self) -> String {
-        self.instance.as_ref().map_or_else(
-            || format!("{}/{}", self.suite, self.case),
-            |instance| format!("{}/{}[{instance}]", self.suite, self.case),
-        )
+        format!("{}/{}", self.suite, self.short_name())
+    }
+
+    /// The name of the instance within its suite, such as `heartbeat-period[period=20 ms]`.
+    pub fn short_name(&self) -> String {
+        self.instance
+            .as_ref()
+            .map_or_else(|| self.case.clone(), |instance| format!("{}[{instance}]", self.case))
     }
 }

@@ -3,8 +3,12 @@
 //! function of its events.
 
 mod event;
+pub mod github;
 pub mod journal;
+pub mod junit;
 mod run;
+mod style;
+pub mod terminal;
 mod verdict;
 mod wire;
 
@@ -13,4 +17,5 @@ pub use event::{
     RunStarted,
 };
 pub use run::{CaseRun, Counts, DeviceRun, Keep, OutOfOrder, Run, SuiteRun};
+pub use style::Style;
 pub use verdict::{Grade, Outcome, Phase, Place, Problem, Verdict};

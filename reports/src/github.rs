@@ -1,0 +1,63 @@
+//! A run as annotations of GitHub Actions, which shows them beside the line of the suite file.
+
+use std::fmt::Write as _;
+
+use crate::run::{CaseRun, DeviceRun, Run};
+use crate::style::shell_word;
+use crate::verdict::{Outcome, Verdict};
+
+/// One line per case that failed or erred (`::error`) or was tolerated (`::warning`).
+pub fn annotations(run: &Run) -> String {
+    run.cases().filter_map(|(device, case)| annotation(device, case)).collect()
+}
+
+/// The line of one case, its end included; `None` when there is nothing to say.
+pub fn annotation(device: &DeviceRun, case: &CaseRun) -> Option<String> {
+    let command = match case.verdict() {
+        Verdict::Pass | Verdict::Skip => return None,
+        Verdict::Lenient => "warning",
+        Verdict::Fail | Verdict::Error => "error",
+    };
+    let info = &case.info;
+    let problem = case.outcome.problem();
+    let (file, line, column) = problem.map_or((&info.file, info.line, info.column), |problem| {
+        (&problem.place.file, problem.place.line, problem.place.column)
+    });
+    let mut message = info.title.clone();
+    if let Outcome::Error { reason, .. } = &case.outcome {
+        let _ = write!(message, "\nno verdict: {reason}");
+    }
+    if let Some(problem) = problem {
+        let _ = write!(message, "\nexpected: {}\ncame: {}", problem.expected, problem.actual);
+    }
+    let name = info.name();
+    let _ = write!(message, "\nrun again: {} {}", device.info.rerun, shell_word(&name));
+    let title = format!("{} {}: {name}", case.verdict(), device.info.device);
+    Some(format!(
+        "::{command} file={},line={line},col={column},title={}::{}\n",
+        property(file),
+        property(&title),
+        data(&message)
+    ))
+}
+
+/// What the runner of GitHub would take for the end of a line.
+fn data(text: &str) -> String {
+    text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A")
+}
+
+/// What it would take for the end of a property, besides.
+fn property(text: &str) -> String {
+    data(text).replace(':', "%3A").replace(',', "%2C")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn marks_of_the_notation_are_escaped() {
+        assert_eq!(data("50 %:\r\na, b"), "50 %25:%0D%0Aa, b");
+        assert_eq!(property("a: b, c"), "a%3A b%2C c");
+    }
+}

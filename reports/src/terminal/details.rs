@@ -1,0 +1,239 @@
+//! Why a case did not pass, in the order in which one asks.
+
+use std::fmt::{self, Write as _};
+
+use canopen::{Frame, Instant, Stamped, meaning};
+
+use super::{one_line, plural};
+use crate::event::{Measured, Note};
+use crate::run::{CaseRun, DeviceRun};
+use crate::style::{Style, printable, shell_word};
+use crate::verdict::{Outcome, Phase, Place, Problem, Verdict};
+
+/// The case and its sentence; the requirements; what was expected; what came; where in the suite
+/// file; the last frames; the command that runs the case again.
+pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
+    let mut block = Block { text: String::new(), style, verdict: case.verdict() };
+    let problem = case.outcome.problem();
+    block.head(&device.info.device, case);
+    block.requirements(case);
+    match &case.outcome {
+        Outcome::Error { reason, .. } => block.field("no verdict", reason),
+        Outcome::Skip(reason) => block.field("skipped", reason),
+        Outcome::Pass | Outcome::Lenient(_) | Outcome::Fail(_) => {}
+    }
+    if let Some(problem) = problem {
+        block.difference(problem);
+    }
+    for measured in &case.measured {
+        block.field("measured", &figures(measured));
+    }
+    match problem {
+        Some(problem) => block.place(problem),
+        None => {
+            let info = &case.info;
+            block.field("in", &format!("{}:{}:{}", info.file, info.line, info.column));
+        }
+    }
+    block.trace(case);
+    let again = format!("{} {}", device.info.rerun, shell_word(&case.info.name()));
+    block.field("run again", &again);
+    block.text
+}
+
+struct Block {
+    text: String,
+    style: Style,
+    verdict: Verdict,
+}
+
+impl Block {
+    fn line(&mut self, line: impl fmt::Display) {
+        // Writing to a string does not fail.
+        let _ = writeln!(self.text, "{line}");
+    }
+
+    /// A label and its text; further lines of the text stand below the first.
+    fn field(&mut self, label: &str, text: &str) {
+        let label = format!("{label:<LABEL$}");
+        let text = printable(text);
+        let mut lines = text.lines();
+        let first = lines.next().unwrap_or_default();
+        self.line(format_args!("  {}{first}", self.style.dim(label)));
+        for line in lines {
+            self.line(format_args!("  {:LABEL$}{line}", ""));
+        }
+    }
+
+    fn head(&mut self, device: &str, case: &CaseRun) {
+        let verdict = self.style.verdict(self.verdict, self.verdict);
+        let name = case.info.name();
+        let subject = format!("{}: {}", one_line(device), one_line(&name));
+        let line = format!("{verdict} {}", self.style.bold(subject));
+        self.line(line);
+        self.line(format_args!("  {}", one_line(&case.info.title)));
+    }
+
+    fn requirements(&mut self, case: &CaseRun) {
+        for check in &case.info.checks {
+            let id = format!("{}, {} clause {}\n", check.id, check.document, check.clause);
+            self.field("requires", &(id + &check.says));
+        }
+    }
+
+    fn difference(&mut self, problem: &Problem) {
+        self.field("expected", &problem.expected);
+        self.field("came", &problem.actual);
+        if let Some(frame) = &problem.raw {
+            self.field("", &format!("{frame}  {}", meaning(frame)));
+        }
+        for note in &problem.notes {
+            self.field("note", note);
+        }
+    }
+
+    fn place(&mut self, problem: &Problem) {
+        let place = &problem.place;
+        let phase = match problem.phase {
+            Phase::Settle => " while the device was settled",
+            Phase::Setup => " in the setup",
+            Phase::Step => "",
+            Phase::Finally => " in the finally part",
+            Phase::Monitor => " (a monitor spoke during this step)",
+        };
+        self.field("in", &format!("{}:{}:{}{phase}", place.file, place.line, place.column));
+        let number = place.line.to_string();
+        let gutter = " ".repeat(number.len());
+        let (source, caret) = (one_line(&place.source.replace('\t', " ")), caret(place));
+        let bar = self.style.dim("|");
+        let lines = format!(
+            "{:INDENT$}{gutter} {bar}\n\
+             {:INDENT$}{} {bar} {source}\n\
+             {:INDENT$}{gutter} {bar} {}",
+            "",
+            "",
+            self.style.dim(number),
+            "",
+            self.style.verdict(self.verdict, caret),
+        );
+        self.line(lines);
+    }
+
+    fn trace(&mut self, case: &CaseRun) {
+        let shown = &case.trace[case.trace.len().saturating_sub(FRAMES)..];
+        let heading = match (case.frames, shown.len()) {
+            (0, _) => "none".to_owned(),
+            (all, 0) => format!("{all}, not kept"),
+            (all, some) if all == some => format!("{all}, seconds since the case began"),
+            (all, some) => format!("the last {some} of {all}, seconds since the case began"),
+        };
+        self.field("frames", &heading);
+        let from = match shown.first() {
+            Some(first) if case.trace.len() > shown.len() => first.at,
+            _ => Instant::ZERO,
+        };
+        let notes = &case.notes[case.notes.partition_point(|note| note.at < from)..];
+        let mut notes = notes[notes.len().saturating_sub(FRAMES)..].iter().peekable();
+        let width = shown.iter().map(|seen| length(&seen.frame)).max().unwrap_or_default();
+        for seen in shown {
+            while let Some(note) = notes.next_if(|note| note.at < seen.at) {
+                self.note(case.info.at, note);
+            }
+            self.frame(case.info.at, seen, width);
+        }
+        for note in notes {
+            self.note(case.info.at, note);
+        }
+    }
+
+    fn frame(&mut self, start: Instant, seen: &Stamped, width: usize) {
+        let Stamped { at, frame, own } = seen;
+        let direction = if *own { "TX" } else { "RX" };
+        let frame_text = frame.to_string();
+        let time = format!("{:>STAMP$}", relative(start, *at));
+        let line = format!(
+            "    {}  {direction}  {frame_text:<width$}  {}",
+            self.style.dim(time),
+            meaning(frame)
+        );
+        self.line(line);
+    }
+
+    fn note(&mut self, start: Instant, note: &Note) {
+        let time = format!("{:>STAMP$}", relative(start, note.at));
+        let line = format!("    {}  --  {}", self.style.dim(time), one_line(&note.text));
+        self.line(line);
+    }
+}
+
+fn relative(start: Instant, at: Instant) -> String {
+    let nanoseconds = u64::try_from(at.since(start).as_nanos()).unwrap_or(u64::MAX);
+    Instant(nanoseconds).to_string()
+}
+
+/// The marks below the stretch, and the blanks before them.
+fn caret(place: &Place) -> String {
+    let width = place.source.chars().count();
+    let before = (place.column.max(1) as usize - 1).min(width);
+    let length = (place.length as usize).min(width - before).max(1);
+    " ".repeat(before) + &"^".repeat(length)
+}
+
+fn figures(measured: &Measured) -> String {
+    let Measured { what, unit, count, min, mean, max, strict, lenient } = measured;
+    let (min, mean, max) = (decimal(*min), decimal(*mean), decimal(*max));
+    let values = plural(*count, "value");
+    let mut text = format!("{what}: {count} {values}, {min} to {max} {unit}, mean {mean} {unit}");
+    for (grade, limits) in [("strict", strict), ("lenient", lenient)] {
+        if let Some(limits) = limits {
+            let _ = write!(text, "\n{grade} limits {limits}");
+        }
+    }
+    text
+}
+
+/// Three decimals at most.
+fn decimal(figure: f64) -> String {
+    let text = format!("{figure:.3}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0".into() } else { text.into() }
+}
+
+fn length(frame: &Frame) -> usize {
+    let id = if frame.id.is_extended() { 8 } else { 3 };
+    id + 1 + if frame.remote { 2 } else { 2 * frame.data.len() }
+}
+
+/// How many frames, and how many remarks between them, a block shows.
+const FRAMES: usize = 12;
+/// The width of the labels and of the time stamps.
+const LABEL: usize = 12;
+const STAMP: usize = 11;
+const INDENT: usize = 2 + LABEL;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_marks_stay_within_the_line() {
+        let place = |column, length| Place {
+            file: "a.yaml".into(),
+            line: 1,
+            column,
+            length,
+            source: "- nmt: start".into(),
+        };
+        assert_eq!(caret(&place(3, 3)), "  ^^^");
+        assert_eq!(caret(&place(3, 900)), "  ^^^^^^^^^^");
+        assert_eq!(caret(&place(900, 1)), "            ^");
+        assert_eq!(caret(&place(0, 0)), "^");
+    }
+
+    #[test]
+    fn figures_are_short() {
+        for (figure, text) in [(20.0, "20"), (19.98765, "19.988"), (-0.0001, "0"), (0.5, "0.5")] {
+            assert_eq!(decimal(figure), text);
+        }
+    }
+}

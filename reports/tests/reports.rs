@@ -1,0 +1,185 @@
+//! Whole runs through every writer.
+
+mod fixture;
+
+use std::path::Path;
+use std::{env, fs};
+
+use reports::{
+    CaseEnded, Event, Grade, Keep, OutOfOrder, Outcome, Run, Style, Verdict, github, journal,
+    junit, terminal,
+};
+
+const PLAIN: Style = Style { color: false };
+
+fn fold(events: &[Event], keep: Keep) -> Run {
+    let mut run = Run::new(keep);
+    for event in events {
+        run.apply(event).expect("the events are in order");
+    }
+    run
+}
+
+fn text(events: &[Event]) -> String {
+    events.iter().map(journal::line).collect()
+}
+
+/// `UPDATE_SAMPLES=1` writes the samples instead of comparing them.
+#[test]
+fn samples_are_fresh() {
+    let events = fixture::events(Grade::Lenient);
+    let journal = text(&events);
+    let run = Run::fold(&journal, Keep::Unusual).expect("the journal is in order");
+    let samples = [
+        ("journal.jsonl", journal.clone()),
+        ("terminal.txt", terminal::report(&run, PLAIN)),
+        ("junit.xml", junit::write(&run)),
+        ("annotations.txt", github::annotations(&run)),
+    ];
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples");
+    for (name, text) in samples {
+        let path = folder.join(name);
+        if env::var_os("UPDATE_SAMPLES").is_some() {
+            fs::write(&path, &text).expect("the sample can be written");
+        }
+        let committed = fs::read_to_string(&path).expect("the sample can be read");
+        assert!(committed == text, "samples/{name} is stale: run with UPDATE_SAMPLES=1");
+    }
+}
+
+#[test]
+fn a_journal_tells_the_same_events_again() {
+    let events = fixture::events(Grade::Lenient);
+    let text = text(&events);
+    let read: Result<Vec<_>, _> = journal::read(&text).map(|(_, event)| event).collect();
+    assert_eq!(read, Ok(events));
+}
+
+#[test]
+fn texts_of_a_device_break_neither_xml_nor_terminal() {
+    let mut events = fixture::events(Grade::Lenient);
+    let nasty = "\u{1b}[2J ]]> <a b=\"c\" d='e'> & \u{0} \u{FFFF} \u{1F980}\nnext";
+    for event in &mut events {
+        match event {
+            Event::CaseStarted(case) => case.title = nasty.into(),
+            Event::CaseEnded(end) => match &mut end.outcome {
+                Outcome::Fail(problem) => nasty.clone_into(&mut problem.actual),
+                Outcome::Error { reason, .. } | Outcome::Skip(reason) => nasty.clone_into(reason),
+                Outcome::Pass | Outcome::Lenient(_) => {}
+            },
+            _ => {}
+        }
+    }
+    let run = fold(&events, Keep::Unusual);
+    let report = terminal::report(&run, PLAIN);
+    assert!(report.chars().all(|symbol| symbol == '\n' || !symbol.is_control()));
+    let xml = junit::write(&run);
+    let nasty: Vec<_> = xml.lines().filter(|line| line.contains("2J")).collect();
+    insta::assert_snapshot!(nasty.join("\n"));
+}
+
+#[test]
+fn terminal_report_in_colour() {
+    let run = fold(&fixture::events(Grade::Lenient), Keep::Unusual);
+    let report = terminal::report(&run, Style { color: true });
+    insta::assert_snapshot!(report.replace('\x1b', "␛"));
+    let uncoloured = report.split('\x1b').enumerate().map(|(place, part)| match place {
+        0 => part,
+        _ => part.split_once('m').expect("a colour ends with m").1,
+    });
+    assert_eq!(uncoloured.collect::<String>(), terminal::report(&run, PLAIN));
+}
+
+#[test]
+fn the_strict_grade_explains_what_was_tolerated() {
+    let run = fold(&fixture::events(Grade::Strict), Keep::Unusual);
+    let (device, case) =
+        run.cases().find(|(_, case)| case.verdict() == Verdict::Lenient).expect("one is tolerated");
+    assert!(terminal::wants_details(&run, Verdict::Lenient));
+    insta::assert_snapshot!(terminal::details(device, case, PLAIN));
+}
+
+#[test]
+fn an_interrupted_run_reports_what_ran() {
+    let run = fold(&fixture::cut_off(), Keep::Unusual);
+    assert_eq!(run.worst(), Some(Verdict::Error));
+    insta::assert_snapshot!(terminal::report(&run, PLAIN));
+}
+
+#[test]
+fn nothing_ran() {
+    let run = fold(&fixture::events(Grade::Lenient)[..1], Keep::Unusual);
+    assert_eq!((run.worst(), run.is_green()), (None, true));
+    insta::assert_snapshot!(terminal::summary(&run, PLAIN));
+    insta::assert_snapshot!(junit::write(&run));
+}
+
+#[test]
+fn what_is_kept_of_a_trace() {
+    let events = fixture::events(Grade::Lenient);
+    let frames = |keep| -> Vec<_> {
+        fold(&events, keep)
+            .cases()
+            .map(|(_, case)| (case.verdict(), case.frames, case.trace.len()))
+            .collect()
+    };
+    for (verdict, seen, kept) in frames(Keep::Unusual) {
+        assert_eq!(kept, if verdict == Verdict::Pass { 0 } else { seen }, "{verdict}");
+    }
+    assert!(frames(Keep::All).iter().all(|(_, seen, kept)| seen == kept));
+}
+
+#[test]
+fn a_journal_that_is_out_of_order_is_refused_with_its_line() {
+    let mut events = fixture::events(Grade::Lenient);
+    let second = events.iter().rposition(|event| matches!(event, Event::CaseStarted(_)));
+    events.remove(second.expect("cases start"));
+    let error = Run::fold(&text(&events), Keep::All).expect_err("a case ends that did not start");
+    assert_eq!(error.line, events.len() - 1);
+    assert_eq!(error.why, "a case ends that did not start");
+}
+
+#[test]
+fn every_order_that_cannot_be_is_refused() {
+    let events = fixture::events(Grade::Lenient);
+    let [start, device, case, end] =
+        [&events[0], &events[1], &events[2], &events[events.len() - 1]];
+    let pass = Event::CaseEnded(CaseEnded { at: canopen::Instant::ZERO, outcome: Outcome::Pass });
+    let refused = |order: &[&Event]| -> OutOfOrder {
+        let mut run = Run::new(Keep::All);
+        let (last, before) = order.split_last().expect("an event");
+        before.iter().for_each(|event| run.apply(event).expect("a good beginning"));
+        run.apply(last).expect_err("a bad end")
+    };
+    let table = [
+        (vec![start, start], "a second run starts"),
+        (vec![start, case], "a case starts before a device"),
+        (vec![start, device, case, case], "a case starts within another"),
+        (vec![start, device, case, device], "a device starts within a case"),
+        (vec![start, device, case, end], "the run ends within a case"),
+        (vec![start, device, &pass], "a case ends that did not start"),
+        (vec![start, end, device], "the run is over"),
+    ];
+    for (order, why) in table {
+        assert_eq!(refused(&order).to_string(), why);
+    }
+}
+
+#[test]
+fn grades() {
+    let mut events = fixture::events(Grade::Strict);
+    let red = |event: &Event| matches!(event, Event::CaseEnded(end) if !matches!(end.outcome, Outcome::Pass));
+    for event in &mut events {
+        if red(event)
+            && let Event::CaseEnded(end) = event
+            && !matches!(end.outcome, Outcome::Lenient(_))
+        {
+            end.outcome = Outcome::Pass;
+        }
+    }
+    assert!(!fold(&events, Keep::All).is_green());
+    if let Event::RunStarted(run) = &mut events[0] {
+        run.grade = Grade::Lenient;
+    }
+    assert!(fold(&events, Keep::All).is_green());
+}
