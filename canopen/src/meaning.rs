@@ -6,7 +6,7 @@ use crate::emcy::{self, Emcy};
 use crate::frame::Frame;
 use crate::heartbeat::{self, ErrorControl};
 use crate::malformed::Malformed;
-use crate::nmt::{self, Command};
+use crate::nmt::{self, Command, Service};
 use crate::sdo::{self, Initiate, Request, Response, Segment};
 use crate::sync::{self, Sync};
 
@@ -56,6 +56,8 @@ fn data(f: &mut fmt::Formatter<'_>, id: u16, bytes: &[u8]) -> fmt::Result {
 
 fn nmt_command(f: &mut fmt::Formatter<'_>, bytes: &[u8]) -> fmt::Result {
     match Command::decode(bytes) {
+        Ok(Command { service: Service::RESET_NODE, node: 0 }) => f.write_str("NMT reset all nodes"),
+        Ok(Command { service: Service::RESET_NODE, node }) => write!(f, "NMT reset node {node}"),
         Ok(Command { service, node: 0 }) => write!(f, "NMT {service} all nodes"),
         Ok(Command { service, node }) => write!(f, "NMT {service} node {node}"),
         Err(malformed) => write!(f, "NMT {}", Bad(malformed)),
@@ -316,6 +318,9 @@ mod tests {
         check(&[
             ("000#0105", "NMT start node 5"),
             ("000#8000", "NMT enter pre-operational all nodes"),
+            ("000#8105", "NMT reset node 5"),
+            ("000#8100", "NMT reset all nodes"),
+            ("000#8205", "NMT reset communication node 5"),
             ("000#0505", "NMT unknown command specifier 05h node 5"),
             ("000#01", "NMT malformed: 1 data bytes instead of 2"),
             ("705#00", "boot-up node 5"),
