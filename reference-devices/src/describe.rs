@@ -4,6 +4,7 @@
 mod check;
 mod markdown;
 mod merge;
+mod node;
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -12,6 +13,10 @@ use canopen::Mux;
 use canopen::catalogue::{Mapping, ObjectFacts, Scalar};
 use canopen::eds::{DeviceInfo, Eds, FileInfo};
 use serde::Deserialize;
+
+use crate::settings::NodeSettings;
+
+use node::{EmcyFacts, NodeFacts};
 
 /// A device as its data describes it.
 #[derive(Clone, Debug)]
@@ -30,6 +35,8 @@ pub struct Description {
     pub default_node: u8,
     /// The data sheet.
     pub eds: Eds,
+    /// What the stack has to know beyond it.
+    pub settings: NodeSettings,
     /// What the data sheet has no place for, by value.
     pub notes: BTreeMap<Mux, Note>,
     /// The same for arrays and records as a whole.
@@ -87,6 +94,7 @@ impl Description {
                 comments: vec![generated_by(&file.device), file.title.clone()],
                 ..Eds::default()
             },
+            settings: node::settings(&file.node, file.emcy.as_ref())?,
             device: file.device,
             title: file.title,
             document: file.document,
@@ -156,6 +164,10 @@ struct DeviceFile {
     granularity: u8,
     lss: bool,
     dummy: Vec<u16>,
+    #[serde(default)]
+    node: NodeFacts,
+    #[serde(default)]
+    emcy: Option<EmcyFacts>,
     objects: BTreeMap<String, ObjectFacts>,
 }
 

@@ -1,0 +1,70 @@
+//! The reference devices, each put together from its data, its behaviour and the stack.
+
+use crate::behaviour::{Behaviour, Inert};
+use crate::describe::{self, Description};
+use crate::node::Node;
+use crate::rules::Rules;
+use crate::settings::NodeSettings;
+
+/// A device that can be built.
+#[derive(Clone, Debug)]
+pub struct ReferenceDevice {
+    /// Its data.
+    pub description: Description,
+}
+
+/// The names of the reference devices.
+pub fn names() -> impl Iterator<Item = &'static str> {
+    describe::names()
+}
+
+/// The device of that name; `None` when there is none.
+///
+/// # Panics
+/// When its data do not load: they are part of the program.
+pub fn device(name: &str) -> Option<ReferenceDevice> {
+    Some(ReferenceDevice { description: describe::device(name)? })
+}
+
+impl ReferenceDevice {
+    /// What the stack has to know beyond the data sheet.
+    pub fn settings(&self) -> NodeSettings {
+        self.description.settings.clone()
+    }
+
+    /// What the device does beside communicating.
+    pub fn behaviour(&self) -> Box<dyn Behaviour> {
+        Box::new(Inert)
+    }
+
+    /// The device, switched on at time 0, with this node id and these decisions of the stack.
+    ///
+    /// # Panics
+    /// When a default value is not of its type, which loading the description excludes.
+    pub fn node(&self, node_id: u8, rules: Box<dyn Rules>) -> Node {
+        let (eds, settings) = (&self.description.eds, self.settings());
+        Node::new(eds, node_id, settings, rules, self.behaviour())
+            .unwrap_or_else(|(mux, error)| panic!("{mux}: {error}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canopen::{Device, Outbox};
+
+    use super::*;
+    use crate::rules::Specification;
+
+    #[test]
+    fn every_device_boots_up() {
+        for name in names() {
+            let mut node = device(name).unwrap().node(7, Box::new(Specification));
+            let mut out = Outbox::default();
+            while out.is_empty() {
+                let due = node.poll_at().expect("something to do until boot-up");
+                node.handle_timeout(due, &mut out);
+            }
+            assert_eq!(out.pop().unwrap().to_string(), "707#00");
+        }
+    }
+}

@@ -1,0 +1,1 @@
+//! What the DRR460 does.
