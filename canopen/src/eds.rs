@@ -1,8 +1,27 @@
 //! Electronic data sheets (CiA 306): what a device says of itself, and the only door through
 //! which the harness knows a device.
+//!
+//! [`read`] takes what vendors really ship and reports every deviation with its place; [`write()`]
+//! gives the strict form. What has no place in an [`Eds`] survives both as
+//! [`unknown`](Eds::unknown).
 
+mod codes;
+mod diagnostic;
+mod ini;
+mod lint;
 mod model;
+mod number;
+mod read;
+mod text;
+mod value;
+mod write;
 
+pub use codes::{CODES, Code};
+pub use diagnostic::{Diagnostic, Severity};
+pub use lint::lint;
 pub use model::{
     Access, DeviceInfo, Direction, Eds, Entry, FileInfo, Object, ObjectKind, Term, UnknownSection,
 };
+pub use read::{Reading, read};
+pub use text::decode;
+pub use write::write;

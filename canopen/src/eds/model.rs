@@ -293,6 +293,17 @@ impl Eds {
     pub fn entries(&self) -> impl Iterator<Item = &Entry> {
         self.objects.iter().flat_map(|object| &object.entries)
     }
+
+    /// The same description without line numbers, to compare descriptions of different files.
+    pub fn without_lines(mut self) -> Self {
+        for object in &mut self.objects {
+            object.line = 0;
+            for entry in &mut object.entries {
+                entry.line = 0;
+            }
+        }
+        self
+    }
 }
 
 impl Object {

@@ -1,0 +1,128 @@
+//! The rules a data sheet is held to, each with its stable name.
+
+use super::diagnostic::Severity;
+
+/// A rule a data sheet can break.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Code {
+    /// Stable name.
+    pub name: &'static str,
+    /// How much breaking it matters.
+    pub severity: Severity,
+    /// The rule, or what the reader does where it is broken.
+    pub meaning: &'static str,
+}
+
+macro_rules! codes {
+    ($($constant:ident = $severity:ident, $name:literal, $meaning:literal;)*) => {
+        $(pub(super) const $constant: Code =
+            Code { name: $name, severity: Severity::$severity, meaning: $meaning };)*
+
+        /// Every rule.
+        pub const CODES: &[Code] = &[$($constant),*];
+    };
+}
+
+codes! {
+    // The text
+    ENCODING = Note, "eds-encoding",
+        "The file is plain ASCII; UTF-8, UTF-16, Latin-1 and code page 850 are decoded.";
+    BYTE_ORDER_MARK = Note, "eds-byte-order-mark", "The file starts without a byte order mark.";
+    LINE_END = Note, "eds-line-end", "Lines end with CR and LF.";
+    SYNTAX = Error, "eds-syntax",
+        "A line is empty, a comment, a section head or `key=value`; others are skipped.";
+    COMMENT = Note, "eds-comment",
+        "A comment starts with a semicolon at the start of its line; others are cut off.";
+    DUPLICATE_SECTION = Error, "eds-duplicate-section",
+        "A section stands once; a second one adds what the first did not say.";
+    DUPLICATE_KEY = Error, "eds-duplicate-key", "A key stands once; the first one counts.";
+    MISSING_SECTION = Error, "eds-missing-section",
+        "FileInfo, DeviceInfo and MandatoryObjects are there.";
+    SECTION_SPELLING = Note, "eds-section-spelling",
+        "Sections are called 1018 and 1018subA: upper-case digits, no leading zero, no spaces.";
+    UNKNOWN_SECTION = Note, "eds-unknown-section",
+        "Sections have a meaning in CiA 306; others are kept as they are.";
+    UNKNOWN_KEY = Note, "eds-unknown-key",
+        "Keys have a meaning in CiA 306; others are kept as they are.";
+    MODULE = Note, "eds-module",
+        "Sections of a modular device are kept and not interpreted.";
+    DCF = Note, "eds-dcf",
+        "What belongs into a device configuration file is kept and does not change a default.";
+
+    // Numbers and other values
+    NUMBER = Error, "eds-number", "Where a number belongs there is one.";
+    RANGE = Error, "eds-range", "A number is one that its key allows.";
+    NUMBER_SPELLING = Note, "eds-number-spelling",
+        "A number is written 16 or 0x10, without an `h` or a suffix of C.";
+    OCTAL = Warning, "eds-octal",
+        "A number that starts with 0 is octal; nothing should depend on knowing that.";
+    LEADING_ZERO = Note, "eds-leading-zero",
+        "A number that starts with 0 is octal; with a digit 8 or 9 it is read as decimal.";
+    POINT = Error, "eds-point",
+        "A whole number has no decimal point; it is read when only zeros follow.";
+    FLAG = Warning, "eds-flag", "A truth value is 0 or 1.";
+    NODE_ID = Error, "eds-node-id",
+        "`$NODEID` stands alone or in a sum with one number, and fits for every node id.";
+    NODE_ID_SPELLING = Note, "eds-node-id-spelling",
+        "The sum is written `$NODEID+0x180`: this order, capitals, no spaces.";
+    EMPTY_DEFAULT = Note, "eds-empty-default", "A key DefaultValue has a value.";
+    DEFAULT = Error, "eds-default",
+        "A default value or limit is of the entry's type; another one is kept and not used.";
+    DEFAULT_RANGE = Error, "eds-default-range",
+        "A default value or limit fits the entry's type; another one is kept and not used.";
+    TWOS_COMPLEMENT = Note, "eds-twos-complement",
+        "Negative numbers have a sign; 0xFF for -1 is understood.";
+    REAL_BITS = Note, "eds-real-bits",
+        "A real number in hex of full width is read as its bits, another one as a number.";
+    LIMIT_TYPE = Warning, "eds-limit-type", "Only numbers have limits; others are kept.";
+
+    // File and device
+    EDS_VERSION = Warning, "eds-version", "EDSVersion is there and reads like 4.0.";
+    DATE = Warning, "eds-date", "Dates read like 12-31-2024 and times like 11:59PM.";
+    DEVICE_INFO = Warning, "eds-device-info", "DeviceInfo says all it must.";
+    BIT_RATE = Note, "eds-bit-rate", "BaudRate keys name the bit rates that CiA 301 knows.";
+    DUMMY = Warning, "eds-dummy", "DummyUsage names Dummy0001 to Dummy0007, or is absent.";
+    LINES = Warning, "eds-lines", "Lines counts the comment lines, which are numbered from 1.";
+
+    // Lists of objects
+    LIST_COUNT = Error, "eds-list-count", "SupportedObjects counts the objects of its list.";
+    LIST_KEY = Error, "eds-list-key", "The keys of a list are 1, 2, 3 and so on.";
+    LIST_RANGE = Error, "eds-list-range",
+        "2000h to 5FFFh are in ManufacturerObjects, all others are not.";
+    LISTED_TWICE = Warning, "eds-listed-twice", "An object is listed once.";
+    NOT_LISTED = Warning, "eds-not-listed", "An object is listed; one that is not is read anyway.";
+    NO_SECTION = Error, "eds-no-section", "An object that is listed has a section.";
+
+    // Objects
+    NAME_MISSING = Error, "eds-name-missing", "Objects and subs have a ParameterName.";
+    OBJECT_TYPE_MISSING = Warning, "eds-object-type-missing",
+        "Objects and subs have an ObjectType; VAR is taken, or what the subs suggest.";
+    OBJECT_TYPE = Error, "eds-object-type", "ObjectType is one that CiA 301 knows.";
+    DATA_TYPE_MISSING = Error, "eds-data-type-missing", "Values have a DataType.";
+    DATA_TYPE = Error, "eds-data-type", "DataType is basic or defined in the dictionary.";
+    DATA_TYPE_DECIMAL = Note, "eds-data-type-decimal", "DataType is written in hex.";
+    ACCESS_MISSING = Error, "eds-access-missing", "Values have an AccessType; ro is taken.";
+    ACCESS = Error, "eds-access",
+        "AccessType is one of ro, wo, rw, rwr, rww, const; ro is taken.";
+    ACCESS_SPELLING = Warning, "eds-access-spelling", "AccessType is in small letters.";
+    SUB_NUMBER = Error, "eds-subnumber", "SubNumber counts the subs.";
+    SUB0_MISSING = Error, "eds-sub0-missing", "Arrays and records have a sub 0.";
+    SUB0_TYPE = Error, "eds-sub0-type", "Sub 0 of arrays and records is UNSIGNED8.";
+    SUB0_COUNT = Error, "eds-sub0-count",
+        "Sub 0 is the highest sub-index, not the number of subs.";
+    SUB0_DEFAULT = Warning, "eds-sub0-default", "Sub 0 has a default value.";
+    SUB_DECIMAL = Warning, "eds-sub-decimal",
+        "Sub-indices in section names are hex: after sub9 comes subA.";
+    PARENT_MISSING = Error, "eds-parent-missing",
+        "Subs have an object; without a section of its own it is taken to be a record.";
+    SUB_OF_VAR = Error, "eds-sub-of-var",
+        "Only arrays and records have subs; another object with subs is read as one.";
+    NO_SUBS = Error, "eds-no-subs",
+        "Arrays and records have subs; one that has a type of its own is read as VAR.";
+    ARRAY_TYPES = Error, "eds-array-types", "The elements of an array are of one type.";
+    OBJECT_KIND = Error, "eds-object-kind",
+        "Objects of CiA 301 have the object type given there.";
+    COMPACT = Warning, "eds-compact",
+        "CompactSubObj and its name and value sections agree with each other.";
+    COMPACT_PDO = Note, "eds-compact-pdo", "PDOs that CompactPDO stands for are read as objects.";
+}

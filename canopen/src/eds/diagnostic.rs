@@ -1,0 +1,147 @@
+//! What is wrong or remarkable about a data sheet, and where.
+
+use std::collections::HashMap;
+use std::fmt;
+
+use super::codes::Code;
+
+/// One remark about a data sheet. `Display` is one line without the file's name.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Diagnostic {
+    /// How much it matters.
+    pub severity: Severity,
+    /// Stable name of the rule, such as `eds-subnumber`; all of them are in
+    /// [`CODES`](super::CODES).
+    pub code: &'static str,
+    /// Line, counted from 1; 0 when the sheet comes from no file.
+    pub line: usize,
+    /// Column in characters of the decoded line, counted from 1.
+    pub column: usize,
+    /// What was found, in one sentence.
+    pub message: String,
+}
+
+impl fmt::Display for Diagnostic {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { severity, code, line, column, message } = self;
+        write!(f, "{line}:{column}: {severity}: {message} [{code}]")
+    }
+}
+
+/// How much a diagnostic matters. The order is that of the weight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Severity {
+    /// Unusual, and no mistake or a harmless one.
+    Note,
+    /// Against the rules, and the meaning is clear.
+    Warning,
+    /// Against the rules, and what was read may not be what was meant.
+    Error,
+}
+
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Note => "note",
+            Self::Warning => "warning",
+            Self::Error => "error",
+        })
+    }
+}
+
+/// A position in the decoded text, both counted from 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Place {
+    pub(super) line: u32,
+    pub(super) column: u32,
+}
+
+impl Place {
+    pub(super) const fn new(line: u32, column: u32) -> Self {
+        Self { line, column }
+    }
+
+    /// The start of a line, for what is known by its line alone.
+    pub(super) fn line(line: usize) -> Self {
+        Self { line: u32::try_from(line).unwrap_or(u32::MAX), column: 1 }
+    }
+}
+
+/// Collects diagnostics.
+#[derive(Debug, Default)]
+pub(super) struct Findings {
+    list: Vec<Diagnostic>,
+    habits: HashMap<(&'static str, String), Habit>,
+}
+
+/// Where in the list a habit stands, and how often it came again.
+#[derive(Debug)]
+struct Habit {
+    first: usize,
+    more: usize,
+}
+
+impl Findings {
+    pub(super) fn add(&mut self, code: &Code, at: Place, message: impl Into<String>) {
+        self.list.push(Diagnostic {
+            severity: code.severity,
+            code: code.name,
+            line: at.line as usize,
+            column: at.column as usize,
+            message: message.into(),
+        });
+    }
+
+    /// Reports a habit of the whole file where it first shows; what follows with the same message
+    /// is counted.
+    pub(super) fn habit(&mut self, code: &Code, at: Place, message: impl Into<String>) {
+        let message = message.into();
+        let Some(habit) = self.habits.get_mut(&(code.name, message.clone())) else {
+            let first = self.list.len();
+            self.habits.insert((code.name, message.clone()), Habit { first, more: 0 });
+            self.add(code, at, message);
+            return;
+        };
+        habit.more += 1;
+        // Sections are read in the order of their objects, which need not be that of the file.
+        let first = &mut self.list[habit.first];
+        let place = (at.line as usize, at.column as usize);
+        if place < (first.line, first.column) {
+            (first.line, first.column) = place;
+        }
+    }
+
+    /// The diagnostics in the order of the file.
+    pub(super) fn finish(mut self) -> Vec<Diagnostic> {
+        for habit in self.habits.values() {
+            if habit.more > 0 {
+                let more = format!(" ({} more like it)", habit.more);
+                self.list[habit.first].message.push_str(&more);
+            }
+        }
+        self.list.sort_by_key(|diagnostic| (diagnostic.line, diagnostic.column));
+        self.list
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::codes;
+    use super::*;
+
+    #[test]
+    fn a_habit_is_told_once_and_all_is_in_order() {
+        let mut findings = Findings::default();
+        findings.habit(&codes::LINE_END, Place::new(8, 2), "later");
+        findings.habit(&codes::LINE_END, Place::new(7, 2), "later");
+        findings.add(&codes::SYNTAX, Place::new(3, 1), "earlier");
+        let lines: Vec<_> = findings.finish().iter().map(ToString::to_string).collect();
+        assert_eq!(
+            lines,
+            [
+                "3:1: error: earlier [eds-syntax]",
+                "7:2: note: later (1 more like it) [eds-line-end]"
+            ]
+        );
+    }
+}

@@ -1,0 +1,367 @@
+//! Sections and keys with their positions. An INI library would keep neither the columns nor the
+//! second of two keys, and both are wanted for diagnostics.
+
+use std::collections::HashMap;
+
+use super::codes;
+use super::diagnostic::{Findings, Place};
+
+/// A section and its keys.
+#[derive(Debug)]
+pub(super) struct Section<'a> {
+    /// What the name stands for.
+    pub(super) name: Name,
+    /// What is between the brackets.
+    pub(super) title: &'a str,
+    /// Where the bracket opens.
+    pub(super) at: Place,
+    /// The keys in order, each one once.
+    pub(super) keys: Vec<Key<'a>>,
+}
+
+/// `name=value`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Key<'a> {
+    pub(super) name: &'a str,
+    pub(super) value: &'a str,
+    /// Where the name starts.
+    pub(super) name_at: Place,
+    /// Where the value starts, or would start.
+    pub(super) at: Place,
+}
+
+impl<'a> Section<'a> {
+    /// The key of that name.
+    pub(super) fn key(&self, name: &str) -> Option<&Key<'a>> {
+        self.keys.iter().find(|key| key.name.eq_ignore_ascii_case(name))
+    }
+
+    /// The key of that name, when it has a value.
+    pub(super) fn filled(&self, name: &str) -> Option<&Key<'a>> {
+        self.key(name).filter(|key| !key.value.is_empty())
+    }
+}
+
+/// What a section is about. The order is the one in which sections are read: what belongs to one
+/// object stands together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Name {
+    FileInfo,
+    DeviceInfo,
+    DummyUsage,
+    Comments,
+    Objects(List),
+    Object(u16, Part),
+    Other,
+}
+
+/// The three lists of objects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum List {
+    Mandatory,
+    Optional,
+    Manufacturer,
+}
+
+impl List {
+    pub(super) const fn title(self) -> &'static str {
+        match self {
+            Self::Mandatory => "MandatoryObjects",
+            Self::Optional => "OptionalObjects",
+            Self::Manufacturer => "ManufacturerObjects",
+        }
+    }
+}
+
+/// What a section says of an object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Part {
+    Head,
+    Sub(u8),
+    Names,
+    Values,
+}
+
+impl Name {
+    pub(super) fn of(title: &str) -> Self {
+        match Self::object(title) {
+            Some((index, part)) => Self::Object(index, part),
+            None => NAMED
+                .iter()
+                .find(|(name, _)| name.eq_ignore_ascii_case(title))
+                .map_or(Self::Other, |(_, name)| *name),
+        }
+    }
+
+    fn object(title: &str) -> Option<(u16, Part)> {
+        let (index, part) = title.split_at_checked(4)?;
+        let index = hex(index)? as u16;
+        let part = match part.split_at_checked(3) {
+            None if part.is_empty() => Part::Head,
+            Some((word, digits)) if word.eq_ignore_ascii_case("sub") && digits.len() <= 2 => {
+                Part::Sub(hex(digits)? as u8)
+            }
+            _ if part.eq_ignore_ascii_case("Name") => Part::Names,
+            _ if part.eq_ignore_ascii_case("Value") => Part::Values,
+            _ => return None,
+        };
+        Some((index, part))
+    }
+
+    /// How the name is written; `None` for names of which we do not know the meaning.
+    pub(super) fn canonical(self) -> Option<String> {
+        match self {
+            Self::Object(index, Part::Head) => Some(format!("{index:04X}")),
+            Self::Object(index, Part::Sub(sub)) => Some(format!("{index:04X}sub{sub:X}")),
+            Self::Object(index, Part::Names) => Some(format!("{index:04X}Name")),
+            Self::Object(index, Part::Values) => Some(format!("{index:04X}Value")),
+            _ => NAMED.iter().find(|(_, name)| *name == self).map(|(title, _)| (*title).to_owned()),
+        }
+    }
+}
+
+fn hex(digits: &str) -> Option<u32> {
+    let all = !digits.is_empty() && digits.bytes().all(|digit| digit.is_ascii_hexdigit());
+    all.then(|| u32::from_str_radix(digits, 16).ok()).flatten()
+}
+
+/// The sections of `text`, sorted by name; those that CiA 306 does not name keep their order.
+pub(super) fn parse<'a>(text: &'a str, findings: &mut Findings) -> Vec<Section<'a>> {
+    let mut sections = unite(lex(text, findings), findings);
+    for section in &mut sections {
+        drop_second_keys(section, findings);
+    }
+    sections
+}
+
+fn lex<'a>(text: &'a str, findings: &mut Findings) -> Vec<Section<'a>> {
+    let mut sections: Vec<Section<'a>> = Vec::new();
+    for (number, line) in (1..).zip(text.split('\n')) {
+        // A file from DOS may end with Ctrl-Z.
+        let part = line.trim_matches(|c: char| c.is_whitespace() || c == '\u{1A}' || c == '\0');
+        let at = |part: &str| Place::new(number, column(line, part));
+        match part.as_bytes() {
+            [] | [b';', ..] => {}
+            [b'#', ..] => findings.habit(&codes::COMMENT, at(part), "a comment starts with `;`"),
+            [b'[', ..] => sections.push(head(part, at(part), findings)),
+            _ => match (key(number, line, part), sections.last_mut()) {
+                (Some(key), Some(section)) => section.keys.push(key),
+                (Some(key), None) => {
+                    let message = format!("key {:?} stands before every section", key.name);
+                    findings.add(&codes::SYNTAX, key.name_at, message);
+                }
+                (None, _) => {
+                    let message = "neither a section head nor `key=value`; the line is skipped";
+                    findings.add(&codes::SYNTAX, at(part), message);
+                }
+            },
+        }
+    }
+    sections
+}
+
+/// The column of `part`, which is a piece of `line`.
+fn column(line: &str, part: &str) -> u32 {
+    let offset = part.as_ptr() as usize - line.as_ptr() as usize;
+    let before = &line.as_bytes()[..offset];
+    // Bytes that go on a character are not counted.
+    before.iter().filter(|&&byte| byte & 0xC0 != 0x80).count() as u32 + 1
+}
+
+fn head<'a>(part: &'a str, at: Place, findings: &mut Findings) -> Section<'a> {
+    let inner = &part[1..];
+    let title = match inner.split_once(']') {
+        Some((title, rest)) => {
+            let rest = rest.trim_start();
+            if rest.starts_with([';', '#']) {
+                findings.habit(&codes::COMMENT, at, "a comment behind a section head");
+            } else if !rest.is_empty() {
+                let message = format!("{rest:?} behind a section head is skipped");
+                findings.add(&codes::SYNTAX, at, message);
+            }
+            title
+        }
+        None => {
+            findings.add(&codes::SYNTAX, at, "section head without a closing bracket");
+            inner
+        }
+    };
+    let trimmed = title.trim();
+    let name = Name::of(trimmed);
+    check_spelling(title, name, at, findings);
+    Section { name, title: trimmed, at, keys: Vec::new() }
+}
+
+fn check_spelling(title: &str, name: Name, at: Place, findings: &mut Findings) {
+    let usual = match name {
+        Name::Object(_, part) => {
+            // `Sub` and `sub` are both common, and so are `NAME` and `Name`: no word on those.
+            let digits = match part {
+                Part::Sub(sub) => title.len() == if sub < 0x10 { 8 } else { 9 },
+                _ => true,
+            };
+            let capitals = |range: &str| !range.bytes().any(|byte| matches!(byte, b'a'..=b'f'));
+            let index = title.get(..4).is_some_and(capitals);
+            let sub = !matches!(part, Part::Sub(_)) || title.get(7..).is_some_and(capitals);
+            digits && index && sub
+        }
+        _ => true,
+    };
+    if !(usual && title.trim() == title)
+        && let Some(canonical) = name.canonical()
+    {
+        let message = format!("section [{title}] is usually written [{canonical}]");
+        findings.habit(&codes::SECTION_SPELLING, at, message);
+    }
+}
+
+fn key<'a>(number: u32, line: &'a str, part: &'a str) -> Option<Key<'a>> {
+    let (name, value) = part.split_once('=')?;
+    let name = name.trim_end();
+    let value = value.trim_start();
+    let at = |part| Place::new(number, column(line, part));
+    (!name.is_empty()).then(|| Key { name, value, name_at: at(name), at: at(value) })
+}
+
+/// Sorts the sections and lets each stand once, the keys of a second one behind those of the first.
+fn unite<'a>(mut sections: Vec<Section<'a>>, findings: &mut Findings) -> Vec<Section<'a>> {
+    sections.sort_by_key(|section| section.name);
+    let mut united: Vec<Section<'a>> = Vec::with_capacity(sections.len());
+    let mut others: HashMap<String, usize> = HashMap::new();
+    for section in sections {
+        let twin = match section.name {
+            Name::Other => {
+                let place = united.len();
+                let first = *others.entry(section.title.to_ascii_lowercase()).or_insert(place);
+                (first < place).then_some(first)
+            }
+            name => united.last().is_some_and(|last| last.name == name).then(|| united.len() - 1),
+        };
+        let Some(twin) = twin else {
+            united.push(section);
+            continue;
+        };
+        let twin = &mut united[twin];
+        let message =
+            format!("section [{}] stands in line {} already", section.title, twin.at.line);
+        findings.add(&codes::DUPLICATE_SECTION, section.at, message);
+        twin.keys.extend(section.keys);
+    }
+    united
+}
+
+fn drop_second_keys(section: &mut Section<'_>, findings: &mut Findings) {
+    let mut second = Vec::new();
+    if section.keys.len() <= FEW_KEYS {
+        for (place, key) in section.keys.iter().enumerate() {
+            let twin = section.keys[..place].iter().find(|k| k.name.eq_ignore_ascii_case(key.name));
+            second.extend(twin.map(|twin| (place, twin.name_at.line)));
+        }
+    } else {
+        let mut seen = HashMap::with_capacity(section.keys.len());
+        for (place, key) in section.keys.iter().enumerate() {
+            let line = key.name_at.line;
+            let first = *seen.entry(key.name.to_ascii_lowercase()).or_insert((place, line));
+            if first.0 < place {
+                second.push((place, first.1));
+            }
+        }
+    }
+    for &(place, line) in &second {
+        let key = &section.keys[place];
+        let message = format!("key {:?} stands in line {line} already, which counts", key.name);
+        findings.add(&codes::DUPLICATE_KEY, key.name_at, message);
+    }
+    if !second.is_empty() {
+        let mut second = second.into_iter().map(|(place, _)| place).peekable();
+        let mut place = 0;
+        section.keys.retain(|_| {
+            let keep = second.next_if_eq(&place).is_none();
+            place += 1;
+            keep
+        });
+    }
+}
+
+/// Up to this many keys are compared each with each, which is faster than hashing.
+const FEW_KEYS: usize = 16;
+
+const NAMED: [(&str, Name); 7] = [
+    ("FileInfo", Name::FileInfo),
+    ("DeviceInfo", Name::DeviceInfo),
+    ("DummyUsage", Name::DummyUsage),
+    ("Comments", Name::Comments),
+    ("MandatoryObjects", Name::Objects(List::Mandatory)),
+    ("OptionalObjects", Name::Objects(List::Optional)),
+    ("ManufacturerObjects", Name::Objects(List::Manufacturer)),
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(text: &str) -> (String, Vec<String>) {
+        let mut findings = Findings::default();
+        let mut out = String::new();
+        for section in parse(text, &mut findings) {
+            out += &format!("{:?}@{}", section.name, section.at.line);
+            for key in &section.keys {
+                out += &format!(" {}={}@{}:{}", key.name, key.value, key.at.line, key.at.column);
+            }
+            out += "\n";
+        }
+        (out, findings.finish().iter().map(ToString::to_string).collect())
+    }
+
+    #[test]
+    fn names_of_sections() {
+        let object = |index, part| Name::Object(index, part);
+        for (title, name) in [
+            ("fileinfo", Name::FileInfo),
+            ("1018", object(0x1018, Part::Head)),
+            ("1a00SUBfe", object(0x1A00, Part::Sub(0xFE))),
+            ("1003Name", object(0x1003, Part::Names)),
+            ("1003value", object(0x1003, Part::Values)),
+            ("1018sub", Name::Other),
+            ("1018sub100", Name::Other),
+            ("+018", Name::Other),
+            ("10é", Name::Other),
+            ("1018ObjectLinks", Name::Other),
+        ] {
+            assert_eq!(Name::of(title), name, "{title}");
+        }
+    }
+
+    #[test]
+    fn keys_and_columns() {
+        let (out, findings) = run("  [1000]\n\tParameterName = Gerät \n Ä=5;x\nDefaultValue=");
+        assert_eq!(
+            out,
+            "Object(4096, Head)@1 ParameterName=Gerät@2:18 Ä=5;x@3:4 DefaultValue=@4:14\n"
+        );
+        assert_eq!(findings, [""; 0]);
+    }
+
+    #[test]
+    fn second_sections_and_keys_name_both_lines() {
+        let (out, findings) = run("[1000]\na=1\nA=2\n[X]\n[1000]\nb=3\na=4\n[x]\nc=1");
+        assert_eq!(out, "Object(4096, Head)@1 a=1@2:3 b=3@6:3\nOther@4 c=1@9:3\n");
+        assert_eq!(
+            findings,
+            [
+                "3:1: error: key \"A\" stands in line 2 already, which counts [eds-duplicate-key]",
+                "5:1: error: section [1000] stands in line 1 already [eds-duplicate-section]",
+                "7:1: error: key \"a\" stands in line 2 already, which counts [eds-duplicate-key]",
+                "8:1: error: section [x] stands in line 4 already [eds-duplicate-section]",
+            ]
+        );
+    }
+
+    #[test]
+    fn many_keys_are_found_twice_as_well() {
+        let keys: String = (0..40).map(|n| format!("k{}=1\n", n % 39)).collect();
+        let (out, findings) = run(&format!("[x]\n{keys}"));
+        assert_eq!(out.matches('=').count(), 39);
+        assert_eq!(findings.len(), 1);
+    }
+}

@@ -1,0 +1,195 @@
+//! From sections and keys to the description of a device.
+
+mod compact;
+mod info;
+mod lists;
+mod object;
+
+use super::codes;
+use super::diagnostic::{Diagnostic, Findings, Place, Severity};
+use super::ini::{self, Key, List, Name, Part, Section};
+use super::lint;
+use super::model::{Eds, Term, UnknownSection};
+use super::text;
+use super::value;
+use crate::value::DataType;
+
+/// What reading a data sheet gives: always a description, and what is to be said about it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Reading {
+    /// The description, as complete as the text allows.
+    pub eds: Eds,
+    /// What was found, in the order of the text.
+    pub diagnostics: Vec<Diagnostic>,
+}
+
+impl Reading {
+    /// Whether an error is among the diagnostics.
+    pub fn has_errors(&self) -> bool {
+        self.diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
+    }
+}
+
+/// Reads a data sheet, in whatever encoding and however far from CiA 306: every deviation is a
+/// diagnostic, what can be understood is understood, and the rest is kept as
+/// [`unknown`](Eds::unknown). The diagnostics of [`lint`](super::lint) are among those returned.
+pub fn read(source: &[u8]) -> Reading {
+    let mut findings = Findings::default();
+    let text = text::decode_with(source, &mut findings);
+    let sections = ini::parse(&text, &mut findings);
+    let mut reader = Reader { eds: Eds::default(), findings, compact_pdo: None, expanded: 0 };
+    reader.check_sections(&sections);
+    let objects = sections.partition_point(|section| section.name < FIRST_OBJECT);
+    let others = sections.partition_point(|section| section.name < Name::Other);
+    for section in &sections[..objects] {
+        reader.info(section);
+    }
+    let listed = reader.lists(&sections[..objects]);
+    reader.objects(&sections[objects..others]);
+    for section in &sections[others..] {
+        reader.other(section);
+    }
+    reader.check_lists(listed);
+    reader.compact_pdos();
+    reader.unite_unknown();
+    lint::check(&reader.eds, &sections, &mut reader.findings);
+    Reading { eds: reader.eds, diagnostics: reader.findings.finish() }
+}
+
+struct Reader {
+    eds: Eds,
+    findings: Findings,
+    /// Which subs the PDOs have that are not described, and where it says so.
+    compact_pdo: Option<(u8, Place)>,
+    /// How many subs the short forms have stood for so far.
+    expanded: usize,
+}
+
+impl Reader {
+    fn check_sections(&mut self, sections: &[Section<'_>]) {
+        for name in [Name::FileInfo, Name::DeviceInfo, Name::Objects(List::Mandatory)] {
+            if !sections.iter().any(|section| section.name == name) {
+                let message =
+                    format!("section [{}] is missing", name.canonical().unwrap_or_default());
+                self.findings.add(&codes::MISSING_SECTION, Place::new(1, 1), message);
+            }
+        }
+    }
+
+    fn info(&mut self, section: &Section<'_>) {
+        match section.name {
+            Name::FileInfo => self.file_info(section),
+            Name::DeviceInfo => self.device_info(section),
+            Name::DummyUsage => self.dummy_usage(section),
+            Name::Comments => self.comments(section),
+            // Read afterwards, all three together.
+            Name::Objects(_) | Name::Object(..) | Name::Other => {}
+        }
+    }
+
+    /// Keeps a section that has no place in the description.
+    fn other(&mut self, section: &Section<'_>) {
+        let title = section.title;
+        let (code, message) = if is_one_of(title, &COMMISSIONING) {
+            (&codes::DCF, format!("section [{title}] belongs into a configuration file"))
+        } else if is_one_of(title, &MODULES) || is_module(title) {
+            (&codes::MODULE, "sections of modules are kept and not interpreted".to_owned())
+        } else if is_one_of(title, &KNOWN_OTHERS) || is_tool(title) {
+            return self.keep(title.to_owned(), section.keys.iter());
+        } else {
+            (&codes::UNKNOWN_SECTION, format!("section [{title}] has no meaning here; it is kept"))
+        };
+        self.findings.habit(code, section.at, message);
+        self.keep(title.to_owned(), section.keys.iter());
+    }
+
+    fn keep<'k, 'a: 'k>(&mut self, name: String, keys: impl Iterator<Item = &'k Key<'a>>) {
+        let keys = keys.map(|key| (key.name.to_owned(), key.value.to_owned())).collect();
+        self.eds.unknown.push(UnknownSection { name, keys });
+    }
+
+    /// Keeps keys of a section that has a place; none are no section.
+    fn keep_keys(&mut self, name: Name, keys: Kept) {
+        if let (Some(name), [_, ..]) = (name.canonical(), keys.as_slice()) {
+            self.eds.unknown.push(UnknownSection { name, keys });
+        }
+    }
+
+    /// Puts what is unknown into the order of the text that [`write`](super::write) makes of it.
+    fn unite_unknown(&mut self) {
+        self.eds.unknown.sort_by_key(|section| Name::of(&section.name));
+    }
+
+    /// The keys of a section that have no place; reports those that mean nothing at all.
+    fn others(&mut self, section: &Section<'_>, known: impl Fn(&str) -> bool) -> Kept {
+        let mut kept = Kept::new();
+        for key in section.keys.iter().filter(|key| !known(key.name)) {
+            kept.push((key.name.to_owned(), key.value.to_owned()));
+            if is_one_of(key.name, &DCF_KEYS) {
+                let message = format!("key {:?} belongs into a configuration file", key.name);
+                self.findings.habit(&codes::DCF, key.name_at, message);
+            } else if !is_one_of(key.name, &KEPT_KEYS) {
+                let message = format!("key {:?} has no meaning here; it is kept", key.name);
+                self.findings.habit(&codes::UNKNOWN_KEY, key.name_at, message);
+            }
+        }
+        kept
+    }
+
+    /// The value of a key in that type; text that is none goes to `kept`.
+    fn term(&mut self, key: &Key<'_>, data_type: DataType, kept: &mut Kept) -> Option<Term> {
+        let term = value::term(key, data_type, &mut self.findings);
+        if term.is_none() {
+            kept.push((key.name.to_owned(), key.value.to_owned()));
+        }
+        term
+    }
+}
+
+/// Keys that have no place in the description, and values that could not be understood.
+type Kept = Vec<(String, String)>;
+
+fn is_one_of(text: &str, names: &[&str]) -> bool {
+    names.iter().any(|name| name.eq_ignore_ascii_case(text))
+}
+
+fn is_module(title: &str) -> bool {
+    let rest = title.strip_prefix(['M', 'm']).unwrap_or_default();
+    let name = rest.trim_start_matches(|c: char| c.is_ascii_digit());
+    let module = ["ModuleInfo", "Comments", "FixedObjects", "FixedObj", "SubExtends", "SubExt"];
+    name.len() < rest.len() && module.iter().any(|word| starts_with(name, word))
+}
+
+/// Sections of CiA 306 that say nothing about the dictionary.
+fn is_tool(title: &str) -> bool {
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let links = title.get(4..).is_some_and(|rest| rest.eq_ignore_ascii_case("ObjectLinks"));
+    links || starts_with(title, "Tool") && digits(&title[4..])
+}
+
+fn starts_with(text: &str, word: &str) -> bool {
+    text.get(..word.len()).is_some_and(|start| start.eq_ignore_ascii_case(word))
+}
+
+const FIRST_OBJECT: Name = Name::Object(0, Part::Head);
+
+/// The first spelling is that of CiA 306.
+const COMMISSIONING: [&str; 2] = ["DeviceComissioning", "DeviceCommissioning"];
+
+const MODULES: [&str; 2] = ["SupportedModules", "ConnectedModules"];
+
+const KNOWN_OTHERS: [&str; 2] = ["DynamicChannels", "Tools"];
+
+const DCF_KEYS: [&str; 5] =
+    ["ParameterValue", "Denotation", "UploadFile", "DownloadFile", "LastEDS"];
+
+/// Keys that CiA 306 knows and the description does not hold.
+const KEPT_KEYS: [&str; 7] = [
+    "DynamicChannelsSupported",
+    "CANopenSafetySupported",
+    "LSS_Master",
+    "NG_Slave",
+    "NG_Master",
+    "NrOfNG_MonitoredNodes",
+    "ObjFlags",
+];
