@@ -6,9 +6,11 @@ use crate::event::Event;
 
 /// The line of `event`, its end included, so that one write never leaves half a line behind.
 pub fn line(event: &Event) -> String {
-    let mut line = serde_json::to_string(event).expect("an event has only string keys");
-    line.push('\n');
-    line
+    // Nearly every line is a frame, and most frames fit.
+    let mut line = Vec::with_capacity(80);
+    serde_json::to_writer(&mut line, event).expect("an event has only string keys");
+    line.push(b'\n');
+    String::from_utf8(line).expect("JSON is written as UTF-8")
 }
 
 /// The events of the journal `text`, in order. Empty lines do not count, and a last line that

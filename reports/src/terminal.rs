@@ -44,8 +44,7 @@ pub fn case_line(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     let verdict = case.verdict();
     let mut line = String::new();
     let padded = format_args!("{verdict:<7}");
-    let name = case.info.name();
-    let (device, name) = (printable(&device.info.device), printable(&name));
+    let (device, name) = (one_line(&device.info.device), one_line(&case.info.name()));
     let _ = write!(line, "{}  {device}  {name}  ", style.verdict(verdict, padded));
     let _ = match &case.outcome {
         Outcome::Skip(reason) => writeln!(line, "{}", style.dim(one_line(reason))),
