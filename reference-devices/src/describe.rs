@@ -125,6 +125,11 @@ impl Description {
         markdown::write(self)
     }
 
+    /// What generated files say of their origin.
+    pub fn generated_by(&self) -> String {
+        generated_by(&self.device)
+    }
+
     fn count_pdos(&mut self) {
         let count = |first: u16, last: u16| {
             let within = |object: &&canopen::eds::Object| (first..=last).contains(&object.index);

@@ -27,6 +27,16 @@ pub fn device(name: &str) -> Option<ReferenceDevice> {
 }
 
 impl ReferenceDevice {
+    /// The data sheet as a file, `device.eds` in the folder of the device.
+    pub fn eds_text(&self) -> String {
+        canopen::eds::write(&self.description.eds, &self.description.generated_by())
+    }
+
+    /// The object dictionary for people, `device.md` in the folder of the device.
+    pub fn markdown(&self) -> String {
+        self.description.markdown()
+    }
+
     /// What the stack has to know beyond the data sheet.
     pub fn settings(&self) -> NodeSettings {
         self.description.settings.clone()
@@ -54,6 +64,30 @@ mod tests {
 
     use super::*;
     use crate::rules::Specification;
+
+    #[test]
+    fn generated_files_are_fresh() {
+        for name in names() {
+            let device = device(name).unwrap();
+            let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/");
+            for (file, fresh) in [("eds", device.eds_text()), ("md", device.markdown())] {
+                let path = format!("{folder}{name}/device.{file}");
+                let committed = std::fs::read_to_string(&path).unwrap_or_default();
+                let how = format!("{path}: run `harness eds write {name}`");
+                assert!(committed == fresh, "{how}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_data_sheet_reads_as_it_was_described() {
+        for name in names() {
+            let device = device(name).unwrap();
+            let reading = canopen::eds::read(device.eds_text().as_bytes());
+            assert!(!reading.has_errors(), "{:#?}", reading.diagnostics);
+            assert_eq!(reading.eds.without_lines(), device.description.eds);
+        }
+    }
 
     #[test]
     fn every_device_boots_up() {
