@@ -41,114 +41,15 @@ fn check_identity(source: &[u8]) -> Result<(), TestCaseError> {
 
 /// Pieces of data sheets, right ones and wrong ones, in any order.
 fn any_text() -> impl Strategy<Value = String> {
-    let section = prop::sample::select(vec![
-        "FileInfo",
-        "DeviceInfo",
-        "DummyUsage",
-        "Comments",
-        "MandatoryObjects",
-        "OptionalObjects",
-        "ManufacturerObjects",
-        "1000",
-        "1400",
-        "1600",
-        "2000",
-        "2000sub0",
-        "2000sub1",
-        "2000SUBa",
-        "2000Name",
-        "2000Value",
-        "2001",
-        "2001sub1",
-        "M1SubExt",
-        "DeviceComissioning",
-        "x",
-        "1A00",
-    ]);
-    let key = prop::sample::select(vec![
-        "ParameterName",
-        "ObjectType",
-        "DataType",
-        "AccessType",
-        "DefaultValue",
-        "LowLimit",
-        "HighLimit",
-        "PDOMapping",
-        "SubNumber",
-        "CompactSubObj",
-        "ObjFlags",
-        "ParameterValue",
-        "SupportedObjects",
-        "NrOfEntries",
-        "1",
-        "2",
-        "0x3",
-        "Lines",
-        "Line1",
-        "Line3",
-        "Dummy0001",
-        "BaudRate_50",
-        "BaudRate_77",
-        "CompactPDO",
-        "NrOfRXPDO",
-        "NrOfTXPDO",
-        "VendorNumber",
-        "FileVersion",
-        "Unit",
-        "Ärger",
-        "DynamicChannelsSupported",
-    ]);
+    let one_of = |pieces: &'static str| prop::sample::select(pieces.split('|').collect::<Vec<_>>());
     let value = prop_oneof![
-        prop::sample::select(vec![
-            "",
-            "0",
-            "1",
-            "7",
-            "8",
-            "9",
-            "2",
-            "010",
-            "08",
-            "0x1",
-            "0x5",
-            "0x0007",
-            "0x8",
-            "-1",
-            "1.0",
-            "1.5",
-            "0xFF",
-            "0x10L",
-            "12h",
-            "$NODEID",
-            "$nodeid + 5",
-            "0x180+$NODEID",
-            "$NODEID+0xFFFFFFFF",
-            "rw",
-            "RO",
-            "Const",
-            "x",
-            "0x7 # why",
-            "a;b",
-            "0x2000",
-            "Größe",
-            "01 02 03",
-            "0102",
-            "1e400",
-            "0x7FC00000",
-            "3",
-            "4",
-            "0x9",
-            "0x0F",
-            "0x0A",
-            "true",
-        ])
-        .prop_map(str::to_owned),
+        one_of(VALUES).prop_map(str::to_owned),
         (0u32..0x20).prop_map(|number| number.to_string()),
         "[ -~äµ]{0,12}",
     ];
     let line = prop_oneof![
-        1 => section.prop_map(|name| format!("[{name}]")),
-        4 => (key, value).prop_map(|(key, value)| format!("{key}={value}")),
+        1 => one_of(SECTIONS).prop_map(|name| format!("[{name}]")),
+        4 => (one_of(KEYS), value).prop_map(|(key, value)| format!("{key}={value}")),
         1 => "[ -~\r\t]{0,12}",
     ];
     prop::collection::vec(line, 0..60).prop_map(|lines| lines.join("\r\n"))
@@ -319,3 +220,19 @@ fn any_term(data_type: DataType) -> BoxedStrategy<Term> {
         }
     }
 }
+
+const SECTIONS: &str = "\
+    FileInfo|DeviceInfo|DummyUsage|Comments|MandatoryObjects|OptionalObjects|\
+    ManufacturerObjects|1000|1400|1600|2000|2000sub0|2000sub1|2000SUBa|2000Name|2000Value|\
+    2001|2001sub1|M1SubExt|DeviceComissioning|x|1A00";
+
+const KEYS: &str = "\
+    ParameterName|ObjectType|DataType|AccessType|DefaultValue|LowLimit|HighLimit|PDOMapping|\
+    SubNumber|CompactSubObj|ObjFlags|ParameterValue|SupportedObjects|NrOfEntries|1|2|0x3|\
+    Lines|Line1|Line3|Dummy0001|BaudRate_50|BaudRate_77|CompactPDO|NrOfRXPDO|NrOfTXPDO|\
+    VendorNumber|FileVersion|Unit|Ärger|DynamicChannelsSupported";
+
+const VALUES: &str = "\
+    |0|1|7|8|9|2|010|08|0x1|0x5|0x0007|0x8|-1|1.0|1.5|0xFF|0x10L|12h|$NODEID|$nodeid + 5|\
+    0x180+$NODEID|$NODEID+0xFFFFFFFF|rw|RO|Const|x|0x7 # why|a;b|0x2000|Größe|01 02 03|0102|\
+    1e400|0x7FC00000|3|4|0x9|0x0F|0x0A|true";

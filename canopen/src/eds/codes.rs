@@ -125,4 +125,40 @@ codes! {
     COMPACT = Warning, "eds-compact",
         "CompactSubObj and its name and value sections agree with each other.";
     COMPACT_PDO = Note, "eds-compact-pdo", "PDOs that CompactPDO stands for are read as objects.";
+
+    // The device as a whole
+    MANDATORY_OBJECT = Error, "eds-mandatory-object", "1000h, 1001h and 1018h are there.";
+    ERROR_CONTROL = Error, "eds-error-control", "1017h is there, or 100Ch and 100Dh are.";
+    IDENTITY = Warning, "eds-identity",
+        "VendorNumber, ProductNumber and RevisionNumber are the defaults of 1018h.";
+    LIMITS = Error, "eds-limits", "LowLimit is not above HighLimit.";
+    DEFAULT_LIMIT = Error, "eds-default-limit", "A default value is within its limits.";
+
+    // Process data
+    PDO_COUNT = Error, "eds-pdo-count", "NrOfRXPDO and NrOfTXPDO count the PDOs.";
+    PDO_PAIR = Error, "eds-pdo-pair",
+        "A PDO has a communication parameter and, 200h higher, a mapping parameter.";
+    PDO_ENTRY = Error, "eds-pdo-entry",
+        "Communication parameters have subs 1 and 2, and all subs are of their type.";
+    PDO_RESERVED = Error, "eds-pdo-reserved", "Communication parameters have no sub 4.";
+    TRANSMISSION_TYPE = Error, "eds-transmission-type",
+        "Transmission types are 0 to 240, 254, 255, and for TPDOs 252 and 253.";
+    PDO_DIRECTION = Error, "eds-pdo-direction",
+        "What is mapped has an access type for that direction: rwr for TPDOs, rww for RPDOs.";
+    MAPPING_DIRECTION = Warning, "eds-mapping-direction",
+        "What can be mapped and is rw says for which direction: rwr or rww.";
+    MAPPING_OBJECT = Error, "eds-mapping-object",
+        "What is mapped by default is there; dummies are in DummyUsage and for RPDOs.";
+    MAPPING_ACCESS = Error, "eds-mapping-access", "What is mapped by default has PDOMapping=1.";
+    MAPPING_LENGTH = Error, "eds-mapping-length", "A mapping names the length of its object.";
+    MAPPING_SUM = Error, "eds-mapping-sum", "A PDO has at most 64 bits.";
+    MAPPING_COUNT = Error, "eds-mapping-count",
+        "Sub 0 of a mapping counts entries that map something.";
+    MAPPING_SPARE = Note, "eds-mapping-spare",
+        "Sub 0 of a mapping counts all entries that map something.";
+    COB_ID_DUPLICATE = Warning, "eds-cob-id-duplicate", "Each default identifier is there once.";
+    COB_ID_RESTRICTED = Warning, "eds-cob-id-restricted",
+        "Default identifiers are none that CiA 301 keeps for other services.";
+    COB_ID_PREDEFINED = Warning, "eds-cob-id-predefined",
+        "PDO 1 to 4 have the identifiers of the predefined connection set.";
 }

@@ -1,8 +1,14 @@
 //! What a description says that cannot be right, or that no device should be.
 
-use super::diagnostic::{Diagnostic, Findings};
-use super::ini::Section;
-use super::model::Eds;
+mod object;
+mod pdo;
+
+use super::codes::{self, Code};
+use super::diagnostic::{Diagnostic, Findings, Place};
+use super::ini::{List, Name, Part, Section};
+use super::model::{Eds, Entry, Object};
+use crate::mux::Mux;
+use crate::value::Value;
 
 /// What is wrong with a description, whoever made it. [`read`](super::read) reports the same with
 /// exact columns; here a line is that of the section, and 0 for what comes from no file.
@@ -12,4 +18,105 @@ pub fn lint(eds: &Eds) -> Vec<Diagnostic> {
     findings.finish()
 }
 
-pub(super) fn check(_eds: &Eds, _sections: &[Section<'_>], _findings: &mut Findings) {}
+/// Checks what was read from `sections`, which are sorted; none when it comes from no file.
+pub(super) fn check(eds: &Eds, sections: &[Section<'_>], findings: &mut Findings) {
+    let mut lint = Lint { eds, sections, findings };
+    lint.mandatory();
+    lint.identity();
+    for object in &eds.objects {
+        lint.object(object);
+    }
+    lint.pdos();
+}
+
+struct Lint<'e, 's, 'a> {
+    eds: &'e Eds,
+    sections: &'s [Section<'a>],
+    findings: &'s mut Findings,
+}
+
+impl Lint<'_, '_, '_> {
+    fn mandatory(&mut self) {
+        let at = self.place(Name::Objects(List::Mandatory), None).unwrap_or(Place::new(1, 1));
+        for (index, name) in
+            [(0x1000, "device type"), (0x1001, "error register"), (0x1018, "identity")]
+        {
+            if self.eds.object(index).is_none() {
+                let message = format!("object {index:04X}h, the {name}, is missing");
+                self.findings.add(&codes::MANDATORY_OBJECT, at, message);
+            }
+        }
+        let has = |index| self.eds.object(index).is_some();
+        if !(has(0x1017) || has(0x100C) && has(0x100D)) {
+            let message = "neither heartbeat (1017h) nor node guarding (100Ch, 100Dh) is there";
+            self.findings.add(&codes::ERROR_CONTROL, at, message);
+        }
+    }
+
+    fn identity(&mut self) {
+        let device = &self.eds.device;
+        for (sub, key, stated) in [
+            (1, "VendorNumber", device.vendor_number),
+            (2, "ProductNumber", device.product_number),
+            (3, "RevisionNumber", device.revision_number),
+        ] {
+            if let Some(default) = self.fixed(Mux::new(0x1018, sub))
+                && default != i128::from(stated)
+            {
+                let at = self.place(Name::DeviceInfo, Some(key)).unwrap_or(Place::new(1, 1));
+                let message =
+                    format!("{key} is 0x{stated:X}, the default of 1018:{sub:02X} 0x{default:X}");
+                self.findings.add(&codes::IDENTITY, at, message);
+            }
+        }
+    }
+
+    /// The whole number that an entry has by default, when it does not depend on the node id.
+    fn fixed(&self, mux: Mux) -> Option<i128> {
+        let term = self.eds.entry(mux)?.default.as_ref()?;
+        match term.value {
+            Value::Int(number) if !term.plus_node => Some(number),
+            _ => None,
+        }
+    }
+
+    fn add_at(&mut self, code: &Code, entry: &Entry, key: &str, message: String) {
+        let at = self.entry_place(entry, key);
+        self.findings.add(code, at, message);
+    }
+
+    fn add(&mut self, code: &Code, object: &Object, message: String) {
+        let at = self.object_place(object);
+        self.findings.add(code, at, message);
+    }
+
+    fn object_place(&self, object: &Object) -> Place {
+        let head = self.place(Name::Object(object.index, Part::Head), None);
+        head.unwrap_or_else(|| Place::line(object.line))
+    }
+
+    /// Where the sheet says `key` of an entry, or where it speaks of the entry at all.
+    fn entry_place(&self, entry: &Entry, key: &str) -> Place {
+        let Mux { index, sub } = entry.mux;
+        let section = Name::Object(index, Part::Sub(sub));
+        let short = Name::Object(index, Part::Values);
+        let head = Name::Object(index, Part::Head);
+        self.place(section, Some(key))
+            .or_else(|| self.place(section, None))
+            .or_else(|| self.place(short, Some(&sub.to_string())).filter(|_| key == DEFAULT))
+            .or_else(|| self.place(head, Some(key)))
+            .unwrap_or_else(|| Place::line(entry.line))
+    }
+
+    /// Where a section starts, or where the value of one of its keys does.
+    fn place(&self, name: Name, key: Option<&str>) -> Option<Place> {
+        let place = self.sections.binary_search_by_key(&name, |section| section.name).ok()?;
+        let section = &self.sections[place];
+        match key {
+            None => Some(section.at),
+            Some(key) => section.key(key).map(|key| key.at),
+        }
+    }
+}
+
+const DEFAULT: &str = "DefaultValue";

@@ -98,30 +98,25 @@ impl Reader {
             (RPDO, 0x1400, device.rpdo_count, [0x200, 0x300, 0x400, 0x500]),
             (TPDO, 0x1800, device.tpdo_count, [0x180, 0x280, 0x380, 0x480]),
         ];
-        let mut made = 0;
+        let mut pdos = 0;
+        let mut objects = Vec::new();
         for (name, first, count, cob_ids) in directions {
-            let described = (first..first + PDOS).filter(|&index| self.has(index)).count() as u16;
-            let missing = count.saturating_sub(described);
-            let free: Vec<u16> = (first..first + PDOS)
-                .filter(|&index| !self.has(index))
-                .take(usize::from(missing))
-                .collect();
-            for index in free {
+            let (described, free): (Vec<u16>, Vec<u16>) =
+                (first..first + PDOS).partition(|&index| self.eds.object(index).is_some());
+            let missing = usize::from(count).saturating_sub(described.len());
+            for index in free.into_iter().take(missing) {
                 let cob_id = cob_ids.get(usize::from(index - first)).copied();
-                self.eds.objects.push(communication(name, index, mask, cob_id, at));
-                if !self.has(index + 0x200) {
-                    self.eds.objects.push(mapping(name, index + 0x200, at));
+                objects.push(communication(name, index, mask, cob_id, at));
+                if self.eds.object(index + 0x200).is_none() {
+                    objects.push(mapping(name, index + 0x200, at));
                 }
-                made += 1;
+                pdos += 1;
             }
-            self.eds.objects.sort_by_key(|object| object.index);
         }
-        let message = format!("CompactPDO stands for {made} PDOs that are not described");
+        self.eds.objects.append(&mut objects);
+        self.eds.objects.sort_by_key(|object| object.index);
+        let message = format!("CompactPDO stands for {pdos} PDOs that are not described");
         self.findings.add(&codes::COMPACT_PDO, at, message);
-    }
-
-    fn has(&self, index: u16) -> bool {
-        self.eds.object(index).is_some()
     }
 }
 

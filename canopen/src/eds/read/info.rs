@@ -13,8 +13,8 @@ impl Reader {
         let mut keys = Keys { section, kept: &mut kept, findings: &mut self.findings };
         self.eds.file = FileInfo {
             name: keys.text("FileName"),
-            version: keys.number("FileVersion", u32::MAX) as u32,
-            revision: keys.number("FileRevision", u32::MAX) as u32,
+            version: keys.number("FileVersion", u32::MAX),
+            revision: keys.number("FileRevision", u32::MAX),
             eds_version: keys.text("EDSVersion"),
             description: keys.text("Description"),
             creation_time: keys.text("CreationTime"),

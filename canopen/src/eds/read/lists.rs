@@ -77,7 +77,8 @@ impl Reader {
                 let message = format!("{index:04X}h is listed and has no section");
                 self.findings.add(&codes::NO_SECTION, *at, message);
             }
-            if (0x2000..0x6000).contains(index) != (*list == List::Manufacturer) {
+            let mandatory = MANDATORY.contains(index) && *list != List::Mandatory;
+            if mandatory || (0x2000..0x6000).contains(index) != (*list == List::Manufacturer) {
                 let message = format!("{index:04X}h does not belong into {}", list.title());
                 self.findings.add(&codes::LIST_RANGE, *at, message);
             }
@@ -97,3 +98,6 @@ fn place_in_list(name: &str) -> Option<u32> {
     let digits = name.bytes().all(|byte| byte.is_ascii_digit());
     digits.then(|| name.parse().ok()).flatten()
 }
+
+/// What every device has.
+const MANDATORY: [u16; 3] = [0x1000, 0x1001, 0x1018];

@@ -53,7 +53,7 @@ impl Reader {
 
     fn object(&mut self, parts: &Parts<'_, '_>) {
         let names_and_values = [parts.names, parts.values].into_iter().flatten();
-        let Some(first) = parts.head.or(parts.subs.first()) else {
+        let Some(first) = parts.head.or_else(|| parts.subs.first()) else {
             return names_and_values.for_each(|section| self.other(section));
         };
         let index = parts.index;
@@ -263,11 +263,13 @@ impl Reader {
             return match kind {
                 ObjectKind::DOMAIN => DataType::DOMAIN,
                 ObjectKind::DEFTYPE => DataType::UNSIGNED32,
-                _ => {
-                    let message = format!("{mux} has no DataType");
+                _ if kind.has_subs() && mux.sub == 0 => {
+                    let message = format!("{mux} has no DataType; unsigned8 is taken");
                     self.findings.add(&codes::DATA_TYPE_MISSING, section.at, message);
-                    if kind.has_subs() && mux.sub == 0 { DataType::UNSIGNED8 } else { DataType(0) }
+                    DataType::UNSIGNED8
                 }
+                // The lint has a word on that.
+                _ => DataType(0),
             };
         };
         if key.value.bytes().all(|byte| byte.is_ascii_digit()) {

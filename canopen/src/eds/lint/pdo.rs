@@ -1,0 +1,255 @@
+//! PDOs: parameters that belong together, identifiers, default mappings.
+
+use std::collections::HashMap;
+
+use super::{DEFAULT, Lint};
+use crate::eds::codes;
+use crate::eds::diagnostic::Place;
+use crate::eds::ini::Name;
+use crate::eds::model::{Direction, Entry, Object, Term};
+use crate::mux::Mux;
+use crate::pdo::{CobId, Mapping, is_restricted};
+use crate::value::{DataType, Value};
+
+/// One direction of process data.
+#[derive(Clone, Copy)]
+struct Pdos {
+    direction: Direction,
+    name: &'static str,
+    /// Index of the first communication parameter; that of the mapping is 200h higher.
+    first: u16,
+    /// Key of the device's section that counts them.
+    count_key: &'static str,
+    /// What is added to the node id for the first PDO; 100h more for each of the next three.
+    cob_id: i128,
+}
+
+impl<'e> Lint<'e, '_, '_> {
+    pub(super) fn pdos(&mut self) {
+        for pdos in [RPDOS, TPDOS] {
+            self.pdo_count(pdos);
+            for object in self.in_range(pdos.first) {
+                self.pdo_pair(object, object.index + 0x200);
+                self.communication(pdos, object);
+            }
+            for object in self.in_range(pdos.first + 0x200) {
+                self.pdo_pair(object, object.index - 0x200);
+                self.mapping(pdos, object);
+            }
+        }
+        self.cob_ids();
+    }
+
+    fn pdo_count(&mut self, pdos: Pdos) {
+        let stated = match pdos.direction {
+            Direction::Receive => self.eds.device.rpdo_count,
+            Direction::Transmit => self.eds.device.tpdo_count,
+        };
+        let there_are = self.in_range(pdos.first).len();
+        if usize::from(stated) != there_are {
+            let at = self.place(Name::DeviceInfo, Some(pdos.count_key));
+            let at = at.or_else(|| self.place(Name::DeviceInfo, None)).unwrap_or(Place::new(1, 1));
+            let message =
+                format!("{} is {stated}, and there are {there_are} {}s", pdos.count_key, pdos.name);
+            self.findings.add(&codes::PDO_COUNT, at, message);
+        }
+    }
+
+    fn pdo_pair(&mut self, object: &Object, other: u16) {
+        if self.eds.object(other).is_none() {
+            let message = format!("{:04X}h is there and {other:04X}h is not", object.index);
+            self.add(&codes::PDO_PAIR, object, message);
+        }
+    }
+
+    fn communication(&mut self, pdos: Pdos, object: &Object) {
+        for (sub, data_type) in COMMUNICATION {
+            match object.entry(sub) {
+                Some(entry) if entry.data_type != data_type => {
+                    let message = format!("{} is {}, not {data_type}", entry.mux, entry.data_type);
+                    self.add_at(&codes::PDO_ENTRY, entry, "DataType", message);
+                }
+                None if sub <= 2 => {
+                    let message = format!("{} is missing", Mux::new(object.index, sub));
+                    self.add(&codes::PDO_ENTRY, object, message);
+                }
+                _ => {}
+            }
+        }
+        if let Some(entry) = object.entry(4) {
+            let message = format!("{} is reserved and should not be there", entry.mux);
+            self.add_at(&codes::PDO_RESERVED, entry, "ParameterName", message);
+        }
+        if let Some(entry) = object.entry(2)
+            && let Some(number) = self.fixed(entry.mux)
+        {
+            let wrong = match pdos.direction {
+                Direction::Receive => (241..=253).contains(&number),
+                Direction::Transmit => (241..=251).contains(&number),
+            };
+            if wrong {
+                let message =
+                    format!("{}: {} has no transmission type {number}", entry.mux, pdos.name);
+                self.add_at(&codes::TRANSMISSION_TYPE, entry, DEFAULT, message);
+            }
+        }
+        self.predefined(pdos, object);
+    }
+
+    /// Whether one of the first four PDOs has the identifier of the predefined connection set.
+    fn predefined(&mut self, pdos: Pdos, object: &Object) {
+        let number = object.index - pdos.first;
+        let Some(entry) = object.entry(1).filter(|_| number < 4) else { return };
+        let Some(Term { value: Value::Int(value), plus_node }) = &entry.default else { return };
+        let expected = pdos.cob_id + 0x100 * i128::from(number);
+        if CobId(*value as u32).valid() && !(*plus_node && value & 0x1FFF_FFFF == expected) {
+            let message = format!("{}: the default is usually $NODEID+0x{expected:X}", entry.mux);
+            self.add_at(&codes::COB_ID_PREDEFINED, entry, DEFAULT, message);
+        }
+    }
+
+    fn mapping(&mut self, pdos: Pdos, object: &Object) {
+        let entries = || object.entries.iter().filter(|entry| (1..=64).contains(&entry.mux.sub));
+        let value = |entry: &Entry| match &entry.default {
+            Some(Term { value: Value::Int(number), plus_node: false }) => *number as u32,
+            _ => 0,
+        };
+        let set = entries().take_while(|entry| value(entry) != 0).count() as u8;
+        let count = match self.fixed(Mux::new(object.index, 0)) {
+            None => set,
+            // Multiplexed PDOs map nothing.
+            Some(254 | 255) => 0,
+            Some(count) => u8::try_from(count).unwrap_or(u8::MAX),
+        };
+        if let Some(sub0) = object.entry(0).filter(|_| count > set) {
+            let message = format!("{} is {count}, and {set} entries map something", sub0.mux);
+            self.add_at(&codes::MAPPING_COUNT, sub0, DEFAULT, message);
+        }
+        if let Some(spare) = entries().find(|entry| entry.mux.sub > count && value(entry) != 0) {
+            let message = format!("{} maps something and is beyond the count {count}", spare.mux);
+            self.add_at(&codes::MAPPING_SPARE, spare, DEFAULT, message);
+        }
+        let mut bits = 0;
+        for entry in entries().take(usize::from(count)).filter(|entry| value(entry) != 0) {
+            let mapping = Mapping::decode(value(entry));
+            self.mapped(pdos, entry, mapping);
+            bits += u32::from(mapping.bits);
+            if bits > 64 {
+                let message = format!("{}: with this entry the PDO has {bits} bits", entry.mux);
+                return self.add_at(&codes::MAPPING_SUM, entry, DEFAULT, message);
+            }
+        }
+    }
+
+    fn mapped(&mut self, pdos: Pdos, at: &Entry, mapping: Mapping) {
+        let Mapping { mux, bits } = mapping;
+        if mux.index < FIRST_OBJECT {
+            let known = self.eds.dummies.contains(&mux.index);
+            if !known || pdos.direction == Direction::Transmit {
+                let message = format!("{}: dummy {:04X}h cannot fill this PDO", at.mux, mux.index);
+                self.add_at(&codes::MAPPING_OBJECT, at, DEFAULT, message);
+            }
+            return;
+        }
+        let Some(entry) = self.eds.entry(mux) else {
+            let message = format!("{}: there is no {mux} to map", at.mux);
+            return self.add_at(&codes::MAPPING_OBJECT, at, DEFAULT, message);
+        };
+        if !entry.mappable {
+            let message = format!("{}: PDOMapping of {mux} is 0", at.mux);
+            self.add_at(&codes::MAPPING_ACCESS, at, DEFAULT, message);
+        } else if !entry.maps_into(pdos.direction) {
+            let message =
+                format!("{}: {mux} is {} and not for {}s", at.mux, entry.access.name(), pdos.name);
+            self.add_at(&codes::PDO_DIRECTION, at, DEFAULT, message);
+        }
+        let size = entry.data_type.size().map(|size| 8 * size);
+        let boolean = entry.data_type == DataType::BOOLEAN && bits == 1;
+        if let Some(size) = size
+            && size != usize::from(bits)
+            && !boolean
+        {
+            let message = format!("{}: {mux} has {size} bits, and {bits} are mapped", at.mux);
+            self.add_at(&codes::MAPPING_LENGTH, at, DEFAULT, message);
+        }
+    }
+
+    /// Identifiers of all services: each once, and none that CiA 301 keeps for another one.
+    fn cob_ids(&mut self) {
+        let mut seen = HashMap::new();
+        for object in &self.eds.objects {
+            for &sub in cob_id_subs(object.index) {
+                let Some(entry) = object.entry(sub) else { continue };
+                let Some(Term { value: Value::Int(value), plus_node }) = &entry.default else {
+                    continue;
+                };
+                let cob_id = CobId(*value as u32);
+                // In 1005h and 1012h bit 31 says something else.
+                if object.index > 0x1012 && !cob_id.valid() {
+                    continue;
+                }
+                let id = cob_id.0 & 0x1FFF_FFFF;
+                if !cob_id.extended() && self.restricted(object.index, id, *plus_node) {
+                    let message =
+                        format!("{}: CiA 301 keeps this identifier for others", entry.mux);
+                    self.add_at(&codes::COB_ID_RESTRICTED, entry, DEFAULT, message);
+                }
+                if let Some(first) = seen.insert((id, cob_id.extended(), *plus_node), entry.mux) {
+                    let message = format!("{} has the identifier of {first}", entry.mux);
+                    self.add_at(&codes::COB_ID_DUPLICATE, entry, DEFAULT, message);
+                }
+            }
+        }
+    }
+
+    fn restricted(&self, index: u16, id: u32, plus_node: bool) -> bool {
+        // The identifiers of SDO are kept for SDO.
+        let nodes = if plus_node { 1..=127 } else { 0..=0 };
+        !(0x1200..0x1300).contains(&index) && nodes.into_iter().any(|node| is_restricted(id + node))
+    }
+
+    fn in_range(&self, first: u16) -> &'e [Object] {
+        let objects = &self.eds.objects;
+        let start = objects.partition_point(|object| object.index < first);
+        let end = objects.partition_point(|object| object.index < first + 0x200);
+        &objects[start..end]
+    }
+}
+
+/// The subs that hold an identifier of the device.
+const fn cob_id_subs(index: u16) -> &'static [u8] {
+    match index {
+        0x1005 | 0x1012 | 0x1014 => &[0],
+        0x1200..=0x127F => &[1, 2],
+        0x1400..=0x15FF | 0x1800..=0x19FF => &[1],
+        _ => &[],
+    }
+}
+
+const RPDOS: Pdos = Pdos {
+    direction: Direction::Receive,
+    name: "RPDO",
+    first: 0x1400,
+    count_key: "NrOfRXPDO",
+    cob_id: 0x200,
+};
+
+const TPDOS: Pdos = Pdos {
+    direction: Direction::Transmit,
+    name: "TPDO",
+    first: 0x1800,
+    count_key: "NrOfTXPDO",
+    cob_id: 0x180,
+};
+
+/// Subs of a communication parameter; the first two must be there.
+const COMMUNICATION: [(u8, DataType); 5] = [
+    (1, DataType::UNSIGNED32),
+    (2, DataType::UNSIGNED8),
+    (3, DataType::UNSIGNED16),
+    (5, DataType::UNSIGNED16),
+    (6, DataType::UNSIGNED8),
+];
+
+/// Below are data types, which fill gaps in RPDOs.
+const FIRST_OBJECT: u16 = 0x1000;
