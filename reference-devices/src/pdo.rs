@@ -1,0 +1,121 @@
+//! What RPDOs and TPDOs share: where their parameters are, and what communication parameters
+//! refuse (CiA 301, 7.5.2.35 and 7.5.2.37).
+
+use canopen::eds::Direction;
+use canopen::pdo::{CobId, is_restricted};
+use canopen::{Abort, Dictionary, Mux};
+
+use crate::services::Base;
+
+/// One of the parameter objects of a PDO.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Parameter {
+    pub(crate) direction: Direction,
+    pub(crate) part: Part,
+    /// The PDO, counted from 0.
+    pub(crate) pdo: u16,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    Communication,
+    Mapping,
+}
+
+impl Parameter {
+    /// Which PDO's parameter the object at `index` is.
+    pub(crate) const fn at(index: u16) -> Option<Self> {
+        let (direction, part) = match index {
+            0x1400..=0x15FF => (Direction::Receive, Part::Communication),
+            0x1600..=0x17FF => (Direction::Receive, Part::Mapping),
+            0x1800..=0x19FF => (Direction::Transmit, Part::Communication),
+            0x1A00..=0x1BFF => (Direction::Transmit, Part::Mapping),
+            _ => return None,
+        };
+        Some(Self { direction, part, pdo: index & 0x1FF })
+    }
+}
+
+/// The PDOs of a device, counted from 0: those that have both parameter objects.
+pub(crate) fn existing(od: &Dictionary, direction: Direction) -> Vec<u16> {
+    let first = communication(direction, 0);
+    let cob_ids = od.entries().iter().map(|entry| entry.mux).filter(|mux| mux.sub == 1);
+    cob_ids
+        .filter(|mux| (first..first + 0x200).contains(&mux.index))
+        .map(|mux| mux.index - first)
+        .filter(|pdo| od.has_object(mapping(direction, *pdo)))
+        .collect()
+}
+
+/// The index of the communication parameter.
+pub(crate) const fn communication(direction: Direction, pdo: u16) -> u16 {
+    pdo + match direction {
+        Direction::Receive => 0x1400,
+        Direction::Transmit => 0x1800,
+    }
+}
+
+/// The index of the mapping parameter.
+pub(crate) const fn mapping(direction: Direction, pdo: u16) -> u16 {
+    communication(direction, pdo) + 0x200
+}
+
+/// The COB-ID of a PDO.
+pub(crate) fn cob_id(od: &Dictionary, direction: Direction, pdo: u16) -> CobId {
+    let mux = Mux::new(communication(direction, pdo), COB_ID);
+    CobId(od.int(mux).map_or(CobId::INVALID, |cob| cob as u32))
+}
+
+/// What a communication parameter refuses.
+pub(crate) fn check_communication(
+    mux: Mux,
+    bytes: &[u8],
+    direction: Direction,
+    base: &Base,
+) -> Result<(), Abort> {
+    let rules = &base.rules;
+    let cob = cob_id(&base.od, direction, mux.index & 0x1FF);
+    let kind = base.od.int(Mux::new(mux.index, TYPE)).unwrap_or(0) as u8;
+    let same = base.od.get(mux) == Some(bytes);
+    let fixed = !same && cob.valid() && rules.pdo_parameter_fixed_while_valid(mux.sub);
+    let refused = match (mux.sub, bytes) {
+        (COB_ID, &[a, b, c, d]) => {
+            let new = CobId(u32::from_le_bytes([a, b, c, d]));
+            !same && cob_id_refused(cob, new, kind, base)
+        }
+        (TYPE, &[kind]) => {
+            !rules.transmission_type_valid(direction, kind)
+                || asks_for_rtr(direction, kind) && !cob.rtr_allowed()
+        }
+        (INHIBIT_TIME, _) => fixed,
+        (SYNC_START, &[start]) => fixed || start > 240,
+        _ => false,
+    };
+    if refused { Err(Abort::VALUE) } else { Ok(()) }
+}
+
+fn cob_id_refused(old: CobId, new: CobId, kind: u8, base: &Base) -> bool {
+    let identifier = |cob: CobId| cob.0 & !(CobId::INVALID | CobId::NO_RTR);
+    let moved = old.valid() && new.valid() && identifier(old) != identifier(new);
+    let foreign_bits = identifier(new) & !0x7FF != 0;
+    let restricted = new.valid() && is_restricted(new.can_id().into());
+    moved && base.rules.cob_id_fixed_while_valid()
+        || foreign_bits
+        || restricted && base.rules.restricted_ids_refused()
+        || new.valid() && !new.rtr_allowed() && matches!(kind, 252 | 253)
+}
+
+const fn asks_for_rtr(direction: Direction, kind: u8) -> bool {
+    matches!(direction, Direction::Transmit) && matches!(kind, 252 | 253)
+}
+
+/// Sub-index of the COB-ID.
+pub(crate) const COB_ID: u8 = 1;
+/// Sub-index of the transmission type.
+pub(crate) const TYPE: u8 = 2;
+/// Sub-index of the inhibit time, in 100 microseconds.
+pub(crate) const INHIBIT_TIME: u8 = 3;
+/// Sub-index of the event timer, in milliseconds.
+pub(crate) const EVENT_TIMER: u8 = 5;
+/// Sub-index of the SYNC start value.
+pub(crate) const SYNC_START: u8 = 6;
