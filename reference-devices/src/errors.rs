@@ -105,7 +105,7 @@ impl Errors {
         let Some(place) = self.active.iter().position(matches) else { return };
         let gone = self.active.remove(place);
         if gone.register != 0 {
-            let (vendor, register) = gone.end.unwrap_or(([0; 5], self.register()));
+            let (vendor, register) = gone.end.unwrap_or_else(|| ([0; 5], self.register()));
             let message = Emcy { code: EmcyCode::RESET, register, vendor };
             self.news.push_back(News::Gone(message));
         }

@@ -12,16 +12,24 @@ pub mod drr460;
 mod emcy;
 mod error_behaviour;
 mod errors;
+mod guarding;
+mod heartbeat_consumer;
 mod heartbeat_producer;
 mod nmt;
 mod node;
+mod pdo;
+mod pdo_mapping;
+mod rpdo;
 pub mod rules;
 mod sdo_server;
 mod services;
 mod settings;
+mod storage;
+mod sync;
 #[cfg(test)]
 mod testing;
 mod time;
+mod tpdo;
 
 pub use behaviour::{Behaviour, Event, Inert};
 pub use errors::Errors;

@@ -1,10 +1,11 @@
 //! A CANopen device: NMT, the SDO server and the services they command.
 
 use canopen::eds::Eds;
-use canopen::{Device, Dictionary, Frame, Instant, Mux, NmtState, Outbox, ValueError, nmt, sdo};
+use canopen::{
+    Data, Device, Dictionary, Frame, Instant, Mux, NmtState, Outbox, ValueError, nmt, sdo,
+};
 
 use crate::behaviour::Behaviour;
-use crate::errors::Errors;
 use crate::nmt::{Change, Nmt, Reset};
 use crate::rules::Rules;
 use crate::sdo_server::SdoServer;
@@ -30,10 +31,8 @@ impl Node {
         rules: Box<dyn Rules>,
         behaviour: Box<dyn Behaviour>,
     ) -> Result<Self, (Mux, ValueError)> {
-        let od = Dictionary::new(eds, node_id)?;
-        let state = NmtState::INITIALISING;
-        let base = Base { id: node_id, state, settings, rules, od, errors: Errors::default() };
-        let services = Services::new(base, behaviour);
+        let base = Base::new(eds, node_id, settings, rules)?;
+        let services = Services::new(eds, base, behaviour);
         let mut node = Self { nmt: Nmt::default(), sdo: SdoServer::default(), services };
         node.power_on(Instant::ZERO);
         Ok(node)
@@ -60,10 +59,10 @@ impl Node {
         self.nmt.initialise(now, &mut self.services.base);
     }
 
-    fn handle_data(&mut self, now: Instant, id: u16, data: &[u8], out: &mut Outbox) {
+    fn handle_data(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) {
         let own = u16::from(self.services.base.id);
         if id == nmt::COB_ID {
-            match self.nmt.command(&self.services.base, data) {
+            match self.nmt.command(&self.services.base, &data) {
                 Some(Change::Enter(state)) => self.enter(now, state, out),
                 Some(Change::Reset(reset)) => {
                     // A controller that is initialised forgets what it was asked to send.
@@ -72,10 +71,12 @@ impl Node {
                 }
                 None => {}
             }
-        } else if id == sdo::REQUEST_COB_ID + own
-            && self.services.base.rules.sdo_served_in(self.state())
-        {
-            self.sdo.handle_request(now, data, &mut self.services, out);
+        } else if id == sdo::REQUEST_COB_ID + own {
+            if self.services.base.rules.sdo_served_in(self.state()) {
+                self.sdo.handle_request(now, &data, &mut self.services, out);
+            }
+        } else {
+            self.services.handle_data(now, id, data, out);
         }
     }
 
@@ -105,8 +106,10 @@ impl Device for Node {
         if self.state() == NmtState::INITIALISING {
             return;
         }
-        if let Some(id) = frame.data_id() {
-            self.handle_data(now, id, &frame.data, out);
+        match (frame.id.as_standard(), frame.remote) {
+            (Some(id), false) => self.handle_data(now, id, frame.data, out),
+            (Some(id), true) => self.services.handle_remote(now, id, out),
+            (None, _) => {}
         }
         self.settle(now, out);
     }
@@ -129,14 +132,10 @@ impl Device for Node {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{Rig, basic, eds, mux};
+    use crate::testing::{Rig, basic, eds, mux, sent};
     use crate::{Inert, Specification};
     use canopen::Abort;
     use std::time::Duration;
-
-    fn sent(frames: &[(u64, &str)]) -> Vec<(u64, String)> {
-        frames.iter().map(|(at, frame)| (*at, (*frame).to_owned())).collect()
-    }
 
     #[test]
     fn boots_up_once_and_only_then_listens() {

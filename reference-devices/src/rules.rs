@@ -5,7 +5,9 @@
 
 use std::time::Duration;
 
+use canopen::eds::Direction;
 use canopen::nmt::{Command, Service};
+use canopen::pdo::CobId;
 use canopen::sdo::Request;
 use canopen::{Abort, Mux, NmtState};
 
@@ -72,6 +74,46 @@ pub trait Rules: Send {
     /// The first heartbeat comes one period after boot-up.
     fn heartbeats_at_boot_up(&self) -> u32 {
         0
+    }
+
+    /// The consumer waits as long as 1016h says (7.5.2.16).
+    fn heartbeat_consumer_time(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    /// A node is watched from its first heartbeat on (7.2.8.3.2.2).
+    fn first_heartbeat_starts_watch(&self) -> bool {
+        true
+    }
+
+    /// The next heartbeat of a node that was lost ends the error.
+    fn heartbeat_loss_recovers(&self) -> bool {
+        true
+    }
+
+    /// Two entries of 1016h do not name the same node (7.5.2.16).
+    fn heartbeat_node_watched_once(&self) -> bool {
+        true
+    }
+
+    /// Guarding and heartbeat exclude each other, and heartbeat goes first (7.2.8.2.2.1).
+    fn guarding_answered(&self, heartbeat_runs: bool) -> bool {
+        !heartbeat_runs
+    }
+
+    /// The toggle bit alternates from answer to answer (7.2.8.3.2.1).
+    fn guarding_toggle_after(&self, toggle: bool) -> bool {
+        !toggle
+    }
+
+    /// It starts at 0 after a reset (7.2.8.3.2.1).
+    fn guarding_toggle_after_reset(&self, _toggle: bool) -> bool {
+        false
+    }
+
+    /// Life guarding waits for guard time times life time factor (7.5.2.10).
+    fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
+        guard_time * u32::from(factor)
     }
 
     /// On a communication error, 1029h sub 1 decides: PRE-OPERATIONAL, nothing, or STOPPED
@@ -218,5 +260,147 @@ pub trait Rules: Send {
     /// A line of 1003h that holds no error cannot be read (7.5.2.4).
     fn empty_history_readable(&self) -> bool {
         false
+    }
+
+    // SYNC, 7.2.5
+
+    /// SYNC is used in PRE-OPERATIONAL and OPERATIONAL (table 37).
+    fn sync_used_in(&self, state: NmtState) -> bool {
+        matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
+    }
+
+    /// 1006h counts microseconds (7.5.2.6).
+    fn sync_period(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    /// A SYNC that does not come in time is told (7.2.7.1, 8100h).
+    fn sync_loss_told(&self) -> bool {
+        true
+    }
+
+    /// SYNC has a counter byte when 1019h is not 0, and no byte otherwise (7.2.5.3).
+    fn sync_length_valid(&self, expected: usize, actual: usize) -> bool {
+        expected == actual
+    }
+
+    /// The counter ends at 2 to 240; 0 is no counter (7.5.2.22).
+    fn sync_overflow_valid(&self, last: u8) -> bool {
+        matches!(last, 0 | 2..=240)
+    }
+
+    // PDO parameters, 7.5.2.35 to 7.5.2.38
+
+    /// Inhibit time and SYNC start value do not change while the PDO exists.
+    fn pdo_parameter_fixed_while_valid(&self, _sub: u8) -> bool {
+        true
+    }
+
+    /// Identifiers of other services are refused (7.3.5).
+    fn restricted_ids_refused(&self) -> bool {
+        true
+    }
+
+    /// Types 241 to 251 are reserved, and only a TPDO can be asked for (types 252 and 253).
+    fn transmission_type_valid(&self, direction: Direction, kind: u8) -> bool {
+        match direction {
+            Direction::Receive => matches!(kind, 0..=240 | 254..),
+            Direction::Transmit => matches!(kind, 0..=240 | 252..),
+        }
+    }
+
+    /// A mapping does not change while the PDO exists.
+    fn mapping_fixed_while_valid(&self) -> bool {
+        true
+    }
+
+    /// Nor do its entries while they are in use: sub 0 is set to 0 first.
+    fn mapping_fixed_while_active(&self) -> bool {
+        true
+    }
+
+    /// A PDO carries at most 64 bits.
+    fn pdo_bits_max(&self) -> u32 {
+        64
+    }
+
+    /// What the device does not offer for this direction cannot be mapped.
+    fn mappability_checked(&self) -> bool {
+        true
+    }
+
+    /// An object is mapped with its own length.
+    fn mapped_length_checked(&self) -> bool {
+        true
+    }
+
+    // PDOs, 7.2.2
+
+    /// RPDOs are used in OPERATIONAL (table 37).
+    fn rpdo_used_in(&self, state: NmtState) -> bool {
+        state == NmtState::OPERATIONAL
+    }
+
+    /// A synchronous RPDO takes effect with the next SYNC (7.2.2.2).
+    fn synchronous_rpdo_waits(&self) -> bool {
+        true
+    }
+
+    /// An RPDO that is too short is not used; of one that is too long, the first bytes are
+    /// (7.2.2.5).
+    fn rpdo_length_usable(&self, mapped: usize, actual: usize) -> bool {
+        actual >= mapped
+    }
+
+    /// Both are told (7.2.7.1, 8210h and 8220h).
+    fn rpdo_length_told(&self) -> bool {
+        true
+    }
+
+    /// TPDOs are sent in OPERATIONAL (table 37).
+    fn tpdo_sent_in(&self, state: NmtState) -> bool {
+        state == NmtState::OPERATIONAL
+    }
+
+    /// Event-driven TPDOs are sent once on entering it.
+    fn tpdo_sent_at_start(&self) -> bool {
+        true
+    }
+
+    /// Type n, 1 to 240, is sent with every n-th SYNC (7.2.2.2).
+    fn cyclic_tpdo_due(&self, syncs: u8, kind: u8) -> bool {
+        syncs >= kind
+    }
+
+    /// Bit 30 of the COB-ID forbids remote requests (7.5.2.37).
+    fn rtr_answered(&self, cob: CobId) -> bool {
+        cob.rtr_allowed()
+    }
+
+    /// The inhibit time counts 100 microseconds (7.5.2.37).
+    fn pdo_inhibit(&self, configured: u16) -> Duration {
+        Duration::from_micros(100) * u32::from(configured)
+    }
+
+    /// The event timer starts anew with each transmission (7.5.2.37).
+    fn event_timer_restarts(&self) -> bool {
+        true
+    }
+
+    // Store and restore, 7.5.2.11 and 7.5.2.12
+
+    /// Nothing is done without the signature.
+    fn signature_valid(&self, expected: &[u8], got: &[u8]) -> bool {
+        expected == got
+    }
+
+    /// Every object of the group is stored.
+    fn stored(&self, _mux: Mux) -> bool {
+        true
+    }
+
+    /// Restored values are in force after the next reset.
+    fn load_waits_for_reset(&self) -> bool {
+        true
     }
 }

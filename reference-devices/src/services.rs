@@ -1,17 +1,27 @@
-//! The services that work on the dictionary, and the one place where the network's access to an
-//! object is judged and takes effect.
+//! The services that work on the dictionary: what each does with a frame, a deadline, a state.
 
-use canopen::{Abort, Dictionary, Instant, Mux, NmtState, Outbox};
+mod access;
+
+use canopen::eds::Eds;
+use canopen::pdo::Unpacker;
+use canopen::{Data, Dictionary, Instant, Mux, NmtState, Outbox, ValueError, heartbeat};
 
 use crate::behaviour::{Behaviour, Event};
-use crate::emcy::{self, EmcyProducer};
+use crate::emcy::EmcyProducer;
 use crate::error_behaviour;
-use crate::errors::Errors;
+use crate::errors::{Errors, Fault};
+use crate::guarding::Guarding;
+use crate::heartbeat_consumer::HeartbeatConsumer;
 use crate::heartbeat_producer::HeartbeatProducer;
 use crate::nmt::Reset;
+use crate::pdo_mapping::is_dummy;
+use crate::rpdo::Rpdo;
 use crate::rules::Rules;
 use crate::settings::NodeSettings;
+use crate::storage::Storage;
+use crate::sync::SyncConsumer;
 use crate::time::earlier;
+use crate::tpdo::Tpdo;
 
 /// What every service works with.
 pub(crate) struct Base {
@@ -21,133 +31,93 @@ pub(crate) struct Base {
     pub(crate) rules: Box<dyn Rules>,
     pub(crate) od: Dictionary,
     pub(crate) errors: Errors,
+    /// Data types that may fill gaps in RPDOs.
+    pub(crate) dummies: Vec<u16>,
+    /// The smallest mappable unit in bits.
+    pub(crate) granularity: u8,
 }
 
 /// Every service but NMT and the SDO server, which command them.
 pub(crate) struct Services {
     pub(crate) base: Base,
     behaviour: Box<dyn Behaviour>,
-    initial: Dictionary,
+    storage: Storage,
     heartbeat: HeartbeatProducer,
+    consumer: HeartbeatConsumer,
+    guarding: Guarding,
     emcy: EmcyProducer,
-    /// An object may have changed since the behaviour and the TPDOs looked.
+    sync: SyncConsumer,
+    rpdos: Vec<Rpdo>,
+    tpdos: Vec<Tpdo>,
+    /// The behaviour has something to look at.
     touched: bool,
+    /// The TPDOs have.
+    changed: bool,
+}
+
+impl Base {
+    /// # Errors
+    /// The address of a default value that is not one of its entry's type, and why.
+    pub(crate) fn new(
+        eds: &Eds,
+        id: u8,
+        settings: NodeSettings,
+        rules: Box<dyn Rules>,
+    ) -> Result<Self, (Mux, ValueError)> {
+        Ok(Self {
+            id,
+            state: NmtState::INITIALISING,
+            settings,
+            rules,
+            od: Dictionary::new(eds, id)?,
+            errors: Errors::default(),
+            dummies: eds.dummies.clone(),
+            granularity: eds.device.granularity,
+        })
+    }
+
+    /// An error of the communication appeared.
+    pub(crate) fn raise(&mut self, fault: Fault) {
+        self.errors.raise_fault(fault, &self.settings.emcy, &*self.rules);
+    }
 }
 
 impl Services {
-    pub(crate) fn new(base: Base, behaviour: Box<dyn Behaviour>) -> Self {
+    pub(crate) fn new(eds: &Eds, base: Base, behaviour: Box<dyn Behaviour>) -> Self {
         Self {
-            initial: base.od.clone(),
+            storage: Storage::new(eds, &base.od),
             base,
             behaviour,
             heartbeat: HeartbeatProducer::default(),
+            consumer: HeartbeatConsumer::default(),
+            guarding: Guarding::default(),
             emcy: EmcyProducer::default(),
+            sync: SyncConsumer::default(),
+            rpdos: Vec::new(),
+            tpdos: Vec::new(),
             touched: false,
+            changed: false,
         }
-    }
-
-    /// The value that an upload of `mux` gets.
-    pub(crate) fn read(&self, mux: Mux) -> Result<&[u8], Abort> {
-        let mux = self.base.settings.resolve(mux);
-        let bytes = self.base.od.read(mux)?;
-        let empty_line = mux.index == emcy::HISTORY && !self.emcy.has_line(mux.sub);
-        if empty_line && !self.base.rules.empty_history_readable() {
-            return Err(Abort::NO_DATA);
-        }
-        Ok(bytes)
-    }
-
-    /// Judges a write and lets it take effect; what is refused changes nothing.
-    pub(crate) fn write(&mut self, now: Instant, mux: Mux, bytes: &[u8]) -> Result<(), Abort> {
-        let mux = self.base.settings.resolve(mux);
-        if let Err(abort) = self.check(mux, bytes) {
-            self.refused(now, mux, bytes);
-            return Err(abort);
-        }
-        self.base.od.set(mux, bytes);
-        self.written(now, mux);
-        Ok(())
-    }
-
-    /// Judges a download before its data are there. Returns the longest value the object takes.
-    pub(crate) fn check_download(&self, mux: Mux, size: Option<usize>) -> Result<usize, Abort> {
-        let mux = self.base.settings.resolve(mux);
-        let od = &self.base.od;
-        let Some(entry) = od.entry(mux) else {
-            return Err(if od.has_object(mux.index) {
-                Abort::NO_SUB_INDEX
-            } else {
-                Abort::NO_OBJECT
-            });
-        };
-        if !entry.access.writable() {
-            return Err(Abort::READ_ONLY);
-        }
-        let fixed = entry.data_type.size();
-        let longest = fixed.unwrap_or(self.base.settings.longest_value);
-        match size {
-            Some(size) if size > longest => Err(Abort::TOO_LONG),
-            Some(size) if fixed.is_some_and(|fixed| size < fixed) => Err(Abort::TOO_SHORT),
-            _ => Ok(longest),
-        }
-    }
-
-    /// The length of the object's values when they all have one.
-    pub(crate) fn fixed_size(&self, mux: Mux) -> Option<usize> {
-        let entry = self.base.od.entry(self.base.settings.resolve(mux))?;
-        entry.data_type.size()
-    }
-
-    fn check(&self, mux: Mux, bytes: &[u8]) -> Result<(), Abort> {
-        match self.base.od.check(mux, bytes) {
-            Err(Abort::TOO_HIGH | Abort::TOO_LOW) if !self.base.rules.range_checked() => {}
-            Err(abort) => return Err(abort),
-            Ok(_) => {}
-        }
-        match mux.index {
-            0x1003 | 0x1014 => emcy::check(mux, bytes, &self.base)?,
-            _ => {}
-        }
-        self.behaviour.check(mux, bytes, &self.base.od)
-    }
-
-    /// What a refused write leaves behind, which is nothing unless a rule is broken.
-    fn refused(&mut self, now: Instant, mux: Mux, bytes: &[u8]) {
-        let base = &mut self.base;
-        let fits = base.od.entry(mux).is_some_and(|entry| {
-            entry.access.writable() && entry.data_type.size().is_none_or(|size| size == bytes.len())
-        });
-        if fits && !base.rules.refused_write_changes_nothing(mux) {
-            base.od.set(mux, bytes);
-            self.written(now, mux);
-        }
-    }
-
-    /// Lets the services that own an object take over its new value.
-    fn written(&mut self, now: Instant, mux: Mux) {
-        match mux.index {
-            0x1003 => self.emcy.clear_history(&mut self.base),
-            0x1014 | 0x1015 => self.emcy.configure(&self.base),
-            0x1017 => self.heartbeat.configure(now, &self.base),
-            _ => {}
-        }
-        self.behaviour.written(now, mux, &mut self.base.od);
-        self.touched = true;
     }
 
     /// Gives the objects of a reset their stored or default values and starts the services anew.
     pub(crate) fn reset(&mut self, now: Instant, reset: Reset) {
-        if self.base.rules.reset_restores(reset) {
-            self.base.od.restore(&self.initial, reset.objects());
+        let base = &mut self.base;
+        if base.rules.reset_restores(reset) {
+            base.od.restore(self.storage.image(), reset.objects());
         }
-        self.base.errors.reset(reset == Reset::Node);
+        base.errors.reset(reset == Reset::Node);
         self.heartbeat.stop();
-        self.emcy.reset(&mut self.base);
+        self.emcy.reset(base);
+        self.guarding.reset(base);
+        self.consumer.reset(now, base);
+        self.sync.reset(base);
+        self.rpdos = Rpdo::all(base);
+        self.tpdos = Tpdo::all(base);
         if reset == Reset::Node {
-            self.behaviour.reset(now, &mut self.base.od);
-            self.behaviour.run(now, &mut self.base.od, &mut self.base.errors);
+            self.behaviour.reset(now, &mut base.od);
         }
-        self.touched = false;
+        self.touched = true;
     }
 
     /// Boot-up is done; `state` is the first one.
@@ -157,10 +127,78 @@ impl Services {
     }
 
     /// The node enters another NMT state.
-    pub(crate) fn enter(&mut self, now: Instant, state: NmtState, _out: &mut Outbox) {
+    pub(crate) fn enter(&mut self, now: Instant, state: NmtState, out: &mut Outbox) {
         self.base.state = state;
         self.behaviour.event(now, Event::Entered(state), &mut self.base.od);
         self.touched = true;
+        self.advance(now);
+        if state != NmtState::OPERATIONAL {
+            self.sync.stop();
+        }
+        if !self.base.rules.rpdo_used_in(state) {
+            self.rpdos.iter_mut().for_each(Rpdo::stop);
+        }
+        for tpdo in &mut self.tpdos {
+            tpdo.enter(now, &self.base, out);
+        }
+    }
+
+    /// A data frame that is neither for NMT nor for the SDO server.
+    pub(crate) fn handle_data(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) {
+        if self.sync.id() == Some(id) {
+            self.synchronise(now, &data, out);
+        } else if let 0x701..=0x77F = id {
+            let node = (id - heartbeat::COB_ID) as u8;
+            self.consumer.handle_frame(now, node, &data, &mut self.base);
+        } else if self.base.rules.rpdo_used_in(self.base.state) {
+            for place in 0..self.rpdos.len() {
+                if self.rpdos[place].takes(id)
+                    && let Some(data) = self.rpdos[place].receive(now, data, &mut self.base)
+                {
+                    self.apply(now, place, data);
+                }
+            }
+        }
+    }
+
+    /// A remote frame.
+    pub(crate) fn handle_remote(&mut self, now: Instant, id: u16, out: &mut Outbox) {
+        if id == heartbeat::COB_ID + u16::from(self.base.id) {
+            let heartbeat_runs = self.heartbeat.runs();
+            self.guarding.handle_request(now, heartbeat_runs, &mut self.base, out);
+        }
+        for tpdo in &mut self.tpdos {
+            tpdo.handle_request(now, id, &self.base, out);
+        }
+    }
+
+    pub(crate) fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
+        self.heartbeat.handle_timeout(now, &self.base, out);
+        self.consumer.handle_timeout(now, &mut self.base);
+        self.guarding.handle_timeout(now, &mut self.base);
+        self.sync.handle_timeout(now, &mut self.base);
+        for rpdo in &mut self.rpdos {
+            rpdo.handle_timeout(now, &mut self.base);
+        }
+        if self.behaviour.poll_at().is_some_and(|due| due <= now) {
+            self.touched = true;
+            self.advance(now);
+        }
+        for tpdo in &mut self.tpdos {
+            tpdo.handle_timeout(now, &self.base, out);
+        }
+    }
+
+    /// Brings application, errors and process data up to date after something happened.
+    pub(crate) fn settle(&mut self, now: Instant, out: &mut Outbox) {
+        self.advance(now);
+        self.changed |= self.emcy.collect(&mut self.base);
+        self.emcy.send(now, &self.base, out);
+        if std::mem::take(&mut self.changed) {
+            for tpdo in &mut self.tpdos {
+                tpdo.compare(now, &self.base, &*self.behaviour, out);
+            }
+        }
     }
 
     /// The state that a communication error since the last call leads to.
@@ -173,24 +211,54 @@ impl Services {
         error_behaviour::reaction(&self.base)
     }
 
-    pub(crate) fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
-        self.heartbeat.handle_timeout(now, &self.base, out);
-        if self.behaviour.poll_at().is_some_and(|due| due <= now) {
-            self.touched = true;
-        }
+    pub(crate) fn poll_at(&self) -> Option<Instant> {
+        let deadlines = [
+            self.heartbeat.poll_at(),
+            self.consumer.poll_at(),
+            self.guarding.poll_at(),
+            self.emcy.poll_at(),
+            self.sync.poll_at(),
+            self.behaviour.poll_at(),
+        ];
+        let rpdos = self.rpdos.iter().map(Rpdo::poll_at);
+        let tpdos = self.tpdos.iter().map(Tpdo::poll_at);
+        deadlines.into_iter().chain(rpdos).chain(tpdos).fold(None, earlier)
     }
 
-    /// Brings application, errors and process data up to date after something happened.
-    pub(crate) fn settle(&mut self, now: Instant, out: &mut Outbox) {
+    /// Lets the application see what happened.
+    fn advance(&mut self, now: Instant) {
         if std::mem::take(&mut self.touched) {
             self.behaviour.run(now, &mut self.base.od, &mut self.base.errors);
+            self.changed = true;
         }
-        self.emcy.collect(&mut self.base);
-        self.emcy.send(now, &self.base, out);
     }
 
-    pub(crate) fn poll_at(&self) -> Option<Instant> {
-        let deadline = earlier(self.heartbeat.poll_at(), self.emcy.poll_at());
-        earlier(deadline, self.behaviour.poll_at())
+    /// SYNC: received data take effect, the application follows, then data are transmitted.
+    fn synchronise(&mut self, now: Instant, data: &[u8], out: &mut Outbox) {
+        let Some(sync) = self.sync.handle_frame(now, data, &mut self.base) else { return };
+        for place in 0..self.rpdos.len() {
+            if let Some(data) = self.rpdos[place].synchronise() {
+                self.apply(now, place, data);
+            }
+        }
+        self.advance(now);
+        for tpdo in &mut self.tpdos {
+            tpdo.synchronise(now, sync, &self.base, out);
+        }
+    }
+
+    /// Writes the data of an RPDO. A value that its object does not take is left out.
+    fn apply(&mut self, now: Instant, place: usize, data: Data) {
+        let mut fields = Unpacker::new(data);
+        for entry in 0..self.rpdos[place].mapping().entries().len() {
+            let entry = self.rpdos[place].mapping().entries()[entry];
+            let bytes = fields.take(entry.bits);
+            if is_dummy(entry.mux) {
+                continue;
+            }
+            let size = self.fixed_size(entry.mux).unwrap_or(0).min(8);
+            // The sender gets no answer, so a refusal has nowhere to go.
+            let _ = self.write(now, entry.mux, &bytes[..size]);
+        }
     }
 }

@@ -186,3 +186,65 @@ pub(crate) fn basic() -> Vec<Entry> {
         entry(mux(0x2006, 0), DataType::UNSIGNED16, Access::Wo, 0),
     ]
 }
+
+/// A device with every service.
+pub(crate) fn full() -> Vec<Entry> {
+    let (ro, rw) = (Access::Ro, Access::Rw);
+    let (u8, u16, u32) = (DataType::UNSIGNED8, DataType::UNSIGNED16, DataType::UNSIGNED32);
+    let of_node = |entry: Entry| Entry {
+        default: entry.default.map(|term| Term { plus_node: true, ..term }),
+        ..entry
+    };
+    let array = |index, count: u8, data_type, access, default| {
+        (1..=count).map(move |sub| entry(mux(index, sub), data_type, access, default))
+    };
+    let mut entries = basic();
+    entries.push(entry(mux(0x1003, 0), u8, rw, 0));
+    entries.extend(array(0x1003, 3, u32, ro, 0));
+    entries.push(entry(mux(0x1005, 0), u32, rw, 0x80));
+    entries.push(entry(mux(0x1006, 0), u32, rw, 0));
+    entries.push(entry(mux(0x1019, 0), u8, rw, 0));
+    entries.push(entry(mux(0x100C, 0), u16, rw, 0));
+    entries.push(entry(mux(0x100D, 0), u8, rw, 0));
+    for index in [0x1010, 0x1011] {
+        entries.push(entry(mux(index, 0), u8, ro, 4));
+        entries.extend(array(index, 4, u32, rw, 1));
+    }
+    entries.push(of_node(entry(mux(0x1014, 0), u32, rw, 0x80)));
+    entries.push(entry(mux(0x1015, 0), u16, rw, 0));
+    entries.push(entry(mux(0x1016, 0), u8, ro, 3));
+    entries.extend(array(0x1016, 3, u32, rw, 0));
+    entries.push(entry(mux(0x1029, 0), u8, ro, 1));
+    entries.push(entry(mux(0x1029, 1), u8, rw, 0));
+    for pdo in 0..2 {
+        for (index, cob) in [(0x1400 + pdo, 0x200), (0x1800 + pdo, 0x180)] {
+            let cob = cob + 0x100 * i64::from(pdo);
+            entries.push(entry(mux(index, 0), u8, ro, 6));
+            entries.push(of_node(entry(mux(index, 1), u32, rw, cob)));
+            entries.push(entry(mux(index, 2), u8, rw, 255));
+            entries.push(entry(mux(index, 3), u16, rw, 0));
+            entries.push(entry(mux(index, 5), u16, rw, 0));
+            entries.push(entry(mux(index, 6), u8, rw, 0));
+        }
+        for index in [0x1600 + pdo, 0x1A00 + pdo] {
+            entries.push(entry(mux(index, 0), u8, rw, 0));
+            entries.extend(array(index, 9, u32, rw, 0));
+        }
+    }
+    entries.push(entry(mux(0x6000, 1), u8, ro, 0));
+    entries.push(entry(mux(0x6200, 1), u8, Access::Rww, 0));
+    entries.push(entry(mux(0x6200, 2), u8, Access::Rww, 0));
+    entries.push(entry(mux(0x6401, 1), DataType::INTEGER16, ro, 0));
+    entries
+}
+
+/// Gives an entry another default value.
+pub(crate) fn set(entries: &mut [Entry], mux: Mux, default: i64) {
+    let entry = entries.iter_mut().find(|entry| entry.mux == mux).unwrap();
+    entry.default = Some(Term::fixed(Value::from(default)));
+}
+
+/// What was sent, in a form that is easy to write down.
+pub(crate) fn sent(frames: &[(u64, &str)]) -> Vec<(u64, String)> {
+    frames.iter().map(|(at, frame)| (*at, (*frame).to_owned())).collect()
+}

@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
+use canopen::eds::Direction;
 use canopen::nmt::{Command, Service};
+use canopen::pdo::CobId;
 use canopen::sdo::Request;
 use canopen::{Abort, Data, Mux, NmtState};
 
@@ -86,6 +88,33 @@ mutants! {
     }
     "error-behaviour-ignored" {
         fn error_reaction(&self, _configured: u8) -> Option<NmtState> { None }
+    }
+
+    "heartbeat-watched-before-first" {
+        fn first_heartbeat_starts_watch(&self) -> bool { false }
+    }
+    "heartbeat-loss-never-recovers" {
+        fn heartbeat_loss_recovers(&self) -> bool { false }
+    }
+    "heartbeat-consumer-time-doubled" {
+        fn heartbeat_consumer_time(&self, configured: Duration) -> Duration { configured * 2 }
+    }
+    "heartbeat-node-watched-twice" {
+        fn heartbeat_node_watched_once(&self) -> bool { false }
+    }
+    "guarding-answered-beside-heartbeat" {
+        fn guarding_answered(&self, _heartbeat_runs: bool) -> bool { true }
+    }
+    "guarding-toggle-stuck" {
+        fn guarding_toggle_after(&self, toggle: bool) -> bool { toggle }
+    }
+    "guarding-toggle-kept-over-reset" {
+        fn guarding_toggle_after_reset(&self, toggle: bool) -> bool { toggle }
+    }
+    "life-time-factor-ignored" {
+        fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
+            if factor == 0 { Duration::ZERO } else { guard_time }
+        }
     }
 
     // SDO server
@@ -214,6 +243,130 @@ mutants! {
     "history-empty-line-readable" {
         fn empty_history_readable(&self) -> bool { true }
     }
+
+    // SYNC
+    "sync-loss-not-told" {
+        fn sync_loss_told(&self) -> bool { false }
+    }
+    "sync-period-in-milliseconds" {
+        fn sync_period(&self, configured: Duration) -> Duration { configured * 1000 }
+    }
+    "sync-any-length-used" {
+        fn sync_length_valid(&self, _expected: usize, _actual: usize) -> bool { true }
+    }
+    "sync-counter-to-255" {
+        fn sync_overflow_valid(&self, _last: u8) -> bool { true }
+    }
+
+    // PDO parameters
+    "pdo-cob-id-moves-while-valid" {
+        fn cob_id_fixed_while_valid(&self) -> bool { false }
+    }
+    "pdo-inhibit-changes-while-valid" {
+        fn pdo_parameter_fixed_while_valid(&self, _sub: u8) -> bool { false }
+    }
+    "pdo-restricted-id-accepted" {
+        fn restricted_ids_refused(&self) -> bool { false }
+    }
+    "pdo-reserved-type-accepted" {
+        fn transmission_type_valid(&self, _direction: Direction, _kind: u8) -> bool { true }
+    }
+    "mapping-changes-while-valid" {
+        fn mapping_fixed_while_valid(&self) -> bool { false }
+    }
+    "mapping-changes-while-active" {
+        fn mapping_fixed_while_active(&self) -> bool { false }
+    }
+    "mapping-length-unchecked" {
+        fn pdo_bits_max(&self) -> u32 { u32::MAX }
+    }
+    "mapping-length-off-by-one" {
+        fn pdo_bits_max(&self) -> u32 { 72 }
+    }
+    "mapping-refused-but-written" {
+        fn refused_write_changes_nothing(&self, mux: Mux) -> bool { !is_mapping(mux) }
+    }
+    "mapping-refused-sets-error-register" {
+        fn refused_write_is_an_error(&self, mux: Mux) -> bool { is_mapping(mux) }
+    }
+    "mapping-wrong-abort-out-of-order" {
+        fn abort_code(&self, mux: Mux, reason: Abort) -> Abort {
+            if is_mapping(mux) && reason == Abort::ACCESS { Abort::READ_ONLY } else { reason }
+        }
+    }
+    "mapping-of-any-object" {
+        fn mappability_checked(&self) -> bool { false }
+    }
+    "mapping-entry-length-unchecked" {
+        fn mapped_length_checked(&self) -> bool { false }
+    }
+
+    // PDOs
+    "rpdo-used-in-pre-operational" {
+        fn rpdo_used_in(&self, _state: NmtState) -> bool { true }
+    }
+    "rpdo-short-used" {
+        fn rpdo_length_usable(&self, _mapped: usize, _actual: usize) -> bool { true }
+    }
+    "rpdo-long-dropped" {
+        fn rpdo_length_usable(&self, mapped: usize, actual: usize) -> bool { mapped == actual }
+    }
+    "rpdo-length-not-told" {
+        fn rpdo_length_told(&self) -> bool { false }
+    }
+    "rpdo-acts-before-sync" {
+        fn synchronous_rpdo_waits(&self) -> bool { false }
+    }
+    "tpdo-sent-in-stopped" {
+        fn tpdo_sent_in(&self, state: NmtState) -> bool {
+            matches!(state, NmtState::OPERATIONAL | NmtState::STOPPED)
+        }
+    }
+    "tpdo-not-sent-at-start" {
+        fn tpdo_sent_at_start(&self) -> bool { false }
+    }
+    "tpdo-one-sync-late" {
+        fn cyclic_tpdo_due(&self, syncs: u8, kind: u8) -> bool { syncs > kind }
+    }
+    "tpdo-rtr-always-answered" {
+        fn rtr_answered(&self, _cob: CobId) -> bool { true }
+    }
+    "tpdo-rtr-unanswered" {
+        fn rtr_answered(&self, _cob: CobId) -> bool { false }
+    }
+    "tpdo-inhibit-in-milliseconds" {
+        fn pdo_inhibit(&self, configured: u16) -> Duration {
+            Duration::from_millis(configured.into())
+        }
+    }
+    "tpdo-inhibit-ignored" {
+        fn pdo_inhibit(&self, _configured: u16) -> Duration { Duration::ZERO }
+    }
+    "tpdo-event-timer-not-restarted" {
+        fn event_timer_restarts(&self) -> bool { false }
+    }
+
+    // Store and restore
+    "save-with-any-signature" {
+        fn signature_valid(&self, expected: &[u8], got: &[u8]) -> bool {
+            expected == got || expected == b"save"
+        }
+    }
+    "load-with-any-signature" {
+        fn signature_valid(&self, expected: &[u8], got: &[u8]) -> bool {
+            expected == got || expected == b"load"
+        }
+    }
+    "save-stores-half" {
+        fn stored(&self, mux: Mux) -> bool { mux.index < 0x2000 }
+    }
+    "load-at-once" {
+        fn load_waits_for_reset(&self) -> bool { false }
+    }
+}
+
+fn is_mapping(mux: Mux) -> bool {
+    matches!(mux.index, 0x1600..=0x17FF | 0x1A00..=0x1BFF)
 }
 
 #[cfg(test)]

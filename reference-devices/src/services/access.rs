@@ -1,0 +1,160 @@
+//! The one place where the network's access to an object is judged and takes effect, whether it
+//! comes by SDO or by RPDO.
+
+use canopen::eds::Direction;
+use canopen::emcy::EmcyCode;
+use canopen::{Abort, Instant, Mux};
+
+use super::Services;
+use crate::pdo::{self, Parameter, Part};
+use crate::{emcy, heartbeat_consumer, pdo_mapping, storage, sync};
+
+impl Services {
+    /// The value that an upload of `mux` gets.
+    pub(crate) fn read(&self, mux: Mux) -> Result<&[u8], Abort> {
+        let mux = self.base.settings.resolve(mux);
+        let bytes = self.base.od.read(mux)?;
+        let empty_line = mux.index == emcy::HISTORY && !self.emcy.has_line(mux.sub);
+        if empty_line && !self.base.rules.empty_history_readable() {
+            return Err(Abort::NO_DATA);
+        }
+        Ok(bytes)
+    }
+
+    /// Judges a write and lets it take effect; what is refused changes nothing.
+    pub(crate) fn write(&mut self, now: Instant, mux: Mux, bytes: &[u8]) -> Result<(), Abort> {
+        let mux = self.base.settings.resolve(mux);
+        if let Err(abort) = self.check(mux, bytes) {
+            self.refused(now, mux, bytes);
+            return Err(abort);
+        }
+        if is_command(mux) {
+            self.storage.execute(mux, &mut self.base);
+        } else {
+            self.base.od.set(mux, bytes);
+        }
+        self.written(now, mux);
+        Ok(())
+    }
+
+    /// Judges a download before its data are there. Returns the longest value the object takes.
+    pub(crate) fn check_download(&self, mux: Mux, size: Option<usize>) -> Result<usize, Abort> {
+        let mux = self.base.settings.resolve(mux);
+        let od = &self.base.od;
+        let Some(entry) = od.entry(mux) else {
+            return Err(match od.has_object(mux.index) {
+                true => Abort::NO_SUB_INDEX,
+                false => Abort::NO_OBJECT,
+            });
+        };
+        if !entry.access.writable() {
+            return Err(Abort::READ_ONLY);
+        }
+        let fixed = entry.data_type.size();
+        let longest = fixed.unwrap_or(self.base.settings.longest_value);
+        match size {
+            Some(size) if size > longest => Err(Abort::TOO_LONG),
+            Some(size) if fixed.is_some_and(|fixed| size < fixed) => Err(Abort::TOO_SHORT),
+            _ => Ok(longest),
+        }
+    }
+
+    /// The length of the object's values when they all have one.
+    pub(crate) fn fixed_size(&self, mux: Mux) -> Option<usize> {
+        let entry = self.base.od.entry(self.base.settings.resolve(mux))?;
+        entry.data_type.size()
+    }
+
+    /// Asks the data sheet, then the service that owns the object, then the application.
+    fn check(&self, mux: Mux, bytes: &[u8]) -> Result<(), Abort> {
+        let base = &self.base;
+        match base.od.check(mux, bytes) {
+            Err(Abort::TOO_HIGH | Abort::TOO_LOW) if !base.rules.range_checked() => {}
+            Err(abort) => return Err(abort),
+            Ok(_) => {}
+        }
+        if is_communication(mux) {
+            match mux.index {
+                0x1003 | 0x1014 => emcy::check(mux, bytes, base)?,
+                0x1005 | 0x1019 => sync::check(mux, bytes, base)?,
+                0x1010 | 0x1011 => storage::check(mux, bytes, base)?,
+                0x1016 => heartbeat_consumer::check(mux, bytes, base)?,
+                index => match Parameter::at(index) {
+                    Some(Parameter { direction, part: Part::Communication, .. }) => {
+                        pdo::check_communication(mux, bytes, direction, base)?;
+                    }
+                    Some(Parameter { direction, part: Part::Mapping, .. }) => {
+                        pdo_mapping::check(mux, bytes, direction, base)?;
+                    }
+                    None => {}
+                },
+            }
+        }
+        self.behaviour.check(mux, bytes, &base.od)
+    }
+
+    /// What a refused write leaves behind, which is nothing unless a rule is broken.
+    fn refused(&mut self, now: Instant, mux: Mux, bytes: &[u8]) {
+        let base = &mut self.base;
+        if base.rules.refused_write_is_an_error(mux) {
+            base.errors.raise(0, DATA_SET, 0, [0; 5]);
+        }
+        let fits = base.od.entry(mux).is_some_and(|entry| {
+            let size = entry.data_type.size();
+            entry.access.writable() && size.is_none_or(|size| size == bytes.len())
+        });
+        if fits && !is_command(mux) && !base.rules.refused_write_changes_nothing(mux) {
+            base.od.set(mux, bytes);
+            self.written(now, mux);
+        }
+    }
+
+    /// Lets the owners of an object take over its new value.
+    fn written(&mut self, now: Instant, mux: Mux) {
+        if is_communication(mux) {
+            self.configure(now, mux);
+        }
+        self.behaviour.written(now, mux, &mut self.base.od);
+        self.touched = true;
+    }
+
+    fn configure(&mut self, now: Instant, mux: Mux) {
+        let base = &mut self.base;
+        match mux.index {
+            0x1003 => self.emcy.clear_history(base),
+            0x1005 | 0x1006 | 0x1019 => self.sync.configure(base),
+            0x100C | 0x100D => self.guarding.configure(base),
+            0x1014 | 0x1015 => self.emcy.configure(base),
+            0x1016 => self.consumer.configure(now, mux.sub, base),
+            0x1017 => {
+                self.heartbeat.configure(now, base);
+                if self.heartbeat.runs() {
+                    self.guarding.stop(base);
+                }
+            }
+            index => {
+                let Some(Parameter { direction, pdo, .. }) = Parameter::at(index) else { return };
+                if direction == Direction::Receive {
+                    let rpdo = self.rpdos.iter_mut().find(|rpdo| rpdo.is(pdo));
+                    rpdo.into_iter().for_each(|rpdo| rpdo.configure(base));
+                } else {
+                    let tpdo = self.tpdos.iter_mut().find(|tpdo| tpdo.is(pdo));
+                    tpdo.into_iter().for_each(|tpdo| tpdo.configure(now, base));
+                }
+            }
+        }
+    }
+}
+
+/// Objects that a write does not change: writing is a command.
+const fn is_command(mux: Mux) -> bool {
+    matches!(mux.index, storage::STORE | storage::RESTORE)
+}
+
+/// Whether a service may own the object.
+const fn is_communication(mux: Mux) -> bool {
+    matches!(mux.index, 0x1000..=0x1FFF)
+}
+
+/// Error code for a device that takes a client's mistake for its own.
+const DATA_SET: EmcyCode = EmcyCode(0x6300);
