@@ -119,3 +119,76 @@ pub(crate) const INHIBIT_TIME: u8 = 3;
 pub(crate) const EVENT_TIMER: u8 = 5;
 /// Sub-index of the SYNC start value.
 pub(crate) const SYNC_START: u8 = 6;
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::{Rig, eds, full, mux};
+    use canopen::Abort;
+
+    const VALUE: Result<(), u32> = Err(Abort::VALUE.0);
+
+    /// Writes a COB-ID to the first RPDO and the first TPDO, which agree.
+    fn cob(rig: &mut Rig, cob: u32) -> Result<(), u32> {
+        let rpdo = rig.write(mux(0x1400, 1), &(cob + 0x80).to_le_bytes());
+        let tpdo = rig.write(mux(0x1800, 1), &cob.to_le_bytes());
+        assert_eq!(rpdo, tpdo);
+        tpdo
+    }
+
+    #[test]
+    fn an_identifier_moves_by_way_of_invalid() {
+        let mut rig = Rig::new(&eds(full()));
+        assert_eq!(cob(&mut rig, 0x185), Ok(()));
+        assert_eq!(cob(&mut rig, 0x186), VALUE);
+        assert_eq!(cob(&mut rig, 0x8000_0185), Ok(()));
+        assert_eq!(cob(&mut rig, 0x2000_0185), VALUE);
+        assert_eq!(cob(&mut rig, 0x8000_1185), VALUE);
+        assert_eq!(cob(&mut rig, 0x186), Ok(()));
+        assert_eq!(cob(&mut rig, 0x4000_0186), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x80, 0x05, 0, 0x80]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x81, 0x05, 0, 0]), VALUE);
+    }
+
+    #[test]
+    fn types_that_the_direction_does_not_have_are_refused() {
+        let mut rig = Rig::new(&eds(full()));
+        for kind in 0..=255 {
+            let rpdo = matches!(kind, 0..=240 | 254..);
+            let tpdo = matches!(kind, 0..=240 | 252..);
+            assert_eq!(rig.write(mux(0x1400, 2), &[kind]).is_ok(), rpdo, "{kind}");
+            assert_eq!(rig.write(mux(0x1800, 2), &[kind]).is_ok(), tpdo, "{kind}");
+        }
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x40]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 2), &[252]), VALUE);
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 2), &[252]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x40]), VALUE);
+    }
+
+    #[test]
+    fn inhibit_time_and_sync_start_are_fixed_while_the_pdo_exists() {
+        let mut rig = Rig::new(&eds(full()));
+        assert_eq!(rig.write(mux(0x1800, 3), &[0, 0]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 3), &[1, 0]), VALUE);
+        assert_eq!(rig.write(mux(0x1800, 6), &[1]), VALUE);
+        assert_eq!(rig.write(mux(0x1800, 5), &[1, 0]), Ok(()));
+        assert_eq!(cob(&mut rig, 0x8000_0185), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 3), &[1, 0]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 6), &[240]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 6), &[241]), VALUE);
+        assert_eq!(rig.write(mux(0x1800, 4), &[0]), Err(Abort::NO_SUB_INDEX.0));
+    }
+
+    #[test]
+    fn mutants_break_what_they_say() {
+        let mut rig = Rig::mutant(&eds(full()), "pdo-cob-id-moves-while-valid");
+        assert_eq!(cob(&mut rig, 0x186), Ok(()));
+        let mut rig = Rig::mutant(&eds(full()), "pdo-reserved-type-accepted");
+        assert_eq!(rig.write(mux(0x1800, 2), &[245]), Ok(()));
+        let mut rig = Rig::mutant(&eds(full()), "pdo-inhibit-changes-while-valid");
+        assert_eq!(rig.write(mux(0x1800, 3), &[1, 0]), Ok(()));
+        let mut rig = Rig::mutant(&eds(full()), "pdo-restricted-id-accepted");
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 1), &[1, 6, 0, 0]), Ok(()));
+    }
+}

@@ -153,3 +153,111 @@ pub(crate) const fn is_dummy(mux: Mux) -> bool {
 const LAST_DUMMY: u16 = 0x0007;
 /// Counts from here on make a PDO a multiplexed one, which this device does not have.
 const MULTIPLEXED: u8 = 0xFE;
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::{Rig, eds, full, mux};
+    use canopen::Abort;
+
+    const SET_DUMMY: u32 = 0x0005_0008;
+
+    /// The first PDOs switched off, mapping ready to be changed.
+    fn ready(rules: &str) -> Rig {
+        let mut sheet = eds(full());
+        sheet.dummies = vec![5];
+        let mut rig = match rules {
+            "" => Rig::new(&sheet),
+            rules => Rig::mutant(&sheet, rules),
+        };
+        for index in [0x1400, 0x1800] {
+            rig.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
+        }
+        rig
+    }
+
+    fn map(rig: &mut Rig, index: u16, sub: u8, entry: u32) -> Result<(), Abort> {
+        rig.write(mux(index, sub), &entry.to_le_bytes()).map_err(Abort)
+    }
+
+    fn count(rig: &mut Rig, index: u16, count: u8) -> Result<(), Abort> {
+        rig.write(mux(index, 0), &[count]).map_err(Abort)
+    }
+
+    #[test]
+    fn an_entry_is_what_the_device_offers() {
+        let table = [
+            (0x1600, 0x6200_0108, Ok(())),
+            (0x1600, 0x2006_0010, Ok(())),
+            (0x1600, SET_DUMMY, Ok(())),
+            (0x1A00, 0x6401_0110, Ok(())),
+            (0x1600, 0x0000_0000, Ok(())),
+            (0x1600, 0x7FFF_0008, Err(Abort::NO_OBJECT)),
+            (0x1600, 0x6200_0908, Err(Abort::NO_SUB_INDEX)),
+            (0x1600, 0x1017_0010, Err(Abort::NOT_MAPPABLE)),
+            (0x1600, 0x6000_0108, Err(Abort::NOT_MAPPABLE)),
+            (0x1A00, 0x6200_0108, Err(Abort::NOT_MAPPABLE)),
+            (0x1A00, 0x2006_0010, Err(Abort::NOT_MAPPABLE)),
+            (0x1A00, SET_DUMMY, Err(Abort::NOT_MAPPABLE)),
+            (0x1600, 0x0006_0010, Err(Abort::NOT_MAPPABLE)),
+            (0x1600, 0x6200_0107, Err(Abort::NOT_MAPPABLE)),
+            (0x1600, 0x6200_0110, Err(Abort::NOT_MAPPABLE)),
+            (0x1600, 0x6200_0100, Err(Abort::NOT_MAPPABLE)),
+            (0x1600, 0x2004_0008, Err(Abort::NOT_MAPPABLE)),
+        ];
+        for (index, entry, result) in table {
+            assert_eq!(map(&mut ready(""), index, 1, entry), result, "{index:04X} {entry:08X}");
+        }
+    }
+
+    #[test]
+    fn changes_need_their_order() {
+        let mut rig = ready("");
+        map(&mut rig, 0x1A00, 1, 0x6401_0110).unwrap();
+        assert_eq!(count(&mut rig, 0x1A00, 1), Ok(()));
+        assert_eq!(map(&mut rig, 0x1A00, 1, 0x6000_0108), Err(Abort::ACCESS));
+        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0]).unwrap();
+        assert_eq!(count(&mut rig, 0x1A00, 0), Err(Abort::ACCESS));
+        assert_eq!(map(&mut rig, 0x1A00, 2, 0x6000_0108), Err(Abort::ACCESS));
+        assert_eq!(rig.read(mux(0x1A00, 0)), Ok(vec![1]));
+    }
+
+    #[test]
+    fn the_count_is_judged_with_all_that_it_covers() {
+        let mut rig = ready("");
+        for sub in 1..=9 {
+            map(&mut rig, 0x1600, sub, SET_DUMMY).unwrap();
+        }
+        assert_eq!(count(&mut rig, 0x1600, 9), Err(Abort::PDO_LENGTH));
+        assert_eq!(count(&mut rig, 0x1600, 10), Err(Abort::PDO_LENGTH));
+        assert_eq!(count(&mut rig, 0x1600, 0xFE), Err(Abort::VALUE));
+        assert_eq!(count(&mut rig, 0x1600, 8), Ok(()));
+        assert_eq!(count(&mut rig, 0x1600, 0), Ok(()));
+        map(&mut rig, 0x1600, 2, 0).unwrap();
+        assert_eq!(count(&mut rig, 0x1600, 3), Err(Abort::VALUE));
+        assert_eq!(rig.read(mux(0x1600, 0)), Ok(vec![0]));
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+    }
+
+    #[test]
+    fn mutants_break_what_they_say() {
+        let long = |rules| {
+            let mut rig = ready(rules);
+            for sub in 1..=9 {
+                map(&mut rig, 0x1600, sub, SET_DUMMY).unwrap();
+            }
+            rig
+        };
+        assert_eq!(count(&mut long("mapping-length-unchecked"), 0x1600, 9), Ok(()));
+        assert_eq!(count(&mut long("mapping-length-off-by-one"), 0x1600, 9), Ok(()));
+        let mut rig = long("mapping-refused-but-written");
+        assert_eq!(count(&mut rig, 0x1600, 9), Err(Abort::PDO_LENGTH));
+        assert_eq!(rig.read(mux(0x1600, 0)), Ok(vec![9]));
+        let mut rig = long("mapping-refused-sets-error-register");
+        assert_eq!(count(&mut rig, 0x1600, 9), Err(Abort::PDO_LENGTH));
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![1]));
+        let mut rig = ready("mapping-of-any-object");
+        assert_eq!(map(&mut rig, 0x1600, 1, 0x1017_0010), Ok(()));
+        let mut rig = ready("mapping-entry-length-unchecked");
+        assert_eq!(map(&mut rig, 0x1600, 1, 0x6200_0110), Ok(()));
+    }
+}
