@@ -177,3 +177,190 @@ pub(crate) const HISTORY: u16 = 0x1003;
 pub(crate) const COB_ID: Mux = Mux::new(0x1014, 0);
 pub(crate) const INHIBIT: Mux = Mux::new(0x1015, 0);
 const REGISTER: Mux = Mux::new(0x1001, 0);
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::{Rig, eds, full, mux, sent, set};
+    use crate::{Behaviour, Byte, EmcyForm, EmcyTable, Errors, NodeSettings, Specification};
+    use canopen::emcy::EmcyCode;
+    use canopen::{Abort, Dictionary, Instant};
+
+    /// Each bit of 2000h is an error of the application.
+    struct Bits;
+
+    impl Behaviour for Bits {
+        fn run(&mut self, _now: Instant, od: &mut Dictionary, errors: &mut Errors) {
+            let bits = od.int(mux(0x2000, 0)).unwrap();
+            for bit in 0..8u8 {
+                if bits >> bit & 1 != 0 {
+                    let code = EmcyCode(0x5000 + u16::from(bit));
+                    errors.raise(bit.into(), code, 0x80, [bit, 0xAA, 0, 0, 0]);
+                } else {
+                    errors.clear(bit.into());
+                }
+            }
+        }
+    }
+
+    fn rig(rules: &str) -> Rig {
+        with(rules, NodeSettings::default())
+    }
+
+    fn with(rules: &str, settings: NodeSettings) -> Rig {
+        let rules = crate::rules::named(rules).unwrap_or_else(|| Box::new(Specification));
+        let mut entries = full();
+        set(&mut entries, mux(0x2000, 0), 0);
+        Rig::with(&eds(entries), settings, rules, Box::new(Bits))
+    }
+
+    /// Sets the errors and returns what is told at once.
+    fn raise(rig: &mut Rig, bits: u8) -> Vec<String> {
+        let answers = rig.ask(&format!("605#2F002000{bits:02X}000000"));
+        answers.into_iter().filter(|frame| !frame.starts_with("585")).collect()
+    }
+
+    #[test]
+    fn an_error_is_told_when_it_appears_and_when_it_goes() {
+        let mut rig = rig("");
+        assert_eq!(raise(&mut rig, 1), ["085#00508100AA000000"]);
+        assert_eq!(raise(&mut rig, 3), ["085#01508101AA000000"]);
+        assert_eq!(raise(&mut rig, 2), ["085#0000810000000000"]);
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x81]));
+        assert_eq!(raise(&mut rig, 0), ["085#0000000000000000"]);
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+    }
+
+    #[test]
+    fn the_history_begins_with_the_newest_and_has_an_end() {
+        let mut rig = rig("");
+        let line = |rig: &mut Rig, sub| rig.read(mux(0x1003, sub));
+        assert_eq!(line(&mut rig, 1), Err(Abort::NO_DATA.0));
+        raise(&mut rig, 1);
+        raise(&mut rig, 3);
+        assert_eq!(line(&mut rig, 0), Ok(vec![2]));
+        assert_eq!(line(&mut rig, 1), Ok(vec![1, 0x50, 1, 0xAA]));
+        assert_eq!(line(&mut rig, 2), Ok(vec![0, 0x50, 0, 0xAA]));
+        assert_eq!(line(&mut rig, 3), Err(Abort::NO_DATA.0));
+        raise(&mut rig, 0x0F);
+        assert_eq!(line(&mut rig, 0), Ok(vec![3]));
+        assert_eq!(line(&mut rig, 3), Ok(vec![1, 0x50, 1, 0xAA]));
+        assert_eq!(rig.write(mux(0x1003, 0), &[1]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(mux(0x1003, 1), &[0; 4]), Err(Abort::READ_ONLY.0));
+        assert_eq!(rig.write(mux(0x1003, 0), &[0]), Ok(()));
+        assert_eq!(line(&mut rig, 0), Ok(vec![0]));
+        assert_eq!(line(&mut rig, 1), Err(Abort::NO_DATA.0));
+    }
+
+    #[test]
+    fn the_inhibit_time_keeps_messages_apart_and_loses_none() {
+        let mut rig = rig("");
+        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        assert_eq!(raise(&mut rig, 3), ["085#00508100AA000000"]);
+        assert!(raise(&mut rig, 0).is_empty());
+        assert_eq!(
+            rig.until(1_000_000),
+            sent(&[
+                (101_000, "085#01508101AA000000"),
+                (201_000, "085#0000810000000000"),
+                (301_000, "085#0000000000000000"),
+            ])
+        );
+    }
+
+    #[test]
+    fn a_stopped_node_is_silent_and_tells_later() {
+        let mut rig = rig("");
+        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut rig, 3);
+        rig.send("000#0205");
+        assert_eq!(rig.until(900_000), []);
+        assert_eq!(rig.ask("000#8005"), ["085#01508101AA000000"]);
+        raise(&mut rig, 0);
+        rig.send("000#8205");
+        rig.run_to(2_000_000);
+        assert_eq!(rig.read(mux(0x1003, 0)), Ok(vec![0]));
+    }
+
+    #[test]
+    fn reset_communication_forgets_messages_and_keeps_the_errors_of_the_application() {
+        let mut rig = rig("");
+        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut rig, 3);
+        rig.send("000#8205");
+        assert_eq!(rig.until(1_000_000), sent(&[(2_000, "705#00")]));
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x81]));
+        rig.send("000#8105");
+        rig.run_to(1_100_000);
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+    }
+
+    #[test]
+    fn the_identifier_is_judged_and_may_be_switched_off() {
+        let mut rig = rig("");
+        let cob = mux(0x1014, 0);
+        assert_eq!(rig.write(cob, &[0x86, 0, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(cob, &[0, 0, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(cob, &[0x85, 0, 0, 0x20]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(cob, &[0x85, 0, 0, 0]), Ok(()));
+        assert_eq!(rig.write(cob, &[0x85, 0, 0, 0x80]), Ok(()));
+        assert!(raise(&mut rig, 1).is_empty());
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x81]));
+        assert_eq!(rig.write(cob, &[1, 6, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(cob, &[0x90, 0, 0, 0]), Ok(()));
+        assert_eq!(raise(&mut rig, 0), ["090#0000000000000000"]);
+    }
+
+    #[test]
+    fn a_device_has_its_own_bytes() {
+        let heartbeat = EmcyForm {
+            vendor: [Byte::Is(0), Byte::Is(5), Byte::Subject, Byte::Is(0), Byte::Is(0)],
+            end_repeats: true,
+            ..EmcyForm::new(EmcyCode::HEARTBEAT, 0x11)
+        };
+        let overflow = EmcyForm {
+            vendor: [Byte::Is(0), Byte::Is(9), Byte::Is(0), Byte::Is(0), Byte::Is(0)],
+            ..EmcyForm::new(EmcyCode::HARDWARE, 0x81)
+        };
+        let emcy = EmcyTable {
+            heartbeat: Some(heartbeat),
+            queue_overflow: Some(overflow),
+            tells_history_cleared: true,
+            ..EmcyTable::default()
+        };
+        let settings = NodeSettings { emcy, emcy_queue: 2, ..NodeSettings::default() };
+        let mut rig = with("", settings);
+        rig.write(mux(0x1016, 1), &[100, 0, 10, 0]).unwrap();
+        rig.send("70A#05");
+        assert_eq!(rig.until(500_000), sent(&[(101_000, "085#30811100050A0000")]));
+        assert_eq!(rig.ask("70A#05"), ["085#00001100050A0000"]);
+        rig.write(mux(0x1003, 0), &[0]).unwrap();
+        assert_eq!(rig.until(500_000), sent(&[(500_000, "085#0000000000000000")]));
+        rig.write(mux(0x1016, 1), &[0; 4]).unwrap();
+        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut rig, 0x0F);
+        let rest = rig.until(2_000_000);
+        assert_eq!(rest.last().unwrap().1, "085#0050810009000000");
+    }
+
+    #[test]
+    fn mutants_break_what_they_say() {
+        let mut busy = rig("emcy-lost-when-busy");
+        busy.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        assert_eq!(raise(&mut busy, 7).len(), 1);
+        assert_eq!(busy.until(1_000_000), []);
+        let mut reversed = rig("history-order-reversed");
+        raise(&mut reversed, 3);
+        assert_eq!(reversed.read(mux(0x1003, 1)), Ok(vec![0, 0x50, 0, 0xAA]));
+        let mut stuck = rig("error-register-never-cleared");
+        raise(&mut stuck, 1);
+        raise(&mut stuck, 0);
+        assert_eq!(stuck.read(mux(0x1001, 0)), Ok(vec![0x81]));
+        let mut any = rig("history-cleared-by-any-value");
+        assert_eq!(any.write(mux(0x1003, 0), &[5]), Ok(()));
+        let mut stopped = rig("emcy-sent-in-stopped");
+        stopped.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut stopped, 3);
+        stopped.send("000#0205");
+        assert_eq!(stopped.until(1_000_000).len(), 1);
+    }
+}
