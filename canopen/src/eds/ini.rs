@@ -136,9 +136,10 @@ pub(super) fn parse<'a>(text: &'a str, findings: &mut Findings) -> Vec<Section<'
 
 fn lex<'a>(text: &'a str, findings: &mut Findings) -> Vec<Section<'a>> {
     let mut sections: Vec<Section<'a>> = Vec::new();
+    let mut ends = LineEnds::default();
     for (number, line) in (1..).zip(text.split('\n')) {
-        // A file from DOS may end with Ctrl-Z.
-        let part = line.trim_matches(|c: char| c.is_whitespace() || c == '\u{1A}' || c == '\0');
+        ends.see(number, line);
+        let part = trim(line);
         let at = |part: &str| Place::new(number, column(line, part));
         match part.as_bytes() {
             [] | [b';', ..] => {}
@@ -157,7 +158,54 @@ fn lex<'a>(text: &'a str, findings: &mut Findings) -> Vec<Section<'a>> {
             },
         }
     }
+    ends.report(findings);
     sections
+}
+
+/// A line without what may stand around it; a file from DOS may end with Ctrl-Z.
+fn trim(line: &str) -> &str {
+    let part = line.trim_ascii();
+    match part.as_bytes() {
+        [.., 0x1A | 0] => {
+            part.trim_end_matches(|c: char| matches!(c, '\u{1A}' | '\0') || c.is_ascii_whitespace())
+        }
+        _ => part,
+    }
+}
+
+/// How lines end.
+#[derive(Default)]
+struct LineEnds {
+    /// Lines before the one being seen.
+    lines: u32,
+    /// How many of them ended without CR, and the first that did.
+    bare: u32,
+    first: u32,
+    last_was_bare: bool,
+}
+
+impl LineEnds {
+    fn see(&mut self, number: u32, line: &str) {
+        // What stands behind the last line end is no line.
+        if self.last_was_bare {
+            self.bare += 1;
+            if self.bare == 1 {
+                self.first = number - 1;
+            }
+        }
+        self.last_was_bare = !line.ends_with('\r');
+        self.lines = number - 1;
+    }
+
+    fn report(self, findings: &mut Findings) {
+        let Self { lines, bare, first, .. } = self;
+        let message = match bare {
+            0 => return,
+            _ if bare == lines => "lines end with LF alone".to_owned(),
+            _ => format!("{bare} of {lines} lines end with LF alone"),
+        };
+        findings.habit(&codes::LINE_END, Place::new(first, 1), message);
+    }
 }
 
 /// The column of `part`, which is a piece of `line`.
@@ -172,7 +220,7 @@ fn head<'a>(part: &'a str, at: Place, findings: &mut Findings) -> Section<'a> {
     let inner = &part[1..];
     let title = match inner.split_once(']') {
         Some((title, rest)) => {
-            let rest = rest.trim_start();
+            let rest = rest.trim_ascii_start();
             if rest.starts_with([';', '#']) {
                 findings.habit(&codes::COMMENT, at, "a comment behind a section head");
             } else if !rest.is_empty() {
@@ -186,10 +234,10 @@ fn head<'a>(part: &'a str, at: Place, findings: &mut Findings) -> Section<'a> {
             inner
         }
     };
-    let trimmed = title.trim();
+    let trimmed = title.trim_ascii();
     let name = Name::of(trimmed);
     check_spelling(title, name, at, findings);
-    Section { name, title: trimmed, at, keys: Vec::new() }
+    Section { name, title: trimmed, at, keys: Vec::with_capacity(USUAL_KEYS) }
 }
 
 fn check_spelling(title: &str, name: Name, at: Place, findings: &mut Findings) {
@@ -207,7 +255,7 @@ fn check_spelling(title: &str, name: Name, at: Place, findings: &mut Findings) {
         }
         _ => true,
     };
-    if !(usual && title.trim() == title)
+    if !(usual && title.trim_ascii() == title)
         && let Some(canonical) = name.canonical()
     {
         let message = format!("section [{title}] is usually written [{canonical}]");
@@ -216,9 +264,9 @@ fn check_spelling(title: &str, name: Name, at: Place, findings: &mut Findings) {
 }
 
 fn key<'a>(number: u32, line: &'a str, part: &'a str) -> Option<Key<'a>> {
-    let (name, value) = part.split_once('=')?;
-    let name = name.trim_end();
-    let value = value.trim_start();
+    let (name, value) = part.split_at_checked(part.bytes().position(|byte| byte == b'=')?)?;
+    let name = name.trim_ascii_end();
+    let value = value[1..].trim_ascii_start();
     let at = |part| Place::new(number, column(line, part));
     (!name.is_empty()).then(|| Key { name, value, name_at: at(name), at: at(value) })
 }
@@ -283,6 +331,9 @@ fn drop_second_keys(section: &mut Section<'_>, findings: &mut Findings) {
     }
 }
 
+/// What the section of a value has.
+const USUAL_KEYS: usize = 8;
+
 /// Up to this many keys are compared each with each, which is faster than hashing.
 const FEW_KEYS: usize = 16;
 
@@ -301,6 +352,10 @@ mod tests {
     use super::*;
 
     fn run(text: &str) -> (String, Vec<String>) {
+        run_as_is(&text.replace('\n', "\r\n"))
+    }
+
+    fn run_as_is(text: &str) -> (String, Vec<String>) {
         let mut findings = Findings::default();
         let mut out = String::new();
         for section in parse(text, &mut findings) {
@@ -340,6 +395,14 @@ mod tests {
             "Object(4096, Head)@1 ParameterName=Gerät@2:18 Ä=5;x@3:4 DefaultValue=@4:14\n"
         );
         assert_eq!(findings, [""; 0]);
+    }
+
+    #[test]
+    fn line_ends() {
+        assert_eq!(run_as_is("\r\n;\r\n").1, [""; 0]);
+        assert_eq!(run_as_is("\n;").1, ["1:1: note: lines end with LF alone [eds-line-end]"]);
+        let some = "2:1: note: 1 of 3 lines end with LF alone [eds-line-end]";
+        assert_eq!(run_as_is(";\r\n;\n;\r\n").1, [some]);
     }
 
     #[test]

@@ -70,10 +70,19 @@ fn unsigned(digits: &str) -> Option<Number> {
 
 /// The value of digits without a sign; `None` for anything else and for what is absurdly long.
 fn radix(digits: &str, radix: u32) -> Option<i128> {
-    let clean = !digits.is_empty() && digits.len() <= 30;
-    (clean && digits.bytes().all(|digit| char::from(digit).is_digit(radix)))
-        .then(|| i128::from_str_radix(digits, radix).ok())
-        .flatten()
+    if digits.is_empty() || digits.len() > MANY_DIGITS {
+        return None;
+    }
+    // 64 bits hold most numbers and are much faster.
+    if digits.len() <= 15 {
+        let mut value: u64 = 0;
+        for digit in digits.bytes() {
+            value = value * u64::from(radix) + u64::from(char::from(digit).to_digit(radix)?);
+        }
+        return Some(value.into());
+    }
+    let clean = digits.bytes().all(|digit| char::from(digit).is_digit(radix));
+    clean.then(|| i128::from_str_radix(digits, radix).ok()).flatten()
 }
 
 /// A number that may be added to the node id.
@@ -111,8 +120,12 @@ impl Sum {
 
 /// `text` without a comment behind the value, for values that hold neither `#` nor `;`.
 pub(super) fn without_comment(text: &str) -> &str {
-    text.find(['#', ';']).map_or(text, |at| text[..at].trim_end())
+    let comment = text.bytes().position(|byte| matches!(byte, b'#' | b';'));
+    comment.map_or(text, |at| text[..at].trim_ascii_end())
 }
+
+/// No type has a number of more digits.
+const MANY_DIGITS: usize = 30;
 
 const C_SUFFIX: [char; 4] = ['u', 'U', 'l', 'L'];
 

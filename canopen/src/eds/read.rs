@@ -110,7 +110,9 @@ impl Reader {
 
     /// Keeps keys of a section that has a place; none are no section.
     fn keep_keys(&mut self, name: Name, keys: Kept) {
-        if let (Some(name), [_, ..]) = (name.canonical(), keys.as_slice()) {
+        if !keys.is_empty()
+            && let Some(name) = name.canonical()
+        {
             self.eds.unknown.push(UnknownSection { name, keys });
         }
     }

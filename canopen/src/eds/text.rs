@@ -25,7 +25,7 @@ pub(super) fn decode_with<'a>(source: &'a [u8], findings: &mut Findings) -> Cow<
         }
         _ => bytes(source, findings),
     };
-    check_line_ends(text, findings)
+    with_line_feeds(text, findings)
 }
 
 fn utf16<'a>(bytes: &[u8], unit: fn([u8; 2]) -> u16, findings: &mut Findings) -> Cow<'a, str> {
@@ -35,14 +35,15 @@ fn utf16<'a>(bytes: &[u8], unit: fn([u8; 2]) -> u16, findings: &mut Findings) ->
 }
 
 fn bytes<'a>(bytes: &'a [u8], findings: &mut Findings) -> Cow<'a, str> {
-    let Some(first) = bytes.iter().position(|byte| !byte.is_ascii()) else {
+    if bytes.is_ascii() {
         return Cow::Borrowed(std::str::from_utf8(bytes).unwrap_or_default());
-    };
+    }
     let (text, name) = match std::str::from_utf8(bytes) {
         Ok(text) => (Cow::Borrowed(text), "UTF-8"),
         Err(_) if is_code_page_850(bytes) => (one_to_one(bytes, code_page_850), "code page 850"),
         Err(_) => (one_to_one(bytes, latin_1), "Latin-1"),
     };
+    let first = bytes.iter().position(|byte| !byte.is_ascii()).unwrap_or_default();
     let before = &bytes[..first];
     let line = before.iter().filter(|&&byte| byte == b'\n').count() as u32 + 1;
     let column = before.iter().rev().take_while(|&&byte| byte != b'\n').count() as u32 + 1;
@@ -89,29 +90,13 @@ fn code_page_850(byte: u8) -> char {
     CODE_PAGE_850[usize::from(byte - 0x80)]
 }
 
-/// Notes lines that do not end with CR and LF. A file of bare CRs gets LFs, so that everyone counts
-/// the same lines.
-fn check_line_ends<'a>(text: Cow<'a, str>, findings: &mut Findings) -> Cow<'a, str> {
-    let Some(first) = text.find('\n') else {
-        if !text.contains('\r') {
-            return text;
-        }
-        findings.add(&codes::LINE_END, START, "lines end with CR alone");
-        return Cow::Owned(text.replace('\r', "\n"));
-    };
-    let bytes = text.as_bytes();
-    let alone = |at: usize| at == 0 || bytes[at - 1] != b'\r';
-    let lines = bytes.iter().filter(|&&byte| byte == b'\n').count();
-    let crs = bytes.windows(2).filter(|pair| pair == b"\r\n").count();
-    if crs == 0 {
-        findings.add(&codes::LINE_END, START, "lines end with LF alone");
-    } else if crs < lines {
-        let at = (first..bytes.len()).find(|&at| bytes[at] == b'\n' && alone(at)).unwrap_or(first);
-        let line = bytes[..at].iter().filter(|&&byte| byte == b'\n').count() as u32 + 1;
-        let message = format!("{} of {lines} lines end with LF alone", lines - crs);
-        findings.add(&codes::LINE_END, Place::new(line, 1), message);
+/// Gives LFs to a file of bare CRs, so that everyone counts the same lines.
+fn with_line_feeds<'a>(text: Cow<'a, str>, findings: &mut Findings) -> Cow<'a, str> {
+    if text.contains('\n') || !text.contains('\r') {
+        return text;
     }
-    text
+    findings.add(&codes::LINE_END, START, "lines end with CR alone");
+    Cow::Owned(text.replace('\r', "\n"))
 }
 
 const START: Place = Place::new(1, 1);
@@ -181,10 +166,8 @@ mod tests {
     }
 
     #[test]
-    fn line_ends() {
-        assert_eq!(codes_of(b"a\r\nb\r\n").1, [""; 0]);
-        assert_eq!(codes_of(b"a\nb\n").1, ["1:1 eds-line-end"]);
-        assert_eq!(codes_of(b"a\r\nb\nc\r\n").1, ["2:1 eds-line-end"]);
-        assert_eq!(codes_of(b"a\rb").0, "a\nb");
+    fn bare_carriage_returns() {
+        let (text, codes) = codes_of(b"a\rb");
+        assert_eq!((text.as_str(), codes), ("a\nb", vec!["1:1 eds-line-end".to_owned()]));
     }
 }
