@@ -2,6 +2,7 @@
 
 use crate::behaviour::{Behaviour, Inert};
 use crate::describe::{self, Description};
+use crate::drr460::{self, Drr460};
 use crate::node::Node;
 use crate::rules::Rules;
 use crate::settings::NodeSettings;
@@ -44,7 +45,34 @@ impl ReferenceDevice {
 
     /// What the device does beside communicating.
     pub fn behaviour(&self) -> Box<dyn Behaviour> {
-        Box::new(Inert)
+        match self.description.behaviour.as_str() {
+            DRR460 => Box::new(Drr460::new(Box::new(drr460::Manual))),
+            _ => Box::new(Inert),
+        }
+    }
+
+    /// The same with one decision taken otherwise; `None` when the device has none of that name.
+    pub fn deviating_behaviour(&self, rule: &str) -> Option<Box<dyn Behaviour>> {
+        match self.description.behaviour.as_str() {
+            DRR460 => Some(Box::new(Drr460::new(drr460::named(rule)?))),
+            _ => None,
+        }
+    }
+
+    /// The names that [`deviating_behaviour`](Self::deviating_behaviour) knows.
+    pub fn behaviour_rule_names(&self) -> Vec<&'static str> {
+        match self.description.behaviour.as_str() {
+            DRR460 => drr460::names().collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The mutants of the device, as they are written.
+    pub fn mutants_yaml(&self) -> &'static str {
+        match self.description.device.as_str() {
+            DRR460 => include_str!("../drr460/mutants.yaml"),
+            _ => "[]",
+        }
     }
 
     /// The device, switched on at time 0, with this node id and these decisions of the stack.
@@ -57,6 +85,8 @@ impl ReferenceDevice {
             .unwrap_or_else(|(mux, error)| panic!("{mux}: {error}"))
     }
 }
+
+const DRR460: &str = "drr460";
 
 #[cfg(test)]
 mod tests {

@@ -81,7 +81,7 @@ pub(super) fn settings(
             let resolution = Duration::from_millis(sync.resolution_ms);
             Some(SyncSupervision { percent: sync.percent, resolution })
         }),
-        emcy: emcy.map_or(Ok(usual.emcy.clone()), table)?,
+        emcy: emcy.map_or_else(|| Ok(usual.emcy.clone()), table)?,
         aliases: aliases.collect::<Result<_, _>>()?,
         ..usual
     })
@@ -114,8 +114,7 @@ fn form(facts: &FormFacts) -> Result<EmcyForm, DescribeError> {
     });
     let bytes = bytes.collect::<Result<Vec<_>, _>>()?;
     let vendor = bytes.try_into().map_err(|_| wrong("is not five bytes"))?;
-    let (code, register, end_repeats) =
-        (EmcyCode(facts.code), facts.register, facts.end_repeats);
+    let (code, register, end_repeats) = (EmcyCode(facts.code), facts.register, facts.end_repeats);
     Ok(EmcyForm { code, register, vendor, end_repeats })
 }
 

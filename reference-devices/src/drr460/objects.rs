@@ -1,0 +1,49 @@
+//! Where the DRR460 keeps what its application works with (manual, 11.3 and 11.4).
+
+use canopen::{Dictionary, Mux};
+
+/// Command set point, in digits (11.3.3).
+pub(super) const SET_POINT: Mux = Mux::new(0x4000, 0);
+/// Start/stop command (11.3.6).
+pub(super) const START: Mux = Mux::new(0x4003, 0);
+/// Heating output in hundredths of a per cent (11.3.7).
+pub(super) const OUTPUT: Mux = Mux::new(0x4004, 0);
+/// Cold junction temperature in tenths of a degree (11.3.9).
+pub(super) const COLD_JUNCTION: Mux = Mux::new(0x4006, 0);
+/// Error flags (11.3.10).
+pub(super) const ERROR_FLAGS: Mux = Mux::new(0x4007, 0);
+/// Set point in force, in digits (11.3.11).
+pub(super) const REAL_SET_POINT: Mux = Mux::new(0x4008, 0);
+/// Digital outputs status (11.3.12).
+pub(super) const OUTPUTS: Mux = Mux::new(0x4009, 0);
+/// Alarms reset (11.3.14).
+pub(super) const ALARMS_RESET: Mux = Mux::new(0x400B, 0);
+/// Autotuning status (7.5).
+pub(super) const TUNING: Mux = Mux::new(0x400E, 0);
+/// Automatic/manual command (11.3.18).
+pub(super) const MANUAL: Mux = Mux::new(0x400F, 0);
+
+/// Digital outputs of the master (11.4.1).
+pub(super) const MASTER_OUTPUTS: Mux = Mux::new(0x6200, 1);
+/// Which of them change on a communication error (11.4.2).
+pub(super) const OUTPUT_ERROR_MODE: Mux = Mux::new(0x6206, 1);
+/// What they change to (11.4.3).
+pub(super) const OUTPUT_ERROR_VALUE: Mux = Mux::new(0x6207, 1);
+/// Process value, in digits (11.4.4).
+pub(super) const PROCESS_VALUE: Mux = Mux::new(0x6401, 1);
+/// Analogue output of the master (11.4.5).
+pub(super) const MASTER_ANALOGUE: Mux = Mux::new(0x6411, 1);
+/// Whether it changes on a communication error (11.4.13).
+pub(super) const ANALOGUE_ERROR_MODE: Mux = Mux::new(0x6443, 1);
+/// What it changes to (11.4.14).
+pub(super) const ANALOGUE_ERROR_VALUE: Mux = Mux::new(0x6444, 1);
+
+/// A parameter of 3000h by its number (11.3.2).
+pub(super) fn parameter(od: &Dictionary, sub: u8) -> i64 {
+    value(od, Mux::new(0x3000, sub))
+}
+
+/// The whole number at `mux`; 0 for what the data sheet does not have.
+pub(super) fn value(od: &Dictionary, mux: Mux) -> i64 {
+    od.int(mux).unwrap_or(0)
+}
