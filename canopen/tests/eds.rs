@@ -1,11 +1,52 @@
 //! Data sheets as text: whatever is read can be written and read again.
 
 use canopen::eds::{
-    Access, DeviceInfo, Eds, Entry, FileInfo, Object, ObjectKind, Term, UnknownSection, lint, read,
-    write,
+    Access, DeviceInfo, Eds, Entry, FileInfo, Object, ObjectKind, Term, UnknownSection, decode,
+    lint, read, write,
 };
 use canopen::{DataType, Mux, Value};
 use proptest::prelude::*;
+
+#[test]
+fn lines_are_those_of_the_sections() {
+    let source = include_bytes!("eds/clean-pdo.eds");
+    let eds = read(source).eds;
+    let text = decode(source);
+    let line = |head: &str| text.lines().position(|line| line == head).map(|line| line + 1);
+    assert_eq!(eds.object(0x1400).map(|object| object.line), line("[1400]"));
+    let mux = Mux::new(0x1400, 2);
+    assert_eq!(eds.entry(mux).map(|entry| entry.line), line("[1400sub2]"));
+    assert!(eds.without_lines().entries().all(|entry| entry.line == 0));
+}
+
+#[test]
+fn a_lint_without_a_text_finds_what_reading_finds() {
+    let reading = read(include_bytes!("eds/mapping-sum.eds"));
+    let found = lint(&reading.eds);
+    assert_eq!(found.len(), 1, "{found:?}");
+    let expected = &reading.diagnostics[0];
+    assert_eq!((found[0].code, &found[0].message), (expected.code, &expected.message));
+    // The line is that of the section, for want of a better one.
+    assert_eq!((found[0].line, found[0].column), (expected.line - 5, 1));
+    assert_eq!(lint(&reading.eds.without_lines())[0].line, 0);
+}
+
+#[test]
+fn a_short_form_for_all_subs_there_are() {
+    let text = "[2000]\r\nObjectType=8\r\nDataType=5\r\nCompactSubObj=255\r\n";
+    let eds = read(text.as_bytes()).eds;
+    let subs = eds.objects[0].entries.iter().map(|entry| entry.mux.sub);
+    assert!(subs.eq(0..=254));
+}
+
+#[test]
+fn a_few_lines_do_not_stand_for_millions_of_subs() {
+    let object = |index| format!("[{index:04X}]\r\nDataType=5\r\nCompactSubObj=254\r\n");
+    let text: String = (0..=0xFFFF).map(object).collect();
+    let eds = read(text.as_bytes()).eds;
+    assert_eq!(eds.objects.len(), 0x10000);
+    assert!(eds.entries().count() < 200_000);
+}
 
 proptest! {
     /// Whatever a description holds survives as text.

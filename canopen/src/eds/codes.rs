@@ -70,6 +70,8 @@ codes! {
         "A default value or limit is of the entry's type; another one is kept and not used.";
     DEFAULT_RANGE = Error, "eds-default-range",
         "A default value or limit fits the entry's type; another one is kept and not used.";
+    OPAQUE = Note, "eds-opaque",
+        "Values are of basic types; those of other types are kept and not used.";
     TWOS_COMPLEMENT = Note, "eds-twos-complement",
         "Negative numbers have a sign; 0xFF for -1 is understood.";
     REAL_BITS = Note, "eds-real-bits",

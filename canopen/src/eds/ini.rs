@@ -255,10 +255,8 @@ fn check_spelling(title: &str, name: Name, at: Place, findings: &mut Findings) {
         }
         _ => true,
     };
-    if !(usual && title.trim_ascii() == title)
-        && let Some(canonical) = name.canonical()
-    {
-        let message = format!("section [{title}] is usually written [{canonical}]");
+    if !(usual && title.trim_ascii() == title) && name != Name::Other {
+        let message = "sections are usually written like [1A00subF]: capitals, nothing added";
         findings.habit(&codes::SECTION_SPELLING, at, message);
     }
 }

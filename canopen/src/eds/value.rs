@@ -27,7 +27,11 @@ pub(super) fn term(key: &Key<'_>, data_type: DataType, findings: &mut Findings) 
         DataType::REAL32 | DataType::REAL64 => real(key, data_type, findings),
         DataType::BOOLEAN => boolean(key, findings),
         _ if data_type.is_integer() => integer(key, data_type, findings),
-        _ => None,
+        _ => {
+            let message = format!("values of {data_type} are kept and not understood");
+            findings.habit(&codes::OPAQUE, key.at, message);
+            None
+        }
     }
 }
 
@@ -122,7 +126,7 @@ fn check_spelling(number: &Number, text: &str, at: Place, findings: &mut Finding
             findings.add(&codes::OCTAL, at, message);
         }
         Some(Remark::LeadingZero) => {
-            let message = "starts with 0 as an octal number would; read as decimal";
+            let message = "a number that starts with 0 is octal; this one is read as decimal";
             findings.habit(&codes::LEADING_ZERO, at, message);
         }
         Some(Remark::Spelling) => {

@@ -67,6 +67,7 @@ impl Lint<'_, '_, '_> {
         if object.kind == ObjectKind::ARRAY
             && let Some(first) = elements().next()
             && let Some(other) = elements().find(|entry| entry.data_type != first.data_type)
+            && other.data_type != DataType(0)
         {
             let (one, two) = (first.data_type, other.data_type);
             let message = format!("{} is {two} in an array of {one}", other.mux);

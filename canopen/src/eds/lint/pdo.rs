@@ -49,8 +49,7 @@ impl<'e> Lint<'e, '_, '_> {
         if usize::from(stated) != there_are {
             let at = self.place(Name::DeviceInfo, Some(pdos.count_key));
             let at = at.or_else(|| self.place(Name::DeviceInfo, None)).unwrap_or(Place::new(1, 1));
-            let message =
-                format!("{} is {stated}, and there are {there_are} {}s", pdos.count_key, pdos.name);
+            let message = format!("{} is {stated} instead of {there_are}", pdos.count_key);
             self.findings.add(&codes::PDO_COUNT, at, message);
         }
     }
@@ -122,7 +121,7 @@ impl<'e> Lint<'e, '_, '_> {
             Some(count) => u8::try_from(count).unwrap_or(u8::MAX),
         };
         if let Some(sub0) = object.entry(0).filter(|_| count > set) {
-            let message = format!("{} is {count}, and {set} entries map something", sub0.mux);
+            let message = format!("{} is {count} instead of {set}, which map something", sub0.mux);
             self.add_at(&codes::MAPPING_COUNT, sub0, DEFAULT, message);
         }
         if let Some(spare) = entries().find(|entry| entry.mux.sub > count && value(entry) != 0) {

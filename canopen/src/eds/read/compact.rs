@@ -12,7 +12,12 @@ use crate::value::{DataType, Value};
 impl Reader {
     /// How many subs the head stands for.
     pub(super) fn compact_count(&mut self, head: &Section<'_>) -> u8 {
-        let count = self.number(head, "CompactSubObj", 0xFE).unwrap_or_default() as u8;
+        let mut count = self.number(head, "CompactSubObj", 0xFF).unwrap_or_default() as u8;
+        if count == 0xFF {
+            let message = "CompactSubObj is 255, and the highest sub-index is 254";
+            self.findings.add(&codes::COMPACT, self.key_place(head, "CompactSubObj"), message);
+            count = 0xFE;
+        }
         let spent = self.expanded + usize::from(count);
         if spent > MANY_SUBS {
             let message = format!("the short forms stand for more than {MANY_SUBS} subs");
@@ -81,9 +86,11 @@ impl Reader {
         let named = self.number(section, "NrOfEntries", u8::MAX.into());
         let there_are = section.keys.len() - usize::from(section.key("NrOfEntries").is_some());
         if named != Some(there_are as u64) {
-            let at = section.key("NrOfEntries").map_or(section.at, |key| key.at);
-            let message = format!("NrOfEntries does not count the {there_are} entries");
-            self.findings.add(&codes::COMPACT, at, message);
+            let message = match named {
+                Some(named) => format!("NrOfEntries is {named} instead of {there_are}"),
+                None => format!("[{}] lacks NrOfEntries", section.title),
+            };
+            self.findings.add(&codes::COMPACT, self.key_place(section, "NrOfEntries"), message);
         }
         found.sort_by_key(|&(sub, _)| sub);
         found.dedup_by_key(|(sub, _)| *sub);
@@ -98,6 +105,7 @@ impl Reader {
             (RPDO, 0x1400, device.rpdo_count, [0x200, 0x300, 0x400, 0x500]),
             (TPDO, 0x1800, device.tpdo_count, [0x180, 0x280, 0x380, 0x480]),
         ];
+        let granularity = device.granularity.max(1);
         let mut pdos = 0;
         let mut objects = Vec::new();
         for (name, first, count, cob_ids) in directions {
@@ -108,7 +116,7 @@ impl Reader {
                 let cob_id = cob_ids.get(usize::from(index - first)).copied();
                 objects.push(communication(name, index, mask, cob_id, at));
                 if self.eds.object(index + 0x200).is_none() {
-                    objects.push(mapping(name, index + 0x200, at));
+                    objects.push(mapping(name, index + 0x200, granularity, at));
                 }
                 pdos += 1;
             }
@@ -139,11 +147,12 @@ fn communication(pdo: &str, index: u16, mask: u8, cob_id: Option<u32>, at: Place
     Object { index, name, kind: ObjectKind::RECORD, flags: 0, entries, line }
 }
 
-fn mapping(pdo: &str, index: u16, at: Place) -> Object {
+/// A mapping parameter with as many entries as units of `granularity` bits fit a PDO.
+fn mapping(pdo: &str, index: u16, granularity: u8, at: Place) -> Object {
     let line = at.line as usize;
     let mut count = number_of_subs(Mux::new(index, 0), 0, line);
     count.access = Access::Rw;
-    let subs = (1..=0x40).map(|sub| {
+    let subs = (1..=64 / granularity).map(|sub| {
         let name = format!("Mapped object {sub}");
         made(Mux::new(index, sub), name, DataType::UNSIGNED32, None, line)
     });

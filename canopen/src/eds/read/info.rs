@@ -149,7 +149,7 @@ impl Reader {
                 if let Some(lines) = lines
                     && lines != count
                 {
-                    let message = format!("Lines is {lines}, and there are {count}");
+                    let message = format!("Lines is {lines} instead of {count}");
                     self.findings.add(&codes::LINES, key.at, message);
                 }
             }

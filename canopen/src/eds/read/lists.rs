@@ -58,7 +58,7 @@ impl Reader {
         if let Some(count) = count
             && count != there_are
         {
-            let message = format!("SupportedObjects is {count}, and {there_are} are listed");
+            let message = format!("SupportedObjects is {count} instead of {there_are}");
             self.findings.add(&codes::LIST_COUNT, key.at, message);
         }
     }

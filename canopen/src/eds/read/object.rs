@@ -2,6 +2,7 @@
 
 use super::{Kept, Reader, is_one_of};
 use crate::eds::codes;
+use crate::eds::diagnostic::Place;
 use crate::eds::ini::{Name, Part, Section};
 use crate::eds::model::{Access, Entry, Object, ObjectKind, Term};
 use crate::eds::value;
@@ -88,17 +89,18 @@ impl Reader {
             (0, []) => ObjectKind::VAR,
             (0, _) => ObjectKind::RECORD,
         };
+        let at = self.key_place(head, "ObjectType");
         let stated = self.stated_kind(head, parts.index);
         let kind = match stated {
             None => shape,
             Some(kind) if !kind.has_subs() && shape != ObjectKind::VAR => {
                 let message = format!("{:04X}h is {kind:?} and has subs", parts.index);
-                self.findings.add(&codes::SUB_OF_VAR, head.at, message);
+                self.findings.add(&codes::SUB_OF_VAR, at, message);
                 shape
             }
             Some(kind @ (ObjectKind::ARRAY | ObjectKind::RECORD)) if shape == ObjectKind::VAR => {
                 let message = format!("{:04X}h is {kind:?} and has no subs", parts.index);
-                self.findings.add(&codes::NO_SUBS, head.at, message);
+                self.findings.add(&codes::NO_SUBS, at, message);
                 if head.filled("DataType").is_some() { shape } else { kind }
             }
             Some(kind) => kind,
@@ -164,7 +166,8 @@ impl Reader {
             Some(2 | 7) => {}
             Some(code) => {
                 let message = format!("{index:04X}:{sub:02X} has object type {code}; subs are VAR");
-                self.findings.add(&codes::OBJECT_TYPE, section.at, message);
+                let at = self.key_place(section, "ObjectType");
+                self.findings.add(&codes::OBJECT_TYPE, at, message);
             }
             None if section.filled("ObjectType").is_some() => {}
             None => {
@@ -189,9 +192,8 @@ impl Reader {
         let number = self.number(head, "SubNumber", u16::MAX.into());
         match (number, subs.len() as u64) {
             (Some(number), subs) if number != subs => {
-                let at = head.key("SubNumber").map_or(head.at, |key| key.at);
-                let message =
-                    format!("{index:04X}h: SubNumber is {number}, and there are {subs} subs");
+                let at = self.key_place(head, "SubNumber");
+                let message = format!("{index:04X}h: SubNumber is {number} instead of {subs}");
                 self.findings.add(&codes::SUB_NUMBER, at, message);
             }
             (None, 1..) if head.filled("SubNumber").is_none() => {
@@ -318,6 +320,11 @@ impl Reader {
             return String::new();
         };
         key.value.to_owned()
+    }
+
+    /// Where a key's value is, or the section that lacks the key.
+    pub(super) fn key_place(&self, section: &Section<'_>, name: &str) -> Place {
+        section.key(name).map_or(section.at, |key| key.at)
     }
 
     pub(super) fn number(&mut self, section: &Section<'_>, name: &str, high: u64) -> Option<u64> {
