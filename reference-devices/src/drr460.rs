@@ -163,7 +163,7 @@ impl Drr460 {
                 return state(parameter(od, ERROR_STATE));
             }
             let controlled = self.control.output(sight, od, &*self.rules);
-            let forced = forced(od).or_else(|| self.soft_start.output(od));
+            let forced = self.forced(od).or_else(|| self.soft_start.output(od));
             if self.rules.sets_output() {
                 od.set_int(OUTPUT, forced.unwrap_or(controlled));
             }
@@ -182,6 +182,16 @@ impl Drr460 {
     fn connect(&mut self, od: &mut Dictionary, command: Command, [q1, q2]: [bool; 2]) {
         od.set_int(OUTPUTS, self.rules.outputs_status(q1, q2));
         self.plant.drive(command.share, self.rules.cools(parameter(od, ACTION)));
+    }
+
+    /// The output that synchronised tuning forces.
+    fn forced(&self, od: &Dictionary) -> Option<i64> {
+        match value(od, TUNING) {
+            _ if !self.rules.tuning_forces(parameter(od, TUNE)) => None,
+            1 => Some(0),
+            2 => Some(FULL_OUTPUT as i64),
+            _ => None,
+        }
     }
 
     fn is_manual(&self, od: &Dictionary) -> bool {
@@ -256,15 +266,6 @@ impl Behaviour for Drr460 {
     }
 }
 
-/// The output that synchronised tuning forces (7.5).
-fn forced(od: &Dictionary) -> Option<i64> {
-    match (parameter(od, TUNE), value(od, TUNING)) {
-        (SYNCHRONISED, 1) => Some(0),
-        (SYNCHRONISED, 2) => Some(FULL_OUTPUT as i64),
-        _ => None,
-    }
-}
-
 /// Time from one sample to the next.
 const PERIOD: Duration = Duration::from_millis(20);
 
@@ -274,7 +275,6 @@ const STOP_STATE: u8 = 21;
 const MANUAL_ALLOWED: u8 = 25;
 const MANUAL_WITH_MEMORY: i64 = 2;
 const TUNE: u8 = 31;
-const SYNCHRONISED: i64 = 4;
 const SOFT_START: u8 = 80;
 const EXPANSION: u8 = 121;
 const INITIAL_OUTPUTS: u8 = 122;

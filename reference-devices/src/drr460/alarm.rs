@@ -51,7 +51,7 @@ impl Settings {
         let first = FIRST_PARAMETER[usize::from(number)];
         let parameter = |offset| parameter(od, first + offset);
         Self {
-            kind: parameter(0),
+            kind: rules.alarm_kind(parameter(0)),
             output: parameter(1),
             hysteresis: rules.hysteresis(parameter(2)),
             error_state: parameter(3),

@@ -72,12 +72,13 @@ impl Control {
         let cools = rules.cools(parameter(od, ACTION));
         let sign = if cools { -1 } else { 1 };
         let missing = sign * (sight.set_point - sight.process);
-        if parameter(od, BAND) == 0 && parameter(od, INTEGRAL_TIME) == 0 {
+        let band = rules.proportional_band(parameter(od, BAND));
+        if band == 0 && parameter(od, INTEGRAL_TIME) == 0 {
             return self.on_off(missing, od);
         }
         self.wanted = false;
         let over = parameter(od, OFF_OVER_SET_POINT) == 1 && -missing > parameter(od, OFF_OVER_BY);
-        let share = self.pid(missing, sign * sight.process, od);
+        let share = self.pid(missing, sign * sight.process, band, od);
         let limits = (parameter(od, LOWER_LIMIT), parameter(od, UPPER_LIMIT));
         let (low, high) = rules.output_limits(limits.0, limits.1);
         let percent = if over { 0.0 } else { share * 100.0 };
@@ -104,9 +105,9 @@ impl Control {
         i64::from(on) * FULL_OUTPUT as i64
     }
 
-    fn pid(&mut self, missing: i64, process: i64, od: &Dictionary) -> f64 {
+    fn pid(&mut self, missing: i64, process: i64, band: i64, od: &Dictionary) -> f64 {
         let seconds = |sub| parameter(od, sub) as f64 / 10.0;
-        let band = parameter(od, BAND).max(1) as f64;
+        let band = band.max(1) as f64;
         let in_dead_band = missing.abs() <= parameter(od, DEAD_BAND);
         let part = if in_dead_band { 0.0 } else { missing as f64 / band };
         let centre = if parameter(od, BAND_CENTRED) == 1 { 0.5 } else { 0.0 };

@@ -12,7 +12,7 @@ pub(super) fn process_value(
     od: &Dictionary,
     rules: &dyn Drr460Rules,
 ) -> Result<i64, i64> {
-    let degrees = match parameter(od, UNIT) {
+    let degrees = match rules.unit(parameter(od, UNIT)) {
         1 => celsius * 1.8 + 32.0,
         2 => celsius + 273.15,
         _ => celsius,

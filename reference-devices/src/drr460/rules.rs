@@ -11,6 +11,11 @@ impl Drr460Rules for Manual {}
 
 /// The decisions. The default methods are a summary of what the manual says.
 pub trait Drr460Rules: Send {
+    /// 3000h sub 2 selects the unit (11.3.2).
+    fn unit(&self, configured: i64) -> i64 {
+        configured
+    }
+
     /// The process value is the input with gain and offset of 3000h subs 8 and 7 (11.3.2).
     fn calibration(&self, gain: i64, offset: i64) -> (i64, i64) {
         (gain, offset)
@@ -40,6 +45,11 @@ pub trait Drr460Rules: Send {
         action == 1
     }
 
+    /// 3000h sub 33: the distance from the set point that asks for full output (11.3.2).
+    fn proportional_band(&self, configured: i64) -> i64 {
+        configured
+    }
+
     /// 3000h subs 45 and 46 bound the output of P and PID control (11.3.2).
     fn output_limits(&self, low: i64, high: i64) -> (i64, i64) {
         (low, high)
@@ -57,6 +67,16 @@ pub trait Drr460Rules: Send {
 
     /// 3000h sub 80 selects a soft start (7.9).
     fn soft_start(&self, configured: i64) -> i64 {
+        configured
+    }
+
+    /// While it tunes in step with its neighbours, the master forces the output (7.5).
+    fn tuning_forces(&self, kind: i64) -> bool {
+        kind == 4
+    }
+
+    /// 3000h subs 56 and 68 select what an alarm looks at (11.3.2).
+    fn alarm_kind(&self, configured: i64) -> i64 {
         configured
     }
 
@@ -191,6 +211,9 @@ macro_rules! mutants {
 }
 
 mutants! {
+    "unit-ignored" {
+        fn unit(&self, _configured: i64) -> i64 { 0 }
+    }
     "offset-ignored" {
         fn calibration(&self, gain: i64, _offset: i64) -> (i64, i64) { (gain, 0) }
     }
@@ -209,6 +232,9 @@ mutants! {
     "action-ignored" {
         fn cools(&self, _action: i64) -> bool { false }
     }
+    "proportional-band-ignored" {
+        fn proportional_band(&self, _configured: i64) -> i64 { 0 }
+    }
     "output-limits-ignored" {
         fn output_limits(&self, _low: i64, _high: i64) -> (i64, i64) { (0, 100) }
     }
@@ -223,6 +249,20 @@ mutants! {
     }
     "soft-start-ignored" {
         fn soft_start(&self, _configured: i64) -> i64 { 0 }
+    }
+    "tuning-does-not-force" {
+        fn tuning_forces(&self, _kind: i64) -> bool { false }
+    }
+    "alarm-below-is-above" {
+        fn alarm_kind(&self, configured: i64) -> i64 { if configured == 2 { 1 } else { configured } }
+    }
+    "alarm-above-is-below" {
+        fn alarm_kind(&self, configured: i64) -> i64 { if configured == 1 { 2 } else { configured } }
+    }
+    "alarm-of-set-point-looks-at-process" {
+        fn alarm_kind(&self, configured: i64) -> i64 {
+            if matches!(configured, 6 | 7) { configured - 5 } else { configured }
+        }
     }
     "alarms-share-a-set-point" {
         fn alarm_set_point(&self, _alarm: u16) -> Mux { Mux::new(0x4001, 0) }
@@ -262,6 +302,9 @@ mutants! {
     }
     "outputs-status-swapped" {
         fn outputs_status(&self, q1: bool, q2: bool) -> i64 { i64::from(q2) | i64::from(q1) << 1 }
+    }
+    "expansion-always" {
+        fn expansion(&self, _configured: i64) -> bool { true }
     }
     "expansion-ignored" {
         fn expansion(&self, _configured: i64) -> bool { false }
