@@ -39,6 +39,9 @@ impl EmcyProducer {
     pub(crate) fn configure(&mut self, base: &Base) {
         let cob = base.od.int(COB_ID).map(|cob| CobId(cob as u32));
         self.cob = cob.filter(|cob| cob.valid());
+        if self.cob.is_none() {
+            self.queue.clear();
+        }
         let inhibit = base.od.int(INHIBIT).unwrap_or(0) as u16;
         self.inhibit = base.rules.emcy_inhibit(inhibit);
     }

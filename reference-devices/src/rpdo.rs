@@ -25,12 +25,12 @@ pub(crate) struct Rpdo {
 
 impl Rpdo {
     /// The RPDOs of the device.
-    pub(crate) fn all(base: &Base) -> Vec<Self> {
+    pub(crate) fn all(base: &mut Base) -> Vec<Self> {
         let rpdos = pdo::existing(&base.od, Direction::Receive);
         rpdos.into_iter().map(|pdo| Self::new(pdo, base)).collect()
     }
 
-    fn new(pdo: u16, base: &Base) -> Self {
+    fn new(pdo: u16, base: &mut Base) -> Self {
         let mapping = PdoMapping::default();
         let (waiting, deadline, longest_gap) = (None, None, Duration::ZERO);
         let mut rpdo = Self { pdo, id: None, kind: 0, mapping, waiting, longest_gap, deadline };
@@ -43,8 +43,11 @@ impl Rpdo {
         self.pdo == pdo
     }
 
-    /// Takes the parameters.
-    pub(crate) fn configure(&mut self, base: &Base) {
+    /// Takes the parameters. What was wrong with the PDO before is wrong no more.
+    pub(crate) fn configure(&mut self, base: &mut Base) {
+        for kind in [FaultKind::RpdoTooShort, FaultKind::RpdoTooLong, FaultKind::RpdoTimeout] {
+            base.errors.remove(kind, self.number());
+        }
         let od = &base.od;
         let cob = pdo::cob_id(od, Direction::Receive, self.pdo);
         let communication = pdo::communication(Direction::Receive, self.pdo);
@@ -212,6 +215,16 @@ mod tests {
         assert_eq!(values(&mut rig), (1, 1));
         assert_eq!(rig.ask("205#02000200"), ["085#0000000000000000"]);
         assert_eq!(values(&mut rig), (2, 2));
+    }
+
+    #[test]
+    fn new_parameters_end_an_error() {
+        let mut rig = rig("", 255);
+        rig.send("000#0105");
+        rig.send("205#01");
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x11]));
+        rig.write(mux(0x1400, 1), &[5, 2, 0, 0x80]).unwrap();
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
     }
 
     #[test]
