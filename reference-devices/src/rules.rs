@@ -193,8 +193,8 @@ pub trait Rules: Send {
         configured
     }
 
-    /// Each request restarts that time.
-    fn request_restarts_sdo_timeout(&self) -> bool {
+    /// Each request restarts that time, the first of a transfer and those that follow.
+    fn request_restarts_sdo_timeout(&self, _first: bool) -> bool {
         true
     }
 

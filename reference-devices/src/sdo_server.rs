@@ -77,17 +77,18 @@ impl SdoServer {
                 out.push(Response::Abort(mux, code).frame(id));
             }
         }
-        self.restart_timeout(now, services);
+        self.restart_timeout(now, left_open.is_none(), services);
     }
 
-    fn restart_timeout(&mut self, now: Instant, services: &Services) {
-        if matches!(self.transfer, Transfer::Idle) {
-            self.deadline = None;
-            return;
-        }
+    fn restart_timeout(&mut self, now: Instant, first: bool, services: &Services) {
         let rules = &services.base.rules;
-        if self.deadline.is_none() || rules.request_restarts_sdo_timeout() {
-            self.deadline = Some(now + rules.sdo_timeout(services.base.settings.sdo_timeout));
+        if !matches!(self.transfer, Transfer::Idle) {
+            if self.deadline.is_none() || rules.request_restarts_sdo_timeout(first) {
+                let timeout = rules.sdo_timeout(services.base.settings.sdo_timeout);
+                self.deadline = Some(now + timeout);
+            }
+        } else if rules.request_restarts_sdo_timeout(true) {
+            self.deadline = None;
         }
     }
 }
@@ -315,6 +316,16 @@ mod tests {
                 ("6000000000000000", "006669667465656E"),
             ],
         );
+        let mut stale = mutant("sdo-stale-timeout-aborts-next");
+        talk(&mut stale, &[upload, ("8004200000000008", "")]);
+        stale.run_to(500_000);
+        talk(&mut stale, &[upload]);
+        assert_eq!(stale.until(1_400_000), [(1_001_000, "585#8004200000000405".to_owned())]);
+        let mut slow = mutant("sdo-timeout-not-restarted");
+        talk(&mut slow, &[upload]);
+        slow.run_to(900_000);
+        talk(&mut slow, &[("6000000000000000", "006669667465656E")]);
+        assert_eq!(slow.until(1_400_000), [(1_001_000, "585#8004200000000405".to_owned())]);
         talk(
             &mut mutant("refused-write-changes-value"),
             &[("2B0120000B000000", "8001200031000906"), ("4001200000000000", "4B0120000B000000")],

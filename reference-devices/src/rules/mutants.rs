@@ -163,7 +163,10 @@ mutants! {
         fn sdo_timeout(&self, _configured: Duration) -> Duration { Duration::MAX }
     }
     "sdo-timeout-not-restarted" {
-        fn request_restarts_sdo_timeout(&self) -> bool { false }
+        fn request_restarts_sdo_timeout(&self, first: bool) -> bool { first }
+    }
+    "sdo-stale-timeout-aborts-next" {
+        fn request_restarts_sdo_timeout(&self, first: bool) -> bool { !first }
     }
     "abort-general" {
         fn abort_code(&self, _mux: Mux, _reason: Abort) -> Abort { Abort::GENERAL }
