@@ -211,6 +211,103 @@ mod tests {
         assert_eq!(rig.node.state(), NmtState::OPERATIONAL);
     }
 
+    mod any_input {
+        use super::*;
+        use crate::testing::{full, set};
+        use canopen::{Id, Outbox};
+        use proptest::prelude::*;
+
+        #[derive(Clone, Copy, Debug)]
+        enum Input {
+            Frame(Frame),
+            /// Nanoseconds that pass without the device being polled.
+            Late(u64),
+            /// Nanoseconds that pass with the device being polled in time.
+            Time(u64),
+        }
+
+        fn id() -> impl Strategy<Value = Id> {
+            let of_services = prop::sample::select(vec![
+                0x000, 0x080, 0x085, 0x185, 0x205, 0x285, 0x305, 0x605, 0x605, 0x705, 0x70A,
+            ]);
+            prop_oneof![
+                9 => of_services.prop_map(Id::standard),
+                1 => any::<u16>().prop_map(Id::standard),
+                1 => any::<u32>().prop_map(Id::extended),
+            ]
+        }
+
+        /// Bytes of which many open a transfer on an object of the communication profile.
+        fn data() -> impl Strategy<Value = Data> {
+            let command = prop::sample::select(vec![
+                0x01, 0x05, 0x21, 0x22, 0x23, 0x2B, 0x2F, 0x40, 0x60, 0x70, 0x80, 0x81, 0x82,
+            ]);
+            let index = prop::sample::select(vec![
+                0x1003u16, 0x1005, 0x1006, 0x100C, 0x100D, 0x1010, 0x1011, 0x1014, 0x1015, 0x1016,
+                0x1017, 0x1019, 0x1029, 0x1400, 0x1600, 0x1800, 0x1A00, 0x2000, 0x2003, 0x2004,
+            ]);
+            let value = prop_oneof![0u32..300, any::<u32>(), Just(0x2000_0008), Just(0x8000_0185)];
+            let likely =
+                (command, index, 0u8..4, value).prop_map(|(command, index, sub, value)| {
+                    let [low, high] = index.to_le_bytes();
+                    let [a, b, c, d] = value.to_le_bytes();
+                    Data::from([command, low, high, sub, a, b, c, d])
+                });
+            let nmt = (prop::sample::select(vec![1, 1, 2, 128, 129, 130]), 0u8..6)
+                .prop_map(|(service, node)| Data::from([service, node]));
+            let random = prop::collection::vec(any::<u8>(), 0..=8);
+            prop_oneof![4 => likely, 2 => nmt, 2 => random.prop_map(|bytes| Data::new(&bytes))]
+        }
+
+        fn input() -> impl Strategy<Value = Input> {
+            let frame = (id(), data(), prop::bool::weighted(0.1));
+            prop_oneof![
+                6 => frame.prop_map(|(id, data, remote)| Input::Frame(Frame { id, data, remote })),
+                1 => (0u64..10_000_000_000).prop_map(Input::Late),
+                2 => (0u64..200_000_000).prop_map(Input::Time),
+            ]
+        }
+
+        proptest! {
+            #[test]
+            fn neither_panics_nor_spins(
+                mutant in 0usize..200,
+                inputs in prop::collection::vec(input(), 0..80),
+            ) {
+                let rules = crate::rules::names().nth(mutant).and_then(crate::rules::named);
+                let rules = rules.unwrap_or_else(|| Box::new(Specification));
+                let mut entries = full();
+                set(&mut entries, mux(0x1A00, 0), 1);
+                set(&mut entries, mux(0x1A00, 1), 0x2000_0008);
+                let (settings, inert) = (NodeSettings::default(), Box::new(Inert));
+                let mut node = Node::new(&eds(entries), 5, settings, rules, inert).unwrap();
+                let (mut now, mut out) = (Instant::ZERO, Outbox::default());
+                for input in inputs {
+                    match input {
+                        Input::Frame(frame) => node.handle_frame(now, &frame, &mut out),
+                        Input::Late(span) => {
+                            now += Duration::from_nanos(span);
+                            node.handle_timeout(now, &mut out);
+                        }
+                        Input::Time(span) => {
+                            let end = now + Duration::from_nanos(span);
+                            while let Some(due) = node.poll_at().filter(|due| *due <= end) {
+                                now = now.max(due);
+                                node.handle_timeout(now, &mut out);
+                                prop_assert!(node.poll_at().is_none_or(|next| next > now));
+                            }
+                            now = end;
+                            node.handle_timeout(now, &mut out);
+                        }
+                    }
+                    if !matches!(input, Input::Frame(_)) {
+                        prop_assert!(node.poll_at().is_none_or(|next| next > now));
+                    }
+                }
+            }
+        }
+    }
+
     #[test]
     fn the_application_refuses_sees_writes_and_moves_its_objects() {
         struct Doubler;
