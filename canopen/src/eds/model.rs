@@ -18,7 +18,8 @@ pub struct Eds {
     pub comments: Vec<String>,
     /// The objects, by ascending index.
     pub objects: Vec<Object>,
-    /// Sections and keys that we do not know, kept so that writing loses nothing.
+    /// Sections and keys that have no place here, and values that could not be understood, kept
+    /// so that writing loses nothing. Ordered like the sections of a file.
     pub unknown: Vec<UnknownSection>,
 }
 
@@ -131,7 +132,7 @@ pub struct Term {
     pub plus_node: bool,
 }
 
-/// A section that CiA 306 does not name, or unknown keys of one that it does.
+/// A section that has no place in an [`Eds`], or such keys of one that has.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownSection {
     /// Name between the brackets.

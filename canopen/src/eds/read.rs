@@ -51,7 +51,7 @@ pub fn read(source: &[u8]) -> Reading {
     }
     reader.check_lists(listed);
     reader.compact_pdos();
-    reader.unite_unknown();
+    reader.sort_unknown();
     lint::check(&reader.eds, &sections, &mut reader.findings);
     Reading { eds: reader.eds, diagnostics: reader.findings.finish() }
 }
@@ -118,7 +118,7 @@ impl Reader {
     }
 
     /// Puts what is unknown into the order of the text that [`write`](super::write) makes of it.
-    fn unite_unknown(&mut self) {
+    fn sort_unknown(&mut self) {
         self.eds.unknown.sort_by_key(|section| Name::of(&section.name));
     }
 

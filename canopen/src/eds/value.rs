@@ -11,28 +11,26 @@ use super::number::{Number, Remark, Sum, without_comment};
 /// The value of `key` in that type. `None` when it has none, or one that was reported and is
 /// better kept as text.
 pub(super) fn term(key: &Key<'_>, data_type: DataType, findings: &mut Findings) -> Option<Term> {
-    let text = key.value;
-    let bytes = |bytes: Option<Vec<u8>>, findings: &mut Findings| match bytes {
-        Some(bytes) => Some(Term::fixed(Value::Bytes(bytes))),
-        None => {
-            refuse(&codes::DEFAULT, key, data_type, findings);
-            None
+    let value = match data_type {
+        DataType::VISIBLE_STRING => Some(Value::Text(key.value.to_owned())),
+        DataType::UNICODE_STRING => Some(Value::Bytes(utf16(key.value))),
+        DataType::OCTET_STRING | DataType::DOMAIN => octets(typed(key, findings)).map(Value::Bytes),
+        DataType::TIME_OF_DAY | DataType::TIME_DIFFERENCE => {
+            time(typed(key, findings)).map(Value::Bytes)
         }
-    };
-    match data_type {
-        DataType::VISIBLE_STRING => Some(Term::fixed(Value::Text(text.to_owned()))),
-        DataType::OCTET_STRING | DataType::DOMAIN => bytes(octets(text), findings),
-        DataType::UNICODE_STRING => bytes(utf16(text), findings),
-        DataType::TIME_OF_DAY | DataType::TIME_DIFFERENCE => bytes(time(text), findings),
         DataType::REAL32 | DataType::REAL64 => real(key, data_type, findings),
         DataType::BOOLEAN => boolean(key, findings),
-        _ if data_type.is_integer() => integer(key, data_type, findings),
+        _ if data_type.is_integer() => return integer(key, data_type, findings),
         _ => {
             let message = format!("values of {data_type} are kept and not understood");
             findings.habit(&codes::OPAQUE, key.at, message);
-            None
+            return None;
         }
+    };
+    if value.is_none() {
+        not_of_type(&codes::DEFAULT, key, data_type, findings);
     }
+    value.map(Term::fixed)
 }
 
 /// A number of `key` from 0 to `high`; reports what is none.
@@ -106,13 +104,8 @@ pub(super) fn text(term: &Term, data_type: DataType, hex: bool) -> String {
     }
 }
 
-fn refuse(code: &Code, key: &Key<'_>, data_type: DataType, findings: &mut Findings) {
-    let message = match (code.name, data_type.limits()) {
-        (name, Some((low, high))) if name == codes::DEFAULT_RANGE.name => {
-            format!("{}: {} is not in {low} to {high} of {data_type}", key.name, key.value)
-        }
-        _ => format!("{}: {:?} is not a value of type {data_type}", key.name, key.value),
-    };
+fn not_of_type(code: &Code, key: &Key<'_>, data_type: DataType, findings: &mut Findings) {
+    let message = format!("{}: {:?} is not a value of type {data_type}", key.name, key.value);
     findings.add(code, key.at, message);
 }
 
@@ -144,7 +137,7 @@ fn integer(key: &Key<'_>, data_type: DataType, findings: &mut Findings) -> Optio
     let text = typed(key, findings);
     let Some(Sum { number, plus_node, usual }) = Sum::parse(text) else {
         let code = if text.contains('$') { &codes::NODE_ID } else { &codes::DEFAULT };
-        refuse(code, key, data_type, findings);
+        not_of_type(code, key, data_type, findings);
         return None;
     };
     check_spelling(&number, text, key.at, findings);
@@ -169,24 +162,21 @@ fn integer(key: &Key<'_>, data_type: DataType, findings: &mut Findings) -> Optio
         findings.habit(&codes::TWOS_COMPLEMENT, key.at, message);
     }
     if !(low..=high).contains(&value) {
-        refuse(&codes::DEFAULT_RANGE, key, data_type, findings);
+        let message = format!("{}: {text} is not in {low} to {high} of {data_type}", key.name);
+        findings.add(&codes::DEFAULT_RANGE, key.at, message);
         return None;
     }
     Some(Term::fixed(Value::Int(value)))
 }
 
-fn boolean(key: &Key<'_>, findings: &mut Findings) -> Option<Term> {
+fn boolean(key: &Key<'_>, findings: &mut Findings) -> Option<Value> {
     let text = typed(key, findings);
     let known = Number::parse(text).is_some()
         || ["true", "false"].iter().any(|word| word.eq_ignore_ascii_case(text));
-    if !known {
-        refuse(&codes::DEFAULT, key, DataType::BOOLEAN, findings);
-        return None;
-    }
-    Some(Term::fixed(Value::Bool(flag(key, findings))))
+    known.then(|| Value::Bool(flag(key, findings)))
 }
 
-fn real(key: &Key<'_>, data_type: DataType, findings: &mut Findings) -> Option<Term> {
+fn real(key: &Key<'_>, data_type: DataType, findings: &mut Findings) -> Option<Value> {
     let text = typed(key, findings);
     let single = data_type == DataType::REAL32;
     let number = match Number::parse(text) {
@@ -198,36 +188,28 @@ fn real(key: &Key<'_>, data_type: DataType, findings: &mut Findings) -> Option<T
             };
             findings.habit(&codes::REAL_BITS, key.at, message);
             match (digits == full, single) {
-                (false, _) => Some(value as f64),
-                (true, true) => Some(f32::from_bits(value as u32).into()),
-                (true, false) => Some(f64::from_bits(value as u64)),
+                (false, _) => value as f64,
+                (true, true) => f32::from_bits(value as u32).into(),
+                (true, false) => f64::from_bits(value as u64),
             }
         }
-        _ => decimal(text),
+        _ => decimal(text)?,
     };
     // What the device holds is the nearest number of four bytes.
-    let nearest = |number: f64| if single { f64::from(number as f32) } else { number };
-    match number {
-        Some(number) if !number.is_finite() || nearest(number).is_finite() => {
-            Some(Term::fixed(Value::Real(nearest(number))))
-        }
-        _ => {
-            refuse(&codes::DEFAULT, key, data_type, findings);
-            None
-        }
-    }
+    let nearest = if single { f64::from(number as f32) } else { number };
+    // A number that is too large for four bytes is none.
+    (nearest.is_finite() || !number.is_finite()).then_some(Value::Real(nearest))
 }
 
 fn decimal(text: &str) -> Option<f64> {
     // `parse` takes names such as `inf` as well.
     let clean =
         text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'+' | b'-' | b'.' | b'e' | b'E'));
-    text.parse().ok().filter(|_| clean)
+    text.parse().ok().filter(|number: &f64| clean && number.is_finite())
 }
 
 /// Hex digits in pairs, with or without spaces and `0x`.
 fn octets(text: &str) -> Option<Vec<u8>> {
-    let text = without_comment(text);
     let mut bytes = Vec::new();
     for word in text.split_ascii_whitespace() {
         let word = word.strip_prefix("0x").or_else(|| word.strip_prefix("0X")).unwrap_or(word);
@@ -245,22 +227,82 @@ fn octets(text: &str) -> Option<Vec<u8>> {
 }
 
 /// Code units of four hex digits, octets, or plain text.
-fn utf16(text: &str) -> Option<Vec<u8>> {
-    let words = || text.split_ascii_whitespace();
-    if words().all(|word| word.len() == 4) && octets(text).is_some() {
-        let units = words().filter_map(|word| u16::from_str_radix(word, 16).ok());
-        return Some(units.flat_map(u16::to_le_bytes).collect());
+fn utf16(text: &str) -> Vec<u8> {
+    let unit = |word: &str| (word.len() == 4).then(|| u16::from_str_radix(word, 16).ok()).flatten();
+    let units: Option<Vec<u16>> = text.split_ascii_whitespace().map(unit).collect();
+    let bytes = |units: Vec<u16>| units.into_iter().flat_map(u16::to_le_bytes).collect();
+    match units {
+        Some(units) => bytes(units),
+        None => octets(text).unwrap_or_else(|| bytes(text.encode_utf16().collect())),
     }
-    octets(text).or_else(|| Some(text.encode_utf16().flat_map(u16::to_le_bytes).collect()))
 }
 
 /// Six octets, or a number.
 fn time(text: &str) -> Option<Vec<u8>> {
-    if let Some(number) = Number::parse(without_comment(text)) {
-        let high = (1 << 48) - 1;
-        return (0..=high)
-            .contains(&number.value)
-            .then(|| number.value.to_le_bytes()[..6].to_vec());
+    match Number::parse(text) {
+        Some(Number { value, .. }) => {
+            (0..1 << 48).contains(&value).then(|| value.to_le_bytes()[..6].to_vec())
+        }
+        None => octets(text).filter(|bytes| bytes.len() == 6),
     }
-    octets(text).filter(|bytes| bytes.len() == 6)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn read(text: &str, data_type: DataType) -> Option<Term> {
+        let place = Place::new(1, 1);
+        let key = Key { name: "DefaultValue", value: text, name_at: place, at: place };
+        term(&key, data_type, &mut Findings::default())
+    }
+
+    #[test]
+    fn values_of_every_type() {
+        let bytes = |bytes: &[u8]| Value::Bytes(bytes.to_vec());
+        let table = [
+            (DataType::BOOLEAN, "1", Value::Bool(true)),
+            (DataType::BOOLEAN, "FALSE", Value::Bool(false)),
+            (DataType::INTEGER8, "-0x80", Value::Int(-128)),
+            (DataType::INTEGER8, "0x80", Value::Int(-128)),
+            (DataType::INTEGER64, "0xFFFFFFFFFFFFFFFF", Value::Int(-1)),
+            (DataType::UNSIGNED64, "0xFFFFFFFFFFFFFFFF", Value::Int(u64::MAX.into())),
+            (DataType::UNSIGNED32, "10 # ten", Value::Int(10)),
+            (DataType::REAL32, "0.1", Value::Real(0.1f32.into())),
+            (DataType::REAL64, "-1e-3", Value::Real(-0.001)),
+            (DataType::REAL64, "0x3FF0000000000000", Value::Real(1.0)),
+            (DataType::VISIBLE_STRING, "010 # ten", Value::Text("010 # ten".into())),
+            (DataType::OCTET_STRING, "01 0xAB 2", bytes(&[1, 0xAB, 2])),
+            (DataType::DOMAIN, "01AB", bytes(&[1, 0xAB])),
+            (DataType::UNICODE_STRING, "0061 20AC", bytes(&[0x61, 0, 0xAC, 0x20])),
+            (DataType::UNICODE_STRING, "61 00", bytes(&[0x61, 0])),
+            (DataType::UNICODE_STRING, "xy", bytes(&[b'x', 0, b'y', 0])),
+            (DataType::TIME_OF_DAY, "01 02 03 04 05 06", bytes(&[1, 2, 3, 4, 5, 6])),
+            (DataType::TIME_DIFFERENCE, "0", bytes(&[0; 6])),
+        ];
+        for (data_type, text, value) in table {
+            let term = Some(Term::fixed(value));
+            assert_eq!(read(text, data_type), term, "{text} as {data_type}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_value() {
+        for (data_type, text) in [
+            (DataType::BOOLEAN, "perhaps"),
+            (DataType::INTEGER8, "0x100"),
+            (DataType::INTEGER8, "128"),
+            (DataType::UNSIGNED8, "-1"),
+            (DataType::UNSIGNED8, "$NODEID+0x81"),
+            (DataType::UNSIGNED32, "1.5"),
+            (DataType::REAL32, "1e40"),
+            (DataType::REAL32, "inf"),
+            (DataType::REAL64, "1e400"),
+            (DataType::OCTET_STRING, "012"),
+            (DataType::TIME_OF_DAY, "01 02"),
+            (DataType(0x40), "1"),
+        ] {
+            assert_eq!(read(text, data_type), None, "{text} as {data_type}");
+        }
+    }
 }

@@ -141,7 +141,7 @@ impl<'e> Writer<'e> {
         self.section("Comments");
         self.key("Lines", lines.len());
         for (number, line) in (1..).zip(lines) {
-            self.key(&format!("Line{number}"), line);
+            self.line(&format!("Line{number}"), line);
         }
         self.finish();
     }
@@ -151,7 +151,7 @@ impl<'e> Writer<'e> {
         self.section(list.title());
         self.key("SupportedObjects", of_list().count());
         for (place, object) in (1..).zip(of_list()) {
-            self.key(&format!("{place}"), format_args!("0x{:04X}", object.index));
+            self.line(&format!("{place}"), format_args!("0x{:04X}", object.index));
         }
         self.finish();
     }
