@@ -77,6 +77,18 @@ pub trait Device {
     fn poll_at(&self) -> Option<Instant>;
 }
 
+impl<D: Device + ?Sized> Device for Box<D> {
+    fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
+        (**self).handle_frame(now, frame, out);
+    }
+    fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
+        (**self).handle_timeout(now, out);
+    }
+    fn poll_at(&self) -> Option<Instant> {
+        (**self).poll_at()
+    }
+}
+
 /// The frames a station wants to send, in its own order.
 #[derive(Debug, Default)]
 pub struct Outbox {

@@ -14,6 +14,7 @@ mod frame;
 pub mod heartbeat;
 mod malformed;
 mod meaning;
+pub mod monitor;
 mod mux;
 pub mod nmt;
 mod pattern;

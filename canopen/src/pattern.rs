@@ -72,6 +72,11 @@ impl Pattern {
         if self.extended { Id::extended(self.id) } else { Id::standard(self.id as u16) }
     }
 
+    /// The pattern with another identifier.
+    pub fn with_id(self, id: Id) -> Self {
+        Self { id: id.raw(), extended: id.is_extended(), plus_node: false, body: self.body }
+    }
+
     /// Whether `frame` fits. Names that are not bound fit any byte.
     pub fn matches(&self, frame: &Frame) -> bool {
         if frame.id != self.id() {

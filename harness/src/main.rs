@@ -1,1 +1,25 @@
-fn main(){}
+//! The `harness` program.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use harness::cli::Cli;
+use harness::commands;
+use harness::exit::Exit;
+
+fn main() -> ExitCode {
+    // A panic is a bug of ours; what it says is on the terminal already.
+    let exit = std::panic::catch_unwind(|| match Cli::try_parse() {
+        Ok(cli) => commands::run(cli),
+        Err(error) => {
+            // Nobody is left to tell when standard output is closed.
+            _ = error.print();
+            if error.use_stderr() { Exit::Usage } else { Exit::Green }
+        }
+    });
+    let exit = exit.unwrap_or_else(|_| {
+        eprintln!("this is a bug of the harness: please report it with the command you ran");
+        Exit::Internal
+    });
+    ExitCode::from(exit as u8)
+}

@@ -15,6 +15,7 @@ mod errors;
 mod guarding;
 mod heartbeat_consumer;
 mod heartbeat_producer;
+pub mod mutant;
 mod nmt;
 mod node;
 mod pdo;

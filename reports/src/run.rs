@@ -142,6 +142,12 @@ impl Run {
         self.devices.iter().flat_map(|device| device.cases().map(move |case| (device, case)))
     }
 
+    /// The case that started last, with its device.
+    pub fn latest(&self) -> Option<(&DeviceRun, &CaseRun)> {
+        let device = self.devices.last()?;
+        Some((device, device.suites.get(self.suite)?.cases.last()?))
+    }
+
     /// How many cases came out how.
     pub fn counts(&self) -> Counts {
         self.cases().map(|(_, case)| case.verdict()).collect()

@@ -1,0 +1,314 @@
+//! Observers that watch a node all the time, whatever a test does.
+//!
+//! A monitor sees every frame in order, and for each whether somebody waited for it. What breaks
+//! a rule that holds always is a [`Breach`].
+
+use std::fmt;
+use std::time::Duration;
+
+use crate::bus::Stamped;
+use crate::emcy::{self, Emcy};
+use crate::frame::Frame;
+use crate::heartbeat::{self, ErrorControl};
+use crate::mux::Mux;
+use crate::nmt::{self, NmtState, Service};
+use crate::sdo::{self, Initiate, Request, Response};
+use crate::time::Instant;
+
+/// A frame as a monitor sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Seen {
+    /// The frame.
+    pub stamped: Stamped,
+    /// Whether a step of the test waited for it.
+    pub expected: bool,
+}
+
+/// A rule that holds always, broken.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Breach {
+    /// When.
+    pub at: Instant,
+    /// What should be.
+    pub rule: String,
+    /// What was.
+    pub got: String,
+    /// The frame, when it is one.
+    pub frame: Option<Frame>,
+}
+
+impl fmt::Display for Breach {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.rule, self.got)
+    }
+}
+
+/// Watches one node.
+pub trait Monitor {
+    /// Takes the next frame.
+    ///
+    /// # Errors
+    /// The rule that this frame breaks.
+    fn observe(&mut self, seen: &Seen) -> Result<(), Breach>;
+
+    /// Takes note that nothing more came until `now`.
+    ///
+    /// # Errors
+    /// The rule that the silence breaks.
+    fn finish(&mut self, _now: Instant) -> Result<(), Breach> {
+        Ok(())
+    }
+}
+
+/// The monitors that watch node `node` in every case. `known` are the identifiers it may use
+/// beside those of the predefined connection set.
+pub fn all(node: u8, known: Vec<u16>) -> Vec<Box<dyn Monitor>> {
+    vec![
+        Box::new(NoSurprise { node }),
+        Box::new(KnownIdentifiers { node, known }),
+        Box::new(HeartbeatAlive { node, asked: None, period: None, last: None }),
+        Box::new(SilentWhenStopped { node, stopped: false, asked: false }),
+    ]
+}
+
+/// No emergency message, boot-up or SDO answer that nobody waited for.
+struct NoSurprise {
+    node: u8,
+}
+
+impl Monitor for NoSurprise {
+    fn observe(&mut self, seen: &Seen) -> Result<(), Breach> {
+        let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
+        let node = u16::from(self.node);
+        let frame = &seen.stamped.frame;
+        if id == emcy::COB_ID + node {
+            let got = Emcy::decode(&frame.data)
+                .map_or_else(|error| error.to_string(), |emcy| format!("emergency {}", emcy.code));
+            return Err(breach(seen, "no emergency message without a cause", got));
+        }
+        let boot_up = ErrorControl::decode(&frame.data) == Ok(ErrorControl::BOOT_UP);
+        if id == heartbeat::COB_ID + node && boot_up {
+            let got = "the node booted".to_owned();
+            return Err(breach(seen, "no boot-up without a reset", got));
+        }
+        if id == sdo::RESPONSE_COB_ID + node {
+            let got = "an SDO answer that nobody asked for".to_owned();
+            return Err(breach(seen, "at most one SDO answer to a request", got));
+        }
+        Ok(())
+    }
+}
+
+/// No identifier but those the node owns, as far as no other node can be the sender.
+struct KnownIdentifiers {
+    node: u8,
+    known: Vec<u16>,
+}
+
+impl KnownIdentifiers {
+    /// Whether the identifier is one that a device with another node id uses by default.
+    fn of_another(&self, id: u16) -> bool {
+        let node = id & 0x7F;
+        node != u16::from(self.node)
+            && node != 0
+            && matches!(id & 0x780, 0x080 | 0x180..=0x580 | 0x600 | 0x700)
+    }
+}
+
+impl Monitor for KnownIdentifiers {
+    fn observe(&mut self, seen: &Seen) -> Result<(), Breach> {
+        let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
+        let node = u16::from(self.node);
+        let own = [emcy::COB_ID, sdo::RESPONSE_COB_ID, heartbeat::COB_ID].map(|base| base + node);
+        let default_pdo = id & 0x7F == node && matches!(id & 0x780, 0x180 | 0x280 | 0x380 | 0x480);
+        let lss = id == 0x7E4;
+        if own.contains(&id)
+            || default_pdo
+            || lss
+            || self.known.contains(&id)
+            || self.of_another(id)
+        {
+            return Ok(());
+        }
+        Err(breach(seen, "no identifier that the node does not own", format!("{id:03X}h")))
+    }
+}
+
+/// Once a heartbeat period is set and the heartbeat has begun, no gap of more than two periods.
+struct HeartbeatAlive {
+    node: u8,
+    asked: Option<Duration>,
+    period: Option<Duration>,
+    last: Option<Instant>,
+}
+
+impl HeartbeatAlive {
+    const PRODUCER_TIME: Mux = Mux::new(0x1017, 0);
+
+    fn gap(&self, now: Instant) -> Option<Duration> {
+        let (period, last) = self.period.zip(self.last)?;
+        let gap = now.since(last);
+        (gap > period * 2 + Self::SLACK).then_some(gap)
+    }
+
+    /// A frame in front of the heartbeat, and a host that is late by a few milliseconds.
+    const SLACK: Duration = Duration::from_millis(5);
+
+    fn judge(&self, now: Instant, frame: Option<Frame>) -> Result<(), Breach> {
+        let (Some(gap), Some(period)) = (self.gap(now), self.period) else { return Ok(()) };
+        let rule = format!("a heartbeat every {} ms", period.as_millis());
+        let got = format!("none for {} ms", gap.as_millis());
+        Err(Breach { at: now, rule, got, frame })
+    }
+}
+
+impl Monitor for HeartbeatAlive {
+    fn observe(&mut self, seen: &Seen) -> Result<(), Breach> {
+        let Stamped { at, frame, own } = seen.stamped;
+        let node = u16::from(self.node);
+        match frame.data_id() {
+            Some(nmt::COB_ID) if own => {
+                let command = nmt::Command::decode(&frame.data).ok();
+                if command.is_some_and(|command| resets(command.service)) {
+                    (self.period, self.last) = (None, None);
+                }
+            }
+            Some(id) if own && id == sdo::REQUEST_COB_ID + node => {
+                self.asked = match Request::decode(&frame.data) {
+                    Ok(Request::Download(Self::PRODUCER_TIME, Initiate::Expedited(data))) => {
+                        let low = data.first().copied().unwrap_or(0);
+                        let high = data.get(1).copied().unwrap_or(0);
+                        Some(Duration::from_millis(u16::from_le_bytes([low, high]).into()))
+                    }
+                    _ => None,
+                };
+            }
+            Some(id) if !own && id == sdo::RESPONSE_COB_ID + node => {
+                if let (Some(period), Ok(Response::Download(Self::PRODUCER_TIME))) =
+                    (self.asked.take(), Response::decode(&frame.data))
+                {
+                    self.period = Some(period).filter(|period| !period.is_zero());
+                    self.last = None;
+                }
+            }
+            Some(id) if !own && id == heartbeat::COB_ID + node => {
+                let judged = self.judge(at, Some(frame));
+                self.last = Some(at);
+                return judged;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn finish(&mut self, now: Instant) -> Result<(), Breach> {
+        self.judge(now, None)
+    }
+}
+
+/// In STOPPED, no answer to an SDO request.
+struct SilentWhenStopped {
+    node: u8,
+    stopped: bool,
+    asked: bool,
+}
+
+impl Monitor for SilentWhenStopped {
+    fn observe(&mut self, seen: &Seen) -> Result<(), Breach> {
+        let Stamped { frame, own, .. } = seen.stamped;
+        let node = u16::from(self.node);
+        match frame.data_id() {
+            Some(nmt::COB_ID) if own => {
+                if let Ok(command) = nmt::Command::decode(&frame.data)
+                    && [0, self.node].contains(&command.node)
+                {
+                    (self.stopped, self.asked) = (command.service == Service::STOP, false);
+                }
+            }
+            Some(id) if own && id == sdo::REQUEST_COB_ID + node => self.asked = self.stopped,
+            Some(id) if !own && id == heartbeat::COB_ID + node => {
+                let report = ErrorControl::decode(&frame.data).ok();
+                self.stopped &= report.is_none_or(|report| report.state == NmtState::STOPPED);
+            }
+            Some(id) if !own && id == sdo::RESPONSE_COB_ID + node && self.asked => {
+                let got = "an SDO answer".to_owned();
+                return Err(breach(seen, "no SDO in STOPPED", got));
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}
+
+/// The 11-bit identifier of a data frame that is no echo of ours.
+fn incoming(seen: &Seen) -> Option<u16> {
+    if seen.stamped.own { None } else { seen.stamped.frame.data_id() }
+}
+
+fn resets(service: Service) -> bool {
+    [Service::RESET_NODE, Service::RESET_COMMUNICATION].contains(&service)
+}
+
+fn breach(seen: &Seen, rule: &str, got: String) -> Breach {
+    let Stamped { at, frame, .. } = seen.stamped;
+    Breach { at, rule: rule.to_owned(), got, frame: Some(frame) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Feeds `ms frame` lines (`>` in front of own ones, `!` of expected ones) to every monitor.
+    fn breaches(lines: &[&str]) -> Vec<String> {
+        let mut monitors = all(5, vec![0x333]);
+        let mut found = Vec::new();
+        for line in lines {
+            let (ms, text) = line.split_once(' ').unwrap();
+            let frame = text.trim_start_matches(['>', '!']).parse().unwrap();
+            let at = Instant(ms.parse::<u64>().unwrap() * 1_000_000);
+            let stamped = Stamped { at, frame, own: text.starts_with('>') };
+            let seen = Seen { stamped, expected: text.starts_with('!') };
+            found.extend(monitors.iter_mut().filter_map(|monitor| monitor.observe(&seen).err()));
+        }
+        found.iter().map(Breach::to_string).collect()
+    }
+
+    #[test]
+    fn surprises() {
+        assert_eq!(breaches(&["1 !085#3081110000000000", "2 !705#00", "3 705#7F"]), [""; 0]);
+        assert_eq!(breaches(&["1 085#3081110000000000"]).len(), 1);
+        assert_eq!(breaches(&["1 705#00"]), ["no boot-up without a reset: the node booted"]);
+        assert_eq!(breaches(&["1 585#6017100000000000"]).len(), 1);
+    }
+
+    #[test]
+    fn identifiers() {
+        assert_eq!(breaches(&["1 185#00", "2 333#00", "3 706#05", "4 385#"]), [""; 0]);
+        assert_eq!(
+            breaches(&["1 123#00", "2 10A#00"]),
+            [
+                "no identifier that the node does not own: 123h",
+                "no identifier that the node does not own: 10Ah"
+            ]
+        );
+    }
+
+    #[test]
+    fn a_missing_heartbeat() {
+        let set = ["1 >605#2B17100064000000", "2 !585#6017100000000000", "10 705#7F"];
+        let alive = [&set[..], &["110 705#7F", "210 705#7F"]].concat();
+        assert_eq!(breaches(&alive), [""; 0]);
+        let gap = [&set[..], &["310 705#7F"]].concat();
+        assert_eq!(breaches(&gap), ["a heartbeat every 100 ms: none for 300 ms"]);
+        let reset = [&set[..], &["20 >000#8205", "900 !705#00"]].concat();
+        assert_eq!(breaches(&reset), [""; 0]);
+    }
+
+    #[test]
+    fn answers_in_stopped() {
+        let stopped = ["1 >000#0205", "2 >605#4000100000000000", "3 !585#4300100000000000"];
+        assert_eq!(breaches(&stopped), ["no SDO in STOPPED: an SDO answer"]);
+        let before = ["1 >605#4000100000000000", "2 >000#0205", "3 !585#4300100000000000"];
+        assert_eq!(breaches(&before), [""; 0]);
+    }
+}

@@ -1,0 +1,252 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use reports::Grade;
+
+/// Conformance tests for CANopen devices.
+///
+/// Without a command, runs every suite that fits; without a target, against the reference devices
+/// in this program.
+#[derive(Debug, Parser)]
+#[command(name = "harness", version, args_conflicts_with_subcommands = true)]
+#[command(after_help = EXIT_CODES)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    #[command(flatten)]
+    pub run: RunArgs,
+}
+
+const EXIT_CODES: &str = "\
+Exit codes: 0 green, 1 a case failed, 2 usage, 3 a file does not load, 4 nothing ran,
+6 bus or bench, 7 the device did not come back, 9 holes in qualification or trace,
+70 internal error, 130 interrupted. The highest that applies wins.";
+
+/// The commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run suites against a device under test
+    Run(RunArgs),
+    /// Show what would run, and why the rest would not
+    List(ListArgs),
+    /// Load and lint suites, register and mutants; no bus
+    Check(CheckArgs),
+    /// Put a reference device on a real bus
+    Serve(ServeArgs),
+    /// Show the nodes on a bus and which data sheet fits
+    Scan(ScanArgs),
+    /// Prove that every case can fail: the kill matrix of mutants and cases
+    Qualify(QualifyArgs),
+    /// Show the requirement matrix; fails on holes
+    Trace(TraceArgs),
+    /// Electronic data sheets
+    #[command(subcommand)]
+    Eds(EdsCommand),
+    /// Print the JSON schema of suite or register files
+    Schema(SchemaArgs),
+}
+
+/// What to run, against what.
+#[derive(Debug, Clone, Args)]
+pub struct Selection {
+    /// Suites and cases: names or globs, such as `cia301/nmt` or `'*/heartbeat-*'`
+    #[arg(value_name = "SUITE|CASE")]
+    pub patterns: Vec<String>,
+    /// `vcan0`, `can0`, `sim:drr460`, `sim:drr460?mutant=NAME`; every reference device when absent
+    #[arg(long)]
+    pub target: Option<String>,
+    /// Node id of the device; a bus is scanned when absent
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    pub node: Option<u8>,
+    /// Data sheet of the device; otherwise one in this program that fits its identity
+    #[arg(long, value_name = "FILE")]
+    pub eds: Option<PathBuf>,
+    /// What reports call the device; of a reference device, its data sheet
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
+    /// Folder of the suites; `suites` here, or else those in this program
+    #[arg(long, value_name = "DIR")]
+    pub suites: Option<PathBuf>,
+    /// Bit rate of the bus in bit/s: that of the simulation, and for judging how exact a real bus is
+    #[arg(long, default_value_t = 1_000_000, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub bitrate: u32,
+}
+
+/// Arguments of `run`.
+#[derive(Debug, Clone, Args)]
+pub struct RunArgs {
+    #[command(flatten)]
+    pub selection: Selection,
+    /// Write a JUnit report
+    #[arg(long, value_name = "FILE")]
+    pub junit: Option<PathBuf>,
+    /// Write the journal, from which every report can be made
+    #[arg(long, value_name = "FILE")]
+    pub journal: Option<PathBuf>,
+    /// What counts as green
+    #[arg(long, default_value = "lenient")]
+    pub grade: GradeName,
+    /// Run the cases in a random order
+    #[arg(long)]
+    pub shuffle: bool,
+    /// Seed of the random order
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u64>,
+    /// Stop after so many failures
+    #[arg(long, value_name = "N")]
+    pub max_fail: Option<usize>,
+    /// A line for each case
+    #[arg(short, long)]
+    pub verbose: bool,
+    /// Colours
+    #[arg(long, default_value = "auto")]
+    pub color: When,
+    /// No progress bar
+    #[arg(long)]
+    pub no_progress: bool,
+}
+
+/// Arguments of `list`.
+#[derive(Debug, Args)]
+pub struct ListArgs {
+    #[command(flatten)]
+    pub selection: Selection,
+    /// As JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Arguments of `check`.
+#[derive(Debug, Args)]
+pub struct CheckArgs {
+    /// Suite files to check together with the register; all when absent
+    pub files: Vec<PathBuf>,
+    /// Folder of the suites; `suites` here, or else those in this program
+    #[arg(long, value_name = "DIR")]
+    pub suites: Option<PathBuf>,
+}
+
+/// Arguments of `serve`.
+#[derive(Debug, Args)]
+pub struct ServeArgs {
+    /// The reference device
+    pub device: String,
+    /// The interface, such as `vcan0`
+    #[arg(long)]
+    pub target: String,
+    /// Its node id; the device's usual one when absent
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    pub node: Option<u8>,
+    /// One named deviation
+    #[arg(long, value_name = "NAME")]
+    pub mutant: Option<String>,
+}
+
+/// Arguments of `scan`.
+#[derive(Debug, Args)]
+pub struct ScanArgs {
+    /// The interface, such as `vcan0`, or `sim:drr460`
+    #[arg(long)]
+    pub target: String,
+}
+
+/// Arguments of `qualify`.
+#[derive(Debug, Args)]
+pub struct QualifyArgs {
+    /// The reference device; all when absent
+    pub device: Option<String>,
+    /// Folder of the suites; `suites` here, or else those in this program
+    #[arg(long, value_name = "DIR")]
+    pub suites: Option<PathBuf>,
+    /// Show which cases kill each mutant
+    #[arg(short, long)]
+    pub verbose: bool,
+}
+
+/// Arguments of `trace`.
+#[derive(Debug, Args)]
+pub struct TraceArgs {
+    /// The form
+    #[arg(long, default_value = "md")]
+    pub format: TraceFormat,
+    /// Folder of the suites; `suites` here, or else those in this program
+    #[arg(long, value_name = "DIR")]
+    pub suites: Option<PathBuf>,
+}
+
+/// Forms of the requirement matrix.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum TraceFormat {
+    /// A Markdown table
+    Md,
+    /// Comma-separated values
+    Csv,
+    /// JSON
+    Json,
+}
+
+/// Commands about data sheets.
+#[derive(Debug, Subcommand)]
+pub enum EdsCommand {
+    /// Lint a data sheet, with line numbers
+    Check {
+        /// The data sheet
+        file: PathBuf,
+    },
+    /// Generate `device.eds` and `device.md` of a reference device
+    Write {
+        /// The reference device
+        device: String,
+        /// Folder to write to; the device's folder in the project when absent
+        #[arg(long, value_name = "DIR")]
+        out: Option<PathBuf>,
+    },
+}
+
+/// Arguments of `schema`.
+#[derive(Debug, Args)]
+pub struct SchemaArgs {
+    /// Of which files
+    #[arg(default_value = "suite")]
+    pub of: SchemaName,
+}
+
+/// The schemas.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum SchemaName {
+    /// Suite files
+    Suite,
+    /// Files of the requirement register
+    Requirements,
+}
+
+/// When to use colours.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum When {
+    /// On a terminal
+    Auto,
+    /// Always
+    Always,
+    /// Never
+    Never,
+}
+
+/// What counts as green.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum GradeName {
+    /// LENIENT is not good enough
+    Strict,
+    /// LENIENT is good enough
+    Lenient,
+}
+
+impl From<GradeName> for Grade {
+    fn from(name: GradeName) -> Self {
+        match name {
+            GradeName::Strict => Self::Strict,
+            GradeName::Lenient => Self::Lenient,
+        }
+    }
+}

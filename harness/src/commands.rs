@@ -1,0 +1,42 @@
+//! The commands, a file each.
+
+mod check;
+mod eds;
+mod list;
+pub mod qualify;
+mod run;
+pub mod scan;
+mod schema;
+mod select;
+mod serve;
+mod trace;
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use crate::cli::{Cli, Command};
+use crate::exit::{Exit, Refused};
+
+/// Carries out what the command line asks for.
+pub fn run(cli: Cli) -> Exit {
+    let stop = Arc::new(AtomicBool::new(false));
+    let flag = Arc::clone(&stop);
+    // Without a handler Ctrl-C ends the process at once, which is all that is lost.
+    _ = ctrlc::set_handler(move || flag.store(true, Ordering::SeqCst));
+    let done = match cli.command {
+        None => run::run(&cli.run, &stop),
+        Some(Command::Run(args)) => run::run(&args, &stop),
+        Some(Command::List(args)) => list::run(&args, &stop),
+        Some(Command::Check(args)) => check::run(&args),
+        Some(Command::Serve(args)) => serve::run(&args, &stop),
+        Some(Command::Scan(args)) => scan::run(&args, &stop),
+        Some(Command::Qualify(args)) => qualify::run(&args),
+        Some(Command::Trace(args)) => trace::run(&args),
+        Some(Command::Eds(command)) => eds::run(&command),
+        Some(Command::Schema(args)) => schema::run(&args),
+    };
+    done.unwrap_or_else(|Refused { exit, message }| {
+        eprintln!("{message}");
+        exit
+    })
+}

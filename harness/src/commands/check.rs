@@ -1,0 +1,70 @@
+//! `harness check`: load and lint everything, touch no bus.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use reference_devices::{devices, mutant};
+
+use super::run::plan_all;
+use crate::cli::{CheckArgs, Selection};
+use crate::exit::{Exit, Refused};
+use crate::reporter::say;
+use crate::source::{Complaint, Source};
+use crate::suite::Library;
+use crate::target;
+
+/// Checks what the arguments name, for every reference device.
+///
+/// # Errors
+/// Everything that is wrong.
+pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
+    let library = match args.files.as_slice() {
+        [] => Library::load(args.suites.as_deref())?,
+        files => with_register(args.suites.as_deref(), files)?,
+    };
+    let selection = Selection {
+        patterns: Vec::new(),
+        target: None,
+        node: None,
+        eds: None,
+        device: None,
+        suites: None,
+        bitrate: 1_000_000,
+    };
+    let targets = target::resolve(&selection, &Arc::new(AtomicBool::new(false)))?;
+    let plans = plan_all(&library, &targets)?;
+    let mut mutants = 0;
+    for name in devices::names() {
+        let device = target::reference_device(name)?;
+        let wrong = |message| Refused { exit: Exit::File, message };
+        for mutant in mutant::of(&device).map_err(wrong)? {
+            mutant::build(&device, 1, &mutant).map(drop).map_err(wrong)?;
+            mutants += 1;
+        }
+    }
+    let cases: usize = library.suites.iter().map(|suite| suite.file.cases.len()).sum();
+    let instances: usize = plans.iter().map(|plan| plan.instances.len()).sum();
+    say(&format!(
+        "{} suites, {cases} cases, {instances} instances on {} devices, {} requirements, \
+         {mutants} mutants: no errors\n",
+        library.suites.len(),
+        plans.len(),
+        library.register.iter().count(),
+    ));
+    Ok(Exit::Green)
+}
+
+/// Only these suites, with the whole register.
+fn with_register(folder: Option<&Path>, files: &[std::path::PathBuf]) -> Result<Library, Refused> {
+    let mut sources = Library::register_sources(folder)?;
+    for path in files {
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|error| {
+            let source = Arc::new(Source { name: name.clone(), text: String::new() });
+            Refused::from(vec![Complaint { source, place: None, message: error.to_string() }])
+        })?;
+        sources.push(Arc::new(Source { name, text }));
+    }
+    Ok(Library::from_sources(&sources)?)
+}

@@ -1,0 +1,76 @@
+//! `harness eds`: lint data sheets, generate those of the reference devices.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use canopen::eds::{self, Severity};
+
+use crate::cli::EdsCommand;
+use crate::exit::{Exit, Refused};
+use crate::reporter::say;
+use crate::target::reference_device;
+
+/// Carries out a command about data sheets.
+///
+/// # Errors
+/// When a file cannot be read or written, or the device is unknown.
+pub(super) fn run(command: &EdsCommand) -> Result<Exit, Refused> {
+    match command {
+        EdsCommand::Check { file } => check(file),
+        EdsCommand::Write { device, out } => write(device, out.clone()),
+    }
+}
+
+fn check(path: &Path) -> Result<Exit, Refused> {
+    let bytes = fs::read(path).map_err(|error| file_error(path, &error))?;
+    let reading = eds::read(&bytes);
+    let mut diagnostics = reading.diagnostics;
+    diagnostics.extend(eds::lint(&reading.eds));
+    diagnostics.sort_by_key(|diagnostic| (diagnostic.line, diagnostic.column));
+    let text = String::from_utf8_lossy(&bytes);
+    let lines: Vec<&str> = text.lines().collect();
+    let mut report = String::new();
+    for diagnostic in &diagnostics {
+        let (line, column) = (diagnostic.line, diagnostic.column);
+        let severity = match diagnostic.severity {
+            Severity::Error => "error",
+            Severity::Warning => "warning",
+            Severity::Note => "note",
+        };
+        // Writing to a string cannot fail.
+        _ = writeln!(report, "{severity}[{}]: {}", diagnostic.code, diagnostic.message);
+        _ = writeln!(report, " --> {}:{line}:{column}", path.display());
+        if let Some(source) = line.checked_sub(1).and_then(|place| lines.get(place)) {
+            let gutter = line.to_string().len();
+            _ = writeln!(report, "{line} | {source}");
+            _ = writeln!(report, "{:gutter$} | {:>column$}", "", "^");
+        }
+        report.push('\n');
+    }
+    let count = |severity| diagnostics.iter().filter(|d| d.severity == severity).count();
+    let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
+    _ = writeln!(
+        report,
+        "{} objects, {errors} errors, {warnings} warnings, {} notes",
+        reading.eds.objects.len(),
+        count(Severity::Note)
+    );
+    say(&report);
+    Ok(if errors > 0 { Exit::File } else { Exit::Green })
+}
+
+fn write(name: &str, out: Option<PathBuf>) -> Result<Exit, Refused> {
+    let device = reference_device(name)?;
+    let folder = out.unwrap_or_else(|| Path::new("reference-devices").join(name));
+    for (file, text) in [("device.eds", device.eds_text()), ("device.md", device.markdown())] {
+        let path = folder.join(file);
+        fs::write(&path, text).map_err(|error| file_error(&path, &error))?;
+        say(&format!("{}\n", path.display()));
+    }
+    Ok(Exit::Green)
+}
+
+fn file_error(path: &Path, error: &std::io::Error) -> Refused {
+    Refused { exit: Exit::File, message: format!("error: {}: {error}", path.display()) }
+}

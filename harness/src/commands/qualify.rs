@@ -1,0 +1,260 @@
+//! `harness qualify`: the proof that every case can fail. Every mutant of every device meets every
+//! case in virtual time; what each case makes of each mutant is the kill matrix.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+
+use reference_devices::devices;
+use reference_devices::mutant::{self, Mutant};
+use reports::{Event, Verdict};
+
+use super::run::plan_all;
+use crate::cli::{QualifyArgs, Selection};
+use crate::exit::{Exit, Refused};
+use crate::plan::Plan;
+use crate::reporter::say;
+use crate::run::{Ending, Policy, Session};
+use crate::suite::Library;
+use crate::target::{self, Place, Target, reference_device};
+
+const BIT_RATE: u32 = 1_000_000;
+
+/// Runs the qualification and prints the matrix.
+///
+/// # Errors
+/// When a file does not load or the device is unknown.
+pub fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
+    let library = Library::load(args.suites.as_deref())?;
+    let names: Vec<&str> = match &args.device {
+        Some(name) => vec![name],
+        None => devices::names().collect(),
+    };
+    let mut matrices = Vec::new();
+    for name in names {
+        matrices.push(Matrix::of(&library, name)?);
+    }
+    let holes: Vec<String> = holes(&library, &matrices);
+    let mut text = String::new();
+    for matrix in &matrices {
+        matrix.show(&mut text, args.verbose);
+    }
+    say(&text);
+    if holes.is_empty() {
+        return Ok(Exit::Green);
+    }
+    holes.iter().for_each(|hole| eprintln!("hole: {hole}"));
+    eprintln!("{} holes", holes.len());
+    Ok(Exit::Holes)
+}
+
+/// What each case makes of each mutant of one device.
+struct Matrix {
+    device: String,
+    /// What the clean device gets, by case.
+    clean: BTreeMap<String, BTreeSet<Verdict>>,
+    rows: Vec<Row>,
+}
+
+/// What happens to one mutant.
+struct Row {
+    mutant: Mutant,
+    /// The cases that fail.
+    kills: BTreeSet<String>,
+    /// The cases that fail and check a requirement the mutant breaks.
+    aimed: BTreeSet<String>,
+    ending: Ending,
+}
+
+type Verdicts = BTreeMap<String, BTreeSet<Verdict>>;
+
+impl Matrix {
+    fn of(library: &Library, name: &str) -> Result<Self, Refused> {
+        let device = reference_device(name)?;
+        let mutants =
+            mutant::of(&device).map_err(|message| Refused { exit: Exit::File, message })?;
+        let targets = target::resolve(&simulation(name), &Arc::new(AtomicBool::new(false)))?;
+        let plan = plan_all(library, &targets)?.remove(0);
+        let target = &targets[0];
+        let (clean, _) = verdicts(library, &plan, target)?;
+        let rows = in_parallel(&mutants, |mutant| row(library, &plan, target, mutant))?;
+        Ok(Self { device: name.to_owned(), clean, rows })
+    }
+
+    fn show(&self, text: &mut String, verbose: bool) {
+        let killed = self.rows.iter().filter(|row| !row.aimed.is_empty()).count();
+        let canaries = self.rows.iter().filter(|row| row.mutant.canary).count();
+        let proved: BTreeSet<&String> = self.rows.iter().flat_map(|row| &row.kills).collect();
+        // Writing to a string cannot fail.
+        _ = writeln!(
+            text,
+            "{}: {} mutants, {killed} killed, {canaries} canary; {} cases, {} of them proved able to fail",
+            self.device,
+            self.rows.len(),
+            self.clean.len(),
+            proved.len(),
+        );
+        for row in self.rows.iter().filter(|_| verbose) {
+            let mark = match (row.mutant.canary, row.kills.is_empty()) {
+                (true, true) => "alive, as a canary must be",
+                (_, true) => "SURVIVED",
+                (_, false) => "killed",
+            };
+            _ = writeln!(text, "  {}: {mark} ({})", row.mutant.name, row.mutant.breaks.join(" "));
+            for case in &row.kills {
+                let aim = if row.aimed.contains(case) { "*" } else { " " };
+                _ = writeln!(text, "   {aim} {case}");
+            }
+        }
+    }
+}
+
+fn simulation(name: &str) -> Selection {
+    Selection {
+        patterns: Vec::new(),
+        target: Some(format!("sim:{name}")),
+        node: None,
+        eds: None,
+        device: None,
+        suites: None,
+        bitrate: BIT_RATE,
+    }
+}
+
+fn row(library: &Library, plan: &Plan, clean: &Target, mutant: &Mutant) -> Result<Row, Refused> {
+    let Place::Simulation { device, .. } = &clean.place else {
+        return Err(Refused::usage("only a simulated device can be qualified"));
+    };
+    let target = Target {
+        dut: clean.dut.clone(),
+        place: Place::Simulation {
+            device: Arc::clone(device),
+            mutant: Some(Box::new(mutant.clone())),
+            bit_rate: BIT_RATE,
+        },
+        options: String::new(),
+    };
+    let (verdicts, ending) = verdicts(library, plan, &target)?;
+    let kills: BTreeSet<String> = verdicts
+        .into_iter()
+        .filter(|(_, verdicts)| verdicts.contains(&Verdict::Fail))
+        .map(|(case, _)| case)
+        .collect();
+    let checks = |name: &String| {
+        plan.instances.iter().any(|instance| {
+            case_name(instance) == *name
+                && instance.case().checks.iter().any(|id| mutant.breaks.contains(&id.value))
+        })
+    };
+    let aimed = kills.iter().filter(|name| checks(name)).cloned().collect();
+    Ok(Row { mutant: mutant.clone(), kills, aimed, ending })
+}
+
+/// The verdicts by case, over all its instances.
+fn verdicts(
+    library: &Library,
+    plan: &Plan,
+    target: &Target,
+) -> Result<(Verdicts, Ending), Refused> {
+    let stop = Arc::new(AtomicBool::new(false));
+    let mut bus = target.open(&stop)?;
+    let session = Session {
+        plan,
+        register: &library.register,
+        policy: Policy::at_bit_rate(BIT_RATE),
+        rerun: String::new(),
+        max_fail: None,
+        stop: &stop,
+    };
+    let (mut verdicts, mut current) = (Verdicts::new(), String::new());
+    let ending = session.run(&mut *bus, &mut |event| match event {
+        Event::CaseStarted(case) => current = format!("{}/{}", case.suite, case.case),
+        Event::CaseEnded(end) => {
+            verdicts.entry(current.clone()).or_default().insert(end.outcome.verdict());
+        }
+        _ => {}
+    });
+    Ok((verdicts, ending))
+}
+
+fn case_name(instance: &crate::plan::Instance) -> String {
+    format!("{}/{}", instance.suite.name(), instance.case().id.value)
+}
+
+fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
+    let mut holes = Vec::new();
+    let (mut ran, mut proved) = (BTreeSet::new(), BTreeSet::new());
+    for matrix in matrices {
+        let device = &matrix.device;
+        for (case, verdicts) in &matrix.clean {
+            for verdict in verdicts.iter().filter(|verdict| **verdict >= Verdict::Fail) {
+                holes
+                    .push(format!("{device}: {case} is {verdict} on the device without deviation"));
+            }
+            if verdicts.iter().any(|verdict| *verdict != Verdict::Skip) {
+                ran.insert(case.clone());
+            }
+        }
+        for row in &matrix.rows {
+            let name = &row.mutant.name;
+            proved.extend(row.kills.iter().cloned());
+            match (row.mutant.canary, row.kills.is_empty(), row.aimed.is_empty()) {
+                (true, false, _) => holes.push(format!(
+                    "{device}: the canary {name} was killed, so a case fails without a cause"
+                )),
+                (false, true, _) => {
+                    holes.push(format!("{device}: mutant {name} survived ({:?})", row.ending))
+                }
+                (false, false, true) => holes.push(format!(
+                    "{device}: mutant {name} is killed, but by no case of a requirement it breaks"
+                )),
+                _ => {}
+            }
+        }
+        if !matrix.rows.iter().any(|row| row.mutant.canary) {
+            holes.push(format!("{device}: there is no canary"));
+        }
+    }
+    // With one device, cases of other devices have nothing to say.
+    let known: BTreeSet<&String> = matrices.iter().flat_map(|matrix| matrix.clean.keys()).collect();
+    for suite in &library.suites {
+        for case in &suite.file.cases {
+            let name = format!("{}/{}", suite.name(), case.value.id.value);
+            if known.contains(&name) && !ran.contains(&name) {
+                holes.push(format!("case {name} is skipped on every device"));
+            } else if known.contains(&name) && !proved.contains(&name) {
+                holes.push(format!("case {name} kills no mutant"));
+            }
+        }
+    }
+    holes
+}
+
+/// Applies `work` to every item, on every processor; results in the order of the items.
+fn in_parallel<T: Sync, R: Send>(
+    items: &[T],
+    work: impl Fn(&T) -> Result<R, Refused> + Sync,
+) -> Result<Vec<R>, Refused> {
+    let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+    let next = AtomicUsize::new(0);
+    let take = || {
+        let mut done = Vec::new();
+        loop {
+            let place = next.fetch_add(1, Ordering::Relaxed);
+            let Some(item) = items.get(place) else { return done };
+            done.push((place, work(item)));
+        }
+    };
+    let mut results: Vec<_> = std::thread::scope(|scope| {
+        let handles: Vec<_> = (0..workers).map(|_| scope.spawn(take)).collect();
+        handles
+            .into_iter()
+            .flat_map(|handle| {
+                handle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            })
+            .collect()
+    });
+    results.sort_by_key(|(place, _)| *place);
+    results.into_iter().map(|(_, result)| result).collect()
+}

@@ -1,0 +1,127 @@
+//! `harness run`: suites against devices, and the reports of it.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use canopen::BusError;
+use reports::{Event, RunEnded, RunStarted, Verdict};
+
+use super::select::select;
+use crate::cli::RunArgs;
+use crate::exit::{Exit, Refused};
+use crate::plan::{self, Plan};
+use crate::reporter::Reporter;
+use crate::run::{Ending, Policy, Session};
+use crate::suite::Library;
+use crate::target::{self, Target};
+
+/// Runs what the arguments select. The reports of what ran are written whatever happens.
+///
+/// # Errors
+/// What kept everything from running.
+pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
+    let library = Library::load(args.selection.suites.as_deref())?;
+    let targets = target::resolve(&args.selection, stop)?;
+    let mut plans = plan_all(&library, &targets)?;
+    select(&mut plans, &args.selection.patterns)?;
+    if args.shuffle || args.seed.is_some() {
+        let seed = args.seed.unwrap_or(1);
+        plans
+            .iter_mut()
+            .for_each(|plan| fastrand::Rng::with_seed(seed).shuffle(&mut plan.instances));
+    }
+    let cases = plans.iter().map(|plan| plan.instances.len()).sum();
+    if cases == 0 {
+        let message = "error: there is nothing to run".to_owned();
+        return Err(Refused { exit: Exit::NothingRan, message });
+    }
+    let mut reporter = Reporter::new(args, cases)?;
+    reporter.tell(&Event::RunStarted(RunStarted {
+        harness: env!("CARGO_PKG_VERSION").to_owned(),
+        target: args.selection.target.clone().unwrap_or_else(|| "sim".to_owned()),
+        seed: (args.shuffle || args.seed.is_some()).then(|| args.seed.unwrap_or(1)),
+        grade: args.grade.into(),
+    }));
+    let (mut worst, mut reason) = (Exit::Green, None);
+    for (target, plan) in targets.iter().zip(&plans).filter(|(_, plan)| !plan.instances.is_empty())
+    {
+        let ending = match target.open(stop) {
+            Ok(mut bus) => {
+                let session = Session {
+                    plan,
+                    register: &library.register,
+                    policy: Policy::at_bit_rate(args.selection.bitrate),
+                    rerun: rerun(args, target),
+                    max_fail: args.max_fail,
+                    stop,
+                };
+                session.run(&mut *bus, &mut |event| reporter.tell(&event))
+            }
+            Err(refused) => Ending::Bus(BusError::Open(refused.message)),
+        };
+        let (exit, why) = after(&ending, target);
+        worst = worst.max(exit);
+        reason = reason.or(why);
+        if exit == Exit::Interrupted {
+            break;
+        }
+    }
+    worst = worst.max(of_verdicts(&reporter));
+    if let Some(reason) = &reason {
+        eprintln!("error: {reason}");
+    }
+    reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason }));
+    Ok(worst.max(reporter.finish()))
+}
+
+/// A plan for each target.
+///
+/// # Errors
+/// Everything wrong with the suites for any of the devices.
+pub(super) fn plan_all(library: &Library, targets: &[Target]) -> Result<Vec<Plan>, Refused> {
+    let (mut plans, mut complaints) = (Vec::new(), Vec::new());
+    for target in targets {
+        match plan::plan(library, &target.dut, &target::suite_names(&target.dut.eds)) {
+            Ok(plan) => plans.push(plan),
+            Err(wrong) => complaints.extend(wrong),
+        }
+    }
+    if complaints.is_empty() { Ok(plans) } else { Err(complaints.into()) }
+}
+
+fn after(ending: &Ending, target: &Target) -> (Exit, Option<String>) {
+    let name = &target.dut.name;
+    match ending {
+        Ending::Complete | Ending::Enough => (Exit::Green, None),
+        Ending::Nobody => {
+            (Exit::Bus, Some(format!("{name}: node {} does not answer", target.dut.node)))
+        }
+        Ending::Gone(why) => (Exit::DeviceGone, Some(format!("{name}: {why}"))),
+        Ending::Bus(BusError::Interrupted) => (Exit::Interrupted, Some("interrupted".to_owned())),
+        Ending::Bus(error) => (Exit::Bus, Some(error.to_string())),
+    }
+}
+
+fn of_verdicts(reporter: &Reporter) -> Exit {
+    let run = reporter.run();
+    let counts = run.counts();
+    if counts.of(Verdict::Error) > 0 {
+        return Exit::Bus;
+    }
+    if !run.is_green() {
+        return Exit::Failed;
+    }
+    match counts.total() - counts.of(Verdict::Skip) {
+        0 => Exit::NothingRan,
+        _ => Exit::Green,
+    }
+}
+
+/// The command that runs a case of this target again, without the name of the case.
+fn rerun(args: &RunArgs, target: &Target) -> String {
+    let mut command = format!("harness {}", target.options);
+    if let Some(folder) = &args.selection.suites {
+        command.push_str(&format!(" --suites {}", folder.display()));
+    }
+    command
+}

@@ -1,0 +1,174 @@
+//! `harness trace`: requirement by requirement, the cases that check it and the mutants that
+//! break it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+
+use reference_devices::{devices, mutant};
+
+use crate::cli::{TraceArgs, TraceFormat};
+use crate::exit::{Exit, Refused};
+use crate::reporter::say;
+use crate::suite::Library;
+use crate::target::reference_device;
+
+/// One requirement and what is done about it.
+#[derive(Debug)]
+struct Row<'r> {
+    id: &'r str,
+    document: &'r str,
+    clause: &'r str,
+    level: &'static str,
+    says: &'r str,
+    untestable: Option<&'r str>,
+    cases: Vec<String>,
+    mutants: BTreeSet<String>,
+}
+
+/// Prints the matrix.
+///
+/// # Errors
+/// When a file does not load.
+pub(super) fn run(args: &TraceArgs) -> Result<Exit, Refused> {
+    let library = Library::load(args.suites.as_deref())?;
+    let (breaks, mut holes) = mutants(&library)?;
+    let rows = rows(&library, &breaks);
+    for row in &rows {
+        if row.untestable.is_some() {
+            continue;
+        }
+        if row.cases.is_empty() {
+            holes.push(format!("{}: no case checks it", row.id));
+        }
+        if row.mutants.is_empty() {
+            holes.push(format!("{}: no mutant breaks it", row.id));
+        }
+    }
+    say(&match args.format {
+        TraceFormat::Md => markdown(&rows),
+        TraceFormat::Csv => csv(&rows),
+        TraceFormat::Json => json(&rows),
+    });
+    if holes.is_empty() {
+        return Ok(Exit::Green);
+    }
+    holes.iter().for_each(|hole| eprintln!("hole: {hole}"));
+    eprintln!("{} holes", holes.len());
+    Ok(Exit::Holes)
+}
+
+type Breaks = BTreeMap<String, BTreeSet<String>>;
+
+/// The mutants by requirement, and what they name that is not there.
+fn mutants(library: &Library) -> Result<(Breaks, Vec<String>), Refused> {
+    let (mut breaks, mut holes) = (Breaks::new(), BTreeSet::new());
+    for name in devices::names() {
+        let device = reference_device(name)?;
+        let mutants = mutant::of(&device);
+        for mutant in mutants.map_err(|message| Refused { exit: Exit::File, message })? {
+            if mutant.breaks.is_empty() && !mutant.canary {
+                holes.insert(format!("mutant {} breaks no requirement", mutant.name));
+            }
+            for id in &mutant.breaks {
+                if library.register.find(id).is_none() {
+                    holes.insert(format!("mutant {} breaks {id}, which is not there", mutant.name));
+                }
+                breaks.entry(id.clone()).or_default().insert(mutant.name.clone());
+            }
+        }
+    }
+    Ok((breaks, holes.into_iter().collect()))
+}
+
+fn rows<'l>(library: &'l Library, breaks: &Breaks) -> Vec<Row<'l>> {
+    let mut cases: BTreeMap<&str, Vec<String>> = BTreeMap::new();
+    for suite in &library.suites {
+        for case in &suite.file.cases {
+            for id in &case.value.checks {
+                let name = format!("{}/{}", suite.name(), case.value.id.value);
+                cases.entry(&id.value).or_default().push(name);
+            }
+        }
+    }
+    let row = |(id, requirement): (&'l str, &'l crate::suite::Requirement)| {
+        let entry = &requirement.entry.value;
+        Row {
+            id,
+            document: &requirement.document,
+            clause: &entry.clause,
+            level: entry.level.name(),
+            says: &entry.says,
+            untestable: entry.untestable.as_deref(),
+            cases: cases.get(id).cloned().unwrap_or_default(),
+            mutants: breaks.get(id).cloned().unwrap_or_default(),
+        }
+    };
+    library.register.iter().map(row).collect()
+}
+
+fn markdown(rows: &[Row]) -> String {
+    let mut text = String::from("| requirement | clause | level | cases | mutants |\n");
+    text.push_str("| --- | --- | --- | --- | --- |\n");
+    for row in rows {
+        let cases = match row.untestable {
+            Some(reason) => format!("untestable: {reason}"),
+            None => row.cases.join("<br>"),
+        };
+        let mutants: Vec<&str> = row.mutants.iter().map(String::as_str).collect();
+        // Writing to a string cannot fail.
+        _ = writeln!(
+            text,
+            "| {} {} | {} {} | {} | {cases} | {} |",
+            row.id,
+            row.says.replace('|', "\\|"),
+            row.document,
+            row.clause,
+            row.level,
+            mutants.join("<br>"),
+        );
+    }
+    let untestable = rows.iter().filter(|row| row.untestable.is_some()).count();
+    _ = writeln!(text, "\n{} requirements, {untestable} of them untestable", rows.len());
+    text
+}
+
+fn csv(rows: &[Row]) -> String {
+    let quote = |field: &str| format!("\"{}\"", field.replace('"', "\"\""));
+    let mut text =
+        String::from("requirement,document,clause,level,says,untestable,cases,mutants\n");
+    for row in rows {
+        let mutants: Vec<&str> = row.mutants.iter().map(String::as_str).collect();
+        let fields = [
+            row.id,
+            row.document,
+            row.clause,
+            row.level,
+            row.says,
+            row.untestable.unwrap_or_default(),
+            &row.cases.join(" "),
+            &mutants.join(" "),
+        ];
+        text.push_str(&fields.map(quote).join(","));
+        text.push('\n');
+    }
+    text
+}
+
+fn json(rows: &[Row]) -> String {
+    let rows: Vec<_> = rows
+        .iter()
+        .map(|row| {
+            serde_json::json!({
+                "id": row.id,
+                "document": row.document,
+                "clause": row.clause,
+                "level": row.level,
+                "says": row.says,
+                "untestable": row.untestable,
+                "cases": row.cases,
+                "mutants": row.mutants,
+            })
+        })
+        .collect();
+    format!("{:#}\n", serde_json::Value::from(rows))
+}

@@ -1,0 +1,60 @@
+//! Exit codes. They are part of the interface; the highest that applies wins.
+
+/// What the process says to its caller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[repr(u8)]
+pub enum Exit {
+    /// Green at the chosen grade.
+    Green = 0,
+    /// A case failed.
+    Failed = 1,
+    /// The command line is wrong: unknown flag, a pattern that matches nothing, unknown target.
+    Usage = 2,
+    /// A file does not load; nothing ran.
+    File = 3,
+    /// There was nothing to run.
+    NothingRan = 4,
+    /// The bus or the bench failed, or nobody is on the bus.
+    Bus = 6,
+    /// The device stopped answering and did not come back.
+    DeviceGone = 7,
+    /// The qualification or the trace has holes.
+    Holes = 9,
+    /// A bug of the harness.
+    Internal = 70,
+    /// The user stopped the run.
+    Interrupted = 130,
+}
+
+/// Why a command could not be carried out: the exit code, and the sentence that helps.
+#[derive(Debug)]
+pub struct Refused {
+    /// What the process says to its caller.
+    pub exit: Exit,
+    /// What it says to the user; may have several lines.
+    pub message: String,
+}
+
+impl Refused {
+    /// Something is wrong with the command line.
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self { exit: Exit::Usage, message: format!("error: {}", message.into()) }
+    }
+
+    /// The bus cannot be used.
+    pub fn bus(message: impl Into<String>) -> Self {
+        Self { exit: Exit::Bus, message: format!("error: {}", message.into()) }
+    }
+}
+
+impl From<Vec<crate::source::Complaint>> for Refused {
+    fn from(complaints: Vec<crate::source::Complaint>) -> Self {
+        let texts: Vec<String> = complaints.iter().map(ToString::to_string).collect();
+        let count = match complaints.len() {
+            1 => "1 error".to_owned(),
+            count => format!("{count} errors"),
+        };
+        let message = format!("{}\n\n{count}, nothing was run", texts.join("\n\n"));
+        Self { exit: Exit::File, message }
+    }
+}

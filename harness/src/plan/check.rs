@@ -1,0 +1,303 @@
+//! What can be known to be wrong with a case before anything runs.
+
+use canopen::eds::{Entry, Object};
+use canopen::{DataType, Mux, catalogue};
+
+use super::bind::Instance;
+use super::scope::{Binding, Dut, Scope};
+use crate::source::{At, Complaint, Place};
+use crate::suite::Suite;
+use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, Refusal};
+use crate::suite::model::{Case, Produce, Read, Remap, Step, Until, Write};
+
+/// Checks that what a case requires can exist at all.
+pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Complaint> {
+    for requires in &case.requires {
+        let At { value: ObjectRef::Fixed(mux), place } = &requires.value.object else {
+            let message = "what a case requires is an object such as \"1017:00\"";
+            return Err(Complaint::at(&suite.source, requires.value.object.place, message));
+        };
+        let known = catalogue::lookup(&["cia301", "cia401"], mux.index).is_some()
+            || dut.eds.object(mux.index).is_some();
+        if !known {
+            let message =
+                format!("unknown object {mux}: neither a profile nor the data sheet has it");
+            return Err(Complaint::at(&suite.source, *place, message));
+        }
+    }
+    Ok(())
+}
+
+/// Every complaint about an instance: names that are not bound or not used, objects that the
+/// device does not have, values that do not fit their object.
+pub(super) fn case(instance: &Instance, dut: &Dut) -> Vec<Complaint> {
+    let case = instance.case();
+    let mut checker = Checker {
+        scope: instance.scope.clone().watched(),
+        suite: &instance.suite,
+        case,
+        dut,
+        saved: Vec::new(),
+        complaints: Vec::new(),
+    };
+    for step in case.setup.iter().chain(&case.steps).chain(&case.finally) {
+        checker.step(step);
+    }
+    checker.unused();
+    checker.complaints
+}
+
+struct Checker<'c> {
+    scope: Scope,
+    suite: &'c Suite,
+    case: &'c Case,
+    dut: &'c Dut,
+    saved: Vec<(String, Place)>,
+    complaints: Vec<Complaint>,
+}
+
+impl Checker<'_> {
+    fn step(&mut self, step: &At<Step>) {
+        match &step.value {
+            Step::Send(frame) => self.sendable(frame),
+            Step::Reply(reply) => {
+                self.patterns(&reply.frame, &reply.lenient);
+                self.times(&reply.within);
+            }
+            Step::Expect(expect) => {
+                self.patterns(&expect.frame, &expect.lenient);
+                self.time(&expect.within);
+                self.times(&expect.after);
+                self.produce(expect.during.as_ref());
+            }
+            Step::Never(never) => {
+                self.patterns(&never.frame, &[]);
+                self.time(&never.time);
+                self.produce(never.during.as_ref());
+            }
+            Step::Read(read) => self.read(read),
+            Step::Write(write) => self.write(write, step.place),
+            Step::Remap(remap) => self.remap(remap),
+            Step::Nmt(_) => {}
+            Step::Wait(time) => self.time(time),
+            Step::Until(until) => self.until(until, step.place),
+            Step::Measure(measure) => {
+                self.patterns(&measure.frame, &[]);
+                if measure.count < 2 {
+                    self.complain(step.place, "an interval needs a `count` of at least 2 frames");
+                }
+                if measure.interval.is_none() && measure.mean.is_none() {
+                    self.complain(step.place, "`measure` judges nothing: say `interval` or `mean`");
+                }
+                for bounds in measure.interval.iter().chain(&measure.mean) {
+                    for tolerance in
+                        [Some(&bounds.strict), bounds.lenient.as_ref()].into_iter().flatten()
+                    {
+                        let result = self.scope.bounds(&tolerance.value);
+                        self.note(result.map(|_| ()), tolerance.place);
+                    }
+                }
+                self.times(&measure.within);
+                self.produce(measure.during.as_ref());
+            }
+            Step::Collect(collect) => {
+                self.patterns(&collect.frame, &[]);
+                let count = self.scope.int(&collect.count.value);
+                self.note(count.map(|_| ()), collect.count.place);
+                self.time(&collect.time);
+                self.produce(collect.during.as_ref());
+            }
+            Step::Sync(sync) => self.times(&sync.every),
+            Step::Produce(produce) => self.produce(Some(produce)),
+        }
+    }
+
+    fn read(&mut self, read: &Read) {
+        let Some(entry) = self.entry(&read.object, read.refused.as_ref()) else { return };
+        for value in [&read.value, &read.mask, &read.min, &read.max].into_iter().flatten() {
+            self.value(value, &entry);
+        }
+        if let Some(length) = &read.length {
+            let result = self.scope.int(&length.value);
+            self.note(result.map(|_| ()), length.place);
+        }
+        if let Some(name) = &read.save {
+            let bytes = entry.default_bytes(self.dut.node).unwrap_or_default();
+            let value = entry.data_type.decode(&bytes);
+            self.scope.bind(
+                name.0.clone(),
+                value.map_or(Binding::Bytes(bytes), |value| Binding::Value(value, entry.data_type)),
+            );
+            self.saved.push((name.0.clone(), read.object.place));
+        }
+    }
+
+    fn write(&mut self, write: &Write, place: Place) {
+        let entry = self.entry(&write.object, write.refused.as_ref());
+        match (&write.value, &write.bytes) {
+            (Some(value), None) => {
+                // A value that is to be refused need not fit.
+                match (&entry, &write.refused) {
+                    (Some(entry), None) => self.value(value, entry),
+                    (Some(entry), Some(_)) => _ = self.scope.bytes(&value.value, entry),
+                    (None, _) => {}
+                }
+            }
+            (None, Some(bytes)) => {
+                if parse_bytes(&bytes.value).is_none() {
+                    self.complain(bytes.place, "bytes are pairs of hex digits: `01 02`");
+                }
+            }
+            _ => self.complain(place, "a write has either a `value` or `bytes`"),
+        }
+    }
+
+    fn until(&mut self, until: &Until, place: Place) {
+        if until.value.is_none() && until.min.is_none() && until.max.is_none() {
+            self.complain(place, "`until` needs a `value`, a `min` or a `max`");
+        }
+        self.time(&until.within);
+        self.times(&until.every);
+        let Some(entry) = self.entry(&until.object, None) else { return };
+        for value in [&until.value, &until.mask, &until.min, &until.max].into_iter().flatten() {
+            self.value(value, &entry);
+        }
+    }
+
+    fn remap(&mut self, remap: &Remap) {
+        match self.scope.mux(&remap.pdo.value) {
+            Ok(mux) if matches!(mux.index, 0x1600..=0x17FF | 0x1A00..=0x1BFF) && mux.sub == 0 => {
+                self.entry(&remap.pdo, None);
+            }
+            Ok(_) => self.complain(remap.pdo.place, "a mapping is named by its count, \"1A00:00\""),
+            Err(wrong) => self.complain(remap.pdo.place, wrong),
+        }
+        for object in &remap.objects {
+            let result = mapping_word(&object.value, &self.scope, self.dut);
+            self.note(result.map(|_| ()), object.place);
+        }
+    }
+
+    fn produce(&mut self, produce: Option<&Produce>) {
+        if let Some(produce) = produce {
+            self.sendable(&produce.frame);
+            self.time(&produce.every);
+        }
+    }
+
+    fn sendable(&mut self, text: &At<FrameText>) {
+        match self.scope.pattern(&text.value, self.dut.node) {
+            Ok(pattern) if pattern.frame().is_none() => {
+                self.complain(text.place, "a frame with holes or over eight bytes cannot be sent");
+            }
+            Ok(_) => {}
+            Err(wrong) => self.complain(text.place, wrong),
+        }
+    }
+
+    fn patterns(&mut self, strict: &At<FrameText>, lenient: &[At<FrameText>]) {
+        for text in std::iter::once(strict).chain(lenient) {
+            let result = self.scope.pattern(&text.value, self.dut.node);
+            self.note(result.map(|_| ()), text.place);
+        }
+    }
+
+    fn times(&mut self, amount: &Option<At<Amount>>) {
+        if let Some(amount) = amount {
+            self.time(amount);
+        }
+    }
+
+    fn time(&mut self, amount: &At<Amount>) {
+        let result = self.scope.time(&amount.value);
+        self.note(result.map(|_| ()), amount.place);
+    }
+
+    fn value(&mut self, literal: &At<Literal>, entry: &Entry) {
+        let result = self.scope.bytes(&literal.value, entry);
+        self.note(result.map(|_| ()), literal.place);
+    }
+
+    /// The entry a step works on. An object that is not in the data sheet is wrong, unless the
+    /// case is about its absence.
+    fn entry(&mut self, object: &At<ObjectRef>, refused: Option<&At<Refusal>>) -> Option<Entry> {
+        let mux = match self.scope.mux(&object.value) {
+            Ok(mux) => mux,
+            Err(wrong) => {
+                self.complain(object.place, wrong);
+                return None;
+            }
+        };
+        let entry = self.dut.eds.entry(mux);
+        if entry.is_none() && refused.is_none() {
+            let hint = match self.case.requires.is_empty()
+                && catalogue::lookup(&["cia301"], mux.index).is_some()
+            {
+                true => "; if it is optional, let the case require it",
+                false => "",
+            };
+            let name = &self.dut.name;
+            self.complain(
+                object.place,
+                format!("unknown object {mux}: the data sheet of {name} has none{hint}"),
+            );
+        }
+        entry.cloned()
+    }
+
+    fn unused(&mut self) {
+        let used = self.scope.used();
+        let matrix = self.case.matrix.iter().map(|(name, values)| (name.clone(), values.place));
+        let names: Vec<(String, Place)> = matrix.chain(self.saved.clone()).collect();
+        for (name, place) in names {
+            if !used.contains(&name) {
+                self.complain(place, format!("${name} is never used"));
+            }
+        }
+    }
+
+    fn note(&mut self, result: Result<(), String>, place: Place) {
+        if let Err(wrong) = result {
+            self.complain(place, wrong);
+        }
+    }
+
+    fn complain(&mut self, place: Place, message: impl Into<String>) {
+        self.complaints.push(Complaint::at(&self.suite.source, place, message));
+    }
+}
+
+/// The bytes of `01 02 0A`.
+pub fn parse_bytes(text: &str) -> Option<Vec<u8>> {
+    let digits: String = text.split_whitespace().collect();
+    if !digits.is_ascii() || !digits.len().is_multiple_of(2) {
+        return None;
+    }
+    (0..digits.len())
+        .step_by(2)
+        .map(|at| u8::from_str_radix(&digits[at..at + 2], 16).ok())
+        .collect()
+}
+
+/// The 32 bits that map an object: from its address with the length of its type, or as written.
+pub fn mapping_word(literal: &Literal, scope: &Scope, dut: &Dut) -> Result<u32, String> {
+    let mux: Mux = match literal {
+        Literal::Text(text) => text.parse().map_err(|error: canopen::NoMux| error.to_string())?,
+        Literal::Named(name, 0) => match scope.get(name)? {
+            Binding::Mux(mux) => *mux,
+            Binding::Literal(Literal::Text(text)) => {
+                text.parse().map_err(|error: canopen::NoMux| error.to_string())?
+            }
+            _ => return Err(format!("{name} is no object")),
+        },
+        other => {
+            let word = scope.int(other)?;
+            return word.try_into().map_err(|_| "a mapping entry has 32 bits".to_owned());
+        }
+    };
+    let data_type = dut.eds.object(mux.index).and_then(|object: &Object| object.entry(mux.sub));
+    let size = data_type.map(|entry| entry.data_type).and_then(DataType::size);
+    let bits = size.ok_or_else(|| format!("{mux} has no fixed length that could be mapped"))? * 8;
+    let mapping = canopen::pdo::Mapping { mux, bits: bits.min(255) as u8 };
+    Ok(mapping.encode())
+}

@@ -1,0 +1,253 @@
+//! Names and what they stand for, and the words of the notation resolved with them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use canopen::eds::{Eds, Entry};
+use canopen::{DataType, Id, Mux, Pattern, Value, catalogue};
+
+use crate::suite::literal::{Amount, FrameText, Literal, Name, ObjectRef, Tolerance, show_time};
+
+/// The device under test as the harness knows it: by name, node id and data sheet.
+#[derive(Clone, Debug)]
+pub struct Dut {
+    /// What reports call it.
+    pub name: String,
+    /// Its node id.
+    pub node: u8,
+    /// What it says of itself.
+    pub eds: Arc<Eds>,
+}
+
+/// What a name stands for.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Binding {
+    /// An address.
+    Mux(Mux),
+    /// A CAN identifier.
+    Id(u16),
+    /// A typed value.
+    Value(Value, DataType),
+    /// Bytes as they are.
+    Bytes(Vec<u8>),
+    /// A time.
+    Time(Duration),
+    /// A value as it was written in a matrix; its type is that of where it is used.
+    Literal(Literal),
+}
+
+/// The names of one instance.
+#[derive(Clone, Debug, Default)]
+pub struct Scope {
+    names: BTreeMap<String, Binding>,
+    /// The names that were asked for, when somebody wants to know.
+    used: Option<Arc<Mutex<BTreeSet<String>>>>,
+}
+
+/// Why something could not be resolved, in one sentence.
+pub(super) type Wrong = String;
+
+impl Scope {
+    /// Binds a name.
+    pub fn bind(&mut self, name: impl Into<String>, binding: Binding) {
+        self.names.insert(name.into(), binding);
+    }
+
+    /// Notes from now on which names are asked for.
+    pub fn watched(self) -> Self {
+        Self { used: Some(Arc::default()), ..self }
+    }
+
+    /// The names that were asked for since [`watched`](Self::watched).
+    pub fn used(&self) -> BTreeSet<String> {
+        let used = self.used.as_ref().and_then(|used| used.lock().ok());
+        used.map(|used| used.clone()).unwrap_or_default()
+    }
+
+    /// What the name stands for.
+    ///
+    /// # Errors
+    /// When it stands for nothing.
+    pub fn get(&self, name: &Name) -> Result<&Binding, Wrong> {
+        if let Some(mut used) = self.used.as_ref().and_then(|used| used.lock().ok()) {
+            used.insert(name.0.clone());
+        }
+        self.names.get(&name.0).ok_or_else(|| {
+            let known: Vec<String> = self.names.keys().map(|name| format!("${name}")).collect();
+            match known.is_empty() {
+                true => format!("nothing is bound to {name}"),
+                false => format!("nothing is bound to {name}; there are {}", known.join(", ")),
+            }
+        })
+    }
+
+    /// The address.
+    ///
+    /// # Errors
+    /// When the name is not bound to an address.
+    pub fn mux(&self, object: &ObjectRef) -> Result<Mux, Wrong> {
+        match object {
+            ObjectRef::Fixed(mux) => Ok(*mux),
+            ObjectRef::Named(name) => match self.get(name)? {
+                Binding::Mux(mux) => Ok(*mux),
+                _ => Err(format!("{name} is no object")),
+            },
+        }
+    }
+
+    /// The time.
+    ///
+    /// # Errors
+    /// When the name is not bound to a time.
+    pub fn time(&self, amount: &Amount) -> Result<Duration, Wrong> {
+        match amount {
+            Amount::Fixed(time) => Ok(*time),
+            Amount::Scaled(factor, name) => match self.get(name)? {
+                Binding::Time(time) => Ok(time.mul_f64(*factor)),
+                Binding::Literal(Literal::Time(amount)) => Ok(self.time(amount)?.mul_f64(*factor)),
+                _ => Err(format!("{name} is no time")),
+            },
+        }
+    }
+
+    /// The bounds: from, to. No upper bound is [`Duration::MAX`].
+    ///
+    /// # Errors
+    /// As [`time`](Self::time).
+    pub fn bounds(&self, tolerance: &Tolerance) -> Result<(Duration, Duration), Wrong> {
+        Ok(match tolerance {
+            Tolerance::Percent(center, percent) => {
+                let center = self.time(center)?;
+                let spread = center.mul_f64(percent / 100.0);
+                (center.saturating_sub(spread), center + spread)
+            }
+            Tolerance::PlusMinus(center, spread) => {
+                let (center, spread) = (self.time(center)?, self.time(spread)?);
+                (center.saturating_sub(spread), center + spread)
+            }
+            Tolerance::AtLeast(low) => (self.time(low)?, Duration::MAX),
+            Tolerance::AtMost(high) => (Duration::ZERO, self.time(high)?),
+            Tolerance::Between(low, high) => (self.time(low)?, self.time(high)?),
+        })
+    }
+
+    /// The bytes of a value that goes into `entry` or is compared with it.
+    ///
+    /// # Errors
+    /// When the value does not fit the entry's type.
+    pub fn bytes(&self, literal: &Literal, entry: &Entry) -> Result<Vec<u8>, Wrong> {
+        let encode = |value: &Value| {
+            entry
+                .data_type
+                .encode(value)
+                .map_err(|error| format!("{} is {}: {error}", entry.mux, entry.data_type))
+        };
+        match literal {
+            Literal::Int(number) => encode(&Value::Int(*number)),
+            Literal::Real(number) => encode(&Value::Real(*number)),
+            Literal::Bool(on) => encode(&Value::Bool(*on)),
+            Literal::Text(text) => encode(&Value::Text(text.clone())),
+            Literal::Time(amount) => encode(&Value::Int(self.ticks(amount, entry)?)),
+            Literal::Named(name, offset) => match (self.get(name)?, *offset) {
+                (Binding::Literal(literal), 0) => self.bytes(literal, entry),
+                (Binding::Literal(Literal::Int(number)), offset) => {
+                    encode(&Value::Int(number + offset))
+                }
+                (Binding::Value(value, _), 0) => encode(value),
+                (Binding::Value(Value::Int(number), _), offset) => {
+                    encode(&Value::Int(number + offset))
+                }
+                (Binding::Id(id), offset) => encode(&Value::Int(i128::from(*id) + offset)),
+                (Binding::Bytes(bytes), 0) => Ok(bytes.clone()),
+                (Binding::Time(time), 0) => {
+                    encode(&Value::Int(self.ticks(&Amount::Fixed(*time), entry)?))
+                }
+                (_, 0) => Err(format!("{name} is no value")),
+                (_, _) => Err(format!("{name} is no number, so nothing can be added to it")),
+            },
+        }
+    }
+
+    /// The whole number a literal stands for, without an object to give it a type.
+    ///
+    /// # Errors
+    /// When it is none.
+    pub fn int(&self, literal: &Literal) -> Result<i128, Wrong> {
+        match literal {
+            Literal::Int(number) => Ok(*number),
+            Literal::Named(name, offset) => match self.get(name)? {
+                Binding::Value(value, _) => value.as_int().map(|number| number + offset),
+                Binding::Literal(Literal::Int(number)) => Some(number + offset),
+                Binding::Id(id) => Some(i128::from(*id) + offset),
+                _ => None,
+            }
+            .ok_or_else(|| format!("{name} is no whole number")),
+            other => Err(format!("`{other}` is no whole number")),
+        }
+    }
+
+    /// The pattern for this device, every name that is bound replaced by its bytes.
+    ///
+    /// # Errors
+    /// When a name cannot be part of a frame.
+    pub fn pattern(&self, text: &FrameText, node: u8) -> Result<Pattern, Wrong> {
+        let mut bound = BTreeMap::new();
+        for name in text.pattern.names() {
+            let name = Name(name.to_owned());
+            bound.insert(name.0.clone(), self.frame_bytes(&name)?);
+        }
+        let pattern = text.pattern.bind(node, &|name| bound.get(name).cloned());
+        match &text.id {
+            None => Ok(pattern),
+            Some(name) => match self.get(name)? {
+                Binding::Id(id) => Ok(pattern.with_id(Id::standard(*id))),
+                _ => Err(format!("{name} is no CAN identifier")),
+            },
+        }
+    }
+
+    fn frame_bytes(&self, name: &Name) -> Result<Vec<u8>, Wrong> {
+        match self.get(name)? {
+            Binding::Mux(mux) => Ok(mux.bytes().to_vec()),
+            Binding::Id(id) => Ok(id.to_le_bytes().to_vec()),
+            Binding::Bytes(bytes) => Ok(bytes.clone()),
+            Binding::Value(value, data_type) => {
+                data_type.encode(value).map_err(|error| format!("{name}: {error}"))
+            }
+            Binding::Literal(Literal::Int(byte @ 0..=255)) => Ok(vec![*byte as u8]),
+            _ => Err(format!("{name} has no bytes of its own: only whole numbers up to 255 do")),
+        }
+    }
+
+    /// A time in the unit of the object.
+    fn ticks(&self, amount: &Amount, entry: &Entry) -> Result<i128, Wrong> {
+        let time = self.time(amount)?;
+        let tick = tick(entry.mux)
+            .ok_or_else(|| format!("{} has no unit of time: write a number", entry.mux))?;
+        if time.as_nanos() % tick.as_nanos() != 0 {
+            let (time, tick) = (show_time(time), show_time(tick));
+            return Err(format!("{} counts in {tick}, which {time} is no multiple of", entry.mux));
+        }
+        Ok((time.as_nanos() / tick.as_nanos()) as i128)
+    }
+}
+
+/// What one count of the object at `mux` is, when it is a time.
+fn tick(mux: Mux) -> Option<Duration> {
+    let facts = catalogue::lookup(&["cia301"], mux.index)?;
+    let unit = if mux.sub == 0 { facts.of_var().unit } else { facts.of_sub(mux.sub).unit };
+    match unit.as_deref()? {
+        "us" => Some(Duration::from_micros(1)),
+        "100 us" => Some(Duration::from_micros(100)),
+        "ms" => Some(Duration::from_millis(1)),
+        "s" => Some(Duration::from_secs(1)),
+        _ => None,
+    }
+}
+
+/// Bytes for people: `E8 03`.
+pub fn show_bytes(bytes: &[u8]) -> String {
+    let words: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+    words.join(" ")
+}

@@ -1,0 +1,13 @@
+//! Running a plan against a device: the loop over cases, and what it tells of them.
+
+mod case;
+mod judge;
+mod link;
+mod restore;
+mod sdo;
+mod session;
+mod settle;
+mod steps;
+
+pub use link::{Link, Policy};
+pub use session::{Ending, Session, identity, read_text};

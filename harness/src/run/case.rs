@@ -1,0 +1,265 @@
+//! One case: settle, steps, restore, judgement.
+
+use canopen::monitor::{self, Breach, Seen};
+use canopen::pdo::CobId;
+use canopen::{BusError, Mux};
+use reports::{Measured, Outcome, Phase, Place as ReportPlace, Problem};
+
+use super::judge::{Difference, Trouble};
+use super::link::{Link, Policy};
+use super::restore::Snapshot;
+use super::settle::{self, Unsettled};
+use super::steps::Steps;
+use crate::plan::{Dut, Instance};
+use crate::source::{At, Place, Source};
+use crate::suite::model::Step;
+
+/// What came of a case.
+pub(super) struct Finished {
+    /// The verdict and what led to it.
+    pub outcome: Outcome,
+    /// Every frame, from settling to restoring.
+    pub trace: Vec<Seen>,
+    /// What was measured.
+    pub measured: Vec<Measured>,
+    /// Remarks.
+    pub notes: Vec<String>,
+    /// What the case means for those that follow.
+    pub aftermath: Aftermath,
+}
+
+/// What a case means for those that follow.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Aftermath {
+    /// The device is as it was.
+    Calm,
+    /// The device may not be as it was: reset it first.
+    Dirty,
+    /// The device does not answer any more.
+    Gone(String),
+    /// The bus failed, or the user asked to stop.
+    Stop(BusError),
+}
+
+/// Runs one instance.
+pub(super) fn run(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    instance: &Instance,
+    reset_first: bool,
+) -> Finished {
+    let mut run = CaseRun { link, policy, dut, instance, notes: Vec::new(), measured: Vec::new() };
+    let (outcome, aftermath) = run.run(reset_first);
+    let trace = run.link.take_trace();
+    Finished { outcome, trace, measured: run.measured, notes: run.notes, aftermath }
+}
+
+struct CaseRun<'r, 'b> {
+    link: &'r mut Link<'b>,
+    policy: &'r Policy,
+    dut: &'r Dut,
+    instance: &'r Instance,
+    notes: Vec<String>,
+    measured: Vec<Measured>,
+}
+
+impl CaseRun<'_, '_> {
+    fn run(&mut self, reset_first: bool) -> (Outcome, Aftermath) {
+        match settle::settle(self.link, self.policy, self.dut, reset_first) {
+            Ok(note) => self.notes.extend(note),
+            Err(Unsettled::Bus(error)) => return self.bus_failed(error),
+            Err(Unsettled::Device(why)) => {
+                let reason = format!("the device did not come back: {why}");
+                return (error(reason.clone()), Aftermath::Gone(reason));
+            }
+        }
+        let snapshot = match Snapshot::take(self.link, self.policy, self.dut, self.instance) {
+            Ok(snapshot) => snapshot,
+            Err(error) => return self.bus_failed(error),
+        };
+        let (outcome, stop) = match self.steps() {
+            Ok(outcome) => (outcome, None),
+            Err(error) => (self.bus_failed(error.clone()).0, Some(error)),
+        };
+        // A bus that failed may still carry what leaves the device as it was found.
+        match (self.restore(&snapshot), stop) {
+            (_, Some(error)) => (outcome, Aftermath::Stop(error)),
+            (Err(error), None) => (outcome, Aftermath::Stop(error)),
+            (Ok(whole), None) => {
+                let passed = outcome.problem().is_none() || matches!(outcome, Outcome::Lenient(_));
+                let calm = whole && passed;
+                (outcome, if calm { Aftermath::Calm } else { Aftermath::Dirty })
+            }
+        }
+    }
+
+    /// Setup, steps, finally, and what the monitors say.
+    fn steps(&mut self) -> Result<Outcome, BusError> {
+        settle::enter(self.link, self.policy, self.dut, self.instance.case().state)?;
+        let watched_from = self.link.trace().len();
+        let case = self.instance.case();
+        let mut steps = Steps {
+            link: &mut *self.link,
+            dut: self.dut,
+            policy: self.policy,
+            scope: self.instance.scope.clone(),
+            measured: Vec::new(),
+        };
+        let mut report = Report { source: &self.instance.suite.source, outcome: Outcome::Pass };
+        let mut alive = run_phase(&mut steps, &case.setup, Phase::Setup, &mut report)?;
+        alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut report)?;
+        run_phase(&mut steps, &case.finally, Phase::Finally, &mut report)?;
+        self.measured = steps.measured;
+        let last = case.steps.last().map_or(case.id.place, |step| step.place);
+        if alive && let Some(breach) = self.watch(watched_from) {
+            let difference =
+                Difference { expected: breach.rule, actual: breach.got, raw: breach.frame };
+            report.fail(Phase::Monitor, last, difference);
+        }
+        Ok(report.outcome)
+    }
+
+    /// The first rule that the frames from place `from` on break.
+    fn watch(&self, from: usize) -> Option<Breach> {
+        let frames = &self.link.trace()[from..];
+        let now = self.link.mark();
+        monitor::all(self.dut.node, pdo_identifiers(self.dut)).iter_mut().find_map(|monitor| {
+            let seen = frames.iter().find_map(|seen| monitor.observe(seen).err());
+            seen.or_else(|| monitor.finish(now).err())
+        })
+    }
+
+    fn restore(&mut self, snapshot: &Snapshot) -> Result<bool, BusError> {
+        if snapshot.is_empty() {
+            return Ok(true);
+        }
+        // STOPPED refuses SDO, OPERATIONAL may refuse configuration.
+        let command = canopen::nmt::Command {
+            service: canopen::nmt::Service::ENTER_PRE_OPERATIONAL,
+            node: self.dut.node,
+        };
+        self.link.send(&command.frame())?;
+        self.link.drain(self.policy.quiet)?;
+        let whole = snapshot.restore(self.link, self.policy, self.dut)?;
+        if !whole {
+            self.notes.push("not every object could be restored".to_owned());
+        }
+        Ok(whole)
+    }
+
+    fn bus_failed(&self, failure: BusError) -> (Outcome, Aftermath) {
+        let reason = match &failure {
+            BusError::Interrupted => "interrupted".to_owned(),
+            other => format!("the bus failed: {other}"),
+        };
+        (error(reason), Aftermath::Stop(failure))
+    }
+}
+
+/// Runs steps until one does not succeed; whether all did.
+fn run_phase(
+    steps: &mut Steps,
+    list: &[At<Step>],
+    phase: Phase,
+    report: &mut Report,
+) -> Result<bool, BusError> {
+    for step in list {
+        match steps.run(&step.value) {
+            Ok(None) => {}
+            Ok(Some(difference)) => report.lenient(phase, step.place, difference),
+            Err(Trouble::Bus(error)) => return Err(error),
+            Err(Trouble::Device(difference)) if phase == Phase::Setup => {
+                report.setup_failed(step.place, difference);
+                return Ok(false);
+            }
+            Err(Trouble::Device(difference)) => {
+                report.fail(phase, step.place, difference);
+                return Ok(false);
+            }
+            Err(Trouble::Bench(reason)) => {
+                report.error(reason);
+                return Ok(false);
+            }
+        }
+    }
+    Ok(true)
+}
+
+/// The outcome as it takes shape: the first thing that weighs most stays, the rest become notes.
+struct Report<'r> {
+    source: &'r Source,
+    outcome: Outcome,
+}
+
+impl Report<'_> {
+    fn lenient(&mut self, phase: Phase, place: Place, difference: Difference) {
+        let problem = self.problem(phase, place, difference);
+        match &mut self.outcome {
+            Outcome::Pass => self.outcome = Outcome::Lenient(problem),
+            Outcome::Lenient(first) => first.notes.push(summary(&problem)),
+            _ => {}
+        }
+    }
+
+    fn fail(&mut self, phase: Phase, place: Place, difference: Difference) {
+        let problem = self.problem(phase, place, difference);
+        match &mut self.outcome {
+            Outcome::Fail(first) => first.notes.push(summary(&problem)),
+            Outcome::Error { .. } => {}
+            _ => self.outcome = Outcome::Fail(problem),
+        }
+    }
+
+    fn setup_failed(&mut self, place: Place, difference: Difference) {
+        let problem = self.problem(Phase::Setup, place, difference);
+        let reason = format!("the setup failed: {}", summary(&problem));
+        self.outcome = Outcome::Error { reason, problem: Some(problem) };
+    }
+
+    fn error(&mut self, reason: String) {
+        self.outcome = Outcome::Error { reason, problem: None };
+    }
+
+    fn problem(&self, phase: Phase, place: Place, difference: Difference) -> Box<Problem> {
+        let Difference { expected, actual, raw } = difference;
+        let place = report_place(self.source, place);
+        Box::new(Problem { phase, place, expected, actual, raw, notes: Vec::new() })
+    }
+}
+
+fn summary(problem: &Problem) -> String {
+    format!("line {}: expected {}, came {}", problem.place.line, problem.expected, problem.actual)
+}
+
+fn error(reason: String) -> Outcome {
+    Outcome::Error { reason, problem: None }
+}
+
+/// A place as reports show it: the stretch is the rest of the line, without its comment.
+pub(super) fn report_place(source: &Source, place: Place) -> ReportPlace {
+    let line = source.line(place.line);
+    let code = line.split(" #").next().unwrap_or(line).trim_end().chars().count();
+    ReportPlace {
+        file: source.name.clone(),
+        line: place.line as u32,
+        column: place.column as u32,
+        length: (code + 1).saturating_sub(place.column).max(1) as u32,
+        source: line.to_owned(),
+    }
+}
+
+/// The identifiers the data sheet gives to TPDOs.
+fn pdo_identifiers(dut: &Dut) -> Vec<u16> {
+    let cob_id = |index| {
+        let entry = dut.eds.entry(Mux::new(index, 1))?;
+        let value = entry.data_type.decode(&entry.default_bytes(dut.node).ok()?).ok()?;
+        Some(CobId(value.as_int()? as u32).can_id())
+    };
+    dut.eds
+        .objects
+        .iter()
+        .filter(|object| (0x1800..0x1A00).contains(&object.index))
+        .filter_map(|object| cob_id(object.index))
+        .collect()
+}

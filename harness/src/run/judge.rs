@@ -1,0 +1,142 @@
+//! Differences between what was expected and what came.
+
+use canopen::eds::Entry;
+use canopen::sdo::Failure;
+use canopen::{Abort, BusError, DataType, Frame};
+
+use crate::plan::show_bytes;
+use crate::suite::literal::Refusal;
+
+/// What was expected, and what came instead.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Difference {
+    /// What a conformant device does.
+    pub expected: String,
+    /// What this one did.
+    pub actual: String,
+    /// The frame in question.
+    pub raw: Option<Frame>,
+}
+
+impl Difference {
+    /// A difference without a frame of its own.
+    pub(super) fn new(expected: impl Into<String>, actual: impl Into<String>) -> Self {
+        Self { expected: expected.into(), actual: actual.into(), raw: None }
+    }
+
+    /// The same, about a frame.
+    pub(super) fn about(self, frame: Frame) -> Self {
+        Self { raw: Some(frame), ..self }
+    }
+}
+
+/// Why a step did not succeed.
+#[derive(Clone, Debug)]
+pub(super) enum Trouble {
+    /// The device did something else.
+    Device(Difference),
+    /// The step could not be made; no statement about the device.
+    Bench(String),
+    /// The bus failed.
+    Bus(BusError),
+}
+
+impl From<BusError> for Trouble {
+    fn from(error: BusError) -> Self {
+        Self::Bus(error)
+    }
+}
+
+/// How a step succeeded: as a conformant device does, or in a way that is accepted, too.
+pub(super) type Judgement = Result<Option<Difference>, Trouble>;
+
+/// Judges the end of a transfer that was to be refused.
+pub(super) fn refusal(
+    result: &Result<Vec<u8>, Failure>,
+    refusal: &Refusal,
+    raw: Option<Frame>,
+) -> Judgement {
+    let expected = format!("refused with {}", Abort(refusal.code));
+    let difference = |actual: String| Difference { expected: expected.clone(), actual, raw };
+    match result {
+        Err(Failure::Aborted(code)) if code.0 == refusal.code => Ok(None),
+        Err(Failure::Aborted(code)) if refusal.lenient.contains(&code.0) => {
+            Ok(Some(difference(format!("refused with {code}"))))
+        }
+        Err(failure) => Err(Trouble::Device(difference(failure.to_string()))),
+        Ok(data) if data.is_empty() => Err(Trouble::Device(difference("accepted".to_owned()))),
+        Ok(data) => Err(Trouble::Device(difference(format!("answered {}", show_bytes(data))))),
+    }
+}
+
+/// A value for people: `100 (64h)`.
+pub(super) fn show(entry: Option<&Entry>, bytes: &[u8]) -> String {
+    let data_type = entry.map_or(DataType::OCTET_STRING, |entry| entry.data_type);
+    data_type
+        .decode(bytes)
+        .map_or_else(|error| format!("{} ({error})", show_bytes(bytes)), |value| value.to_string())
+}
+
+/// What a value must be, in bytes of the entry's type.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Condition {
+    /// The value.
+    pub value: Option<Vec<u8>>,
+    /// The bits of it that count.
+    pub mask: Option<Vec<u8>>,
+    /// The smallest.
+    pub min: Option<Vec<u8>>,
+    /// The largest.
+    pub max: Option<Vec<u8>>,
+    /// The length in bytes.
+    pub length: Option<usize>,
+}
+
+impl Condition {
+    /// Judges a value.
+    ///
+    /// # Errors
+    /// The first difference.
+    pub(super) fn judge(&self, entry: Option<&Entry>, got: &[u8]) -> Result<(), Difference> {
+        let actual = show(entry, got);
+        let fail = |expected: String| Err(Difference::new(expected, actual.clone()));
+        if let Some(length) = self.length
+            && length != got.len()
+        {
+            return Err(Difference::new(format!("{length} bytes"), format!("{} bytes", got.len())));
+        }
+        if let Some(size) = entry.and_then(|entry| entry.data_type.size())
+            && size != got.len()
+        {
+            let data_type = entry.map_or(DataType::DOMAIN, |entry| entry.data_type);
+            return fail(format!("{size} bytes of {data_type}"));
+        }
+        if let Some(value) = &self.value {
+            let shown = show(entry, value);
+            match &self.mask {
+                None if value != got => return fail(shown),
+                Some(mask) if masked(value, mask) != masked(got, mask) => {
+                    return fail(format!("{shown} in the bits {}", show(entry, mask)));
+                }
+                _ => {}
+            }
+        }
+        let number = |bytes: &[u8]| entry?.data_type.decode(bytes).ok()?.as_real();
+        for (bound, word) in [(&self.min, "at least"), (&self.max, "at most")] {
+            let Some(bound) = bound else { continue };
+            let order = number(got).zip(number(bound)).map(|(got, bound)| got.total_cmp(&bound));
+            let wrong = match word {
+                "at least" => order.is_none_or(std::cmp::Ordering::is_lt),
+                _ => order.is_none_or(std::cmp::Ordering::is_gt),
+            };
+            if wrong {
+                return fail(format!("{word} {}", show(entry, bound)));
+            }
+        }
+        Ok(())
+    }
+}
+
+fn masked(value: &[u8], mask: &[u8]) -> Vec<u8> {
+    value.iter().zip(mask).map(|(value, mask)| value & mask).collect()
+}

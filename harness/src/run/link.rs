@@ -1,0 +1,163 @@
+//! The bus as a runner sees it: a trace, and a cursor in it.
+//!
+//! Windows are measured in trace time. A step starts where the last one ended, at the stamp of the
+//! last frame that was matched or sent, so the latency of the host never enters a judgement.
+
+use std::time::Duration;
+
+use canopen::monitor::Seen;
+use canopen::{Bus, BusError, Frame, Instant, Stamped};
+
+/// What is policy and not clause: how long to wait, how exact the bench is.
+#[derive(Clone, Copy, Debug)]
+pub struct Policy {
+    /// How long an SDO server may take to answer.
+    pub sdo_timeout: Duration,
+    /// How long a device may take to boot.
+    pub boot_timeout: Duration,
+    /// How long the wire must be idle for nothing to be in flight.
+    pub quiet: Duration,
+    /// How late a frame may be because another one is on the wire.
+    pub bus_slack: Duration,
+}
+
+impl Policy {
+    /// The usual policy on a bus of that bit rate, in bit/s.
+    pub fn at_bit_rate(bit_rate: u32) -> Self {
+        /// The longest classical frame with 11-bit identifier, intermission included.
+        const LONGEST_FRAME_BITS: u64 = 135;
+        Self {
+            sdo_timeout: Duration::from_secs(1),
+            boot_timeout: Duration::from_secs(10),
+            quiet: Duration::from_millis(5),
+            bus_slack: Duration::from_nanos(
+                LONGEST_FRAME_BITS * 1_000_000_000 / u64::from(bit_rate),
+            ),
+        }
+    }
+}
+
+/// A bus, what was seen on it since the case began, and how far the steps have looked.
+pub struct Link<'b> {
+    bus: &'b mut dyn Bus,
+    trace: Vec<Seen>,
+    cursor: usize,
+    mark: Instant,
+}
+
+impl<'b> Link<'b> {
+    /// A link that starts now.
+    pub fn new(bus: &'b mut dyn Bus) -> Self {
+        let mark = bus.now();
+        Self { bus, trace: Vec::new(), cursor: 0, mark }
+    }
+
+    /// Where the next step starts.
+    pub const fn mark(&self) -> Instant {
+        self.mark
+    }
+
+    /// The frames since the trace was last taken.
+    pub fn trace(&self) -> &[Seen] {
+        &self.trace
+    }
+
+    /// Takes the trace and begins a new one.
+    pub fn take_trace(&mut self) -> Vec<Seen> {
+        self.cursor = 0;
+        std::mem::take(&mut self.trace)
+    }
+
+    /// Sends a frame and waits until it is complete on the wire. The next step starts there.
+    ///
+    /// # Errors
+    /// Whatever the bus reports; [`BusError::Io`] when nobody acknowledges the frame.
+    pub fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        const PATIENCE: Duration = Duration::from_secs(2);
+        self.bus.send(frame)?;
+        let give_up = self.bus.now() + PATIENCE;
+        while let Some(place) = self.pull(give_up)? {
+            let stamped = self.trace[place].stamped;
+            if stamped.own && stamped.frame == *frame {
+                (self.cursor, self.mark) = (place + 1, stamped.at);
+                return Ok(());
+            }
+        }
+        Err(BusError::Io(format!(
+            "frame {frame} was not acknowledged: is another node on the bus?"
+        )))
+    }
+
+    /// The next frame from the cursor on that `fits`, if it is complete by `until`. It counts as
+    /// expected, and the next step starts there.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn find(
+        &mut self,
+        until: Instant,
+        mut fits: impl FnMut(&Stamped) -> bool,
+    ) -> Result<Option<Stamped>, BusError> {
+        let mut place = self.cursor;
+        loop {
+            if place == self.trace.len() && self.pull(until)?.is_none() {
+                return Ok(None);
+            }
+            let seen = &mut self.trace[place];
+            if seen.stamped.at > until {
+                return Ok(None);
+            }
+            if fits(&seen.stamped) {
+                seen.expected = true;
+                (self.cursor, self.mark) = (place + 1, seen.stamped.at);
+                return Ok(Some(seen.stamped));
+            }
+            place += 1;
+        }
+    }
+
+    /// Lets time pass until `until`. The next step starts there.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn wait(&mut self, until: Instant) -> Result<(), BusError> {
+        while self.pull(until)?.is_some() {}
+        self.skip_to(until);
+        Ok(())
+    }
+
+    /// Waits until nothing came for the time `quiet`, at most 20 times as long: a device that
+    /// never falls silent is not waited for.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn drain(&mut self, quiet: Duration) -> Result<(), BusError> {
+        let end = self.mark + quiet * 20;
+        let mut until = self.mark + quiet;
+        while let Some(place) = self.pull(until.min(end))? {
+            until = self.trace[place].stamped.at + quiet;
+        }
+        self.skip_to(until.min(end));
+        Ok(())
+    }
+
+    /// Looks again at everything that came after `start`, as after sending many frames.
+    pub fn look_from(&mut self, start: Instant) {
+        self.cursor = self.trace.partition_point(|seen| seen.stamped.at <= start);
+        self.mark = start;
+    }
+
+    /// Everything up to `until` has been looked at.
+    pub fn skip_to(&mut self, until: Instant) {
+        self.cursor +=
+            self.trace[self.cursor..].iter().take_while(|seen| seen.stamped.at <= until).count();
+        self.mark = self.mark.max(until);
+    }
+
+    /// One more frame into the trace; its place, or `None` when `until` has come.
+    fn pull(&mut self, until: Instant) -> Result<Option<usize>, BusError> {
+        let Some(stamped) = self.bus.recv(until)? else { return Ok(None) };
+        self.trace.push(Seen { stamped, expected: false });
+        Ok(Some(self.trace.len() - 1))
+    }
+}

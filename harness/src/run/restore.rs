@@ -1,0 +1,240 @@
+//! Leaving the device as it was: what a case will write is read before it begins, and written
+//! back after it.
+
+use std::collections::BTreeMap;
+
+use canopen::eds::Eds;
+use canopen::pdo::{CobId, Mapping};
+use canopen::sdo::{REQUEST_COB_ID, Request, Transfer};
+use canopen::{BusError, Frame, Mux};
+
+use super::link::{Link, Policy};
+use super::sdo;
+use crate::plan::{Dut, Instance, Scope};
+use crate::source::At;
+use crate::suite::literal::FrameText;
+use crate::suite::model::{Produce, Step};
+
+/// The values of the objects that a case may change.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Snapshot {
+    values: BTreeMap<Mux, Vec<u8>>,
+    stores: bool,
+}
+
+impl Snapshot {
+    /// Reads every object that the case may change and the data sheet lets one write back.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub(super) fn take(
+        link: &mut Link,
+        policy: &Policy,
+        dut: &Dut,
+        instance: &Instance,
+    ) -> Result<Self, BusError> {
+        let mut snapshot = Self::default();
+        for mux in changed_by(instance, dut) {
+            snapshot.stores |= matches!(mux.index, 0x1010 | 0x1011);
+            for mux in with_record(mux, &dut.eds) {
+                if !restorable(mux, &dut.eds) || snapshot.values.contains_key(&mux) {
+                    continue;
+                }
+                if let Ok(value) = sdo::upload(link, policy, dut.node, mux)?.result {
+                    snapshot.values.insert(mux, value);
+                }
+            }
+        }
+        Ok(snapshot)
+    }
+
+    /// Whether there is nothing to restore.
+    pub(super) fn is_empty(&self) -> bool {
+        self.values.is_empty() && !self.stores
+    }
+
+    /// Writes everything back that reads differently now. `false` when the device did not take it.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub(super) fn restore(&self, link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
+        let mut whole = true;
+        for record in self.changed_records(link, policy, dut)? {
+            whole &= self.restore_record(link, policy, dut, record)?;
+        }
+        for (mux, value) in self.values.iter().rev().filter(|(mux, _)| !in_pdo_record(mux.index)) {
+            if !reads(link, policy, dut, *mux, value)? {
+                whole &= writes(link, policy, dut, *mux, value)?
+                    && reads(link, policy, dut, *mux, value)?;
+            }
+        }
+        if self.stores {
+            const SAVE: [u8; 4] = *b"save";
+            whole &= writes(link, policy, dut, Mux::new(0x1010, 1), &SAVE)?;
+        }
+        Ok(whole)
+    }
+
+    /// The communication parameters of the PDOs of which something changed.
+    fn changed_records(
+        &self,
+        link: &mut Link,
+        policy: &Policy,
+        dut: &Dut,
+    ) -> Result<Vec<u16>, BusError> {
+        let mut records = Vec::new();
+        for (mux, value) in self.values.iter().filter(|(mux, _)| in_pdo_record(mux.index)) {
+            let record = mux.index & !0x0200;
+            if !records.contains(&record) && !reads(link, policy, dut, *mux, value)? {
+                records.push(record);
+            }
+        }
+        Ok(records)
+    }
+
+    /// In the order of CiA 301, 7.5.2.36: invalid, count 0, entries, count, parameters, valid.
+    fn restore_record(
+        &self,
+        link: &mut Link,
+        policy: &Policy,
+        dut: &Dut,
+        record: u16,
+    ) -> Result<bool, BusError> {
+        let (cob_id, mapping) = (Mux::new(record, 1), record | 0x0200);
+        let mut whole = true;
+        let mut write = |mux: Mux, value: &[u8]| -> Result<(), BusError> {
+            if dut.eds.entry(mux).is_some_and(|entry| entry.access.writable()) {
+                whole &= writes(link, policy, dut, mux, value)?;
+            }
+            Ok(())
+        };
+        if let Some(value) = self.values.get(&cob_id).and_then(|value| value.first_chunk::<4>()) {
+            let invalid = u32::from_le_bytes(*value) | CobId::INVALID;
+            write(cob_id, &invalid.to_le_bytes())?;
+        }
+        let mapped = |(mux, _): &(&Mux, &Vec<u8>)| mux.index == mapping;
+        if self.values.keys().any(|mux| mux.index == mapping) {
+            write(Mux::new(mapping, 0), &[0])?;
+            let used = |(mux, _): &(&Mux, &Vec<u8>)| mux.sub != 0;
+            for (mux, value) in self.values.iter().filter(mapped).filter(used) {
+                write(*mux, value)?;
+            }
+            if let Some(count) = self.values.get(&Mux::new(mapping, 0)) {
+                write(Mux::new(mapping, 0), count)?;
+            }
+        }
+        let parameter = |(mux, _): &(&Mux, &Vec<u8>)| mux.index == record && mux.sub > 1;
+        for (mux, value) in self.values.iter().filter(parameter) {
+            write(*mux, value)?;
+        }
+        if let Some(value) = self.values.get(&cob_id) {
+            write(cob_id, value)?;
+        }
+        Ok(whole)
+    }
+}
+
+fn reads(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    mux: Mux,
+    value: &[u8],
+) -> Result<bool, BusError> {
+    Ok(sdo::upload(link, policy, dut.node, mux)?.result.is_ok_and(|now| now == value))
+}
+
+fn writes(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    mux: Mux,
+    value: &[u8],
+) -> Result<bool, BusError> {
+    let flow = Transfer::usual(value.len());
+    Ok(sdo::download(link, policy, dut.node, mux, value, flow)?.result.is_ok())
+}
+
+const fn in_pdo_record(index: u16) -> bool {
+    matches!(index, 0x1400..=0x17FF | 0x1800..=0x1BFF)
+}
+
+/// The object, and with one of a PDO its whole record: what may be written depends on the rest.
+fn with_record(mux: Mux, eds: &Eds) -> Vec<Mux> {
+    if !in_pdo_record(mux.index) {
+        return vec![mux];
+    }
+    let record = mux.index & !0x0200;
+    let objects = [eds.object(record), eds.object(record | 0x0200)].into_iter().flatten();
+    objects.flat_map(|object| object.entries.iter().map(|entry| entry.mux)).collect()
+}
+
+fn restorable(mux: Mux, eds: &Eds) -> bool {
+    // Signatures and the error history are commands, not values.
+    !matches!(mux.index, 0x1003 | 0x1010 | 0x1011)
+        && eds.entry(mux).is_some_and(|entry| entry.access.readable() && entry.access.writable())
+}
+
+/// Every address that a case's steps may write, by SDO or through an RPDO.
+fn changed_by(instance: &Instance, dut: &Dut) -> Vec<Mux> {
+    let case = instance.case();
+    let mut changed = Vec::new();
+    let scope = &instance.scope;
+    for step in case.setup.iter().chain(&case.steps).chain(&case.finally) {
+        match &step.value {
+            Step::Write(write) => changed.extend(scope.mux(&write.object.value)),
+            Step::Remap(remap) => {
+                changed.extend(scope.mux(&remap.pdo.value));
+                let words = remap
+                    .objects
+                    .iter()
+                    .filter_map(|object| crate::plan::mapping_word(&object.value, scope, dut).ok());
+                changed.extend(words.map(|word| Mapping::decode(word).mux));
+            }
+            Step::Send(frame) => changed.extend(changed_by_frame(frame, scope, dut)),
+            Step::Produce(produce) => changed.extend(changed_by_frame(&produce.frame, scope, dut)),
+            Step::Expect(expect) => changed.extend(during(&expect.during, scope, dut)),
+            Step::Never(never) => changed.extend(during(&never.during, scope, dut)),
+            Step::Measure(measure) => changed.extend(during(&measure.during, scope, dut)),
+            Step::Collect(collect) => changed.extend(during(&collect.during, scope, dut)),
+            _ => {}
+        }
+    }
+    changed
+}
+
+fn during(produce: &Option<Produce>, scope: &Scope, dut: &Dut) -> Vec<Mux> {
+    produce.as_ref().map(|produce| changed_by_frame(&produce.frame, scope, dut)).unwrap_or_default()
+}
+
+fn changed_by_frame(text: &At<FrameText>, scope: &Scope, dut: &Dut) -> Vec<Mux> {
+    let pattern = scope.pattern(&text.value, dut.node).ok();
+    let Some(frame) = pattern.and_then(|pattern| pattern.frame()) else { return Vec::new() };
+    if frame.data_id() == Some(REQUEST_COB_ID + u16::from(dut.node)) {
+        return match Request::decode(&frame.data) {
+            Ok(Request::Download(mux, _)) => vec![mux],
+            _ => Vec::new(),
+        };
+    }
+    mapped_into(&frame, dut)
+}
+
+/// What the RPDOs with this identifier map by default.
+fn mapped_into(frame: &Frame, dut: &Dut) -> Vec<Mux> {
+    let int = |mux: Mux| {
+        let entry = dut.eds.entry(mux)?;
+        entry.data_type.decode(&entry.default_bytes(dut.node).ok()?).ok()?.as_int()
+    };
+    let mut mapped = Vec::new();
+    for object in dut.eds.objects.iter().filter(|object| (0x1400..0x1600).contains(&object.index)) {
+        let id = int(Mux::new(object.index, 1)).map(|cob_id| CobId(cob_id as u32).can_id());
+        if id.is_none() || id != frame.data_id() {
+            continue;
+        }
+        let map = object.index | 0x0200;
+        let count = int(Mux::new(map, 0)).unwrap_or(0).clamp(0, 64) as u8;
+        let words = (1..=count).filter_map(|sub| int(Mux::new(map, sub)));
+        mapped.extend(words.map(|word| Mapping::decode(word as u32).mux));
+    }
+    mapped
+}

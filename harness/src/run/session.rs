@@ -1,0 +1,173 @@
+//! A session: one device, its plan, case after case, told as events.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use canopen::{Bus, BusError, DataType, Mux, Value};
+use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Note, Outcome};
+
+use super::case::{self, Aftermath};
+use super::link::{Link, Policy};
+use super::{sdo, settle};
+use crate::plan::{Dut, Instance, Plan};
+use crate::suite::Register;
+
+/// How a session ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// Every case ran.
+    Complete,
+    /// Nobody answered at all.
+    Nobody,
+    /// The device stopped answering; the reason.
+    Gone(String),
+    /// The bus failed.
+    Bus(BusError),
+    /// So many cases failed that the rest was not run.
+    Enough,
+}
+
+/// Runs a plan.
+pub struct Session<'s> {
+    /// What to run.
+    pub plan: &'s Plan,
+    /// What the cases check.
+    pub register: &'s Register,
+    /// What to wait for and how long.
+    pub policy: Policy,
+    /// The command that runs a case again, without its name.
+    pub rerun: String,
+    /// Stop after so many cases that failed.
+    pub max_fail: Option<usize>,
+    /// Set when the user wants the run to end.
+    pub stop: &'s AtomicBool,
+}
+
+impl Session<'_> {
+    /// Runs the plan on `bus` and tells `tell` of it.
+    pub fn run(&self, bus: &mut dyn Bus, tell: &mut dyn FnMut(Event)) -> Ending {
+        let mut link = Link::new(bus);
+        let dut = &self.plan.dut;
+        match settle::first_answer(&mut link, &self.policy, dut) {
+            Ok(true) => {}
+            Ok(false) => return Ending::Nobody,
+            Err(error) => return Ending::Bus(error),
+        }
+        let identity = match identity(&mut link, &self.policy, dut) {
+            Ok(identity) => identity,
+            Err(error) => return Ending::Bus(error),
+        };
+        tell(Event::DeviceStarted(DeviceStarted {
+            device: dut.name.clone(),
+            node: dut.node,
+            identity,
+            rerun: self.rerun.clone(),
+        }));
+        link.take_trace();
+        self.cases(&mut link, tell)
+    }
+
+    fn cases(&self, link: &mut Link, tell: &mut dyn FnMut(Event)) -> Ending {
+        let (mut dirty, mut failed) = (false, 0);
+        for (place, instance) in self.plan.instances.iter().enumerate() {
+            // A real bus notices while it waits; a simulated one never waits.
+            if self.stop.swap(false, Ordering::SeqCst) {
+                return Ending::Bus(BusError::Interrupted);
+            }
+            tell(self.started(link, instance));
+            if let Some(reason) = &instance.skip {
+                tell(ended(link, Outcome::Skip(reason.clone())));
+                continue;
+            }
+            let finished = case::run(link, &self.policy, &self.plan.dut, instance, dirty);
+            let at = link.mark();
+            for seen in &finished.trace {
+                tell(Event::Frame(seen.stamped));
+            }
+            for text in finished.notes {
+                tell(Event::Note(Note { at, text }));
+            }
+            finished.measured.into_iter().for_each(|measured| tell(Event::Measured(measured)));
+            failed += usize::from(matches!(finished.outcome, Outcome::Fail(_)));
+            tell(ended(link, finished.outcome));
+            let rest = &self.plan.instances[place + 1..];
+            match finished.aftermath {
+                Aftermath::Calm => dirty = false,
+                Aftermath::Dirty => dirty = true,
+                Aftermath::Gone(reason) => {
+                    self.not_run(link, rest, &reason, tell);
+                    return Ending::Gone(reason);
+                }
+                Aftermath::Stop(error) => return Ending::Bus(error),
+            }
+            if self.max_fail.is_some_and(|most| failed >= most) {
+                return Ending::Enough;
+            }
+        }
+        Ending::Complete
+    }
+
+    /// Cases that cannot run any more are in the report all the same.
+    fn not_run(&self, link: &Link, rest: &[Instance], why: &str, tell: &mut dyn FnMut(Event)) {
+        for instance in rest {
+            tell(self.started(link, instance));
+            let reason = format!("not run: {why}");
+            tell(ended(link, Outcome::Error { reason, problem: None }));
+        }
+    }
+
+    fn started(&self, link: &Link, instance: &Instance) -> Event {
+        let case = instance.case();
+        let checks = case.checks.iter().filter_map(|id| {
+            let requirement = self.register.find(&id.value)?;
+            let entry = &requirement.entry.value;
+            Some(Check {
+                id: id.value.clone(),
+                document: requirement.title.clone(),
+                clause: entry.clause.clone(),
+                says: entry.says.clone(),
+            })
+        });
+        Event::CaseStarted(CaseStarted {
+            at: link.mark(),
+            suite: instance.suite.name().to_owned(),
+            case: case.id.value.clone(),
+            instance: instance.label.clone(),
+            title: case.title.clone(),
+            checks: checks.collect(),
+            file: instance.suite.source.name.clone(),
+            line: case.id.place.line as u32,
+            column: case.id.place.column as u32,
+        })
+    }
+}
+
+fn ended(link: &Link, outcome: Outcome) -> Event {
+    Event::CaseEnded(CaseEnded { at: link.mark(), outcome })
+}
+
+/// What 1000h and 1018h say.
+pub fn identity(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Identity, BusError> {
+    let mut read = |mux| -> Result<Option<u32>, BusError> {
+        let ended = sdo::upload(link, policy, dut.node, mux)?;
+        let value = ended.result.ok().and_then(|data| DataType::UNSIGNED32.decode(&data).ok());
+        Ok(value.as_ref().and_then(Value::as_int).and_then(|number| number.try_into().ok()))
+    };
+    Ok(Identity {
+        device_type: read(Mux::new(0x1000, 0))?,
+        vendor: read(Mux::new(0x1018, 1))?,
+        product: read(Mux::new(0x1018, 2))?,
+        revision: read(Mux::new(0x1018, 3))?,
+        serial: read(Mux::new(0x1018, 4))?,
+    })
+}
+
+/// The text at `mux`, when there is one.
+pub fn read_text(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+) -> Result<Option<String>, BusError> {
+    let data = sdo::upload(link, policy, node, mux)?.result.ok();
+    Ok(data.and_then(|data| String::from_utf8(data).ok()))
+}

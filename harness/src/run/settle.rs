@@ -1,0 +1,131 @@
+//! Bringing the device into a known state before a case.
+
+use canopen::heartbeat::{self, ErrorControl};
+use canopen::nmt::{Command, Service};
+use canopen::sdo::Transfer;
+use canopen::{BusError, Mux};
+
+use super::link::{Link, Policy};
+use super::sdo;
+use crate::plan::Dut;
+use crate::suite::model::State;
+
+/// Why a device could not be settled.
+pub(super) enum Unsettled {
+    /// It does not answer, or not as a node in order would.
+    Device(String),
+    /// The bus failed.
+    Bus(BusError),
+}
+
+impl From<BusError> for Unsettled {
+    fn from(error: BusError) -> Self {
+        Self::Bus(error)
+    }
+}
+
+/// Brings the device into PRE-OPERATIONAL without errors, by a reset when nothing else helps.
+/// Returns a remark when a reset was needed.
+pub(super) fn settle(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    reset_first: bool,
+) -> Result<Option<String>, Unsettled> {
+    if !reset_first {
+        match calm(link, policy, dut)? {
+            None => return Ok(None),
+            Some(_) => reset(link, policy, dut)?,
+        }
+    } else {
+        reset(link, policy, dut)?;
+    }
+    match calm(link, policy, dut)? {
+        None => Ok(Some("settled by reset node".to_owned())),
+        Some(unrest) => Err(Unsettled::Device(unrest)),
+    }
+}
+
+/// Waits for a device to answer for the first time.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(super) fn first_answer(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
+    let end = link.mark() + policy.boot_timeout;
+    let eager = Policy { sdo_timeout: policy.sdo_timeout / 10, ..*policy };
+    while link.mark() < end {
+        if sdo::upload(link, &eager, dut.node, DEVICE_TYPE)?.result.is_ok() {
+            return Ok(true);
+        }
+        // An answer that comes at once and is no good must not become a busy loop.
+        let pause = link.mark() + policy.quiet;
+        link.wait(pause)?;
+    }
+    Ok(false)
+}
+
+/// Leads a settled device into the state a case starts in.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(super) fn enter(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    state: Option<State>,
+) -> Result<(), BusError> {
+    let service = match state.unwrap_or(State::PreOperational) {
+        State::PreOperational => return Ok(()),
+        State::Operational => Service::START,
+        State::Stopped => Service::STOP,
+    };
+    link.send(&Command { service, node: dut.node }.frame())?;
+    link.drain(policy.quiet)
+}
+
+const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
+const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
+const ERROR_COUNT: Mux = Mux::new(0x1003, 0);
+
+/// PRE-OPERATIONAL, answering, no error, no error history. `Some` says what is not so.
+fn calm(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Option<String>, BusError> {
+    let command = Command { service: Service::ENTER_PRE_OPERATIONAL, node: dut.node };
+    link.send(&command.frame())?;
+    link.drain(policy.quiet)?;
+    if let Err(failure) = sdo::upload(link, policy, dut.node, DEVICE_TYPE)?.result {
+        return Ok(Some(format!("upload of {DEVICE_TYPE}: {failure}")));
+    }
+    match sdo::upload(link, policy, dut.node, ERROR_REGISTER)?.result {
+        Ok(register) if register == [0] => {}
+        Ok(register) => {
+            return Ok(Some(format!(
+                "the error register is {}",
+                crate::plan::show_bytes(&register)
+            )));
+        }
+        Err(failure) => return Ok(Some(format!("upload of {ERROR_REGISTER}: {failure}"))),
+    }
+    if dut.eds.entry(ERROR_COUNT).is_some_and(|entry| entry.access.writable())
+        && sdo::upload(link, policy, dut.node, ERROR_COUNT)?.result.is_ok_and(|count| count != [0])
+    {
+        sdo::download(link, policy, dut.node, ERROR_COUNT, &[0], Transfer::Expedited)?;
+    }
+    Ok(None)
+}
+
+/// Resets the node and waits until it is back.
+fn reset(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<(), Unsettled> {
+    link.send(&Command { service: Service::RESET_NODE, node: dut.node }.frame())?;
+    let boot_up = ErrorControl::BOOT_UP.frame(dut.node);
+    debug_assert_eq!(boot_up.id.raw(), u32::from(heartbeat::COB_ID) + u32::from(dut.node));
+    let until = link.mark() + policy.boot_timeout;
+    // A device without a boot-up message is still usable for what else there is to find out.
+    let booted = link.find(until, |seen| !seen.own && seen.frame == boot_up)?;
+    if booted.is_none() && !first_answer(link, policy, dut)? {
+        let seconds = policy.boot_timeout.as_secs();
+        return Err(Unsettled::Device(format!(
+            "no boot-up and no SDO answer within {seconds} s of a reset"
+        )));
+    }
+    Ok(())
+}

@@ -1,0 +1,9 @@
+//! Suites: the notation, the requirement register, and loading both.
+
+mod files;
+pub mod literal;
+pub mod model;
+mod register;
+
+pub use files::{Library, Suite};
+pub use register::{Register, RegisterFile, Requirement};

@@ -1,0 +1,172 @@
+//! Finding and loading suite and register files.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+
+use include_dir::{Dir, include_dir};
+
+use super::model::{Case, SuiteFile};
+use super::register::Register;
+use crate::source::{At, Complaint, Source, read_yaml};
+
+/// Everything in `suites/`.
+#[derive(Debug)]
+pub struct Library {
+    /// The suites, by name.
+    pub suites: Vec<Arc<Suite>>,
+    /// The requirements.
+    pub register: Register,
+}
+
+/// A loaded suite.
+#[derive(Debug)]
+pub struct Suite {
+    /// Its file.
+    pub source: Arc<Source>,
+    /// What is written there.
+    pub file: SuiteFile,
+}
+
+impl Suite {
+    /// `folder/topic`.
+    pub fn name(&self) -> &str {
+        &self.file.suite.value
+    }
+}
+
+impl Library {
+    /// Loads the folder the user named, else `suites/` here, else the copy in this program.
+    ///
+    /// # Errors
+    /// Every complaint about every file.
+    pub fn load(folder: Option<&Path>) -> Result<Self, Vec<Complaint>> {
+        Self::from_sources(&sources(folder)?)
+    }
+
+    /// The register files alone.
+    ///
+    /// # Errors
+    /// When the folder cannot be read.
+    pub fn register_sources(folder: Option<&Path>) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
+        let mut sources = sources(folder)?;
+        sources.retain(|source| is_register(source));
+        Ok(sources)
+    }
+
+    /// Loads register and suites out of these files.
+    ///
+    /// # Errors
+    /// Every complaint about every file.
+    pub fn from_sources(sources: &[Arc<Source>]) -> Result<Self, Vec<Complaint>> {
+        let (registers, suites): (Vec<_>, Vec<_>) =
+            sources.iter().cloned().partition(|source| is_register(source));
+        let mut complaints = Vec::new();
+        let register = Register::load(&registers).unwrap_or_else(|mut wrong| {
+            complaints.append(&mut wrong);
+            Register::default()
+        });
+        let register_is_whole = complaints.is_empty();
+        let mut loaded = Vec::new();
+        for source in suites {
+            match read_yaml::<SuiteFile>(&source) {
+                Ok(file) => loaded.push(Arc::new(Suite { source, file })),
+                Err(complaint) => complaints.push(complaint),
+            }
+        }
+        complaints.extend(reused_ids(&loaded));
+        if register_is_whole {
+            complaints.extend(unknown_requirements(&loaded, &register));
+        }
+        if complaints.is_empty() { Ok(Self { suites: loaded, register }) } else { Err(complaints) }
+    }
+}
+
+static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../suites");
+
+fn sources(folder: Option<&Path>) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
+    let here = Path::new("suites");
+    let mut sources = Vec::new();
+    match folder.or_else(|| here.is_dir().then_some(here)) {
+        Some(folder) => read_folder(folder, &mut sources).map_err(|complaint| vec![complaint])?,
+        None => read_embedded(&EMBEDDED, &mut sources),
+    }
+    sources.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(sources)
+}
+
+fn is_register(source: &Source) -> bool {
+    source.name.contains("requirements/")
+}
+
+fn read_folder(folder: &Path, sources: &mut Vec<Arc<Source>>) -> Result<(), Complaint> {
+    let complain = |path: &Path, error: std::io::Error| {
+        let source = Source { name: shown(path), text: String::new() };
+        Complaint { source: Arc::new(source), place: None, message: error.to_string() }
+    };
+    for entry in fs::read_dir(folder).map_err(|error| complain(folder, error))? {
+        let path = entry.map_err(|error| complain(folder, error))?.path();
+        if path.is_dir() {
+            read_folder(&path, sources)?;
+        } else if path.extension().is_some_and(|extension| extension == "yaml") {
+            let text = fs::read_to_string(&path).map_err(|error| complain(&path, error))?;
+            sources.push(Arc::new(Source { name: shown(&path), text }));
+        }
+    }
+    Ok(())
+}
+
+fn read_embedded(folder: &Dir<'_>, sources: &mut Vec<Arc<Source>>) {
+    for file in folder.files() {
+        if let (Some("yaml"), Some(text)) =
+            (file.path().extension().and_then(|extension| extension.to_str()), file.contents_utf8())
+        {
+            let name = format!("suites/{}", shown(file.path()));
+            sources.push(Arc::new(Source { name, text: text.to_owned() }));
+        }
+    }
+    folder.dirs().for_each(|below| read_embedded(below, sources));
+}
+
+fn shown(path: &Path) -> String {
+    path.to_string_lossy().replace('\\', "/")
+}
+
+fn reused_ids(suites: &[Arc<Suite>]) -> Vec<Complaint> {
+    let (mut complaints, mut names) = (Vec::new(), BTreeMap::new());
+    for suite in suites {
+        let name = &suite.file.suite;
+        if let Some(first) = names.insert(name.value.as_str(), suite) {
+            let message = format!("suite {} stands in {} already", name.value, first.source.name);
+            complaints.push(Complaint::at(&suite.source, name.place, message));
+        }
+        let mut ids: BTreeMap<&str, &At<Case>> = BTreeMap::new();
+        for case in &suite.file.cases {
+            let id = &case.value.id;
+            if let Some(first) = ids.insert(&id.value, case) {
+                let message =
+                    format!("case {} stands in line {} already", id.value, first.place.line);
+                complaints.push(Complaint::at(&suite.source, id.place, message));
+            }
+        }
+    }
+    complaints
+}
+
+fn unknown_requirements(suites: &[Arc<Suite>], register: &Register) -> Vec<Complaint> {
+    let mut complaints = Vec::new();
+    for suite in suites {
+        for case in &suite.file.cases {
+            if case.value.checks.is_empty() {
+                let message = format!("case {} checks no requirement", case.value.id.value);
+                complaints.push(Complaint::at(&suite.source, case.value.id.place, message));
+            }
+            for id in case.value.checks.iter().filter(|id| register.find(&id.value).is_none()) {
+                let message = format!("no requirement {} in suites/requirements", id.value);
+                complaints.push(Complaint::at(&suite.source, id.place, message));
+            }
+        }
+    }
+    complaints
+}

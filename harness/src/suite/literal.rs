@@ -1,0 +1,499 @@
+//! The small words of the notation: values, times, tolerances, addresses, refusals.
+
+use std::borrow::Cow;
+use std::fmt;
+use std::str::FromStr;
+use std::time::Duration;
+
+use canopen::sdo::Transfer;
+use canopen::{Mux, Pattern};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{self, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+
+use crate::source::At;
+
+/// A name that the binder supplies or a step saved; written `$name`.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Name(pub String);
+
+/// A value as it is written.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Literal {
+    /// A whole number.
+    Int(i128),
+    /// A number with a point.
+    Real(f64),
+    /// `true` or `false`.
+    Bool(bool),
+    /// The value of a name, and what is added to it.
+    Named(Name, i128),
+    /// A time, converted to the unit of the object.
+    Time(Amount),
+    /// Any other text.
+    Text(String),
+}
+
+/// A time as it is written: `20 ms`, `$period`, `1.5 x $period`.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Amount {
+    /// A fixed time.
+    Fixed(Duration),
+    /// A multiple of a name's time.
+    Scaled(f64, Name),
+}
+
+/// Bounds of a time as they are written.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Tolerance {
+    /// `100 ms +/- 10 %`.
+    Percent(Amount, f64),
+    /// `100 ms +/- 2 ms`.
+    PlusMinus(Amount, Amount),
+    /// `>= 100 ms`.
+    AtLeast(Amount),
+    /// `<= 100 ms`.
+    AtMost(Amount),
+    /// `90 ms .. 110 ms`.
+    Between(Amount, Amount),
+}
+
+/// An address as it is written: `"1017:00"` or `$mux`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum ObjectRef {
+    /// This address.
+    Fixed(Mux),
+    /// The address bound to a name.
+    Named(Name),
+}
+
+impl Default for ObjectRef {
+    fn default() -> Self {
+        Self::Fixed(Mux::new(0, 0))
+    }
+}
+
+/// A frame as it is written: a pattern, whose identifier may be a name: `$pdo#...`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FrameText {
+    /// The name that stands for the identifier.
+    pub id: Option<Name>,
+    /// The pattern; its identifier does not count when a name stands for it.
+    pub pattern: Pattern,
+}
+
+/// The refusal that is expected.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Refusal {
+    /// The abort code of a conformant device.
+    pub code: u32,
+    /// Codes that are accepted, too.
+    pub lenient: Vec<u32>,
+}
+
+/// The protocol of an SDO transfer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Flow {
+    /// All data in one frame.
+    Expedited,
+    /// In segments.
+    Segmented,
+}
+
+impl From<Flow> for Transfer {
+    fn from(flow: Flow) -> Self {
+        match flow {
+            Flow::Expedited => Self::Expedited,
+            Flow::Segmented => Self::Segmented,
+        }
+    }
+}
+
+impl FromStr for Name {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let wrong = || format!("`{text}` is no name: names are written `$period`");
+        let name = text.strip_prefix('$').ok_or_else(wrong)?;
+        let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+        if name.is_empty() || !name.chars().all(fits) {
+            return Err(wrong());
+        }
+        Ok(Self(name.to_owned()))
+    }
+}
+
+impl FromStr for Amount {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        if let Some((factor, name)) = text.split_once(" x ") {
+            let factor = factor.trim().parse::<f64>().ok().filter(|f| f.is_finite() && *f >= 0.0);
+            let factor = factor.ok_or_else(|| format!("`{text}`: no number before the `x`"))?;
+            return Ok(Self::Scaled(factor, name.trim().parse()?));
+        }
+        if text.starts_with('$') {
+            return Ok(Self::Scaled(1.0, text.parse()?));
+        }
+        let unit_at = text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len());
+        let (number, unit) = text.split_at(unit_at);
+        let nanos = match unit {
+            "us" => 1e3,
+            "ms" => 1e6,
+            "s" => 1e9,
+            "min" => 60e9,
+            _ => return Err(format!("`{text}` is no time: write `500 us`, `20 ms`, `1 s`")),
+        };
+        let number = number.trim().parse::<f64>().ok().filter(|n| n.is_finite() && *n >= 0.0);
+        let number = number.ok_or_else(|| format!("`{text}`: no number before the unit"))?;
+        Ok(Self::Fixed(Duration::from_nanos((number * nanos).round() as u64)))
+    }
+}
+
+impl FromStr for Tolerance {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        if let Some(low) = text.strip_prefix(">=") {
+            return low.parse().map(Self::AtLeast);
+        }
+        if let Some(high) = text.strip_prefix("<=") {
+            return high.parse().map(Self::AtMost);
+        }
+        if let Some((low, high)) = text.split_once("..") {
+            return Ok(Self::Between(low.parse()?, high.parse()?));
+        }
+        let Some((center, spread)) = text.split_once("+/-") else {
+            return Err(format!("`{text}`: write `100 ms +/- 10 %`, `>= 5 ms` or `9 ms .. 11 ms`"));
+        };
+        let center = center.parse()?;
+        match spread.trim().strip_suffix('%') {
+            Some(percent) => percent
+                .trim()
+                .parse::<f64>()
+                .ok()
+                .filter(|percent| (0.0..=100.0).contains(percent))
+                .map(|percent| Self::Percent(center, percent))
+                .ok_or_else(|| format!("`{text}`: a tolerance is 0 to 100 %")),
+            None => Ok(Self::PlusMinus(center, spread.parse()?)),
+        }
+    }
+}
+
+impl FromStr for ObjectRef {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text.starts_with('$') {
+            return text.parse().map(Self::Named);
+        }
+        text.parse().map(Self::Fixed).map_err(|error: canopen::NoMux| error.to_string())
+    }
+}
+
+impl FromStr for FrameText {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let named = text.split_once('#').filter(|(head, _)| head.trim_start().starts_with('$'));
+        let (id, pattern) = match named {
+            Some((name, body)) => (Some(name.trim().parse()?), format!("000#{body}").parse()),
+            None => (None, text.parse()),
+        };
+        let pattern = pattern.map_err(|error: canopen::PatternError| error.to_string())?;
+        Ok(Self { id, pattern })
+    }
+}
+
+impl FromStr for Literal {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if let Some((name, offset)) = text.split_once([' ', '\t']).filter(|_| text.starts_with('$'))
+        {
+            let offset = offset.trim_start();
+            let sign = match offset.as_bytes().first() {
+                Some(b'+') => 1,
+                Some(b'-') => -1,
+                _ => return Err(format!("`{text}`: write `$name + 5` or `$name - 5`")),
+            };
+            let number = offset[1..].trim().parse::<i64>();
+            let number = number.map_err(|_| format!("`{text}`: no whole number after the sign"))?;
+            return Ok(Self::Named(name.parse()?, i128::from(number) * sign));
+        }
+        if text.starts_with('$') {
+            return Ok(Self::Named(text.parse()?, 0));
+        }
+        Ok(match text.parse() {
+            Ok(amount) => Self::Time(amount),
+            Err(_) => Self::Text(text.to_owned()),
+        })
+    }
+}
+
+impl fmt::Display for Name {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "${}", self.0)
+    }
+}
+
+impl fmt::Display for Amount {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fixed(time) => f.write_str(&show_time(*time)),
+            Self::Scaled(factor, name) if *factor == 1.0 => write!(f, "{name}"),
+            Self::Scaled(factor, name) => write!(f, "{factor} x {name}"),
+        }
+    }
+}
+
+impl fmt::Display for Literal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Int(number) => write!(f, "{number}"),
+            Self::Real(number) => write!(f, "{number}"),
+            Self::Bool(on) => write!(f, "{on}"),
+            Self::Named(name, 0) => write!(f, "{name}"),
+            Self::Named(name, offset) => write!(f, "{name} {offset:+}"),
+            Self::Time(amount) => write!(f, "{amount}"),
+            Self::Text(text) => f.write_str(text),
+        }
+    }
+}
+
+/// A time in the largest unit that needs no more than three decimals.
+pub fn show_time(time: Duration) -> String {
+    let nanos = time.as_nanos() as f64;
+    let (number, unit) = match nanos {
+        n if n >= 1e9 => (n / 1e9, "s"),
+        n if n >= 1e6 || n == 0.0 => (n / 1e6, "ms"),
+        n => (n / 1e3, "us"),
+    };
+    let text = format!("{number:.3}");
+    format!("{} {unit}", text.trim_end_matches('0').trim_end_matches('.'))
+}
+
+macro_rules! scalar {
+    ($($kind:ident: $what:literal;)*) => {$(
+        impl<'de> Deserialize<'de> for $kind {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                let text = Cow::<str>::deserialize(deserializer)?;
+                text.parse().map_err(de::Error::custom)
+            }
+        }
+
+        impl JsonSchema for $kind {
+            fn inline_schema() -> bool {
+                true
+            }
+            fn schema_name() -> Cow<'static, str> {
+                stringify!($kind).into()
+            }
+            fn json_schema(_: &mut SchemaGenerator) -> Schema {
+                json_schema!({ "type": "string", "description": $what })
+            }
+        }
+    )*};
+}
+
+scalar! {
+    Amount: "A time: `500 us`, `20 ms`, `1 s`, `$period`, `2 x $period`.";
+    Tolerance: "Bounds: `100 ms +/- 10 %`, `$period +/- 2 ms`, `>= 5 ms`, `<= 5 ms`, `9 ms .. 11 ms`.";
+    ObjectRef: "An object, quoted: `\"1017:00\"` or `$mux`.";
+    FrameText: "A frame pattern: `580+n#80 $mux 02 00 01 06`.";
+}
+
+impl<'de> Deserialize<'de> for Name {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = Cow::<str>::deserialize(deserializer)?;
+        format!("${text}").parse().map_err(de::Error::custom)
+    }
+}
+
+impl JsonSchema for Name {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "Name".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string", "description": "A name, without the `$`." })
+    }
+}
+
+impl<'de> Deserialize<'de> for Literal {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Scalar;
+        impl Visitor<'_> for Scalar {
+            type Value = Literal;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number, a truth value, a time, a text or `$name`")
+            }
+            fn visit_i64<E>(self, number: i64) -> Result<Literal, E> {
+                Ok(Literal::Int(number.into()))
+            }
+            fn visit_u64<E>(self, number: u64) -> Result<Literal, E> {
+                Ok(Literal::Int(number.into()))
+            }
+            fn visit_f64<E>(self, number: f64) -> Result<Literal, E> {
+                Ok(Literal::Real(number))
+            }
+            fn visit_bool<E>(self, on: bool) -> Result<Literal, E> {
+                Ok(Literal::Bool(on))
+            }
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<Literal, E> {
+                text.parse().map_err(E::custom)
+            }
+        }
+        deserializer.deserialize_any(Scalar)
+    }
+}
+
+impl JsonSchema for Literal {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "Literal".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "type": ["number", "boolean", "string"],
+            "description": "A value, `$name`, `$name + 5`, or a time such as `20 ms`."
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for Refusal {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct CodeOrMap;
+        impl<'de> Visitor<'de> for CodeOrMap {
+            type Value = Refusal;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an abort code such as 0x06010002, or `code` and `lenient`")
+            }
+            fn visit_u64<E: de::Error>(self, code: u64) -> Result<Refusal, E> {
+                let code = code.try_into().map_err(|_| E::custom("an abort code has 32 bits"))?;
+                Ok(Refusal { code, lenient: Vec::new() })
+            }
+            fn visit_i64<E: de::Error>(self, code: i64) -> Result<Refusal, E> {
+                let code = code.try_into().map_err(|_| E::custom("an abort code has 32 bits"))?;
+                Ok(Refusal { code, lenient: Vec::new() })
+            }
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Refusal, A::Error> {
+                let (mut code, mut lenient) = (None, Vec::new());
+                while let Some(key) = map.next_key::<At<String>>()? {
+                    match key.value.as_str() {
+                        "code" => code = Some(map.next_value()?),
+                        "lenient" => lenient = map.next_value()?,
+                        other => return Err(de::Error::unknown_field(other, &["code", "lenient"])),
+                    }
+                }
+                let code = code.ok_or_else(|| de::Error::missing_field("code"))?;
+                Ok(Refusal { code, lenient })
+            }
+        }
+        deserializer.deserialize_any(CodeOrMap)
+    }
+}
+
+impl JsonSchema for Refusal {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "Refusal".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "An abort code, or a strict code and the lenient ones.",
+            "oneOf": [
+                { "type": "integer" },
+                {
+                    "type": "object",
+                    "properties": {
+                        "code": { "type": "integer" },
+                        "lenient": { "type": "array", "items": { "type": "integer" } }
+                    },
+                    "required": ["code"],
+                    "additionalProperties": false
+                }
+            ]
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times() {
+        let table = [
+            ("20 ms", Amount::Fixed(Duration::from_millis(20))),
+            ("1.5 s", Amount::Fixed(Duration::from_millis(1500))),
+            ("250us", Amount::Fixed(Duration::from_micros(250))),
+            ("$period", Amount::Scaled(1.0, Name("period".into()))),
+            ("2 x $period", Amount::Scaled(2.0, Name("period".into()))),
+        ];
+        for (text, amount) in table {
+            assert_eq!(text.parse(), Ok(amount), "{text}");
+        }
+        for wrong in ["20", "ms", "-1 s", "2 x", "x $p", "1e400 s", "$"] {
+            assert!(wrong.parse::<Amount>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn tolerances() {
+        let ms = |n| Amount::Fixed(Duration::from_millis(n));
+        let table = [
+            ("100 ms +/- 10 %", Tolerance::Percent(ms(100), 10.0)),
+            ("100 ms +/- 2 ms", Tolerance::PlusMinus(ms(100), ms(2))),
+            (">= 100 ms", Tolerance::AtLeast(ms(100))),
+            ("90 ms .. 110 ms", Tolerance::Between(ms(90), ms(110))),
+        ];
+        for (text, tolerance) in table {
+            assert_eq!(text.parse(), Ok(tolerance), "{text}");
+        }
+        assert!("100 ms".parse::<Tolerance>().is_err());
+        assert!("100 ms +/- 110 %".parse::<Tolerance>().is_err());
+    }
+
+    #[test]
+    fn literals() {
+        let yaml = "[5, 0x10, 0b1000_0001, -3, 1.5, true, $x, $x + 5, $x - 5, 20 ms, M260]";
+        let literals: Vec<Literal> = serde_yaml::from_str(yaml).unwrap();
+        let x = |offset| Literal::Named(Name("x".into()), offset);
+        assert_eq!(literals[..4], [5, 16, 0x81, -3].map(Literal::Int));
+        assert_eq!(literals[4..6], [Literal::Real(1.5), Literal::Bool(true)]);
+        assert_eq!(literals[6..9], [x(0), x(5), x(-5)]);
+        assert_eq!(literals[9], Literal::Time(Amount::Fixed(Duration::from_millis(20))));
+        assert_eq!(literals[10], Literal::Text("M260".into()));
+    }
+
+    #[test]
+    fn refusals() {
+        let refusal = |yaml| serde_yaml::from_str::<Refusal>(yaml);
+        assert_eq!(refusal("0x06010002").unwrap(), Refusal { code: 0x0601_0002, lenient: vec![] });
+        assert_eq!(
+            refusal("{ code: 0x06010002, lenient: [0x08000000] }").unwrap(),
+            Refusal { code: 0x0601_0002, lenient: vec![0x0800_0000] }
+        );
+        assert!(refusal("{ code: 1, lenent: [] }").is_err());
+        assert!(refusal("{ lenient: [] }").is_err());
+    }
+
+    #[test]
+    fn times_are_shown_short() {
+        let table =
+            [(1_500_000_000, "1.5 s"), (20_000_000, "20 ms"), (250_000, "250 us"), (0, "0 ms")];
+        for (nanos, text) in table {
+            assert_eq!(show_time(Duration::from_nanos(nanos)), text);
+        }
+    }
+}

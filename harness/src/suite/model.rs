@@ -1,0 +1,442 @@
+//! The notation of suites, as data. What is written here is the JSON schema, too.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::literal::{Amount, Flow, FrameText, Literal, Name, ObjectRef, Refusal, Tolerance};
+use crate::source::At;
+
+/// A suite file: one topic.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct SuiteFile {
+    /// The suite's name, `folder/topic`, equal to the file's path below `suites/`.
+    pub suite: At<String>,
+    /// What the suite is about, for people.
+    #[serde(default)]
+    pub about: Option<String>,
+    /// The in-tree device this suite is for; it then runs on devices of that vendor and product
+    /// only. Without it the suite is for every CANopen device.
+    #[serde(default)]
+    pub device: Option<At<String>>,
+    /// The cases.
+    pub cases: Vec<At<Case>>,
+}
+
+/// A sentence that is true of a conformant device, and the steps that find out.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Case {
+    /// Name, unique within the suite.
+    pub id: At<String>,
+    /// The sentence.
+    pub title: String,
+    /// The requirements it checks.
+    pub checks: Vec<At<String>>,
+    /// Makes one instance for each of something the device has.
+    #[serde(default)]
+    pub each: Option<At<Each>>,
+    /// Makes one instance for each value of a name; with several names, for each combination.
+    #[serde(default)]
+    pub matrix: BTreeMap<String, At<Vec<At<Literal>>>>,
+    /// What the device must have; otherwise the case is skipped with that reason.
+    #[serde(default)]
+    pub requires: Vec<At<Requires>>,
+    /// NMT state the case starts in; PRE-OPERATIONAL unless said otherwise.
+    #[serde(default)]
+    pub state: Option<State>,
+    /// What must have been done before; a failure here is an ERROR, not a FAIL.
+    #[serde(default)]
+    pub setup: Vec<At<Step>>,
+    /// What finds out.
+    pub steps: Vec<At<Step>>,
+    /// What is done in any case, after the steps.
+    #[serde(default)]
+    pub finally: Vec<At<Step>>,
+}
+
+/// An NMT state a case can start in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum State {
+    /// PRE-OPERATIONAL.
+    PreOperational,
+    /// OPERATIONAL.
+    Operational,
+    /// STOPPED.
+    Stopped,
+}
+
+/// One instance for each ...
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub enum Each {
+    /// ... entry of the data sheet that fits. Binds `$mux`, `$value` (default), `$size` (bytes),
+    /// `$low`, `$high`, `$below`, `$above`, `$longer` and `$shorter` (the default value with a
+    /// byte more or less).
+    Objects(Objects),
+    /// ... PDO of the data sheet that fits. Binds `$pdo` (its CAN identifier), `$number`, the
+    /// addresses `$cob-id`, `$transmission`, `$inhibit`, `$event-timer`, `$count` and `$first`
+    /// (the first mapping entry), and `$size` (bytes of the default mapping).
+    Pdos(Pdos),
+}
+
+/// Which entries.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Objects {
+    /// Access types, any of.
+    #[serde(default)]
+    pub access: Vec<At<AccessName>>,
+    /// Range of indices, such as `1000..1FFF`.
+    #[serde(default, rename = "in")]
+    pub range: Option<At<String>>,
+    /// Data types in CiA's names, any of, such as `unsigned16`.
+    #[serde(default)]
+    pub types: Vec<At<String>>,
+    /// What the entry must state.
+    #[serde(default)]
+    pub has: Vec<Has>,
+    /// Sub-indices, any of; sub-index 0 of objects with sub-indices is chosen by `0`.
+    #[serde(default)]
+    pub subs: Vec<u8>,
+    /// Entries left out.
+    #[serde(default)]
+    pub except: Vec<At<ObjectRef>>,
+    /// At most so many, spread over the dictionary.
+    #[serde(default)]
+    pub most: Option<usize>,
+}
+
+/// What an entry can state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Has {
+    /// A lower limit above the smallest value of its type.
+    Low,
+    /// An upper limit below the largest value of its type.
+    High,
+    /// A default value.
+    Default,
+    /// Fixed length.
+    Size,
+    /// More than four bytes by default.
+    Long,
+    /// The right to be mapped into an RPDO.
+    Rpdo,
+    /// The right to be mapped into a TPDO.
+    Tpdo,
+    /// No right to be mapped.
+    NotMappable,
+}
+
+/// Access types of a data sheet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum AccessName {
+    /// Read only.
+    Ro,
+    /// Write only.
+    Wo,
+    /// Read and write, whatever the process data direction.
+    Rw,
+    /// Constant.
+    Const,
+}
+
+/// Which PDOs.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Pdos {
+    /// `receive` for RPDOs, `transmit` for TPDOs.
+    pub direction: DirectionName,
+    /// Only PDOs whose COB-ID is valid by default and that map something.
+    #[serde(default)]
+    pub used: bool,
+    /// Only PDOs that have this sub-index in their communication parameter.
+    #[serde(default)]
+    pub with: Option<u8>,
+}
+
+/// The way of a PDO, seen from the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum DirectionName {
+    /// RPDO.
+    Receive,
+    /// TPDO.
+    Transmit,
+}
+
+/// One thing a device must have.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Requires {
+    /// This entry of the data sheet.
+    pub object: At<ObjectRef>,
+    /// With this access.
+    #[serde(default)]
+    pub access: Option<AccessName>,
+}
+
+/// One step.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub enum Step {
+    /// Sends a frame as it is written.
+    Send(At<FrameText>),
+    /// Judges the next frame with that identifier: the answer of a confirmed service.
+    Reply(Reply),
+    /// Waits for a frame.
+    Expect(Expect),
+    /// Makes sure that a frame does not come.
+    Never(Never),
+    /// Uploads an object and judges the value or the refusal.
+    Read(Read),
+    /// Downloads a value and judges the confirmation or the refusal. The runner restores what a
+    /// case wrote.
+    Write(Write),
+    /// Changes a PDO mapping by the procedure of CiA 301 (invalid, count 0, entries, count, valid).
+    Remap(Remap),
+    /// Sends an NMT command to the node.
+    Nmt(Nmt),
+    /// Lets time pass.
+    Wait(At<Amount>),
+    /// Uploads an object again and again until it has the value.
+    Until(Until),
+    /// Measures the intervals between frames.
+    Measure(Measure),
+    /// Counts frames.
+    Collect(Collect),
+    /// Sends SYNC messages.
+    Sync(SyncStep),
+    /// Sends a frame periodically.
+    Produce(Produce),
+}
+
+/// See [`Step::Reply`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Reply {
+    /// The answer of a conformant device.
+    pub frame: At<FrameText>,
+    /// Answers that are accepted, too; the reason is in the register.
+    #[serde(default)]
+    pub lenient: Vec<At<FrameText>>,
+    /// How long to wait; 1 s unless said otherwise.
+    #[serde(default)]
+    pub within: Option<At<Amount>>,
+}
+
+/// See [`Step::Expect`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Expect {
+    /// The frame.
+    pub frame: At<FrameText>,
+    /// Frames that are accepted, too; the reason is in the register.
+    #[serde(default)]
+    pub lenient: Vec<At<FrameText>>,
+    /// How long to wait.
+    pub within: At<Amount>,
+    /// The earliest it may come.
+    #[serde(default)]
+    pub after: Option<At<Amount>>,
+    /// What is sent meanwhile.
+    #[serde(default)]
+    pub during: Option<Produce>,
+}
+
+/// See [`Step::Never`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Never {
+    /// The frame.
+    pub frame: At<FrameText>,
+    /// How long to watch.
+    #[serde(rename = "for")]
+    pub time: At<Amount>,
+    /// What is sent meanwhile.
+    #[serde(default)]
+    pub during: Option<Produce>,
+}
+
+/// What a value must be. All that is given must hold.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Read {
+    /// What to read.
+    pub object: At<ObjectRef>,
+    /// The value.
+    #[serde(default)]
+    pub value: Option<At<Literal>>,
+    /// Only these bits are compared with `value`.
+    #[serde(default)]
+    pub mask: Option<At<Literal>>,
+    /// The smallest value.
+    #[serde(default)]
+    pub min: Option<At<Literal>>,
+    /// The largest value.
+    #[serde(default)]
+    pub max: Option<At<Literal>>,
+    /// The length in bytes.
+    #[serde(default)]
+    pub length: Option<At<Literal>>,
+    /// Names the value for later steps.
+    #[serde(default)]
+    pub save: Option<Name>,
+    /// The device must refuse, with this code.
+    #[serde(default)]
+    pub refused: Option<At<Refusal>>,
+    /// The protocol the device must choose.
+    #[serde(default)]
+    pub transfer: Option<Flow>,
+}
+
+/// See [`Step::Write`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Write {
+    /// Where to.
+    pub object: At<ObjectRef>,
+    /// The value, typed by the data sheet.
+    #[serde(default)]
+    pub value: Option<At<Literal>>,
+    /// Bytes instead of a value, for what the data sheet does not allow.
+    #[serde(default)]
+    pub bytes: Option<At<String>>,
+    /// The device must refuse, with this code.
+    #[serde(default)]
+    pub refused: Option<At<Refusal>>,
+    /// The protocol; what a client would choose unless said otherwise.
+    #[serde(default)]
+    pub transfer: Option<Flow>,
+}
+
+/// See [`Step::Remap`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Remap {
+    /// Mapping parameter's count, such as `"1A00:00"` or `$count`.
+    pub pdo: At<ObjectRef>,
+    /// What to map, in order: addresses, or 32-bit mapping entries as they are written.
+    pub objects: Vec<At<Literal>>,
+    /// The device must refuse at an entry or at the count, with this code.
+    #[serde(default)]
+    pub refused: Option<At<Refusal>>,
+}
+
+/// NMT commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Nmt {
+    /// Start remote node.
+    Start,
+    /// Stop remote node.
+    Stop,
+    /// Enter PRE-OPERATIONAL.
+    PreOperational,
+    /// Reset node.
+    ResetNode,
+    /// Reset communication.
+    ResetCommunication,
+}
+
+/// See [`Step::Until`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Until {
+    /// What to read.
+    pub object: At<ObjectRef>,
+    /// The value.
+    #[serde(default)]
+    pub value: Option<At<Literal>>,
+    /// Only these bits are compared with `value`.
+    #[serde(default)]
+    pub mask: Option<At<Literal>>,
+    /// The smallest value.
+    #[serde(default)]
+    pub min: Option<At<Literal>>,
+    /// The largest value.
+    #[serde(default)]
+    pub max: Option<At<Literal>>,
+    /// How long to go on.
+    pub within: At<Amount>,
+    /// Pause between two uploads; 20 ms unless said otherwise.
+    #[serde(default)]
+    pub every: Option<At<Amount>>,
+}
+
+/// See [`Step::Measure`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Measure {
+    /// The frame.
+    pub frame: At<FrameText>,
+    /// How many frames; one interval fewer is measured.
+    pub count: usize,
+    /// What each interval must be.
+    #[serde(default)]
+    pub interval: Option<Bounds>,
+    /// What the mean interval must be.
+    #[serde(default)]
+    pub mean: Option<Bounds>,
+    /// How long the first may take; the upper bound of the interval unless said otherwise.
+    #[serde(default)]
+    pub within: Option<At<Amount>>,
+    /// What is sent meanwhile.
+    #[serde(default)]
+    pub during: Option<Produce>,
+}
+
+/// Bounds of a measured time.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Bounds {
+    /// What a conformant device keeps: `100 ms +/- 10 %`, or `>= 100 ms`.
+    pub strict: At<Tolerance>,
+    /// What is accepted, too.
+    #[serde(default)]
+    pub lenient: Option<At<Tolerance>>,
+}
+
+/// See [`Step::Collect`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Collect {
+    /// The frame.
+    pub frame: At<FrameText>,
+    /// How many must come.
+    pub count: At<Literal>,
+    /// How long to watch; behind `during`, how long to go on watching.
+    #[serde(rename = "for")]
+    pub time: At<Amount>,
+    /// What is sent meanwhile.
+    #[serde(default)]
+    pub during: Option<Produce>,
+}
+
+/// See [`Step::Sync`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct SyncStep {
+    /// How many.
+    pub count: usize,
+    /// Time from one to the next.
+    #[serde(default)]
+    pub every: Option<At<Amount>>,
+}
+
+/// See [`Step::Produce`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Produce {
+    /// The frame.
+    pub frame: At<FrameText>,
+    /// How many.
+    pub count: usize,
+    /// Time from one to the next.
+    pub every: At<Amount>,
+}

@@ -1,0 +1,152 @@
+//! The requirement register: every testable statement of every document, once.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::source::{At, Complaint, Source, read_yaml};
+
+/// Every requirement by its id.
+#[derive(Debug, Default)]
+pub struct Register {
+    requirements: BTreeMap<String, Requirement>,
+}
+
+/// One statement of a document, in our own words.
+#[derive(Debug)]
+pub struct Requirement {
+    /// The document's key, such as `cia301`.
+    pub document: String,
+    /// What the document calls itself.
+    pub title: String,
+    /// The file it stands in.
+    pub source: Arc<Source>,
+    /// The entry.
+    pub entry: At<RequirementEntry>,
+}
+
+/// A register file.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct RegisterFile {
+    /// The document's key, such as `cia301`.
+    pub document: String,
+    /// What the document calls itself.
+    pub title: String,
+    /// Decisions where the document contradicts itself or leaves room.
+    #[serde(default)]
+    pub interpretations: Vec<At<InterpretationEntry>>,
+    /// The statements.
+    #[serde(default)]
+    pub requirements: Vec<At<RequirementEntry>>,
+}
+
+/// One statement.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct RequirementEntry {
+    /// Unique id.
+    pub id: At<String>,
+    /// Clause of the document.
+    pub clause: String,
+    /// How binding it is.
+    pub level: Level,
+    /// The statement, one sentence.
+    pub says: String,
+    /// How an ambiguity was decided, or the id of the decision.
+    #[serde(default)]
+    pub interpretation: Option<String>,
+    /// Why no test can tell.
+    #[serde(default)]
+    pub untestable: Option<String>,
+}
+
+/// One decision.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct InterpretationEntry {
+    /// Unique id.
+    pub id: At<String>,
+    /// Clause of the document.
+    pub clause: String,
+    /// What contradicts what, or what is left open.
+    pub conflict: String,
+    /// How it was decided.
+    pub decision: String,
+    /// Why.
+    pub reason: String,
+}
+
+/// How binding a statement is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Level {
+    /// A conformant device does it.
+    Must,
+    /// Recommended.
+    Should,
+    /// Optional.
+    May,
+}
+
+impl Level {
+    /// The word.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Must => "must",
+            Self::Should => "should",
+            Self::May => "may",
+        }
+    }
+}
+
+impl Register {
+    /// Loads register files.
+    ///
+    /// # Errors
+    /// What is wrong with the files: unreadable, or an id used twice.
+    pub fn load(sources: &[Arc<Source>]) -> Result<Self, Vec<Complaint>> {
+        let (mut register, mut complaints) = (Self::default(), Vec::new());
+        for source in sources {
+            match read_yaml::<RegisterFile>(source) {
+                Ok(file) => register.add(source, file, &mut complaints),
+                Err(complaint) => complaints.push(complaint),
+            }
+        }
+        if complaints.is_empty() { Ok(register) } else { Err(complaints) }
+    }
+
+    /// The requirement with that id.
+    pub fn find(&self, id: &str) -> Option<&Requirement> {
+        self.requirements.get(id)
+    }
+
+    /// Every requirement, by id.
+    pub fn iter(&self) -> impl Iterator<Item = (&str, &Requirement)> {
+        self.requirements.iter().map(|(id, requirement)| (id.as_str(), requirement))
+    }
+
+    fn add(&mut self, source: &Arc<Source>, file: RegisterFile, complaints: &mut Vec<Complaint>) {
+        for entry in file.requirements {
+            let id = &entry.value.id;
+            if let Some(first) = self.requirements.get(&id.value) {
+                let line = first.entry.place.line;
+                let message = format!(
+                    "requirement {} stands in {}:{line} already",
+                    id.value, first.source.name
+                );
+                complaints.push(Complaint::at(source, id.place, message));
+                continue;
+            }
+            let requirement = Requirement {
+                document: file.document.clone(),
+                title: file.title.clone(),
+                source: Arc::clone(source),
+                entry,
+            };
+            self.requirements.insert(requirement.entry.value.id.value.clone(), requirement);
+        }
+    }
+}

@@ -1,0 +1,253 @@
+//! Targets: what the user names, and the device and bus behind it.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use canopen::eds::{self, Eds};
+use canopen::{Bus, VirtualBus};
+use reference_devices::devices::{self, ReferenceDevice};
+use reference_devices::mutant;
+use reference_devices::rules::Specification;
+
+use crate::bus::socketcan::SocketCan;
+use crate::cli::Selection;
+use crate::commands::scan::{self, Found};
+use crate::exit::{Exit, Refused};
+use crate::plan::Dut;
+
+/// A device under test and the bus it is on.
+pub struct Target {
+    /// The device.
+    pub dut: Dut,
+    /// How to get at it.
+    pub place: Place,
+    /// The options that name it again on a command line.
+    pub options: String,
+}
+
+/// Where a device is.
+pub enum Place {
+    /// In this process.
+    Simulation {
+        /// The reference device.
+        device: Arc<ReferenceDevice>,
+        /// Its deviation.
+        mutant: Option<Box<mutant::Mutant>>,
+        /// Bit rate of the virtual bus, in bit/s.
+        bit_rate: u32,
+    },
+    /// On this interface.
+    SocketCan(String),
+}
+
+impl Target {
+    /// Opens the bus. A simulated device is switched on at that moment.
+    ///
+    /// # Errors
+    /// When the interface cannot be used, or the mutant cannot be built.
+    pub fn open(&self, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>, Refused> {
+        match &self.place {
+            Place::Simulation { device, mutant, bit_rate } => {
+                let mut bus = VirtualBus::new(*bit_rate);
+                match mutant {
+                    None => bus.attach(device.node(self.dut.node, Box::new(Specification))),
+                    Some(mutant) => {
+                        let built = mutant::build(device, self.dut.node, mutant);
+                        bus.attach(built.map_err(Refused::usage)?)
+                    }
+                };
+                Ok(Box::new(bus))
+            }
+            Place::SocketCan(name) => open_interface(name, stop),
+        }
+    }
+}
+
+/// Opens a SocketCAN interface.
+///
+/// # Errors
+/// What stands in the way, and what to do about it.
+pub fn open_interface(name: &str, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>, Refused> {
+    let bus = SocketCan::open(name, Arc::clone(stop));
+    bus.map(|bus| Box::new(bus) as Box<dyn Bus>).map_err(|error| Refused::bus(error.to_string()))
+}
+
+/// The devices a selection means.
+///
+/// # Errors
+/// When the target is not one we know, nobody answers, or no data sheet fits.
+pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Target>, Refused> {
+    match selection.target.as_deref() {
+        None => devices::names()
+            .filter(|name| selection.device.as_ref().is_none_or(|device| device == name))
+            .map(|name| simulation(selection, name, None))
+            .collect::<Result<Vec<_>, _>>()
+            .and_then(|targets| match targets.is_empty() {
+                true => Err(unknown_device(selection.device.as_deref().unwrap_or_default())),
+                false => Ok(targets),
+            }),
+        Some(text) => match text.strip_prefix("sim:") {
+            Some(text) => match text.split_once("?mutant=") {
+                Some((name, mutant)) => Ok(vec![simulation(selection, name, Some(mutant))?]),
+                None => Ok(vec![simulation(selection, text, None)?]),
+            },
+            None if is_interface_name(text) => on_interface(selection, text, stop),
+            None => Err(Refused::usage(format!(
+                "unknown target `{text}`: write `vcan0`, `can0`, `sim:drr460` or \
+                 `sim:drr460?mutant=NAME`"
+            ))),
+        },
+    }
+}
+
+/// The in-tree device of that name.
+///
+/// # Errors
+/// When there is none.
+pub fn reference_device(name: &str) -> Result<Arc<ReferenceDevice>, Refused> {
+    devices::device(name).map(Arc::new).ok_or_else(|| unknown_device(name))
+}
+
+/// The mutant of that name.
+///
+/// # Errors
+/// When the device has none.
+pub fn mutant_of(device: &ReferenceDevice, name: &str) -> Result<mutant::Mutant, Refused> {
+    let mutants = mutant::of(device).map_err(|message| Refused { exit: Exit::File, message })?;
+    mutants.into_iter().find(|mutant| mutant.name == name).ok_or_else(|| {
+        Refused::usage(format!("no mutant `{name}`: `harness qualify -v` names all of them"))
+    })
+}
+
+/// The names by which suites may ask for a device with this data sheet: those of the in-tree
+/// devices of the same vendor and product.
+pub fn suite_names(eds: &Eds) -> BTreeSet<String> {
+    let same = |device: &ReferenceDevice| {
+        let (ours, theirs) = (&device.description.eds.device, &eds.device);
+        (ours.vendor_number, ours.product_number) == (theirs.vendor_number, theirs.product_number)
+    };
+    devices::names()
+        .filter(|name| devices::device(name).is_some_and(|device| same(&device)))
+        .map(str::to_owned)
+        .collect()
+}
+
+/// Reads a data sheet, and refuses it when it has errors that would make verdicts meaningless.
+///
+/// # Errors
+/// When it cannot be read at all.
+pub fn read_eds(path: &Path) -> Result<Eds, Refused> {
+    let bytes = fs::read(path).map_err(|error| Refused {
+        exit: Exit::File,
+        message: format!("error: {}: {error}", path.display()),
+    })?;
+    let reading = eds::read(&bytes);
+    if reading.eds.objects.is_empty() {
+        let message = format!("error: {}: there is no object in this data sheet", path.display());
+        return Err(Refused { exit: Exit::File, message });
+    }
+    Ok(reading.eds)
+}
+
+fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result<Target, Refused> {
+    let device = reference_device(name)?;
+    let mutant = match mutant {
+        Some(mutant) => Some(Box::new(mutant_of(&device, mutant)?)),
+        None => None,
+    };
+    // The harness knows a reference device as it knows any: by its data sheet.
+    let eds = match &selection.eds {
+        Some(path) => read_eds(path)?,
+        None => eds::read(device.eds_text().as_bytes()).eds,
+    };
+    let node = selection.node.unwrap_or_else(|| device.description.default_node);
+    let suffix = mutant.as_ref().map(|mutant| format!("?mutant={}", mutant.name));
+    let options = format!("--target 'sim:{name}{}'", suffix.unwrap_or_default()).replace(
+        '\'',
+        match mutant {
+            Some(_) => "'",
+            None => "",
+        },
+    );
+    Ok(Target {
+        dut: Dut { name: name.to_owned(), node, eds: Arc::new(eds) },
+        place: Place::Simulation { device, mutant, bit_rate: selection.bitrate },
+        options,
+    })
+}
+
+fn on_interface(
+    selection: &Selection,
+    name: &str,
+    stop: &Arc<AtomicBool>,
+) -> Result<Vec<Target>, Refused> {
+    let mut bus = open_interface(name, stop)?;
+    let found = scan::scan(&mut *bus, selection.node)?;
+    let Some(first) = found.first() else { return Err(nobody(name, selection.node)) };
+    if found.len() > 1 {
+        let nodes: Vec<String> = found.iter().map(|found| found.node.to_string()).collect();
+        return Err(Refused::usage(format!(
+            "nodes {} answer on {name}: choose one with --node",
+            nodes.join(", ")
+        )));
+    }
+    let (dut_name, eds) = data_sheet(selection, first)?;
+    let mut options = format!("--target {name} --node {}", first.node);
+    if let Some(path) = &selection.eds {
+        options.push_str(&format!(" --eds {}", path.display()));
+    }
+    Ok(vec![Target {
+        dut: Dut { name: dut_name, node: first.node, eds: Arc::new(eds) },
+        place: Place::SocketCan(name.to_owned()),
+        options,
+    }])
+}
+
+/// The data sheet of a device on a bus: the user's, or one of ours that fits.
+fn data_sheet(selection: &Selection, found: &Found) -> Result<(String, Eds), Refused> {
+    if let Some(path) = &selection.eds {
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let name = selection.device.clone().or(stem).unwrap_or_else(|| "device".to_owned());
+        return Ok((name, read_eds(path)?));
+    }
+    let name = match &selection.device {
+        Some(name) => Some(name.clone()),
+        None => found.device.clone(),
+    };
+    match name {
+        Some(name) => {
+            let device = reference_device(&name)?;
+            Ok((name, eds::read(device.eds_text().as_bytes()).eds))
+        }
+        None => Err(Refused::usage(format!(
+            "node {} is no device this program has a data sheet of: name one with --eds FILE",
+            found.node
+        ))),
+    }
+}
+
+/// The sentence for a bus on which nobody, or not `node`, answers.
+pub fn nobody(interface: &str, node: Option<u8>) -> Refused {
+    let who = node
+        .map_or_else(|| "nobody answers".to_owned(), |node| format!("node {node} does not answer"));
+    Refused::bus(format!(
+        "{who} on {interface}. These two show what is there and put a device on it:\n  \
+         candump -e {interface},0:0,#FFFFFFFF\n  \
+         harness serve drr460 --target {interface}"
+    ))
+}
+
+fn unknown_device(name: &str) -> Refused {
+    let names: Vec<&str> = devices::names().collect();
+    Refused::usage(format!("no reference device `{name}`: there is {}", names.join(", ")))
+}
+
+/// Linux allows anything without blanks and slashes; what has a colon is meant for another backend.
+fn is_interface_name(text: &str) -> bool {
+    !text.is_empty()
+        && text.len() < 16
+        && !text.contains(|c: char| c == '/' || c == ':' || c.is_whitespace())
+}

@@ -1,0 +1,186 @@
+//! A device behind a wire that drops, edits, repeats or delays some of its frames.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use canopen::{Device, Frame, Instant, Outbox, Pattern};
+
+use super::data::FrameChange;
+
+/// A device some of whose frames are not what it meant to send, or to receive.
+pub struct FrameMutant<D> {
+    inner: D,
+    when: Pattern,
+    received: bool,
+    what: What,
+    skip: u32,
+    left: u32,
+    scratch: Outbox,
+    delayed: VecDeque<(Instant, Frame)>,
+}
+
+enum What {
+    Edit(Pattern),
+    Drop,
+    Repeat(u32),
+    Delay(Duration),
+}
+
+impl<D: Device> FrameMutant<D> {
+    /// Puts the change between `inner` and the wire; `bind` makes patterns of texts.
+    ///
+    /// # Errors
+    /// When a pattern does not parse, or the change is not exactly one.
+    pub(super) fn new(
+        inner: D,
+        change: &FrameChange,
+        bind: impl Fn(&str) -> Result<Pattern, String>,
+    ) -> Result<Self, String> {
+        let mut whats = Vec::new();
+        if let Some(edit) = &change.edit {
+            whats.push(What::Edit(bind(edit)?));
+        }
+        if change.drop {
+            whats.push(What::Drop);
+        }
+        if let Some(count) = change.repeat {
+            whats.push(What::Repeat(count));
+        }
+        if let Some(delay) = &change.delay {
+            whats.push(What::Delay(milliseconds(delay)?));
+        }
+        let what = match (whats.pop(), whats.is_empty()) {
+            (Some(What::Delay(_)), true) if change.received => {
+                return Err("frames that are received cannot be delayed".to_owned());
+            }
+            (Some(what), true) => what,
+            _ => return Err("exactly one of edit, drop, repeat and delay".to_owned()),
+        };
+        Ok(Self {
+            inner,
+            when: bind(&change.when)?,
+            received: change.received,
+            what,
+            skip: change.skip,
+            left: change.most.unwrap_or(u32::MAX),
+            scratch: Outbox::default(),
+            delayed: VecDeque::new(),
+        })
+    }
+
+    /// Whether the change happens to this frame.
+    fn applies(&mut self, frame: &Frame) -> bool {
+        if !self.when.matches(frame) {
+            return false;
+        }
+        if self.skip > 0 {
+            self.skip -= 1;
+            return false;
+        }
+        let applies = self.left > 0;
+        self.left = self.left.saturating_sub(1);
+        applies
+    }
+
+    fn forward(&mut self, now: Instant, out: &mut Outbox) {
+        while let Some(frame) = self.scratch.pop() {
+            if self.received || !self.applies(&frame) {
+                out.push(frame);
+                continue;
+            }
+            match &self.what {
+                What::Edit(edit) => out.push(edit.edit(&frame)),
+                What::Drop => {}
+                What::Repeat(count) => (0..=*count).for_each(|_| out.push(frame)),
+                What::Delay(delay) => self.delayed.push_back((now + *delay, frame)),
+            }
+        }
+    }
+}
+
+impl<D: Device> Device for FrameMutant<D> {
+    fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
+        if self.received && self.applies(frame) {
+            match &self.what {
+                What::Edit(edit) => {
+                    let edited = edit.edit(frame);
+                    self.inner.handle_frame(now, &edited, &mut self.scratch);
+                }
+                What::Repeat(count) => {
+                    for _ in 0..=*count {
+                        self.inner.handle_frame(now, frame, &mut self.scratch);
+                    }
+                }
+                What::Drop | What::Delay(_) => {}
+            }
+        } else {
+            self.inner.handle_frame(now, frame, &mut self.scratch);
+        }
+        self.forward(now, out);
+    }
+
+    fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
+        while let Some((_, frame)) = self.delayed.pop_front_if(|(due, _)| *due <= now) {
+            out.push(frame);
+        }
+        self.inner.handle_timeout(now, &mut self.scratch);
+        self.forward(now, out);
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        let delayed = self.delayed.front().map(|(due, _)| *due);
+        self.inner.poll_at().into_iter().chain(delayed).min()
+    }
+}
+
+fn milliseconds(text: &str) -> Result<Duration, String> {
+    let number = text.strip_suffix("ms").and_then(|number| number.trim().parse().ok());
+    number.map(Duration::from_millis).ok_or_else(|| format!("`{text}`: write a delay as `20 ms`"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Answers every frame with the same data on 585h.
+    struct Echo;
+
+    impl Device for Echo {
+        fn handle_frame(&mut self, _: Instant, frame: &Frame, out: &mut Outbox) {
+            out.push(Frame::new(0x585, frame.data));
+        }
+        fn handle_timeout(&mut self, _: Instant, _: &mut Outbox) {}
+        fn poll_at(&self) -> Option<Instant> {
+            None
+        }
+    }
+
+    fn answers(yaml: &str, count: usize) -> Vec<String> {
+        let change: FrameChange = serde_yaml::from_str(yaml).unwrap();
+        let bind = |text: &str| {
+            let pattern: Pattern = text.parse().map_err(|error| format!("{error}"))?;
+            Ok(pattern.bind(5, &|_| None))
+        };
+        let mut device = FrameMutant::new(Echo, &change, bind).unwrap();
+        let mut out = Outbox::default();
+        for place in 0..count {
+            device.handle_frame(Instant(place as u64), &Frame::new(0x605, [1, 2]), &mut out);
+        }
+        while let Some(due) = device.poll_at() {
+            out.push(Frame::new(0x7FF, []));
+            device.handle_timeout(due, &mut out);
+        }
+        std::iter::from_fn(|| out.pop()).map(|frame| frame.to_string()).collect()
+    }
+
+    #[test]
+    fn every_change() {
+        let sent = "585#0102";
+        assert_eq!(answers("{ when: '580+n#...', edit: '580+n#= 09' }", 1), ["585#0109"]);
+        assert_eq!(answers("{ when: '580+n#...', drop: true, skip: 1, most: 1 }", 3), [sent, sent]);
+        assert_eq!(answers("{ when: '580+n#...', repeat: 2 }", 1), [sent, sent, sent]);
+        assert_eq!(answers("{ when: '580+n#...', delay: 2 ms }", 1), ["7FF#", sent]);
+        let received = "{ when: '600+n#...', received: true, edit: '600+n#= 07' }";
+        assert_eq!(answers(received, 1), ["585#0107"]);
+    }
+}

@@ -1,0 +1,86 @@
+//! A change of the dictionary that the data sheet does not know of.
+
+use canopen::eds::{Access, Eds, Term};
+use canopen::{DataType, Mux, Value};
+use serde::Deserialize;
+
+/// What is different at one address.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub(super) struct Patch {
+    /// The address, `"1017:00"`.
+    object: String,
+    /// Another value after power-on.
+    #[serde(default)]
+    value: Option<i64>,
+    /// Another text after power-on.
+    #[serde(default)]
+    text: Option<String>,
+    /// Another access type.
+    #[serde(default)]
+    access: Option<String>,
+    /// Another data type, in CiA's name.
+    #[serde(default, rename = "type")]
+    data_type: Option<String>,
+    /// Another lower limit.
+    #[serde(default)]
+    low: Option<i64>,
+    /// Another upper limit.
+    #[serde(default)]
+    high: Option<i64>,
+    /// No limits.
+    #[serde(default)]
+    unlimited: bool,
+    /// Whether it can be mapped into a PDO.
+    #[serde(default)]
+    mappable: Option<bool>,
+    /// It is not there.
+    #[serde(default)]
+    remove: bool,
+}
+
+impl Patch {
+    /// Changes the description.
+    ///
+    /// # Errors
+    /// When the description has no such entry, or the patch makes no sense.
+    pub(super) fn apply(&self, eds: &mut Eds) -> Result<(), String> {
+        let mux: Mux = self.object.parse().map_err(|error| format!("`{}`: {error}", self.object))?;
+        let object = eds.objects.iter_mut().find(|object| object.index == mux.index);
+        let object = object.ok_or_else(|| format!("no object {mux}"))?;
+        let place = object.entries.iter().position(|entry| entry.mux == mux);
+        let place = place.ok_or_else(|| format!("no object {mux}"))?;
+        if self.remove {
+            object.entries.remove(place);
+            eds.objects.retain(|object| !object.entries.is_empty());
+            return Ok(());
+        }
+        let entry = &mut object.entries[place];
+        let fixed = |number: i64| Some(Term::fixed(Value::from(number)));
+        if let Some(name) = &self.data_type {
+            entry.data_type = DataType::named(name).ok_or_else(|| format!("no type {name}"))?;
+        }
+        if let Some(name) = &self.access {
+            entry.access = Access::named(name).ok_or_else(|| format!("no access type {name}"))?;
+        }
+        if let Some(number) = self.value {
+            entry.default = fixed(number);
+        }
+        if let Some(text) = &self.text {
+            entry.default = Some(Term::fixed(Value::Text(text.clone())));
+        }
+        if self.unlimited {
+            (entry.low, entry.high) = (None, None);
+        }
+        if let Some(low) = self.low {
+            entry.low = fixed(low);
+        }
+        if let Some(high) = self.high {
+            entry.high = fixed(high);
+        }
+        if let Some(mappable) = self.mappable {
+            entry.mappable = mappable;
+        }
+        Ok(())
+    }
+}
