@@ -329,8 +329,8 @@ fn drop_second_keys(section: &mut Section<'_>, findings: &mut Findings) {
     }
 }
 
-/// What the section of a value has.
-const USUAL_KEYS: usize = 8;
+/// What the section of a value has at most, as a rule.
+const USUAL_KEYS: usize = 10;
 
 /// Up to this many keys are compared each with each, which is faster than hashing.
 const FEW_KEYS: usize = 16;
