@@ -149,7 +149,7 @@ impl EmcyProducer {
     }
 }
 
-/// What 1003h sub 0 and 1014h refuse (CiA 301, 7.5.2.4 and 7.5.2.13).
+/// What 1003h sub 0 and 1014h refuse (CiA 301, 7.5.2.4 and 7.5.2.17).
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     match (mux, bytes) {
         (Mux { index: HISTORY, sub: 0 }, [count]) if !base.rules.history_count_valid(*count) => {

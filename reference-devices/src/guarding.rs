@@ -1,4 +1,4 @@
-//! Node guarding and life guarding (CiA 301, 7.2.8.2.1, objects 100Ch and 100Dh).
+//! Node guarding and life guarding (CiA 301, 7.2.8.3.2.1, objects 100Ch and 100Dh).
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! The heartbeat consumer (CiA 301, 7.2.8.2.2, object 1016h).
+//! The heartbeat consumer (CiA 301, 7.2.8.3.2.2, object 1016h).
 
 use std::time::Duration;
 
@@ -111,7 +111,7 @@ impl Watch {
     }
 }
 
-/// A node may be watched by one entry only (CiA 301, 7.5.2.16).
+/// A node may be watched by one entry only (CiA 301, 7.5.2.19).
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     let &[a, b, c, d] = bytes else { return Ok(()) };
     let (node, time) = entry(u32::from_le_bytes([a, b, c, d]));

@@ -113,7 +113,7 @@ fn check_entry(entry: Mapping, direction: Direction, base: &Base) -> Result<(), 
     Ok(())
 }
 
-/// Gaps in an RPDO, by the objects that are data types (CiA 301, 7.4.7.1).
+/// Gaps in an RPDO, by the objects that are data types (CiA 301, 7.4.7).
 fn check_dummy(entry: Mapping, direction: Direction, base: &Base) -> Result<(), Abort> {
     let allowed = base.dummies.contains(&entry.mux.index) && entry.mux.sub == 0;
     let length = match DataType(entry.mux.index) {

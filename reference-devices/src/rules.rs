@@ -54,7 +54,7 @@ pub trait Rules: Send {
         true
     }
 
-    /// Initialisation ends with one boot-up message (7.2.8.2.2.2).
+    /// Initialisation ends with one boot-up message (7.2.8.3.3).
     fn boot_up_messages(&self) -> u32 {
         1
     }
@@ -66,7 +66,7 @@ pub trait Rules: Send {
 
     // Error control, 7.2.8.2 and 7.2.8.3.2
 
-    /// The producer keeps the period of 1017h (7.5.2.17).
+    /// The producer keeps the period of 1017h (7.5.2.20).
     fn heartbeat_period(&self, configured: Duration) -> Duration {
         configured
     }
@@ -76,7 +76,7 @@ pub trait Rules: Send {
         0
     }
 
-    /// The consumer waits as long as 1016h says (7.5.2.16).
+    /// The consumer waits as long as 1016h says (7.5.2.19).
     fn heartbeat_consumer_time(&self, configured: Duration) -> Duration {
         configured
     }
@@ -91,7 +91,7 @@ pub trait Rules: Send {
         true
     }
 
-    /// Two entries of 1016h do not name the same node (7.5.2.16).
+    /// Two entries of 1016h do not name the same node (7.5.2.19).
     fn heartbeat_node_watched_once(&self) -> bool {
         true
     }
@@ -111,7 +111,7 @@ pub trait Rules: Send {
         false
     }
 
-    /// Life guarding waits for guard time times life time factor (7.5.2.10).
+    /// Life guarding waits for guard time times life time factor (7.5.2.12).
     fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
         guard_time * u32::from(factor)
     }
@@ -128,7 +128,7 @@ pub trait Rules: Send {
 
     // SDO server, 7.2.4
 
-    /// SDOs are served in PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.6, table 37).
+    /// SDOs are served in PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
     fn sdo_served_in(&self, state: NmtState) -> bool {
         matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
     }
@@ -215,14 +215,14 @@ pub trait Rules: Send {
         false
     }
 
-    /// An identifier is not changed while the service that uses it exists (7.5.2.13, 7.5.2.35).
+    /// An identifier is not changed while the service that uses it exists (7.5.2.17, 7.5.2.35).
     fn cob_id_fixed_while_valid(&self) -> bool {
         true
     }
 
     // Emergency, 7.2.7
 
-    /// Emergency messages belong to PRE-OPERATIONAL and OPERATIONAL (table 37).
+    /// Emergency messages belong to PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
     fn emcy_sent_in(&self, state: NmtState) -> bool {
         matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
     }
@@ -237,7 +237,7 @@ pub trait Rules: Send {
         true
     }
 
-    /// 1015h counts 100 microseconds (7.5.2.14).
+    /// 1015h counts 100 microseconds (7.5.2.18).
     fn emcy_inhibit(&self, configured: u16) -> Duration {
         Duration::from_micros(100) * u32::from(configured)
     }
@@ -264,7 +264,7 @@ pub trait Rules: Send {
 
     // SYNC, 7.2.5
 
-    /// SYNC is used in PRE-OPERATIONAL and OPERATIONAL (table 37).
+    /// SYNC is used in PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
     fn sync_used_in(&self, state: NmtState) -> bool {
         matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
     }
@@ -336,7 +336,7 @@ pub trait Rules: Send {
 
     // PDOs, 7.2.2
 
-    /// RPDOs are used in OPERATIONAL (table 37).
+    /// RPDOs are used in OPERATIONAL (7.3.2.2.5).
     fn rpdo_used_in(&self, state: NmtState) -> bool {
         state == NmtState::OPERATIONAL
     }
@@ -357,7 +357,7 @@ pub trait Rules: Send {
         true
     }
 
-    /// TPDOs are sent in OPERATIONAL (table 37).
+    /// TPDOs are sent in OPERATIONAL (7.3.2.2.5).
     fn tpdo_sent_in(&self, state: NmtState) -> bool {
         state == NmtState::OPERATIONAL
     }
@@ -387,7 +387,7 @@ pub trait Rules: Send {
         true
     }
 
-    // Store and restore, 7.5.2.11 and 7.5.2.12
+    // Store and restore, 7.5.2.13 and 7.5.2.14
 
     /// Nothing is done without the signature.
     fn signature_valid(&self, expected: &[u8], got: &[u8]) -> bool {

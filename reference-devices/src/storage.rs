@@ -1,4 +1,4 @@
-//! Storing and restoring parameters (CiA 301, 7.5.2.11 and 7.5.2.12, objects 1010h and 1011h).
+//! Storing and restoring parameters (CiA 301, 7.5.2.13 and 7.5.2.14, objects 1010h and 1011h).
 
 use std::ops::RangeInclusive;
 
