@@ -87,3 +87,104 @@ impl Nmt {
         self.boot_up_at
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use canopen::NmtState;
+
+    use crate::testing::{Rig, basic, eds, mux, sent, set};
+    use crate::{Inert, NodeSettings, Specification};
+
+    #[test]
+    fn boots_up_once_and_only_then_listens() {
+        let settings =
+            NodeSettings { boot_up_time: Duration::from_millis(10), ..NodeSettings::default() };
+        let mut rig = Rig::with(&eds(basic()), settings, Box::new(Specification), Box::new(Inert));
+        assert_eq!(rig.node.state(), NmtState::INITIALISING);
+        assert!(rig.ask("605#4000100000000000").is_empty());
+        rig.send("000#0105");
+        assert_eq!(rig.until(100_000), sent(&[(10_000, "705#00")]));
+        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
+    }
+
+    #[test]
+    fn commands_lead_from_every_state_to_every_other() {
+        let mut rig = Rig::new(&eds(basic()));
+        for from in ["000#0105", "000#0205", "000#8005"] {
+            for (to, state) in [("0105", 5), ("0205", 4), ("8005", 127), ("0100", 5)] {
+                rig.send(from);
+                rig.send(&format!("000#{to}"));
+                assert_eq!(rig.node.state(), NmtState(state), "{from} {to}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_command_for_this_node_is_ignored() {
+        let mut rig = Rig::new(&eds(basic()));
+        for frame in ["000#0106", "000#01", "000#", "000#010500", "000#0305", "000#R2"] {
+            assert!(rig.ask(frame).is_empty(), "{frame}");
+            assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL, "{frame}");
+        }
+    }
+
+    #[test]
+    fn a_reset_takes_back_its_areas() {
+        let mut rig = Rig::new(&eds(basic()));
+        for (reset, area_2000) in [("000#8205", 0x77), ("000#8105", 0x11)] {
+            rig.write(mux(0x1017, 0), &[50, 0]).unwrap();
+            rig.write(mux(0x2000, 0), &[0x77]).unwrap();
+            rig.send(reset);
+            let at = rig.now.0 / 1000;
+            assert_eq!(rig.until(at + 100_000), sent(&[(at + 1000, "705#00")]));
+            assert_eq!(rig.read(mux(0x1017, 0)), Ok(vec![0, 0]));
+            assert_eq!(rig.read(mux(0x2000, 0)), Ok(vec![area_2000]));
+        }
+    }
+
+    #[test]
+    fn state_and_time_of_boot_up_may_be_objects() {
+        let settings = NodeSettings {
+            boot_up_time_object: Some((mux(0x2000, 0), Duration::from_millis(10))),
+            boot_up_state_object: Some(mux(0x2001, 0)),
+            ..NodeSettings::default()
+        };
+        let mut entries = basic();
+        set(&mut entries, mux(0x2001, 0), 5);
+        let mut rig = Rig::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
+        assert_eq!(rig.until(300_000), sent(&[(170_000, "705#00")]));
+        assert_eq!(rig.node.state(), NmtState::OPERATIONAL);
+    }
+
+    #[test]
+    fn mutants_break_what_they_say() {
+        let booted = |rules: &str| {
+            let mut rig = Rig::mutant(&eds(basic()), rules);
+            rig.write(mux(0x2000, 0), &[0x77]).unwrap();
+            rig.write(mux(0x1017, 0), &[100, 0]).unwrap();
+            rig
+        };
+        for (rules, boot_ups) in [("no-boot-up", 0), ("boot-up-twice", 2)] {
+            let mut rig = booted(rules);
+            rig.send("000#8205");
+            assert_eq!(rig.until(50_000).len(), boot_ups);
+        }
+        for (rules, command) in
+            [("nmt-short-command-acts", "000#01"), ("nmt-other-node-acts", "000#0106")]
+        {
+            let mut rig = booted(rules);
+            rig.send(command);
+            assert_eq!(rig.node.state(), NmtState::OPERATIONAL, "{rules}");
+        }
+        let mut rig = booted("nmt-unknown-command-acts");
+        rig.send("000#0105");
+        rig.send("000#4205");
+        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
+        let mut rig = booted("reset-communication-keeps-objects");
+        rig.send("000#8205");
+        rig.run_to(50_000);
+        assert_eq!(rig.read(mux(0x1017, 0)), Ok(vec![100, 0]));
+    }
+}

@@ -132,84 +132,10 @@ impl Device for Node {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing::{Rig, basic, eds, mux, sent};
+    use crate::testing::{Rig, basic, eds, mux};
     use crate::{Inert, Specification};
     use canopen::Abort;
     use std::time::Duration;
-
-    #[test]
-    fn boots_up_once_and_only_then_listens() {
-        let settings =
-            NodeSettings { boot_up_time: Duration::from_millis(10), ..NodeSettings::default() };
-        let mut rig = Rig::with(&eds(basic()), settings, Box::new(Specification), Box::new(Inert));
-        assert_eq!(rig.node.state(), NmtState::INITIALISING);
-        assert!(rig.ask("605#4000100000000000").is_empty());
-        rig.send("000#0105");
-        assert_eq!(rig.until(100_000), sent(&[(10_000, "705#00")]));
-        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
-    }
-
-    #[test]
-    fn commands_lead_from_every_state_to_every_other() {
-        let mut rig = Rig::new(&eds(basic()));
-        for from in ["000#0105", "000#0205", "000#8005"] {
-            for (to, state) in [("0105", 5), ("0205", 4), ("8005", 127), ("0100", 5)] {
-                rig.send(from);
-                rig.send(&format!("000#{to}"));
-                assert_eq!(rig.node.state(), NmtState(state), "{from} {to}");
-            }
-        }
-    }
-
-    #[test]
-    fn what_is_no_command_for_this_node_is_ignored() {
-        let mut rig = Rig::new(&eds(basic()));
-        for frame in ["000#0106", "000#01", "000#", "000#010500", "000#0305", "000#R2"] {
-            assert!(rig.ask(frame).is_empty(), "{frame}");
-            assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL, "{frame}");
-        }
-    }
-
-    #[test]
-    fn a_reset_takes_back_its_areas() {
-        let mut rig = Rig::new(&eds(basic()));
-        for (reset, area_2000) in [("000#8205", 0x77), ("000#8105", 0x11)] {
-            rig.write(mux(0x1017, 0), &[50, 0]).unwrap();
-            rig.write(mux(0x2000, 0), &[0x77]).unwrap();
-            rig.send(reset);
-            let at = rig.now.0 / 1000;
-            assert_eq!(rig.until(at + 100_000), sent(&[(at + 1000, "705#00")]));
-            assert_eq!(rig.read(mux(0x1017, 0)), Ok(vec![0, 0]));
-            assert_eq!(rig.read(mux(0x2000, 0)), Ok(vec![area_2000]));
-        }
-    }
-
-    #[test]
-    fn heartbeat_keeps_its_beat_and_tells_the_state() {
-        let mut rig = Rig::new(&eds(basic()));
-        rig.write(mux(0x1017, 0), &[100, 0]).unwrap();
-        assert_eq!(rig.until(201_000), sent(&[(101_000, "705#7F"), (201_000, "705#7F")]));
-        rig.send("000#0205");
-        assert_eq!(rig.until(301_000), sent(&[(301_000, "705#04")]));
-        rig.send("000#8005");
-        rig.write(mux(0x1017, 0), &[0, 0]).unwrap();
-        assert_eq!(rig.until(900_000), []);
-    }
-
-    #[test]
-    fn state_and_time_of_boot_up_may_be_objects() {
-        let settings = NodeSettings {
-            boot_up_time_object: Some((mux(0x2000, 0), Duration::from_millis(10))),
-            boot_up_state_object: Some(mux(0x2001, 0)),
-            ..NodeSettings::default()
-        };
-        let mut entries = basic();
-        let state = entries.iter_mut().find(|entry| entry.mux.index == 0x2001).unwrap();
-        state.default = Some(canopen::eds::Term::fixed(5.into()));
-        let mut rig = Rig::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
-        assert_eq!(rig.until(300_000), sent(&[(170_000, "705#00")]));
-        assert_eq!(rig.node.state(), NmtState::OPERATIONAL);
-    }
 
     mod any_input {
         use super::*;
