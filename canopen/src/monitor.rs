@@ -7,7 +7,7 @@ use std::fmt;
 use std::time::Duration;
 
 use crate::bus::Stamped;
-use crate::emcy::{self, Emcy};
+use crate::emcy::{self, Emcy, EmcyCode};
 use crate::frame::Frame;
 use crate::heartbeat::{self, ErrorControl};
 use crate::mux::Mux;
@@ -64,7 +64,7 @@ pub trait Monitor {
 /// beside those of the predefined connection set.
 pub fn all(node: u8, known: Vec<u16>) -> Vec<Box<dyn Monitor>> {
     vec![
-        Box::new(NoSurprise { node }),
+        Box::new(NoSurprise { node, history_cleared: false }),
         Box::new(KnownIdentifiers { node, known }),
         Box::new(HeartbeatAlive { node, asked: None, period: None, last: None }),
         Box::new(SilentWhenStopped { node, stopped: false, asked: false }),
@@ -74,14 +74,29 @@ pub fn all(node: u8, known: Vec<u16>) -> Vec<Box<dyn Monitor>> {
 /// No emergency message, boot-up or SDO answer that nobody waited for.
 struct NoSurprise {
     node: u8,
+    history_cleared: bool,
+}
+
+impl NoSurprise {
+    const ERROR_COUNT: Mux = Mux::new(0x1003, 0);
 }
 
 impl Monitor for NoSurprise {
     fn observe(&mut self, seen: &Seen) -> Result<(), Breach> {
-        let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
         let node = u16::from(self.node);
         let frame = &seen.stamped.frame;
+        if seen.stamped.own && frame.data_id() == Some(sdo::REQUEST_COB_ID + node) {
+            let request = Request::decode(&frame.data);
+            self.history_cleared |= matches!(request, Ok(Request::Download(Self::ERROR_COUNT, _)));
+        }
+        let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
         if id == emcy::COB_ID + node {
+            // Clearing the history may be reported as the reset of all errors.
+            let reset = Emcy::decode(&frame.data)
+                .is_ok_and(|emcy| emcy.code == EmcyCode::RESET && emcy.register == 0);
+            if reset && self.history_cleared {
+                return Ok(());
+            }
             let got = Emcy::decode(&frame.data)
                 .map_or_else(|error| error.to_string(), |emcy| format!("emergency {}", emcy.code));
             return Err(breach(seen, "no emergency message without a cause", got));
@@ -277,6 +292,8 @@ mod tests {
     fn surprises() {
         assert_eq!(breaches(&["1 !085#3081110000000000", "2 !705#00", "3 705#7F"]), [""; 0]);
         assert_eq!(breaches(&["1 085#3081110000000000"]).len(), 1);
+        let cleared = ["1 >605#2F03100000000000", "2 085#0000000000000000"];
+        assert_eq!(breaches(&cleared), [""; 0]);
         assert_eq!(breaches(&["1 705#00"]), ["no boot-up without a reset: the node booted"]);
         assert_eq!(breaches(&["1 585#6017100000000000"]).len(), 1);
     }

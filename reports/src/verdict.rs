@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use canopen::Frame;
+use canopen::{Frame, Instant};
 use serde::{Deserialize, Serialize};
 
 use crate::wire;
@@ -102,6 +102,9 @@ impl Outcome {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Problem {
+    /// When it showed. Frames after it, such as those that restore objects, did not lead to it.
+    #[serde(with = "wire::nanoseconds")]
+    pub at: Instant,
     /// In which part of the case.
     pub phase: Phase,
     /// The step in the suite file; for a monitor, the step during which it spoke.

@@ -25,10 +25,8 @@ pub(super) fn run(command: &EdsCommand) -> Result<Exit, Refused> {
 fn check(path: &Path) -> Result<Exit, Refused> {
     let bytes = fs::read(path).map_err(|error| file_error(path, &error))?;
     let reading = eds::read(&bytes);
-    let mut diagnostics = reading.diagnostics;
-    diagnostics.extend(eds::lint(&reading.eds));
-    diagnostics.sort_by_key(|diagnostic| (diagnostic.line, diagnostic.column));
-    let text = String::from_utf8_lossy(&bytes);
+    let diagnostics = reading.diagnostics;
+    let text = eds::decode(&bytes);
     let lines: Vec<&str> = text.lines().collect();
     let mut report = String::new();
     for diagnostic in &diagnostics {

@@ -288,16 +288,18 @@ pub fn mapping_word(literal: &Literal, scope: &Scope, dut: &Dut) -> Result<u32, 
             Binding::Literal(Literal::Text(text)) => {
                 text.parse().map_err(|error: canopen::NoMux| error.to_string())?
             }
-            _ => return Err(format!("{name} is no object")),
+            _ => return word(literal, scope),
         },
-        other => {
-            let word = scope.int(other)?;
-            return word.try_into().map_err(|_| "a mapping entry has 32 bits".to_owned());
-        }
+        other => return word(other, scope),
     };
     let data_type = dut.eds.object(mux.index).and_then(|object: &Object| object.entry(mux.sub));
     let size = data_type.map(|entry| entry.data_type).and_then(DataType::size);
     let bits = size.ok_or_else(|| format!("{mux} has no fixed length that could be mapped"))? * 8;
     let mapping = canopen::pdo::Mapping { mux, bits: bits.min(255) as u8 };
     Ok(mapping.encode())
+}
+
+fn word(literal: &Literal, scope: &Scope) -> Result<u32, String> {
+    let word = scope.int(literal)?;
+    word.try_into().map_err(|_| "a mapping entry has 32 bits".to_owned())
 }

@@ -2,7 +2,7 @@
 
 use canopen::monitor::{self, Breach, Seen};
 use canopen::pdo::CobId;
-use canopen::{BusError, Mux};
+use canopen::{BusError, Instant, Mux};
 use reports::{Measured, Outcome, Phase, Place as ReportPlace, Problem};
 
 use super::judge::{Difference, Trouble};
@@ -106,7 +106,11 @@ impl CaseRun<'_, '_> {
             scope: self.instance.scope.clone(),
             measured: Vec::new(),
         };
-        let mut report = Report { source: &self.instance.suite.source, outcome: Outcome::Pass };
+        let mut report = Report {
+            source: &self.instance.suite.source,
+            at: Instant::ZERO,
+            outcome: Outcome::Pass,
+        };
         let mut alive = run_phase(&mut steps, &case.setup, Phase::Setup, &mut report)?;
         alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut report)?;
         run_phase(&mut steps, &case.finally, Phase::Finally, &mut report)?;
@@ -165,7 +169,9 @@ fn run_phase(
     report: &mut Report,
 ) -> Result<bool, BusError> {
     for step in list {
-        match steps.run(&step.value) {
+        let judgement = steps.run(&step.value);
+        report.at = steps.link.now();
+        match judgement {
             Ok(None) => {}
             Ok(Some(difference)) => report.lenient(phase, step.place, difference),
             Err(Trouble::Bus(error)) => return Err(error),
@@ -189,6 +195,8 @@ fn run_phase(
 /// The outcome as it takes shape: the first thing that weighs most stays, the rest become notes.
 struct Report<'r> {
     source: &'r Source,
+    /// When the step ended that is being judged.
+    at: Instant,
     outcome: Outcome,
 }
 
@@ -224,7 +232,7 @@ impl Report<'_> {
     fn problem(&self, phase: Phase, place: Place, difference: Difference) -> Box<Problem> {
         let Difference { expected, actual, raw } = difference;
         let place = report_place(self.source, place);
-        Box::new(Problem { phase, place, expected, actual, raw, notes: Vec::new() })
+        Box::new(Problem { at: self.at, phase, place, expected, actual, raw, notes: Vec::new() })
     }
 }
 

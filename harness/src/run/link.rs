@@ -57,6 +57,11 @@ impl<'b> Link<'b> {
         self.mark
     }
 
+    /// The time on the bus, which may be later than where the next step starts.
+    pub fn now(&mut self) -> Instant {
+        self.bus.now().max(self.mark)
+    }
+
     /// The frames since the trace was last taken.
     pub fn trace(&self) -> &[Seen] {
         &self.trace

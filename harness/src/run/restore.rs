@@ -57,7 +57,12 @@ impl Snapshot {
     ///
     /// # Errors
     /// Whatever the bus reports.
-    pub(super) fn restore(&self, link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
+    pub(super) fn restore(
+        &self,
+        link: &mut Link,
+        policy: &Policy,
+        dut: &Dut,
+    ) -> Result<bool, BusError> {
         let mut whole = true;
         for record in self.changed_records(link, policy, dut)? {
             whole &= self.restore_record(link, policy, dut, record)?;

@@ -22,7 +22,12 @@ pub(super) struct Ended {
 ///
 /// # Errors
 /// Whatever the bus reports; what the device does is in the result.
-pub(super) fn upload(link: &mut Link, policy: &Policy, node: u8, mux: Mux) -> Result<Ended, BusError> {
+pub(super) fn upload(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+) -> Result<Ended, BusError> {
     let (client, request) = Client::upload(mux);
     transfer(link, policy, node, client, request)
 }

@@ -2,7 +2,6 @@
 
 use canopen::heartbeat::{self, ErrorControl};
 use canopen::nmt::{Command, Service};
-use canopen::sdo::Transfer;
 use canopen::{BusError, Mux};
 
 use super::link::{Link, Policy};
@@ -85,9 +84,8 @@ pub(super) fn enter(
 
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
-const ERROR_COUNT: Mux = Mux::new(0x1003, 0);
 
-/// PRE-OPERATIONAL, answering, no error, no error history. `Some` says what is not so.
+/// PRE-OPERATIONAL, answering, no error. `Some` says what is not so.
 fn calm(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Option<String>, BusError> {
     let command = Command { service: Service::ENTER_PRE_OPERATIONAL, node: dut.node };
     link.send(&command.frame())?;
@@ -96,7 +94,7 @@ fn calm(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Option<String>, B
         return Ok(Some(format!("upload of {DEVICE_TYPE}: {failure}")));
     }
     match sdo::upload(link, policy, dut.node, ERROR_REGISTER)?.result {
-        Ok(register) if register == [0] => {}
+        Ok(register) if register.iter().all(|byte| *byte == 0) => {}
         Ok(register) => {
             return Ok(Some(format!(
                 "the error register is {}",
@@ -104,11 +102,6 @@ fn calm(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Option<String>, B
             )));
         }
         Err(failure) => return Ok(Some(format!("upload of {ERROR_REGISTER}: {failure}"))),
-    }
-    if dut.eds.entry(ERROR_COUNT).is_some_and(|entry| entry.access.writable())
-        && sdo::upload(link, policy, dut.node, ERROR_COUNT)?.result.is_ok_and(|count| count != [0])
-    {
-        sdo::download(link, policy, dut.node, ERROR_COUNT, &[0], Transfer::Expedited)?;
     }
     Ok(None)
 }

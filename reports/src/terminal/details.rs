@@ -120,16 +120,22 @@ impl Block {
     }
 
     fn trace(&mut self, case: &CaseRun) {
-        let shown = &case.trace[case.trace.len().saturating_sub(FRAMES)..];
+        // What came after the problem did not lead to it.
+        let until = case.outcome.problem().map_or(Instant::NEVER, |problem| problem.at);
+        let trace = &case.trace[..case.trace.partition_point(|seen| seen.at <= until)];
+        let shown = &trace[trace.len().saturating_sub(FRAMES)..];
         let heading = match (case.frames, shown.len()) {
             (0, _) => "none".to_owned(),
             (all, 0) => format!("{all}, not kept"),
             (all, some) if all == some => format!("{all}, seconds since the case began"),
+            (all, some) if trace.len() < case.trace.len() => {
+                format!("the last {some} of {all} before that, seconds since the case began")
+            }
             (all, some) => format!("the last {some} of {all}, seconds since the case began"),
         };
         self.field("frames", &heading);
         let from = match shown.first() {
-            Some(first) if case.trace.len() > shown.len() => first.at,
+            Some(first) if trace.len() > shown.len() => first.at,
             _ => Instant::ZERO,
         };
         let notes = &case.notes[case.notes.partition_point(|note| note.at < from)..];
