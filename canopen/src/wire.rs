@@ -132,7 +132,7 @@ mod tests {
         let mut crc = 0u16;
         for bit in &bits {
             let flip = u16::from(*bit) ^ crc >> 14 & 1;
-            crc = crc << 1 & 0x7FFF ^ flip * 0x4599;
+            crc = (crc << 1 & 0x7FFF) ^ (flip * 0x4599);
         }
         bits.extend((0..15).rev().map(|bit| (crc >> bit & 1) as u8));
         let (mut last, mut run, mut stuffed) = (2, 0, 0);

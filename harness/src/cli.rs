@@ -13,8 +13,10 @@ use reports::Grade;
 #[command(name = "harness", version, args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]
 pub struct Cli {
+    /// What to do; without one, `run`.
     #[command(subcommand)]
     pub command: Option<Command>,
+    /// The arguments of `run`.
     #[command(flatten)]
     pub run: RunArgs,
 }
@@ -77,6 +79,7 @@ pub struct Selection {
 /// Arguments of `run`.
 #[derive(Debug, Clone, Args)]
 pub struct RunArgs {
+    /// What to run, against what.
     #[command(flatten)]
     pub selection: Selection,
     /// Write a JUnit report
@@ -111,6 +114,7 @@ pub struct RunArgs {
 /// Arguments of `list`.
 #[derive(Debug, Args)]
 pub struct ListArgs {
+    /// What to run, against what.
     #[command(flatten)]
     pub selection: Selection,
     /// As JSON

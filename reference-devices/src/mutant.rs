@@ -52,7 +52,11 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Mutant>, String> {
 ///
 /// # Errors
 /// When the deviation names something that is not there: a rule, an object, a pattern.
-pub fn build(device: &ReferenceDevice, node: u8, mutant: &Mutant) -> Result<Box<dyn Device>, String> {
+pub fn build(
+    device: &ReferenceDevice,
+    node: u8,
+    mutant: &Mutant,
+) -> Result<Box<dyn Device>, String> {
     let node_with = |eds: &Eds, rules: Box<dyn Rules>, behaviour: Option<&str>| {
         let behaviour = match behaviour {
             None => device.behaviour(),

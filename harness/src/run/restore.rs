@@ -161,7 +161,7 @@ fn writes(
 }
 
 const fn in_pdo_record(index: u16) -> bool {
-    matches!(index, 0x1400..=0x17FF | 0x1800..=0x1BFF)
+    matches!(index, 0x1400..=0x1BFF)
 }
 
 /// The object, and with one of a PDO its whole record: what may be written depends on the rest.

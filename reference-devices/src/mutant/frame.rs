@@ -120,9 +120,8 @@ impl<D: Device> Device for FrameMutant<D> {
     }
 
     fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
-        while let Some((_, frame)) = self.delayed.pop_front_if(|(due, _)| *due <= now) {
-            out.push(frame);
-        }
+        let due = self.delayed.partition_point(|(due, _)| *due <= now);
+        self.delayed.drain(..due).for_each(|(_, frame)| out.push(frame));
         self.inner.handle_timeout(now, &mut self.scratch);
         self.forward(now, out);
     }

@@ -45,7 +45,8 @@ impl Patch {
     /// # Errors
     /// When the description has no such entry, or the patch makes no sense.
     pub(super) fn apply(&self, eds: &mut Eds) -> Result<(), String> {
-        let mux: Mux = self.object.parse().map_err(|error| format!("`{}`: {error}", self.object))?;
+        let mux: Mux =
+            self.object.parse().map_err(|error| format!("`{}`: {error}", self.object))?;
         let object = eds.objects.iter_mut().find(|object| object.index == mux.index);
         let object = object.ok_or_else(|| format!("no object {mux}"))?;
         let place = object.entries.iter().position(|entry| entry.mux == mux);
