@@ -117,7 +117,7 @@ impl Drr460 {
     fn set_point(&mut self, running: bool, process: i64, od: &Dictionary) -> i64 {
         let wanted = value(od, SET_POINT);
         if running && !self.running {
-            let kind = self.rules.soft_start(parameter(od, SOFT_START));
+            let kind = self.rules.soft_start(parameter(od, soft_start::KIND));
             self.soft_start = SoftStart::begin(kind, process);
         }
         self.running = running;
@@ -275,7 +275,6 @@ const STOP_STATE: u8 = 21;
 const MANUAL_ALLOWED: u8 = 25;
 const MANUAL_WITH_MEMORY: i64 = 2;
 const TUNE: u8 = 31;
-const SOFT_START: u8 = 80;
 const EXPANSION: u8 = 121;
 const INITIAL_OUTPUTS: u8 = 122;
 const INITIAL_ANALOGUE: u8 = 128;

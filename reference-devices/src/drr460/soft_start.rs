@@ -9,6 +9,7 @@ use super::objects::parameter;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct SoftStart {
     phase: Phase,
+    kind: i64,
     /// Samples since it began.
     elapsed: u64,
 }
@@ -31,13 +32,14 @@ impl SoftStart {
             2 => Phase::Percentage,
             _ => Phase::Done,
         };
-        Self { phase, elapsed: 0 }
+        Self { phase, kind, elapsed: 0 }
     }
 
-    /// One sample: the set point in force.
+    /// One sample: the set point in force. A soft start that is no longer selected is over.
     pub(super) fn set_point(&mut self, wanted: i64, process: i64, od: &Dictionary) -> i64 {
         let longest = parameter(od, LONGEST_MINUTES).unsigned_abs() * 60 * SAMPLES_PER_SECOND;
-        if longest != 0 && self.elapsed >= longest {
+        let over = longest != 0 && self.elapsed >= longest;
+        if over || parameter(od, KIND) != self.kind {
             self.phase = Phase::Done;
         }
         self.elapsed += 1;
@@ -67,6 +69,8 @@ impl SoftStart {
     }
 }
 
+/// Which soft start follows a START.
+pub(super) const KIND: u8 = 80;
 const GRADIENT_PER_HOUR: u8 = 81;
 const HELD_PERCENT: u8 = 82;
 const THRESHOLD: u8 = 83;
@@ -90,7 +94,7 @@ mod tests {
 
     #[test]
     fn a_gradient_is_so_many_digits_in_an_hour() {
-        let od = od(&[(GRADIENT_PER_HOUR, 3600)]);
+        let od = od(&[(KIND, 1), (GRADIENT_PER_HOUR, 3600)]);
         let mut start = SoftStart::begin(1, 250);
         let second = |start: &mut SoftStart, wanted| {
             (0..SAMPLES_PER_SECOND).map(|_| start.set_point(wanted, 0, &od)).last().unwrap()
@@ -104,7 +108,7 @@ mod tests {
 
     #[test]
     fn a_percentage_is_held_up_to_the_threshold() {
-        let od = od(&[(THRESHOLD, 500), (HELD_PERCENT, 30)]);
+        let od = od(&[(KIND, 2), (THRESHOLD, 500), (HELD_PERCENT, 30)]);
         let mut start = SoftStart::begin(2, 250);
         assert_eq!((start.set_point(900, 499, &od), start.output(&od)), (900, Some(3000)));
         assert_eq!((start.set_point(900, 500, &od), start.output(&od)), (900, None));
@@ -112,8 +116,15 @@ mod tests {
     }
 
     #[test]
+    fn a_soft_start_ends_when_it_is_not_selected_any_more() {
+        let mut start = SoftStart::begin(1, 0);
+        assert_eq!(start.set_point(9000, 0, &od(&[])), 9000);
+        assert_eq!(start.set_point(9000, 0, &od(&[(KIND, 1)])), 9000);
+    }
+
+    #[test]
     fn a_soft_start_ends_after_its_time() {
-        let od = od(&[(GRADIENT_PER_HOUR, 1), (LONGEST_MINUTES, 1)]);
+        let od = od(&[(KIND, 1), (GRADIENT_PER_HOUR, 1), (LONGEST_MINUTES, 1)]);
         let mut start = SoftStart::begin(1, 0);
         let last = (0..60 * SAMPLES_PER_SECOND).map(|_| start.set_point(9000, 0, &od)).last();
         assert_eq!((last, start.set_point(9000, 0, &od)), (Some(0), 9000));
