@@ -2,6 +2,7 @@
 
 mod case;
 mod judge;
+mod limits;
 mod link;
 mod restore;
 mod sdo;

@@ -77,14 +77,14 @@ fn check_count(index: u16, count: u8, direction: Direction, base: &Base) -> Resu
     if count >= MULTIPLEXED {
         return Err(Abort::VALUE);
     }
-    let mut mapped = Vec::new();
-    for sub in 1..=count {
-        let entry = entry(&base.od, index, sub).ok_or(Abort::PDO_LENGTH)?;
+    let entries: Option<Vec<Mapping>> =
+        (1..=count).map(|sub| entry(&base.od, index, sub)).collect();
+    let mapped = entries.ok_or(Abort::PDO_LENGTH)?;
+    for entry in &mapped {
         if entry.encode() == 0 {
             return Err(Abort::VALUE);
         }
-        check_entry(entry, direction, base)?;
-        mapped.push(entry);
+        check_entry(*entry, direction, base)?;
     }
     if bits(&mapped) > base.rules.pdo_bits_max() {
         return Err(Abort::PDO_LENGTH);

@@ -93,38 +93,35 @@ pub fn scan(bus: &mut dyn Bus, node: Option<u8>) -> Result<Vec<Found>, Refused> 
         error => Refused::bus(error.to_string()),
     };
     let mut link = Link::new(bus);
-    let nodes =
-        match node {
-            Some(node) => answering(&mut link, node..=node, Duration::from_secs(3)),
-            // A device that is just booting gets a second chance.
-            None => answering(&mut link, 1..=127, Duration::from_millis(300)).and_then(|nodes| {
-                match nodes.is_empty() {
-                    true => answering(&mut link, 1..=127, Duration::from_millis(1500)),
-                    false => Ok(nodes),
-                }
-            }),
-        };
+    let asked = node.map_or(1..=127, |node| node..=node);
+    // A device that is just booting hears no request: ask again.
+    let mut nodes = Vec::new();
+    for _ in 0..ROUNDS {
+        nodes = answering(&mut link, asked.clone()).map_err(bus_failed)?;
+        if !nodes.is_empty() {
+            break;
+        }
+    }
     let mut found = Vec::new();
-    for node in nodes.map_err(bus_failed)? {
+    for node in nodes {
         found.push(ask(&mut link, node).map_err(bus_failed)?);
     }
     Ok(found)
 }
 
+/// How often nodes are asked until one answers, and how long each time waits.
+const ROUNDS: usize = 10;
+const ROUND: Duration = Duration::from_millis(300);
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 const DEVICE_NAME: Mux = Mux::new(0x1008, 0);
 
-/// The nodes that answer a request for their device type within `patience`, refusals included.
-fn answering(
-    link: &mut Link,
-    nodes: std::ops::RangeInclusive<u8>,
-    patience: Duration,
-) -> Result<Vec<u8>, BusError> {
+/// The nodes that answer a request for their device type, refusals included.
+fn answering(link: &mut Link, nodes: std::ops::RangeInclusive<u8>) -> Result<Vec<u8>, BusError> {
     let start = link.mark();
     for node in nodes.clone() {
         link.send(&Request::Upload(DEVICE_TYPE).frame(node))?;
     }
-    let until = link.mark() + patience;
+    let until = link.mark() + ROUND;
     link.look_from(start);
     let mut answered = Vec::new();
     let is_answer = |id: u16| {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use canopen::eds::Eds;
 use canopen::pdo::{CobId, Mapping};
-use canopen::sdo::{REQUEST_COB_ID, Request, Transfer};
+use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response, Transfer};
 use canopen::{BusError, Frame, Mux};
 
 use super::link::{Link, Policy};
@@ -19,6 +19,7 @@ use crate::suite::model::{Produce, Step};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Snapshot {
     values: BTreeMap<Mux, Vec<u8>>,
+    /// Whether the case may change what is stored.
     stores: bool,
 }
 
@@ -73,7 +74,7 @@ impl Snapshot {
                     && reads(link, policy, dut, *mux, value)?;
             }
         }
-        if self.stores {
+        if self.stores && stored(link, dut.node) {
             const SAVE: [u8; 4] = *b"save";
             whole &= writes(link, policy, dut, Mux::new(0x1010, 1), &SAVE)?;
         }
@@ -137,6 +138,19 @@ impl Snapshot {
         }
         Ok(whole)
     }
+}
+
+/// Whether the device took something it was asked to store or to load.
+fn stored(link: &Link, node: u8) -> bool {
+    let answers = Some(RESPONSE_COB_ID + u16::from(node));
+    link.trace().iter().map(|seen| seen.stamped).any(|seen| {
+        !seen.own
+            && seen.frame.data_id() == answers
+            && matches!(
+                Response::decode(&seen.frame.data),
+                Ok(Response::Download(Mux { index: 0x1010 | 0x1011, .. }))
+            )
+    })
 }
 
 fn reads(

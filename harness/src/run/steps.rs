@@ -10,6 +10,7 @@ use canopen::{Abort, Frame, Instant, Mux, Pattern, Stamped, Value, sync};
 use reports::Measured;
 
 use super::judge::{Condition, Difference, Judgement, Trouble, refusal, show};
+use super::limits::{Limits, mean};
 use super::link::{Link, Policy};
 use super::sdo::{self, Ended};
 use crate::plan::{Binding, Dut, Scope, mapping_word, parse_bytes};
@@ -309,10 +310,15 @@ impl Steps<'_, '_> {
         self.stimulate(measure.during.as_ref())?;
         let sent = self.link.mark().max(start);
         self.link_rewind(measure.during.is_some(), start);
-        let longest = match &measure.interval {
-            Some(bounds) => self.outer_bounds(bounds)?.1,
-            None => Duration::MAX,
+        let slack = self.policy.bus_slack;
+        let intervals = measure.count.saturating_sub(1).max(1) as u32;
+        // The mean of many intervals suffers from only one frame in front of the first and last.
+        let limits = |bounds: &Option<Bounds>, slack| {
+            bounds.as_ref().map(|bounds| Limits::new(bounds, &self.scope, slack)).transpose()
         };
+        let each = limits(&measure.interval, slack)?;
+        let average = limits(&measure.mean, slack / intervals)?;
+        let longest = each.as_ref().map_or(Duration::MAX, Limits::longest);
         let patience = longest.min(UNBOUNDED_PATIENCE) * 2;
         let first = self.optional_time(&measure.within, patience)?;
         let mut stamps: Vec<Instant> = Vec::new();
@@ -329,17 +335,18 @@ impl Steps<'_, '_> {
         }
         let intervals: Vec<Duration> =
             stamps.windows(2).map(|pair| pair[1].since(pair[0])).collect();
-        let mean = intervals.iter().sum::<Duration>() / intervals.len() as u32;
         let mut lenient = None;
         let what = format!("interval of {}", pattern.id());
-        for (bounds, word) in [(&measure.interval, "interval"), (&measure.mean, "mean")] {
-            let Some(bounds) = bounds else { continue };
-            self.record(bounds, &what, word, &intervals, mean)?;
-            let values = if word == "mean" { &[mean][..] } else { &intervals[..] };
-            for value in values {
-                lenient =
-                    lenient.or(self.within(bounds, *value, &format!("{word} of {pattern}"))?);
+        if let Some(limits) = each {
+            self.measured.push(limits.figures(what.clone(), &intervals));
+            for interval in &intervals {
+                lenient = lenient.or(limits.judge(*interval, &what)?);
             }
+        }
+        if let Some(limits) = average {
+            let what = format!("mean {what}");
+            self.measured.push(limits.figures(what.clone(), &intervals));
+            lenient = lenient.or(limits.judge(mean(&intervals), &what)?);
         }
         Ok(lenient)
     }
@@ -405,72 +412,6 @@ impl Steps<'_, '_> {
         if stimulated {
             self.link.look_from(start);
         }
-    }
-
-    fn within(&self, bounds: &Bounds, value: Duration, what: &str) -> Judgement {
-        let (low, high) = self.widened(&bounds.strict.value)?;
-        if (low..=high).contains(&value) {
-            return Ok(None);
-        }
-        let difference = Difference::new(format!("{what}: {}", span(low, high)), show_time(value));
-        if let Some(lenient) = &bounds.lenient {
-            let (low, high) = self.widened(&lenient.value)?;
-            if (low..=high).contains(&value) {
-                return Ok(Some(difference));
-            }
-        }
-        device(difference)
-    }
-
-    /// The bounds with what another frame on the wire may add; a bench that cannot tell says so.
-    fn widened(
-        &self,
-        tolerance: &crate::suite::literal::Tolerance,
-    ) -> Result<(Duration, Duration), Trouble> {
-        let (low, high) = self.scope.bounds(tolerance).map_err(Trouble::Bench)?;
-        let slack = self.policy.bus_slack;
-        if high != Duration::MAX && high.saturating_sub(low) < slack {
-            let (slack, wanted) = (show_time(slack), show_time(high.saturating_sub(low)));
-            return Err(Trouble::Bench(format!(
-                "one frame on this bus takes {slack}, which is more than the tolerance of {wanted}"
-            )));
-        }
-        Ok((low.saturating_sub(slack), high.saturating_add(slack)))
-    }
-
-    fn outer_bounds(&self, bounds: &Bounds) -> Result<(Duration, Duration), Trouble> {
-        let outer = bounds.lenient.as_ref().unwrap_or(&bounds.strict);
-        self.widened(&outer.value)
-    }
-
-    fn record(
-        &mut self,
-        bounds: &Bounds,
-        what: &str,
-        word: &str,
-        intervals: &[Duration],
-        mean: Duration,
-    ) -> Result<(), Trouble> {
-        let ms = |time: Duration| time.as_nanos() as f64 / 1e6;
-        let (low, high) = self.widened(&bounds.strict.value)?;
-        let lenient = match &bounds.lenient {
-            Some(lenient) => {
-                let (low, high) = self.widened(&lenient.value)?;
-                Some(span(low, high))
-            }
-            None => None,
-        };
-        self.measured.push(Measured {
-            what: if word == "mean" { format!("mean {what}") } else { what.to_owned() },
-            unit: "ms".to_owned(),
-            count: intervals.len() as u64,
-            min: ms(intervals.iter().copied().min().unwrap_or_default()),
-            mean: ms(mean),
-            max: ms(intervals.iter().copied().max().unwrap_or_default()),
-            strict: Some(span(low, high)),
-            lenient,
-        });
-        Ok(())
     }
 
     fn raw_write(&mut self, mux: Mux, data: &[u8]) -> Result<Ended, Trouble> {
@@ -588,12 +529,5 @@ fn trim_unsized(ended: &mut Ended, entry: Option<&Entry>) {
         (ended.unsized_data, &mut ended.result, entry.and_then(|entry| entry.data_type.size()))
     {
         data.truncate(size);
-    }
-}
-
-fn span(low: Duration, high: Duration) -> String {
-    match high {
-        Duration::MAX => format!("at least {}", show_time(low)),
-        _ => format!("{} to {}", show_time(low), show_time(high)),
     }
 }
