@@ -253,6 +253,9 @@ mutants! {
     "tuning-does-not-force" {
         fn tuning_forces(&self, _kind: i64) -> bool { false }
     }
+    "alarm-off-is-above" {
+        fn alarm_kind(&self, configured: i64) -> i64 { configured.max(1) }
+    }
     "alarm-below-is-above" {
         fn alarm_kind(&self, configured: i64) -> i64 { if configured == 2 { 1 } else { configured } }
     }
