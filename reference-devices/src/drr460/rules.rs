@@ -257,10 +257,14 @@ mutants! {
         fn alarm_kind(&self, configured: i64) -> i64 { configured.max(1) }
     }
     "alarm-below-is-above" {
-        fn alarm_kind(&self, configured: i64) -> i64 { if configured == 2 { 1 } else { configured } }
+        fn alarm_kind(&self, configured: i64) -> i64 {
+            if configured == 2 { 1 } else { configured }
+        }
     }
     "alarm-above-is-below" {
-        fn alarm_kind(&self, configured: i64) -> i64 { if configured == 1 { 2 } else { configured } }
+        fn alarm_kind(&self, configured: i64) -> i64 {
+            if configured == 1 { 2 } else { configured }
+        }
     }
     "alarm-of-set-point-looks-at-process" {
         fn alarm_kind(&self, configured: i64) -> i64 {
