@@ -3,9 +3,9 @@
 mod check;
 mod eds;
 mod list;
-pub mod qualify;
+mod qualify;
 mod run;
-pub mod scan;
+mod scan;
 mod schema;
 mod select;
 mod serve;

@@ -2,8 +2,10 @@
 
 mod bind;
 mod check;
+mod instance;
 mod scope;
 
-pub use bind::{Instance, Plan, plan};
+pub use bind::plan;
 pub use check::{mapping_word, parse_bytes};
+pub use instance::{Instance, Plan};
 pub use scope::{Binding, Dut, Scope, show_bytes};

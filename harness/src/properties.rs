@@ -104,9 +104,8 @@ pub fn eds_read(bytes: &[u8]) {
 /// A suite loads and is bound to a device, or every complaint points into the file.
 pub fn suite_load(bytes: &[u8]) {
     let Ok(text) = str::from_utf8(bytes) else { return };
-    let source = |name: &str, text: &str| {
-        Arc::new(Source { name: name.to_owned(), text: text.to_owned() })
-    };
+    let source =
+        |name: &str, text: &str| Arc::new(Source { name: name.to_owned(), text: text.to_owned() });
     let sources =
         [source("suites/requirements/any.yaml", REGISTER), source("suites/any.yaml", text)];
     match Library::from_sources(&sources) {
@@ -157,11 +156,7 @@ requirements:
   - { id: ANY-01, clause: '1', level: must, says: Anything. }
 ";
 
-fn exact<T: Copy>(
-    bytes: &[u8],
-    decode: fn(&[u8]) -> Result<T, Malformed>,
-    encode: fn(T) -> Data,
-) {
+fn exact<T: Copy>(bytes: &[u8], decode: fn(&[u8]) -> Result<T, Malformed>, encode: fn(T) -> Data) {
     if let Ok(value) = decode(bytes) {
         assert_eq!(&*encode(value), bytes);
     }

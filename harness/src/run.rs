@@ -4,6 +4,7 @@ mod case;
 mod judge;
 mod limits;
 mod link;
+mod objects;
 mod restore;
 mod sdo;
 mod session;

@@ -14,9 +14,9 @@ use reference_devices::rules::Specification;
 
 use crate::bus::socketcan::SocketCan;
 use crate::cli::Selection;
-use crate::commands::scan::{self, Found};
 use crate::exit::{Exit, Refused};
 use crate::plan::Dut;
+use crate::scan::{self, Found};
 
 /// A device under test and the bus it is on.
 pub struct Target {
@@ -135,7 +135,7 @@ pub fn suite_names(eds: &Eds) -> BTreeSet<String> {
         .collect()
 }
 
-/// Reads a data sheet, and refuses it when it has errors that would make verdicts meaningless.
+/// Reads a data sheet; says so when it has errors, and goes on with what is left.
 ///
 /// # Errors
 /// When it cannot be read at all.
@@ -145,6 +145,10 @@ pub fn read_eds(path: &Path) -> Result<Eds, Refused> {
         message: format!("error: {}: {error}", path.display()),
     })?;
     let reading = eds::read(&bytes);
+    if reading.has_errors() {
+        let path = path.display();
+        eprintln!("warning: {path} has errors, which `harness eds check {path}` shows");
+    }
     if reading.eds.objects.is_empty() {
         let message = format!("error: {}: there is no object in this data sheet", path.display());
         return Err(Refused { exit: Exit::File, message });

@@ -132,6 +132,9 @@ impl Client {
     }
 }
 
+/// More than any object of a device holds: a server that never ends is broken off.
+const LONGEST: usize = 1 << 20;
+
 fn upload_initiated(mux: Mux, answer: Response) -> Next {
     match answer {
         Response::Upload(echo, Initiate::Expedited(data)) if echo == mux => {
@@ -160,6 +163,9 @@ fn uploading(
         }
     };
     data.extend_from_slice(&segment.data);
+    if data.len() > LONGEST {
+        return violation(mux, format!("an end before {LONGEST} bytes"), answer);
+    }
     let too_long = size.is_some_and(|size| data.len() > size as usize);
     let too_short = segment.last && size.is_some_and(|size| data.len() < size as usize);
     if too_long || too_short {

@@ -25,7 +25,7 @@ const BIT_RATE: u32 = 1_000_000;
 ///
 /// # Errors
 /// When a file does not load or the device is unknown.
-pub fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
+pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     let library = Library::load(args.suites.as_deref())?;
     let names: Vec<&str> = match &args.device {
         Some(name) => vec![name],

@@ -4,55 +4,15 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use canopen::eds::{Access, Direction, Entry, Object, ObjectKind};
-use canopen::pdo::Mapping;
 use canopen::{DataType, Mux, Value};
 
 use super::check;
+use super::instance::{Instance, Plan};
 use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint};
 use crate::suite::literal::{Amount, Literal};
 use crate::suite::model::{AccessName, Case, DirectionName, Each, Has, Objects, Pdos, Requires};
 use crate::suite::{Library, Suite};
-
-/// What runs against one device, in order.
-#[derive(Debug)]
-pub struct Plan {
-    /// The device.
-    pub dut: Dut,
-    /// The instances.
-    pub instances: Vec<Instance>,
-}
-
-/// One case with its names bound.
-#[derive(Clone, Debug)]
-pub struct Instance {
-    /// The suite.
-    pub suite: Arc<Suite>,
-    /// The case's place in the suite.
-    pub case: usize,
-    /// What tells it from the other instances of its case.
-    pub label: Option<String>,
-    /// The names.
-    pub scope: Scope,
-    /// Why it cannot run.
-    pub skip: Option<String>,
-}
-
-impl Instance {
-    /// The case.
-    pub fn case(&self) -> &Case {
-        &self.suite.file.cases[self.case].value
-    }
-
-    /// The full name: `cia301/heartbeat/heartbeat-period[period=20 ms]`.
-    pub fn name(&self) -> String {
-        let (suite, case) = (self.suite.name(), &self.case().id.value);
-        match &self.label {
-            Some(label) => format!("{suite}/{case}[{label}]"),
-            None => format!("{suite}/{case}"),
-        }
-    }
-}
 
 /// Binds every suite that is for this device.
 ///
@@ -284,18 +244,11 @@ fn pdo_scopes(pdos: &Pdos, dut: &Dut) -> Vec<Bound> {
             continue;
         };
         let map = mapping + number;
-        let int = |mux| {
-            let bytes = dut.eds.entry(mux)?.default_bytes(dut.node).ok()?;
-            dut.eds.entry(mux)?.data_type.decode(&bytes).ok()?.as_int()
-        };
-        let (Some(cob_id), Some(_)) = (int(Mux::new(object.index, 1)), dut.eds.object(map)) else {
+        let Some(cob_id) = dut.default_int(Mux::new(object.index, 1)) else { continue };
+        if dut.eds.object(map).is_none() {
             continue;
-        };
-        let count = int(Mux::new(map, 0)).unwrap_or(0) as u8;
-        let bits: u32 = (1..=count)
-            .filter_map(|sub| int(Mux::new(map, sub)))
-            .map(|word| u32::from(Mapping::decode(word as u32).bits))
-            .sum();
+        }
+        let bits: u32 = dut.default_mapping(map).iter().map(|entry| u32::from(entry.bits)).sum();
         let in_use = cob_id >> 31 & 1 == 0 && bits > 0;
         let with = pdos.with.is_none_or(|sub| object.entry(sub).is_some());
         if (pdos.used && !in_use) || !with {

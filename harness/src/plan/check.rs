@@ -3,7 +3,7 @@
 use canopen::eds::{Entry, Object};
 use canopen::{DataType, Mux, catalogue};
 
-use super::bind::Instance;
+use super::instance::Instance;
 use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint, Place};
 use crate::suite::Suite;

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use canopen::eds::{Eds, Entry};
+use canopen::pdo::Mapping;
 use canopen::{DataType, Id, Mux, Pattern, Value, catalogue};
 
 use crate::suite::literal::{Amount, FrameText, Literal, Name, ObjectRef, Tolerance, show_time};
@@ -18,6 +19,21 @@ pub struct Dut {
     pub node: u8,
     /// What it says of itself.
     pub eds: Arc<Eds>,
+}
+
+impl Dut {
+    /// The whole number that the data sheet gives as default at `mux`.
+    pub fn default_int(&self, mux: Mux) -> Option<i128> {
+        let entry = self.eds.entry(mux)?;
+        entry.data_type.decode(&entry.default_bytes(self.node).ok()?).ok()?.as_int()
+    }
+
+    /// The addresses and lengths that a PDO maps by default; `mapping` is its mapping parameter.
+    pub fn default_mapping(&self, mapping: u16) -> Vec<Mapping> {
+        let count = self.default_int(Mux::new(mapping, 0)).unwrap_or(0).clamp(0, 64) as u8;
+        let words = (1..=count).filter_map(|sub| self.default_int(Mux::new(mapping, sub)));
+        words.map(|word| Mapping::decode(word as u32)).collect()
+    }
 }
 
 /// What a name stands for.

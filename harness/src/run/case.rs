@@ -260,9 +260,8 @@ pub(super) fn report_place(source: &Source, place: Place) -> ReportPlace {
 /// The identifiers the data sheet gives to TPDOs.
 fn pdo_identifiers(dut: &Dut) -> Vec<u16> {
     let cob_id = |index| {
-        let entry = dut.eds.entry(Mux::new(index, 1))?;
-        let value = entry.data_type.decode(&entry.default_bytes(dut.node).ok()?).ok()?;
-        Some(CobId(value.as_int()? as u32).can_id())
+        let cob_id = dut.default_int(Mux::new(index, 1))?;
+        Some(CobId(cob_id as u32).can_id())
     };
     dut.eds
         .objects

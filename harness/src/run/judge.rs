@@ -50,6 +50,14 @@ impl From<BusError> for Trouble {
 /// How a step succeeded: as a conformant device does, or in a way that is accepted, too.
 pub(super) type Judgement = Result<Option<Difference>, Trouble>;
 
+/// The device did something else.
+///
+/// # Errors
+/// Always.
+pub(crate) fn device(difference: Difference) -> Judgement {
+    Err(Trouble::Device(difference))
+}
+
 /// Judges the end of a transfer that was to be refused.
 pub(super) fn refusal(
     result: &Result<Vec<u8>, Failure>,

@@ -240,20 +240,11 @@ fn changed_by_frame(text: &At<FrameText>, scope: &Scope, dut: &Dut) -> Vec<Mux> 
 
 /// What the RPDOs with this identifier map by default.
 fn mapped_into(frame: &Frame, dut: &Dut) -> Vec<Mux> {
-    let int = |mux: Mux| {
-        let entry = dut.eds.entry(mux)?;
-        entry.data_type.decode(&entry.default_bytes(dut.node).ok()?).ok()?.as_int()
+    let has_identifier = |index| {
+        let cob_id = dut.default_int(Mux::new(index, 1))?;
+        (Some(CobId(cob_id as u32).can_id()) == frame.data_id()).then_some(index | 0x0200)
     };
-    let mut mapped = Vec::new();
-    for object in dut.eds.objects.iter().filter(|object| (0x1400..0x1600).contains(&object.index)) {
-        let id = int(Mux::new(object.index, 1)).map(|cob_id| CobId(cob_id as u32).can_id());
-        if id.is_none() || id != frame.data_id() {
-            continue;
-        }
-        let map = object.index | 0x0200;
-        let count = int(Mux::new(map, 0)).unwrap_or(0).clamp(0, 64) as u8;
-        let words = (1..=count).filter_map(|sub| int(Mux::new(map, sub)));
-        mapped.extend(words.map(|word| Mapping::decode(word as u32).mux));
-    }
-    mapped
+    let rpdos = dut.eds.objects.iter().filter(|object| (0x1400..0x1600).contains(&object.index));
+    let mappings = rpdos.filter_map(|object| has_identifier(object.index));
+    mappings.flat_map(|map| dut.default_mapping(map)).map(|entry| entry.mux).collect()
 }

@@ -1,0 +1,47 @@
+//! What is run: cases with their names bound.
+
+use std::sync::Arc;
+
+use super::scope::{Dut, Scope};
+use crate::suite::Suite;
+use crate::suite::model::Case;
+
+/// What runs against one device, in order.
+#[derive(Debug)]
+pub struct Plan {
+    /// The device.
+    pub dut: Dut,
+    /// The instances.
+    pub instances: Vec<Instance>,
+}
+
+/// One case with its names bound.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// The suite.
+    pub suite: Arc<Suite>,
+    /// The case's place in the suite.
+    pub case: usize,
+    /// What tells it from the other instances of its case.
+    pub label: Option<String>,
+    /// The names.
+    pub scope: Scope,
+    /// Why it cannot run.
+    pub skip: Option<String>,
+}
+
+impl Instance {
+    /// The case.
+    pub fn case(&self) -> &Case {
+        &self.suite.file.cases[self.case].value
+    }
+
+    /// The full name: `cia301/heartbeat/heartbeat-period[period=20 ms]`.
+    pub fn name(&self) -> String {
+        let (suite, case) = (self.suite.name(), &self.case().id.value);
+        match &self.label {
+            Some(label) => format!("{suite}/{case}[{label}]"),
+            None => format!("{suite}/{case}"),
+        }
+    }
+}

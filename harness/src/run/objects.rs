@@ -1,0 +1,246 @@
+//! The steps that read and write objects.
+
+use std::time::Duration;
+
+use canopen::eds::Entry;
+use canopen::pdo::{CobId, Mapping};
+use canopen::sdo::{Failure, Transfer};
+use canopen::{Abort, Mux};
+
+use super::judge::{Condition, Difference, Judgement, Trouble, device, refusal, show};
+use super::sdo::{self, Ended};
+use super::steps::Steps;
+use crate::plan::{Binding, mapping_word, parse_bytes};
+use crate::source::At;
+use crate::suite::literal::{Flow, Literal, show_time};
+use crate::suite::model::{Read, Remap, Until, Write};
+
+const DEFAULT_POLL: Duration = Duration::from_millis(20);
+
+impl Steps<'_, '_> {
+    pub(super) fn read(&mut self, read: &Read) -> Judgement {
+        let mux = self.mux(&read.object)?;
+        let entry = self.dut.eds.entry(mux).cloned();
+        let mut ended = sdo::upload(self.link, self.policy, self.dut.node, mux)?;
+        if let Some(expected) = &read.refused {
+            return refusal(&ended.result, &expected.value, ended.raw);
+        }
+        trim_unsized(&mut ended, entry.as_ref());
+        let condition = self.condition(
+            entry.as_ref(),
+            [&read.value, &read.mask, &read.min, &read.max],
+            read.length.as_ref(),
+        )?;
+        let data = match ended.result {
+            Ok(data) => data,
+            Err(failure) => {
+                let expected = format!("the value of {mux}");
+                return device(Difference {
+                    expected,
+                    actual: failure.to_string(),
+                    raw: ended.raw,
+                });
+            }
+        };
+        let about = |difference: Difference| Difference {
+            expected: format!("{mux} = {}", difference.expected),
+            raw: ended.raw,
+            ..difference
+        };
+        condition.judge(entry.as_ref(), &data).map_err(|wrong| Trouble::Device(about(wrong)))?;
+        if let Some(flow) = read.transfer
+            && (flow == Flow::Segmented) != ended.segmented
+        {
+            let name = |segmented| {
+                if segmented { "a segmented transfer" } else { "an expedited transfer" }
+            };
+            let wrong = Difference::new(name(flow == Flow::Segmented), name(ended.segmented));
+            return device(Difference { raw: ended.raw, ..wrong });
+        }
+        if let Some(name) = &read.save {
+            let value = entry.as_ref().and_then(|entry| {
+                Some(Binding::Value(entry.data_type.decode(&data).ok()?, entry.data_type))
+            });
+            self.scope.bind(name.0.clone(), value.unwrap_or(Binding::Bytes(data)));
+        }
+        Ok(None)
+    }
+
+    pub(super) fn write(&mut self, write: &Write) -> Judgement {
+        let mux = self.mux(&write.object)?;
+        let data = match (&write.value, &write.bytes) {
+            (Some(value), _) => self.write_value(mux, &value.value)?,
+            (None, Some(bytes)) => parse_bytes(&bytes.value).unwrap_or_default(),
+            (None, None) => Vec::new(),
+        };
+        let flow = write.transfer.map_or_else(|| Transfer::usual(data.len()), Transfer::from);
+        let ended = sdo::download(self.link, self.policy, self.dut.node, mux, &data, flow)?;
+        if let Some(expected) = &write.refused {
+            return refusal(&ended.result, &expected.value, ended.raw);
+        }
+        accepted(mux, &data, self.dut.eds.entry(mux), ended)
+    }
+
+    pub(super) fn remap(&mut self, remap: &Remap) -> Judgement {
+        let count = self.mux(&remap.pdo)?;
+        let cob_id = Mux::new(count.index & !0x0200, 1);
+        let mut words = Vec::new();
+        for object in &remap.objects {
+            words.push(mapping_word(&object.value, &self.scope, self.dut).map_err(Trouble::Bench)?);
+        }
+        let before = sdo::upload(self.link, self.policy, self.dut.node, cob_id)?;
+        let before = match before.result.as_deref().map(<[u8]>::first_chunk::<4>) {
+            Ok(Some(bytes)) => u32::from_le_bytes(*bytes),
+            _ => {
+                return device(Difference {
+                    raw: before.raw,
+                    ..Difference::new(format!("the value of {cob_id}"), "none")
+                });
+            }
+        };
+        self.must_write(cob_id, &(before | CobId::INVALID).to_le_bytes())?;
+        self.must_write(count, &[0])?;
+        let expected = remap.refused.as_ref().map(|refusal| &refusal.value);
+        for (place, word) in words.iter().enumerate() {
+            let entry = Mux::new(count.index, place as u8 + 1);
+            let ended = self.raw_write(entry, &word.to_le_bytes())?;
+            match expected {
+                Some(expected) if ended.result.is_err() => {
+                    return refusal(&ended.result, expected, ended.raw);
+                }
+                _ => self.taken(ended, || {
+                    format!("the mapping of {:?} at {entry}", Mapping::decode(*word))
+                })?,
+            }
+        }
+        let ended = self.raw_write(count, &[words.len() as u8])?;
+        if let Some(expected) = expected {
+            return refusal(&ended.result, expected, ended.raw);
+        }
+        self.taken(ended, || format!("{} mapped objects at {count}", words.len()))?;
+        self.must_write(cob_id, &(before & !CobId::INVALID).to_le_bytes())?;
+        Ok(None)
+    }
+
+    pub(super) fn until(&mut self, until: &Until) -> Judgement {
+        let mux = self.mux(&until.object)?;
+        let entry = self.dut.eds.entry(mux).cloned();
+        let condition = self.condition(
+            entry.as_ref(),
+            [&until.value, &until.mask, &until.min, &until.max],
+            None,
+        )?;
+        let within = self.time(&until.within)?;
+        let every = self.optional_time(&until.every, DEFAULT_POLL)?.max(Duration::from_millis(1));
+        let end = self.link.mark() + within;
+        loop {
+            let mut ended = sdo::upload(self.link, self.policy, self.dut.node, mux)?;
+            trim_unsized(&mut ended, entry.as_ref());
+            let difference = match ended.result {
+                Ok(data) => match condition.judge(entry.as_ref(), &data) {
+                    Ok(()) => return Ok(None),
+                    Err(difference) => difference,
+                },
+                Err(failure) => {
+                    return device(Difference {
+                        raw: ended.raw,
+                        ..Difference::new(format!("the value of {mux}"), failure.to_string())
+                    });
+                }
+            };
+            if self.link.mark() + every > end {
+                let expected =
+                    format!("{mux} = {} within {}", difference.expected, show_time(within));
+                return device(Difference { expected, raw: ended.raw, ..difference });
+            }
+            let next = self.link.mark() + every;
+            self.link.wait(next)?;
+        }
+    }
+
+    fn raw_write(&mut self, mux: Mux, data: &[u8]) -> Result<Ended, Trouble> {
+        let flow = Transfer::usual(data.len());
+        Ok(sdo::download(self.link, self.policy, self.dut.node, mux, data, flow)?)
+    }
+
+    fn must_write(&mut self, mux: Mux, data: &[u8]) -> Result<(), Trouble> {
+        let ended = self.raw_write(mux, data)?;
+        accepted(mux, data, self.dut.eds.entry(mux), ended).map(|_| ())
+    }
+
+    fn taken(&self, ended: Ended, what: impl Fn() -> String) -> Result<(), Trouble> {
+        match ended.result {
+            Ok(_) => Ok(()),
+            Err(failure) => {
+                let difference =
+                    Difference::new(format!("{} is accepted", what()), failure.to_string());
+                Err(Trouble::Device(Difference { raw: ended.raw, ..difference }))
+            }
+        }
+    }
+
+    fn condition(
+        &self,
+        entry: Option<&Entry>,
+        [value, mask, min, max]: [&Option<At<Literal>>; 4],
+        length: Option<&At<Literal>>,
+    ) -> Result<Condition, Trouble> {
+        let bytes = |literal: &Option<At<Literal>>| {
+            let Some((literal, entry)) = literal.as_ref().zip(entry) else { return Ok(None) };
+            self.scope.bytes(&literal.value, entry).map(Some).map_err(Trouble::Bench)
+        };
+        let length = match length {
+            Some(length) => Some(self.scope.int(&length.value).map_err(Trouble::Bench)? as usize),
+            None => None,
+        };
+        Ok(Condition {
+            value: bytes(value)?,
+            mask: bytes(mask)?,
+            min: bytes(min)?,
+            max: bytes(max)?,
+            length,
+        })
+    }
+
+    /// The bytes of a value to write; one that does not fit its object goes out in the shortest
+    /// length that holds it, for the device to refuse.
+    fn write_value(&self, mux: Mux, literal: &Literal) -> Result<Vec<u8>, Trouble> {
+        if let Some(entry) = self.dut.eds.entry(mux) {
+            match self.scope.bytes(literal, entry) {
+                Ok(bytes) => return Ok(bytes),
+                Err(wrong) if entry.data_type.is_integer() => {
+                    let number = self.scope.int(literal).map_err(|_| Trouble::Bench(wrong))?;
+                    let size = entry.data_type.size().unwrap_or(4);
+                    return Ok(number.to_le_bytes()[..size].to_vec());
+                }
+                Err(wrong) => return Err(Trouble::Bench(wrong)),
+            }
+        }
+        let number = self.scope.int(literal).map_err(Trouble::Bench)?;
+        let size = [1, 2, 4].into_iter().find(|size| number.unsigned_abs() >> (8 * size) == 0);
+        Ok(number.to_le_bytes()[..size.unwrap_or(8)].to_vec())
+    }
+}
+
+fn accepted(mux: Mux, data: &[u8], entry: Option<&Entry>, ended: Ended) -> Judgement {
+    match ended.result {
+        Ok(_) => Ok(None),
+        Err(failure) => {
+            let mut actual = failure.to_string();
+            if failure == Failure::Aborted(Abort::GENERAL) {
+                actual.push_str(", which does not say why");
+            }
+            let expected = format!("{mux} takes {}", show(entry, data));
+            device(Difference { raw: ended.raw, ..Difference::new(expected, actual) })
+        }
+    }
+}
+
+/// An expedited answer without a size has the length of the object (CiA 301, 7.2.4.3.4).
+fn trim_unsized(ended: &mut Ended, entry: Option<&Entry>) {
+    if let (true, Ok(data), Some(size)) =
+        (ended.unsized_data, &mut ended.result, entry.and_then(|entry| entry.data_type.size()))
+    {
+        data.truncate(size);
+    }
+}

@@ -1,0 +1,102 @@
+//! Finding out who is on a bus.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use canopen::eds::Eds;
+use canopen::sdo::{RESPONSE_COB_ID, Request};
+use canopen::{Bus, BusError, Mux};
+use reference_devices::devices;
+use reports::Identity;
+
+use crate::exit::{Exit, Refused};
+use crate::plan::Dut;
+use crate::run::{Link, Policy, identity, read_text};
+
+/// A node that answers.
+pub struct Found {
+    /// Its node id.
+    pub node: u8,
+    /// What 1000h and 1018h say.
+    pub identity: Identity,
+    /// What 1008h says.
+    pub name: Option<String>,
+    /// The reference device of the same vendor and product.
+    pub device: Option<String>,
+}
+
+/// Asks every node, or just `node`, for its device type, and those that answer for more.
+///
+/// # Errors
+/// When the bus fails.
+pub fn scan(bus: &mut dyn Bus, node: Option<u8>) -> Result<Vec<Found>, Refused> {
+    let bus_failed = |error: BusError| match error {
+        BusError::Interrupted => {
+            Refused { exit: Exit::Interrupted, message: "interrupted".to_owned() }
+        }
+        error => Refused::bus(error.to_string()),
+    };
+    let mut link = Link::new(bus);
+    let asked = node.map_or(1..=127, |node| node..=node);
+    // A device that is just booting hears no request: ask again.
+    let mut nodes = Vec::new();
+    for _ in 0..ROUNDS {
+        nodes = answering(&mut link, asked.clone()).map_err(bus_failed)?;
+        if !nodes.is_empty() {
+            break;
+        }
+    }
+    let mut found = Vec::new();
+    for node in nodes {
+        found.push(ask(&mut link, node).map_err(bus_failed)?);
+    }
+    Ok(found)
+}
+
+/// How often nodes are asked until one answers, and how long each time waits.
+const ROUNDS: usize = 10;
+const ROUND: Duration = Duration::from_millis(300);
+const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
+const DEVICE_NAME: Mux = Mux::new(0x1008, 0);
+
+/// The nodes that answer a request for their device type, refusals included.
+fn answering(link: &mut Link, nodes: std::ops::RangeInclusive<u8>) -> Result<Vec<u8>, BusError> {
+    let start = link.mark();
+    for node in nodes.clone() {
+        link.send(&Request::Upload(DEVICE_TYPE).frame(node))?;
+    }
+    let until = link.mark() + ROUND;
+    link.look_from(start);
+    let mut answered = Vec::new();
+    let is_answer = |id: u16| {
+        let node = id.checked_sub(RESPONSE_COB_ID).and_then(|node| u8::try_from(node).ok());
+        node.filter(|node| nodes.contains(node))
+    };
+    while answered.len() < nodes.len() {
+        let seen = link
+            .find(until, |seen| !seen.own && seen.frame.data_id().and_then(is_answer).is_some())?;
+        let Some(node) = seen.and_then(|seen| seen.frame.data_id()).and_then(is_answer) else {
+            break;
+        };
+        if !answered.contains(&node) {
+            answered.push(node);
+        }
+    }
+    answered.sort_unstable();
+    Ok(answered)
+}
+
+fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
+    let policy = Policy::at_bit_rate(125_000);
+    let dut = Dut { name: String::new(), node, eds: Arc::new(Eds::default()) };
+    let identity = identity(link, &policy, &dut)?;
+    let name = read_text(link, &policy, node, DEVICE_NAME)?;
+    let device = devices::names().find(|name| {
+        devices::device(name).is_some_and(|device| {
+            let info = &device.description.eds.device;
+            identity.vendor == Some(info.vendor_number)
+                && identity.product == Some(info.product_number)
+        })
+    });
+    Ok(Found { node, identity, name, device: device.map(str::to_owned) })
+}
