@@ -72,9 +72,27 @@ pub struct Selection {
     #[arg(long, value_name = "DIR")]
     pub suites: Option<PathBuf>,
     /// Bit rate of the bus in bit/s: that of the simulation, and for judging how exact a real bus is
-    #[arg(long, default_value_t = 1_000_000, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, default_value_t = DEFAULT_BIT_RATE, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub bitrate: u32,
 }
+
+impl Selection {
+    /// Everything that can run against `target`, as if nothing else had been said.
+    pub fn of_target(target: Option<&str>) -> Self {
+        Self {
+            patterns: Vec::new(),
+            target: target.map(str::to_owned),
+            node: None,
+            eds: None,
+            device: None,
+            suites: None,
+            bitrate: DEFAULT_BIT_RATE,
+        }
+    }
+}
+
+/// Bit rate of the virtual bus unless something else is said, in bit/s.
+pub const DEFAULT_BIT_RATE: u32 = 1_000_000;
 
 /// Arguments of `run`.
 #[derive(Debug, Clone, Args)]

@@ -168,14 +168,13 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
         None => eds::read(device.eds_text().as_bytes()).eds,
     };
     let node = selection.node.unwrap_or_else(|| device.description.default_node);
-    let suffix = mutant.as_ref().map(|mutant| format!("?mutant={}", mutant.name));
-    let options = format!("--target 'sim:{name}{}'", suffix.unwrap_or_default()).replace(
-        '\'',
-        match mutant {
-            Some(_) => "'",
-            None => "",
-        },
-    );
+    let mut options = match &mutant {
+        None => format!("--target sim:{name}"),
+        Some(mutant) => format!("--target 'sim:{name}?mutant={}'", mutant.name),
+    };
+    if let Some(node) = selection.node {
+        options.push_str(&format!(" --node {node}"));
+    }
     Ok(Target {
         dut: Dut { name: name.to_owned(), node, eds: Arc::new(eds) },
         place: Place::Simulation { device, mutant, bit_rate: selection.bitrate },

@@ -41,9 +41,14 @@ pub fn read(text: &str) -> Result<Vec<Mutant>, serde_yaml::Error> {
 /// # Errors
 /// The file that does not load, and why.
 pub fn of(device: &ReferenceDevice) -> Result<Vec<Mutant>, String> {
-    let mut mutants = Vec::new();
-    for (name, text) in sources(device) {
-        mutants.extend(read(text).map_err(|error| format!("{name}: {error}"))?);
+    let mut mutants: Vec<Mutant> = Vec::new();
+    for (file, text) in sources(device) {
+        for mutant in read(text).map_err(|error| format!("{file}: {error}"))? {
+            if mutants.iter().any(|other| other.name == mutant.name) {
+                return Err(format!("{file}: mutant {} stands there twice", mutant.name));
+            }
+            mutants.push(mutant);
+        }
     }
     Ok(mutants)
 }

@@ -23,16 +23,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
         [] => Library::load(args.suites.as_deref())?,
         files => with_register(args.suites.as_deref(), files)?,
     };
-    let selection = Selection {
-        patterns: Vec::new(),
-        target: None,
-        node: None,
-        eds: None,
-        device: None,
-        suites: None,
-        bitrate: 1_000_000,
-    };
-    let targets = target::resolve(&selection, &Arc::new(AtomicBool::new(false)))?;
+    let targets = target::resolve(&Selection::of_target(None), &Arc::new(AtomicBool::new(false)))?;
     let plans = plan_all(&library, &targets)?;
     let mut mutants = 0;
     for name in devices::names() {

@@ -11,15 +11,13 @@ use reference_devices::mutant::{self, Mutant};
 use reports::{Event, Verdict};
 
 use super::run::plan_all;
-use crate::cli::{QualifyArgs, Selection};
+use crate::cli::{DEFAULT_BIT_RATE, QualifyArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::plan::Plan;
 use crate::reporter::say;
 use crate::run::{Ending, Policy, Session};
 use crate::suite::Library;
 use crate::target::{self, Place, Target, reference_device};
-
-const BIT_RATE: u32 = 1_000_000;
 
 /// Runs the qualification and prints the matrix.
 ///
@@ -64,6 +62,8 @@ struct Row {
     kills: BTreeSet<String>,
     /// The cases that fail and check a requirement the mutant breaks.
     aimed: BTreeSet<String>,
+    /// The requirements that such a case checks and the mutant breaks.
+    proved: BTreeSet<String>,
     ending: Ending,
 }
 
@@ -74,7 +74,10 @@ impl Matrix {
         let device = reference_device(name)?;
         let mutants =
             mutant::of(&device).map_err(|message| Refused { exit: Exit::File, message })?;
-        let targets = target::resolve(&simulation(name), &Arc::new(AtomicBool::new(false)))?;
+        let targets = target::resolve(
+            &Selection::of_target(Some(&format!("sim:{name}"))),
+            &Arc::new(AtomicBool::new(false)),
+        )?;
         let plan = plan_all(library, &targets)?.remove(0);
         let target = &targets[0];
         let (clean, _) = verdicts(library, &plan, target)?;
@@ -110,18 +113,6 @@ impl Matrix {
     }
 }
 
-fn simulation(name: &str) -> Selection {
-    Selection {
-        patterns: Vec::new(),
-        target: Some(format!("sim:{name}")),
-        node: None,
-        eds: None,
-        device: None,
-        suites: None,
-        bitrate: BIT_RATE,
-    }
-}
-
 fn row(library: &Library, plan: &Plan, clean: &Target, mutant: &Mutant) -> Result<Row, Refused> {
     let Place::Simulation { device, .. } = &clean.place else {
         return Err(Refused::usage("only a simulated device can be qualified"));
@@ -131,7 +122,7 @@ fn row(library: &Library, plan: &Plan, clean: &Target, mutant: &Mutant) -> Resul
         place: Place::Simulation {
             device: Arc::clone(device),
             mutant: Some(Box::new(mutant.clone())),
-            bit_rate: BIT_RATE,
+            bit_rate: DEFAULT_BIT_RATE,
         },
         options: String::new(),
     };
@@ -141,14 +132,17 @@ fn row(library: &Library, plan: &Plan, clean: &Target, mutant: &Mutant) -> Resul
         .filter(|(_, verdicts)| verdicts.contains(&Verdict::Fail))
         .map(|(case, _)| case)
         .collect();
-    let checks = |name: &String| {
-        plan.instances.iter().any(|instance| {
-            case_name(instance) == *name
-                && instance.case().checks.iter().any(|id| mutant.breaks.contains(&id.value))
-        })
-    };
-    let aimed = kills.iter().filter(|name| checks(name)).cloned().collect();
-    Ok(Row { mutant: mutant.clone(), kills, aimed, ending })
+    let (mut aimed, mut proved) = (BTreeSet::new(), BTreeSet::new());
+    for instance in &plan.instances {
+        let name = case_name(instance);
+        let checks = instance.case().checks.iter().map(|id| &id.value);
+        let broken: Vec<&String> = checks.filter(|id| mutant.breaks.contains(id)).collect();
+        if kills.contains(&name) && !broken.is_empty() {
+            aimed.insert(name);
+            proved.extend(broken.into_iter().cloned());
+        }
+    }
+    Ok(Row { mutant: mutant.clone(), kills, aimed, proved, ending })
 }
 
 /// The verdicts by case, over all its instances.
@@ -162,7 +156,7 @@ fn verdicts(
     let session = Session {
         plan,
         register: &library.register,
-        policy: Policy::at_bit_rate(BIT_RATE),
+        policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
         rerun: String::new(),
         max_fail: None,
         stop: &stop,
@@ -214,6 +208,15 @@ fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
         }
         if !matrix.rows.iter().any(|row| row.mutant.canary) {
             holes.push(format!("{device}: there is no canary"));
+        }
+    }
+    let requirements: BTreeSet<&String> =
+        matrices.iter().flat_map(|matrix| &matrix.rows).flat_map(|row| &row.proved).collect();
+    let broken = matrices.iter().flat_map(|matrix| &matrix.rows).flat_map(|row| &row.mutant.breaks);
+    for id in broken.collect::<BTreeSet<_>>() {
+        if !requirements.contains(id) {
+            holes
+                .push(format!("{id}: no mutant that breaks it is killed by a case that checks it"));
         }
     }
     // With one device, cases of other devices have nothing to say.

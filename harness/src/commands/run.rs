@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use canopen::BusError;
+use reference_devices::devices;
 use reports::{Event, RunEnded, RunStarted, Verdict};
 
 use super::select::select;
@@ -12,7 +13,8 @@ use crate::exit::{Exit, Refused};
 use crate::plan::{self, Plan};
 use crate::reporter::Reporter;
 use crate::run::{Ending, Policy, Session};
-use crate::suite::Library;
+use crate::source::{At, Complaint};
+use crate::suite::{Library, Suite};
 use crate::target::{self, Target};
 
 /// Runs what the arguments select. The reports of what ran are written whatever happens.
@@ -79,7 +81,7 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
 /// # Errors
 /// Everything wrong with the suites for any of the devices.
 pub(super) fn plan_all(library: &Library, targets: &[Target]) -> Result<Vec<Plan>, Refused> {
-    let (mut plans, mut complaints) = (Vec::new(), Vec::new());
+    let (mut plans, mut complaints) = (Vec::new(), suites_of_nobody(library));
     for target in targets {
         match plan::plan(library, &target.dut, &target::suite_names(&target.dut.eds)) {
             Ok(plan) => plans.push(plan),
@@ -87,6 +89,18 @@ pub(super) fn plan_all(library: &Library, targets: &[Target]) -> Result<Vec<Plan
         }
     }
     if complaints.is_empty() { Ok(plans) } else { Err(complaints.into()) }
+}
+
+/// A suite for a device that there is not would silently never run.
+fn suites_of_nobody(library: &Library) -> Vec<Complaint> {
+    let named =
+        library.suites.iter().filter_map(|suite| Some((suite, suite.file.device.as_ref()?)));
+    let unknown = named.filter(|(_, device)| devices::names().all(|name| name != device.value));
+    let complain = |(suite, device): (&Arc<Suite>, &At<String>)| {
+        let message = format!("no reference device `{}`", device.value);
+        Complaint::at(&suite.source, device.place, message)
+    };
+    unknown.map(complain).collect()
 }
 
 fn after(ending: &Ending, target: &Target) -> (Exit, Option<String>) {

@@ -18,15 +18,7 @@ use crate::target;
 /// When the bus cannot be used or nobody answers.
 pub(crate) fn run(args: &ScanArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
     let found = if args.target.starts_with("sim:") {
-        let selection = Selection {
-            patterns: Vec::new(),
-            target: Some(args.target.clone()),
-            node: None,
-            eds: None,
-            device: None,
-            suites: None,
-            bitrate: 1_000_000,
-        };
+        let selection = Selection::of_target(Some(&args.target));
         let mut found = Vec::new();
         for target in target::resolve(&selection, stop)? {
             let mut bus = target.open(stop)?;

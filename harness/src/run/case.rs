@@ -78,14 +78,18 @@ impl CaseRun<'_, '_> {
             Ok(snapshot) => snapshot,
             Err(error) => return self.bus_failed(error),
         };
+        // Bad frames on the wire spoil this case, not those that follow.
+        let lasts = |error: &BusError| !matches!(error, BusError::Controller(_));
         let (outcome, stop) = match self.steps() {
             Ok(outcome) => (outcome, None),
             Err(error) => (self.bus_failed(error.clone()).0, Some(error)),
         };
         // A bus that failed may still carry what leaves the device as it was found.
         match (self.restore(&snapshot), stop) {
-            (_, Some(error)) => (outcome, Aftermath::Stop(error)),
-            (Err(error), None) => (outcome, Aftermath::Stop(error)),
+            (_, Some(error)) | (Err(error), None) if lasts(&error) => {
+                (outcome, Aftermath::Stop(error))
+            }
+            (Err(_), _) | (_, Some(_)) => (outcome, Aftermath::Dirty),
             (Ok(whole), None) => {
                 let passed = outcome.problem().is_none() || matches!(outcome, Outcome::Lenient(_));
                 let calm = whole && passed;

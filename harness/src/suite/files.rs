@@ -141,6 +141,11 @@ fn reused_ids(suites: &[Arc<Suite>]) -> Vec<Complaint> {
             let message = format!("suite {} stands in {} already", name.value, first.source.name);
             complaints.push(Complaint::at(&suite.source, name.place, message));
         }
+        if !suite.source.name.ends_with(&format!("{}.yaml", name.value)) {
+            let message =
+                format!("a suite is named after its file, which is not {}.yaml", name.value);
+            complaints.push(Complaint::at(&suite.source, name.place, message));
+        }
         let mut ids: BTreeMap<&str, &At<Case>> = BTreeMap::new();
         for case in &suite.file.cases {
             let id = &case.value.id;
