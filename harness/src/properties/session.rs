@@ -7,7 +7,7 @@ use arbitrary::{Arbitrary, Unstructured};
 use canopen::nmt::{Command, Service};
 use canopen::sdo::{self, Initiate, Request, Response};
 use canopen::wire::{INTERMISSION_BITS, frame_bits};
-use canopen::{Abort, Bus, Data, Device, Frame, Id, Instant, Mux, Outbox, VirtualBus};
+use canopen::{Abort, Bus, Data, Device, Frame, Id, Instant, Mux, NmtState, Outbox, VirtualBus};
 use reference_devices::Node;
 use reference_devices::rules::Specification;
 
@@ -70,11 +70,14 @@ enum Action {
     Command(u8),
     /// 5: any frame.
     Frame(Frame),
-    /// 6: milliseconds pass, and the device does in time what is due.
+    /// 6: so many milliseconds pass, and the device does in time what is due.
     Wait(u16),
-    /// 7: milliseconds pass before the device does anything.
+    /// 7: so many milliseconds pass before the device does anything.
     Stall(u16),
 }
+
+/// Milliseconds. Longer than what a server gives a client, and not as long as it takes to be slow.
+const LONGEST_WAIT: u16 = 4_096;
 
 impl<'a> Arbitrary<'a> for Action {
     fn arbitrary(bytes: &mut Unstructured<'a>) -> arbitrary::Result<Self> {
@@ -82,7 +85,7 @@ impl<'a> Arbitrary<'a> for Action {
             0..=3 => Self::Request(bytes.arbitrary()?),
             4 => Self::Command(bytes.arbitrary()?),
             5 => Self::Frame(any_frame(bytes)?),
-            6 => Self::Wait(bytes.arbitrary()?),
+            6 => Self::Wait(bytes.arbitrary::<u16>()? % LONGEST_WAIT),
             _ => Self::Stall(bytes.arbitrary()?),
         })
     }
@@ -200,7 +203,14 @@ impl Server {
 
     /// Waits until the device serves SDOs.
     fn boot(&mut self) {
-        self.wait(Duration::from_secs(60));
+        const MOST_POLLS: usize = 10_000;
+        let mut polls = 0;
+        while self.node.state() == NmtState::INITIALISING {
+            self.now = self.node.poll_at().expect("a device that boots is waiting for something");
+            self.poll();
+            polls += 1;
+            assert!(polls < MOST_POLLS, "the device does not boot");
+        }
         let service = Service::ENTER_PRE_OPERATIONAL;
         self.take(Command { service, node: NODE }.frame());
     }

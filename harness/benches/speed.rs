@@ -1,0 +1,114 @@
+//! How fast the parts are that decide how long a run takes, and the run itself.
+
+use std::hint::black_box;
+use std::process::{Command, Stdio};
+use std::sync::Arc;
+use std::time::Duration;
+
+use canopen::{Bus, Device, Frame, Instant, Outbox, Stamped, VirtualBus, eds};
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use harness::plan::Dut;
+use harness::run::{Link, Policy, identity};
+use reference_devices::devices::{self, ReferenceDevice};
+use reference_devices::rules::Specification;
+use reports::{Event, journal};
+
+criterion_group!(benches, whole_run, sdo_round_trips, frames_on_the_bus, eds_read, journal_line);
+criterion_main!(benches);
+
+const BIT_RATE: u32 = 1_000_000;
+
+/// The program, started and ended, with every suite against every reference device.
+fn whole_run(bench: &mut Criterion) {
+    let project = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+    bench.bench_function("whole run", |bench| {
+        bench.iter(|| {
+            let status = Command::new(env!("CARGO_BIN_EXE_harness"))
+                .arg("--no-progress")
+                .current_dir(project)
+                .stdout(Stdio::null())
+                .status();
+            assert!(status.is_ok_and(|status| status.success()));
+        });
+    });
+}
+
+/// What the runner does to read an object, from the request to the value. An identity is five.
+fn sdo_round_trips(bench: &mut Criterion) {
+    let (device, node) = (drr460(), 5);
+    let sheet = eds::read(device.eds_text().as_bytes()).eds;
+    let dut = Dut { name: "drr460".to_owned(), node, eds: Arc::new(sheet) };
+    let policy = Policy::at_bit_rate(BIT_RATE);
+    let mut bus = VirtualBus::new(BIT_RATE);
+    bus.attach(device.node(node, Box::new(Specification)));
+    let mut link = Link::new(&mut bus);
+    link.wait(Instant::ZERO + policy.boot_timeout).expect("a simulated bus does not fail");
+    let mut group = bench.benchmark_group("SDO round trips");
+    group.throughput(Throughput::Elements(5));
+    group.bench_function("drr460", |bench| {
+        bench.iter(|| {
+            let identity = identity(&mut link, &policy, &dut).expect("it does not fail");
+            assert!(identity.serial.is_some());
+            link.take_trace()
+        });
+    });
+    group.finish();
+}
+
+/// Frames of three stations that always have something to send.
+fn frames_on_the_bus(bench: &mut Criterion) {
+    let mut bus = VirtualBus::new(BIT_RATE);
+    for id in [0x185, 0x285, 0x385] {
+        bus.attach(Ticker { id, next: Instant::ZERO });
+    }
+    let mut group = bench.benchmark_group("frames on the virtual bus");
+    group.throughput(Throughput::Elements(1));
+    group.bench_function("three stations", |bench| {
+        bench.iter(|| bus.recv(Instant::NEVER).expect("it does not fail"));
+    });
+    group.finish();
+}
+
+/// A data sheet of some hundred objects.
+fn eds_read(bench: &mut Criterion) {
+    let text = drr460().eds_text();
+    let mut group = bench.benchmark_group("EDS read");
+    group.throughput(Throughput::Bytes(text.len() as u64));
+    group.bench_function("drr460", |bench| bench.iter(|| eds::read(black_box(text.as_bytes()))));
+    group.finish();
+}
+
+/// The line of a frame, as nearly every line of a journal is.
+fn journal_line(bench: &mut Criterion) {
+    let frame = Frame::new(0x585, [0x43, 0x00, 0x10, 0x00, 0x91, 0x01, 0x0F, 0x00]);
+    let event = Event::Frame(Stamped { at: Instant(1_234_567_890), frame, own: false });
+    let mut group = bench.benchmark_group("journal line");
+    group.throughput(Throughput::Elements(1));
+    group.bench_function("frame", |bench| bench.iter(|| journal::line(black_box(&event))));
+    group.finish();
+}
+
+fn drr460() -> ReferenceDevice {
+    devices::device("drr460").expect("it is part of the program")
+}
+
+/// Sends a frame of eight bytes every millisecond's third.
+struct Ticker {
+    id: u16,
+    next: Instant,
+}
+
+impl Device for Ticker {
+    fn handle_frame(&mut self, _: Instant, _: &Frame, _: &mut Outbox) {}
+
+    fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
+        if self.next <= now {
+            out.push(Frame::new(self.id, now.0.to_le_bytes()));
+            self.next += Duration::from_micros(400);
+        }
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        Some(self.next)
+    }
+}
