@@ -23,6 +23,7 @@ use reports::{Keep, Run, Style, journal, junit, terminal};
 use crate::plan::{self, Dut};
 use crate::source::{Complaint, Source};
 use crate::suite::Library;
+use crate::target;
 
 pub use session::{sdo_server_session, virtual_bus};
 
@@ -109,13 +110,10 @@ pub fn suite_load(bytes: &[u8]) {
     let sources =
         [source("suites/requirements/any.yaml", REGISTER), source("suites/any.yaml", text)];
     match Library::from_sources(&sources) {
-        Ok(library) => {
-            let names = [DRR460.to_owned()].into();
-            match plan::plan(&library, &SHEET, &names) {
-                Ok(plan) => plan.instances.iter().for_each(|instance| _ = instance.name()),
-                Err(complaints) => complaints.iter().for_each(in_place),
-            }
-        }
+        Ok(library) => match plan::plan(&library, &SHEET, &target::models(&SHEET.eds)) {
+            Ok(plan) => plan.instances.iter().for_each(|instance| _ = instance.name()),
+            Err(complaints) => complaints.iter().for_each(in_place),
+        },
         Err(complaints) => complaints.iter().for_each(in_place),
     }
 }

@@ -1,6 +1,6 @@
 //! Targets: what the user names, and the device and bus behind it.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::sync::Arc;
@@ -122,16 +122,16 @@ pub fn mutant_of(device: &ReferenceDevice, name: &str) -> Result<mutant::Mutant,
     })
 }
 
-/// The names by which suites may ask for a device with this data sheet: those of the in-tree
-/// devices of the same vendor and product.
-pub fn suite_names(eds: &Eds) -> BTreeSet<String> {
-    let same = |device: &ReferenceDevice| {
-        let (ours, theirs) = (&device.description.eds.device, &eds.device);
+/// The data sheets of the reference devices of the same vendor and product, by the names by which
+/// suites ask for them.
+pub fn models(eds: &Eds) -> BTreeMap<String, Eds> {
+    let same = |model: &Eds| {
+        let (ours, theirs) = (&model.device, &eds.device);
         (ours.vendor_number, ours.product_number) == (theirs.vendor_number, theirs.product_number)
     };
     devices::names()
-        .filter(|name| devices::device(name).is_some_and(|device| same(&device)))
-        .map(str::to_owned)
+        .filter_map(|name| Some((name.to_owned(), devices::device(name)?.description.eds)))
+        .filter(|(_, model)| same(model))
         .collect()
 }
 

@@ -83,7 +83,7 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
 pub(super) fn plan_all(library: &Library, targets: &[Target]) -> Result<Vec<Plan>, Refused> {
     let (mut plans, mut complaints) = (Vec::new(), suites_of_nobody(library));
     for target in targets {
-        match plan::plan(library, &target.dut, &target::suite_names(&target.dut.eds)) {
+        match plan::plan(library, &target.dut, &target::models(&target.dut.eds)) {
             Ok(plan) => plans.push(plan),
             Err(wrong) => complaints.extend(wrong),
         }

@@ -1,9 +1,9 @@
 //! Instances of cases: what `requires`, `each` and `matrix` make of a case for one device.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use canopen::eds::{Access, Direction, Entry, Object, ObjectKind};
+use canopen::eds::{Access, Direction, Eds, Entry, Object, ObjectKind};
 use canopen::{DataType, Mux, Value};
 
 use super::check;
@@ -14,7 +14,8 @@ use crate::suite::literal::{Amount, Literal};
 use crate::suite::model::{AccessName, Case, DirectionName, Each, Has, Objects, Pdos, Requires};
 use crate::suite::{Library, Suite};
 
-/// Binds every suite that is for this device.
+/// Binds every suite that is for this device: those for any device, and those for the reference
+/// devices in `models`, which are of the same vendor and product.
 ///
 /// # Errors
 /// What the suites say that the device's data sheet contradicts: objects that are not there, values
@@ -22,15 +23,19 @@ use crate::suite::{Library, Suite};
 pub fn plan(
     library: &Library,
     dut: &Dut,
-    device_names: &BTreeSet<String>,
+    models: &BTreeMap<String, Eds>,
 ) -> Result<Plan, Vec<Complaint>> {
     let (mut instances, mut complaints) = (Vec::new(), Vec::new());
     for suite in &library.suites {
-        if suite.file.device.as_ref().is_some_and(|device| !device_names.contains(&device.value)) {
-            continue;
-        }
+        let model = match &suite.file.device {
+            None => None,
+            Some(device) => match models.get(&device.value) {
+                Some(model) => Some(model),
+                None => continue,
+            },
+        };
         for (place, case) in suite.file.cases.iter().enumerate() {
-            match bind_case(suite, place, &case.value, dut) {
+            match bind_case(suite, place, &case.value, dut, model) {
                 Ok(bound) => instances.extend(bound),
                 Err(wrong) => complaints.extend(wrong),
             }
@@ -45,6 +50,7 @@ fn bind_case(
     place: usize,
     case: &Case,
     dut: &Dut,
+    model: Option<&Eds>,
 ) -> Result<Vec<Instance>, Vec<Complaint>> {
     let instance =
         |label, scope, skip| Instance { suite: Arc::clone(suite), case: place, label, scope, skip };
@@ -64,24 +70,27 @@ fn bind_case(
     for (name, values) in &case.matrix {
         scopes = cross(scopes, name, &values.value);
     }
-    let bound: Vec<Instance> = scopes
+    let mut bound: Vec<Instance> = scopes
         .into_iter()
         .map(|(labels, scope)| {
             let label = (!labels.is_empty()).then(|| labels.join(","));
             instance(label, scope, None)
         })
         .collect();
-    let complaints: Vec<Complaint> = bound
-        .first()
-        .into_iter()
-        .chain(bound.last())
-        .flat_map(|bound| check::case(bound, dut))
-        .collect();
+    let mut complaints = Vec::new();
+    for bound in &mut bound {
+        let checked = check::case(bound, dut, model);
+        complaints.extend(checked.complaints);
+        bound.skip = checked.lacking.map(no_object);
+    }
     if complaints.is_empty() { Ok(bound) } else { Err(dedup(complaints)) }
 }
 
+fn no_object(mux: Mux) -> String {
+    format!("the data sheet has no object {mux}")
+}
+
 fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {
-    complaints.dedup_by(|a, b| a.place == b.place && a.message == b.message);
     let mut seen = BTreeSet::new();
     complaints.retain(|complaint| seen.insert((complaint.place, complaint.message.clone())));
     complaints
@@ -91,7 +100,7 @@ fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {
 fn lacks(requires: &Requires, dut: &Dut) -> Option<String> {
     let crate::suite::literal::ObjectRef::Fixed(mux) = requires.object.value else { return None };
     match (dut.eds.entry(mux), requires.access) {
-        (None, _) => Some(format!("the data sheet has no object {mux}")),
+        (None, _) => Some(no_object(mux)),
         (Some(entry), Some(access)) if !has_access(entry, access) => {
             let (has, wants) = (entry.access.name(), access_name(access));
             Some(format!("object {mux} is {has}, the case is about {wants}"))

@@ -1,7 +1,8 @@
 //! What can be known to be wrong with a case before anything runs.
 
-use canopen::eds::{Entry, Object};
-use canopen::{DataType, Mux, catalogue};
+use canopen::catalogue::{self, Shape};
+use canopen::eds::{Eds, Entry, Object};
+use canopen::{DataType, Mux};
 
 use super::instance::Instance;
 use super::scope::{Binding, Dut, Scope};
@@ -28,23 +29,36 @@ pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Comp
     Ok(())
 }
 
-/// Every complaint about an instance: names that are not bound or not used, objects that the
-/// device does not have, values that do not fit their object.
-pub(super) fn case(instance: &Instance, dut: &Dut) -> Vec<Complaint> {
+/// What can be said of an instance before it runs.
+pub(super) struct Checked {
+    /// Names that are not bound or not used, objects that nobody knows, values that do not fit.
+    pub complaints: Vec<Complaint>,
+    /// An object of the profile that the case needs and the device does not have.
+    pub lacking: Option<Mux>,
+}
+
+/// Checks every step of an instance.
+pub(super) fn case(instance: &Instance, dut: &Dut, model: Option<&Eds>) -> Checked {
     let case = instance.case();
     let mut checker = Checker {
         scope: instance.scope.clone().watched(),
         suite: &instance.suite,
         case,
         dut,
+        model,
         saved: Vec::new(),
         complaints: Vec::new(),
+        lacking: None,
     };
     for step in case.setup.iter().chain(&case.steps).chain(&case.finally) {
         checker.step(step);
     }
     checker.unused();
-    checker.complaints
+    // Without the object, what rests on it (a saved value, say) is wrong for no other reason.
+    if checker.lacking.is_some() {
+        checker.complaints.clear();
+    }
+    Checked { complaints: checker.complaints, lacking: checker.lacking }
 }
 
 struct Checker<'c> {
@@ -52,8 +66,11 @@ struct Checker<'c> {
     suite: &'c Suite,
     case: &'c Case,
     dut: &'c Dut,
+    /// What the device that the suite is for has; `None` for suites for any device.
+    model: Option<&'c Eds>,
     saved: Vec<(String, Place)>,
     complaints: Vec<Complaint>,
+    lacking: Option<Mux>,
 }
 
 impl Checker<'_> {
@@ -218,8 +235,9 @@ impl Checker<'_> {
         self.note(result.map(|_| ()), literal.place);
     }
 
-    /// The entry a step works on. An object that is not in the data sheet is wrong, unless the
-    /// case is about its absence.
+    /// The entry a step works on. What the profile or the device that the suite is for has, and
+    /// this device lacks, is no reason to complain of the suite; what nobody knows is, unless the
+    /// case is about that.
     fn entry(&mut self, object: &At<ObjectRef>, refused: Option<&At<Refusal>>) -> Option<Entry> {
         let mux = match self.scope.mux(&object.value) {
             Ok(mux) => mux,
@@ -230,17 +248,13 @@ impl Checker<'_> {
         };
         let entry = self.dut.eds.entry(mux);
         if entry.is_none() && refused.is_none() {
-            let hint = match self.case.requires.is_empty()
-                && catalogue::lookup(&["cia301"], mux.index).is_some()
-            {
-                true => "; if it is optional, let the case require it",
-                false => "",
-            };
-            let name = &self.dut.name;
-            self.complain(
-                object.place,
-                format!("unknown object {mux}: the data sheet of {name} has none{hint}"),
-            );
+            if self.model.map_or_else(|| in_profile(mux), |eds| eds.entry(mux).is_some()) {
+                self.lacking.get_or_insert(mux);
+            } else {
+                let name = &self.dut.name;
+                let message = format!("unknown object {mux}: the data sheet of {name} has none");
+                self.complain(object.place, message);
+            }
         }
         entry.cloned()
     }
@@ -265,6 +279,16 @@ impl Checker<'_> {
     fn complain(&mut self, place: Place, message: impl Into<String>) {
         self.complaints.push(Complaint::at(&self.suite.source, place, message));
     }
+}
+
+/// Whether a profile knows a value at that address.
+fn in_profile(mux: Mux) -> bool {
+    catalogue::lookup(&["cia301", "cia401"], mux.index).is_some_and(|object| match object.object {
+        None | Some(Shape::Var | Shape::Domain) => mux.sub == 0,
+        Some(Shape::Array | Shape::Record) => {
+            mux.sub == 0 || object.of_sub(mux.sub).data_type.is_some()
+        }
+    })
 }
 
 /// The bytes of `01 02 0A`.
