@@ -114,8 +114,7 @@ impl Steps<'_, '_> {
             !seen.own && patterns.iter().any(|pattern| pattern.matches(&seen.frame))
         };
         let Some(got) = self.link.find(sent + within, fits)? else {
-            let actual = format!("nothing of the kind within {}", show_time(within));
-            return device(Difference::new(strict.to_string(), actual));
+            return device(self.missing(&strict, start, within));
         };
         if let Some(after) = &expect.after {
             let after = self.time(after)?;
@@ -127,6 +126,24 @@ impl Steps<'_, '_> {
             }
         }
         self.accept(&strict, &expect.lenient, &got)
+    }
+
+    /// What came on the identifier instead, if anything did.
+    fn missing(&self, strict: &Pattern, start: Instant, within: Duration) -> Difference {
+        let id = strict.id();
+        let others = self
+            .link
+            .trace()
+            .iter()
+            .map(|seen| seen.stamped)
+            .filter(|seen| !seen.own && seen.at > start && seen.frame.id == id);
+        let (count, last) =
+            others.fold((0, None), |(count, _), seen| (count + 1, Some(seen.frame)));
+        let nothing = format!("nothing of the kind within {}", show_time(within));
+        let Some(last) = last else { return Difference::new(strict.to_string(), nothing) };
+        let frames = if count == 1 { "1 other frame" } else { "other frames" };
+        let actual = format!("{nothing}, but {frames} {id}, the last {}", canopen::meaning(&last));
+        Difference::new(strict.to_string(), actual).about(last)
     }
 
     fn never(&mut self, never: &Never) -> Judgement {
