@@ -1,0 +1,171 @@
+//! The command line, as folders of files below `cli/`: every folder with a file `args` is a test.
+//!
+//! | file | what it is |
+//! |---|---|
+//! | `args` | the arguments, one per line |
+//! | `exit` | the exit code |
+//! | `stdout`, `stderr` | what is printed; nothing where the file is absent |
+//!
+//! The program runs in the folder, whose other files are there for it. In what is printed, `{..}`
+//! stands for any part of a line and a line `{...}` for any number of lines. `WRITE_CLI_TESTS=1`
+//! writes what was printed over what did not match; put the wildcards back and review it.
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Output;
+
+use common::{harness, project};
+
+#[test]
+fn every_folder() {
+    let mut folders = Vec::new();
+    find(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cli"), &mut folders);
+    assert!(folders.len() >= 40, "only {} folders were found", folders.len());
+    folders.sort();
+    let wrong: Vec<String> = folders.iter().filter_map(|folder| wrong(folder)).collect();
+    assert!(wrong.is_empty(), "{} folders differ\n\n{}", wrong.len(), wrong.join("\n"));
+}
+
+/// On a machine without CAN the reason is another one, and so is the help. Both are right; which
+/// one it is depends on the kernel alone.
+#[test]
+fn an_absent_interface_is_refused_with_what_helps() {
+    for command in [&[][..], &["scan"], &["serve", "drr460"]] {
+        let output = harness().args(command).args(["--target", "vcan99"]).output().unwrap();
+        let said = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(6), "{said}");
+        let no_interface = said.contains("vcan99") && said.contains("ip link add");
+        let no_can = said.contains("no SocketCAN") && said.contains("scripts/with-vcan");
+        assert!(no_interface || no_can, "{said}");
+        assert_eq!(text(&output.stdout), "");
+    }
+}
+
+#[test]
+fn the_committed_schemas_are_those_of_the_program() {
+    for (name, file) in [("suite", "suite"), ("requirements", "requirements")] {
+        let output = harness().args(["schema", name]).output().unwrap();
+        let path = project().join("suites").join(file).with_extension("schema.json");
+        let committed = fs::read_to_string(&path).unwrap();
+        assert!(text(&output.stdout) == committed, "harness schema {name} > {}", path.display());
+    }
+}
+
+#[test]
+fn the_committed_data_sheets_are_those_of_the_program() {
+    let folder = tempfile::tempdir().unwrap();
+    for device in reference_devices::devices::names() {
+        let output =
+            harness().args(["eds", "write", device, "--out"]).arg(folder.path()).output().unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+        for file in ["device.eds", "device.md"] {
+            let written = fs::read(folder.path().join(file)).unwrap();
+            let committed = fs::read(project().join("reference-devices").join(device).join(file));
+            assert!(written == committed.unwrap(), "{device}/{file}: harness eds write {device}");
+        }
+    }
+}
+
+#[test]
+fn the_list_as_json_says_what_the_list_says() {
+    let list = harness().args(["list", "--target", "sim:drr460"]).output().unwrap();
+    let json = harness().args(["list", "--json", "--target", "sim:drr460"]).output().unwrap();
+    let rows: Vec<serde_json::Value> = serde_json::from_slice(&json.stdout).unwrap();
+    let lines: Vec<&str> = text(&list.stdout).lines().take(rows.len()).collect();
+    for (row, line) in rows.iter().zip(lines) {
+        let (device, name) = (row["device"].as_str().unwrap(), row["name"].as_str().unwrap());
+        let reason = row["skip"].as_str().map(|reason| format!("  SKIP: {reason}"));
+        assert_eq!(line, format!("{device}  {name}{}", reason.unwrap_or_default()));
+        let file = fs::read_to_string(project().join(row["file"].as_str().unwrap())).unwrap();
+        let line = row["line"].as_u64().unwrap() as usize;
+        let case = name.rsplit('/').next().unwrap().split('[').next().unwrap();
+        assert!(file.lines().nth(line - 1).unwrap().ends_with(&format!("id: {case}")), "{name}");
+    }
+}
+
+fn find(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            find(&path, found);
+        } else if path.file_name().is_some_and(|name| name == "args") {
+            found.push(folder.to_owned());
+        }
+    }
+}
+
+/// What differs from what the folder says.
+fn wrong(folder: &Path) -> Option<String> {
+    let args = read(folder, "args");
+    let output = harness().current_dir(folder).args(args.lines()).output().unwrap();
+    let printed = [
+        ("stdout", text(&output.stdout).to_owned()),
+        ("stderr", text(&output.stderr).to_owned()),
+        ("exit", format!("{}\n", exit_code(&output))),
+    ];
+    let mut wrong = String::new();
+    for (name, got) in printed {
+        let expected = read(folder, name);
+        if matches(&expected.lines().collect::<Vec<_>>(), &got.lines().collect::<Vec<_>>()) {
+            continue;
+        }
+        if std::env::var_os("WRITE_CLI_TESTS").is_some() {
+            fs::write(folder.join(name), &got).unwrap();
+        }
+        wrong.push_str(&format!("--- expected {name}\n{expected}+++ got {name}\n{got}"));
+    }
+    (!wrong.is_empty()).then(|| format!("=== {}\n{wrong}", folder.display()))
+}
+
+fn exit_code(output: &Output) -> String {
+    output.status.code().map_or_else(|| output.status.to_string(), |code| code.to_string())
+}
+
+fn read(folder: &Path, name: &str) -> String {
+    // Absent is empty.
+    fs::read_to_string(folder.join(name)).unwrap_or_default()
+}
+
+/// Whether lines match, `{...}` any number of them.
+fn matches(expected: &[&str], got: &[&str]) -> bool {
+    match expected.split_first() {
+        None => got.is_empty(),
+        Some((&"{...}", rest)) => (0..=got.len()).any(|skipped| matches(rest, &got[skipped..])),
+        Some((line, rest)) => got
+            .split_first()
+            .is_some_and(|(first, others)| line_matches(line, first) && matches(rest, others)),
+    }
+}
+
+/// Whether a line matches, `{..}` any part of it.
+fn line_matches(expected: &str, got: &str) -> bool {
+    match expected.split_once("{..}") {
+        None => expected == got,
+        Some((start, rest)) => got.strip_prefix(start).is_some_and(|tail| {
+            let mut places = tail.char_indices().map(|(place, _)| place).chain([tail.len()]);
+            places.any(|place| line_matches(rest, &tail[place..]))
+        }),
+    }
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).expect("the program writes UTF-8")
+}
+
+#[test]
+fn wildcards() {
+    let lines = |text: &'static str| text.lines().collect::<Vec<_>>();
+    for (expected, got, same) in [
+        ("a {..} c", "a b c", true),
+        ("a {..} c", "a c", false),
+        ("a{..}", "a", true),
+        ("a\n{...}\nd", "a\nb\nc\nd", true),
+        ("a\n{...}\nd", "a\nd", true),
+        ("a\n{...}\nd", "a\nb\nc", false),
+        ("a", "a\nb", false),
+    ] {
+        assert_eq!(matches(&lines(expected), &lines(got)), same, "{expected:?} {got:?}");
+    }
+}

@@ -1,0 +1,17 @@
+//! The program under test, started as a user would start it.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+/// The program, in the folder of the project. What a server sets must not change its output.
+pub(crate) fn harness() -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_harness"));
+    command.current_dir(project()).env_remove("GITHUB_ACTIONS").env_remove("RUST_BACKTRACE");
+    command
+}
+
+/// The folder of the project.
+pub(crate) fn project() -> PathBuf {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    manifest.parent().expect("the crate is a folder of the project").to_owned()
+}

@@ -1,0 +1,209 @@
+//! The harness on a real bus: the device in one process, the harness in another, the kernel's CAN
+//! between them. `scripts/with-vcan cargo test -p harness --test vcan -- --ignored` runs these.
+
+mod common;
+#[path = "common/record.rs"]
+mod record;
+
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::Duration;
+
+use canopen::Bus;
+use harness::bus::socketcan::SocketCan;
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
+use reports::{Run, Verdict};
+use tempfile::TempDir;
+
+use common::harness;
+
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn the_real_bus_gives_the_verdicts_of_the_virtual_one() {
+    let _wire = wire();
+    let files = Files::new();
+    let output = harness().args(["--target", "sim:drr460"]).args(files.options()).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stdout));
+    let in_virtual_time = files.run();
+
+    let _served = Served::start();
+    let output = harness().args(["--target", "vcan0"]).args(files.options()).output().unwrap();
+    let run = files.run();
+    let differences = record::differences(&in_virtual_time, &run);
+    assert!(differences.is_empty(), "{differences}");
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), ""));
+    assert!(files.junit().contains("<testcase"));
+}
+
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn a_scan_finds_the_device_that_is_served() {
+    let _wire = wire();
+    let mut served = Served::start();
+    let output = harness().args(["scan", "--target", "vcan0"]).output().unwrap();
+    let found = text(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
+    assert_eq!(found.lines().count(), 2, "a heading and one node: {found}");
+    assert!(
+        found.lines().any(|line| line.starts_with("1 ") && line.ends_with("drr460")),
+        "{found}"
+    );
+
+    interrupt(&served.0);
+    assert_eq!(served.0.wait().unwrap().code(), Some(0), "Ctrl-C is how serving ends");
+}
+
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn a_bus_with_nobody_is_refused_with_what_helps() {
+    let _wire = wire();
+    for arguments in [&["--target", "vcan0"][..], &["scan", "--target", "vcan0"]] {
+        let output = harness().args(arguments).output().unwrap();
+        assert_eq!(output.status.code(), Some(6));
+        let said = text(&output.stderr);
+        assert!(said.starts_with("error: nobody answers on vcan0."), "{said}");
+        assert!(said.contains("\n  candump "), "{said}");
+        assert!(said.contains("\n  harness serve drr460 --target vcan0\n"), "{said}");
+        assert_eq!(text(&output.stdout), "", "nothing ran");
+    }
+}
+
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn ctrl_c_restores_what_was_touched_and_reports_what_ran() {
+    let _wire = wire();
+    let files = Files::new();
+    let _served = Served::start();
+    let mut seen = SocketCan::open("vcan0", Arc::default()).expect("vcan0 is up");
+    let run = files.start(&["interrupted/short", "interrupted/long"]);
+    wait_for_the_write(&mut seen);
+    interrupt(&run);
+    let output = run.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+
+    let run = files.run();
+    assert_eq!(verdicts(&run), [("short", Verdict::Pass), ("long", Verdict::Error)]);
+    assert_eq!(run.ended.map(|ended| ended.exit), Some(130));
+    assert_eq!(files.junit().matches("<testcase").count(), 2);
+
+    let output = files.start(&["interrupted/restored"]).wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+}
+
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn a_device_that_dies_in_the_middle_still_gives_a_report() {
+    let _wire = wire();
+    let files = Files::new();
+    let mut served = Served::start();
+    let mut seen = SocketCan::open("vcan0", Arc::default()).expect("vcan0 is up");
+    let run = files.start(&["gone"]);
+    wait_for_the_write(&mut seen);
+    served.0.kill().unwrap();
+    let output = run.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(7), "{}", text(&output.stderr));
+
+    let run = files.run();
+    let expected = [
+        ("before", Verdict::Pass),
+        ("during", Verdict::Fail),
+        ("after", Verdict::Error),
+        ("long-after", Verdict::Error),
+    ];
+    assert_eq!(verdicts(&run), expected);
+    assert_eq!(run.ended.map(|ended| ended.exit), Some(7));
+    assert_eq!(files.junit().matches("<testcase").count(), 4);
+}
+
+/// There is one vcan0, and no test may see the device of another one.
+fn wire() -> MutexGuard<'static, ()> {
+    static WIRE: Mutex<()> = Mutex::new(());
+    WIRE.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+/// A reference device on vcan0, until this is dropped.
+struct Served(Child);
+
+impl Served {
+    /// Returns when the device is on the bus.
+    fn start() -> Self {
+        let mut command = harness();
+        command.args(["serve", "drr460", "--target", "vcan0"]).stderr(Stdio::piped());
+        let mut child = command.spawn().unwrap();
+        let mut line = String::new();
+        let errors = child.stderr.as_mut().expect("it was asked for");
+        BufReader::new(errors).read_line(&mut line).unwrap();
+        assert!(line.contains("is node 1 on vcan0"), "{line}");
+        Self(child)
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        // It may have been ended already.
+        _ = self.0.kill();
+        _ = self.0.wait();
+    }
+}
+
+/// Where the reports of a run go.
+struct Files(TempDir);
+
+impl Files {
+    fn new() -> Self {
+        Self(TempDir::new().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn options(&self) -> [PathBuf; 4] {
+        let flags = ["--journal", "--junit"].map(PathBuf::from);
+        let [journal, junit] = flags;
+        [journal, self.path("journal.jsonl"), junit, self.path("junit.xml")]
+    }
+
+    /// Starts a run of the suites beside this file.
+    fn start(&self, cases: &[&str]) -> Child {
+        let suites = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vcan/suites");
+        let mut command = harness();
+        command.args(["--target", "vcan0", "--suites", suites]).args(cases).args(self.options());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    }
+
+    fn run(&self) -> Run {
+        record::read(&self.path("journal.jsonl"))
+    }
+
+    fn junit(&self) -> String {
+        std::fs::read_to_string(self.path("junit.xml")).unwrap()
+    }
+}
+
+fn verdicts(run: &Run) -> Vec<(&str, Verdict)> {
+    run.cases().map(|(_, case)| (case.info.case.as_str(), case.verdict())).collect()
+}
+
+/// Returns when the device has confirmed the download to 1017h.
+fn wait_for_the_write(bus: &mut SocketCan) {
+    let give_up = bus.now() + Duration::from_secs(30);
+    loop {
+        let seen = bus.recv(give_up).expect("vcan0 works").expect("the case writes to 1017h");
+        if seen.frame.to_string() == "581#6017100000000000" {
+            return;
+        }
+    }
+}
+
+fn interrupt(child: &Child) {
+    let id = child.id().try_into().expect("process ids are positive numbers of 32 bits");
+    kill(Pid::from_raw(id), Signal::SIGINT).unwrap();
+}
+
+fn text(bytes: &[u8]) -> &str {
+    std::str::from_utf8(bytes).expect("the program writes UTF-8")
+}
