@@ -1,11 +1,7 @@
 //! What holds for every file of the project, and no compiler looks at.
 
-mod common;
-
 use std::fs;
 use std::path::{Path, PathBuf};
-
-use common::project;
 
 #[test]
 fn no_file_is_longer_than_700_lines() {
@@ -126,6 +122,11 @@ fn each(extensions: &[&str], wrong: impl Fn(&str, &str) -> Option<String>) {
     assert!(seen > 1, "the project has more than {seen} files like that");
     complaints.sort();
     assert!(complaints.is_empty(), "\n{}", complaints.join("\n"));
+}
+
+fn project() -> PathBuf {
+    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
+    manifest.parent().expect("the crate is a folder of the project").to_owned()
 }
 
 fn find(folder: &Path, files: &mut Vec<PathBuf>) {
