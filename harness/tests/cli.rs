@@ -21,7 +21,7 @@ use common::{harness, project};
 #[test]
 fn every_folder() {
     let mut folders = Vec::new();
-    find(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cli"), &mut folders);
+    find(&cli(), &mut folders);
     assert!(folders.len() >= 40, "only {} folders were found", folders.len());
     folders.sort();
     let wrong: Vec<String> = folders.iter().filter_map(|folder| wrong(folder)).collect();
@@ -83,6 +83,30 @@ fn the_list_as_json_says_what_the_list_says() {
         let case = name.rsplit('/').next().unwrap().split('[').next().unwrap();
         assert!(file.lines().nth(line - 1).unwrap().ends_with(&format!("id: {case}")), "{name}");
     }
+}
+
+/// The texts of this run stand in `cli/run/dies-in-the-middle`.
+#[test]
+fn a_device_that_dies_in_the_middle_still_gives_reports() {
+    let folder = tempfile::tempdir().unwrap();
+    let (journal, junit) = (folder.path().join("journal"), folder.path().join("junit.xml"));
+    let output = harness()
+        .current_dir(cli().join("run/dies-in-the-middle"))
+        .args(["--target", "sim:drr460?mutant=reset-node-stops", "--journal"])
+        .arg(&journal)
+        .arg("--junit")
+        .arg(&junit)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(7), "{}", text(&output.stderr));
+    let journal = fs::read_to_string(journal).unwrap();
+    assert_eq!(journal.lines().filter(|line| line.starts_with("{\"case-ended\"")).count(), 4);
+    assert!(journal.lines().last().unwrap().starts_with("{\"run-ended\":{\"exit\":7"));
+    assert_eq!(fs::read_to_string(junit).unwrap().matches("<testcase").count(), 4);
+}
+
+fn cli() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cli")
 }
 
 fn find(folder: &Path, found: &mut Vec<PathBuf>) {
