@@ -64,11 +64,9 @@ impl Ord for Id {
 
 impl fmt::Display for Id {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.is_extended() {
-            write!(f, "{:08X}", self.raw())
-        } else {
-            write!(f, "{:03X}", self.raw())
-        }
+        let mut text = Text::default();
+        text.id(*self);
+        f.write_str(text.as_str())
     }
 }
 
@@ -129,7 +127,9 @@ impl<const N: usize> From<[u8; N]> for Data {
 
 impl fmt::Display for Data {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.iter().try_for_each(|byte| write!(f, "{byte:02X}"))
+        let mut text = Text::default();
+        text.data(self);
+        f.write_str(text.as_str())
     }
 }
 
@@ -172,17 +172,61 @@ impl Frame {
 
 impl fmt::Display for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut text = Text::default();
+        text.id(self.id);
+        text.push(b'#');
         match (self.remote, self.data.len()) {
-            (true, 0) => write!(f, "{}#R", self.id),
-            (true, len) => write!(f, "{}#R{len}", self.id),
-            (false, _) => write!(f, "{}#{}", self.id, self.data),
+            (true, 0) => text.push(b'R'),
+            (true, len) => {
+                text.push(b'R');
+                text.digit(len as u32);
+            }
+            (false, _) => text.data(&self.data),
         }
+        f.write_str(text.as_str())
     }
 }
 
 impl fmt::Debug for Frame {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Display::fmt(self, f)
+    }
+}
+
+/// A frame's text while it is put together. Nearly all of a journal is frames, and writing each
+/// digit through a formatter takes most of the time.
+#[derive(Default)]
+struct Text {
+    /// As long as the longest: eight digits, `#`, sixteen digits.
+    bytes: [u8; 25],
+    len: usize,
+}
+
+impl Text {
+    fn push(&mut self, byte: u8) {
+        self.bytes[self.len] = byte;
+        self.len += 1;
+    }
+
+    /// The lowest four bits of `number`.
+    fn digit(&mut self, number: u32) {
+        self.push(b"0123456789ABCDEF"[number as usize & 0xF]);
+    }
+
+    fn id(&mut self, id: Id) {
+        let digits = if id.is_extended() { 8 } else { 3 };
+        (0..digits).rev().for_each(|place| self.digit(id.raw() >> (4 * place)));
+    }
+
+    fn data(&mut self, data: &[u8]) {
+        for byte in data {
+            self.digit(u32::from(byte >> 4));
+            self.digit(u32::from(*byte));
+        }
+    }
+
+    fn as_str(&self) -> &str {
+        str::from_utf8(&self.bytes[..self.len]).expect("digits are ASCII")
     }
 }
 

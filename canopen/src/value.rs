@@ -324,7 +324,8 @@ mod tests {
         #[test]
         fn whole_numbers_survive(code in 0usize..DataType::ALL.len(), number: i64) {
             let data_type = DataType::ALL[code];
-            if let Ok(bytes) = data_type.encode(&Value::Int(number.into())) && data_type.is_integer() {
+            let bytes = data_type.encode(&Value::Int(number.into()));
+            if let Ok(bytes) = bytes && data_type.is_integer() {
                 prop_assert_eq!(Some(bytes.len()), data_type.size());
                 prop_assert_eq!(data_type.decode(&bytes), Ok(Value::Int(number.into())));
             }

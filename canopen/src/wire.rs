@@ -37,8 +37,8 @@ const TAIL_BITS: u32 = 10;
 
 /// The check sum over the lowest `bits` bits. Leading zeros do not change it, so whole bytes do.
 fn crc15(word: u128, bits: u32) -> u16 {
-    (0..bits.div_ceil(8)).rev().fold(0, |crc, byte| {
-        let index = (crc >> 7) as u8 ^ (word >> (8 * byte)) as u8;
+    lowest_bytes(&word.to_be_bytes(), bits.div_ceil(8)).iter().fold(0, |crc, byte| {
+        let index = (crc >> 7) as u8 ^ byte;
         (crc << 8 ^ CRC_TABLE[usize::from(index)]) & 0x7FFF
     })
 }
@@ -52,12 +52,16 @@ fn stuff_bits(word: u128, bits: u32) -> u32 {
         state = next;
         count += u32::from(stuffed);
     }
-    for byte in (0..whole).rev() {
-        let step = STUFF_TABLE[usize::from(state)][usize::from((word >> (8 * byte)) as u8)];
+    for byte in lowest_bytes(&word.to_be_bytes(), whole) {
+        let step = STUFF_TABLE[usize::from(state)][usize::from(*byte)];
         state = step.0;
         count += u32::from(step.1);
     }
     count
+}
+
+fn lowest_bytes(word: &[u8; 16], count: u32) -> &[u8] {
+    &word[16 - count as usize..]
 }
 
 /// States of the stuffing machine: `4 * last bit + equal bits - 1`, and one for the beginning.
@@ -158,7 +162,10 @@ mod tests {
             raw: u32,
             extended: bool,
             remote: bool,
-            bytes in proptest::collection::vec(prop_oneof![Just(0u8), Just(0xFF), any::<u8>()], 0..=8),
+            bytes in proptest::collection::vec(
+                prop_oneof![Just(0u8), Just(0xFF), any::<u8>()],
+                0..=8,
+            ),
         ) {
             let id = if extended { Id::extended(raw) } else { Id::standard(raw as u16) };
             let frame = Frame { id, data: Data::new(&bytes), remote };

@@ -92,7 +92,8 @@ impl Matrix {
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "{}: {} mutants, {killed} killed, {canaries} canary; {} cases, {} of them proved able to fail",
+            "{}: {} mutants, {killed} killed, {canaries} canary; \
+             {} cases, {} of them proved able to fail",
             self.device,
             self.rows.len(),
             self.clean.len(),

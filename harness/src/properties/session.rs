@@ -70,14 +70,12 @@ enum Action {
     Command(u8),
     /// 5: any frame.
     Frame(Frame),
-    /// 6: so many milliseconds pass, and the device does in time what is due.
+    /// 6: so many milliseconds pass, as far as [`WAITS`] allows, and the device does in time what
+    /// is due.
     Wait(u16),
     /// 7: so many milliseconds pass before the device does anything.
     Stall(u16),
 }
-
-/// Milliseconds. Longer than what a server gives a client, and not as long as it takes to be slow.
-const LONGEST_WAIT: u16 = 4_096;
 
 impl<'a> Arbitrary<'a> for Action {
     fn arbitrary(bytes: &mut Unstructured<'a>) -> arbitrary::Result<Self> {
@@ -85,7 +83,7 @@ impl<'a> Arbitrary<'a> for Action {
             0..=3 => Self::Request(bytes.arbitrary()?),
             4 => Self::Command(bytes.arbitrary()?),
             5 => Self::Frame(any_frame(bytes)?),
-            6 => Self::Wait(bytes.arbitrary::<u16>()? % LONGEST_WAIT),
+            6 => Self::Wait(bytes.arbitrary()?),
             _ => Self::Stall(bytes.arbitrary()?),
         })
     }
@@ -111,11 +109,17 @@ fn any_frame(bytes: &mut Unstructured) -> arbitrary::Result<Frame> {
 struct Server {
     node: Node,
     now: Instant,
+    /// What is left of [`WAITS`].
+    waits: Duration,
     out: Outbox,
 }
 
 const ANSWERS: u16 = sdo::RESPONSE_COB_ID + NODE as u16;
 const REQUESTS: u16 = sdo::REQUEST_COB_ID + NODE as u16;
+
+/// How long a device may be watched in one session: several times as long as a server waits for
+/// its client, and short enough for thousands of sessions in a minute.
+const WAITS: Duration = Duration::from_secs(4);
 
 /// More than a device can want to say at one instant.
 const MOST_FRAMES: usize = 64;
@@ -123,7 +127,7 @@ const MOST_FRAMES: usize = 64;
 impl Server {
     fn new() -> Self {
         let node = DEVICE.node(NODE, Box::new(Specification));
-        let mut server = Self { node, now: Instant::ZERO, out: Outbox::default() };
+        let mut server = Self { node, now: Instant::ZERO, waits: WAITS, out: Outbox::default() };
         server.boot();
         server
     }
@@ -143,7 +147,11 @@ impl Server {
                 self.take(Command { service, node: NODE }.frame());
             }
             Action::Frame(frame) => self.take(frame),
-            Action::Wait(span) => self.wait(Duration::from_millis(span.into())),
+            Action::Wait(span) => {
+                let span = Duration::from_millis(span.into()).min(self.waits);
+                self.waits -= span;
+                self.wait(span);
+            }
             Action::Stall(span) => {
                 self.now += Duration::from_millis(span.into());
                 self.poll();

@@ -17,6 +17,9 @@ pub struct Policy {
     pub boot_timeout: Duration,
     /// How long the wire must be idle for nothing to be in flight.
     pub quiet: Duration,
+    /// How long it must be idle after the start of a node, for what the application sends to have
+    /// come to rest.
+    pub quiet_after_start: Duration,
     /// How late a frame may be because another one is on the wire.
     pub bus_slack: Duration,
 }
@@ -30,6 +33,7 @@ impl Policy {
             sdo_timeout: Duration::from_secs(1),
             boot_timeout: Duration::from_secs(10),
             quiet: Duration::from_millis(5),
+            quiet_after_start: Duration::from_millis(50),
             bus_slack: Duration::from_nanos(
                 LONGEST_FRAME_BITS * 1_000_000_000 / u64::from(bit_rate),
             ),

@@ -73,13 +73,13 @@ pub(super) fn enter(
     dut: &Dut,
     state: Option<State>,
 ) -> Result<(), BusError> {
-    let service = match state.unwrap_or(State::PreOperational) {
+    let (service, quiet) = match state.unwrap_or(State::PreOperational) {
         State::PreOperational => return Ok(()),
-        State::Operational => Service::START,
-        State::Stopped => Service::STOP,
+        State::Operational => (Service::START, policy.quiet_after_start),
+        State::Stopped => (Service::STOP, policy.quiet),
     };
     link.send(&Command { service, node: dut.node }.frame())?;
-    link.drain(policy.quiet)
+    link.drain(quiet)
 }
 
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);

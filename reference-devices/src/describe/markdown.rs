@@ -183,8 +183,10 @@ mod tests {
         for line in [
             "| 1017h | 0 | Producer heartbeat time | unsigned16 | rw | 0 |  | ms |  | 11.2.16 \
              | 0 switches the producer off. |",
-            "| 1003h | 1..10 | Standard error field 1..10 | unsigned32 | ro | 0 |  |  |  | 11.2.3 |  |",
-            "| 3000h | 11..15 | Reserved parameter 11..15 | integer16 | rw | 0 |  |  |  | 11.3.2 |  |",
+            "| 1003h | 1..10 | Standard error field 1..10 | unsigned32 | ro | 0 |  |  |  \
+             | 11.2.3 |  |",
+            "| 3000h | 11..15 | Reserved parameter 11..15 | integer16 | rw | 0 |  |  |  \
+             | 11.3.2 |  |",
             "| 1800h | 1 | COB-ID used by TPDO | unsigned32 | rw | node id + 180h |",
             "| 3000h | 34 | Integral time | integer16 | rw | 0 | 0 .. 20000 | 0.1 s |",
         ] {

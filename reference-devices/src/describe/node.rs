@@ -130,7 +130,8 @@ mod tests {
     fn a_table_of_messages_is_what_it_says() {
         let yaml = "heartbeat: { code: 0x8130, register: 0x11, vendor: 00 05 subject 00 00, \
             end-repeats: true }\n\
-            rpdo-too-short: { code: 0x8210, register: 0x81, vendor: 00 05 expected actual subject }";
+            rpdo-too-short: { code: 0x8210, register: 0x81, \
+            vendor: 00 05 expected actual subject }";
         let table = table(&serde_yaml::from_str(yaml).unwrap()).unwrap();
         let heartbeat = table.heartbeat.unwrap();
         assert_eq!((heartbeat.code, heartbeat.register), (EmcyCode::HEARTBEAT, 0x11));
