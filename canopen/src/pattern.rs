@@ -367,7 +367,10 @@ mod tests {
         }
 
         #[test]
-        fn a_frame_is_a_pattern_of_itself(id in 0u16..0x800, bytes in proptest::collection::vec(any::<u8>(), 0..=8)) {
+        fn a_frame_is_a_pattern_of_itself(
+            id in 0u16..0x800,
+            bytes in proptest::collection::vec(any::<u8>(), 0..=8),
+        ) {
             let frame = Frame::new(id, Data::new(&bytes));
             let pattern: Pattern = frame.to_string().parse().unwrap();
             prop_assert!(pattern.matches(&frame));

@@ -174,7 +174,9 @@ mod tests {
         }
 
         #[test]
-        fn what_is_packed_is_unpacked(fields in proptest::collection::vec((any::<u64>(), 0u8..=64), 0..12)) {
+        fn what_is_packed_is_unpacked(
+            fields in proptest::collection::vec((any::<u64>(), 0u8..=64), 0..12),
+        ) {
             let mut packer = Packer::default();
             let mut used = 0u32;
             for (value, bits) in &fields {

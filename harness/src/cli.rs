@@ -72,7 +72,8 @@ pub struct Selection {
     #[arg(long, value_name = "DIR")]
     pub suites: Option<PathBuf>,
     /// Bit rate of the bus in bit/s: that of the simulation; it says how exact a real bus can be
-    #[arg(long, default_value_t = DEFAULT_BIT_RATE, value_name = "BITS", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub bitrate: u32,
 }
 

@@ -301,7 +301,7 @@ macro_rules! scalar {
 
 scalar! {
     Amount: "A time: `500 us`, `20 ms`, `1 s`, `$period`, `2 x $period`.";
-    Tolerance: "Bounds: `9 ms +/- 10 %`, `$period +/- 2 ms`, `>= 5 ms`, `<= 5 ms`, `9 ms .. 11 ms`.";
+    Tolerance: "Bounds: `9 ms +/- 10 %`, `$period +/- 2 ms`, `>= 5 ms`, `9 ms .. 11 ms`.";
     ObjectRef: "An object, quoted: `\"1017:00\"` or `$mux`.";
     FrameText: "A frame pattern: `580+n#80 $mux 02 00 01 06`.";
 }
