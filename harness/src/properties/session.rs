@@ -70,8 +70,7 @@ enum Action {
     Command(u8),
     /// 5: any frame.
     Frame(Frame),
-    /// 6: so many milliseconds pass, as far as [`WAITS`] allows, and the device does in time what
-    /// is due.
+    /// 6: so many milliseconds pass, and the device does in time what is due.
     Wait(u16),
     /// 7: so many milliseconds pass before the device does anything.
     Stall(u16),
@@ -117,9 +116,9 @@ struct Server {
 const ANSWERS: u16 = sdo::RESPONSE_COB_ID + NODE as u16;
 const REQUESTS: u16 = sdo::REQUEST_COB_ID + NODE as u16;
 
-/// How long a device may be watched in one session: several times as long as a server waits for
-/// its client, and short enough for thousands of sessions in a minute.
-const WAITS: Duration = Duration::from_secs(4);
+/// How much time can pass in one session: more than a server waits for its client, and short enough
+/// for thousands of sessions in a minute.
+const WAITS: Duration = Duration::from_secs(3);
 
 /// More than a device can want to say at one instant.
 const MOST_FRAMES: usize = 64;
@@ -148,15 +147,22 @@ impl Server {
             }
             Action::Frame(frame) => self.take(frame),
             Action::Wait(span) => {
-                let span = Duration::from_millis(span.into()).min(self.waits);
-                self.waits -= span;
+                let span = self.granted(span);
                 self.wait(span);
             }
             Action::Stall(span) => {
-                self.now += Duration::from_millis(span.into());
+                let span = self.granted(span);
+                self.now += span;
                 self.poll();
             }
         }
+    }
+
+    /// So many milliseconds, as far as they are left.
+    fn granted(&mut self, span: u16) -> Duration {
+        let span = Duration::from_millis(span.into()).min(self.waits);
+        self.waits -= span;
+        span
     }
 
     /// Gives the device a frame and judges what it answers at once.
