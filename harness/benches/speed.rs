@@ -55,7 +55,7 @@ fn sdo_round_trips(bench: &mut Criterion) {
     group.finish();
 }
 
-/// Frames of three stations that always have something to send.
+/// Frames of three stations that fill nine tenths of the wire.
 fn frames_on_the_bus(bench: &mut Criterion) {
     let mut bus = VirtualBus::new(BIT_RATE);
     for id in [0x185, 0x285, 0x385] {
@@ -92,7 +92,7 @@ fn drr460() -> ReferenceDevice {
     devices::device("drr460").expect("it is part of the program")
 }
 
-/// Sends a frame of eight bytes every millisecond's third.
+/// Sends a frame of eight bytes every 400 microseconds.
 struct Ticker {
     id: u16,
     next: Instant,
