@@ -13,18 +13,24 @@ use canopen::{Abort, Mux, NmtState};
 
 use crate::nmt::{Change, Reset};
 
+mod lss;
 mod mutants;
+mod sdo_block;
 
+pub use lss::LssRules;
 pub use mutants::{named, names};
+pub use sdo_block::SdoBlockRules;
 
 /// A device that keeps to the specification.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Specification;
 
 impl Rules for Specification {}
+impl LssRules for Specification {}
+impl SdoBlockRules for Specification {}
 
 /// The decisions. Clauses are those of CiA 301, version 4.2.
-pub trait Rules: Send {
+pub trait Rules: LssRules + SdoBlockRules + Send {
     // Network management, 7.2.8 and 7.3.2
 
     /// A command has exactly two bytes (7.2.8.3.1).

@@ -8,34 +8,43 @@ use canopen::pdo::CobId;
 use canopen::sdo::Request;
 use canopen::{Abort, Data, Mux, NmtState};
 
-use super::Rules;
+use super::{LssRules, Rules, SdoBlockRules, lss, sdo_block};
 use crate::nmt::{Change, Reset};
 
 /// The rules of the device that is wrong in just the way `name` says; `None` when there is none.
 pub fn named(name: &str) -> Option<Box<dyn Rules>> {
-    let (_, make) = MUTANTS.iter().find(|(known, _)| *known == name)?;
+    let (_, make) = all().find(|(known, _)| *known == name)?;
     Some(make())
 }
 
 /// The names that [`named`] knows.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    MUTANTS.iter().map(|(name, _)| *name)
+    all().map(|(name, _)| *name)
 }
 
-type Mutant = (&'static str, fn() -> Box<dyn Rules>);
+fn all() -> impl Iterator<Item = &'static Mutant> {
+    MUTANTS.iter().chain(sdo_block::MUTANTS).chain(lss::MUTANTS)
+}
 
-/// Each mutant is its name and the one method that differs.
+pub(super) type Mutant = (&'static str, fn() -> Box<dyn Rules>);
+
+/// Each mutant is its name and the methods of the first trait that differ.
 macro_rules! mutants {
-    ($($name:literal { $($method:tt)* })*) => {
-        const MUTANTS: &[Mutant] = &[$(($name, || {
+    ($trait:ident, as specified $second:ident $third:ident; $($name:literal { $($method:tt)* })*) => {
+        pub(super) const MUTANTS: &[crate::rules::mutants::Mutant] = &[$(($name, || {
             struct Mutant;
-            impl Rules for Mutant { $($method)* }
+            impl $trait for Mutant { $($method)* }
+            impl $second for Mutant {}
+            impl $third for Mutant {}
             Box::new(Mutant)
         })),*];
     };
 }
+pub(super) use mutants;
 
 mutants! {
+    Rules, as specified SdoBlockRules LssRules;
+
     // Network management
     "no-boot-up" {
         fn boot_up_messages(&self) -> u32 { 0 }
