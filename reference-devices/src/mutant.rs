@@ -42,8 +42,9 @@ pub fn read(text: &str) -> Result<Vec<Mutant>, serde_yaml::Error> {
 /// The file that does not load, and why.
 pub fn of(device: &ReferenceDevice) -> Result<Vec<Mutant>, String> {
     let mut mutants: Vec<Mutant> = Vec::new();
-    for (file, text) in sources(device) {
-        for mutant in read(text).map_err(|error| format!("{file}: {error}"))? {
+    for (place, (file, text)) in sources(device).into_iter().enumerate() {
+        for mut mutant in read(text).map_err(|error| format!("{file}: {error}"))? {
+            mutant.shared = place < COMMON.len();
             if mutants.iter().any(|other| other.name == mutant.name) {
                 return Err(format!("{file}: mutant {} stands there twice", mutant.name));
             }

@@ -1,5 +1,8 @@
-//! `harness qualify`: the proof that every case can fail. Every mutant of every device meets every
-//! case in virtual time; what each case makes of each mutant is the kill matrix.
+//! `harness qualify`: the proof that every case can fail. Every mutant meets the cases of the
+//! requirements it breaks, in virtual time; what each of them makes of it is the kill matrix.
+//!
+//! Mutants that any device can be are proved on the device with everything, and so are the suites
+//! for any device; a device's own mutants and suites are proved on that device.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -13,7 +16,7 @@ use reports::{Event, Verdict};
 use super::run::plan_all;
 use crate::cli::{DEFAULT_BIT_RATE, QualifyArgs, Selection};
 use crate::exit::{Exit, Refused};
-use crate::plan::Plan;
+use crate::plan::{Instance, Plan};
 use crate::reporter::say;
 use crate::run::{Ending, Policy, Session};
 use crate::suite::Library;
@@ -60,9 +63,7 @@ struct Row {
     mutant: Mutant,
     /// The cases that fail.
     kills: BTreeSet<String>,
-    /// The cases that fail and check a requirement the mutant breaks.
-    aimed: BTreeSet<String>,
-    /// The requirements that such a case checks and the mutant breaks.
+    /// The requirements that the mutant breaks and such a case checks.
     proved: BTreeSet<String>,
     ending: Ending,
 }
@@ -72,8 +73,9 @@ type Verdicts = BTreeMap<String, BTreeSet<Verdict>>;
 impl Matrix {
     fn of(library: &Library, name: &str) -> Result<Self, Refused> {
         let device = reference_device(name)?;
-        let mutants =
+        let mut mutants =
             mutant::of(&device).map_err(|message| Refused { exit: Exit::File, message })?;
+        mutants.retain(|mutant| !mutant.shared || name == WITH_EVERYTHING);
         let targets = target::resolve(
             &Selection::of_target(Some(&format!("sim:{name}"))),
             &Arc::new(AtomicBool::new(false)),
@@ -86,7 +88,7 @@ impl Matrix {
     }
 
     fn show(&self, text: &mut String, verbose: bool) {
-        let killed = self.rows.iter().filter(|row| !row.aimed.is_empty()).count();
+        let killed = self.rows.iter().filter(|row| !row.kills.is_empty()).count();
         let canaries = self.rows.iter().filter(|row| row.mutant.canary).count();
         let proved: BTreeSet<&String> = self.rows.iter().flat_map(|row| &row.kills).collect();
         // Writing to a string cannot fail.
@@ -107,8 +109,7 @@ impl Matrix {
             };
             _ = writeln!(text, "  {}: {mark} ({})", row.mutant.name, row.mutant.breaks.join(" "));
             for case in &row.kills {
-                let aim = if row.aimed.contains(case) { "*" } else { " " };
-                _ = writeln!(text, "   {aim} {case}");
+                _ = writeln!(text, "    {case}");
             }
         }
     }
@@ -127,23 +128,24 @@ fn row(library: &Library, plan: &Plan, clean: &Target, mutant: &Mutant) -> Resul
         },
         options: String::new(),
     };
-    let (verdicts, ending) = verdicts(library, plan, &target)?;
+    let meets = |instance: &&Instance| mutant.canary || broken(mutant, instance).next().is_some();
+    let instances = plan.instances.iter().filter(meets).cloned().collect();
+    let plan = Plan { dut: plan.dut.clone(), instances };
+    let (verdicts, ending) = verdicts(library, &plan, &target)?;
     let kills: BTreeSet<String> = verdicts
         .into_iter()
         .filter(|(_, verdicts)| verdicts.contains(&Verdict::Fail))
         .map(|(case, _)| case)
         .collect();
-    let (mut aimed, mut proved) = (BTreeSet::new(), BTreeSet::new());
-    for instance in &plan.instances {
-        let name = case_name(instance);
-        let checks = instance.case().checks.iter().map(|id| &id.value);
-        let broken: Vec<&String> = checks.filter(|id| mutant.breaks.contains(id)).collect();
-        if kills.contains(&name) && !broken.is_empty() {
-            aimed.insert(name);
-            proved.extend(broken.into_iter().cloned());
-        }
-    }
-    Ok(Row { mutant: mutant.clone(), kills, aimed, proved, ending })
+    let killing = plan.instances.iter().filter(|instance| kills.contains(&case_name(instance)));
+    let proved = killing.flat_map(|instance| broken(mutant, instance)).cloned().collect();
+    Ok(Row { mutant: mutant.clone(), kills, proved, ending })
+}
+
+/// The requirements that the mutant breaks and the case checks.
+fn broken<'m>(mutant: &'m Mutant, instance: &Instance) -> impl Iterator<Item = &'m String> {
+    let checks: BTreeSet<&String> = instance.case().checks.iter().map(|id| &id.value).collect();
+    mutant.breaks.iter().filter(move |id| checks.contains(id))
 }
 
 /// The verdicts by case, over all its instances.
@@ -173,7 +175,7 @@ fn verdicts(
     Ok((verdicts, ending))
 }
 
-fn case_name(instance: &crate::plan::Instance) -> String {
+fn case_name(instance: &Instance) -> String {
     format!("{}/{}", instance.suite.name(), instance.case().id.value)
 }
 
@@ -194,15 +196,13 @@ fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
         for row in &matrix.rows {
             let name = &row.mutant.name;
             proved.extend(row.kills.iter().cloned());
-            match (row.mutant.canary, row.kills.is_empty(), row.aimed.is_empty()) {
-                (true, false, _) => holes.push(format!(
+            match (row.mutant.canary, row.kills.is_empty()) {
+                (true, false) => holes.push(format!(
                     "{device}: the canary {name} was killed, so a case fails without a cause"
                 )),
-                (false, true, _) => {
-                    holes.push(format!("{device}: mutant {name} survived ({:?})", row.ending))
-                }
-                (false, false, true) => holes.push(format!(
-                    "{device}: mutant {name} is killed, but by no case of a requirement it breaks"
+                (false, true) => holes.push(format!(
+                    "{device}: mutant {name} survived the cases of what it breaks ({:?})",
+                    row.ending
                 )),
                 _ => {}
             }
@@ -220,15 +220,15 @@ fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
                 .push(format!("{id}: no mutant that breaks it is killed by a case that checks it"));
         }
     }
-    // With one device, cases of other devices have nothing to say.
-    let known: BTreeSet<&String> = matrices.iter().flat_map(|matrix| matrix.clean.keys()).collect();
+    let proving: BTreeSet<&str> = matrices.iter().map(|matrix| matrix.device.as_str()).collect();
     for suite in &library.suites {
-        for case in &suite.file.cases {
+        let device = suite.file.device.as_ref().map_or(WITH_EVERYTHING, |device| &device.value);
+        for case in suite.file.cases.iter().filter(|_| proving.contains(device)) {
             let name = format!("{}/{}", suite.name(), case.value.id.value);
-            if known.contains(&name) && !ran.contains(&name) {
-                holes.push(format!("case {name} is skipped on every device"));
-            } else if known.contains(&name) && !proved.contains(&name) {
-                holes.push(format!("case {name} kills no mutant"));
+            if !ran.contains(&name) {
+                holes.push(format!("case {name} is skipped on {device}"));
+            } else if !proved.contains(&name) {
+                holes.push(format!("case {name} kills no mutant of a requirement it checks"));
             }
         }
     }
@@ -262,3 +262,6 @@ fn in_parallel<T: Sync, R: Send>(
     results.sort_by_key(|(place, _)| *place);
     results.into_iter().map(|(_, result)| result).collect()
 }
+
+/// The device on which whatever is not of one device is proved.
+const WITH_EVERYTHING: &str = "drr460";

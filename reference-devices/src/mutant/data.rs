@@ -26,6 +26,9 @@ pub struct Mutant {
     /// Whether nobody can see the deviation: it must survive, or the proof itself is broken.
     #[serde(default)]
     pub canary: bool,
+    /// Whether any device could have it: it is a deviation of the stack they share.
+    #[serde(skip)]
+    pub shared: bool,
     /// The deviation.
     pub(super) change: Change,
 }
