@@ -3,8 +3,10 @@
 use std::collections::VecDeque;
 use std::fmt;
 
+use crate::bench::{Bench, BenchError};
 use crate::frame::Frame;
 use crate::time::Instant;
+use crate::value::Value;
 
 /// A wire and its clock. Waiting is receiving: there is no other way to let time pass.
 pub trait Bus {
@@ -17,6 +19,11 @@ pub trait Bus {
 
     /// The next frame that is complete by `until`, or `None` when `until` has come.
     fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError>;
+
+    /// The bench around the device under test; `None` when nobody offers one.
+    fn bench(&mut self) -> Option<&mut dyn Bench> {
+        None
+    }
 }
 
 /// A frame with the time at which it was complete on the wire.
@@ -75,6 +82,30 @@ pub trait Device {
 
     /// When [`Device::handle_timeout`] is wanted next. Too early is harmless, too late is not.
     fn poll_at(&self) -> Option<Instant>;
+
+    /// The names of what can be set and observed on its physical side.
+    fn bench_names(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Takes a stimulus.
+    ///
+    /// # Errors
+    /// When there is none of that name, or it does not take the value.
+    fn stimulate(
+        &mut self,
+        _now: Instant,
+        name: &str,
+        _value: &Value,
+        _out: &mut Outbox,
+    ) -> Result<(), BenchError> {
+        Err(BenchError::unknown(name))
+    }
+
+    /// What is to be seen from outside; of a stimulus, what was set.
+    fn observe(&self, _name: &str) -> Option<Value> {
+        None
+    }
 }
 
 impl<D: Device + ?Sized> Device for Box<D> {
@@ -86,6 +117,21 @@ impl<D: Device + ?Sized> Device for Box<D> {
     }
     fn poll_at(&self) -> Option<Instant> {
         (**self).poll_at()
+    }
+    fn bench_names(&self) -> Vec<String> {
+        (**self).bench_names()
+    }
+    fn stimulate(
+        &mut self,
+        now: Instant,
+        name: &str,
+        value: &Value,
+        out: &mut Outbox,
+    ) -> Result<(), BenchError> {
+        (**self).stimulate(now, name, value, out)
+    }
+    fn observe(&self, name: &str) -> Option<Value> {
+        (**self).observe(name)
     }
 }
 

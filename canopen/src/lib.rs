@@ -5,6 +5,7 @@
 //! time and gives frames and its next deadline. Everything else is data.
 
 mod abort;
+pub mod bench;
 mod bus;
 pub mod catalogue;
 mod dictionary;
@@ -27,6 +28,7 @@ mod virtual_bus;
 pub mod wire;
 
 pub use abort::Abort;
+pub use bench::{Bench, BenchError};
 pub use bus::{Bus, BusError, Device, Outbox, Stamped, serve};
 pub use dictionary::Dictionary;
 pub use frame::{Data, Frame, FrameError, Id};

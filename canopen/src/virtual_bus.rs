@@ -5,9 +5,11 @@
 //! identifier that wins the arbitration goes first, and a frame takes its exact length at the
 //! bit rate. When a frame and a deadline fall on the same instant, the frame comes first.
 
+use crate::bench::{Bench, BenchError, POWER};
 use crate::bus::{Bus, BusError, Device, Outbox, Stamped};
 use crate::frame::Frame;
 use crate::time::Instant;
+use crate::value::Value;
 use crate::wire::{INTERMISSION_BITS, frame_bits};
 
 /// How often a device may be polled without time passing before it counts as a defect.
@@ -178,6 +180,38 @@ impl Bus for VirtualBus<'_> {
             }
         }
     }
+
+    fn bench(&mut self) -> Option<&mut dyn Bench> {
+        Some(self)
+    }
+}
+
+/// The physical side of the devices on the bus; the first that has a name answers to it. Neither
+/// setting nor looking takes time.
+impl Bench for VirtualBus<'_> {
+    fn names(&mut self) -> Result<Vec<String>, BenchError> {
+        Ok(self.stations.iter().flat_map(|station| station.device.bench_names()).collect())
+    }
+
+    fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
+        let has = |station: &Station| station.device.bench_names().iter().any(|own| own == name);
+        let place = self.stations.iter().position(has);
+        let place = place.ok_or_else(|| BenchError::unknown(name))?;
+        let station = &mut self.stations[place];
+        if name == POWER {
+            // A controller without supply takes what it was sending off the wire.
+            station.out.clear();
+            self.wire.take_if(|sent| sent.sender == Some(place));
+        }
+        station.device.stimulate(self.now, name, value, &mut station.out)?;
+        station.due = station.device.poll_at();
+        Ok(())
+    }
+
+    fn get(&mut self, name: &str) -> Result<Value, BenchError> {
+        let seen = self.stations.iter().find_map(|station| station.device.observe(name));
+        seen.ok_or_else(|| BenchError::unknown(name))
+    }
 }
 
 #[cfg(test)]
@@ -217,6 +251,23 @@ mod tests {
         fn poll_at(&self) -> Option<Instant> {
             self.next
         }
+        fn bench_names(&self) -> Vec<String> {
+            vec![POWER.to_owned()]
+        }
+        fn stimulate(
+            &mut self,
+            _: Instant,
+            _: &str,
+            value: &Value,
+            _: &mut Outbox,
+        ) -> Result<(), BenchError> {
+            self.next = None;
+            self.id = value.as_int().ok_or_else(|| BenchError("a number".to_owned()))? as u16;
+            Ok(())
+        }
+        fn observe(&self, name: &str) -> Option<Value> {
+            (name == POWER).then(|| Value::from(i64::from(self.id)))
+        }
     }
 
     fn trace(bus: &mut VirtualBus, until: Instant) -> Vec<String> {
@@ -251,6 +302,22 @@ mod tests {
         assert_eq!(seen.len(), 2);
         assert!(seen[0].ends_with("7FF# own"), "{seen:?}");
         assert!(seen[1].ends_with("100#"), "{seen:?}");
+    }
+
+    #[test]
+    fn a_station_without_supply_falls_silent_in_the_middle_of_a_frame() {
+        let mut bus = VirtualBus::new(500_000);
+        bus.attach(Toy::ticking(0x701, 1));
+        assert_eq!(bus.recv(Instant(1_010_000)), Ok(None));
+        assert!(bus.wire.is_some());
+        let bench = bus.bench().unwrap();
+        assert_eq!(bench.names(), Ok(vec![POWER.to_owned()]));
+        assert_eq!(bench.set("lamp", &Value::Int(5)), Err(BenchError::unknown("lamp")));
+        assert_eq!(bench.get("lamp"), Err(BenchError::unknown("lamp")));
+        bench.set(POWER, &Value::Int(5)).unwrap();
+        assert_eq!(bench.get(POWER), Ok(Value::Int(5)));
+        assert_eq!(bus.now(), Instant(1_010_000));
+        assert_eq!(bus.recv(Instant(9_000_000)), Ok(None));
     }
 
     #[test]

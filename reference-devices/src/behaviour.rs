@@ -1,6 +1,6 @@
 //! What a device does beside communicating.
 
-use canopen::{Abort, Dictionary, Instant, Mux, NmtState};
+use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
 use crate::errors::Errors;
 
@@ -31,6 +31,31 @@ pub trait Behaviour: Send {
 
     /// When [`run`](Self::run) is wanted next; later than the last `now`.
     fn poll_at(&self) -> Option<Instant> {
+        None
+    }
+
+    /// The names of what can be set and observed on the physical side.
+    fn bench_names(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Takes a stimulus; [`run`](Self::run) follows. A stimulus lasts over resets: whoever turned
+    /// a knob finds it turned.
+    ///
+    /// # Errors
+    /// When there is none of that name, or it does not take the value.
+    fn stimulate(
+        &mut self,
+        _now: Instant,
+        name: &str,
+        _value: &Value,
+        _od: &mut Dictionary,
+    ) -> Result<(), BenchError> {
+        Err(BenchError::unknown(name))
+    }
+
+    /// What is to be seen from outside; of a stimulus, what was set.
+    fn observe(&self, _name: &str, _od: &Dictionary) -> Option<Value> {
         None
     }
 

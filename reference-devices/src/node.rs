@@ -1,8 +1,10 @@
 //! A CANopen device: NMT, the SDO server and the services they command.
 
+use canopen::bench::POWER;
 use canopen::eds::Eds;
 use canopen::{
-    Data, Device, Dictionary, Frame, Instant, Mux, NmtState, Outbox, ValueError, nmt, sdo,
+    BenchError, Data, Device, Dictionary, Frame, Instant, Mux, NmtState, Outbox, Value, ValueError,
+    nmt, sdo,
 };
 
 use crate::behaviour::Behaviour;
@@ -14,6 +16,8 @@ use crate::settings::NodeSettings;
 
 /// A device on a bus. Which services it has is a matter of the objects in its data sheet.
 pub struct Node {
+    /// Whether it has supply.
+    on: bool,
     nmt: Nmt,
     sdo: SdoServer,
     pub(crate) services: Services,
@@ -33,14 +37,20 @@ impl Node {
     ) -> Result<Self, (Mux, ValueError)> {
         let base = Base::new(eds, node_id, settings, rules)?;
         let services = Services::new(eds, base, behaviour);
-        let mut node = Self { nmt: Nmt::default(), sdo: SdoServer::default(), services };
+        let mut node = Self { on: true, nmt: Nmt::default(), sdo: SdoServer::default(), services };
         node.power_on(Instant::ZERO);
         Ok(node)
     }
 
-    /// Switches the device off and on again. What 1010h stored is kept.
+    /// Switches the device on; when it was on, it is off for a moment. What was stored is kept.
     pub fn power_on(&mut self, now: Instant) {
+        self.on = true;
         self.initialise(now, Reset::Node);
+    }
+
+    /// Switches the device off: from now on it sends nothing, hears nothing and has no deadline.
+    pub fn power_off(&mut self) {
+        self.on = false;
     }
 
     /// The NMT state.
@@ -103,7 +113,7 @@ impl Node {
 impl Device for Node {
     fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
         // Until boot-up the controller is not on the bus (CiA 301, 7.3.2.2.1).
-        if self.state() == NmtState::INITIALISING {
+        if !self.on || self.state() == NmtState::INITIALISING {
             return;
         }
         match (frame.id.as_standard(), frame.remote) {
@@ -115,6 +125,9 @@ impl Device for Node {
     }
 
     fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
+        if !self.on {
+            return;
+        }
         if let Some(state) = self.nmt.handle_timeout(now, &self.services.base, out) {
             self.services.start(now, state, out);
         }
@@ -125,7 +138,40 @@ impl Device for Node {
 
     fn poll_at(&self) -> Option<Instant> {
         let deadlines = [self.nmt.poll_at(), self.sdo.poll_at(), self.services.poll_at()];
-        deadlines.into_iter().flatten().min()
+        deadlines.into_iter().flatten().min().filter(|_| self.on)
+    }
+
+    fn bench_names(&self) -> Vec<String> {
+        std::iter::once(POWER.to_owned()).chain(self.services.bench_names()).collect()
+    }
+
+    fn stimulate(
+        &mut self,
+        now: Instant,
+        name: &str,
+        value: &Value,
+        out: &mut Outbox,
+    ) -> Result<(), BenchError> {
+        if name == POWER {
+            match value {
+                Value::Text(text) if text == "on" => self.power_on(now),
+                Value::Text(text) if text == "off" => self.power_off(),
+                other => return Err(BenchError(format!("power is `on` or `off`, not {other}"))),
+            }
+            return Ok(());
+        }
+        self.services.stimulate(now, name, value)?;
+        if self.on {
+            self.settle(now, out);
+        }
+        Ok(())
+    }
+
+    fn observe(&self, name: &str) -> Option<Value> {
+        if name == POWER {
+            return Some(Value::Text(if self.on { "on" } else { "off" }.to_owned()));
+        }
+        self.services.observe(name)
     }
 }
 
@@ -232,6 +278,27 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn without_supply_it_is_silent_and_forgets_what_it_did_not_store() {
+        let mut entries = basic();
+        crate::testing::set(&mut entries, mux(0x1017, 0), 10);
+        let mut rig = Rig::new(&eds(entries));
+        let power = |rig: &mut Rig, word: &str| {
+            let word = Value::Text(word.to_owned());
+            rig.node.stimulate(rig.now, POWER, &word, &mut Outbox::default())
+        };
+        assert_eq!(rig.write(mux(0x2000, 0), &[7]), Ok(()));
+        assert_eq!(rig.node.observe(POWER), Some(Value::Text("on".to_owned())));
+        assert!(power(&mut rig, "dim").is_err());
+        power(&mut rig, "off").unwrap();
+        assert_eq!(rig.node.observe(POWER), Some(Value::Text("off".to_owned())));
+        assert!(rig.ask("605#4000100000000000").is_empty());
+        assert!(rig.until(500_000).is_empty());
+        power(&mut rig, "on").unwrap();
+        assert_eq!(rig.until(505_000).first().map(|(_, frame)| frame.as_str()), Some("705#00"));
+        assert_eq!(rig.read(mux(0x2000, 0)), Ok(vec![17]));
     }
 
     #[test]

@@ -4,7 +4,9 @@ mod access;
 
 use canopen::eds::Eds;
 use canopen::pdo::Unpacker;
-use canopen::{Data, Dictionary, Instant, Mux, NmtState, Outbox, ValueError, heartbeat};
+use canopen::{
+    BenchError, Data, Dictionary, Instant, Mux, NmtState, Outbox, Value, ValueError, heartbeat,
+};
 
 use crate::behaviour::{Behaviour, Event};
 use crate::emcy::EmcyProducer;
@@ -223,6 +225,27 @@ impl Services {
         let rpdos = self.rpdos.iter().map(Rpdo::poll_at);
         let tpdos = self.tpdos.iter().map(Tpdo::poll_at);
         deadlines.into_iter().chain(rpdos).chain(tpdos).fold(None, earlier)
+    }
+
+    /// The physical side of the application.
+    pub(crate) fn bench_names(&self) -> Vec<String> {
+        self.behaviour.bench_names()
+    }
+
+    /// Something changes outside.
+    pub(crate) fn stimulate(
+        &mut self,
+        now: Instant,
+        name: &str,
+        value: &Value,
+    ) -> Result<(), BenchError> {
+        self.touched = true;
+        self.behaviour.stimulate(now, name, value, &mut self.base.od)
+    }
+
+    /// What is to be seen from outside.
+    pub(crate) fn observe(&self, name: &str) -> Option<Value> {
+        self.behaviour.observe(name, &self.base.od)
     }
 
     /// Lets the application see what happened.

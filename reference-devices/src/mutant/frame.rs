@@ -3,7 +3,8 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use canopen::{Device, Frame, Instant, Outbox, Pattern};
+use canopen::bench::POWER;
+use canopen::{BenchError, Device, Frame, Instant, Outbox, Pattern, Value};
 
 use super::data::FrameChange;
 
@@ -129,6 +130,29 @@ impl<D: Device> Device for FrameMutant<D> {
     fn poll_at(&self) -> Option<Instant> {
         let delayed = self.delayed.front().map(|(due, _)| *due);
         self.inner.poll_at().into_iter().chain(delayed).min()
+    }
+
+    fn bench_names(&self) -> Vec<String> {
+        self.inner.bench_names()
+    }
+
+    fn stimulate(
+        &mut self,
+        now: Instant,
+        name: &str,
+        value: &Value,
+        out: &mut Outbox,
+    ) -> Result<(), BenchError> {
+        if name == POWER {
+            self.delayed.clear();
+        }
+        let taken = self.inner.stimulate(now, name, value, &mut self.scratch);
+        self.forward(now, out);
+        taken
+    }
+
+    fn observe(&self, name: &str) -> Option<Value> {
+        self.inner.observe(name)
     }
 }
 

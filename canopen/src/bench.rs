@@ -1,0 +1,49 @@
+//! The physical side of a device: what a test bench sets there, and what it sees.
+
+use std::fmt;
+
+use crate::value::Value;
+
+/// The stimulus that every simulated device has: the supply, `on` or `off`. A device that is off
+/// sends nothing and hears nothing; switched on again, it knows what it stored.
+pub const POWER: &str = "power";
+
+/// A bench around a device: stimuli that can be set, and what can be observed, each by its name.
+pub trait Bench {
+    /// What can be set or observed.
+    ///
+    /// # Errors
+    /// When the bench fails.
+    fn names(&mut self) -> Result<Vec<String>, BenchError>;
+
+    /// Sets a stimulus. It lasts until it is set again, whatever happens on the bus.
+    ///
+    /// # Errors
+    /// When there is none of that name, it does not take the value, or the bench fails.
+    fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError>;
+
+    /// What is there now: of a stimulus, what was set.
+    ///
+    /// # Errors
+    /// When there is nothing of that name, or the bench fails.
+    fn get(&mut self, name: &str) -> Result<Value, BenchError>;
+}
+
+/// Why a bench could not do what it was asked for, in one sentence. Says nothing about the device.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct BenchError(pub String);
+
+impl BenchError {
+    /// Nothing has that name.
+    pub fn unknown(name: &str) -> Self {
+        Self(format!("the bench has no `{name}`"))
+    }
+}
+
+impl fmt::Display for BenchError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for BenchError {}
