@@ -86,6 +86,11 @@ impl Complaint {
     pub fn at(source: &Arc<Source>, place: Place, message: impl Into<String>) -> Self {
         Self { source: Arc::clone(source), place: Some(place), message: message.into() }
     }
+
+    /// Whether both are about the same place of a file.
+    pub fn is_about_place_of(&self, other: &Self) -> bool {
+        self.place.is_some() && self.place == other.place && self.source.name == other.source.name
+    }
 }
 
 /// Message, file, line, column, the line itself and a caret.

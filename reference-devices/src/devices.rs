@@ -3,6 +3,7 @@
 use crate::behaviour::{Behaviour, Inert};
 use crate::describe::{self, Description};
 use crate::drr460::{self, Drr460};
+use crate::generic::{self, Generic};
 use crate::node::Node;
 use crate::rules::Rules;
 use crate::settings::NodeSettings;
@@ -47,6 +48,7 @@ impl ReferenceDevice {
     pub fn behaviour(&self) -> Box<dyn Behaviour> {
         match self.description.behaviour.as_str() {
             DRR460 => Box::new(Drr460::new(Box::new(drr460::Manual))),
+            GENERIC => Box::new(Generic::new(Box::new(generic::Profile))),
             _ => Box::new(Inert),
         }
     }
@@ -55,6 +57,7 @@ impl ReferenceDevice {
     pub fn deviating_behaviour(&self, rule: &str) -> Option<Box<dyn Behaviour>> {
         match self.description.behaviour.as_str() {
             DRR460 => Some(Box::new(Drr460::new(drr460::named(rule)?))),
+            GENERIC => Some(Box::new(Generic::new(generic::named(rule)?))),
             _ => None,
         }
     }
@@ -63,6 +66,7 @@ impl ReferenceDevice {
     pub fn behaviour_rule_names(&self) -> Vec<&'static str> {
         match self.description.behaviour.as_str() {
             DRR460 => drr460::names().collect(),
+            GENERIC => generic::names().collect(),
             _ => Vec::new(),
         }
     }
@@ -71,6 +75,7 @@ impl ReferenceDevice {
     pub fn mutants_yaml(&self) -> &'static str {
         match self.description.device.as_str() {
             DRR460 => include_str!("../drr460/mutants.yaml"),
+            GENERIC => include_str!("../generic/mutants.yaml"),
             _ => "[]",
         }
     }
@@ -87,6 +92,7 @@ impl ReferenceDevice {
 }
 
 const DRR460: &str = "drr460";
+const GENERIC: &str = "generic";
 
 #[cfg(test)]
 mod tests {

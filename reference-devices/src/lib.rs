@@ -12,6 +12,7 @@ pub mod drr460;
 mod emcy;
 mod error_behaviour;
 mod errors;
+pub mod generic;
 mod guarding;
 mod heartbeat_consumer;
 mod heartbeat_producer;

@@ -85,7 +85,11 @@ pub(super) fn plan_all(library: &Library, targets: &[Target]) -> Result<Vec<Plan
     for target in targets {
         match plan::plan(library, &target.dut, &target::models(&target.dut.eds)) {
             Ok(plan) => plans.push(plan),
-            Err(wrong) => complaints.extend(wrong),
+            Err(mut wrong) => {
+                // What is wrong for one device is mostly wrong for the next one, too.
+                wrong.retain(|wrong| !complaints.iter().any(|told| wrong.is_about_place_of(told)));
+                complaints.extend(wrong);
+            }
         }
     }
     if complaints.is_empty() { Ok(plans) } else { Err(complaints.into()) }

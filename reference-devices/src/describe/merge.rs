@@ -46,13 +46,14 @@ fn subs(
     chosen: &ObjectFacts,
     known: &ObjectFacts,
 ) -> Result<Vec<(u8, Facts)>, DescribeError> {
-    let present: Vec<u8> = match chosen.count.or(known.count) {
+    let mut present: Vec<u8> = match chosen.count.or(known.count) {
         Some(count) => (1..=count).collect(),
-        None => chosen.subs.keys().copied().collect(),
+        None => chosen.subs.keys().copied().filter(|sub| *sub < STRUCTURE).collect(),
     };
     let Some(&highest) = present.last() else {
         return Err(DescribeError(format!("{index:04X}: neither count nor subs say how many")));
     };
+    present.extend(chosen.subs.contains_key(&STRUCTURE).then_some(STRUCTURE));
     if let Some(sub) = chosen.subs.keys().find(|sub| !present.contains(sub)) {
         let mux = Mux::new(index, *sub);
         return Err(DescribeError(format!("{mux} is beyond count {highest}")));
@@ -123,3 +124,6 @@ fn note(facts: &Facts) -> Note {
         clause: facts.clause.clone(),
     }
 }
+
+/// The sub-index that describes its object and is none of its values (CiA 301, 7.4.2.3).
+const STRUCTURE: u8 = 0xFF;

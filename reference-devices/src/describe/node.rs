@@ -16,6 +16,12 @@ use crate::settings::{Byte, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};
 pub(super) struct NodeFacts {
     boot_up_time: Option<TimeObject>,
     boot_up_state: Option<String>,
+    /// Time from power-on or a reset to the boot-up message, where no object holds it.
+    boot_up_ms: Option<u64>,
+    /// How long the SDO server waits for the next request of a transfer.
+    sdo_timeout_ms: Option<u64>,
+    /// The longest value of an object of variable length, in bytes.
+    longest_value: Option<usize>,
     /// Second addresses of an object, each with the address of its value.
     aliases: BTreeMap<String, String>,
     sync: Option<SyncFacts>,
@@ -75,8 +81,11 @@ pub(super) fn settings(
     };
     let aliases = node.aliases.iter().map(|(second, first)| Ok((mux(second)?, mux(first)?)));
     Ok(NodeSettings {
+        boot_up_time: node.boot_up_ms.map_or(usual.boot_up_time, Duration::from_millis),
         boot_up_time_object,
         boot_up_state_object: node.boot_up_state.as_deref().map(mux).transpose()?,
+        sdo_timeout: node.sdo_timeout_ms.map_or(usual.sdo_timeout, Duration::from_millis),
+        longest_value: node.longest_value.unwrap_or(usual.longest_value),
         sync_supervision: node.sync.as_ref().map_or(usual.sync_supervision, |sync| {
             let resolution = Duration::from_millis(sync.resolution_ms);
             Some(SyncSupervision { percent: sync.percent, resolution })
