@@ -106,6 +106,11 @@ impl Rig {
         answer.expect("an answer")
     }
 
+    /// Adds a frame that came another way to what was sent.
+    pub(crate) fn note(&mut self, frame: &str) {
+        self.sent.push((self.now.0 / 1000, frame.to_owned()));
+    }
+
     fn collect(&mut self) {
         while let Some(frame) = self.out.pop() {
             self.sent.push((self.now.0 / 1000, frame.to_string()));

@@ -1,7 +1,9 @@
 //! Every decision of the application that a test can tell, in one place, and the devices that take
 //! one of them otherwise.
 
-use canopen::Abort;
+use canopen::{Abort, NmtState};
+
+use crate::behaviour::Event;
 
 /// A device that keeps to its data sheet and to CiA 401.
 #[derive(Clone, Copy, Debug, Default)]
@@ -19,6 +21,17 @@ pub trait GenericRules: Send {
             2 => Err(Abort::DEVICE_STATE),
             _ => Ok(()),
         }
+    }
+
+    /// What CiA 401 has an object for is as that object says.
+    fn setting(&self, _index: u16, configured: i64) -> i64 {
+        configured
+    }
+
+    /// Outputs take their error values when the node is stopped and when a communication error
+    /// appears (6206h, 6443h).
+    fn fails(&self, event: Event) -> bool {
+        matches!(event, Event::Entered(NmtState::STOPPED) | Event::CommunicationError)
     }
 }
 
@@ -47,5 +60,11 @@ macro_rules! mutants {
 mutants! {
     "parameter-always-changes" {
         fn parameter_change(&self, _mode: i64) -> Result<(), Abort> { Ok(()) }
+    }
+    "stop-is-no-failure" {
+        fn fails(&self, event: Event) -> bool { event == Event::CommunicationError }
+    }
+    "communication-error-is-no-failure" {
+        fn fails(&self, event: Event) -> bool { event == Event::Entered(NmtState::STOPPED) }
     }
 }
