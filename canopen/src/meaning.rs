@@ -1,5 +1,7 @@
 //! What a frame means, in words, under the pre-defined connection set (CiA 301, 7.3.3).
 
+mod transfers;
+
 use std::fmt;
 
 use crate::emcy::{self, Emcy};
@@ -7,7 +9,7 @@ use crate::frame::Frame;
 use crate::heartbeat::{self, ErrorControl};
 use crate::malformed::Malformed;
 use crate::nmt::{self, Command, Service};
-use crate::sdo::{self, Initiate, Request, Response, Segment};
+use crate::sdo;
 use crate::sync::{self, Sync};
 
 /// What `frame` means in words. A device that moved its services to other identifiers is read
@@ -44,8 +46,8 @@ fn data(f: &mut fmt::Formatter<'_>, id: u16, bytes: &[u8]) -> fmt::Result {
         (TIME_COB_ID, ..) => time_object(f, bytes),
         (LSS_MASTER | LSS_SLAVE, ..) => lss_message(f, id, bytes),
         (_, emcy::COB_ID, node @ 1..) => emergency(f, node, bytes),
-        (_, sdo::REQUEST_COB_ID, node @ 1..) => sdo_request(f, node, bytes),
-        (_, sdo::RESPONSE_COB_ID, node @ 1..) => sdo_response(f, node, bytes),
+        (_, sdo::REQUEST_COB_ID, node @ 1..) => transfers::request(f, node, bytes),
+        (_, sdo::RESPONSE_COB_ID, node @ 1..) => transfers::response(f, node, bytes),
         (_, heartbeat::COB_ID, node @ 1..) => error_control(f, node, bytes),
         (.., node) => match pdo_name(id) {
             Some(pdo) => write!(f, "{pdo} node {node}{}", Content(bytes)),
@@ -102,51 +104,6 @@ fn error_control(f: &mut fmt::Formatter<'_>, node: u16, bytes: &[u8]) -> fmt::Re
             write!(f, "guarding answer node {node} {state}, toggle 1")
         }
         Err(malformed) => write!(f, "error control node {node} {}", Bad(malformed)),
-    }
-}
-
-fn sdo_request(f: &mut fmt::Formatter<'_>, node: u16, bytes: &[u8]) -> fmt::Result {
-    write!(f, "SDO node {node}: ")?;
-    let request = match Request::decode(bytes) {
-        Ok(request) => request,
-        Err(malformed) => return write!(f, "{}", Bad(malformed)),
-    };
-    match request {
-        Request::Upload(mux) => write!(f, "upload {mux}"),
-        Request::Download(mux, how) => write!(f, "download {mux}{}", Start(how)),
-        Request::UploadSegment(toggle) => write!(f, "upload segment, toggle {}", u8::from(toggle)),
-        Request::DownloadSegment(segment) => write!(f, "download segment{}", Part(segment)),
-        Request::Abort(mux, code) => write!(f, "client abort {mux} {code}"),
-        Request::Unknown(raw) => unknown_sdo(f, &raw, ["block upload", "block download"]),
-    }?;
-    reserved(f, *request.encode() == *bytes)
-}
-
-fn sdo_response(f: &mut fmt::Formatter<'_>, node: u16, bytes: &[u8]) -> fmt::Result {
-    write!(f, "SDO node {node}: ")?;
-    let response = match Response::decode(bytes) {
-        Ok(response) => response,
-        Err(malformed) => return write!(f, "{}", Bad(malformed)),
-    };
-    match response {
-        Response::Upload(mux, how) => write!(f, "uploaded {mux}{}", Start(how)),
-        Response::Download(mux) => write!(f, "downloaded {mux}"),
-        Response::UploadSegment(segment) => write!(f, "uploaded segment{}", Part(segment)),
-        Response::DownloadSegment(toggle) => {
-            write!(f, "downloaded segment, toggle {}", u8::from(toggle))
-        }
-        Response::Abort(mux, code) => write!(f, "abort {mux} {code}"),
-        Response::Unknown(raw) => unknown_sdo(f, &raw, ["block download", "block upload"]),
-    }?;
-    reserved(f, *response.encode() == *bytes)
-}
-
-/// `services` are those of the command specifiers 5 and 6, which client and server use crosswise.
-fn unknown_sdo(f: &mut fmt::Formatter<'_>, raw: &[u8; 8], services: [&str; 2]) -> fmt::Result {
-    match raw[0] >> 5 {
-        5 => write!(f, "{} {}", services[0], Hex(raw)),
-        6 => write!(f, "{} {}", services[1], Hex(raw)),
-        specifier => write!(f, "unknown command specifier {specifier}: {}", Hex(raw)),
     }
 }
 
@@ -254,32 +211,6 @@ impl fmt::Display for Content<'_> {
             1 => write!(f, " = {} (1 byte)", Hex(self.0)),
             len => write!(f, " = {} ({len} bytes)", Hex(self.0)),
         }
-    }
-}
-
-/// How a transfer begins.
-struct Start(Initiate);
-
-impl fmt::Display for Start {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            Initiate::Expedited(data) => write!(f, "{}", Content(&data)),
-            Initiate::Unsized(bytes) => write!(f, " = {} (length not given)", Hex(&bytes)),
-            Initiate::Segmented(Some(1)) => f.write_str(", 1 byte in segments"),
-            Initiate::Segmented(Some(size)) => write!(f, ", {size} bytes in segments"),
-            Initiate::Segmented(None) => f.write_str(", segments of unknown length in all"),
-        }
-    }
-}
-
-/// What a segment carries.
-struct Part(Segment);
-
-impl fmt::Display for Part {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Segment { toggle, data, last } = self.0;
-        let end = if last { ", last" } else { "" };
-        write!(f, "{}, toggle {}{end}", Content(&data), u8::from(toggle))
     }
 }
 
@@ -391,8 +322,54 @@ mod tests {
                 "605#E000000000000000",
                 "SDO node 5: unknown command specifier 7: E0 00 00 00 00 00 00 00",
             ),
-            ("605#A408100007000000", "SDO node 5: block upload A4 08 10 00 07 00 00 00"),
-            ("585#A408100007000000", "SDO node 5: block download A4 08 10 00 07 00 00 00"),
+            (
+                "605#BC08100007000000",
+                "SDO node 5: block upload 1008:00, 7 segments a block, with checksum [reserved \
+                 bits not zero]",
+            ),
+            (
+                "585#A300000000000000",
+                "SDO node 5: unknown command specifier 5: A3 00 00 00 00 00 00 00",
+            ),
+        ]);
+    }
+
+    #[test]
+    fn blocks() {
+        check(&[
+            (
+                "605#A408100007040000",
+                "SDO node 5: block upload 1008:00, 7 segments a block, with checksum, without \
+                 blocks up to 4 bytes",
+            ),
+            (
+                "585#C208100009000000",
+                "SDO node 5: block upload 1008:00 accepted, 9 bytes, without checksum",
+            ),
+            ("605#A300000000000000", "SDO node 5: block upload starts"),
+            (
+                "605#A2037F0000000000",
+                "SDO node 5: block received up to segment 3, next block 127 segments",
+            ),
+            (
+                "585#D5C3310000000000",
+                "SDO node 5: block upload ends, 5 bytes of the last segment unused, checksum 31C3h",
+            ),
+            ("605#A100000000000000", "SDO node 5: block upload confirmed"),
+            (
+                "605#C408100000000000",
+                "SDO node 5: block download 1008:00, size not given, with checksum",
+            ),
+            (
+                "585#A40810007F000000",
+                "SDO node 5: block download 1008:00 accepted, 127 segments a block, with checksum",
+            ),
+            (
+                "605#C134120000000000",
+                "SDO node 5: block download ends, 0 bytes of the last segment unused, checksum \
+                 1234h",
+            ),
+            ("585#A100000000000000", "SDO node 5: block download confirmed"),
         ]);
     }
 

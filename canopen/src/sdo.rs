@@ -1,5 +1,6 @@
-//! Service data objects, expedited and segmented (CiA 301, 7.2.4).
+//! Service data objects: expedited, segmented and in blocks (CiA 301, 7.2.4).
 
+pub mod block;
 mod client;
 mod initiate;
 mod request;

@@ -6,6 +6,6 @@ mod instance;
 mod scope;
 
 pub use bind::plan;
-pub use check::{mapping_word, parse_bytes};
+pub use check::{fill, mapping_word, parse_bytes};
 pub use instance::{Instance, Plan};
 pub use scope::{Binding, Dut, Scope, show_bytes};

@@ -38,4 +38,4 @@ pub use errors::Errors;
 pub use nmt::{Change, Reset};
 pub use node::Node;
 pub use rules::{Rules, Specification};
-pub use settings::{Byte, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};
+pub use settings::{BlockTransfer, Byte, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};

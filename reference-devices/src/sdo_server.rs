@@ -1,15 +1,17 @@
-//! The default SDO server (CiA 301, 7.2.4, objects at 1200h): expedited and segmented transfers.
-//!
-//! Block transfer is not part of it; its requests are answered as unknown commands.
+//! The SDO server (CiA 301, 7.2.4): expedited, segmented and block transfers.
 
+mod block_download;
+mod block_upload;
 mod download;
 mod transfer;
 mod upload;
 
-use canopen::sdo::Response;
+use canopen::sdo::block::BlockSegment;
+use canopen::sdo::{Request, Response};
 use canopen::{Instant, Outbox};
 
 use crate::services::Services;
+use crate::time::earlier;
 use transfer::{Input, Transfer};
 
 /// Answers requests, one transfer at a time.
@@ -28,7 +30,13 @@ impl SdoServer {
         services: &mut Services,
         out: &mut Outbox,
     ) {
-        if let Some(request) = services.base.rules.sdo_request(data) {
+        let rules = &services.base.rules;
+        let command = data.first().is_none_or(|first| rules.command_in_sub_block(*first));
+        let request = match self.transfer.in_sub_block() && !command {
+            true => BlockSegment::decode(data).ok().map(Request::BlockSegment),
+            false => rules.sdo_request(data),
+        };
+        if let Some(request) = request {
             self.step(now, Input::Request(request), services, out);
         }
     }
@@ -39,6 +47,9 @@ impl SdoServer {
         services: &mut Services,
         out: &mut Outbox,
     ) {
+        if self.transfer.due().is_some_and(|due| due <= now) {
+            self.step(now, Input::Segment, services, out);
+        }
         if self.deadline.is_some_and(|due| due <= now) {
             self.deadline = None;
             self.step(now, Input::Timeout, services, out);
@@ -51,7 +62,7 @@ impl SdoServer {
     }
 
     pub(crate) fn poll_at(&self) -> Option<Instant> {
-        self.deadline
+        earlier(self.deadline, self.transfer.due())
     }
 
     /// The one place where an error becomes an abort and ends the transfer.
@@ -96,8 +107,9 @@ impl SdoServer {
 #[cfg(test)]
 mod tests {
     use crate::testing::{Rig, basic, eds, mux};
+    use crate::{Inert, NodeSettings, Specification};
 
-    fn rig() -> Rig {
+    pub(super) fn rig() -> Rig {
         Rig::new(&eds(basic()))
     }
 
@@ -106,7 +118,7 @@ mod tests {
     }
 
     /// Each request with its answer; "" is silence.
-    fn talk(rig: &mut Rig, lines: &[(&str, &str)]) {
+    pub(super) fn talk(rig: &mut Rig, lines: &[(&str, &str)]) {
         for (request, answer) in lines {
             let expected: Vec<String> = match *answer {
                 "" => Vec::new(),
@@ -231,14 +243,12 @@ mod tests {
     }
 
     #[test]
-    fn unknown_and_block_commands_are_refused_and_other_frames_get_silence() {
+    fn unknown_commands_are_refused_and_other_frames_get_silence() {
         let mut rig = rig();
         talk(
             &mut rig,
             &[
                 ("E000200000000000", "8000200001000405"),
-                ("A400200010000000", "8000200001000405"),
-                ("C200200000000000", "8000200001000405"),
                 ("8000200000000008", ""),
                 ("40002000000000", ""),
                 ("", ""),
@@ -247,6 +257,16 @@ mod tests {
         assert!(rig.ask("605#R8").is_empty());
         assert!(rig.ask("00000605#4000200000000000").is_empty());
         assert!(rig.ask("606#4000200000000000").is_empty());
+    }
+
+    #[test]
+    fn a_server_without_block_transfer_does_not_know_its_commands() {
+        let settings = NodeSettings { block_transfer: None, ..NodeSettings::default() };
+        let (rules, inert) = (Box::new(Specification), Box::new(Inert));
+        talk(
+            &mut Rig::with(&eds(basic()), settings, rules, inert),
+            &[("A400200010000000", "8000200001000405"), ("C200200000000000", "8000200001000405")],
+        );
     }
 
     #[test]

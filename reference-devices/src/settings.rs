@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use canopen::Mux;
 use canopen::emcy::EmcyCode;
+use canopen::sdo::block::LARGEST_BLOCK;
 
 use crate::errors::{Fault, FaultKind};
 
@@ -20,6 +21,8 @@ pub struct NodeSettings {
     pub boot_up_state_object: Option<Mux>,
     /// How long the SDO server waits for the next request of a transfer.
     pub sdo_timeout: Duration,
+    /// Block transfer of the SDO server; `None` when it has none.
+    pub block_transfer: Option<BlockTransfer>,
     /// The longest value of an object of variable length, in bytes.
     pub longest_value: usize,
     /// Supervision of SYNC by 1006h; `None` when the device has none.
@@ -30,6 +33,15 @@ pub struct NodeSettings {
     pub emcy_queue: usize,
     /// Second doors: the network's access to the first address goes to the second one.
     pub aliases: Vec<(Mux, Mux)>,
+}
+
+/// How an SDO server transfers blocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlockTransfer {
+    /// The segments it takes in a sub-block, 1 to 127.
+    pub size: u8,
+    /// The pause before each segment it sends.
+    pub pause: Duration,
 }
 
 /// How a device supervises SYNC.
@@ -105,12 +117,19 @@ impl Default for NodeSettings {
             boot_up_time_object: None,
             boot_up_state_object: None,
             sdo_timeout: Duration::from_secs(1),
+            block_transfer: Some(BlockTransfer::default()),
             longest_value: 1 << 16,
             sync_supervision: Some(SyncSupervision::default()),
             emcy: EmcyTable::default(),
             emcy_queue: 16,
             aliases: Vec::new(),
         }
+    }
+}
+
+impl Default for BlockTransfer {
+    fn default() -> Self {
+        Self { size: LARGEST_BLOCK, pause: Duration::from_micros(250) }
     }
 }
 

@@ -1,5 +1,6 @@
 //! What a client sends.
 
+use super::block::{BlockRequest, BlockSegment};
 use super::initiate::{Initiate, Segment};
 use crate::abort::Abort;
 use crate::frame::{Data, Frame};
@@ -19,7 +20,11 @@ pub enum Request {
     UploadSegment(bool),
     /// Abort transfer (4).
     Abort(Mux, Abort),
-    /// Any other command specifier, all eight bytes as they came.
+    /// Block transfer (5 and 6), outside sub-blocks.
+    Block(BlockRequest),
+    /// A segment of a sub-block; see [`decode_in_sub_block`](Self::decode_in_sub_block).
+    BlockSegment(BlockSegment),
+    /// Any other command, all eight bytes as they came.
     Unknown([u8; 8]),
 }
 
@@ -39,8 +44,22 @@ impl Request {
             2 => Self::Upload(mux),
             3 => Self::UploadSegment(bytes[0] & 0x10 != 0),
             4 => Self::Abort(mux, Abort(u32::from_le_bytes(rest))),
+            5 | 6 => Self::Block(BlockRequest::decode(bytes)),
             _ => Self::Unknown(bytes),
         })
+    }
+
+    /// What the bytes say while the server waits for segments of a block download. Then the
+    /// first byte is a sequence number, and only 80h, which cannot be one, is still a command:
+    /// abort.
+    ///
+    /// # Errors
+    /// [`Malformed`] when there are not exactly eight.
+    pub fn decode_in_sub_block(bytes: &[u8]) -> Result<Self, Malformed> {
+        match bytes.first() {
+            Some(0x80) => Self::decode(bytes),
+            _ => BlockSegment::decode(bytes).map(Self::BlockSegment),
+        }
     }
 
     /// The bytes that say it, everything reserved zero.
@@ -59,6 +78,8 @@ impl Request {
             Self::Upload(mux) => with_mux(0x40, mux, [0; 4]),
             Self::UploadSegment(toggle) => [0x60 | u8::from(toggle) << 4, 0, 0, 0, 0, 0, 0, 0],
             Self::Abort(mux, code) => with_mux(0x80, mux, code.0.to_le_bytes()),
+            Self::Block(block) => block.encode(),
+            Self::BlockSegment(segment) => segment.encode(),
             Self::Unknown(bytes) => bytes,
         })
     }

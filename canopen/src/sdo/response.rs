@@ -1,5 +1,6 @@
 //! What a server answers.
 
+use super::block::{BlockResponse, BlockSegment};
 use super::initiate::{Initiate, Segment};
 use crate::abort::Abort;
 use crate::frame::{Data, Frame};
@@ -19,7 +20,11 @@ pub enum Response {
     Download(Mux),
     /// Abort transfer (4).
     Abort(Mux, Abort),
-    /// Any other command specifier, all eight bytes as they came.
+    /// Block transfer (5 and 6), outside sub-blocks.
+    Block(BlockResponse),
+    /// A segment of a sub-block; see [`decode_in_sub_block`](Self::decode_in_sub_block).
+    BlockSegment(BlockSegment),
+    /// Any other command, all eight bytes as they came.
     Unknown([u8; 8]),
 }
 
@@ -39,8 +44,22 @@ impl Response {
             2 => Self::Upload(mux, Initiate::decode(bytes[0], rest)),
             3 => Self::Download(mux),
             4 => Self::Abort(mux, Abort(u32::from_le_bytes(rest))),
+            5 | 6 => BlockResponse::decode(bytes).map_or(Self::Unknown(bytes), Self::Block),
             _ => Self::Unknown(bytes),
         })
+    }
+
+    /// What the bytes say while the client waits for segments of a block upload. Then the
+    /// first byte is a sequence number, and only 80h, which cannot be one, is still a command:
+    /// abort.
+    ///
+    /// # Errors
+    /// [`Malformed`] when there are not exactly eight.
+    pub fn decode_in_sub_block(bytes: &[u8]) -> Result<Self, Malformed> {
+        match bytes.first() {
+            Some(0x80) => Self::decode(bytes),
+            _ => BlockSegment::decode(bytes).map(Self::BlockSegment),
+        }
     }
 
     /// The bytes that say it, everything reserved zero.
@@ -59,6 +78,8 @@ impl Response {
             }
             Self::Download(mux) => with_mux(0x60, mux, [0; 4]),
             Self::Abort(mux, code) => with_mux(0x80, mux, code.0.to_le_bytes()),
+            Self::Block(block) => block.encode(),
+            Self::BlockSegment(segment) => segment.encode(),
             Self::Unknown(bytes) => bytes,
         })
     }
@@ -91,7 +112,7 @@ mod tests {
             ([0x60, 0x08, 0x10, 0, 0, 0, 0, 0], Response::Download(mux)),
             ([0x30, 0, 0, 0, 0, 0, 0, 0], Response::DownloadSegment(true)),
             ([0x80, 0x08, 0x10, 0, 2, 0, 1, 6], Response::Abort(mux, Abort::READ_ONLY)),
-            ([0xC0, 1, 2, 3, 4, 5, 6, 7], Response::Unknown([0xC0, 1, 2, 3, 4, 5, 6, 7])),
+            ([0xE0, 1, 2, 3, 4, 5, 6, 7], Response::Unknown([0xE0, 1, 2, 3, 4, 5, 6, 7])),
         ];
         for (bytes, response) in table {
             assert_eq!(Response::decode(&bytes), Ok(response));

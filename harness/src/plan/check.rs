@@ -138,6 +138,13 @@ impl Checker<'_> {
             let result = self.scope.int(&length.value);
             self.note(result.map(|_| ()), length.place);
         }
+        if let Some(size) = &read.block_size {
+            match self.scope.int(&size.value) {
+                Ok(1..=127) => {}
+                Ok(_) => self.complain(size.place, "a sub-block has 1 to 127 segments"),
+                Err(wrong) => self.complain(size.place, wrong),
+            }
+        }
         if let Some(name) = &read.save {
             let bytes = entry.default_bytes(self.dut.node).unwrap_or_default();
             let value = entry.data_type.decode(&bytes);
@@ -151,8 +158,8 @@ impl Checker<'_> {
 
     fn write(&mut self, write: &Write, place: Place) {
         let entry = self.entry(&write.object, write.refused.as_ref());
-        match (&write.value, &write.bytes) {
-            (Some(value), None) => {
+        match (&write.value, &write.bytes, &write.fill) {
+            (Some(value), None, None) => {
                 // A value that is to be refused need not fit.
                 match (&entry, &write.refused) {
                     (Some(entry), None) => self.value(value, entry),
@@ -160,12 +167,21 @@ impl Checker<'_> {
                     (None, _) => {}
                 }
             }
-            (None, Some(bytes)) => {
+            (None, Some(bytes), None) => {
                 if parse_bytes(&bytes.value).is_none() {
                     self.complain(bytes.place, "bytes are pairs of hex digits: `01 02`");
                 }
             }
-            _ => self.complain(place, "a write has either a `value` or `bytes`"),
+            (None, None, Some(fill)) => match self.scope.int(&fill.value) {
+                Ok(0..=MOST_FILL) => {}
+                Ok(_) => self.complain(fill.place, format!("0 to {MOST_FILL} bytes")),
+                Err(wrong) => self.complain(fill.place, wrong),
+            },
+            _ => self.complain(place, "a write has one of `value`, `bytes` and `fill`"),
+        }
+        if let Some(name) = &write.save {
+            self.scope.bind(name.0.clone(), Binding::Bytes(Vec::new()));
+            self.saved.push((name.0.clone(), write.object.place));
         }
     }
 
@@ -289,6 +305,15 @@ fn in_profile(mux: Mux) -> bool {
             mux.sub == 0 || object.of_sub(mux.sub).data_type.is_some()
         }
     })
+}
+
+/// More than any object of a device is tried with.
+const MOST_FILL: i128 = 1 << 20;
+
+/// So many bytes of text without a period that a segment or a block could hide behind.
+pub fn fill(len: usize) -> Vec<u8> {
+    const LETTERS: usize = 73;
+    (0..len).map(|place| b'0' + (place % LETTERS) as u8).collect()
 }
 
 /// The bytes of `01 02 0A`.

@@ -4,13 +4,14 @@ use std::time::Duration;
 
 use canopen::eds::Entry;
 use canopen::pdo::{CobId, Mapping};
+use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Failure, Transfer};
 use canopen::{Abort, Mux};
 
 use super::judge::{Condition, Difference, Judgement, Trouble, device, refusal, show};
 use super::sdo::{self, Ended};
 use super::steps::Steps;
-use crate::plan::{Binding, mapping_word, parse_bytes};
+use crate::plan::{Binding, fill, mapping_word, parse_bytes};
 use crate::source::At;
 use crate::suite::literal::{Flow, Literal, show_time};
 use crate::suite::model::{Read, Remap, Until, Write};
@@ -21,7 +22,15 @@ impl Steps<'_, '_> {
     pub(super) fn read(&mut self, read: &Read) -> Judgement {
         let mux = self.mux(&read.object)?;
         let entry = self.dut.eds.entry(mux).cloned();
-        let mut ended = sdo::upload(self.link, self.policy, self.dut.node, mux)?;
+        let block = match &read.block_size {
+            Some(size) => Some(self.scope.int(&size.value).map_err(Trouble::Bench)? as u8),
+            None => (read.transfer == Some(Flow::Block)).then_some(LARGEST_BLOCK),
+        };
+        let (policy, node) = (self.policy, self.dut.node);
+        let mut ended = match block {
+            Some(block) => sdo::upload_in_blocks(self.link, policy, node, mux, block)?,
+            None => sdo::upload(self.link, policy, node, mux)?,
+        };
         if let Some(expected) = &read.refused {
             return refusal(&ended.result, &expected.value, ended.raw);
         }
@@ -49,12 +58,14 @@ impl Steps<'_, '_> {
         };
         condition.judge(entry.as_ref(), &data).map_err(|wrong| Trouble::Device(about(wrong)))?;
         if let Some(flow) = read.transfer
-            && (flow == Flow::Segmented) != ended.segmented
+            && Transfer::from(flow) != ended.protocol
         {
-            let name = |segmented| {
-                if segmented { "a segmented transfer" } else { "an expedited transfer" }
+            let name = |transfer| match transfer {
+                Transfer::Expedited => "an expedited transfer",
+                Transfer::Segmented => "a segmented transfer",
+                Transfer::Block => "a block transfer",
             };
-            let wrong = Difference::new(name(flow == Flow::Segmented), name(ended.segmented));
+            let wrong = Difference::new(name(flow.into()), name(ended.protocol));
             return device(Difference { raw: ended.raw, ..wrong });
         }
         if let Some(name) = &read.save {
@@ -68,15 +79,19 @@ impl Steps<'_, '_> {
 
     pub(super) fn write(&mut self, write: &Write) -> Judgement {
         let mux = self.mux(&write.object)?;
-        let data = match (&write.value, &write.bytes) {
-            (Some(value), _) => self.write_value(mux, &value.value)?,
-            (None, Some(bytes)) => parse_bytes(&bytes.value).unwrap_or_default(),
-            (None, None) => Vec::new(),
+        let data = match (&write.value, &write.bytes, &write.fill) {
+            (Some(value), ..) => self.write_value(mux, &value.value)?,
+            (_, Some(bytes), _) => parse_bytes(&bytes.value).unwrap_or_default(),
+            (.., Some(len)) => fill(self.scope.int(&len.value).map_err(Trouble::Bench)? as usize),
+            (None, None, None) => Vec::new(),
         };
         let flow = write.transfer.map_or_else(|| Transfer::usual(data.len()), Transfer::from);
         let ended = sdo::download(self.link, self.policy, self.dut.node, mux, &data, flow)?;
         if let Some(expected) = &write.refused {
             return refusal(&ended.result, &expected.value, ended.raw);
+        }
+        if let Some(name) = &write.save {
+            self.scope.bind(name.0.clone(), Binding::Bytes(data.clone()));
         }
         accepted(mux, &data, self.dut.eds.entry(mux), ended)
     }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use canopen::eds::Eds;
 use canopen::pdo::{CobId, Mapping};
+use canopen::sdo::block::BlockRequest;
 use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response, Transfer};
 use canopen::{BusError, Frame, Mux};
 
@@ -160,7 +161,7 @@ fn reads(
     mux: Mux,
     value: &[u8],
 ) -> Result<bool, BusError> {
-    Ok(sdo::upload(link, policy, dut.node, mux)?.result.is_ok_and(|now| now == value))
+    sdo::reads(link, policy, dut.node, mux, value)
 }
 
 fn writes(
@@ -231,7 +232,9 @@ fn changed_by_frame(text: &At<FrameText>, scope: &Scope, dut: &Dut) -> Vec<Mux> 
     let Some(frame) = pattern.and_then(|pattern| pattern.frame()) else { return Vec::new() };
     if frame.data_id() == Some(REQUEST_COB_ID + u16::from(dut.node)) {
         return match Request::decode(&frame.data) {
-            Ok(Request::Download(mux, _)) => vec![mux],
+            Ok(Request::Download(mux, _) | Request::Block(BlockRequest::Download { mux, .. })) => {
+                vec![mux]
+            }
             _ => Vec::new(),
         };
     }

@@ -1,7 +1,8 @@
 //! SDO transfers over a link.
 
+use canopen::sdo::block::BlockResponse;
 use canopen::sdo::{Client, Failure, Initiate, Next, RESPONSE_COB_ID, Request, Response, Transfer};
-use canopen::{BusError, Frame, Mux};
+use canopen::{Abort, BusError, Frame, Mux, Stamped};
 
 use super::link::{Link, Policy};
 
@@ -12,8 +13,8 @@ pub(super) struct Ended {
     pub result: Result<Vec<u8>, Failure>,
     /// The last frame of the server.
     pub raw: Option<Frame>,
-    /// Whether the server chose segments.
-    pub segmented: bool,
+    /// The protocol that the server chose for an upload.
+    pub protocol: Transfer,
     /// Whether the server gave four bytes without saying how many count.
     pub unsized_data: bool,
 }
@@ -30,6 +31,44 @@ pub(super) fn upload(
 ) -> Result<Ended, BusError> {
     let (client, request) = Client::upload(mux);
     transfer(link, policy, node, client, request)
+}
+
+/// Reads an object in sub-blocks of `block` segments.
+///
+/// # Errors
+/// Whatever the bus reports; what the device does is in the result.
+pub(super) fn upload_in_blocks(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+    block: u8,
+) -> Result<Ended, BusError> {
+    let (client, request) = Client::upload_in_blocks(mux, block, 0);
+    transfer(link, policy, node, client, request)
+}
+
+/// Whether an object reads `value`. An upload that announces another length goes no further.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(super) fn reads(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+    value: &[u8],
+) -> Result<bool, BusError> {
+    let (client, request) = Client::upload(mux);
+    let mut transfer = Running::new(client, request);
+    let Some(answer) = transfer.exchange(link, policy, node)? else { return Ok(false) };
+    if let Ok(Response::Upload(_, Initiate::Segmented(Some(size)))) = Response::decode(&answer.data)
+        && size as usize != value.len()
+    {
+        link.send(&Request::Abort(mux, Abort::GENERAL).frame(node))?;
+        return Ok(false);
+    }
+    Ok(transfer.finish(link, policy, node)?.result.is_ok_and(|now| now == value))
 }
 
 /// Writes an object.
@@ -52,45 +91,97 @@ fn transfer(
     link: &mut Link,
     policy: &Policy,
     node: u8,
-    mut client: Client,
-    mut request: Request,
+    client: Client,
+    request: Request,
 ) -> Result<Ended, BusError> {
-    let answers = RESPONSE_COB_ID + u16::from(node);
-    let mut ended =
-        Ended { result: Ok(Vec::new()), raw: None, segmented: false, unsized_data: false };
-    loop {
-        link.send(&request.frame(node))?;
+    Running::new(client, request).finish(link, policy, node)
+}
+
+/// A transfer under way.
+struct Running {
+    client: Client,
+    /// What is to be sent before the next answer.
+    requests: Vec<Request>,
+    /// An answer that was received and not looked at.
+    answer: Option<Option<Frame>>,
+    protocol: Transfer,
+    unsized_data: bool,
+}
+
+impl Running {
+    fn new(client: Client, request: Request) -> Self {
+        let protocol = Transfer::Expedited;
+        Self { client, requests: vec![request], answer: None, protocol, unsized_data: false }
+    }
+
+    /// Sends what is to be sent and waits for the answer.
+    fn exchange(
+        &mut self,
+        link: &mut Link,
+        policy: &Policy,
+        node: u8,
+    ) -> Result<Option<Frame>, BusError> {
+        let answers = RESPONSE_COB_ID + u16::from(node);
+        let first_sent = link.mark();
+        let many = self.requests.len() > 1;
+        for request in self.requests.drain(..) {
+            link.send(&request.frame(node))?;
+        }
         let until = link.mark() + policy.sdo_timeout;
-        let answer = link.find(until, |seen| !seen.own && seen.frame.data_id() == Some(answers))?;
-        ended.raw = answer.map(|seen| seen.frame);
-        let next = match answer.map(|seen| Response::decode(&seen.frame.data)) {
-            None => client.timeout(),
-            Some(Ok(response)) => {
-                if let Response::Upload(_, initiate) = response {
-                    ended.segmented = matches!(initiate, Initiate::Segmented(_));
-                    ended.unsized_data = matches!(initiate, Initiate::Unsized(_));
+        if many {
+            // A server may break off before it has heard everything.
+            link.look_from(first_sent);
+        }
+        let fits = |seen: &Stamped| !seen.own && seen.frame.data_id() == Some(answers);
+        let answer = link.find(until, fits)?.map(|seen| seen.frame);
+        self.answer = Some(answer);
+        Ok(answer)
+    }
+
+    fn finish(mut self, link: &mut Link, policy: &Policy, node: u8) -> Result<Ended, BusError> {
+        loop {
+            let raw = match self.answer.take() {
+                Some(answer) => answer,
+                None => self.exchange(link, policy, node)?,
+            };
+            self.answer = None;
+            let (protocol, unsized_data) = (&mut self.protocol, &mut self.unsized_data);
+            let next = match raw.map(|frame| self.client.decode(&frame.data)) {
+                None => self.client.timeout(),
+                Some(Ok(response)) => {
+                    match response {
+                        Response::Upload(_, initiate) => {
+                            *unsized_data = matches!(initiate, Initiate::Unsized(_));
+                            if matches!(initiate, Initiate::Segmented(_)) {
+                                *protocol = Transfer::Segmented;
+                            }
+                        }
+                        Response::Block(BlockResponse::Upload { .. }) => {
+                            *protocol = Transfer::Block;
+                        }
+                        _ => {}
+                    }
+                    self.client.step(response)
                 }
-                client.step(response)
-            }
-            Some(Err(malformed)) => {
-                let expected = format!("an answer of 8 bytes: {malformed}");
-                let got = Response::Unknown([0; 8]);
-                Next::Failed(Failure::Violation { expected, got }, None)
-            }
-        };
-        match next {
-            Next::Send(following, wanted) => (client, request) = (following, wanted),
-            Next::Done(data) => {
-                ended.result = Ok(data);
-                return Ok(ended);
-            }
-            Next::Failed(failure, tell) => {
-                if let Some(tell) = tell {
-                    link.send(&tell.frame(node))?;
+                Some(Err(malformed)) => {
+                    let expected = format!("an answer of 8 bytes: {malformed}");
+                    let got = Response::Unknown([0; 8]);
+                    Next::Failed(Failure::Violation { expected, got }, None)
                 }
-                ended.result = Err(failure);
-                return Ok(ended);
+            };
+            let (result, tell) = match next {
+                Next::Send(client, requests) => {
+                    (self.client, self.requests) = (client, requests);
+                    continue;
+                }
+                Next::Done(data, tell) => (Ok(data), tell),
+                Next::Failed(failure, tell) => (Err(failure), tell),
+            };
+            if let Some(tell) = tell {
+                link.send(&tell.frame(node))?;
             }
+            let (protocol, unsized_data) = (self.protocol, self.unsized_data);
+            return Ok(Ended { result, raw, protocol, unsized_data });
         }
     }
 }

@@ -99,6 +99,8 @@ pub enum Flow {
     Expedited,
     /// In segments.
     Segmented,
+    /// In blocks of segments.
+    Block,
 }
 
 impl From<Flow> for Transfer {
@@ -106,6 +108,7 @@ impl From<Flow> for Transfer {
         match flow {
             Flow::Expedited => Self::Expedited,
             Flow::Segmented => Self::Segmented,
+            Flow::Block => Self::Block,
         }
     }
 }

@@ -290,9 +290,12 @@ pub struct Read {
     /// The device must refuse, with this code.
     #[serde(default)]
     pub refused: Option<At<Refusal>>,
-    /// The protocol the device must choose.
+    /// The protocol the device must choose; `block` is what the client asks for, too.
     #[serde(default)]
     pub transfer: Option<Flow>,
+    /// Segments of a sub-block, 127 unless said otherwise; makes it a block transfer.
+    #[serde(default)]
+    pub block_size: Option<At<Literal>>,
 }
 
 /// See [`Step::Write`].
@@ -307,6 +310,12 @@ pub struct Write {
     /// Bytes instead of a value, for what the data sheet does not allow.
     #[serde(default)]
     pub bytes: Option<At<String>>,
+    /// So many bytes of readable text instead of a value.
+    #[serde(default)]
+    pub fill: Option<At<Literal>>,
+    /// Names what was written for later steps.
+    #[serde(default)]
+    pub save: Option<Name>,
     /// The device must refuse, with this code.
     #[serde(default)]
     pub refused: Option<At<Refusal>>,

@@ -25,6 +25,8 @@ pub(super) struct NodeFacts {
     /// Second addresses of an object, each with the address of its value.
     aliases: BTreeMap<String, String>,
     sync: Option<SyncFacts>,
+    /// Whether the SDO server has block transfer; it has, unless said otherwise.
+    block_transfer: Option<bool>,
 }
 
 /// An object that holds a time.
@@ -90,6 +92,7 @@ pub(super) fn settings(
             let resolution = Duration::from_millis(sync.resolution_ms);
             Some(SyncSupervision { percent: sync.percent, resolution })
         }),
+        block_transfer: usual.block_transfer.filter(|_| node.block_transfer != Some(false)),
         emcy: emcy.map_or_else(|| Ok(usual.emcy.clone()), table)?,
         aliases: aliases.collect::<Result<_, _>>()?,
         ..usual

@@ -1,11 +1,164 @@
 //! What the specification decides about block transfer (CiA 301, 7.2.4.3.9 to 7.2.4.3.16).
 
+use canopen::sdo::block::{self, LARGEST_BLOCK};
+
 use super::mutants::mutants;
 use super::{LssRules, Rules};
 
 /// The decisions of an SDO server in a block transfer.
-pub trait SdoBlockRules {}
+pub trait SdoBlockRules {
+    /// Inside a sub-block every frame is a segment, whatever command its first byte looks like;
+    /// only 80h is an abort (7.2.4.3.10).
+    fn command_in_sub_block(&self, first: u8) -> bool {
+        first == 0x80
+    }
+
+    /// Segments count from 1 to at most the block size (7.2.4.3.10).
+    fn sequence_valid(&self, sequence: u8, block: u8) -> bool {
+        (1..=block).contains(&sequence)
+    }
+
+    /// Only the segment that follows the last good one is taken (7.2.4.3.10).
+    fn segment_taken(&self, last_good: u8, sequence: u8) -> bool {
+        sequence == last_good + 1
+    }
+
+    /// The end of a sub-block is confirmed, and no segment before it.
+    fn each_block_segment_confirmed(&self) -> bool {
+        false
+    }
+
+    /// The sub-blocks together are the value.
+    fn blocks_put_together(&self) -> bool {
+        true
+    }
+
+    /// A download ends behind its last segment (7.2.4.3.11).
+    fn end_follows_last_segment(&self) -> bool {
+        true
+    }
+
+    /// The checksum is that of the data, without what fills up the last segment (7.2.4.3.16).
+    fn checksum_right(&self, told: u16, data: &[u8], _padded: &[u8]) -> bool {
+        told == block::crc(data)
+    }
+
+    /// And so is the one that the server tells.
+    fn checksum(&self, data: &[u8], _unused: u8) -> u16 {
+        block::crc(data)
+    }
+
+    /// A client asks for blocks of 1 to 127 segments, at first and with each confirmation
+    /// (7.2.4.3.13, 7.2.4.3.14).
+    fn block_size_valid(&self, size: u8, _first: bool) -> bool {
+        (1..=LARGEST_BLOCK).contains(&size)
+    }
+
+    /// The next block has as many segments as the client asks for now (7.2.4.3.14).
+    fn next_block_size(&self, _before: u8, asked: u8) -> u8 {
+        asked
+    }
+
+    /// What cannot be read is refused in this protocol, too.
+    fn missing_object_refused_in_blocks(&self) -> bool {
+        true
+    }
+
+    /// The server changes to the usual protocol when the client allows it and the value is not
+    /// longer than it says (7.2.4.3.13).
+    fn changes_protocol(&self, len: usize, threshold: u8) -> bool {
+        threshold > 0 && len <= threshold.into()
+    }
+
+    /// No segment can be confirmed that was not sent (7.2.4.3.14).
+    fn acknowledgement_checked(&self) -> bool {
+        true
+    }
+
+    /// What follows the last good segment is sent again (7.2.4.3.14).
+    fn acknowledged(&self, last_good: u8, _sent: u8) -> u8 {
+        last_good
+    }
+
+    /// Each sub-block counts from 1 (7.2.4.3.14).
+    fn first_sequence(&self, _last_good: u8) -> u8 {
+        1
+    }
+}
 
 mutants! {
     SdoBlockRules, as specified Rules LssRules;
+
+    "block-command-in-sub-block" {
+        fn command_in_sub_block(&self, first: u8) -> bool { matches!(first, 0x40 | 0x80 | 0xA4) }
+    }
+    "block-abort-unheard-in-sub-block" {
+        fn command_in_sub_block(&self, _first: u8) -> bool { false }
+    }
+    "block-sequence-unchecked" {
+        fn sequence_valid(&self, _sequence: u8, _block: u8) -> bool { true }
+    }
+    "block-loss-unnoticed" {
+        fn segment_taken(&self, _last_good: u8, _sequence: u8) -> bool { true }
+    }
+    "block-first-loss-unnoticed" {
+        fn segment_taken(&self, last_good: u8, sequence: u8) -> bool {
+            last_good == 0 || sequence == last_good + 1
+        }
+    }
+    "block-repeated-segment-stored-twice" {
+        fn segment_taken(&self, last_good: u8, sequence: u8) -> bool {
+            sequence == last_good + 1 || sequence == last_good
+        }
+    }
+    "block-each-segment-confirmed" {
+        fn each_block_segment_confirmed(&self) -> bool { true }
+    }
+    "block-second-replaces-first" {
+        fn blocks_put_together(&self) -> bool { false }
+    }
+    "block-end-before-last-segment" {
+        fn end_follows_last_segment(&self) -> bool { false }
+    }
+    "block-checksum-unchecked" {
+        fn checksum_right(&self, _told: u16, _data: &[u8], _padded: &[u8]) -> bool { true }
+    }
+    "block-checksum-over-padding" {
+        fn checksum_right(&self, told: u16, _data: &[u8], padded: &[u8]) -> bool {
+            told == block::crc(padded)
+        }
+        fn checksum(&self, data: &[u8], unused: u8) -> u16 {
+            let padded = [data, &[0; 7][..unused.into()]].concat();
+            block::crc(&padded)
+        }
+    }
+    "block-size-unchecked" {
+        fn block_size_valid(&self, _size: u8, first: bool) -> bool { !first }
+    }
+    "block-next-size-unchecked" {
+        fn block_size_valid(&self, size: u8, first: bool) -> bool {
+            !first || (1..=LARGEST_BLOCK).contains(&size)
+        }
+    }
+    "block-next-size-ignored" {
+        fn next_block_size(&self, before: u8, _asked: u8) -> u8 { before }
+    }
+    "block-upload-of-missing-object" {
+        fn missing_object_refused_in_blocks(&self) -> bool { false }
+    }
+    "block-protocol-changed-unasked" {
+        fn changes_protocol(&self, len: usize, _threshold: u8) -> bool { len <= 4 }
+    }
+    "block-threshold-ignored" {
+        fn changes_protocol(&self, _len: usize, threshold: u8) -> bool { threshold > 0 }
+    }
+    "block-acknowledgement-unchecked" {
+        fn acknowledgement_checked(&self) -> bool { false }
+    }
+    "block-lost-segment-not-sent-again" {
+        fn acknowledged(&self, _last_good: u8, sent: u8) -> u8 { sent }
+    }
+    "block-sent-again-with-old-numbers" {
+        fn first_sequence(&self, last_good: u8) -> u8 { last_good + 1 }
+    }
 }
