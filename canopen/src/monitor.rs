@@ -206,6 +206,10 @@ impl Monitor for HeartbeatAlive {
                     self.last = None;
                 }
             }
+            // Whether it may boot is for others to say; its heartbeat begins anew.
+            Some(_) if !own && frame == ErrorControl::BOOT_UP.frame(self.node) => {
+                (self.period, self.last) = (None, None);
+            }
             Some(id) if !own && id == heartbeat::COB_ID + node => {
                 let judged = self.judge(at, Some(frame));
                 self.last = Some(at);
@@ -319,6 +323,8 @@ mod tests {
         assert_eq!(breaches(&gap), ["a heartbeat every 100 ms: none for 300 ms"]);
         let reset = [&set[..], &["20 >000#8205", "900 !705#00"]].concat();
         assert_eq!(breaches(&reset), [""; 0]);
+        let supply = [&set[..], &["900 !705#00", "1900 705#7F"]].concat();
+        assert_eq!(breaches(&supply), [""; 0]);
     }
 
     #[test]

@@ -75,6 +75,9 @@ pub struct Selection {
     #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub bitrate: u32,
+    /// The bench around the device: `unix:PATH`, or a program that speaks lines of JSON
+    #[arg(long, value_name = "RIG")]
+    pub bench: Option<String>,
 }
 
 impl Selection {
@@ -88,6 +91,7 @@ impl Selection {
             device: None,
             suites: None,
             bitrate: DEFAULT_BIT_RATE,
+            bench: None,
         }
     }
 }
@@ -165,6 +169,9 @@ pub struct ServeArgs {
     /// One named deviation
     #[arg(long, value_name = "NAME")]
     pub mutant: Option<String>,
+    /// Offer its physical side on this socket, for `run --bench unix:PATH`
+    #[arg(long, value_name = "PATH")]
+    pub bench_socket: Option<PathBuf>,
 }
 
 /// Arguments of `scan`.

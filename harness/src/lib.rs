@@ -11,6 +11,7 @@ pub mod exit;
 pub mod plan;
 pub mod properties;
 pub mod reporter;
+pub mod rig;
 pub mod run;
 pub mod scan;
 pub mod source;

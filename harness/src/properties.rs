@@ -144,7 +144,7 @@ static DEVICE: LazyLock<ReferenceDevice> =
 
 static SHEET: LazyLock<Dut> = LazyLock::new(|| {
     let eds: Eds = eds::read(DEVICE.eds_text().as_bytes()).eds;
-    Dut { name: DRR460.to_owned(), node: NODE, eds: Arc::new(eds) }
+    Dut { name: DRR460.to_owned(), node: NODE, eds: Arc::new(eds), bench: Vec::new() }
 });
 
 const REGISTER: &str = "\

@@ -88,7 +88,7 @@ fn answering(link: &mut Link, nodes: std::ops::RangeInclusive<u8>) -> Result<Vec
 
 fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
     let policy = Policy::at_bit_rate(125_000);
-    let dut = Dut { name: String::new(), node, eds: Arc::new(Eds::default()) };
+    let dut = Dut { name: String::new(), node, eds: Arc::new(Eds::default()), bench: Vec::new() };
     let identity = identity(link, &policy, &dut)?;
     let name = read_text(link, &policy, node, DEVICE_NAME)?;
     let device = devices::names().find(|name| {

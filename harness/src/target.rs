@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
 
 use canopen::eds::{self, Eds};
-use canopen::{Bus, VirtualBus};
+use canopen::{Bench, Bus, Device, VirtualBus};
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::mutant;
 use reference_devices::rules::Specification;
@@ -16,6 +16,7 @@ use crate::bus::socketcan::SocketCan;
 use crate::cli::Selection;
 use crate::exit::{Exit, Refused};
 use crate::plan::Dut;
+use crate::rig::{Rig, WithRig};
 use crate::scan::{self, Found};
 
 /// A device under test and the bus it is on.
@@ -24,6 +25,8 @@ pub struct Target {
     pub dut: Dut,
     /// How to get at it.
     pub place: Place,
+    /// The bench around it, when it is not simulated.
+    pub rig: Option<Arc<Mutex<Rig>>>,
     /// The options that name it again on a command line.
     pub options: String,
 }
@@ -49,7 +52,7 @@ impl Target {
     /// # Errors
     /// When the interface cannot be used, or the mutant cannot be built.
     pub fn open(&self, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>, Refused> {
-        match &self.place {
+        let bus: Box<dyn Bus> = match &self.place {
             Place::Simulation { device, mutant, bit_rate } => {
                 let mut bus = VirtualBus::new(*bit_rate);
                 match mutant {
@@ -59,10 +62,14 @@ impl Target {
                         bus.attach(built.map_err(Refused::usage)?)
                     }
                 };
-                Ok(Box::new(bus))
+                Box::new(bus)
             }
-            Place::SocketCan(name) => open_interface(name, stop),
-        }
+            Place::SocketCan(name) => open_interface(name, stop)?,
+        };
+        Ok(match &self.rig {
+            Some(rig) => Box::new(WithRig { bus, rig: Arc::clone(rig) }),
+            None => bus,
+        })
     }
 }
 
@@ -175,8 +182,13 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
     if let Some(node) = selection.node {
         options.push_str(&format!(" --node {node}"));
     }
+    let (rig, bench) = match rig(selection, &mut options)? {
+        Some((rig, names)) => (Some(rig), names),
+        None => (None, device.node(node, Box::new(Specification)).bench_names()),
+    };
     Ok(Target {
-        dut: Dut { name: name.to_owned(), node, eds: Arc::new(eds) },
+        dut: Dut { name: name.to_owned(), node, eds: Arc::new(eds), bench },
+        rig,
         place: Place::Simulation { device, mutant, bit_rate: selection.bitrate },
         options,
     })
@@ -202,11 +214,26 @@ fn on_interface(
     if let Some(path) = &selection.eds {
         options.push_str(&format!(" --eds {}", path.display()));
     }
+    let (rig, bench) = rig(selection, &mut options)?.unzip();
+    let bench = bench.unwrap_or_default();
     Ok(vec![Target {
-        dut: Dut { name: dut_name, node: first.node, eds: Arc::new(eds) },
+        dut: Dut { name: dut_name, node: first.node, eds: Arc::new(eds), bench },
+        rig,
         place: Place::SocketCan(name.to_owned()),
         options,
     }])
+}
+
+/// A bench of the user's, and what it offers.
+type OwnBench = (Arc<Mutex<Rig>>, Vec<String>);
+
+/// The bench the user names.
+fn rig(selection: &Selection, options: &mut String) -> Result<Option<OwnBench>, Refused> {
+    let Some(text) = &selection.bench else { return Ok(None) };
+    options.push_str(&format!(" --bench {text}"));
+    let opened = Rig::open(text).and_then(|mut rig| Ok((rig.names()?, rig)));
+    let (names, rig) = opened.map_err(|error| Refused::bus(error.to_string()))?;
+    Ok(Some((Arc::new(Mutex::new(rig)), names)))
 }
 
 /// The data sheet of a device on a bus: the user's, or one of ours that fits.

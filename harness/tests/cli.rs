@@ -85,6 +85,13 @@ fn the_list_as_json_says_what_the_list_says() {
     }
 }
 
+#[test]
+fn the_rig_in_the_manual_is_the_one_that_is_tested() {
+    let rig = fs::read_to_string(cli().join("run/bench-rig/rig.sh")).unwrap();
+    let manual = fs::read_to_string(project().join("suites/README.md")).unwrap();
+    assert!(manual.contains(&format!("```sh\n{rig}```\n")), "suites/README.md shows another rig");
+}
+
 /// The texts of this run stand in `cli/run/dies-in-the-middle`.
 #[test]
 fn a_device_that_dies_in_the_middle_still_gives_reports() {

@@ -5,6 +5,7 @@ mod common;
 #[path = "common/record.rs"]
 mod record;
 
+use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Stdio};
@@ -118,6 +119,24 @@ fn a_device_that_dies_in_the_middle_still_gives_a_report() {
     assert_eq!(files.junit().matches("<testcase").count(), 4);
 }
 
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn a_bench_behind_a_socket_switches_the_supply() {
+    let _wire = wire();
+    let files = Files::new();
+    let socket = files.path("bench");
+    let mut served = Served::with(&["--bench-socket".as_ref(), socket.as_os_str()]);
+    let suites = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/cli/run/bench-power/suites");
+    let bench = format!("unix:{}", socket.display());
+    let arguments = ["--target", "vcan0", "--suites", suites, "--bench", &bench, "demo/off"];
+    let output = harness().args(arguments).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+
+    interrupt(&served.0);
+    assert_eq!(served.0.wait().unwrap().code(), Some(0));
+    assert!(!socket.exists(), "a socket goes with its device");
+}
+
 /// There is one vcan0, and no test may see the device of another one.
 fn wire() -> MutexGuard<'static, ()> {
     static WIRE: Mutex<()> = Mutex::new(());
@@ -130,8 +149,13 @@ struct Served(Child);
 impl Served {
     /// Returns when the device is on the bus.
     fn start() -> Self {
+        Self::with(&[])
+    }
+
+    fn with(options: &[&OsStr]) -> Self {
         let mut command = harness();
-        command.args(["serve", "drr460", "--target", "vcan0"]).stderr(Stdio::piped());
+        command.args(["serve", "drr460", "--target", "vcan0"]).args(options);
+        command.stderr(Stdio::piped());
         let mut child = command.spawn().unwrap();
         let mut line = String::new();
         let errors = child.stderr.as_mut().expect("it was asked for");

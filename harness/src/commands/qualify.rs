@@ -126,6 +126,7 @@ fn row(library: &Library, plan: &Plan, clean: &Target, mutant: &Mutant) -> Resul
             mutant: Some(Box::new(mutant.clone())),
             bit_rate: DEFAULT_BIT_RATE,
         },
+        rig: None,
         options: String::new(),
     };
     let meets = |instance: &&Instance| mutant.canary || broken(mutant, instance).next().is_some();

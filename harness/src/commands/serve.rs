@@ -1,20 +1,30 @@
-//! `harness serve`: a reference device on a real bus.
+//! `harness serve`: a reference device on a real bus, and its physical side on a socket.
 
+use std::io::{BufRead, BufReader, Write};
+use std::os::unix::net::{UnixListener, UnixStream};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::thread;
+use std::time::Duration;
 
-use canopen::{BusError, Device, Instant, serve};
+use canopen::{Bench, BenchError, BusError, Device, Instant, Outbox, Value, serve};
 use reference_devices::mutant;
 use reference_devices::rules::Specification;
 
 use crate::cli::ServeArgs;
 use crate::exit::{Exit, Refused};
+use crate::rig;
 use crate::target::{mutant_of, open_interface, reference_device};
+
+/// How long a request of a bench may wait.
+const SLICE: Duration = Duration::from_millis(1);
 
 /// Serves until Ctrl-C.
 ///
 /// # Errors
-/// When the device or the interface is not there, or the interface fails for good.
+/// When the device, the interface or the socket is not there, or the interface fails for good.
 pub(super) fn run(args: &ServeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
     let device = reference_device(&args.device)?;
     let node = args.node.unwrap_or_else(|| device.description.default_node);
@@ -26,14 +36,97 @@ pub(super) fn run(args: &ServeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refu
         }
     };
     let mut bus = open_interface(&args.target, stop)?;
+    let socket = args.bench_socket.as_deref().map(Socket::open).transpose()?;
     let deviation = args.mutant.as_ref().map(|name| format!(" with {name}")).unwrap_or_default();
     eprintln!("{}{deviation} is node {node} on {}; Ctrl-C ends it", args.device, args.target);
     loop {
-        match serve(&mut *bus, &mut *served, Instant::NEVER) {
-            Ok(()) | Err(BusError::Interrupted) => return Ok(Exit::Green),
+        let end = socket.as_ref().map_or(Instant::NEVER, |_| bus.now() + SLICE);
+        match serve(&mut *bus, &mut *served, end) {
+            Ok(()) => {}
+            Err(BusError::Interrupted) => return Ok(Exit::Green),
             // A device sees an error frame and goes on.
             Err(BusError::Controller(what)) => eprintln!("the CAN controller reports {what}"),
             Err(error) => return Err(Refused::bus(error.to_string())),
         }
+        let Some(socket) = &socket else { continue };
+        while let Ok(request) = socket.requests.try_recv() {
+            let (now, mut out) = (bus.now(), Outbox::default());
+            let mut table = Table { device: &mut *served, now, out: &mut out };
+            let answer = rig::respond(&mut table, &request.line);
+            while let Some(frame) = out.pop() {
+                bus.send(&frame).map_err(|error| Refused::bus(error.to_string()))?;
+            }
+            // Whoever asked may have gone.
+            _ = request.answer.send(answer);
+        }
     }
+}
+
+/// The served device as a bench.
+struct Table<'t> {
+    device: &'t mut dyn Device,
+    now: Instant,
+    out: &'t mut Outbox,
+}
+
+impl Bench for Table<'_> {
+    fn names(&mut self) -> Result<Vec<String>, BenchError> {
+        Ok(self.device.bench_names())
+    }
+    fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
+        self.device.stimulate(self.now, name, value, self.out)
+    }
+    fn get(&mut self, name: &str) -> Result<Value, BenchError> {
+        self.device.observe(name).ok_or_else(|| BenchError::unknown(name))
+    }
+}
+
+/// A line that somebody wrote into the socket, and where the answer goes.
+struct Request {
+    line: String,
+    answer: Sender<String>,
+}
+
+/// The socket; gone from the file system when the device is.
+struct Socket {
+    path: PathBuf,
+    requests: Receiver<Request>,
+}
+
+impl Socket {
+    fn open(path: &Path) -> Result<Self, Refused> {
+        // What is left of a server that was killed is nobody's any more.
+        if UnixStream::connect(path)
+            .is_err_and(|e| e.kind() == std::io::ErrorKind::ConnectionRefused)
+        {
+            _ = std::fs::remove_file(path);
+        }
+        let listener = UnixListener::bind(path)
+            .map_err(|error| Refused::bus(format!("{}: {error}", path.display())))?;
+        let (sender, requests) = mpsc::channel();
+        thread::spawn(move || {
+            for client in listener.incoming().map_while(Result::ok) {
+                let sender = sender.clone();
+                thread::spawn(move || answer_all(&client, &sender));
+            }
+        });
+        Ok(Self { path: path.to_owned(), requests })
+    }
+}
+
+impl Drop for Socket {
+    fn drop(&mut self) {
+        _ = std::fs::remove_file(&self.path);
+    }
+}
+
+/// Serves one client until it goes away.
+fn answer_all(client: &UnixStream, requests: &Sender<Request>) -> Option<()> {
+    for line in BufReader::new(client).lines() {
+        let (sender, answer) = mpsc::channel();
+        requests.send(Request { line: line.ok()?, answer: sender }).ok()?;
+        let mut client = client;
+        writeln!(client, "{}", answer.recv().ok()?).ok()?;
+    }
+    None
 }

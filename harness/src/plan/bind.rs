@@ -6,12 +6,14 @@ use std::sync::Arc;
 use canopen::eds::{Access, Direction, Eds, Entry, Object, ObjectKind};
 use canopen::{DataType, Mux, Value};
 
-use super::check;
+use super::check::{self, no_object};
 use super::instance::{Instance, Plan};
 use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint};
-use crate::suite::literal::{Amount, Literal};
-use crate::suite::model::{AccessName, Case, DirectionName, Each, Has, Objects, Pdos, Requires};
+use crate::suite::literal::{Amount, Literal, ObjectRef};
+use crate::suite::model::{
+    AccessName, Capability, Case, DirectionName, Each, Has, Objects, Pdos, Requires,
+};
 use crate::suite::{Library, Suite};
 
 /// Binds every suite that is for this device: those for any device, and those for the reference
@@ -81,13 +83,9 @@ fn bind_case(
     for bound in &mut bound {
         let checked = check::case(bound, dut, model);
         complaints.extend(checked.complaints);
-        bound.skip = checked.lacking.map(no_object);
+        bound.skip = checked.lacking;
     }
     if complaints.is_empty() { Ok(bound) } else { Err(dedup(complaints)) }
-}
-
-fn no_object(mux: Mux) -> String {
-    format!("the data sheet has no object {mux}")
 }
 
 fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {
@@ -98,7 +96,10 @@ fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {
 
 /// Why the device does not have what the case requires.
 fn lacks(requires: &Requires, dut: &Dut) -> Option<String> {
-    let crate::suite::literal::ObjectRef::Fixed(mux) = requires.object.value else { return None };
+    if requires.supports == Some(Capability::Lss) && !dut.eds.device.lss {
+        return Some("the data sheet says that there is no LSS".to_owned());
+    }
+    let ObjectRef::Fixed(mux) = requires.object.as_ref()?.value else { return None };
     match (dut.eds.entry(mux), requires.access) {
         (None, _) => Some(no_object(mux)),
         (Some(entry), Some(access)) if !has_access(entry, access) => {
@@ -170,12 +171,8 @@ fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d Entry
         let known = DataType::named(&name.value);
         types.push(known.ok_or_else(|| format!("`{}` is no data type", name.value))?);
     }
-    let except = |mux: Mux| {
-        objects
-            .except
-            .iter()
-            .any(|object| object.value == crate::suite::literal::ObjectRef::Fixed(mux))
-    };
+    let except =
+        |mux: Mux| objects.except.iter().any(|object| object.value == ObjectRef::Fixed(mux));
     let fits = |object: &Object, entry: &Entry| {
         (range.0..=range.1).contains(&entry.mux.index)
             && (objects.access.is_empty()

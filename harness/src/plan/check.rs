@@ -13,10 +13,18 @@ use crate::suite::model::{Case, Produce, Read, Remap, Step, Until, Write};
 
 /// Checks that what a case requires can exist at all.
 pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Complaint> {
-    for requires in &case.requires {
-        let At { value: ObjectRef::Fixed(mux), place } = &requires.value.object else {
+    for At { value: requires, place } in &case.requires {
+        let Some(object) = &requires.object else {
+            if requires.supports.is_none() || requires.access.is_some() {
+                let message = "a case requires an `object`, with an `access` if need be, or what \
+                               the device `supports`";
+                return Err(Complaint::at(&suite.source, *place, message));
+            }
+            continue;
+        };
+        let At { value: ObjectRef::Fixed(mux), place } = object else {
             let message = "what a case requires is an object such as \"1017:00\"";
-            return Err(Complaint::at(&suite.source, requires.value.object.place, message));
+            return Err(Complaint::at(&suite.source, object.place, message));
         };
         let known = catalogue::lookup(&["cia301", "cia401"], mux.index).is_some()
             || dut.eds.object(mux.index).is_some();
@@ -33,8 +41,8 @@ pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Comp
 pub(super) struct Checked {
     /// Names that are not bound or not used, objects that nobody knows, values that do not fit.
     pub complaints: Vec<Complaint>,
-    /// An object of the profile that the case needs and the device does not have.
-    pub lacking: Option<Mux>,
+    /// What the case needs and the device, or the bench around it, does not have.
+    pub lacking: Option<String>,
 }
 
 /// Checks every step of an instance.
@@ -70,7 +78,7 @@ struct Checker<'c> {
     model: Option<&'c Eds>,
     saved: Vec<(String, Place)>,
     complaints: Vec<Complaint>,
-    lacking: Option<Mux>,
+    lacking: Option<String>,
 }
 
 impl Checker<'_> {
@@ -126,6 +134,33 @@ impl Checker<'_> {
             }
             Step::Sync(sync) => self.times(&sync.every),
             Step::Produce(produce) => self.produce(Some(produce)),
+            Step::Bench(stimuli) => {
+                for (name, value) in stimuli {
+                    self.bench_value(value);
+                    self.bench_name(name);
+                }
+            }
+            Step::Observe(observe) => {
+                if observe.value.is_none() && observe.min.is_none() && observe.max.is_none() {
+                    self.complain(step.place, "`observe` needs a `value`, a `min` or a `max`");
+                }
+                for value in [&observe.value, &observe.min, &observe.max].into_iter().flatten() {
+                    self.bench_value(value);
+                }
+                self.times(&observe.within);
+                self.bench_name(&observe.bench.value);
+            }
+        }
+    }
+
+    fn bench_value(&mut self, literal: &At<Literal>) {
+        let result = self.scope.value(&literal.value);
+        self.note(result.map(|_| ()), literal.place);
+    }
+
+    fn bench_name(&mut self, name: &str) {
+        if !self.dut.bench.iter().any(|known| known == name) {
+            self.lacking.get_or_insert_with(|| format!("there is no bench with `{name}`"));
         }
     }
 
@@ -265,7 +300,7 @@ impl Checker<'_> {
         let entry = self.dut.eds.entry(mux);
         if entry.is_none() && refused.is_none() {
             if self.model.map_or_else(|| in_profile(mux), |eds| eds.entry(mux).is_some()) {
-                self.lacking.get_or_insert(mux);
+                self.lacking.get_or_insert_with(|| no_object(mux));
             } else {
                 let name = &self.dut.name;
                 let message = format!("unknown object {mux}: the data sheet of {name} has none");
@@ -295,6 +330,11 @@ impl Checker<'_> {
     fn complain(&mut self, place: Place, message: impl Into<String>) {
         self.complaints.push(Complaint::at(&self.suite.source, place, message));
     }
+}
+
+/// Why a case about an object does not apply.
+pub(super) fn no_object(mux: Mux) -> String {
+    format!("the data sheet has no object {mux}")
 }
 
 /// Whether a profile knows a value at that address.

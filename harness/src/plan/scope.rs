@@ -19,6 +19,8 @@ pub struct Dut {
     pub node: u8,
     /// What it says of itself.
     pub eds: Arc<Eds>,
+    /// What the bench around it can set and observe.
+    pub bench: Vec<String>,
 }
 
 impl Dut {
@@ -200,6 +202,29 @@ impl Scope {
             }
             .ok_or_else(|| format!("{name} is no whole number")),
             other => Err(format!("`{other}` is no whole number")),
+        }
+    }
+
+    /// The value a literal stands for on the physical side, where nothing gives it a type.
+    ///
+    /// # Errors
+    /// When it stands for none.
+    pub fn value(&self, literal: &Literal) -> Result<Value, Wrong> {
+        match literal {
+            Literal::Int(number) => Ok(Value::Int(*number)),
+            Literal::Real(number) => Ok(Value::Real(*number)),
+            Literal::Bool(on) => Ok(Value::Bool(*on)),
+            Literal::Text(text) => Ok(Value::Text(text.clone())),
+            Literal::Named(name, offset) => match (self.get(name)?, offset) {
+                (Binding::Value(Value::Int(number), _), offset)
+                | (Binding::Literal(Literal::Int(number)), offset) => {
+                    Ok(Value::Int(number + offset))
+                }
+                (Binding::Value(value, _), 0) => Ok(value.clone()),
+                (Binding::Literal(literal), 0) => self.value(literal),
+                _ => Err(format!("{name} is no value for a bench")),
+            },
+            Literal::Time(_) => Err(format!("`{literal}`: a bench knows no units")),
         }
     }
 

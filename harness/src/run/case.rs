@@ -5,6 +5,7 @@ use canopen::pdo::CobId;
 use canopen::{BusError, Instant, Mux};
 use reports::{Measured, Outcome, Phase, Place as ReportPlace, Problem};
 
+use super::bench::Stimuli;
 use super::judge::{Difference, Trouble};
 use super::link::{Link, Policy};
 use super::restore::Snapshot;
@@ -49,7 +50,15 @@ pub(super) fn run(
     instance: &Instance,
     reset_first: bool,
 ) -> Finished {
-    let mut run = CaseRun { link, policy, dut, instance, notes: Vec::new(), measured: Vec::new() };
+    let mut run = CaseRun {
+        link,
+        policy,
+        dut,
+        instance,
+        notes: Vec::new(),
+        measured: Vec::new(),
+        stimuli: Stimuli::default(),
+    };
     let (outcome, aftermath) = run.run(reset_first);
     let trace = run.link.take_trace();
     Finished { outcome, trace, measured: run.measured, notes: run.notes, aftermath }
@@ -62,6 +71,7 @@ struct CaseRun<'r, 'b> {
     instance: &'r Instance,
     notes: Vec<String>,
     measured: Vec<Measured>,
+    stimuli: Stimuli,
 }
 
 impl CaseRun<'_, '_> {
@@ -109,6 +119,7 @@ impl CaseRun<'_, '_> {
             policy: self.policy,
             scope: self.instance.scope.clone(),
             measured: Vec::new(),
+            stimuli: &mut self.stimuli,
         };
         let mut report = Report {
             source: &self.instance.suite.source,
@@ -134,11 +145,25 @@ impl CaseRun<'_, '_> {
         let now = self.link.mark();
         monitor::all(self.dut.node, pdo_identifiers(self.dut)).iter_mut().find_map(|monitor| {
             let seen = frames.iter().find_map(|seen| monitor.observe(seen).err());
-            seen.or_else(|| monitor.finish(now).err())
+            // Who has no supply owes nothing.
+            let silence = || (!self.stimuli.off).then(|| monitor.finish(now).err())?;
+            seen.or_else(silence)
         })
     }
 
     fn restore(&mut self, snapshot: &Snapshot) -> Result<bool, BusError> {
+        let without_supply = self.stimuli.off;
+        match self.stimuli.undo(self.link) {
+            Ok(()) if without_supply => _ = settle::booted(self.link, self.policy, self.dut)?,
+            Ok(()) => {}
+            Err(error) if without_supply => {
+                let what = format!("the bench does not switch the supply on again: {error}");
+                return Err(BusError::Io(what));
+            }
+            Err(error) => {
+                self.notes.push(format!("the bench does not set back what the case set: {error}"));
+            }
+        }
         if snapshot.is_empty() {
             return Ok(true);
         }

@@ -6,7 +6,7 @@
 use std::time::Duration;
 
 use canopen::monitor::Seen;
-use canopen::{Bus, BusError, Frame, Instant, Stamped};
+use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped};
 
 /// What is policy and not clause: how long to wait, how exact the bench is.
 #[derive(Clone, Copy, Debug)]
@@ -148,6 +148,25 @@ impl<'b> Link<'b> {
         }
         self.skip_to(until.min(end));
         Ok(())
+    }
+
+    /// The bench around the device.
+    pub fn bench(&mut self) -> Option<&mut dyn Bench> {
+        self.bus.bench()
+    }
+
+    /// Whatever came until now has been looked at.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn look_from_now(&mut self) -> Result<(), BusError> {
+        let now = self.now();
+        self.wait(now)
+    }
+
+    /// Time may have passed beside the bus. The next step starts now, and sees what came meanwhile.
+    pub fn moved(&mut self) {
+        self.mark = self.now();
     }
 
     /// Looks again at everything that came after `start`, as after sending many frames.

@@ -109,16 +109,24 @@ fn calm(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Option<String>, B
 /// Resets the node and waits until it is back.
 fn reset(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<(), Unsettled> {
     link.send(&Command { service: Service::RESET_NODE, node: dut.node }.frame())?;
-    let boot_up = ErrorControl::BOOT_UP.frame(dut.node);
-    debug_assert_eq!(boot_up.id.raw(), u32::from(heartbeat::COB_ID) + u32::from(dut.node));
-    let until = link.mark() + policy.boot_timeout;
-    // A device without a boot-up message is still usable for what else there is to find out.
-    let booted = link.find(until, |seen| !seen.own && seen.frame == boot_up)?;
-    if booted.is_none() && !first_answer(link, policy, dut)? {
+    if !booted(link, policy, dut)? {
         let seconds = policy.boot_timeout.as_secs();
         return Err(Unsettled::Device(format!(
             "no boot-up and no SDO answer within {seconds} s of a reset"
         )));
     }
     Ok(())
+}
+
+/// Waits until a device that starts is back; whether it is.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(super) fn booted(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
+    let boot_up = ErrorControl::BOOT_UP.frame(dut.node);
+    debug_assert_eq!(boot_up.id.raw(), u32::from(heartbeat::COB_ID) + u32::from(dut.node));
+    let until = link.mark() + policy.boot_timeout;
+    // A device without a boot-up message is still usable for what else there is to find out.
+    let booted = link.find(until, |seen| !seen.own && seen.frame == boot_up)?;
+    Ok(booted.is_some() || first_answer(link, policy, dut)?)
 }

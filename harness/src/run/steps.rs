@@ -7,6 +7,7 @@ use canopen::pdo::CobId;
 use canopen::{Frame, Instant, Mux, Pattern, Stamped, sync};
 use reports::Measured;
 
+use super::bench::Stimuli;
 use super::judge::{Difference, Judgement, Trouble, device};
 use super::limits::{Limits, mean};
 use super::link::{Link, Policy};
@@ -29,6 +30,8 @@ pub(super) struct Steps<'s, 'b> {
     pub scope: Scope,
     /// What was measured.
     pub measured: Vec<Measured>,
+    /// What was done to the device's physical side.
+    pub stimuli: &'s mut Stimuli,
 }
 
 const DEFAULT_REPLY: Duration = Duration::from_secs(1);
@@ -65,6 +68,8 @@ impl Steps<'_, '_> {
             Step::Collect(collect) => self.collect(collect),
             Step::Sync(sync) => self.sync(sync),
             Step::Produce(produce) => self.produce(produce).map(|()| None),
+            Step::Bench(stimuli) => self.stimulate_bench(stimuli),
+            Step::Observe(observe) => self.observe(observe),
         }
     }
 

@@ -170,15 +170,27 @@ pub enum DirectionName {
     Transmit,
 }
 
-/// One thing a device must have.
+/// One thing a device must have: an object, or a capability.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Requires {
     /// This entry of the data sheet.
-    pub object: At<ObjectRef>,
+    #[serde(default)]
+    pub object: Option<At<ObjectRef>>,
     /// With this access.
     #[serde(default)]
     pub access: Option<AccessName>,
+    /// This capability.
+    #[serde(default)]
+    pub supports: Option<Capability>,
+}
+
+/// What a device may or may not be able to do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Capability {
+    /// Layer setting services, by its data sheet.
+    Lss,
 }
 
 /// One step.
@@ -214,6 +226,31 @@ pub enum Step {
     Sync(SyncStep),
     /// Sends a frame periodically.
     Produce(Produce),
+    /// Sets stimuli on the physical side, each by its name: `power: off`. The runner sets them
+    /// back.
+    Bench(BTreeMap<String, At<Literal>>),
+    /// Judges what is to be seen on the physical side.
+    Observe(Observe),
+}
+
+/// See [`Step::Observe`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Observe {
+    /// The name of what is observed.
+    pub bench: At<String>,
+    /// The value.
+    #[serde(default)]
+    pub value: Option<At<Literal>>,
+    /// The smallest value.
+    #[serde(default)]
+    pub min: Option<At<Literal>>,
+    /// The largest value.
+    #[serde(default)]
+    pub max: Option<At<Literal>>,
+    /// How long to go on looking; once unless said otherwise.
+    #[serde(default)]
+    pub within: Option<At<Amount>>,
 }
 
 /// See [`Step::Reply`].

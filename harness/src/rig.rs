@@ -1,0 +1,309 @@
+//! A bench in another process: lines of JSON, a request and an answer each.
+//!
+//! `{"names":true}` gets `{"names":["power"]}`, `{"set":{"power":"off"}}` gets `{"ok":true}`,
+//! `{"get":"lamp"}` gets `{"value":5}`; what cannot be done gets `{"error":"..."}`.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::Shutdown;
+use std::os::unix::net::UnixStream;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::Duration;
+
+use canopen::{Bench, BenchError, Bus, BusError, Frame, Instant, Stamped, Value};
+use serde_json::{Value as Json, json};
+
+/// How long a rig may take to answer.
+const PATIENCE: Duration = Duration::from_secs(5);
+
+/// A bench behind a socket, or a program of the user's.
+pub struct Rig {
+    name: String,
+    requests: Box<dyn Write + Send>,
+    answers: Receiver<std::io::Result<String>>,
+    end: End,
+    /// Why it cannot be asked any more.
+    dead: Option<BenchError>,
+}
+
+/// What is left to do when a rig is not wanted any more.
+enum End {
+    Socket(UnixStream),
+    Program(Child),
+}
+
+impl Rig {
+    /// Opens `unix:PATH`, or starts the program of that name.
+    ///
+    /// # Errors
+    /// When there is no such thing.
+    pub fn open(text: &str) -> Result<Self, BenchError> {
+        let failed = |error: std::io::Error| BenchError(format!("the bench {text}: {error}"));
+        if let Some(path) = text.strip_prefix("unix:") {
+            let socket = UnixStream::connect(path).map_err(failed)?;
+            let (requests, answers) =
+                (socket.try_clone().map_err(failed)?, socket.try_clone().map_err(failed)?);
+            return Ok(Self::new(text, Box::new(requests), answers, End::Socket(socket)));
+        }
+        let mut program = Command::new(text)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .map_err(failed)?;
+        let (Some(requests), Some(answers)) = (program.stdin.take(), program.stdout.take()) else {
+            return Err(BenchError(format!("the bench {text} cannot be talked to")));
+        };
+        Ok(Self::new(text, Box::new(requests), answers, End::Program(program)))
+    }
+
+    fn new(
+        name: &str,
+        requests: Box<dyn Write + Send>,
+        answers: impl Read + Send + 'static,
+        end: End,
+    ) -> Self {
+        let (sender, receiver) = mpsc::channel();
+        thread::spawn(move || {
+            for line in BufReader::new(answers).lines() {
+                if sender.send(line).is_err() {
+                    return;
+                }
+            }
+        });
+        Self { name: name.to_owned(), requests, answers: receiver, end, dead: None }
+    }
+
+    fn ask(&mut self, request: &Json) -> Result<Json, BenchError> {
+        if let Some(dead) = &self.dead {
+            return Err(dead.clone());
+        }
+        let answer = self.answer(request).map_err(|what| {
+            let dead = BenchError(format!("the bench {} {what}", self.name));
+            // Whoever did not answer in order may answer the next question with this one's answer.
+            self.dead.insert(dead).clone()
+        })?;
+        match answer.get("error").and_then(Json::as_str) {
+            Some(refusal) => Err(BenchError(format!("the bench says: {refusal}"))),
+            None => Ok(answer),
+        }
+    }
+
+    fn answer(&mut self, request: &Json) -> Result<Json, String> {
+        let sent = writeln!(self.requests, "{request}").and_then(|()| self.requests.flush());
+        let gone = "has gone";
+        sent.map_err(|_| gone)?;
+        let line = match self.answers.recv_timeout(PATIENCE) {
+            Ok(Ok(line)) => line,
+            Ok(Err(error)) => return Err(format!("cannot be read: {error}")),
+            Err(RecvTimeoutError::Timeout) => {
+                return Err(format!("does not answer within {} s", PATIENCE.as_secs()));
+            }
+            Err(RecvTimeoutError::Disconnected) => return Err(gone.to_owned()),
+        };
+        let answer = serde_json::from_str::<Json>(&line).ok().filter(Json::is_object);
+        answer.ok_or_else(|| format!("answers `{line}`, which is no JSON object"))
+    }
+
+    /// The answer is none that this request can have.
+    fn nonsense(&mut self, request: &Json, answer: &Json) -> BenchError {
+        let dead = format!("the bench {} answers {request} with {answer}", self.name);
+        self.dead.insert(BenchError(dead)).clone()
+    }
+}
+
+impl Drop for Rig {
+    fn drop(&mut self) {
+        // It may have ended by itself.
+        match &mut self.end {
+            End::Socket(socket) => _ = socket.shutdown(Shutdown::Both),
+            End::Program(program) => {
+                _ = program.kill();
+                _ = program.wait();
+            }
+        }
+    }
+}
+
+impl Bench for Rig {
+    fn names(&mut self) -> Result<Vec<String>, BenchError> {
+        let request = json!({ "names": true });
+        let answer = self.ask(&request)?;
+        let names = answer.get("names").cloned();
+        let names = names.and_then(|names| serde_json::from_value(names).ok());
+        names.ok_or_else(|| self.nonsense(&request, &answer))
+    }
+
+    fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
+        let request = json!({ "set": { name: to_json(value) } });
+        let answer = self.ask(&request)?;
+        match answer.get("ok").and_then(Json::as_bool) {
+            Some(true) => Ok(()),
+            _ => Err(self.nonsense(&request, &answer)),
+        }
+    }
+
+    fn get(&mut self, name: &str) -> Result<Value, BenchError> {
+        let request = json!({ "get": name });
+        let answer = self.ask(&request)?;
+        let value = answer.get("value").and_then(from_json);
+        value.ok_or_else(|| self.nonsense(&request, &answer))
+    }
+}
+
+/// The answer of `bench` to a request line.
+pub fn respond(bench: &mut dyn Bench, line: &str) -> String {
+    let answered = serde_json::from_str::<Json>(line)
+        .map_err(|_| BenchError(format!("`{line}` is no JSON")))
+        .and_then(|request| carry_out(bench, &request));
+    answered.unwrap_or_else(|error| json!({ "error": error.0 })).to_string()
+}
+
+fn carry_out(bench: &mut dyn Bench, request: &Json) -> Result<Json, BenchError> {
+    if request.get("names").is_some() {
+        return Ok(json!({ "names": bench.names()? }));
+    }
+    if let Some(name) = request.get("get").and_then(Json::as_str) {
+        return Ok(json!({ "value": to_json(&bench.get(name)?) }));
+    }
+    let Some(stimuli) = request.get("set").and_then(Json::as_object) else {
+        return Err(BenchError(format!("{request} is neither `names` nor `get` nor `set`")));
+    };
+    for (name, value) in stimuli {
+        let wrong = || BenchError(format!("{value} is no value"));
+        bench.set(name, &from_json(value).ok_or_else(wrong)?)?;
+    }
+    Ok(json!({ "ok": true }))
+}
+
+fn to_json(value: &Value) -> Json {
+    match value {
+        Value::Bool(on) => json!(on),
+        Value::Int(number) => match i64::try_from(*number) {
+            Ok(number) => json!(number),
+            Err(_) => json!(*number as f64),
+        },
+        Value::Real(number) => json!(number),
+        Value::Text(text) => json!(text),
+        Value::Bytes(bytes) => json!(bytes),
+    }
+}
+
+fn from_json(json: &Json) -> Option<Value> {
+    match json {
+        Json::Bool(on) => Some(Value::Bool(*on)),
+        Json::Number(number) => {
+            let whole = number.as_i64().map(Value::from);
+            whole.or_else(|| number.as_f64().map(Value::Real))
+        }
+        Json::String(text) => Some(Value::Text(text.clone())),
+        Json::Null | Json::Array(_) | Json::Object(_) => None,
+    }
+}
+
+/// A bus with a rig beside it.
+pub struct WithRig {
+    /// The wire.
+    pub bus: Box<dyn Bus>,
+    /// The bench, kept from one opening of the bus to the next.
+    pub rig: Arc<Mutex<Rig>>,
+}
+
+impl Bus for WithRig {
+    fn now(&mut self) -> Instant {
+        self.bus.now()
+    }
+    fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        self.bus.send(frame)
+    }
+    fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+        self.bus.recv(until)
+    }
+    fn bench(&mut self) -> Option<&mut dyn Bench> {
+        Some(self)
+    }
+}
+
+impl Bench for WithRig {
+    fn names(&mut self) -> Result<Vec<String>, BenchError> {
+        locked(&self.rig).names()
+    }
+    fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
+        locked(&self.rig).set(name, value)
+    }
+    fn get(&mut self, name: &str) -> Result<Value, BenchError> {
+        locked(&self.rig).get(name)
+    }
+}
+
+fn locked(rig: &Mutex<Rig>) -> std::sync::MutexGuard<'_, Rig> {
+    rig.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Has a knob that can be turned.
+    struct Table(Value);
+
+    impl Bench for Table {
+        fn names(&mut self) -> Result<Vec<String>, BenchError> {
+            Ok(vec!["knob".to_owned()])
+        }
+        fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
+            self.get(name)?;
+            self.0 = value.clone();
+            Ok(())
+        }
+        fn get(&mut self, name: &str) -> Result<Value, BenchError> {
+            if name == "knob" { Ok(self.0.clone()) } else { Err(BenchError::unknown(name)) }
+        }
+    }
+
+    #[test]
+    fn requests_and_answers() {
+        let mut table = Table(Value::Int(0));
+        for (request, answer) in [
+            (r#"{"names":true}"#, r#"{"names":["knob"]}"#),
+            (r#"{"set":{"knob":5}}"#, r#"{"ok":true}"#),
+            (r#"{"get":"knob"}"#, r#"{"value":5}"#),
+            (r#"{"set":{"knob":-0.5}}"#, r#"{"ok":true}"#),
+            (r#"{"get":"knob"}"#, r#"{"value":-0.5}"#),
+            (r#"{"set":{"knob":"left"}}"#, r#"{"ok":true}"#),
+            (r#"{"get":"knob"}"#, r#"{"value":"left"}"#),
+            (r#"{"set":{"knob":true}}"#, r#"{"ok":true}"#),
+            (r#"{"get":"knob"}"#, r#"{"value":true}"#),
+            (r#"{"get":"lamp"}"#, r#"{"error":"the bench has no `lamp`"}"#),
+            (r#"{"set":{"knob":[]}}"#, r#"{"error":"[] is no value"}"#),
+            (r#"{"put":5}"#, r#"{"error":"{\"put\":5} is neither `names` nor `get` nor `set`"}"#),
+            ("knob", r#"{"error":"`knob` is no JSON"}"#),
+        ] {
+            assert_eq!(respond(&mut table, request), answer, "{request}");
+        }
+    }
+
+    #[test]
+    fn a_rig_behind_a_socket_is_a_bench() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("bench");
+        let listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
+        let server = thread::spawn(move || {
+            let (client, _) = listener.accept().unwrap();
+            let (mut table, mut answers) = (Table(Value::Int(0)), client.try_clone().unwrap());
+            for line in BufReader::new(client).lines() {
+                writeln!(answers, "{}", respond(&mut table, &line.unwrap())).unwrap();
+            }
+        });
+        let mut rig = Rig::open(&format!("unix:{}", path.display())).unwrap();
+        assert_eq!(rig.names(), Ok(vec!["knob".to_owned()]));
+        assert_eq!(rig.set("knob", &Value::Real(1.5)), Ok(()));
+        assert_eq!(rig.get("knob"), Ok(Value::Real(1.5)));
+        let refused = rig.get("lamp").unwrap_err();
+        assert_eq!(refused.0, "the bench says: the bench has no `lamp`");
+        assert_eq!(rig.get("knob"), Ok(Value::Real(1.5)), "a refusal is not the end");
+        drop(rig);
+        server.join().unwrap();
+    }
+}

@@ -1,0 +1,138 @@
+//! The steps on the physical side, and how it is found again after a case.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use canopen::bench::POWER;
+use canopen::{BenchError, Value};
+
+use super::judge::{Difference, Judgement, Trouble, device};
+use super::link::Link;
+use super::steps::Steps;
+use crate::source::At;
+use crate::suite::literal::{Literal, show_time};
+use crate::suite::model::Observe;
+
+/// How often a bench is asked: often for one in this process, bearable for one behind a socket.
+const EVERY: Duration = Duration::from_millis(5);
+
+/// What the stimuli that a case set were before.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Stimuli {
+    before: BTreeMap<String, Value>,
+    /// Whether the device is without supply.
+    pub off: bool,
+}
+
+impl Stimuli {
+    /// Sets a stimulus and remembers what it was.
+    fn set(&mut self, link: &mut Link, name: &str, value: &Value) -> Result<(), Trouble> {
+        if !self.before.contains_key(name) {
+            // What cannot be read is left as the case leaves it.
+            if let Ok(before) = bench(link)?.get(name) {
+                self.before.insert(name.to_owned(), before);
+            }
+        }
+        link.look_from_now()?;
+        bench(link)?.set(name, value).map_err(failed)?;
+        link.moved();
+        if name == POWER {
+            self.off = *value == Value::Text("off".to_owned());
+        }
+        Ok(())
+    }
+
+    /// Makes everything as it was before the case, the supply first.
+    ///
+    /// # Errors
+    /// When the bench fails.
+    pub(super) fn undo(&mut self, link: &mut Link) -> Result<(), BenchError> {
+        let Some(bench) = link.bench() else { return Ok(()) };
+        if std::mem::take(&mut self.off) {
+            bench.set(POWER, &Value::Text("on".to_owned()))?;
+        }
+        self.before.remove(POWER);
+        while let Some((name, value)) = self.before.pop_first() {
+            if bench.get(&name).as_ref() != Ok(&value) {
+                bench.set(&name, &value)?;
+            }
+        }
+        link.moved();
+        Ok(())
+    }
+}
+
+impl Steps<'_, '_> {
+    pub(super) fn stimulate_bench(&mut self, stimuli: &BTreeMap<String, At<Literal>>) -> Judgement {
+        for (name, literal) in stimuli {
+            let value = self.scope.value(&literal.value).map_err(Trouble::Bench)?;
+            let value = worded(name, value);
+            self.stimuli.set(self.link, name, &value)?;
+        }
+        Ok(None)
+    }
+
+    pub(super) fn observe(&mut self, observe: &Observe) -> Judgement {
+        let name = &observe.bench.value;
+        let value = |literal: &Option<At<Literal>>| {
+            let literal = literal.as_ref().map(|literal| self.scope.value(&literal.value));
+            literal
+                .transpose()
+                .map(|value| value.map(|value| worded(name, value)))
+                .map_err(Trouble::Bench)
+        };
+        let wanted = [value(&observe.value)?, value(&observe.min)?, value(&observe.max)?];
+        let within = self.optional_time(&observe.within, Duration::ZERO)?;
+        let end = self.link.mark() + within;
+        loop {
+            let seen = bench(self.link)?.get(name).map_err(failed)?;
+            if fits(&seen, &wanted) {
+                self.link.moved();
+                return Ok(None);
+            }
+            let next = self.link.now() + EVERY;
+            if next > end {
+                let expected = format!("{name} = {} within {}", show(&wanted), show_time(within));
+                return device(Difference::new(expected, seen.to_string()));
+            }
+            self.link.wait(next)?;
+        }
+    }
+}
+
+/// YAML takes `on` and `off` for truth values; of a supply they are words.
+fn worded(name: &str, value: Value) -> Value {
+    match value {
+        Value::Bool(on) if name == POWER => Value::Text(if on { "on" } else { "off" }.to_owned()),
+        other => other,
+    }
+}
+
+fn bench<'l>(link: &'l mut Link) -> Result<&'l mut dyn canopen::Bench, Trouble> {
+    link.bench().ok_or_else(|| Trouble::Bench("there is no bench".to_owned()))
+}
+
+fn failed(error: BenchError) -> Trouble {
+    Trouble::Bench(error.0)
+}
+
+fn fits(seen: &Value, [value, min, max]: &[Option<Value>; 3]) -> bool {
+    let equal = |value: &Value| match (value.as_real(), seen.as_real()) {
+        (Some(value), Some(seen)) => value == seen,
+        _ => value == seen,
+    };
+    let bounds = |bound: &Option<Value>, fits: fn(f64, f64) -> bool| {
+        let bound = bound.as_ref().map(Value::as_real);
+        bound.is_none_or(|bound| bound.zip(seen.as_real()).is_some_and(|(b, seen)| fits(seen, b)))
+    };
+    value.as_ref().is_none_or(equal)
+        && bounds(min, |seen, min| seen >= min)
+        && bounds(max, |seen, max| seen <= max)
+}
+
+fn show([value, min, max]: &[Option<Value>; 3]) -> String {
+    let words = [("", value), ("at least ", min), ("at most ", max)];
+    let words =
+        words.iter().filter_map(|(word, value)| Some(format!("{word}{}", (*value).as_ref()?)));
+    words.collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,3 @@
+#!/bin/sh
+read -r request
+echo lamp
