@@ -31,6 +31,18 @@ impl Dictionary {
         Ok(Self { entries, values })
     }
 
+    /// The same device with another node id, every value at its default.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new): a default value that is too large with this node id.
+    pub fn of_node(&self, node: u8) -> Result<Self, (Mux, ValueError)> {
+        let defaults = self
+            .entries
+            .iter()
+            .map(|entry| entry.default_bytes(node).map_err(|error| (entry.mux, error)));
+        Ok(Self { entries: Arc::clone(&self.entries), values: defaults.collect::<Result<_, _>>()? })
+    }
+
     /// The value at `mux` for an SDO upload.
     ///
     /// # Errors

@@ -7,10 +7,12 @@ use std::fmt;
 use crate::emcy::{self, Emcy};
 use crate::frame::Frame;
 use crate::heartbeat::{self, ErrorControl};
+use crate::lss;
 use crate::malformed::Malformed;
 use crate::nmt::{self, Command, Service};
 use crate::sdo;
 use crate::sync::{self, Sync};
+use crate::timestamp::{self, TimeOfDay};
 
 /// What `frame` means in words. A device that moved its services to other identifiers is read
 /// as if it had not.
@@ -43,8 +45,8 @@ fn data(f: &mut fmt::Formatter<'_>, id: u16, bytes: &[u8]) -> fmt::Result {
     match (id, id & FUNCTION, id & NODE) {
         (nmt::COB_ID, ..) => nmt_command(f, bytes),
         (sync::COB_ID, ..) => sync_object(f, bytes),
-        (TIME_COB_ID, ..) => time_object(f, bytes),
-        (LSS_MASTER | LSS_SLAVE, ..) => lss_message(f, id, bytes),
+        (timestamp::COB_ID, ..) => time_object(f, bytes),
+        (lss::REQUEST_COB_ID | lss::RESPONSE_COB_ID, ..) => lss_message(f, id, bytes),
         (_, emcy::COB_ID, node @ 1..) => emergency(f, node, bytes),
         (_, sdo::REQUEST_COB_ID, node @ 1..) => transfers::request(f, node, bytes),
         (_, sdo::RESPONSE_COB_ID, node @ 1..) => transfers::response(f, node, bytes),
@@ -74,16 +76,11 @@ fn sync_object(f: &mut fmt::Formatter<'_>, bytes: &[u8]) -> fmt::Result {
     }
 }
 
-/// TIME_OF_DAY: milliseconds after midnight in 28 bits, days since 1984-01-01 (CiA 301, 7.2.6).
 fn time_object(f: &mut fmt::Formatter<'_>, bytes: &[u8]) -> fmt::Result {
-    let &[a, b, c, d, low, high] = bytes else {
-        return write!(f, "TIME {}", Bad(Malformed { expected: (6, 6), got: bytes.len() }));
-    };
-    let milliseconds = u32::from_le_bytes([a, b, c, d]) & 0x0FFF_FFFF;
-    let (seconds, days) = (milliseconds / 1_000, u16::from_le_bytes([low, high]));
-    let (hours, minutes) = (seconds / 3_600, seconds / 60 % 60);
-    write!(f, "TIME {hours:02}:{minutes:02}:{:02}.", seconds % 60)?;
-    write!(f, "{:03}, {days} days after 1984-01-01", milliseconds % 1_000)
+    match TimeOfDay::decode(bytes) {
+        Ok(time) => write!(f, "TIME {time}"),
+        Err(malformed) => write!(f, "TIME {}", Bad(malformed)),
+    }
 }
 
 fn emergency(f: &mut fmt::Formatter<'_>, node: u16, bytes: &[u8]) -> fmt::Result {
@@ -112,7 +109,7 @@ fn reserved(f: &mut fmt::Formatter<'_>, zero: bool) -> fmt::Result {
 }
 
 fn lss_message(f: &mut fmt::Formatter<'_>, id: u16, bytes: &[u8]) -> fmt::Result {
-    let from = if id == LSS_MASTER { "LSS master" } else { "LSS slave" };
+    let from = if id == lss::REQUEST_COB_ID { "LSS master" } else { "LSS slave" };
     let &[specifier, a, b, c, d, ..] = bytes else {
         return write!(f, "{from}: {}", Bad(Malformed { expected: (8, 8), got: bytes.len() }));
     };
@@ -124,7 +121,7 @@ fn lss_message(f: &mut fmt::Formatter<'_>, id: u16, bytes: &[u8]) -> fmt::Result
     };
     write!(f, "{from}: {service}")?;
     let word = u32::from_le_bytes([a, b, c, d]);
-    match (id == LSS_MASTER, specifier) {
+    match (id == lss::REQUEST_COB_ID, specifier) {
         (true, 0x04) if a == 0 => f.write_str(" to waiting"),
         (true, 0x04) if a == 1 => f.write_str(" to configuration"),
         (true, 0x04 | 0x11) => write!(f, " {a}"),
@@ -226,9 +223,6 @@ impl fmt::Display for Bad {
 /// The bits of an 11-bit identifier that tell the service, and those that tell the node.
 const FUNCTION: u16 = 0x780;
 const NODE: u16 = 0x07F;
-const TIME_COB_ID: u16 = 0x100;
-const LSS_MASTER: u16 = 0x7E5;
-const LSS_SLAVE: u16 = 0x7E4;
 
 #[cfg(test)]
 mod tests {

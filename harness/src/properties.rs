@@ -15,8 +15,9 @@ use canopen::nmt::Command;
 use canopen::pdo::{Mapping, Packer, Unpacker};
 use canopen::sdo::{Request, Response};
 use canopen::sync::Sync;
+use canopen::timestamp::TimeOfDay;
 use canopen::wire::frame_bits;
-use canopen::{Data, Frame, Id, Malformed, Pattern, meaning};
+use canopen::{Data, Frame, Id, Malformed, Pattern, lss, meaning};
 use reference_devices::devices::{self, ReferenceDevice};
 use reports::{Keep, Run, Style, journal, junit, terminal};
 
@@ -51,6 +52,9 @@ pub fn frame_decode(bytes: &[u8]) {
     exact(bytes, Sync::decode, Sync::encode);
     canonical(bytes, Request::decode, Request::encode);
     canonical(bytes, Response::decode, Response::encode);
+    canonical(bytes, TimeOfDay::decode, TimeOfDay::encode);
+    canonical(bytes, lss::Request::decode, lss::Request::encode);
+    canonical(bytes, lss::Response::decode, lss::Response::encode);
     mapping(bytes);
     if let Some((id, data)) = bytes.split_first_chunk() {
         frame(u32::from_be_bytes(*id), data);

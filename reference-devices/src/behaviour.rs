@@ -1,5 +1,6 @@
 //! What a device does beside communicating.
 
+use canopen::emcy::Emcy;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
 use crate::errors::Errors;
@@ -73,6 +74,13 @@ pub enum Event {
     Entered(NmtState),
     /// A communication error appeared: heartbeat or life guarding was lost.
     CommunicationError,
+    /// A node that 1028h names told an error.
+    Emergency {
+        /// The sub-index of 1028h, which is the node id of the sender.
+        node: u8,
+        /// What it told.
+        emcy: Emcy,
+    },
 }
 
 /// A device without an application.

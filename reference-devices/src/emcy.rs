@@ -163,7 +163,8 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     }
 }
 
-fn check_cob_id(before: CobId, after: CobId, base: &Base) -> Result<(), Abort> {
+/// What the COB-ID of an emergency message refuses (CiA 301, 7.5.2.17).
+pub(crate) fn check_cob_id(before: CobId, after: CobId, base: &Base) -> Result<(), Abort> {
     if before == after {
         return Ok(());
     }

@@ -10,12 +10,14 @@ pub mod describe;
 pub mod devices;
 pub mod drr460;
 mod emcy;
+mod emcy_consumer;
 mod error_behaviour;
 mod errors;
 pub mod generic;
 mod guarding;
 mod heartbeat_consumer;
 mod heartbeat_producer;
+mod lss;
 pub mod mutant;
 mod nmt;
 mod node;
@@ -28,9 +30,11 @@ mod services;
 mod settings;
 mod storage;
 mod sync;
+mod sync_producer;
 #[cfg(test)]
 mod testing;
 mod time;
+mod time_stamp;
 mod tpdo;
 
 pub use behaviour::{Behaviour, Event, Inert};

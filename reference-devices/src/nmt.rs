@@ -3,7 +3,8 @@
 use std::ops::RangeInclusive;
 
 use canopen::heartbeat::ErrorControl;
-use canopen::{Instant, NmtState, Outbox};
+use canopen::lss::UNCONFIGURED;
+use canopen::{Abort, Instant, Mux, NmtState, Outbox};
 
 use crate::services::Base;
 
@@ -53,9 +54,13 @@ impl Nmt {
         base.rules.nmt_change(command.service)
     }
 
-    /// Initialisation has begun.
+    /// Initialisation has begun. Without a node id it does not end (CiA 305).
     pub(crate) fn initialise(&mut self, now: Instant, base: &mut Base) {
         base.state = NmtState::INITIALISING;
+        if base.id == UNCONFIGURED {
+            self.boot_up_at = None;
+            return;
+        }
         let time = match base.settings.boot_up_time_object {
             Some((mux, unit)) => {
                 let count = base.od.int(mux).and_then(|count| u32::try_from(count).ok());
@@ -80,13 +85,27 @@ impl Nmt {
         let chosen = base.settings.boot_up_state_object.and_then(|mux| base.od.int(mux));
         let states = [NmtState::OPERATIONAL, NmtState::STOPPED];
         let chosen = states.into_iter().find(|state| chosen == Some(i64::from(state.0)));
-        Some(chosen.unwrap_or(NmtState::PRE_OPERATIONAL))
+        let startup = base.od.int(STARTUP).map(|startup| startup as u32);
+        let alone = startup.is_some_and(|startup| base.rules.starts_itself(startup));
+        let first = if alone { NmtState::OPERATIONAL } else { NmtState::PRE_OPERATIONAL };
+        Some(chosen.unwrap_or(first))
     }
 
     pub(crate) fn poll_at(&self) -> Option<Instant> {
         self.boot_up_at
     }
 }
+
+/// What 1F80h refuses: everything but what this device can do.
+pub(crate) fn check_startup(bytes: &[u8], base: &Base) -> Result<(), Abort> {
+    let &[a, b, c, d] = bytes else { return Ok(()) };
+    match base.rules.startup_valid(u32::from_le_bytes([a, b, c, d])) {
+        true => Ok(()),
+        false => Err(Abort::VALUE),
+    }
+}
+
+const STARTUP: Mux = Mux::new(0x1F80, 0);
 
 #[cfg(test)]
 mod tests {
@@ -156,6 +175,22 @@ mod tests {
         let mut rig = Rig::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
         assert_eq!(rig.until(300_000), sent(&[(170_000, "705#00")]));
         assert_eq!(rig.node.state(), NmtState::OPERATIONAL);
+    }
+
+    #[test]
+    fn a_node_may_start_itself() {
+        let mut entries = basic();
+        let data_type = canopen::DataType::UNSIGNED32;
+        entries.push(crate::testing::entry(mux(0x1F80, 0), data_type, canopen::eds::Access::Rw, 4));
+        let waits = Rig::new(&eds(entries.clone()));
+        assert_eq!(waits.node.state(), NmtState::PRE_OPERATIONAL);
+        set(&mut entries, mux(0x1F80, 0), 0);
+        let mut alone = Rig::new(&eds(entries));
+        assert_eq!(alone.node.state(), NmtState::OPERATIONAL);
+        for (value, refused) in [(0u32, false), (4, false), (1, true), (8, true), (1 << 31, true)] {
+            let answer = alone.write(mux(0x1F80, 0), &value.to_le_bytes());
+            assert_eq!(answer.is_err(), refused, "{value}");
+        }
     }
 
     #[test]

@@ -4,10 +4,11 @@ use canopen::bench::POWER;
 use canopen::eds::Eds;
 use canopen::{
     BenchError, Data, Device, Dictionary, Frame, Instant, Mux, NmtState, Outbox, Value, ValueError,
-    nmt, sdo,
+    lss, nmt, sdo,
 };
 
 use crate::behaviour::Behaviour;
+use crate::lss::Lss;
 use crate::nmt::{Change, Nmt, Reset};
 use crate::rules::Rules;
 use crate::sdo_server::SdoServer;
@@ -20,7 +21,10 @@ pub struct Node {
     on: bool,
     nmt: Nmt,
     sdo: SdoServer,
+    lss: Option<Lss>,
     pub(crate) services: Services,
+    /// Answers to SDO requests whose work is not done yet.
+    held: Outbox,
 }
 
 impl Node {
@@ -35,22 +39,35 @@ impl Node {
         rules: Box<dyn Rules>,
         behaviour: Box<dyn Behaviour>,
     ) -> Result<Self, (Mux, ValueError)> {
+        let lss = Lss::new(eds, node_id, settings.bit_rate);
         let base = Base::new(eds, node_id, settings, rules)?;
-        let services = Services::new(eds, base, behaviour);
-        let mut node = Self { on: true, nmt: Nmt::default(), sdo: SdoServer::default(), services };
+        let mut node = Self {
+            on: true,
+            nmt: Nmt::default(),
+            sdo: SdoServer::default(),
+            lss,
+            services: Services::new(eds, base, behaviour),
+            held: Outbox::default(),
+        };
         node.power_on(Instant::ZERO);
         Ok(node)
     }
 
     /// Switches the device on; when it was on, it is off for a moment. What was stored is kept.
     pub fn power_on(&mut self, now: Instant) {
+        self.power_off(now);
         self.on = true;
+        if let Some(lss) = &mut self.lss {
+            lss.power_on();
+        }
         self.initialise(now, Reset::Node);
     }
 
     /// Switches the device off: from now on it sends nothing, hears nothing and has no deadline.
-    pub fn power_off(&mut self) {
+    /// What it was storing is cut short.
+    pub fn power_off(&mut self, now: Instant) {
         self.on = false;
+        self.services.cut(now);
     }
 
     /// The NMT state.
@@ -65,6 +82,11 @@ impl Node {
 
     fn initialise(&mut self, now: Instant, reset: Reset) {
         self.sdo.drop_transfer();
+        self.held.clear();
+        if let Some(lss) = &mut self.lss {
+            let id = lss.initialise(&self.services.base);
+            self.services.take_node_id(id);
+        }
         self.services.reset(now, reset);
         self.nmt.initialise(now, &mut self.services.base);
     }
@@ -83,10 +105,24 @@ impl Node {
             }
         } else if id == sdo::REQUEST_COB_ID + own {
             if self.services.base.rules.sdo_served_in(self.state()) {
-                self.sdo.handle_request(now, &data, &mut self.services, out);
+                let busy = self.services.is_storing();
+                let mut answers = Outbox::default();
+                self.sdo.handle_request(now, &data, &mut self.services, &mut answers);
+                // What asks to store is answered when it is done.
+                let waits = !busy && self.services.is_storing();
+                move_all(&mut answers, if waits { &mut self.held } else { out });
             }
         } else {
             self.services.handle_data(now, id, data, out);
+        }
+    }
+
+    /// A frame of the LSS master, which a node without node id hears as well.
+    fn handle_lss(&mut self, now: Instant, data: Data, out: &mut Outbox) {
+        let initialised = self.nmt.poll_at().is_none();
+        let Some(lss) = self.lss.as_mut().filter(|_| initialised) else { return };
+        if lss.handle_request(now, &data, &self.services.base, out) {
+            self.initialise(now, Reset::Communication);
         }
     }
 
@@ -112,10 +148,17 @@ impl Node {
 
 impl Device for Node {
     fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
-        // Until boot-up the controller is not on the bus (CiA 301, 7.3.2.2.1).
-        if !self.on || self.state() == NmtState::INITIALISING {
+        if !self.on || self.lss.as_ref().is_some_and(|lss| lss.is_off_the_bus(now)) {
             return;
         }
+        if frame.data_id() == Some(lss::REQUEST_COB_ID) {
+            self.handle_lss(now, frame.data, out);
+        }
+        // Until boot-up the controller is not on the bus (CiA 301, 7.3.2.2.1).
+        if self.state() == NmtState::INITIALISING {
+            return;
+        }
+        self.services.show_time(now);
         match (frame.id.as_standard(), frame.remote) {
             (Some(id), false) => self.handle_data(now, id, frame.data, out),
             (Some(id), true) => self.services.handle_remote(now, id, out),
@@ -133,11 +176,21 @@ impl Device for Node {
         }
         self.sdo.handle_timeout(now, &mut self.services, out);
         self.services.handle_timeout(now, out);
+        if !self.services.is_storing() {
+            move_all(&mut self.held, out);
+        }
         self.settle(now, out);
+        if let Some(lss) = &mut self.lss {
+            lss.handle_timeout(now);
+            if lss.is_off_the_bus(now) {
+                out.clear();
+            }
+        }
     }
 
     fn poll_at(&self) -> Option<Instant> {
-        let deadlines = [self.nmt.poll_at(), self.sdo.poll_at(), self.services.poll_at()];
+        let lss = self.lss.as_ref().and_then(Lss::poll_at);
+        let deadlines = [self.nmt.poll_at(), self.sdo.poll_at(), self.services.poll_at(), lss];
         deadlines.into_iter().flatten().min().filter(|_| self.on)
     }
 
@@ -155,7 +208,7 @@ impl Device for Node {
         if name == POWER {
             match value {
                 Value::Text(text) if text == "on" => self.power_on(now),
-                Value::Text(text) if text == "off" => self.power_off(),
+                Value::Text(text) if text == "off" => self.power_off(now),
                 other => return Err(BenchError(format!("power is `on` or `off`, not {other}"))),
             }
             return Ok(());
@@ -172,6 +225,12 @@ impl Device for Node {
             return Some(Value::Text(if self.on { "on" } else { "off" }.to_owned()));
         }
         self.services.observe(name)
+    }
+}
+
+fn move_all(from: &mut Outbox, to: &mut Outbox) {
+    while let Some(frame) = from.pop() {
+        to.push(frame);
     }
 }
 

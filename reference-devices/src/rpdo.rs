@@ -75,6 +75,7 @@ impl Rpdo {
             self.deadline = Some(now + self.longest_gap);
         }
         match self.kind {
+            0..=240 if base.window_end.is_some_and(|end| end < now) => None,
             0..=240 if base.rules.synchronous_rpdo_waits() => {
                 self.waiting = Some(data);
                 None

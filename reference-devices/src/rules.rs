@@ -9,6 +9,7 @@ use canopen::eds::Direction;
 use canopen::nmt::{Command, Service};
 use canopen::pdo::CobId;
 use canopen::sdo::Request;
+use canopen::timestamp::TimeOfDay;
 use canopen::{Abort, Mux, NmtState};
 
 use crate::nmt::{Change, Reset};
@@ -68,6 +69,16 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
     /// A reset gives the objects of its areas their stored or default values (7.3.2.2.1).
     fn reset_restores(&self, _reset: Reset) -> bool {
         true
+    }
+
+    /// With bit 2 of 1F80h clear a node starts itself (7.5.2.34).
+    fn starts_itself(&self, startup: u32) -> bool {
+        startup & 1 << 2 == 0
+    }
+
+    /// This node is no NMT master, so the other bits are not for it.
+    fn startup_valid(&self, startup: u32) -> bool {
+        startup & !(1 << 2) == 0
     }
 
     // Error control, 7.2.8.2 and 7.2.8.3.2
@@ -295,6 +306,48 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
         matches!(last, 0 | 2..=240)
     }
 
+    /// Bit 30 of 1005h makes the device the producer (7.5.2.5).
+    fn sync_producer_chosen(&self, cob: u32) -> bool {
+        cob & 1 << 30 != 0
+    }
+
+    /// The identifier stays while the device produces (7.5.2.5).
+    fn sync_id_fixed_while_producing(&self) -> bool {
+        true
+    }
+
+    /// The producer keeps the period of 1006h (7.5.2.6).
+    fn sync_production_period(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    /// SYNC is produced in PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
+    fn sync_produced_in(&self, state: NmtState) -> bool {
+        matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
+    }
+
+    /// The counter begins anew with the production: what it was before the first SYNC (7.2.5.3).
+    fn sync_counter_at_start(&self, _last: u8) -> u8 {
+        0
+    }
+
+    /// It runs from 1 to the value of 1019h and begins again with 1 (7.2.5.3).
+    fn sync_counter_after(&self, counter: u8, overflow: u8) -> u8 {
+        if counter >= overflow { 1 } else { counter + 1 }
+    }
+
+    /// Synchronous RPDOs are used within the window of 1007h only, in microseconds (7.5.2.7).
+    fn sync_window(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    // TIME, 7.2.6
+
+    /// A time stamp has exactly six bytes (7.2.6.3).
+    fn time_stamp(&self, data: &[u8]) -> Option<TimeOfDay> {
+        TimeOfDay::decode(data).ok()
+    }
+
     // PDO parameters, 7.5.2.35 to 7.5.2.38
 
     /// Inhibit time and SYNC start value do not change while the PDO exists.
@@ -398,6 +451,16 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
     /// Nothing is done without the signature.
     fn signature_valid(&self, expected: &[u8], got: &[u8]) -> bool {
         expected == got
+    }
+
+    /// What is stored counts when it is complete, so that a loss of supply does no harm.
+    fn save_completes_last(&self) -> bool {
+        true
+    }
+
+    /// A parameter that changes sets 1020h to 0 (7.5.2.23).
+    fn change_clears_signature(&self) -> bool {
+        true
     }
 
     /// Every object of the group is stored.

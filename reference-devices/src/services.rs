@@ -4,12 +4,14 @@ mod access;
 
 use canopen::eds::Eds;
 use canopen::pdo::Unpacker;
+use canopen::sync::Sync;
 use canopen::{
     BenchError, Data, Dictionary, Instant, Mux, NmtState, Outbox, Value, ValueError, heartbeat,
 };
 
 use crate::behaviour::{Behaviour, Event};
 use crate::emcy::EmcyProducer;
+use crate::emcy_consumer;
 use crate::error_behaviour;
 use crate::errors::{Errors, Fault};
 use crate::guarding::Guarding;
@@ -22,7 +24,9 @@ use crate::rules::Rules;
 use crate::settings::NodeSettings;
 use crate::storage::Storage;
 use crate::sync::SyncConsumer;
+use crate::sync_producer::SyncProducer;
 use crate::time::earlier;
+use crate::time_stamp::TimeStamp;
 use crate::tpdo::Tpdo;
 
 /// What every service works with.
@@ -37,6 +41,8 @@ pub(crate) struct Base {
     pub(crate) dummies: Vec<u16>,
     /// The smallest mappable unit in bits.
     pub(crate) granularity: u8,
+    /// When the synchronous window closes that the last SYNC opened (1007h).
+    pub(crate) window_end: Option<Instant>,
 }
 
 /// Every service but NMT and the SDO server, which command them.
@@ -49,6 +55,8 @@ pub(crate) struct Services {
     guarding: Guarding,
     emcy: EmcyProducer,
     sync: SyncConsumer,
+    sync_producer: SyncProducer,
+    time: TimeStamp,
     rpdos: Vec<Rpdo>,
     tpdos: Vec<Tpdo>,
     /// The behaviour has something to look at.
@@ -75,6 +83,7 @@ impl Base {
             errors: Errors::default(),
             dummies: eds.dummies.clone(),
             granularity: eds.device.granularity,
+            window_end: None,
         })
     }
 
@@ -95,6 +104,8 @@ impl Services {
             guarding: Guarding::default(),
             emcy: EmcyProducer::default(),
             sync: SyncConsumer::default(),
+            sync_producer: SyncProducer::default(),
+            time: TimeStamp::default(),
             rpdos: Vec::new(),
             tpdos: Vec::new(),
             touched: false,
@@ -102,8 +113,31 @@ impl Services {
         }
     }
 
+    /// The node has another id, and with it other defaults. Those that are out of range with it
+    /// stay as they were.
+    pub(crate) fn take_node_id(&mut self, id: u8) {
+        if id == self.base.id {
+            return;
+        }
+        self.base.id = id;
+        if let Some(defaults) = self.base.od.of_node(id).ok().filter(|_| id <= 127) {
+            self.storage.take_defaults(defaults);
+        }
+    }
+
+    /// Whether parameters are being stored, and what asked for it is not done.
+    pub(crate) fn is_storing(&self) -> bool {
+        self.storage.poll_at().is_some()
+    }
+
+    /// The supply is gone.
+    pub(crate) fn cut(&mut self, now: Instant) {
+        self.storage.cut(now, &self.base);
+    }
+
     /// Gives the objects of a reset their stored or default values and starts the services anew.
     pub(crate) fn reset(&mut self, now: Instant, reset: Reset) {
+        self.storage.finish();
         let base = &mut self.base;
         if base.rules.reset_restores(reset) {
             base.od.restore(self.storage.image(), reset.objects());
@@ -114,6 +148,8 @@ impl Services {
         self.guarding.reset(base);
         self.consumer.reset(now, base);
         self.sync.reset(base);
+        self.sync_producer.reset(base);
+        self.time.reset(base);
         self.rpdos = Rpdo::all(base);
         self.tpdos = Tpdo::all(base);
         if reset == Reset::Node {
@@ -131,6 +167,8 @@ impl Services {
     /// The node enters another NMT state.
     pub(crate) fn enter(&mut self, now: Instant, state: NmtState, out: &mut Outbox) {
         self.base.state = state;
+        self.sync_producer.enter(now, &self.base);
+        self.time.enter(now, &self.base);
         self.behaviour.event(now, Event::Entered(state), &mut self.base.od);
         self.touched = true;
         self.advance(now);
@@ -148,10 +186,17 @@ impl Services {
     /// A data frame that is neither for NMT nor for the SDO server.
     pub(crate) fn handle_data(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) {
         if self.sync.id() == Some(id) {
-            self.synchronise(now, &data, out);
+            if let Some(sync) = self.sync.handle_frame(now, &data, &mut self.base) {
+                self.synchronise(now, sync, out);
+            }
+        } else if self.time.id() == Some(id) {
+            self.time.handle_frame(now, &data, &self.base);
         } else if let 0x701..=0x77F = id {
             let node = (id - heartbeat::COB_ID) as u8;
             self.consumer.handle_frame(now, node, &data, &mut self.base);
+        } else if let Some((node, emcy)) = emcy_consumer::received(id, &data, &self.base) {
+            self.behaviour.event(now, Event::Emergency { node, emcy }, &mut self.base.od);
+            self.touched = true;
         } else if self.base.rules.rpdo_used_in(self.base.state) {
             for place in 0..self.rpdos.len() {
                 if self.rpdos[place].takes(id)
@@ -179,6 +224,12 @@ impl Services {
         self.consumer.handle_timeout(now, &mut self.base);
         self.guarding.handle_timeout(now, &mut self.base);
         self.sync.handle_timeout(now, &mut self.base);
+        self.storage.handle_timeout(now);
+        self.time.handle_timeout(now, out);
+        if let Some(sync) = self.sync_producer.handle_timeout(now, &self.base, out) {
+            self.sync.open_window(now, &mut self.base);
+            self.synchronise(now, sync, out);
+        }
         for rpdo in &mut self.rpdos {
             rpdo.handle_timeout(now, &mut self.base);
         }
@@ -220,6 +271,9 @@ impl Services {
             self.guarding.poll_at(),
             self.emcy.poll_at(),
             self.sync.poll_at(),
+            self.sync_producer.poll_at(),
+            self.storage.poll_at(),
+            self.time.poll_at(),
             self.behaviour.poll_at(),
         ];
         let rpdos = self.rpdos.iter().map(Rpdo::poll_at);
@@ -248,6 +302,11 @@ impl Services {
         self.behaviour.observe(name, &self.base.od)
     }
 
+    /// Lets objects that change with the time show it.
+    pub(crate) fn show_time(&mut self, now: Instant) {
+        self.time.show(now, &mut self.base);
+    }
+
     /// Lets the application see what happened.
     fn advance(&mut self, now: Instant) {
         if std::mem::take(&mut self.touched) {
@@ -257,8 +316,7 @@ impl Services {
     }
 
     /// SYNC: received data take effect, the application follows, then data are transmitted.
-    fn synchronise(&mut self, now: Instant, data: &[u8], out: &mut Outbox) {
-        let Some(sync) = self.sync.handle_frame(now, data, &mut self.base) else { return };
+    fn synchronise(&mut self, now: Instant, sync: Sync, out: &mut Outbox) {
         for place in 0..self.rpdos.len() {
             if let Some(data) = self.rpdos[place].synchronise() {
                 self.apply(now, place, data);

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use canopen::Mux;
 use canopen::emcy::EmcyCode;
+use canopen::lss::Status;
 use canopen::sdo::block::LARGEST_BLOCK;
 
 use crate::errors::{Fault, FaultKind};
@@ -31,6 +32,18 @@ pub struct NodeSettings {
     pub emcy: EmcyTable,
     /// How many emergency messages can wait.
     pub emcy_queue: usize,
+    /// Bit rate of the bus, in bit/s.
+    pub bit_rate: u32,
+    /// How storing the LSS configuration ends.
+    pub lss_store: Status,
+    /// How long it takes to store parameters; the SDO server answers when it is done.
+    pub save_time: Duration,
+    /// Whether the device can produce SYNC, and the shortest period it takes for it.
+    pub sync_producer: Option<Duration>,
+    /// The object that shows the time of day, for a device that uses TIME.
+    pub clock_object: Option<Mux>,
+    /// The object that holds the interval at which the device produces TIME, in milliseconds.
+    pub time_interval_object: Option<Mux>,
     /// Second doors: the network's access to the first address goes to the second one.
     pub aliases: Vec<(Mux, Mux)>,
 }
@@ -122,6 +135,12 @@ impl Default for NodeSettings {
             sync_supervision: Some(SyncSupervision::default()),
             emcy: EmcyTable::default(),
             emcy_queue: 16,
+            bit_rate: 1_000_000,
+            lss_store: Status::DONE,
+            save_time: Duration::ZERO,
+            sync_producer: None,
+            clock_object: None,
+            time_interval_object: None,
             aliases: Vec::new(),
         }
     }

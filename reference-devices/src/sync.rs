@@ -1,4 +1,4 @@
-//! The SYNC consumer (CiA 301, 7.2.5, objects 1005h, 1006h and 1019h).
+//! The SYNC consumer (CiA 301, 7.2.5, objects 1005h, 1006h, 1007h and 1019h).
 
 use std::time::Duration;
 
@@ -21,6 +21,7 @@ pub(crate) struct SyncConsumer {
 impl SyncConsumer {
     pub(crate) fn reset(&mut self, base: &mut Base) {
         self.deadline = None;
+        base.window_end = None;
         self.configure(base);
     }
 
@@ -69,7 +70,15 @@ impl SyncConsumer {
             base.errors.remove(FaultKind::SyncTimeout, 0);
             self.deadline = Some(now + gap);
         }
+        self.open_window(now, base);
         Some(Sync { counter: data.first().copied().filter(|_| self.counted) })
+    }
+
+    /// Synchronous PDOs have their time from each SYNC on; no limit when 1007h is 0 (7.5.2.7).
+    pub(crate) fn open_window(&self, now: Instant, base: &mut Base) {
+        let length = Duration::from_micros(base.od.int(WINDOW).unwrap_or(0).max(0) as u64);
+        let length = base.rules.sync_window(length);
+        base.window_end = (!length.is_zero()).then(|| now + length);
     }
 
     /// Supervision belongs to OPERATIONAL. What was missed stays an error until SYNC is back.
@@ -88,13 +97,18 @@ impl SyncConsumer {
     }
 }
 
-/// What 1005h and 1019h refuse (CiA 301, 7.5.2.5 and 7.5.2.22). This device produces no SYNC.
+/// What 1005h, 1006h and 1019h refuse (CiA 301, 7.5.2.5, 7.5.2.6 and 7.5.2.22).
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     match (mux, bytes) {
         (COB_ID, &[a, b, c, d]) => {
+            let before = base.od.int(COB_ID).unwrap_or(0) as u32;
             let cob = u32::from_le_bytes([a, b, c, d]);
-            let same = base.od.get(COB_ID) == Some(bytes);
-            if !same && (cob & !0x7FF != 0 || is_restricted(cob)) {
+            return if before == cob { Ok(()) } else { check_cob_id(before, cob, base) };
+        }
+        (PERIOD, &[a, b, c, d]) => {
+            let period = Duration::from_micros(u32::from_le_bytes([a, b, c, d]).into());
+            let shortest = base.settings.sync_producer.unwrap_or_default();
+            if !period.is_zero() && period < shortest {
                 return Err(Abort::VALUE);
             }
         }
@@ -111,6 +125,17 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     Ok(())
 }
 
+/// Only a device that can produce SYNC takes bit 30, and while it produces, the identifier stays.
+fn check_cob_id(before: u32, cob: u32, base: &Base) -> Result<(), Abort> {
+    let own_bits = base.settings.sync_producer.map_or(0, |_| PRODUCER);
+    let moved = before & cob & PRODUCER != 0 && base.rules.sync_id_fixed_while_producing();
+    let restricted = is_restricted(cob & 0x7FF) && base.rules.restricted_ids_refused();
+    if cob & !(own_bits | 0x7FF) != 0 || moved || restricted {
+        return Err(Abort::VALUE);
+    }
+    Ok(())
+}
+
 fn round_up(span: Duration, step: Duration) -> Duration {
     let step = step.as_nanos().max(1);
     let rounded = span.as_nanos().div_ceil(step) * step;
@@ -119,6 +144,9 @@ fn round_up(span: Duration, step: Duration) -> Duration {
 
 pub(crate) const COB_ID: Mux = Mux::new(0x1005, 0);
 pub(crate) const PERIOD: Mux = Mux::new(0x1006, 0);
+const WINDOW: Mux = Mux::new(0x1007, 0);
+/// Bit 30 of 1005h.
+pub(crate) const PRODUCER: u32 = 1 << 30;
 pub(crate) const COUNTER_OVERFLOW: Mux = Mux::new(0x1019, 0);
 
 #[cfg(test)]

@@ -22,6 +22,14 @@ pub(super) struct NodeFacts {
     sdo_timeout_ms: Option<u64>,
     /// The longest value of an object of variable length, in bytes.
     longest_value: Option<usize>,
+    /// How long it takes to store parameters.
+    save_ms: Option<u64>,
+    /// The shortest period of SYNC, for a device that can produce it.
+    sync_producer_us: Option<u64>,
+    /// The object that shows the time of day.
+    clock: Option<String>,
+    /// The object that holds the interval at which TIME is produced.
+    time_interval: Option<String>,
     /// Second addresses of an object, each with the address of its value.
     aliases: BTreeMap<String, String>,
     sync: Option<SyncFacts>,
@@ -88,6 +96,10 @@ pub(super) fn settings(
         boot_up_state_object: node.boot_up_state.as_deref().map(mux).transpose()?,
         sdo_timeout: node.sdo_timeout_ms.map_or(usual.sdo_timeout, Duration::from_millis),
         longest_value: node.longest_value.unwrap_or(usual.longest_value),
+        save_time: node.save_ms.map_or(usual.save_time, Duration::from_millis),
+        sync_producer: node.sync_producer_us.map(Duration::from_micros),
+        clock_object: node.clock.as_deref().map(mux).transpose()?,
+        time_interval_object: node.time_interval.as_deref().map(mux).transpose()?,
         sync_supervision: node.sync.as_ref().map_or(usual.sync_supervision, |sync| {
             let resolution = Duration::from_millis(sync.resolution_ms);
             Some(SyncSupervision { percent: sync.percent, resolution })

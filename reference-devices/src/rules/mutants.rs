@@ -6,6 +6,7 @@ use canopen::eds::Direction;
 use canopen::nmt::{Command, Service};
 use canopen::pdo::CobId;
 use canopen::sdo::Request;
+use canopen::timestamp::TimeOfDay;
 use canopen::{Abort, Data, Mux, NmtState};
 
 use super::{LssRules, Rules, SdoBlockRules, lss, sdo_block};
@@ -84,6 +85,16 @@ mutants! {
     }
     "reset-node-keeps-objects" {
         fn reset_restores(&self, reset: Reset) -> bool { reset == Reset::Communication }
+    }
+
+    "start-by-itself-ignored" {
+        fn starts_itself(&self, _startup: u32) -> bool { false }
+    }
+    "start-by-itself-always" {
+        fn starts_itself(&self, _startup: u32) -> bool { true }
+    }
+    "startup-bits-unchecked" {
+        fn startup_valid(&self, _startup: u32) -> bool { true }
     }
 
     // Error control
@@ -270,6 +281,48 @@ mutants! {
         fn sync_overflow_valid(&self, _last: u8) -> bool { true }
     }
 
+    "sync-produced-by-everybody" {
+        fn sync_producer_chosen(&self, _cob: u32) -> bool { true }
+    }
+    "sync-never-produced" {
+        fn sync_producer_chosen(&self, _cob: u32) -> bool { false }
+    }
+    "sync-id-moves-while-producing" {
+        fn sync_id_fixed_while_producing(&self) -> bool { false }
+    }
+    "sync-production-drifts" {
+        fn sync_production_period(&self, configured: Duration) -> Duration {
+            configured * 102 / 100
+        }
+    }
+    "sync-produced-in-stopped" {
+        fn sync_produced_in(&self, _state: NmtState) -> bool { true }
+    }
+    "sync-counter-from-0" {
+        fn sync_counter_after(&self, counter: u8, overflow: u8) -> u8 {
+            if counter >= overflow { 0 } else { counter + 1 }
+        }
+    }
+    "sync-counter-ignores-overflow" {
+        fn sync_counter_after(&self, counter: u8, _overflow: u8) -> u8 { counter.wrapping_add(1) }
+    }
+    "sync-counter-goes-on" {
+        fn sync_counter_at_start(&self, last: u8) -> u8 { last }
+    }
+    "sync-window-ignored" {
+        fn sync_window(&self, _configured: Duration) -> Duration { Duration::ZERO }
+    }
+    "sync-window-always" {
+        fn sync_window(&self, _configured: Duration) -> Duration { Duration::from_millis(2) }
+    }
+
+    // TIME
+    "time-stamp-of-any-length-used" {
+        fn time_stamp(&self, data: &[u8]) -> Option<TimeOfDay> {
+            TimeOfDay::decode(&Data::new(data).padded()[..6]).ok()
+        }
+    }
+
     // PDO parameters
     "pdo-cob-id-moves-while-valid" {
         fn cob_id_fixed_while_valid(&self) -> bool { false }
@@ -371,6 +424,12 @@ mutants! {
     }
     "save-stores-half" {
         fn stored(&self, mux: Mux) -> bool { mux.index < 0x2000 }
+    }
+    "save-completes-first" {
+        fn save_completes_last(&self) -> bool { false }
+    }
+    "signature-survives-change" {
+        fn change_clears_signature(&self) -> bool { false }
     }
     "load-at-once" {
         fn load_waits_for_reset(&self) -> bool { false }

@@ -7,7 +7,7 @@ use canopen::{Abort, Instant, Mux};
 
 use super::Services;
 use crate::pdo::{self, Parameter, Part};
-use crate::{emcy, heartbeat_consumer, pdo_mapping, storage, sync};
+use crate::{emcy, emcy_consumer, heartbeat_consumer, nmt, pdo_mapping, storage, sync, time_stamp};
 
 impl Services {
     /// The value that an upload of `mux` gets.
@@ -29,8 +29,9 @@ impl Services {
             return Err(abort);
         }
         if is_command(mux) {
-            self.storage.execute(mux, &mut self.base);
+            self.storage.execute(now, mux, &mut self.base);
         } else {
+            self.notice_change(mux, bytes);
             self.base.od.set(mux, bytes);
         }
         self.written(now, mux);
@@ -76,9 +77,13 @@ impl Services {
         if is_communication(mux) {
             match mux.index {
                 0x1003 | 0x1014 => emcy::check(mux, bytes, base)?,
-                0x1005 | 0x1019 => sync::check(mux, bytes, base)?,
+                0x1005 | 0x1006 | 0x1019 => sync::check(mux, bytes, base)?,
+                0x1010 | 0x1011 if self.is_storing() => return Err(Abort::DEVICE_STATE),
                 0x1010 | 0x1011 => storage::check(mux, bytes, base)?,
+                0x1012 => time_stamp::check(bytes, base)?,
                 0x1016 => heartbeat_consumer::check(mux, bytes, base)?,
+                0x1028 => emcy_consumer::check(mux, bytes, base)?,
+                0x1F80 => nmt::check_startup(bytes, base)?,
                 index => match Parameter::at(index) {
                     Some(Parameter { direction, part: Part::Communication, .. }) => {
                         pdo::check_communication(mux, bytes, direction, base)?;
@@ -109,10 +114,31 @@ impl Services {
         }
     }
 
+    /// A parameter that changes makes the configuration another one than 1020h tells of
+    /// (CiA 301, 7.5.2.23). Process data are no parameters.
+    fn notice_change(&mut self, mux: Mux, bytes: &[u8]) {
+        let base = &mut self.base;
+        let process_data = base.od.entry(mux).is_some_and(|entry| entry.mappable);
+        if mux.index == VERIFY_CONFIGURATION
+            || process_data
+            || !self.storage.keeps(mux)
+            || base.od.get(mux) == Some(bytes)
+            || !base.rules.change_clears_signature()
+        {
+            return;
+        }
+        for sub in 1..=2 {
+            base.od.set_int(Mux::new(VERIFY_CONFIGURATION, sub), 0);
+        }
+    }
+
     /// Lets the owners of an object take over its new value.
     fn written(&mut self, now: Instant, mux: Mux) {
         if is_communication(mux) {
             self.configure(now, mux);
+        }
+        if self.base.settings.time_interval_object == Some(mux) {
+            self.time.configure(now, &self.base);
         }
         self.behaviour.written(now, mux, &mut self.base.od);
         self.touched = true;
@@ -122,7 +148,11 @@ impl Services {
         let base = &mut self.base;
         match mux.index {
             0x1003 => self.emcy.clear_history(base),
-            0x1005 | 0x1006 | 0x1019 => self.sync.configure(base),
+            0x1005 | 0x1006 | 0x1019 => {
+                self.sync.configure(base);
+                self.sync_producer.configure(now, base);
+            }
+            0x1012 => self.time.configure(now, base),
             0x100C | 0x100D => self.guarding.configure(base),
             0x1014 | 0x1015 => self.emcy.configure(base),
             0x1016 => self.consumer.configure(now, mux.sub, base),
@@ -156,5 +186,6 @@ const fn is_communication(mux: Mux) -> bool {
     matches!(mux.index, 0x1000..=0x1FFF)
 }
 
+const VERIFY_CONFIGURATION: u16 = 0x1020;
 /// Error code for a device that takes a client's mistake for its own.
 const DATA_SET: EmcyCode = EmcyCode(0x6300);
