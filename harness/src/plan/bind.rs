@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use canopen::eds::{Access, Direction, Eds, Entry, Object, ObjectKind};
+use canopen::pdo::CobId;
 use canopen::{DataType, Mux, Value};
 
 use super::check::{self, no_object};
@@ -12,7 +13,7 @@ use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint};
 use crate::suite::literal::{Amount, Literal, ObjectRef};
 use crate::suite::model::{
-    AccessName, Capability, Case, DirectionName, Each, Has, Objects, Pdos, Requires,
+    AccessName, Capability, Case, DirectionName, Each, Has, Objects, PdoHas, Pdos, Requires,
 };
 use crate::suite::{Library, Suite};
 
@@ -151,13 +152,23 @@ fn each_scope(each: &Each, dut: &Dut) -> Result<Vec<Bound>, String> {
             let entries = matching_entries(objects, dut)?;
             let most = objects.most.unwrap_or(usize::MAX).max(1);
             let step = entries.len().div_ceil(most).max(1);
-            Ok(entries.into_iter().step_by(step).map(|entry| entry_scope(entry, dut)).collect())
+            let pdo = match &objects.pdo {
+                None => Some(Scope::default()),
+                Some(pdos) => pdo_scopes(pdos, dut).into_iter().next().map(|(_, scope)| scope),
+            };
+            let Some(pdo) = pdo else { return Ok(Vec::new()) };
+            let entries = entries.into_iter().step_by(step);
+            Ok(entries.map(|entry| entry_scope(entry, dut, pdo.clone())).collect())
         }
         Each::Pdos(pdos) => Ok(pdo_scopes(pdos, dut)),
     }
 }
 
-fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d Entry>, String> {
+/// The entries of the data sheet that fit.
+///
+/// # Errors
+/// When a range or a data type is not written as one.
+pub fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d Entry>, String> {
     let range = match &objects.range {
         None => (0, u16::MAX),
         Some(range) => {
@@ -183,7 +194,7 @@ fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d Entry
                 true => entry.mux.sub != 0 || !object.kind.has_subs(),
                 false => objects.subs.contains(&entry.mux.sub) && object.kind.has_subs(),
             }
-            && objects.has.iter().all(|has| states(entry, *has, dut.node))
+            && objects.has.iter().all(|has| states(object, entry, *has, dut.node))
             && !except(entry.mux)
     };
     let values = |object: &&Object| object.kind != ObjectKind::DEFTYPE;
@@ -196,7 +207,7 @@ fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d Entry
         .collect())
 }
 
-fn states(entry: &Entry, has: Has, node: u8) -> bool {
+fn states(object: &Object, entry: &Entry, has: Has, node: u8) -> bool {
     let limits = entry.data_type.limits();
     let bound = |term: &Option<canopen::eds::Term>| term.as_ref()?.resolve(node).as_int();
     match has {
@@ -210,19 +221,39 @@ fn states(entry: &Entry, has: Has, node: u8) -> bool {
         Has::Rpdo => entry.maps_into(Direction::Receive),
         Has::Tpdo => entry.maps_into(Direction::Transmit),
         Has::NotMappable => !entry.mappable,
+        Has::NotRpdo => !entry.maps_into(Direction::Receive),
+        Has::NotTpdo => !entry.maps_into(Direction::Transmit),
+        Has::Scan => object.flags & 2 == 0,
+        Has::Download => object.flags & 1 == 0,
     }
 }
 
-fn entry_scope(entry: &Entry, dut: &Dut) -> Bound {
-    let mut scope = Scope::default();
+fn entry_scope(entry: &Entry, dut: &Dut, mut scope: Scope) -> Bound {
     let typed = |value| Binding::Value(value, entry.data_type);
     scope.bind("mux", Binding::Mux(entry.mux));
     let bytes = entry.default_bytes(dut.node).unwrap_or_default();
     if let Ok(value) = entry.data_type.decode(&bytes) {
+        if let Some(number) = value.as_int() {
+            let limit = entry.high.as_ref().and_then(|high| high.resolve(dut.node).as_int());
+            let highest = limit.or(entry.data_type.limits().map(|(_, highest)| highest));
+            let step = if highest.is_some_and(|highest| number >= highest) { -1 } else { 1 };
+            scope.bind("another", typed(Value::Int(number + step)));
+        }
         scope.bind("value", typed(value));
     }
     if let Some(size) = entry.data_type.size() {
         scope.bind("size", Binding::Literal(Literal::Int(size as i128)));
+    }
+    if let Some(word) = check::entry_word(entry, dut) {
+        scope.bind("entry", Binding::Literal(Literal::Int(word.into())));
+    }
+    if let Some(object) = dut.eds.object(entry.mux.index) {
+        scope.bind("kind", Binding::Literal(Literal::Int(object.kind.0.into())));
+        let entries = object.entries.iter().filter(|entry| !matches!(entry.mux.sub, 0 | 0xFF));
+        scope.bind("subs", Binding::Literal(Literal::Int(entries.count() as i128)));
+        let subs = object.entries.iter().map(|entry| entry.mux.sub).filter(|sub| *sub != 0xFF);
+        let beyond = subs.max().unwrap_or(0).saturating_add(1);
+        scope.bind("beyond", Binding::Mux(Mux::new(entry.mux.index, beyond)));
     }
     let longer: Vec<u8> = bytes.iter().copied().chain([0]).collect();
     scope.bind("shorter", Binding::Bytes(longer[..bytes.len().saturating_sub(1)].to_vec()));
@@ -238,43 +269,115 @@ fn entry_scope(entry: &Entry, dut: &Dut) -> Bound {
     (vec![entry.mux.to_string()], scope)
 }
 
-fn pdo_scopes(pdos: &Pdos, dut: &Dut) -> Vec<Bound> {
-    let (communication, mapping, kind) = match pdos.direction {
-        DirectionName::Receive => (0x1400, 0x1600, "RPDO"),
-        DirectionName::Transmit => (0x1800, 0x1A00, "TPDO"),
-    };
-    let mut scopes = Vec::new();
-    for object in &dut.eds.objects {
-        let Some(number) = object.index.checked_sub(communication).filter(|number| *number < 512)
-        else {
-            continue;
+/// A PDO as the data sheet describes it.
+struct Pdo {
+    number: u16,
+    /// Indices of communication and mapping parameter.
+    communication: u16,
+    mapping: u16,
+    cob: CobId,
+    /// Bits of the default mapping.
+    bits: u32,
+}
+
+impl Pdo {
+    /// The PDOs of that direction.
+    fn all(direction: DirectionName, dut: &Dut) -> Vec<Self> {
+        let (first, mapping) = match direction {
+            DirectionName::Receive => (0x1400, 0x1600),
+            DirectionName::Transmit => (0x1800, 0x1A00),
         };
-        let map = mapping + number;
-        let Some(cob_id) = dut.default_int(Mux::new(object.index, 1)) else { continue };
-        if dut.eds.object(map).is_none() {
-            continue;
+        let pdo = |object: &Object| {
+            let number = object.index.checked_sub(first).filter(|number| *number < 512)?;
+            let mapping = mapping + number;
+            dut.eds.object(mapping)?;
+            let cob = CobId(dut.default_int(Mux::new(object.index, 1))? as u32);
+            let bits = dut.default_mapping(mapping).iter().map(|entry| u32::from(entry.bits)).sum();
+            Some(Self { number: number + 1, communication: object.index, mapping, cob, bits })
+        };
+        dut.eds.objects.iter().filter_map(pdo).collect()
+    }
+
+    const fn in_use(&self) -> bool {
+        self.cob.valid() && self.bits > 0
+    }
+
+    fn states(&self, has: PdoHas, neighbour: Option<&Self>, dut: &Dut) -> bool {
+        let writable =
+            |index, sub| dut.eds.entry(Mux::new(index, sub)).map(|entry| entry.access.writable());
+        match has {
+            PdoHas::Variable => [
+                (self.communication, 1),
+                (self.communication, 2),
+                (self.mapping, 0),
+                (self.mapping, 1),
+            ]
+            .into_iter()
+            .all(|(index, sub)| writable(index, sub) == Some(true)),
+            PdoHas::Fixed => writable(self.mapping, 1) == Some(false),
+            PdoHas::Rtr => self.cob.rtr_allowed(),
+            PdoHas::NoRtr => !self.cob.rtr_allowed(),
+            PdoHas::Neighbour => neighbour.is_some(),
+            PdoHas::Dummy => dut.eds.dummies.contains(&DataType::UNSIGNED8.0),
         }
-        let bits: u32 = dut.default_mapping(map).iter().map(|entry| u32::from(entry.bits)).sum();
-        let in_use = cob_id >> 31 & 1 == 0 && bits > 0;
-        let with = pdos.with.is_none_or(|sub| object.entry(sub).is_some());
-        if (pdos.used && !in_use) || !with {
-            continue;
-        }
-        let mut scope = Scope::default();
-        scope.bind("pdo", Binding::Id((cob_id & 0x7FF) as u16));
-        scope.bind("number", Binding::Literal(Literal::Int(i128::from(number) + 1)));
-        scope.bind("size", Binding::Literal(Literal::Int(i128::from(bits.div_ceil(8)))));
+    }
+
+    fn bind(&self, scope: &mut Scope, neighbour: Option<&Self>, dut: &Dut) {
+        let int = |number: i128| Binding::Literal(Literal::Int(number));
+        let off = |cob: CobId| int((cob.0 | CobId::INVALID).into());
+        scope.bind("pdo", Binding::Id(self.cob.can_id()));
+        scope.bind("on", int((self.cob.0 & !CobId::INVALID).into()));
+        scope.bind("off", off(self.cob));
+        scope.bind("number", int(self.number.into()));
+        scope.bind("length", int(self.bits.div_ceil(8).into()));
+        let entries = dut.eds.object(self.mapping).map_or(0, |object| {
+            object.entries.iter().filter(|entry| !matches!(entry.mux.sub, 0 | 0xFF)).count()
+        });
+        scope.bind("entries", int(entries as i128));
         for (name, index, sub) in [
-            ("cob-id", object.index, 1),
-            ("transmission", object.index, 2),
-            ("inhibit", object.index, 3),
-            ("event-timer", object.index, 5),
-            ("count", map, 0),
-            ("first", map, 1),
+            ("parameters", self.communication, 0),
+            ("cob-id", self.communication, 1),
+            ("transmission", self.communication, 2),
+            ("inhibit", self.communication, 3),
+            ("reserved", self.communication, 4),
+            ("event-timer", self.communication, 5),
+            ("sync-start", self.communication, 6),
+            ("count", self.mapping, 0),
+            ("first", self.mapping, 1),
+            ("second", self.mapping, 2),
         ] {
             scope.bind(name, Binding::Mux(Mux::new(index, sub)));
         }
-        scopes.push((vec![format!("{kind}{}", number + 1)], scope));
+        if let Some(next) = neighbour {
+            scope.bind("neighbour", Binding::Id(next.cob.can_id()));
+            scope.bind("neighbour-off", off(next.cob));
+            for (name, sub) in [("neighbour-cob-id", 1), ("neighbour-transmission", 2)] {
+                scope.bind(name, Binding::Mux(Mux::new(next.communication, sub)));
+            }
+        }
     }
+}
+
+fn pdo_scopes(pdos: &Pdos, dut: &Dut) -> Vec<Bound> {
+    let all = Pdo::all(pdos.direction, dut);
+    let kind = match pdos.direction {
+        DirectionName::Receive => "RPDO",
+        DirectionName::Transmit => "TPDO",
+    };
+    let mut scopes = Vec::new();
+    for (place, pdo) in all.iter().enumerate() {
+        let neighbour = all[place + 1..].iter().find(|pdo| pdo.in_use());
+        let with = |sub: &u8| dut.eds.entry(Mux::new(pdo.communication, *sub)).is_some();
+        if (pdos.used && !pdo.in_use())
+            || !pdos.with.iter().all(with)
+            || !pdos.has.iter().all(|has| pdo.states(*has, neighbour, dut))
+        {
+            continue;
+        }
+        let mut scope = Scope::default();
+        pdo.bind(&mut scope, neighbour, dut);
+        scopes.push((vec![format!("{kind}{}", pdo.number)], scope));
+    }
+    scopes.truncate(pdos.most.unwrap_or(usize::MAX).max(1));
     scopes
 }

@@ -93,6 +93,10 @@ impl Checker<'_> {
                 self.patterns(&expect.frame, &expect.lenient);
                 self.time(&expect.within);
                 self.times(&expect.after);
+                if let Some(length) = &expect.length {
+                    let result = self.scope.int(&length.value);
+                    self.note(result.map(|_| ()), length.place);
+                }
                 self.produce(expect.during.as_ref());
             }
             Step::Never(never) => {
@@ -103,6 +107,10 @@ impl Checker<'_> {
             Step::Read(read) => self.read(read),
             Step::Write(write) => self.write(write, step.place),
             Step::Remap(remap) => self.remap(remap),
+            Step::Defaults(objects) => {
+                let result = super::bind::matching_entries(objects, self.dut);
+                self.note(result.map(|_| ()), step.place);
+            }
             Step::Nmt(_) => {}
             Step::Wait(time) => self.time(time),
             Step::Until(until) => self.until(until, step.place),
@@ -382,10 +390,20 @@ pub fn mapping_word(literal: &Literal, scope: &Scope, dut: &Dut) -> Result<u32, 
         other => return word(other, scope),
     };
     let data_type = dut.eds.object(mux.index).and_then(|object: &Object| object.entry(mux.sub));
-    let size = data_type.map(|entry| entry.data_type).and_then(DataType::size);
-    let bits = size.ok_or_else(|| format!("{mux} has no fixed length that could be mapped"))? * 8;
-    let mapping = canopen::pdo::Mapping { mux, bits: bits.min(255) as u8 };
-    Ok(mapping.encode())
+    data_type
+        .and_then(|entry| entry_word(entry, dut))
+        .ok_or_else(|| format!("{mux} has no fixed length that could be mapped"))
+}
+
+/// The mapping entry for a value of fixed length. A BOOLEAN takes a bit where mapping has the
+/// granularity of bits, else a byte.
+pub(super) fn entry_word(entry: &Entry, dut: &Dut) -> Option<u32> {
+    let bits = match entry.data_type {
+        DataType::BOOLEAN if dut.eds.device.granularity == 1 => 1,
+        data_type => 8 * data_type.size()?,
+    };
+    let bits = bits.min(255) as u8;
+    Some(canopen::pdo::Mapping { mux: entry.mux, bits }.encode())
 }
 
 fn word(literal: &Literal, scope: &Scope) -> Result<u32, String> {

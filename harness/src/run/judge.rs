@@ -72,6 +72,7 @@ pub(super) fn refusal(
             Ok(Some(difference(format!("refused with {code}"))))
         }
         Err(failure) => Err(Trouble::Device(difference(failure.to_string()))),
+        Ok(_) if refusal.or_taken => Ok(Some(difference("accepted".to_owned()))),
         Ok(data) if data.is_empty() => Err(Trouble::Device(difference("accepted".to_owned()))),
         Ok(data) => Err(Trouble::Device(difference(format!("answered {}", show_bytes(data))))),
     }

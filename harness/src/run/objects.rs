@@ -11,10 +11,10 @@ use canopen::{Abort, Mux};
 use super::judge::{Condition, Difference, Judgement, Trouble, device, refusal, show};
 use super::sdo::{self, Ended};
 use super::steps::Steps;
-use crate::plan::{Binding, fill, mapping_word, parse_bytes};
+use crate::plan::{Binding, fill, mapping_word, matching_entries, parse_bytes};
 use crate::source::At;
 use crate::suite::literal::{Flow, Literal, show_time};
-use crate::suite::model::{Read, Remap, Until, Write};
+use crate::suite::model::{Objects, Read, Remap, Until, Write};
 
 const DEFAULT_POLL: Duration = Duration::from_millis(20);
 
@@ -42,6 +42,10 @@ impl Steps<'_, '_> {
         )?;
         let data = match ended.result {
             Ok(data) => data,
+            Err(Failure::Aborted(code)) if read.lenient.contains(&code.0) => {
+                let difference = Difference::new(format!("the value of {mux}"), code.to_string());
+                return Ok(Some(Difference { raw: ended.raw, ..difference }));
+            }
             Err(failure) => {
                 let expected = format!("the value of {mux}");
                 return device(Difference {
@@ -134,6 +138,29 @@ impl Steps<'_, '_> {
         }
         self.taken(ended, || format!("{} mapped objects at {count}", words.len()))?;
         self.must_write(cob_id, &(before & !CobId::INVALID).to_le_bytes())?;
+        Ok(None)
+    }
+
+    pub(super) fn defaults(&mut self, objects: &Objects) -> Judgement {
+        let entries = matching_entries(objects, self.dut).map_err(Trouble::Bench)?;
+        for entry in entries.into_iter().cloned().collect::<Vec<_>>() {
+            let default = entry.default_bytes(self.dut.node);
+            let value =
+                default.map_err(|wrong| Trouble::Bench(format!("{}: {wrong}", entry.mux)))?;
+            let mut ended = sdo::upload(self.link, self.policy, self.dut.node, entry.mux)?;
+            trim_unsized(&mut ended, Some(&entry));
+            let judged = match &ended.result {
+                Ok(data) => Condition { value: Some(value), ..Condition::default() }
+                    .judge(Some(&entry), data),
+                Err(failure) => {
+                    Err(Difference::new(show(Some(&entry), &value), failure.to_string()))
+                }
+            };
+            if let Err(wrong) = judged {
+                let expected = format!("{} = {}", entry.mux, wrong.expected);
+                return device(Difference { expected, raw: ended.raw, ..wrong });
+            }
+        }
         Ok(None)
     }
 

@@ -57,6 +57,7 @@ impl Steps<'_, '_> {
             Step::Read(read) => self.read(read),
             Step::Write(write) => self.write(write),
             Step::Remap(remap) => self.remap(remap),
+            Step::Defaults(objects) => self.defaults(objects),
             Step::Nmt(nmt) => self.nmt(*nmt),
             Step::Wait(time) => {
                 let until = self.link.mark() + self.time(time)?;
@@ -119,8 +120,18 @@ impl Steps<'_, '_> {
             !seen.own && patterns.iter().any(|pattern| pattern.matches(&seen.frame))
         };
         let Some(got) = self.link.find(sent + within, fits)? else {
-            return device(self.missing(&strict, start, within));
+            let missing = self.missing(&strict, start, within);
+            self.link.skip_to(sent + within);
+            return if expect.optional { Ok(Some(missing)) } else { device(missing) };
         };
+        if let Some(length) = &expect.length {
+            let length = self.scope.int(&length.value).map_err(Trouble::Bench)?;
+            if length != got.frame.data.len() as i128 {
+                let actual = format!("{} bytes", got.frame.data.len());
+                let expected = format!("{strict} with {length} bytes");
+                return device(Difference::new(expected, actual).about(got.frame));
+            }
+        }
         if let Some(after) = &expect.after {
             let after = self.time(after)?;
             let came = got.at.since(start);

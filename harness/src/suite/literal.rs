@@ -89,6 +89,30 @@ pub struct Refusal {
     pub code: u32,
     /// Codes that are accepted, too.
     pub lenient: Vec<u32>,
+    /// A device that does not refuse is accepted, too.
+    pub or_taken: bool,
+}
+
+/// One of the lenient answers to what is to be refused.
+#[derive(Deserialize)]
+#[serde(try_from = "Literal")]
+enum Instead {
+    Code(u32),
+    Taken,
+}
+
+impl TryFrom<Literal> for Instead {
+    type Error = String;
+
+    fn try_from(literal: Literal) -> Result<Self, String> {
+        match literal {
+            Literal::Int(code) => {
+                code.try_into().map(Self::Code).map_err(|_| "an abort code has 32 bits".to_owned())
+            }
+            Literal::Text(text) if text == "taken" => Ok(Self::Taken),
+            other => Err(format!("`{other}`: write abort codes, or `taken`")),
+        }
+    }
 }
 
 /// The protocol of an SDO transfer.
@@ -381,23 +405,28 @@ impl<'de> Deserialize<'de> for Refusal {
             }
             fn visit_u64<E: de::Error>(self, code: u64) -> Result<Refusal, E> {
                 let code = code.try_into().map_err(|_| E::custom("an abort code has 32 bits"))?;
-                Ok(Refusal { code, lenient: Vec::new() })
+                Ok(Refusal { code, lenient: Vec::new(), or_taken: false })
             }
             fn visit_i64<E: de::Error>(self, code: i64) -> Result<Refusal, E> {
                 let code = code.try_into().map_err(|_| E::custom("an abort code has 32 bits"))?;
-                Ok(Refusal { code, lenient: Vec::new() })
+                Ok(Refusal { code, lenient: Vec::new(), or_taken: false })
             }
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Refusal, A::Error> {
-                let (mut code, mut lenient) = (None, Vec::new());
+                let (mut code, mut instead) = (None, Vec::new());
                 while let Some(key) = map.next_key::<At<String>>()? {
                     match key.value.as_str() {
                         "code" => code = Some(map.next_value()?),
-                        "lenient" => lenient = map.next_value()?,
+                        "lenient" => instead = map.next_value::<Vec<Instead>>()?,
                         other => return Err(de::Error::unknown_field(other, &["code", "lenient"])),
                     }
                 }
                 let code = code.ok_or_else(|| de::Error::missing_field("code"))?;
-                Ok(Refusal { code, lenient })
+                let or_taken = instead.iter().any(|one| matches!(one, Instead::Taken));
+                let codes = instead.into_iter().filter_map(|one| match one {
+                    Instead::Code(code) => Some(code),
+                    Instead::Taken => None,
+                });
+                Ok(Refusal { code, lenient: codes.collect(), or_taken })
             }
         }
         deserializer.deserialize_any(CodeOrMap)
@@ -420,7 +449,10 @@ impl JsonSchema for Refusal {
                     "type": "object",
                     "properties": {
                         "code": { "type": "integer" },
-                        "lenient": { "type": "array", "items": { "type": "integer" } }
+                        "lenient": {
+                            "type": "array",
+                            "items": { "oneOf": [{ "type": "integer" }, { "const": "taken" }] }
+                        }
                     },
                     "required": ["code"],
                     "additionalProperties": false
@@ -482,11 +514,19 @@ mod tests {
     #[test]
     fn refusals() {
         let refusal = |yaml| serde_yaml::from_str::<Refusal>(yaml);
-        assert_eq!(refusal("0x06010002").unwrap(), Refusal { code: 0x0601_0002, lenient: vec![] });
+        assert_eq!(
+            refusal("0x06010002").unwrap(),
+            Refusal { code: 0x0601_0002, lenient: vec![], or_taken: false }
+        );
         assert_eq!(
             refusal("{ code: 0x06010002, lenient: [0x08000000] }").unwrap(),
-            Refusal { code: 0x0601_0002, lenient: vec![0x0800_0000] }
+            Refusal { code: 0x0601_0002, lenient: vec![0x0800_0000], or_taken: false }
         );
+        assert_eq!(
+            refusal("{ code: 0x06090030, lenient: [taken, 0x08000000] }").unwrap(),
+            Refusal { code: 0x0609_0030, lenient: vec![0x0800_0000], or_taken: true }
+        );
+        assert!(refusal("{ code: 1, lenient: [token] }").is_err());
         assert!(refusal("{ code: 1, lenent: [] }").is_err());
         assert!(refusal("{ lenient: [] }").is_err());
     }

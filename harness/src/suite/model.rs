@@ -73,13 +73,18 @@ pub enum State {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub enum Each {
-    /// ... entry of the data sheet that fits. Binds `$mux`, `$value` (default), `$size` (bytes),
-    /// `$low`, `$high`, `$below`, `$above`, `$longer` and `$shorter` (the default value with a
-    /// byte more or less).
+    /// ... entry of the data sheet that fits. Binds `$mux`, `$value` (default), `$another` (a
+    /// whole number beside the default), `$size` (bytes), `$low`, `$high`, `$below`, `$above`, `$longer` and `$shorter` (the default value with a
+    /// byte more or less), `$entry` (what maps it into a PDO), `$subs` (the number of
+    /// sub-indices its object has beside 0), `$beyond` (the address behind its last one) and `$kind`
+    /// (the code of its object).
     Objects(Objects),
-    /// ... PDO of the data sheet that fits. Binds `$pdo` (its CAN identifier), `$number`, the
-    /// addresses `$cob-id`, `$transmission`, `$inhibit`, `$event-timer`, `$count` and `$first`
-    /// (the first mapping entry), and `$size` (bytes of the default mapping).
+    /// ... PDO of the data sheet that fits. Binds `$pdo` (its CAN identifier), `$on` and `$off`
+    /// (its COB-ID, valid and not), `$number`, the addresses `$parameters` (sub-index 0),
+    /// `$cob-id`, `$transmission`, `$inhibit`, `$reserved`, `$event-timer`, `$sync-start`,
+    /// `$count`, `$first` and `$second` (mapping entries), `$entries` (how many of them there
+    /// are) and `$length` (bytes of the default mapping); of the next PDO in use `$neighbour`
+    /// (its identifier), `$neighbour-off`, `$neighbour-cob-id` and `$neighbour-transmission`.
     Pdos(Pdos),
 }
 
@@ -108,6 +113,10 @@ pub struct Objects {
     /// At most so many, spread over the dictionary.
     #[serde(default)]
     pub most: Option<usize>,
+    /// The PDO that each entry comes with: the first one that fits. Binds the names of that PDO,
+    /// too.
+    #[serde(default)]
+    pub pdo: Option<Pdos>,
 }
 
 /// What an entry can state.
@@ -130,6 +139,14 @@ pub enum Has {
     Tpdo,
     /// No right to be mapped.
     NotMappable,
+    /// No right to be mapped into an RPDO.
+    NotRpdo,
+    /// No right to be mapped into a TPDO.
+    NotTpdo,
+    /// Nothing against being read in passing: bit 1 of `ObjFlags` is 0.
+    Scan,
+    /// Nothing against being written in passing: bit 0 of `ObjFlags` is 0.
+    Download,
 }
 
 /// Access types of a data sheet.
@@ -155,9 +172,33 @@ pub struct Pdos {
     /// Only PDOs whose COB-ID is valid by default and that map something.
     #[serde(default)]
     pub used: bool,
-    /// Only PDOs that have this sub-index in their communication parameter.
+    /// Only PDOs that have these sub-indices in their communication parameter.
     #[serde(default)]
-    pub with: Option<u8>,
+    pub with: Vec<u8>,
+    /// What the PDO must have.
+    #[serde(default)]
+    pub has: Vec<PdoHas>,
+    /// At most so many, the first ones.
+    #[serde(default)]
+    pub most: Option<usize>,
+}
+
+/// What a PDO can have.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum PdoHas {
+    /// A COB-ID, a transmission type and a mapping that can be written.
+    Variable,
+    /// A mapping that cannot be written.
+    Fixed,
+    /// A COB-ID that allows remote requests.
+    Rtr,
+    /// A COB-ID that forbids them.
+    NoRtr,
+    /// A later PDO of its direction that is in use by default.
+    Neighbour,
+    /// Gaps of eight bits, by the data type UNSIGNED8 (`Dummy0005` of the data sheet).
+    Dummy,
 }
 
 /// The way of a PDO, seen from the device.
@@ -210,6 +251,8 @@ pub enum Step {
     /// Downloads a value and judges the confirmation or the refusal. The runner restores what a
     /// case wrote.
     Write(Write),
+    /// Uploads every entry of the data sheet that fits, and compares it with its default value.
+    Defaults(Objects),
     /// Changes a PDO mapping by the procedure of CiA 301 (invalid, count 0, entries, count, valid).
     Remap(Remap),
     /// Sends an NMT command to the node.
@@ -281,6 +324,12 @@ pub struct Expect {
     /// The earliest it may come.
     #[serde(default)]
     pub after: Option<At<Amount>>,
+    /// How many bytes of data the frame has.
+    #[serde(default)]
+    pub length: Option<At<Literal>>,
+    /// Silence is accepted, too; the reason is in the register.
+    #[serde(default)]
+    pub optional: bool,
     /// What is sent meanwhile.
     #[serde(default)]
     pub during: Option<Produce>,
@@ -327,6 +376,9 @@ pub struct Read {
     /// The device must refuse, with this code.
     #[serde(default)]
     pub refused: Option<At<Refusal>>,
+    /// Abort codes that are accepted instead of a value; the reason is in the register.
+    #[serde(default)]
+    pub lenient: Vec<u32>,
     /// The protocol the device must choose; `block` is what the client asks for, too.
     #[serde(default)]
     pub transfer: Option<Flow>,
