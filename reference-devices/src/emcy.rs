@@ -29,7 +29,11 @@ impl EmcyProducer {
     pub(crate) fn reset(&mut self, base: &mut Base) {
         let history = base.od.entries().iter().filter(|entry| entry.mux.index == HISTORY);
         let depth = history.filter(|entry| entry.mux.sub > 0).count();
-        *self = Self { depth, ..Self::default() };
+        let queue = match base.rules.reset_drops_emcy() {
+            true => VecDeque::new(),
+            false => std::mem::take(&mut self.queue),
+        };
+        *self = Self { depth, queue, ..Self::default() };
         self.configure(base);
         self.publish_register(base);
         self.publish_history(&mut base.od);
@@ -103,14 +107,15 @@ impl EmcyProducer {
     }
 
     fn remember(&mut self, message: Emcy, base: &Base) {
+        let depth = base.rules.history_depth(self.depth);
         let [a, b, ..] = message.vendor;
         let line = u32::from(message.code.0) | u32::from(a) << 16 | u32::from(b) << 24;
         if base.rules.history_newest_first() {
             self.history.push_front(line);
-            self.history.truncate(self.depth);
+            self.history.truncate(depth);
         } else {
             self.history.push_back(line);
-            if self.history.len() > self.depth {
+            if self.history.len() > depth {
                 self.history.pop_front();
             }
         }
@@ -361,6 +366,14 @@ mod tests {
         assert_eq!(stuck.read(mux(0x1001, 0)), Ok(vec![0x81]));
         let mut any = rig("history-cleared-by-any-value");
         assert_eq!(any.write(mux(0x1003, 0), &[5]), Ok(()));
+        let mut stale = rig("emcy-kept-over-reset");
+        stale.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut stale, 3);
+        stale.send("000#8205");
+        assert_eq!(stale.until(1_000_000).len(), 2);
+        let mut endless = rig("history-without-end");
+        raise(&mut endless, 0x0F);
+        assert_eq!(endless.read(mux(0x1003, 0)), Ok(vec![4]));
         let mut stopped = rig("emcy-sent-in-stopped");
         stopped.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
         raise(&mut stopped, 3);

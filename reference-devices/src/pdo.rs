@@ -81,7 +81,10 @@ pub(crate) fn check_communication(
     let refused = match (mux.sub, bytes) {
         (COB_ID, &[a, b, c, d]) => {
             let new = CobId(u32::from_le_bytes([a, b, c, d]));
-            !same && cob_id_refused(cob, new, kind, base)
+            !same
+                && (cob_id_refused(cob, new, kind, base)
+                    || new.valid() && is_taken(mux.index, new, direction, base)
+                    || new.valid() && !cob.valid() && maps_nothing(mux.index, base))
         }
         (TYPE, &[kind]) => {
             !rules.transmission_type_valid(direction, kind)
@@ -105,6 +108,21 @@ fn cob_id_refused(old: CobId, new: CobId, kind: u8, base: &Base) -> bool {
         || new.valid() && !new.rtr_allowed() && matches!(kind, 252 | 253)
 }
 
+/// Whether another TPDO has the identifier.
+fn is_taken(index: u16, new: CobId, direction: Direction, base: &Base) -> bool {
+    let has_it = |pdo: u16| {
+        let other = cob_id(&base.od, direction, pdo);
+        pdo != index & 0x1FF && other.valid() && other.can_id() == new.can_id()
+    };
+    direction == Direction::Transmit
+        && base.rules.tpdo_ids_unique()
+        && existing(&base.od, direction).into_iter().any(has_it)
+}
+
+fn maps_nothing(index: u16, base: &Base) -> bool {
+    base.rules.pdo_needs_mapping() && base.od.int(Mux::new(index | 0x0200, 0)) == Some(0)
+}
+
 const fn asks_for_rtr(direction: Direction, kind: u8) -> bool {
     matches!(direction, Direction::Transmit) && matches!(kind, 252 | 253)
 }
@@ -122,10 +140,21 @@ pub(crate) const SYNC_START: u8 = 6;
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Rig, eds, full, mux};
+    use crate::testing::{Rig, eds, full, mux, set};
     use canopen::Abort;
+    use canopen::eds::Entry;
 
     const VALUE: Result<(), u32> = Err(Abort::VALUE.0);
+
+    /// The first RPDO and the first TPDO carry something.
+    fn mapped() -> Vec<Entry> {
+        let mut entries = full();
+        for index in [0x1600, 0x1A00] {
+            set(&mut entries, mux(index, 0), 1);
+            set(&mut entries, mux(index, 1), 0x2000_0008);
+        }
+        entries
+    }
 
     /// Writes a COB-ID to the first RPDO and the first TPDO, which agree.
     fn cob(rig: &mut Rig, cob: u32) -> Result<(), u32> {
@@ -137,7 +166,7 @@ mod tests {
 
     #[test]
     fn an_identifier_moves_by_way_of_invalid() {
-        let mut rig = Rig::new(&eds(full()));
+        let mut rig = Rig::new(&eds(mapped()));
         assert_eq!(cob(&mut rig, 0x185), Ok(()));
         assert_eq!(cob(&mut rig, 0x186), VALUE);
         assert_eq!(cob(&mut rig, 0x8000_0185), Ok(()));
@@ -150,8 +179,23 @@ mod tests {
     }
 
     #[test]
-    fn types_that_the_direction_does_not_have_are_refused() {
+    fn a_pdo_needs_a_mapping_and_a_tpdo_an_identifier_of_its_own() {
         let mut rig = Rig::new(&eds(full()));
+        for index in [0x1400, 0x1800] {
+            rig.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
+            assert_eq!(rig.write(mux(index, 1), &[0x85, 1, 0, 0]), VALUE);
+        }
+        let mut rig = Rig::new(&eds(mapped()));
+        for (index, result) in [(0x1400, Ok(())), (0x1800, VALUE)] {
+            let neighbour = rig.read(mux(index + 1, 1)).unwrap();
+            rig.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
+            assert_eq!(rig.write(mux(index, 1), &neighbour), result);
+        }
+    }
+
+    #[test]
+    fn types_that_the_direction_does_not_have_are_refused() {
+        let mut rig = Rig::new(&eds(mapped()));
         for kind in 0..=255 {
             let rpdo = matches!(kind, 0..=240 | 254..);
             let tpdo = matches!(kind, 0..=240 | 252..);
@@ -167,7 +211,7 @@ mod tests {
 
     #[test]
     fn inhibit_time_and_sync_start_are_fixed_while_the_pdo_exists() {
-        let mut rig = Rig::new(&eds(full()));
+        let mut rig = Rig::new(&eds(mapped()));
         assert_eq!(rig.write(mux(0x1800, 3), &[0, 0]), Ok(()));
         assert_eq!(rig.write(mux(0x1800, 3), &[1, 0]), VALUE);
         assert_eq!(rig.write(mux(0x1800, 6), &[1]), VALUE);
@@ -181,13 +225,19 @@ mod tests {
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut rig = Rig::mutant(&eds(full()), "pdo-cob-id-moves-while-valid");
+        let mut rig = Rig::mutant(&eds(mapped()), "pdo-cob-id-moves-while-valid");
         assert_eq!(cob(&mut rig, 0x186), Ok(()));
-        let mut rig = Rig::mutant(&eds(full()), "pdo-reserved-type-accepted");
+        let mut rig = Rig::mutant(&eds(mapped()), "pdo-reserved-type-accepted");
         assert_eq!(rig.write(mux(0x1800, 2), &[245]), Ok(()));
-        let mut rig = Rig::mutant(&eds(full()), "pdo-inhibit-changes-while-valid");
+        let mut rig = Rig::mutant(&eds(mapped()), "pdo-inhibit-changes-while-valid");
         assert_eq!(rig.write(mux(0x1800, 3), &[1, 0]), Ok(()));
-        let mut rig = Rig::mutant(&eds(full()), "pdo-restricted-id-accepted");
+        let mut rig = Rig::mutant(&eds(mapped()), "tpdo-identifier-used-twice");
+        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 2, 0, 0]), Ok(()));
+        let mut rig = Rig::mutant(&eds(full()), "pdo-without-mapping-exists");
+        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0]), Ok(()));
+        let mut rig = Rig::mutant(&eds(mapped()), "pdo-restricted-id-accepted");
         assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]), Ok(()));
         assert_eq!(rig.write(mux(0x1800, 1), &[1, 6, 0, 0]), Ok(()));
     }

@@ -77,7 +77,9 @@ impl Rpdo {
         match self.kind {
             0..=240 if base.window_end.is_some_and(|end| end < now) => None,
             0..=240 if base.rules.synchronous_rpdo_waits() => {
-                self.waiting = Some(data);
+                if self.waiting.is_none() || base.rules.synchronous_rpdo_replaced() {
+                    self.waiting = Some(data);
+                }
                 None
             }
             241..=253 => None,
@@ -85,9 +87,17 @@ impl Rpdo {
         }
     }
 
+    /// The node entered OPERATIONAL.
+    pub(crate) fn start(&mut self, now: Instant, base: &Base) {
+        let exists = self.id.is_some() && !self.longest_gap.is_zero();
+        if exists && self.deadline.is_none() && !base.rules.first_rpdo_starts_deadline() {
+            self.deadline = Some(now + self.longest_gap);
+        }
+    }
+
     /// SYNC has come: the data that take effect now.
-    pub(crate) fn synchronise(&mut self) -> Option<Data> {
-        self.waiting.take()
+    pub(crate) fn synchronise(&mut self, base: &Base) -> Option<Data> {
+        if base.rules.synchronous_rpdo_acts_once() { self.waiting.take() } else { self.waiting }
     }
 
     /// PDOs end with the states that have them.
@@ -251,6 +261,27 @@ mod tests {
 
     #[test]
     fn mutants_break_what_they_say() {
+        let mut first = rig("rpdo-first-before-sync-wins", 1);
+        first.send("000#0105");
+        first.send("205#01000100");
+        first.send("205#02000200");
+        first.send("080#");
+        assert_eq!(values(&mut first), (1, 1));
+        let mut again = rig("rpdo-acts-with-every-sync", 1);
+        again.send("000#0105");
+        again.send("205#01000100");
+        again.send("080#");
+        again.write(mux(0x6200, 1), &[9]).unwrap();
+        again.send("080#");
+        assert_eq!(values(&mut again), (1, 1));
+        let mut dense = rig("rpdo-gap-takes-no-room", 255);
+        dense.send("000#0105");
+        dense.send("205#01020003");
+        assert_eq!(values(&mut dense), (1, 2));
+        let mut eager = rig("rpdo-deadline-before-first", 255);
+        eager.write(mux(0x1400, 5), &[50, 0]).unwrap();
+        eager.send("000#0105");
+        assert_eq!(eager.until(500_000).len(), 1);
         let mut early = rig("rpdo-used-in-pre-operational", 255);
         early.send("205#01000100");
         assert_eq!(values(&mut early), (1, 1));

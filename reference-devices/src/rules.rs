@@ -227,6 +227,11 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
         true
     }
 
+    /// A text that is written replaces all of the one before.
+    fn shorter_text_ends_earlier(&self) -> bool {
+        true
+    }
+
     /// A refused write is the client's business and no error of the device.
     fn refused_write_is_an_error(&self, _mux: Mux) -> bool {
         false
@@ -277,6 +282,16 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
     /// A line of 1003h that holds no error cannot be read (7.5.2.4).
     fn empty_history_readable(&self) -> bool {
         false
+    }
+
+    /// Reset communication forgets the messages that wait (7.3.2.2.1).
+    fn reset_drops_emcy(&self) -> bool {
+        true
+    }
+
+    /// 1003h keeps as many errors as it has sub-indices for them (7.5.2.4).
+    fn history_depth(&self, lines: usize) -> usize {
+        lines
     }
 
     // SYNC, 7.2.5
@@ -360,6 +375,16 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
         true
     }
 
+    /// No two TPDOs that exist have one identifier: each belongs to one sender (7.3.5).
+    fn tpdo_ids_unique(&self) -> bool {
+        true
+    }
+
+    /// A PDO that maps nothing cannot be made to exist (7.5.2.36).
+    fn pdo_needs_mapping(&self) -> bool {
+        true
+    }
+
     /// Types 241 to 251 are reserved, and only a TPDO can be asked for (types 252 and 253).
     fn transmission_type_valid(&self, direction: Direction, kind: u8) -> bool {
         match direction {
@@ -402,6 +427,26 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
 
     /// A synchronous RPDO takes effect with the next SYNC (7.2.2.2).
     fn synchronous_rpdo_waits(&self) -> bool {
+        true
+    }
+
+    /// Of several frames before a SYNC the last one counts (7.2.2.2).
+    fn synchronous_rpdo_replaced(&self) -> bool {
+        true
+    }
+
+    /// They take effect once, not with every SYNC that follows (7.2.2.2).
+    fn synchronous_rpdo_acts_once(&self) -> bool {
+        true
+    }
+
+    /// A gap in the mapping takes its bits of the frame (7.4.7).
+    fn gap_takes_room(&self) -> bool {
+        true
+    }
+
+    /// The deadline of an RPDO counts from its first reception on (7.5.2.35).
+    fn first_rpdo_starts_deadline(&self) -> bool {
         true
     }
 

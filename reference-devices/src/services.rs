@@ -175,7 +175,9 @@ impl Services {
         if state != NmtState::OPERATIONAL {
             self.sync.stop();
         }
-        if !self.base.rules.rpdo_used_in(state) {
+        if self.base.rules.rpdo_used_in(state) {
+            self.rpdos.iter_mut().for_each(|rpdo| rpdo.start(now, &self.base));
+        } else {
             self.rpdos.iter_mut().for_each(Rpdo::stop);
         }
         for tpdo in &mut self.tpdos {
@@ -318,7 +320,7 @@ impl Services {
     /// SYNC: received data take effect, the application follows, then data are transmitted.
     fn synchronise(&mut self, now: Instant, sync: Sync, out: &mut Outbox) {
         for place in 0..self.rpdos.len() {
-            if let Some(data) = self.rpdos[place].synchronise() {
+            if let Some(data) = self.rpdos[place].synchronise(&self.base) {
                 self.apply(now, place, data);
             }
         }
@@ -333,6 +335,9 @@ impl Services {
         let mut fields = Unpacker::new(data);
         for entry in 0..self.rpdos[place].mapping().entries().len() {
             let entry = self.rpdos[place].mapping().entries()[entry];
+            if is_dummy(entry.mux) && !self.base.rules.gap_takes_room() {
+                continue;
+            }
             let bytes = fields.take(entry.bits);
             if is_dummy(entry.mux) {
                 continue;

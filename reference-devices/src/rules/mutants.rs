@@ -236,6 +236,10 @@ mutants! {
         fn refused_write_changes_nothing(&self, _mux: Mux) -> bool { false }
     }
 
+    "text-keeps-the-end-of-the-last-one" {
+        fn shorter_text_ends_earlier(&self) -> bool { false }
+    }
+
     // Emergency
     "emcy-sent-in-stopped" {
         fn emcy_sent_in(&self, _state: NmtState) -> bool { true }
@@ -265,6 +269,13 @@ mutants! {
     }
     "history-empty-line-readable" {
         fn empty_history_readable(&self) -> bool { true }
+    }
+
+    "emcy-kept-over-reset" {
+        fn reset_drops_emcy(&self) -> bool { false }
+    }
+    "history-without-end" {
+        fn history_depth(&self, _lines: usize) -> usize { 254 }
     }
 
     // SYNC
@@ -336,6 +347,12 @@ mutants! {
     "pdo-reserved-type-accepted" {
         fn transmission_type_valid(&self, _direction: Direction, _kind: u8) -> bool { true }
     }
+    "tpdo-identifier-used-twice" {
+        fn tpdo_ids_unique(&self) -> bool { false }
+    }
+    "pdo-without-mapping-exists" {
+        fn pdo_needs_mapping(&self) -> bool { false }
+    }
     "mapping-changes-while-valid" {
         fn mapping_fixed_while_valid(&self) -> bool { false }
     }
@@ -381,6 +398,18 @@ mutants! {
     }
     "rpdo-acts-before-sync" {
         fn synchronous_rpdo_waits(&self) -> bool { false }
+    }
+    "rpdo-first-before-sync-wins" {
+        fn synchronous_rpdo_replaced(&self) -> bool { false }
+    }
+    "rpdo-acts-with-every-sync" {
+        fn synchronous_rpdo_acts_once(&self) -> bool { false }
+    }
+    "rpdo-gap-takes-no-room" {
+        fn gap_takes_room(&self) -> bool { false }
+    }
+    "rpdo-deadline-before-first" {
+        fn first_rpdo_starts_deadline(&self) -> bool { false }
     }
     "tpdo-sent-in-stopped" {
         fn tpdo_sent_in(&self, state: NmtState) -> bool {

@@ -1,6 +1,8 @@
 //! The one place where the network's access to an object is judged and takes effect, whether it
 //! comes by SDO or by RPDO.
 
+use std::borrow::Cow;
+
 use canopen::eds::Direction;
 use canopen::emcy::EmcyCode;
 use canopen::{Abort, Instant, Mux};
@@ -31,11 +33,21 @@ impl Services {
         if is_command(mux) {
             self.storage.execute(now, mux, &mut self.base);
         } else {
-            self.notice_change(mux, bytes);
-            self.base.od.set(mux, bytes);
+            let stored = self.stored(mux, bytes).into_owned();
+            self.notice_change(mux, &stored);
+            self.base.od.set(mux, &stored);
         }
         self.written(now, mux);
         Ok(())
+    }
+
+    /// What a write leaves in the object: just what was written, unless a rule is broken.
+    fn stored<'b>(&self, mux: Mux, bytes: &'b [u8]) -> Cow<'b, [u8]> {
+        let before = self.base.od.get(mux).unwrap_or_default();
+        if self.base.rules.shorter_text_ends_earlier() || before.len() <= bytes.len() {
+            return bytes.into();
+        }
+        bytes.iter().chain(&before[bytes.len()..]).copied().collect()
     }
 
     /// Judges a download before its data are there. Returns the longest value the object takes.
