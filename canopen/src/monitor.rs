@@ -64,7 +64,7 @@ pub trait Monitor {
 /// beside those of the predefined connection set.
 pub fn all(node: u8, known: Vec<u16>) -> Vec<Box<dyn Monitor>> {
     vec![
-        Box::new(NoSurprise { node, history_cleared: false }),
+        Box::new(NoSurprise { node, history_cleared: false, resets: 0 }),
         Box::new(KnownIdentifiers { node, known }),
         Box::new(HeartbeatAlive { node, asked: None, period: None, last: None }),
         Box::new(SilentWhenStopped { node, stopped: false, asked: false }),
@@ -75,6 +75,8 @@ pub fn all(node: u8, known: Vec<u16>) -> Vec<Box<dyn Monitor>> {
 struct NoSurprise {
     node: u8,
     history_cleared: bool,
+    /// Commands that a boot-up may still be the answer to.
+    resets: u32,
 }
 
 impl NoSurprise {
@@ -89,6 +91,15 @@ impl Monitor for NoSurprise {
             let request = Request::decode(&frame.data);
             self.history_cleared |= matches!(request, Ok(Request::Download(Self::ERROR_COUNT, _)));
         }
+        if seen.stamped.own && is_reset(frame, self.node) {
+            self.resets += 1;
+        }
+        let booted = incoming(seen) == Some(heartbeat::COB_ID + node)
+            && ErrorControl::decode(&frame.data) == Ok(ErrorControl::BOOT_UP);
+        if booted && self.resets > 0 {
+            self.resets -= 1;
+            return Ok(());
+        }
         let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
         if id == emcy::COB_ID + node {
             // Clearing the history may be reported as the reset of all errors.
@@ -101,8 +112,7 @@ impl Monitor for NoSurprise {
                 .map_or_else(|error| error.to_string(), |emcy| format!("emergency {}", emcy.code));
             return Err(breach(seen, "no emergency message without a cause", got));
         }
-        let boot_up = ErrorControl::decode(&frame.data) == Ok(ErrorControl::BOOT_UP);
-        if id == heartbeat::COB_ID + node && boot_up {
+        if booted {
             let got = "the node booted".to_owned();
             return Err(breach(seen, "no boot-up without a reset", got));
         }
@@ -112,6 +122,13 @@ impl Monitor for NoSurprise {
         }
         Ok(())
     }
+}
+
+/// Whether the frame commands this node to boot.
+fn is_reset(frame: &Frame, node: u8) -> bool {
+    let command = (frame.data_id() == Some(nmt::COB_ID)).then(|| nmt::Command::decode(&frame.data));
+    matches!(command, Some(Ok(command)) if (command.node == 0 || command.node == node)
+        && matches!(command.service, Service::RESET_NODE | Service::RESET_COMMUNICATION))
 }
 
 /// No identifier but those the node owns, as far as no other node can be the sender.
@@ -299,6 +316,9 @@ mod tests {
         let cleared = ["1 >605#2F03100000000000", "2 085#0000000000000000"];
         assert_eq!(breaches(&cleared), [""; 0]);
         assert_eq!(breaches(&["1 705#00"]), ["no boot-up without a reset: the node booted"]);
+        let twice = ["1 >000#8205", "2 >000#8200", "3 705#00", "4 705#00", "5 705#00"];
+        assert_eq!(breaches(&twice).len(), 1);
+        assert_eq!(breaches(&["1 >000#8206", "2 705#00"]).len(), 1);
         assert_eq!(breaches(&["1 585#6017100000000000"]).len(), 1);
     }
 

@@ -3,7 +3,8 @@
 //! A pattern is a frame in candump form with holes: `580+n#80 $mux 02 00 01 06`. `+n` adds the
 //! node id to the identifier, `..` is any byte and `4.` one with that nibble, `...` any rest,
 //! `$name` the bytes bound to a name (or, when nothing is bound, one byte captured under it), and
-//! `=` a byte that an edit leaves as it is. `R` instead of data is a remote frame.
+//! `=` a byte that an edit leaves as it is. `R` instead of data is a remote frame, `R8` one that
+//! asks for eight bytes.
 
 use std::fmt;
 use std::str::FromStr;
@@ -21,8 +22,12 @@ pub struct Pattern {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Body {
-    Remote,
-    Data { bytes: Vec<Byte>, any_rest: bool },
+    /// A remote frame, which asks for so many bytes when that matters.
+    Remote(Option<u8>),
+    Data {
+        bytes: Vec<Byte>,
+        any_rest: bool,
+    },
 }
 
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -40,7 +45,7 @@ impl Pattern {
     pub fn names(&self) -> impl Iterator<Item = &str> {
         let bytes = match &self.body {
             Body::Data { bytes, .. } => bytes.as_slice(),
-            Body::Remote => &[],
+            Body::Remote(_) => &[],
         };
         bytes.iter().filter_map(|byte| match byte {
             Byte::Name(name) => Some(name.as_str()),
@@ -52,7 +57,7 @@ impl Pattern {
     pub fn bind(&self, node: u8, lookup: &dyn Fn(&str) -> Option<Vec<u8>>) -> Self {
         let id = if self.plus_node { self.id + u32::from(node) } else { self.id };
         let body = match &self.body {
-            Body::Remote => Body::Remote,
+            Body::Remote(length) => Body::Remote(*length),
             Body::Data { bytes, any_rest } => {
                 let bytes = bytes.iter().flat_map(|byte| match byte {
                     Byte::Name(name) => lookup(name).map_or_else(
@@ -83,7 +88,9 @@ impl Pattern {
             return false;
         }
         match &self.body {
-            Body::Remote => frame.remote,
+            Body::Remote(length) => {
+                frame.remote && length.is_none_or(|length| usize::from(length) == frame.data.len())
+            }
             Body::Data { bytes, any_rest } => {
                 let length_fits = match any_rest {
                     true => frame.data.len() >= bytes.len(),
@@ -110,7 +117,7 @@ impl Pattern {
     pub fn frame(&self) -> Option<Frame> {
         let id = self.id();
         match &self.body {
-            Body::Remote => Some(Frame { id, ..Frame::remote(0, 1) }),
+            Body::Remote(length) => Some(Frame { id, ..Frame::remote(0, length.unwrap_or(1)) }),
             Body::Data { any_rest: true, .. } => None,
             Body::Data { bytes, .. } => {
                 let exact = bytes.iter().map(|byte| match byte {
@@ -127,7 +134,7 @@ impl Pattern {
     pub fn edit(&self, frame: &Frame) -> Frame {
         let id = self.id();
         match &self.body {
-            Body::Remote => Frame { id, remote: true, ..*frame },
+            Body::Remote(_) => Frame { id, remote: true, ..*frame },
             Body::Data { bytes, any_rest } => {
                 let mut data = Data::EMPTY;
                 for (place, byte) in bytes.iter().enumerate() {
@@ -166,7 +173,8 @@ impl fmt::Display for Pattern {
         let node = if self.plus_node { "+n" } else { "" };
         write!(f, "{:0width$X}{node}#", self.id)?;
         let (bytes, any_rest) = match &self.body {
-            Body::Remote => return f.write_str("R"),
+            Body::Remote(None) => return f.write_str("R"),
+            Body::Remote(Some(length)) => return write!(f, "R{length}"),
             Body::Data { bytes, any_rest } => (bytes, *any_rest),
         };
         let mut words: Vec<String> = bytes.iter().map(Byte::to_string).collect();
@@ -232,7 +240,13 @@ impl FromStr for Pattern {
             _ => return fail(0, "an identifier is 3 hex digits up to 7FF, or 8 up to 1FFFFFFF"),
         };
         let offset = text.len() - body.len();
-        let body = if body.trim() == "R" { Body::Remote } else { parse_body(body, offset)? };
+        let body = match body.trim() {
+            "R" => Body::Remote(None),
+            text => match text.strip_prefix('R').map(str::parse) {
+                Some(Ok(length @ 0..=8)) => Body::Remote(Some(length)),
+                _ => parse_body(body, offset)?,
+            },
+        };
         Ok(Self { id, extended, plus_node, body })
     }
 }
@@ -312,6 +326,9 @@ mod tests {
             ("700+n#...", "705#", true),
             ("700+n#R", "705#R", true),
             ("700+n#R", "705#00", false),
+            ("700+n#R", "705#R8", true),
+            ("700+n#R8", "705#R8", true),
+            ("700+n#R8", "705#R1", false),
             ("700+n#8.", "705#85", true),
             ("700+n#8.", "705#05", false),
             ("000#8105", "000#8105", true),
@@ -359,7 +376,7 @@ mod tests {
     proptest! {
         #[test]
         fn no_text_panics_and_what_parses_prints_back(
-            text in "[0-9A-F]{3}(\\+n)?#([0-9a-fA-F.]{2}|\\.{3}|\\$[a-z]{1,3}|=| |R|\u{e4}){0,9}",
+            text in "[0-9A-F]{3}(\\+n)?#([0-9a-fA-F.]{2}|\\.{3}|\\$[a-z]{1,3}|=| |R[0-9]?|\u{e4}){0,9}",
         ) {
             if let Ok(pattern) = text.parse::<Pattern>() {
                 prop_assert_eq!(pattern.to_string().parse(), Ok(pattern));

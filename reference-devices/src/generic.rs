@@ -2,10 +2,10 @@
 //!
 //! The inputs and outputs of CiA 401 stand on simulated terminals, which a bench can see and turn.
 //! Outputs take their error values when the node is stopped or a communication error appears, and
-//! follow the network again when a value is written or the node is started. The manufacturer area makes
-//! visible what no profile has an object for: a value that is refused because of the state of the
-//! device (2F04h), an abort code of the application (2F05h) and errors that appear and go on
-//! demand (2F40h). Everything else in the data sheet is the business of the stack.
+//! follow the network again when a value is written or the node is started. The manufacturer area
+//! makes visible what no profile has an object for: a value that is refused because of the state
+//! of the device (2F04h), an abort code of the application (2F05h) and errors that appear and go
+//! on demand (2F40h). Everything else in the data sheet is the business of the stack.
 
 mod inputs;
 mod outputs;

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use canopen::heartbeat::ErrorControl;
-use canopen::{Abort, Instant, Mux, NmtState};
+use canopen::{Abort, Instant, Mux};
 
 use crate::errors::{Fault, FaultKind};
 use crate::services::Base;
@@ -56,7 +56,7 @@ impl HeartbeatConsumer {
     /// A frame on the error control identifier of another node.
     pub(crate) fn handle_frame(&mut self, now: Instant, node: u8, data: &[u8], base: &mut Base) {
         let Ok(report) = ErrorControl::decode(data) else { return };
-        if !is_heartbeat(report.state) {
+        if !base.rules.is_heartbeat(report.state) {
             return;
         }
         for watch in self.watches.iter_mut().filter(|watch| watch.node == node) {
@@ -132,11 +132,6 @@ fn entry(word: u32) -> (u8, Duration) {
 
 fn is_used(node: u8, time: Duration) -> bool {
     (1..=127).contains(&node) && !time.is_zero()
-}
-
-/// The boot-up message tells of a restart and is no sign of life.
-fn is_heartbeat(state: NmtState) -> bool {
-    matches!(state, NmtState::STOPPED | NmtState::OPERATIONAL | NmtState::PRE_OPERATIONAL)
 }
 
 pub(crate) const TIMES: u16 = 0x1016;

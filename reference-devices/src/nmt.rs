@@ -40,6 +40,8 @@ impl Reset {
 #[derive(Debug, Default)]
 pub(crate) struct Nmt {
     boot_up_at: Option<Instant>,
+    /// What a node that is wrong in this does after boot-up.
+    remembered: Option<NmtState>,
 }
 
 impl Nmt {
@@ -52,6 +54,15 @@ impl Nmt {
             return None;
         }
         base.rules.nmt_change(command.service)
+    }
+
+    /// A frame on identifier 0 has come before the boot-up message.
+    pub(crate) fn too_early(&mut self, base: &Base, data: &[u8]) {
+        if base.rules.nmt_remembered_until_boot_up()
+            && let Some(Change::Enter(state)) = self.command(base, data)
+        {
+            self.remembered = Some(state);
+        }
     }
 
     /// Initialisation has begun. Without a node id it does not end (CiA 305).
@@ -88,7 +99,7 @@ impl Nmt {
         let startup = base.od.int(STARTUP).map(|startup| startup as u32);
         let alone = startup.is_some_and(|startup| base.rules.starts_itself(startup));
         let first = if alone { NmtState::OPERATIONAL } else { NmtState::PRE_OPERATIONAL };
-        Some(chosen.unwrap_or(first))
+        Some(self.remembered.take().or(chosen).unwrap_or(first))
     }
 
     pub(crate) fn poll_at(&self) -> Option<Instant> {

@@ -156,6 +156,9 @@ impl Device for Node {
         }
         // Until boot-up the controller is not on the bus (CiA 301, 7.3.2.2.1).
         if self.state() == NmtState::INITIALISING {
+            if frame.data_id() == Some(nmt::COB_ID) {
+                self.nmt.too_early(&self.services.base, &frame.data);
+            }
             return;
         }
         self.services.show_time(now);

@@ -61,6 +61,11 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
         true
     }
 
+    /// A command that comes before the boot-up message is lost (7.3.2.2.1).
+    fn nmt_remembered_until_boot_up(&self) -> bool {
+        false
+    }
+
     /// Initialisation ends with one boot-up message (7.2.8.3.3).
     fn boot_up_messages(&self) -> u32 {
         1
@@ -79,6 +84,11 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
     /// This node is no NMT master, so the other bits are not for it.
     fn startup_valid(&self, startup: u32) -> bool {
         startup & !(1 << 2) == 0
+    }
+
+    /// Reset communication ends the errors of the communication, and reset node all of them.
+    fn reset_ends_errors(&self) -> bool {
+        true
     }
 
     // Error control, 7.2.8.2 and 7.2.8.3.2
@@ -108,6 +118,12 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
         true
     }
 
+    /// Only the three states of a node that runs are a sign of life; a boot-up message tells of a
+    /// restart.
+    fn is_heartbeat(&self, state: NmtState) -> bool {
+        matches!(state, NmtState::STOPPED | NmtState::OPERATIONAL | NmtState::PRE_OPERATIONAL)
+    }
+
     /// Two entries of 1016h do not name the same node (7.5.2.19).
     fn heartbeat_node_watched_once(&self) -> bool {
         true
@@ -131,6 +147,16 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
     /// Life guarding waits for guard time times life time factor (7.5.2.12).
     fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
         guard_time * u32::from(factor)
+    }
+
+    /// While heartbeats are produced, there is no life guarding (7.2.8.2.2.1).
+    fn heartbeat_ends_life_guarding(&self) -> bool {
+        true
+    }
+
+    /// A communication error changes the state of an operational device only (7.5.2.32).
+    fn errors_change(&self, state: NmtState) -> bool {
+        state == NmtState::OPERATIONAL
     }
 
     /// On a communication error, 1029h sub 1 decides: PRE-OPERATIONAL, nothing, or STOPPED

@@ -142,7 +142,9 @@ impl Services {
         if base.rules.reset_restores(reset) {
             base.od.restore(self.storage.image(), reset.objects());
         }
-        base.errors.reset(reset == Reset::Node);
+        if base.rules.reset_ends_errors() {
+            base.errors.reset(reset == Reset::Node);
+        }
         self.heartbeat.stop();
         self.emcy.reset(base);
         self.guarding.reset(base);

@@ -50,6 +50,12 @@ mutants! {
     "no-boot-up" {
         fn boot_up_messages(&self) -> u32 { 0 }
     }
+    "nmt-remembered-until-boot-up" {
+        fn nmt_remembered_until_boot_up(&self) -> bool { true }
+    }
+    "errors-outlive-reset" {
+        fn reset_ends_errors(&self) -> bool { false }
+    }
     "boot-up-twice" {
         fn boot_up_messages(&self) -> u32 { 2 }
     }
@@ -118,6 +124,18 @@ mutants! {
     }
     "heartbeat-consumer-time-doubled" {
         fn heartbeat_consumer_time(&self, configured: Duration) -> Duration { configured * 2 }
+    }
+    "heartbeat-of-any-state" {
+        fn is_heartbeat(&self, _state: NmtState) -> bool { true }
+    }
+    "life-guarding-beside-heartbeat" {
+        fn heartbeat_ends_life_guarding(&self) -> bool { false }
+    }
+    "errors-change-every-state" {
+        fn errors_change(&self, _state: NmtState) -> bool { true }
+    }
+    "tpdo-sent-in-pre-operational" {
+        fn tpdo_sent_in(&self, state: NmtState) -> bool { state != NmtState::STOPPED }
     }
     "heartbeat-node-watched-twice" {
         fn heartbeat_node_watched_once(&self) -> bool { false }

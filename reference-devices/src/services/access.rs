@@ -170,7 +170,7 @@ impl Services {
             0x1016 => self.consumer.configure(now, mux.sub, base),
             0x1017 => {
                 self.heartbeat.configure(now, base);
-                if self.heartbeat.runs() {
+                if self.heartbeat.runs() && base.rules.heartbeat_ends_life_guarding() {
                     self.guarding.stop(base);
                 }
             }
