@@ -3,8 +3,9 @@
 use std::sync::Arc;
 
 use super::scope::{Dut, Scope};
+use crate::source::At;
 use crate::suite::Suite;
-use crate::suite::model::Case;
+use crate::suite::model::{Capability, Case, Requires};
 
 /// What runs against one device, in order.
 #[derive(Debug)]
@@ -34,6 +35,12 @@ impl Instance {
     /// The case.
     pub fn case(&self) -> &Case {
         &self.suite.file.cases[self.case].value
+    }
+
+    /// Whether it is about something that only the device itself can tell it has.
+    pub fn requires(&self, capability: Capability) -> bool {
+        let supports = |requires: &At<Requires>| requires.value.supports == Some(capability);
+        self.skip.is_none() && self.case().requires.iter().any(supports)
     }
 
     /// The full name: `cia301/heartbeat/heartbeat-period[period=20 ms]`.

@@ -1,6 +1,6 @@
 //! SDO transfers over a link.
 
-use canopen::sdo::block::BlockResponse;
+use canopen::sdo::block::{BlockResponse, LARGEST_BLOCK};
 use canopen::sdo::{Client, Failure, Initiate, Next, RESPONSE_COB_ID, Request, Response, Transfer};
 use canopen::{Abort, BusError, Frame, Mux, Stamped};
 
@@ -69,6 +69,16 @@ pub(super) fn reads(
         return Ok(false);
     }
     Ok(transfer.finish(link, policy, node)?.result.is_ok_and(|now| now == value))
+}
+
+/// Whether the device has block transfer: whether it does not call it an unknown command.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(super) fn knows_blocks(link: &mut Link, policy: &Policy, node: u8) -> Result<bool, BusError> {
+    const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
+    let ended = upload_in_blocks(link, policy, node, DEVICE_TYPE, LARGEST_BLOCK)?;
+    Ok(ended.result != Err(Failure::Aborted(Abort::COMMAND)))
 }
 
 /// Writes an object.

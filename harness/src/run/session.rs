@@ -10,6 +10,7 @@ use super::link::{Link, Policy};
 use super::{sdo, settle};
 use crate::plan::{Dut, Instance, Plan};
 use crate::suite::Register;
+use crate::suite::model::Capability;
 
 /// How a session ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,11 +63,24 @@ impl Session<'_> {
             identity,
             rerun: self.rerun.clone(),
         }));
+        let blocks = match self.knows_blocks(&mut link) {
+            Ok(blocks) => blocks,
+            Err(error) => return Ending::Bus(error),
+        };
         link.take_trace();
-        self.cases(&mut link, tell)
+        self.cases(&mut link, blocks, tell)
     }
 
-    fn cases(&self, link: &mut Link, tell: &mut dyn FnMut(Event)) -> Ending {
+    /// Whether the device has block transfer, which no data sheet tells. Asked before the first
+    /// case, so that nothing that happens in one can be the reason to skip another.
+    fn knows_blocks(&self, link: &mut Link) -> Result<bool, BusError> {
+        match self.plan.instances.iter().any(|each| each.requires(Capability::BlockTransfer)) {
+            true => sdo::knows_blocks(link, &self.policy, self.plan.dut.node),
+            false => Ok(true),
+        }
+    }
+
+    fn cases(&self, link: &mut Link, blocks: bool, tell: &mut dyn FnMut(Event)) -> Ending {
         let (mut dirty, mut failed) = (false, 0);
         for (place, instance) in self.plan.instances.iter().enumerate() {
             // A real bus notices while it waits; a simulated one never waits.
@@ -74,8 +88,10 @@ impl Session<'_> {
                 return Ending::Bus(BusError::Interrupted);
             }
             tell(self.started(link, instance));
-            if let Some(reason) = &instance.skip {
-                tell(ended(link, Outcome::Skip(reason.clone())));
+            let no_blocks = !blocks && instance.requires(Capability::BlockTransfer);
+            let no_blocks = no_blocks.then(|| "the device has no block transfer".to_owned());
+            if let Some(reason) = instance.skip.clone().or(no_blocks) {
+                tell(ended(link, Outcome::Skip(reason)));
                 continue;
             }
             let finished = case::run(link, &self.policy, &self.plan.dut, instance, dirty);

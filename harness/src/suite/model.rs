@@ -232,6 +232,8 @@ pub struct Requires {
 pub enum Capability {
     /// Layer setting services, by its data sheet.
     Lss,
+    /// SDO block transfer; the device is asked once, at the start of a run.
+    BlockTransfer,
 }
 
 /// One step.

@@ -242,6 +242,20 @@ mutants! {
             if reason == Abort::COMMAND { Abort::SEQUENCE } else { reason }
         }
     }
+    "abort-command-for-checksum" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            if reason == Abort::CRC { Abort::COMMAND } else { reason }
+        }
+    }
+    "abort-block-codes-swapped" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            match reason {
+                Abort::SEQUENCE => Abort::BLOCK_SIZE,
+                Abort::BLOCK_SIZE => Abort::SEQUENCE,
+                reason => reason,
+            }
+        }
+    }
     "abort-access-for-read-only" {
         fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
             if reason == Abort::READ_ONLY { Abort::NO_OBJECT } else { reason }

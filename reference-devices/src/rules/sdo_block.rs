@@ -64,6 +64,11 @@ pub trait SdoBlockRules {
         true
     }
 
+    /// A client may give a threshold (7.2.4.3.13).
+    fn threshold_taken(&self, _threshold: u8) -> bool {
+        true
+    }
+
     /// The server changes to the usual protocol when the client allows it and the value is not
     /// longer than it says (7.2.4.3.13).
     fn changes_protocol(&self, len: usize, threshold: u8) -> bool {
@@ -118,6 +123,7 @@ mutants! {
         fn blocks_put_together(&self) -> bool { false }
     }
     "block-end-before-last-segment" {
+        fn command_in_sub_block(&self, first: u8) -> bool { matches!(first, 0x80 | 0xC1) }
         fn end_follows_last_segment(&self) -> bool { false }
     }
     "block-checksum-unchecked" {
@@ -148,6 +154,9 @@ mutants! {
     }
     "block-protocol-changed-unasked" {
         fn changes_protocol(&self, len: usize, _threshold: u8) -> bool { len <= 4 }
+    }
+    "block-threshold-refused" {
+        fn threshold_taken(&self, threshold: u8) -> bool { threshold == 0 }
     }
     "block-threshold-ignored" {
         fn changes_protocol(&self, _len: usize, threshold: u8) -> bool { threshold > 0 }

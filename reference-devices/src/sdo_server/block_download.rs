@@ -64,8 +64,8 @@ impl BlockDownload {
         if taken {
             self.good = sequence;
             self.data.extend_from_slice(&data);
-            // Up to six bytes of the last segment are no data.
-            let room = self.limit + 6;
+            // What fills up the last segment is not told from data before the end.
+            let room = self.limit.max(1).next_multiple_of(7);
             if self.data.len() > room {
                 if rules.overflow_checked() {
                     return Err((self.mux, Abort::TOO_LONG));

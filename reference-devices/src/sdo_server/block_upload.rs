@@ -61,6 +61,9 @@ impl BlockUpload {
         if !rules.block_size_valid(size, true) {
             return Err((mux, Abort::BLOCK_SIZE));
         }
+        if !rules.threshold_taken(threshold) {
+            return Err((mux, Abort::COMMAND));
+        }
         let data = match services.read(mux) {
             Ok(bytes) => bytes.to_vec(),
             Err(_) if !rules.missing_object_refused_in_blocks() => Vec::new(),
