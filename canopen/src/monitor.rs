@@ -64,19 +64,21 @@ pub trait Monitor {
 /// beside those of the predefined connection set.
 pub fn all(node: u8, known: Vec<u16>) -> Vec<Box<dyn Monitor>> {
     vec![
-        Box::new(NoSurprise { node, history_cleared: false, resets: 0 }),
+        Box::new(NoSurprise { node, history_cleared: false, asked: false, resets: 0 }),
         Box::new(KnownIdentifiers { node, known }),
         Box::new(HeartbeatAlive { node, asked: None, period: None, last: None }),
         Box::new(SilentWhenStopped { node, stopped: false, asked: false }),
     ]
 }
 
-/// No emergency message, boot-up or SDO answer that nobody waited for.
+/// No emergency message or boot-up that nobody waited for, and no second SDO answer.
 struct NoSurprise {
     node: u8,
     history_cleared: bool,
     /// Commands that a boot-up may still be the answer to.
     resets: u32,
+    /// Whether a request has no answer yet.
+    asked: bool,
 }
 
 impl NoSurprise {
@@ -88,6 +90,7 @@ impl Monitor for NoSurprise {
         let node = u16::from(self.node);
         let frame = &seen.stamped.frame;
         if seen.stamped.own && frame.data_id() == Some(sdo::REQUEST_COB_ID + node) {
+            self.asked = true;
             let request = Request::decode(&frame.data);
             self.history_cleared |= matches!(request, Ok(Request::Download(Self::ERROR_COUNT, _)));
         }
@@ -100,6 +103,8 @@ impl Monitor for NoSurprise {
             self.resets -= 1;
             return Ok(());
         }
+        let answer = incoming(seen) == Some(sdo::RESPONSE_COB_ID + node);
+        let asked = answer && std::mem::take(&mut self.asked);
         let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
         if id == emcy::COB_ID + node {
             // Clearing the history may be reported as the reset of all errors.
@@ -116,7 +121,7 @@ impl Monitor for NoSurprise {
             let got = "the node booted".to_owned();
             return Err(breach(seen, "no boot-up without a reset", got));
         }
-        if id == sdo::RESPONSE_COB_ID + node {
+        if id == sdo::RESPONSE_COB_ID + node && !asked {
             let got = "an SDO answer that nobody asked for".to_owned();
             return Err(breach(seen, "at most one SDO answer to a request", got));
         }

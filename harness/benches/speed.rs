@@ -37,7 +37,13 @@ fn whole_run(bench: &mut Criterion) {
 fn sdo_round_trips(bench: &mut Criterion) {
     let (device, node) = (drr460(), 5);
     let sheet = eds::read(device.eds_text().as_bytes()).eds;
-    let dut = Dut { name: "drr460".to_owned(), node, eds: Arc::new(sheet), bench: Vec::new() };
+    let dut = Dut {
+        name: "drr460".to_owned(),
+        node,
+        eds: Arc::new(sheet),
+        bench: Vec::new(),
+        bit_rate: 1_000_000,
+    };
     let policy = Policy::at_bit_rate(BIT_RATE);
     let mut bus = VirtualBus::new(BIT_RATE);
     bus.attach(device.node(node, Box::new(Specification)));

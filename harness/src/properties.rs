@@ -148,7 +148,13 @@ static DEVICE: LazyLock<ReferenceDevice> =
 
 static SHEET: LazyLock<Dut> = LazyLock::new(|| {
     let eds: Eds = eds::read(DEVICE.eds_text().as_bytes()).eds;
-    Dut { name: DRR460.to_owned(), node: NODE, eds: Arc::new(eds), bench: Vec::new() }
+    Dut {
+        name: DRR460.to_owned(),
+        node: NODE,
+        eds: Arc::new(eds),
+        bench: Vec::new(),
+        bit_rate: 1_000_000,
+    }
 });
 
 const REGISTER: &str = "\

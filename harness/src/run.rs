@@ -5,6 +5,7 @@ mod case;
 mod judge;
 mod limits;
 mod link;
+mod lss;
 mod objects;
 mod restore;
 mod sdo;

@@ -9,6 +9,7 @@ use canopen::{Bus, BusError, Mux};
 use reference_devices::devices;
 use reports::Identity;
 
+use crate::cli::DEFAULT_BIT_RATE;
 use crate::exit::{Exit, Refused};
 use crate::plan::Dut;
 use crate::run::{Link, Policy, identity, read_text};
@@ -88,7 +89,13 @@ fn answering(link: &mut Link, nodes: std::ops::RangeInclusive<u8>) -> Result<Vec
 
 fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
     let policy = Policy::at_bit_rate(125_000);
-    let dut = Dut { name: String::new(), node, eds: Arc::new(Eds::default()), bench: Vec::new() };
+    let dut = Dut {
+        name: String::new(),
+        node,
+        eds: Arc::new(Eds::default()),
+        bench: Vec::new(),
+        bit_rate: DEFAULT_BIT_RATE,
+    };
     let identity = identity(link, &policy, &dut)?;
     let name = read_text(link, &policy, node, DEVICE_NAME)?;
     let device = devices::names().find(|name| {

@@ -164,7 +164,9 @@ pub fn read_eds(path: &Path) -> Result<Eds, Refused> {
 }
 
 fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result<Target, Refused> {
-    let device = reference_device(name)?;
+    let bit_rate = selection.bitrate;
+    let mut device = reference_device(name)?;
+    Arc::make_mut(&mut device).description.settings.bit_rate = bit_rate;
     let mutant = match mutant {
         Some(mutant) => Some(Box::new(mutant_of(&device, mutant)?)),
         None => None,
@@ -187,9 +189,9 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
         None => (None, device.node(node, Box::new(Specification)).bench_names()),
     };
     Ok(Target {
-        dut: Dut { name: name.to_owned(), node, eds: Arc::new(eds), bench },
+        dut: Dut { name: name.to_owned(), node, eds: Arc::new(eds), bench, bit_rate },
         rig,
-        place: Place::Simulation { device, mutant, bit_rate: selection.bitrate },
+        place: Place::Simulation { device, mutant, bit_rate },
         options,
     })
 }
@@ -217,7 +219,13 @@ fn on_interface(
     let (rig, bench) = rig(selection, &mut options)?.unzip();
     let bench = bench.unwrap_or_default();
     Ok(vec![Target {
-        dut: Dut { name: dut_name, node: first.node, eds: Arc::new(eds), bench },
+        dut: Dut {
+            name: dut_name,
+            node: first.node,
+            eds: Arc::new(eds),
+            bench,
+            bit_rate: selection.bitrate,
+        },
         rig,
         place: Place::SocketCan(name.to_owned()),
         options,

@@ -65,8 +65,10 @@ impl Lss {
     }
 
     /// Power-on: what was stored is what is taken next.
-    pub(crate) fn power_on(&mut self) {
-        self.node.pending = self.node.stored;
+    pub(crate) fn power_on(&mut self, base: &Base) {
+        if base.rules.lss_forgets_without_supply() {
+            self.node.pending = self.node.stored;
+        }
         self.bit_rate.pending = self.bit_rate.stored;
         self.bit_rate.active = self.bit_rate.stored;
         self.silence = None;
@@ -96,7 +98,10 @@ impl Lss {
         base: &Base,
         out: &mut Outbox,
     ) -> bool {
-        let Some(request) = base.rules.lss_request(data) else { return false };
+        let request = base.rules.lss_request(data);
+        let Some(request) = request.filter(|_| base.rules.lss_served_in(base.state)) else {
+            return false;
+        };
         if let Some(response) = self.answer(now, request, base) {
             out.push(Frame::new(RESPONSE_COB_ID, response.encode()));
         }
@@ -127,12 +132,13 @@ impl Lss {
                 if matches!(mode, Mode::WAITING | Mode::CONFIGURATION) {
                     self.switch(mode);
                 }
-                None
+                base.rules.lss_global_switch_answered().then_some(Response::Selected)
             }
             Request::SwitchSelective(part, number) => self.select(part, number, base),
             Request::Identify(bound, number) => self.identify(bound, number, base),
             Request::IdentifyUnconfigured => {
-                (self.node.active == UNCONFIGURED).then_some(Response::Unconfigured)
+                let says = base.rules.lss_says_unconfigured(self.node.active);
+                says.then_some(Response::Unconfigured)
             }
             Request::Fastscan(scan) => self.scan(scan, base),
             _ if !base.rules.lss_configures_in(self.mode) => None,
@@ -208,7 +214,8 @@ impl Lss {
             self.scanned = 0;
             return Some(Response::Identified);
         }
-        let valid = rules.lss_scan_valid(scan) && usize::from(scan.part) == self.scanned;
+        let in_order = usize::from(scan.part) == self.scanned || !rules.lss_scan_in_order();
+        let valid = rules.lss_scan_valid(scan) && in_order;
         let part = Part::ALL.get(usize::from(scan.part)).filter(|_| valid)?;
         let compared = u32::MAX.checked_shl(scan.bit.into()).unwrap_or(0);
         if (address(base, *part) ^ scan.number) & compared != 0 {

@@ -18,8 +18,10 @@ pub use frame::FrameMutant;
 use data::{Change, MutantFile};
 
 /// Mutants that any device can be: deviations from CiA 301 in the stack they share.
-const COMMON: &[(&str, &str)] =
-    &[("reference-devices/mutants/cia301.yaml", include_str!("../mutants/cia301.yaml"))];
+const COMMON: &[(&str, &str)] = &[
+    ("reference-devices/mutants/cia301.yaml", include_str!("../mutants/cia301.yaml")),
+    ("reference-devices/mutants/cia305.yaml", include_str!("../mutants/cia305.yaml")),
+];
 
 /// The files that hold the mutants of a device: path in the project, and text.
 pub fn sources(device: &ReferenceDevice) -> Vec<(String, &'static str)> {

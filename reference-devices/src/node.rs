@@ -58,7 +58,7 @@ impl Node {
         self.power_off(now);
         self.on = true;
         if let Some(lss) = &mut self.lss {
-            lss.power_on();
+            lss.power_on(&self.services.base);
         }
         self.initialise(now, Reset::Node);
     }

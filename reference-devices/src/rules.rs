@@ -3,6 +3,7 @@
 //! The stack asks and holds no deviation of its own. Read top to bottom, the default methods are
 //! a summary of CiA 301; [`named`] gives the rules of a device that breaks one of them.
 
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use canopen::eds::Direction;
@@ -532,6 +533,16 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
     /// A parameter that changes sets 1020h to 0 (7.5.2.23).
     fn change_clears_signature(&self) -> bool {
         true
+    }
+
+    /// A sub-index of 1010h and 1011h is a group of objects; from 4 on, the manufacturer chooses.
+    fn parameter_group(&self, sub: u8) -> RangeInclusive<u16> {
+        match sub {
+            2 => 0x1000..=0x1FFF,
+            3 => 0x6000..=0x9FFF,
+            4.. => 0x2000..=0x5FFF,
+            _ => 0x1000..=0xFFFF,
+        }
     }
 
     /// Every object of the group is stored.

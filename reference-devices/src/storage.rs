@@ -1,7 +1,6 @@
 //! Storing and restoring parameters (CiA 301, 7.5.2.13 and 7.5.2.14, objects 1010h and 1011h).
 
 use std::collections::BTreeMap;
-use std::ops::RangeInclusive;
 
 use canopen::eds::{Access, Eds};
 use canopen::{Abort, Dictionary, Instant, Mux};
@@ -80,7 +79,7 @@ impl Storage {
 
     /// The signature was right: stores or forgets a group of objects.
     pub(crate) fn execute(&mut self, now: Instant, mux: Mux, base: &mut Base) {
-        let group = group(mux.sub);
+        let group = base.rules.parameter_group(mux.sub);
         if mux.index == STORE {
             let chosen = |mux: &&Mux| group.contains(&mux.index) && base.rules.stored(**mux);
             let values = self.storable.iter().filter(chosen).filter_map(|mux| {
@@ -177,15 +176,6 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
         Ok(())
     } else {
         Err(Abort::STORE)
-    }
-}
-
-fn group(sub: u8) -> RangeInclusive<u16> {
-    match sub {
-        2 => 0x1000..=0x1FFF,
-        3 => 0x6000..=0x9FFF,
-        4.. => 0x2000..=0x5FFF,
-        _ => 0x1000..=0xFFFF,
     }
 }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use canopen::eds::{Access, Direction, Eds, Entry, Object, ObjectKind};
 use canopen::pdo::CobId;
-use canopen::{DataType, Mux, Value};
+use canopen::{DataType, Mux, Value, heartbeat, lss, sdo};
 
 use super::check::{self, no_object};
 use super::instance::{Instance, Plan};
@@ -75,7 +75,8 @@ fn bind_case(
     }
     let mut bound: Vec<Instance> = scopes
         .into_iter()
-        .map(|(labels, scope)| {
+        .map(|(labels, mut scope)| {
+            bind_bus(&mut scope, dut);
             let label = (!labels.is_empty()).then(|| labels.join(","));
             instance(label, scope, None)
         })
@@ -87,6 +88,21 @@ fn bind_case(
         bound.skip = checked.lacking;
     }
     if complaints.is_empty() { Ok(bound) } else { Err(dedup(complaints)) }
+}
+
+/// The node id, another one that it can be given, the identifiers that come with that, and the
+/// place of the bit rate in the table of CiA 305.
+fn bind_bus(scope: &mut Scope, dut: &Dut) {
+    let (node, other) = (dut.node, dut.node % 127 + 1);
+    let place = lss::BIT_RATES.iter().position(|bit_rate| *bit_rate == Some(dut.bit_rate));
+    let byte = |node: u8| Binding::Literal(Literal::Int(node.into()));
+    let id = |base: u16| Binding::Id(base + u16::from(other));
+    scope.bind("node", byte(node));
+    scope.bind("other", byte(other));
+    scope.bind("bit-rate", byte(place.map_or(u8::MAX, |place| place as u8)));
+    scope.bind("other-boot-up", id(heartbeat::COB_ID));
+    scope.bind("other-request", id(sdo::REQUEST_COB_ID));
+    scope.bind("other-answer", id(sdo::RESPONSE_COB_ID));
 }
 
 fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {

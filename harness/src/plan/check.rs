@@ -9,7 +9,7 @@ use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint, Place};
 use crate::suite::Suite;
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, Refusal};
-use crate::suite::model::{Case, Produce, Read, Remap, Step, Until, Write};
+use crate::suite::model::{Case, LssStep, Produce, Read, Remap, Step, Until, Write};
 
 /// Checks that what a case requires can exist at all.
 pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Complaint> {
@@ -147,6 +147,13 @@ impl Checker<'_> {
                     self.bench_value(value);
                     self.bench_name(name);
                 }
+            }
+            Step::Lss(LssStep::Fastscan(scan)) => {
+                for number in [&scan.vendor, &scan.product, &scan.revision, &scan.serial] {
+                    let result = self.scope.int(&number.value);
+                    self.note(result.map(|_| ()), number.place);
+                }
+                self.times(&scan.slot);
             }
             Step::Observe(observe) => {
                 if observe.value.is_none() && observe.min.is_none() && observe.max.is_none() {

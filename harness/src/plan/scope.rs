@@ -21,6 +21,8 @@ pub struct Dut {
     pub eds: Arc<Eds>,
     /// What the bench around it can set and observe.
     pub bench: Vec<String>,
+    /// Bit rate of its bus, in bit/s.
+    pub bit_rate: u32,
 }
 
 impl Dut {

@@ -143,12 +143,14 @@ impl CaseRun<'_, '_> {
     fn watch(&self, from: usize) -> Option<Breach> {
         let frames = &self.link.trace()[from..];
         let now = self.link.mark();
-        monitor::all(self.dut.node, pdo_identifiers(self.dut)).iter_mut().find_map(|monitor| {
-            let seen = frames.iter().find_map(|seen| monitor.observe(seen).err());
-            // Who has no supply owes nothing.
-            let silence = || (!self.stimuli.off).then(|| monitor.finish(now).err())?;
-            seen.or_else(silence)
-        })
+        monitor::all(self.dut.node, data_sheet_identifiers(self.dut)).iter_mut().find_map(
+            |monitor| {
+                let seen = frames.iter().find_map(|seen| monitor.observe(seen).err());
+                // Who has no supply owes nothing.
+                let silence = || (!self.stimuli.off).then(|| monitor.finish(now).err())?;
+                seen.or_else(silence)
+            },
+        )
     }
 
     fn restore(&mut self, snapshot: &Snapshot) -> Result<bool, BusError> {
@@ -286,16 +288,14 @@ pub(super) fn report_place(source: &Source, place: Place) -> ReportPlace {
     }
 }
 
-/// The identifiers the data sheet gives to TPDOs.
-fn pdo_identifiers(dut: &Dut) -> Vec<u16> {
-    let cob_id = |index| {
-        let cob_id = dut.default_int(Mux::new(index, 1))?;
-        Some(CobId(cob_id as u32).can_id())
-    };
-    dut.eds
-        .objects
-        .iter()
-        .filter(|object| (0x1800..0x1A00).contains(&object.index))
-        .filter_map(|object| cob_id(object.index))
-        .collect()
+/// The identifiers the data sheet gives to TPDOs, SYNC and TIME.
+fn data_sheet_identifiers(dut: &Dut) -> Vec<u16> {
+    let cob_id = |mux| dut.default_int(mux).map(|cob_id| CobId(cob_id as u32).can_id());
+    let tpdos = dut.eds.objects.iter().map(|object| object.index);
+    let tpdos = tpdos.filter(|index| (0x1800..0x1A00).contains(index));
+    let addresses = tpdos.map(|index| Mux::new(index, 1)).chain([SYNC, TIME]);
+    addresses.filter_map(cob_id).collect()
 }
+
+const SYNC: Mux = Mux::new(0x1005, 0);
+const TIME: Mux = Mux::new(0x1012, 0);

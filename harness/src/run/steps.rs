@@ -71,6 +71,7 @@ impl Steps<'_, '_> {
             Step::Produce(produce) => self.produce(produce).map(|()| None),
             Step::Bench(stimuli) => self.stimulate_bench(stimuli),
             Step::Observe(observe) => self.observe(observe),
+            Step::Lss(lss) => self.lss(lss),
         }
     }
 

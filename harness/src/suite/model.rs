@@ -276,6 +276,33 @@ pub enum Step {
     Bench(BTreeMap<String, At<Literal>>),
     /// Judges what is to be seen on the physical side.
     Observe(Observe),
+    /// Layer setting services that are more than a frame and its answer.
+    Lss(LssStep),
+}
+
+/// See [`Step::Lss`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub enum LssStep {
+    /// Finds a slave without node id by a fastscan, which leaves it in LSS configuration.
+    Fastscan(FastscanStep),
+}
+
+/// See [`LssStep::Fastscan`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct FastscanStep {
+    /// The vendor-ID to be found.
+    pub vendor: At<Literal>,
+    /// The product code to be found.
+    pub product: At<Literal>,
+    /// The revision number to be found.
+    pub revision: At<Literal>,
+    /// The serial number to be found.
+    pub serial: At<Literal>,
+    /// How long to wait for each answer; 10 ms unless said otherwise.
+    #[serde(default)]
+    pub slot: Option<At<Amount>>,
 }
 
 /// See [`Step::Observe`].

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use canopen::Data;
 use canopen::lss::{BIT_RATES, Bound, Fastscan, Mode, Part, Request, UNCONFIGURED};
+use canopen::{Data, NmtState};
 
 use super::mutants::mutants;
 use super::{Rules, SdoBlockRules};
@@ -14,6 +14,16 @@ pub trait LssRules {
     /// A request has exactly eight bytes (6.1).
     fn lss_request(&self, data: &[u8]) -> Option<Request> {
         Request::decode(data).ok()
+    }
+
+    /// LSS does not depend on the NMT state (5.1).
+    fn lss_served_in(&self, _state: NmtState) -> bool {
+        true
+    }
+
+    /// A global switch is not answered, as every slave would (6.2.1).
+    fn lss_global_switch_answered(&self) -> bool {
+        false
     }
 
     /// Settings are asked for and made in the state LSS configuration (5.2).
@@ -72,6 +82,16 @@ pub trait LssRules {
         true
     }
 
+    /// What was not stored is forgotten without supply (6.3.4).
+    fn lss_forgets_without_supply(&self) -> bool {
+        true
+    }
+
+    /// Only a slave without node id says that it has none (6.5.2).
+    fn lss_says_unconfigured(&self, active: u8) -> bool {
+        active == UNCONFIGURED
+    }
+
     /// Vendor and product are compared, revision and serial number lie within their bounds, which
     /// are part of the range (6.5.1).
     fn lss_bound_met(&self, bound: Bound, own: u32, number: u32) -> bool {
@@ -92,6 +112,11 @@ pub trait LssRules {
         scan.bit < 32 && scan.part < 4 && scan.next < 4
     }
 
+    /// The parts are asked for one after the other (6.5.3).
+    fn lss_scan_in_order(&self) -> bool {
+        true
+    }
+
     /// A scan ends with the last bit of the last part (6.5.3).
     fn lss_scan_complete(&self, scan: Fastscan) -> bool {
         scan.part == 3 && scan.next == 0
@@ -105,6 +130,14 @@ mutants! {
         fn lss_request(&self, data: &[u8]) -> Option<Request> {
             Request::decode(&Data::new(data).padded()).ok()
         }
+    }
+    "lss-in-pre-operational-only" {
+        fn lss_served_in(&self, state: NmtState) -> bool {
+            matches!(state, NmtState::PRE_OPERATIONAL | NmtState::INITIALISING)
+        }
+    }
+    "lss-global-switch-answered" {
+        fn lss_global_switch_answered(&self) -> bool { true }
     }
     "lss-configures-while-waiting" {
         fn lss_configures_in(&self, _mode: Mode) -> bool { true }
@@ -184,6 +217,12 @@ mutants! {
     "lss-store-forgets" {
         fn lss_stores(&self) -> bool { false }
     }
+    "lss-pending-survives-power" {
+        fn lss_forgets_without_supply(&self) -> bool { false }
+    }
+    "lss-configured-node-says-unconfigured" {
+        fn lss_says_unconfigured(&self, _active: u8) -> bool { true }
+    }
     "lss-identify-range-inverted" {
         fn lss_bound_met(&self, bound: Bound, own: u32, number: u32) -> bool {
             match bound {
@@ -224,6 +263,9 @@ mutants! {
     }
     "lss-fastscan-any-next" {
         fn lss_scan_valid(&self, scan: Fastscan) -> bool { scan.bit < 32 && scan.part < 4 }
+    }
+    "lss-fastscan-in-any-order" {
+        fn lss_scan_in_order(&self) -> bool { false }
     }
     "lss-fastscan-ends-early" {
         fn lss_scan_complete(&self, scan: Fastscan) -> bool { scan.next < scan.part }

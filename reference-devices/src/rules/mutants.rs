@@ -1,5 +1,6 @@
 //! Devices that break one rule each, after bugs that real stacks had.
 
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use canopen::eds::Direction;
@@ -338,6 +339,11 @@ mutants! {
             configured * 102 / 100
         }
     }
+    "sync-period-in-whole-milliseconds" {
+        fn sync_production_period(&self, configured: Duration) -> Duration {
+            Duration::from_millis(configured.as_millis() as u64)
+        }
+    }
     "sync-produced-in-stopped" {
         fn sync_produced_in(&self, _state: NmtState) -> bool { true }
     }
@@ -485,6 +491,21 @@ mutants! {
     }
     "save-stores-half" {
         fn stored(&self, mux: Mux) -> bool { mux.index < 0x2000 }
+    }
+    "save-forgets-sync" {
+        fn stored(&self, mux: Mux) -> bool { !matches!(mux.index, 0x1006 | 0x1019) }
+    }
+    "parameter-groups-are-one" {
+        fn parameter_group(&self, _sub: u8) -> RangeInclusive<u16> { 0x1000..=0xFFFF }
+    }
+    "parameter-groups-swapped" {
+        fn parameter_group(&self, sub: u8) -> RangeInclusive<u16> {
+            match sub {
+                2 => 0x6000..=0x9FFF,
+                3 => 0x1000..=0x1FFF,
+                _ => 0x1000..=0xFFFF,
+            }
+        }
     }
     "save-completes-first" {
         fn save_completes_last(&self) -> bool { false }
