@@ -25,6 +25,11 @@ pub(super) struct Stimuli {
 }
 
 impl Stimuli {
+    /// Whether the case set any.
+    pub(super) fn any(&self) -> bool {
+        self.off || !self.before.is_empty()
+    }
+
     /// Sets a stimulus and remembers what it was.
     fn set(&mut self, link: &mut Link, name: &str, value: &Value) -> Result<(), Trouble> {
         if !self.before.contains_key(name) {

@@ -9,7 +9,7 @@ use super::bench::Stimuli;
 use super::judge::{Difference, Trouble};
 use super::link::{Link, Policy};
 use super::restore::Snapshot;
-use super::settle::{self, Unsettled};
+use super::settle::{self, Left, Unsettled};
 use super::steps::Steps;
 use crate::plan::{Dut, Instance};
 use crate::source::{At, Place, Source};
@@ -32,10 +32,8 @@ pub(super) struct Finished {
 /// What a case means for those that follow.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Aftermath {
-    /// The device is as it was.
-    Calm,
-    /// The device may not be as it was: reset it first.
-    Dirty,
+    /// The device answers.
+    Left(Left),
     /// The device does not answer any more.
     Gone(String),
     /// The bus failed, or the user asked to stop.
@@ -48,7 +46,7 @@ pub(super) fn run(
     policy: &Policy,
     dut: &Dut,
     instance: &Instance,
-    reset_first: bool,
+    left: Left,
 ) -> Finished {
     let mut run = CaseRun {
         link,
@@ -59,7 +57,7 @@ pub(super) fn run(
         measured: Vec::new(),
         stimuli: Stimuli::default(),
     };
-    let (outcome, aftermath) = run.run(reset_first);
+    let (outcome, aftermath) = run.run(left);
     let trace = run.link.take_trace();
     Finished { outcome, trace, measured: run.measured, notes: run.notes, aftermath }
 }
@@ -75,8 +73,8 @@ struct CaseRun<'r, 'b> {
 }
 
 impl CaseRun<'_, '_> {
-    fn run(&mut self, reset_first: bool) -> (Outcome, Aftermath) {
-        match settle::settle(self.link, self.policy, self.dut, reset_first) {
+    fn run(&mut self, left: Left) -> (Outcome, Aftermath) {
+        match settle::settle(self.link, self.policy, self.dut, left) {
             Ok(note) => self.notes.extend(note),
             Err(Unsettled::Bus(error)) => return self.bus_failed(error),
             Err(Unsettled::Device(why)) => {
@@ -94,16 +92,21 @@ impl CaseRun<'_, '_> {
             Ok(outcome) => (outcome, None),
             Err(error) => (self.bus_failed(error.clone()).0, Some(error)),
         };
+        let still = !self.stimuli.any() && settle::is_still(self.link, self.dut);
         // A bus that failed may still carry what leaves the device as it was found.
-        match (self.restore(&snapshot), stop) {
+        match (self.restore(&snapshot, still), stop) {
             (_, Some(error)) | (Err(error), None) if lasts(&error) => {
                 (outcome, Aftermath::Stop(error))
             }
-            (Err(_), _) | (_, Some(_)) => (outcome, Aftermath::Dirty),
+            (Err(_), _) | (_, Some(_)) => (outcome, Aftermath::Left(Left::Dirty)),
             (Ok(whole), None) => {
                 let passed = outcome.problem().is_none() || matches!(outcome, Outcome::Lenient(_));
-                let calm = whole && passed;
-                (outcome, if calm { Aftermath::Calm } else { Aftermath::Dirty })
+                let left = match (whole && passed, still) {
+                    (false, _) => Left::Dirty,
+                    (true, false) => Left::Calm,
+                    (true, true) => Left::Still,
+                };
+                (outcome, Aftermath::Left(left))
             }
         }
     }
@@ -153,7 +156,7 @@ impl CaseRun<'_, '_> {
         )
     }
 
-    fn restore(&mut self, snapshot: &Snapshot) -> Result<bool, BusError> {
+    fn restore(&mut self, snapshot: &Snapshot, still: bool) -> Result<bool, BusError> {
         let without_supply = self.stimuli.off;
         match self.stimuli.undo(self.link) {
             Ok(()) if without_supply => _ = settle::booted(self.link, self.policy, self.dut)?,
@@ -169,13 +172,9 @@ impl CaseRun<'_, '_> {
         if snapshot.is_empty() {
             return Ok(true);
         }
-        // STOPPED refuses SDO, OPERATIONAL may refuse configuration.
-        let command = canopen::nmt::Command {
-            service: canopen::nmt::Service::ENTER_PRE_OPERATIONAL,
-            node: self.dut.node,
-        };
-        self.link.send(&command.frame())?;
-        self.link.drain(self.policy.quiet)?;
+        if !still {
+            settle::pre_operational(self.link, self.policy, self.dut)?;
+        }
         let whole = snapshot.restore(self.link, self.policy, self.dut)?;
         if !whole {
             self.notes.push("not every object could be restored".to_owned());

@@ -7,7 +7,8 @@ use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Not
 
 use super::case::{self, Aftermath};
 use super::link::{Link, Policy};
-use super::{sdo, settle};
+use super::sdo;
+use super::settle::{self, Left};
 use crate::plan::{Dut, Instance, Plan};
 use crate::suite::Register;
 use crate::suite::model::Capability;
@@ -81,7 +82,7 @@ impl Session<'_> {
     }
 
     fn cases(&self, link: &mut Link, blocks: bool, tell: &mut dyn FnMut(Event)) -> Ending {
-        let (mut dirty, mut failed) = (false, 0);
+        let (mut left, mut failed) = (Left::Calm, 0);
         for (place, instance) in self.plan.instances.iter().enumerate() {
             // A real bus notices while it waits; a simulated one never waits.
             if self.stop.swap(false, Ordering::SeqCst) {
@@ -94,7 +95,7 @@ impl Session<'_> {
                 tell(ended(link, Outcome::Skip(reason)));
                 continue;
             }
-            let finished = case::run(link, &self.policy, &self.plan.dut, instance, dirty);
+            let finished = case::run(link, &self.policy, &self.plan.dut, instance, left);
             let at = link.mark();
             for seen in &finished.trace {
                 tell(Event::Frame(seen.stamped));
@@ -107,8 +108,7 @@ impl Session<'_> {
             tell(ended(link, finished.outcome));
             let rest = &self.plan.instances[place + 1..];
             match finished.aftermath {
-                Aftermath::Calm => dirty = false,
-                Aftermath::Dirty => dirty = true,
+                Aftermath::Left(how) => left = how,
                 Aftermath::Gone(reason) => {
                     self.not_run(link, rest, &reason, tell);
                     return Ending::Gone(reason);

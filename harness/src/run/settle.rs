@@ -2,12 +2,24 @@
 
 use canopen::heartbeat::{self, ErrorControl};
 use canopen::nmt::{Command, Service};
-use canopen::{BusError, Mux};
+use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID};
+use canopen::{BusError, Frame, Mux};
 
 use super::link::{Link, Policy};
 use super::sdo;
 use crate::plan::Dut;
 use crate::suite::model::State;
+
+/// How a case left the device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Left {
+    /// As it was, and nothing but SDO was on the wire: nothing can be in flight.
+    Still,
+    /// As it was.
+    Calm,
+    /// Perhaps not as it was: it needs a reset.
+    Dirty,
+}
 
 /// Why a device could not be settled.
 pub(super) enum Unsettled {
@@ -29,17 +41,17 @@ pub(super) fn settle(
     link: &mut Link,
     policy: &Policy,
     dut: &Dut,
-    reset_first: bool,
+    left: Left,
 ) -> Result<Option<String>, Unsettled> {
-    if !reset_first {
-        match calm(link, policy, dut)? {
-            None => return Ok(None),
-            Some(_) => reset(link, policy, dut)?,
-        }
-    } else {
-        reset(link, policy, dut)?;
+    if left == Left::Calm {
+        pre_operational(link, policy, dut)?;
     }
-    match calm(link, policy, dut)? {
+    if left != Left::Dirty && unrest(link, policy, dut)?.is_none() {
+        return Ok(None);
+    }
+    reset(link, policy, dut)?;
+    pre_operational(link, policy, dut)?;
+    match unrest(link, policy, dut)? {
         None => Ok(Some("settled by reset node".to_owned())),
         Some(unrest) => Err(Unsettled::Device(unrest)),
     }
@@ -85,11 +97,31 @@ pub(super) fn enter(
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
 
-/// PRE-OPERATIONAL, answering, no error. `Some` says what is not so.
-fn calm(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Option<String>, BusError> {
-    let command = Command { service: Service::ENTER_PRE_OPERATIONAL, node: dut.node };
-    link.send(&command.frame())?;
-    link.drain(policy.quiet)?;
+/// Leads the device into PRE-OPERATIONAL and waits until nothing is in flight. STOPPED refuses SDO,
+/// OPERATIONAL may refuse configuration.
+pub(super) fn pre_operational(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<(), BusError> {
+    link.send(&enter_pre_operational(dut))?;
+    link.drain(policy.quiet)
+}
+
+/// Whether nothing but SDO with the device, in PRE-OPERATIONAL, is in the trace.
+pub(super) fn is_still(link: &Link, dut: &Dut) -> bool {
+    let node = u16::from(dut.node);
+    link.trace().iter().map(|seen| seen.stamped).all(|seen| match seen.own {
+        true => {
+            seen.frame.data_id() == Some(REQUEST_COB_ID + node)
+                || seen.frame == enter_pre_operational(dut)
+        }
+        false => seen.frame.data_id() == Some(RESPONSE_COB_ID + node),
+    })
+}
+
+fn enter_pre_operational(dut: &Dut) -> Frame {
+    Command { service: Service::ENTER_PRE_OPERATIONAL, node: dut.node }.frame()
+}
+
+/// What keeps the device from being answering and without error.
+fn unrest(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Option<String>, BusError> {
     if let Err(failure) = sdo::upload(link, policy, dut.node, DEVICE_TYPE)?.result {
         return Ok(Some(format!("upload of {DEVICE_TYPE}: {failure}")));
     }
