@@ -60,14 +60,14 @@ fn verdicts_do_not_depend_on_the_order_of_cases() {
         command.args(["--shuffle", "--seed", &seed.to_string()]);
         start(command, &journal(seed))
     };
-    let mut runs: Vec<_> = (1..=4).map(shuffled).collect();
+    let mut runs: Vec<_> = (1..=3).map(shuffled).collect();
     runs.push(start(harness(), &journal(0)));
     for run in &mut runs {
         run.wait().unwrap();
     }
     let in_order = record::read(&journal(0));
     let mut differences = String::new();
-    for seed in 1..=4 {
+    for seed in 1..=3 {
         let run = record::read(&journal(seed));
         assert_eq!(run.started.as_ref().and_then(|started| started.seed), Some(seed.into()));
         let names = |run: &Run| run.cases().map(|(_, case)| case.info.name()).collect::<Vec<_>>();
