@@ -91,6 +91,9 @@ impl ReferenceDevice {
     }
 }
 
+/// The device with every service, on which whatever is not of one device is proved.
+pub const WITH_EVERYTHING: &str = GENERIC;
+
 const DRR460: &str = "drr460";
 const GENERIC: &str = "generic";
 

@@ -126,7 +126,7 @@ impl Behaviour for Generic {
             ANALOGUE_OUTPUT => self.analogue_outputs.get_mut(place),
             _ => None,
         };
-        if let Some(output) = output {
+        if let Some(output) = output.filter(|_| self.rules.follows_after_failure()) {
             output.failed = false;
         }
     }

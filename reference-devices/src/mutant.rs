@@ -21,6 +21,7 @@ use data::{Change, MutantFile};
 const COMMON: &[(&str, &str)] = &[
     ("reference-devices/mutants/cia301.yaml", include_str!("../mutants/cia301.yaml")),
     ("reference-devices/mutants/cia305.yaml", include_str!("../mutants/cia305.yaml")),
+    ("reference-devices/mutants/cia401.yaml", include_str!("../mutants/cia401.yaml")),
 ];
 
 /// The files that hold the mutants of a device: path in the project, and text.

@@ -75,7 +75,7 @@ impl Matrix {
         let device = reference_device(name)?;
         let mut mutants =
             mutant::of(&device).map_err(|message| Refused { exit: Exit::File, message })?;
-        mutants.retain(|mutant| !mutant.shared || name == WITH_EVERYTHING);
+        mutants.retain(|mutant| !mutant.shared || name == devices::WITH_EVERYTHING);
         let targets = target::resolve(
             &Selection::of_target(Some(&format!("sim:{name}"))),
             &Arc::new(AtomicBool::new(false)),
@@ -223,7 +223,8 @@ fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
     }
     let proving: BTreeSet<&str> = matrices.iter().map(|matrix| matrix.device.as_str()).collect();
     for suite in &library.suites {
-        let device = suite.file.device.as_ref().map_or(WITH_EVERYTHING, |device| &device.value);
+        let device =
+            suite.file.device.as_ref().map_or(devices::WITH_EVERYTHING, |device| &device.value);
         for case in suite.file.cases.iter().filter(|_| proving.contains(device)) {
             let name = format!("{}/{}", suite.name(), case.value.id.value);
             if !ran.contains(&name) {
@@ -263,6 +264,3 @@ fn in_parallel<T: Sync, R: Send>(
     results.sort_by_key(|(place, _)| *place);
     results.into_iter().map(|(_, result)| result).collect()
 }
-
-/// The device on which whatever is not of one device is proved.
-const WITH_EVERYTHING: &str = "generic";

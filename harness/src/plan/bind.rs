@@ -58,7 +58,8 @@ fn bind_case(
     let instance =
         |label, scope, skip| Instance { suite: Arc::clone(suite), case: place, label, scope, skip };
     check::requires(suite, case, dut).map_err(|complaint| vec![complaint])?;
-    if let Some(reason) = case.requires.iter().find_map(|requires| lacks(&requires.value, dut)) {
+    let lacks = || case.requires.iter().find_map(|requires| lacks(&requires.value, dut));
+    if let Some(reason) = of_another_profile(suite, dut).or_else(lacks) {
         return Ok(vec![instance(None, Scope::default(), Some(reason))]);
     }
     let mut scopes = match &case.each {
@@ -103,6 +104,19 @@ fn bind_bus(scope: &mut Scope, dut: &Dut) {
     scope.bind("other-boot-up", id(heartbeat::COB_ID));
     scope.bind("other-request", id(sdo::REQUEST_COB_ID));
     scope.bind("other-answer", id(sdo::RESPONSE_COB_ID));
+}
+
+/// Why the suite is not about this device.
+fn of_another_profile(suite: &Suite, dut: &Dut) -> Option<String> {
+    let about = suite.file.profile.as_ref()?.value;
+    match dut.default_int(DEVICE_TYPE).map(|device_type| device_type as u16) {
+        Some(profile) if profile == about => None,
+        Some(0) => Some(format!("the device follows no profile, the case is about CiA {about}")),
+        Some(profile) => {
+            Some(format!("the device follows profile {profile}, the case is about CiA {about}"))
+        }
+        None => Some(format!("the data sheet does not say whether it follows CiA {about}")),
+    }
 }
 
 fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {
@@ -397,3 +411,6 @@ fn pdo_scopes(pdos: &Pdos, dut: &Dut) -> Vec<Bound> {
     scopes.truncate(pdos.most.unwrap_or(usize::MAX).max(1));
     scopes
 }
+
+/// Bits 0 to 15 are the number of the profile.
+const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);

@@ -21,6 +21,10 @@ pub struct SuiteFile {
     /// only. Without it the suite is for every CANopen device.
     #[serde(default)]
     pub device: Option<At<String>>,
+    /// The device profile this suite is about, such as 401: the low 16 bits of 1000h. On a device
+    /// that follows another one its cases are skipped.
+    #[serde(default)]
+    pub profile: Option<At<u16>>,
     /// The cases.
     pub cases: Vec<At<Case>>,
 }
