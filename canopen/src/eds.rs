@@ -11,6 +11,7 @@ mod ini;
 mod lint;
 mod model;
 mod number;
+mod places;
 mod read;
 mod text;
 mod value;
@@ -22,6 +23,7 @@ pub use lint::lint;
 pub use model::{
     Access, DeviceInfo, Direction, Eds, Entry, FileInfo, Object, ObjectKind, Term, UnknownSection,
 };
+pub use places::Places;
 pub use read::{Reading, read};
 pub use text::decode;
 pub use write::write;

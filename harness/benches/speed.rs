@@ -41,6 +41,7 @@ fn sdo_round_trips(bench: &mut Criterion) {
         name: "drr460".to_owned(),
         node,
         eds: Arc::new(sheet),
+        sheet: Arc::default(),
         bench: Vec::new(),
         bit_rate: 1_000_000,
     };

@@ -117,9 +117,12 @@ pub struct RunArgs {
     /// Run the cases in a random order
     #[arg(long)]
     pub shuffle: bool,
-    /// Seed of the random order
+    /// Seed of the random order and of samples
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
+    /// Ask for every index where a case asks for a sample of those that the data sheet lacks
+    #[arg(long)]
+    pub every_index: bool,
     /// Stop after so many failures
     #[arg(long, value_name = "N")]
     pub max_fail: Option<usize>,

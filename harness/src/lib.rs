@@ -14,6 +14,7 @@ pub mod reporter;
 pub mod rig;
 pub mod run;
 pub mod scan;
+pub mod sheet;
 pub mod source;
 pub mod suite;
 pub mod target;

@@ -5,7 +5,7 @@ mod check;
 mod instance;
 mod scope;
 
-pub use bind::{matching_entries, plan};
+pub use bind::{index_range, matching_entries, plan};
 pub use check::{fill, mapping_word, parse_bytes};
 pub use instance::{Instance, Plan};
 pub use scope::{Binding, Dut, Scope, show_bytes};

@@ -152,6 +152,7 @@ static SHEET: LazyLock<Dut> = LazyLock::new(|| {
         name: DRR460.to_owned(),
         node: NODE,
         eds: Arc::new(eds),
+        sheet: Arc::default(),
         bench: Vec::new(),
         bit_rate: 1_000_000,
     }

@@ -7,6 +7,7 @@ mod limits;
 mod link;
 mod lss;
 mod objects;
+mod promise;
 mod restore;
 mod sdo;
 mod session;

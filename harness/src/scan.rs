@@ -93,6 +93,7 @@ fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
         name: String::new(),
         node,
         eds: Arc::new(Eds::default()),
+        sheet: Arc::default(),
         bench: Vec::new(),
         bit_rate: DEFAULT_BIT_RATE,
     };

@@ -7,7 +7,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer};
 
 /// A text with the name by which the user knows it.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Source {
     /// Path as the user would type it.
     pub name: String,

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
-use canopen::eds::{self, Eds};
+use canopen::eds::{Eds, Severity};
 use canopen::{Bench, Bus, Device, VirtualBus};
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::mutant;
@@ -18,6 +18,7 @@ use crate::exit::{Exit, Refused};
 use crate::plan::Dut;
 use crate::rig::{Rig, WithRig};
 use crate::scan::{self, Found};
+use crate::sheet::Sheet;
 
 /// A device under test and the bus it is on.
 pub struct Target {
@@ -146,21 +147,36 @@ pub fn models(eds: &Eds) -> BTreeMap<String, Eds> {
 ///
 /// # Errors
 /// When it cannot be read at all.
-pub fn read_eds(path: &Path) -> Result<Eds, Refused> {
+pub fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
     let bytes = fs::read(path).map_err(|error| Refused {
         exit: Exit::File,
         message: format!("error: {}: {error}", path.display()),
     })?;
-    let reading = eds::read(&bytes);
-    if reading.has_errors() {
+    let (sheet, eds) = Sheet::read(path.display().to_string(), &bytes);
+    if sheet.diagnostics.iter().any(|found| found.severity == Severity::Error) {
         let path = path.display();
         eprintln!("warning: {path} has errors, which `harness eds check {path}` shows");
     }
-    if reading.eds.objects.is_empty() {
+    if eds.objects.is_empty() {
         let message = format!("error: {}: there is no object in this data sheet", path.display());
         return Err(Refused { exit: Exit::File, message });
     }
-    Ok(reading.eds)
+    Ok((sheet, eds))
+}
+
+/// The data sheet of a reference device, by its place in the project.
+fn own_sheet(
+    device: &ReferenceDevice,
+    mutant: Option<&mutant::Mutant>,
+) -> Result<(Sheet, Eds), Refused> {
+    let text = match mutant {
+        Some(mutant) => mutant.data_sheet(device).map_err(Refused::usage)?,
+        None => device.eds_text(),
+    };
+    let name = format!("reference-devices/{}/device.eds", device.description.device);
+    let (mut sheet, eds) = Sheet::read(name, text.as_bytes());
+    sheet.trusted = !mutant.is_some_and(mutant::Mutant::is_of_data_sheet);
+    Ok((sheet, eds))
 }
 
 fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result<Target, Refused> {
@@ -172,9 +188,9 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
         None => None,
     };
     // The harness knows a reference device as it knows any: by its data sheet.
-    let eds = match &selection.eds {
+    let (sheet, eds) = match &selection.eds {
         Some(path) => read_eds(path)?,
-        None => eds::read(device.eds_text().as_bytes()).eds,
+        None => own_sheet(&device, mutant.as_deref())?,
     };
     let node = selection.node.unwrap_or_else(|| device.description.default_node);
     let mut options = match &mutant {
@@ -189,7 +205,14 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
         None => (None, device.node(node, Box::new(Specification)).bench_names()),
     };
     Ok(Target {
-        dut: Dut { name: name.to_owned(), node, eds: Arc::new(eds), bench, bit_rate },
+        dut: Dut {
+            name: name.to_owned(),
+            node,
+            eds: Arc::new(eds),
+            sheet: Arc::new(sheet),
+            bench,
+            bit_rate,
+        },
         rig,
         place: Place::Simulation { device, mutant, bit_rate },
         options,
@@ -211,7 +234,7 @@ fn on_interface(
             nodes.join(", ")
         )));
     }
-    let (dut_name, eds) = data_sheet(selection, first)?;
+    let (dut_name, (sheet, eds)) = data_sheet(selection, first)?;
     let mut options = format!("--target {name} --node {}", first.node);
     if let Some(path) = &selection.eds {
         options.push_str(&format!(" --eds {}", path.display()));
@@ -223,6 +246,7 @@ fn on_interface(
             name: dut_name,
             node: first.node,
             eds: Arc::new(eds),
+            sheet: Arc::new(sheet),
             bench,
             bit_rate: selection.bitrate,
         },
@@ -245,7 +269,7 @@ fn rig(selection: &Selection, options: &mut String) -> Result<Option<OwnBench>, 
 }
 
 /// The data sheet of a device on a bus: the user's, or one of ours that fits.
-fn data_sheet(selection: &Selection, found: &Found) -> Result<(String, Eds), Refused> {
+fn data_sheet(selection: &Selection, found: &Found) -> Result<(String, (Sheet, Eds)), Refused> {
     if let Some(path) = &selection.eds {
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
         let name = selection.device.clone().or(stem).unwrap_or_else(|| "device".to_owned());
@@ -258,7 +282,8 @@ fn data_sheet(selection: &Selection, found: &Found) -> Result<(String, Eds), Ref
     match name {
         Some(name) => {
             let device = reference_device(&name)?;
-            Ok((name, eds::read(device.eds_text().as_bytes()).eds))
+            let sheet = own_sheet(&device, None)?;
+            Ok((name, sheet))
         }
         None => Err(Refused::usage(format!(
             "node {} is no device this program has a data sheet of: name one with --eds FILE",

@@ -4,6 +4,7 @@
 mod data;
 mod frame;
 mod patch;
+mod sheet;
 
 use canopen::eds::Eds;
 use canopen::{Device, Pattern};
@@ -17,11 +18,34 @@ pub use frame::FrameMutant;
 
 use data::{Change, MutantFile};
 
+impl Mutant {
+    /// Whether the device is in order and its data sheet is not.
+    pub const fn is_of_data_sheet(&self) -> bool {
+        matches!(self.change, Change::Eds(_))
+    }
+
+    /// The data sheet that comes with the device.
+    ///
+    /// # Errors
+    /// When the deviation names something that the data sheet does not have.
+    pub fn data_sheet(&self, device: &ReferenceDevice) -> Result<String, String> {
+        let text = device.eds_text();
+        match &self.change {
+            Change::Eds(patches) => patches
+                .iter()
+                .try_fold(text, |text, patch| patch.apply(&text))
+                .map_err(|why| format!("mutant {}: {why}", self.name)),
+            _ => Ok(text),
+        }
+    }
+}
+
 /// Mutants that any device can be: deviations from CiA 301 in the stack they share.
 const COMMON: &[(&str, &str)] = &[
     ("reference-devices/mutants/cia301.yaml", include_str!("../mutants/cia301.yaml")),
     ("reference-devices/mutants/cia305.yaml", include_str!("../mutants/cia305.yaml")),
     ("reference-devices/mutants/cia401.yaml", include_str!("../mutants/cia401.yaml")),
+    ("reference-devices/mutants/cia306.yaml", include_str!("../mutants/cia306.yaml")),
 ];
 
 /// The files that hold the mutants of a device: path in the project, and text.
@@ -90,6 +114,7 @@ pub fn build(
             patch.apply(&mut eds).map_err(|why| format!("mutant {}: {why}", mutant.name))?;
             Ok(Box::new(node_with(&eds, specification(), None)?))
         }
+        Change::Eds(_) => Ok(Box::new(node_with(eds, specification(), None)?)),
         Change::Frame(change) => {
             let bind = |text: &str| {
                 let pattern: Pattern = text

@@ -29,6 +29,9 @@ pub fn annotation(device: &DeviceRun, case: &CaseRun) -> Option<String> {
     }
     if let Some(problem) = problem {
         let _ = write!(message, "\nexpected: {}\ncame: {}", problem.expected, problem.actual);
+        if let Some(sheet) = &problem.sheet {
+            let _ = write!(message, "\n{}:{} says {}", sheet.file, sheet.line, sheet.source);
+        }
     }
     let name = info.name();
     let _ = write!(message, "\nrun again: {} {}", device.info.rerun, shell_word(&name));

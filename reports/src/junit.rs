@@ -73,7 +73,10 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
 }
 
 fn difference(problem: &Problem) -> String {
-    format!("expected {}; came {}", problem.expected, problem.actual)
+    let sheet = problem.sheet.as_ref();
+    let says = sheet.map(|place| format!("; {}:{} says {}", place.file, place.line, place.source));
+    let says = says.unwrap_or_default();
+    format!("expected {}; came {}{says}", problem.expected, problem.actual)
 }
 
 const fn phase(phase: Phase) -> &'static str {

@@ -116,6 +116,9 @@ pub struct Problem {
     /// The frame in question, when it is one.
     #[serde(with = "wire::optional_frame")]
     pub raw: Option<Frame>,
+    /// The line of the data sheet in question, when it is about what one says.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheet: Option<Place>,
     /// What else helps: interpretations of the register, later problems of the same case.
     pub notes: Vec<String>,
 }
@@ -136,11 +139,12 @@ pub enum Phase {
     Monitor,
 }
 
-/// A stretch of one line of a suite file. Lines and columns count from 1, columns in characters.
+/// A stretch of one line of a suite file or a data sheet. Lines and columns count from 1, columns
+/// in characters.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Place {
-    /// The file, relative to the folder of the project, with `/`.
+    /// The file, relative to the folder of the project or as the user named it, with `/`.
     pub file: String,
     /// The line.
     pub line: u32,

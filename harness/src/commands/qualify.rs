@@ -4,6 +4,7 @@
 //! Mutants that any device can be are proved on the device with everything, and so are the suites
 //! for any device; a device's own mutants and suites are proved on that device.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::sync::Arc;
@@ -119,19 +120,24 @@ fn row(library: &Library, plan: &Plan, clean: &Target, mutant: &Mutant) -> Resul
     let Place::Simulation { device, .. } = &clean.place else {
         return Err(Refused::usage("only a simulated device can be qualified"));
     };
-    let target = Target {
-        dut: clean.dut.clone(),
-        place: Place::Simulation {
-            device: Arc::clone(device),
-            mutant: Some(Box::new(mutant.clone())),
-            bit_rate: DEFAULT_BIT_RATE,
-        },
-        rig: None,
-        options: String::new(),
+    let (target, whole) = match mutant.is_of_data_sheet() {
+        // Another sheet is another plan.
+        true => {
+            let name = format!("sim:{}?mutant={}", clean.dut.name, mutant.name);
+            let mut targets = target::resolve(&Selection::of_target(Some(&name)), &Arc::default())?;
+            let plan = plan_all(library, &targets)?.remove(0);
+            (targets.remove(0), Cow::Owned(plan))
+        }
+        false => {
+            let (device, mutant) = (Arc::clone(device), Some(Box::new(mutant.clone())));
+            let place = Place::Simulation { device, mutant, bit_rate: DEFAULT_BIT_RATE };
+            let dut = clean.dut.clone();
+            (Target { dut, place, rig: None, options: String::new() }, Cow::Borrowed(plan))
+        }
     };
     let meets = |instance: &&Instance| mutant.canary || broken(mutant, instance).next().is_some();
-    let instances = plan.instances.iter().filter(meets).cloned().collect();
-    let plan = Plan { dut: plan.dut.clone(), instances };
+    let instances = whole.instances.iter().filter(meets).cloned().collect();
+    let plan = Plan { dut: whole.dut.clone(), instances };
     let (verdicts, ending) = verdicts(library, &plan, &target)?;
     let kills: BTreeSet<String> = verdicts
         .into_iter()

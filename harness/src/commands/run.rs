@@ -52,7 +52,11 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
                 let session = Session {
                     plan,
                     register: &library.register,
-                    policy: Policy::at_bit_rate(args.selection.bitrate),
+                    policy: Policy {
+                        seed: args.seed.unwrap_or(1),
+                        every_index: args.every_index,
+                        ..Policy::at_bit_rate(args.selection.bitrate)
+                    },
                     rerun: rerun(args, target),
                     max_fail: args.max_fail,
                     stop,

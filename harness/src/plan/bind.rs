@@ -1,6 +1,7 @@
 //! Instances of cases: what `requires`, `each` and `matrix` make of a case for one device.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 
 use canopen::eds::{Access, Direction, Eds, Entry, Object, ObjectKind};
@@ -55,8 +56,10 @@ fn bind_case(
     dut: &Dut,
     model: Option<&Eds>,
 ) -> Result<Vec<Instance>, Vec<Complaint>> {
-    let instance =
-        |label, scope, skip| Instance { suite: Arc::clone(suite), case: place, label, scope, skip };
+    let instance = |label, scope, skip| {
+        let suite = Arc::clone(suite);
+        Instance { suite, case: place, label, scope, skip, unfit: None }
+    };
     check::requires(suite, case, dut).map_err(|complaint| vec![complaint])?;
     let lacks = || case.requires.iter().find_map(|requires| lacks(&requires.value, dut));
     if let Some(reason) = of_another_profile(suite, dut).or_else(lacks) {
@@ -85,8 +88,12 @@ fn bind_case(
     let mut complaints = Vec::new();
     for bound in &mut bound {
         let checked = check::case(bound, dut, model);
-        complaints.extend(checked.complaints);
         bound.skip = checked.lacking;
+        match dut.sheet.trusted {
+            true => complaints.extend(checked.complaints),
+            // The suite fits the devices it was written with.
+            false => bound.unfit = checked.complaints.into_iter().next(),
+        }
     }
     if complaints.is_empty() { Ok(bound) } else { Err(dedup(complaints)) }
 }
@@ -200,12 +207,8 @@ fn each_scope(each: &Each, dut: &Dut) -> Result<Vec<Bound>, String> {
 /// When a range or a data type is not written as one.
 pub fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d Entry>, String> {
     let range = match &objects.range {
-        None => (0, u16::MAX),
-        Some(range) => {
-            let hex = |text: &str| u16::from_str_radix(text.trim(), 16).ok();
-            let bounds = range.value.split_once("..").and_then(|(a, b)| hex(a).zip(hex(b)));
-            bounds.ok_or_else(|| format!("`{}`: write a range as `1000..1FFF`", range.value))?
-        }
+        None => 0..=u16::MAX,
+        Some(range) => index_range(&range.value)?,
     };
     let mut types = Vec::new();
     for name in &objects.types {
@@ -215,7 +218,7 @@ pub fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d E
     let except =
         |mux: Mux| objects.except.iter().any(|object| object.value == ObjectRef::Fixed(mux));
     let fits = |object: &Object, entry: &Entry| {
-        (range.0..=range.1).contains(&entry.mux.index)
+        range.contains(&entry.mux.index)
             && (objects.access.is_empty()
                 || objects.access.iter().any(|access| has_access(entry, access.value)))
             && (types.is_empty() || types.contains(&entry.data_type))
@@ -235,6 +238,17 @@ pub fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d E
         .filter(values)
         .flat_map(|object| object.entries.iter().filter(|entry| fits(object, entry)))
         .collect())
+}
+
+/// The indices of `1000..1FFF`.
+///
+/// # Errors
+/// When it is none.
+pub fn index_range(text: &str) -> Result<RangeInclusive<u16>, String> {
+    let hex = |text: &str| u16::from_str_radix(text.trim(), 16).ok();
+    let bounds = text.split_once("..").and_then(|(a, b)| hex(a).zip(hex(b)));
+    let bounds = bounds.ok_or_else(|| format!("`{text}`: write a range as `1000..1FFF`"))?;
+    Ok(bounds.0..=bounds.1)
 }
 
 fn states(object: &Object, entry: &Entry, has: Has, node: u8) -> bool {

@@ -1,15 +1,18 @@
 //! What can be known to be wrong with a case before anything runs.
 
 use canopen::catalogue::{self, Shape};
-use canopen::eds::{Eds, Entry, Object};
+use canopen::eds::{CODES, Eds, Entry, Object};
 use canopen::{DataType, Mux};
 
+use super::bind::index_range;
 use super::instance::Instance;
 use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint, Place};
 use crate::suite::Suite;
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, Refusal};
-use crate::suite::model::{Case, LssStep, Produce, Read, Remap, Step, Until, Write};
+use crate::suite::model::{
+    Case, FastscanStep, LssStep, Observe, Produce, Read, Remap, Step, Until, Write,
+};
 
 /// Checks that what a case requires can exist at all.
 pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Complaint> {
@@ -142,30 +145,43 @@ impl Checker<'_> {
             }
             Step::Sync(sync) => self.times(&sync.every),
             Step::Produce(produce) => self.produce(Some(produce)),
-            Step::Bench(stimuli) => {
-                for (name, value) in stimuli {
-                    self.bench_value(value);
-                    self.bench_name(name);
-                }
+            Step::Bench(stimuli) => stimuli.iter().for_each(|(name, value)| {
+                self.bench_value(value);
+                self.bench_name(name);
+            }),
+            Step::Lss(LssStep::Fastscan(scan)) => self.fastscan(scan),
+            Step::Eds(eds) => self.findings(eds.without.iter().chain(&eds.lenient)),
+            Step::Undeclared(undeclared) => {
+                let range = index_range(&undeclared.range.value);
+                self.note(range.map(|_| ()), undeclared.range.place);
             }
-            Step::Lss(LssStep::Fastscan(scan)) => {
-                for number in [&scan.vendor, &scan.product, &scan.revision, &scan.serial] {
-                    let result = self.scope.int(&number.value);
-                    self.note(result.map(|_| ()), number.place);
-                }
-                self.times(&scan.slot);
-            }
-            Step::Observe(observe) => {
-                if observe.value.is_none() && observe.min.is_none() && observe.max.is_none() {
-                    self.complain(step.place, "`observe` needs a `value`, a `min` or a `max`");
-                }
-                for value in [&observe.value, &observe.min, &observe.max].into_iter().flatten() {
-                    self.bench_value(value);
-                }
-                self.times(&observe.within);
-                self.bench_name(&observe.bench.value);
-            }
+            Step::Observe(observe) => self.observe(observe, step.place),
         }
+    }
+
+    fn fastscan(&mut self, scan: &FastscanStep) {
+        for number in [&scan.vendor, &scan.product, &scan.revision, &scan.serial] {
+            let result = self.scope.int(&number.value);
+            self.note(result.map(|_| ()), number.place);
+        }
+        self.times(&scan.slot);
+    }
+
+    fn findings<'a>(&mut self, codes: impl Iterator<Item = &'a At<String>>) {
+        for code in codes.filter(|code| !CODES.iter().any(|known| known.name == code.value)) {
+            self.complain(code.place, format!("no finding is called `{}`", code.value));
+        }
+    }
+
+    fn observe(&mut self, observe: &Observe, place: Place) {
+        if observe.value.is_none() && observe.min.is_none() && observe.max.is_none() {
+            self.complain(place, "`observe` needs a `value`, a `min` or a `max`");
+        }
+        for value in [&observe.value, &observe.min, &observe.max].into_iter().flatten() {
+            self.bench_value(value);
+        }
+        self.times(&observe.within);
+        self.bench_name(&observe.bench.value);
     }
 
     fn bench_value(&mut self, literal: &At<Literal>) {

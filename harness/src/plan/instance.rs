@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use super::scope::{Dut, Scope};
-use crate::source::At;
+use crate::source::{At, Complaint};
 use crate::suite::Suite;
 use crate::suite::model::{Capability, Case, Requires};
 
 /// What runs against one device, in order.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Plan {
     /// The device.
     pub dut: Dut,
@@ -29,6 +29,8 @@ pub struct Instance {
     pub scope: Scope,
     /// Why it cannot run.
     pub skip: Option<String>,
+    /// What in its steps the data sheet contradicts.
+    pub unfit: Option<Complaint>,
 }
 
 impl Instance {

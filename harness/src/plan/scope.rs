@@ -8,6 +8,7 @@ use canopen::eds::{Eds, Entry};
 use canopen::pdo::Mapping;
 use canopen::{DataType, Id, Mux, Pattern, Value, catalogue};
 
+use crate::sheet::Sheet;
 use crate::suite::literal::{Amount, FrameText, Literal, Name, ObjectRef, Tolerance, show_time};
 
 /// The device under test as the harness knows it: by name, node id and data sheet.
@@ -19,6 +20,8 @@ pub struct Dut {
     pub node: u8,
     /// What it says of itself.
     pub eds: Arc<Eds>,
+    /// Where it says so.
+    pub sheet: Arc<Sheet>,
     /// What the bench around it can set and observe.
     pub bench: Vec<String>,
     /// Bit rate of its bus, in bit/s.

@@ -8,6 +8,7 @@ use reports::{Measured, Outcome, Phase, Place as ReportPlace, Problem};
 use super::bench::Stimuli;
 use super::judge::{Difference, Trouble};
 use super::link::{Link, Policy};
+use super::promise;
 use super::restore::Snapshot;
 use super::settle::{self, Left, Unsettled};
 use super::steps::Steps;
@@ -113,6 +114,17 @@ impl CaseRun<'_, '_> {
 
     /// Setup, steps, finally, and what the monitors say.
     fn steps(&mut self) -> Result<Outcome, BusError> {
+        let mut report = Report {
+            source: &self.instance.suite.source,
+            at: self.link.mark(),
+            outcome: Outcome::Pass,
+        };
+        if let Some(complaint) = &self.instance.unfit {
+            let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
+            let difference = promise::unfit(complaint, self.instance, self.dut);
+            report.fail(Phase::Step, place, difference);
+            return Ok(report.outcome);
+        }
         settle::enter(self.link, self.policy, self.dut, self.instance.case().state)?;
         let watched_from = self.link.trace().len();
         let case = self.instance.case();
@@ -124,11 +136,6 @@ impl CaseRun<'_, '_> {
             measured: Vec::new(),
             stimuli: &mut self.stimuli,
         };
-        let mut report = Report {
-            source: &self.instance.suite.source,
-            at: Instant::ZERO,
-            outcome: Outcome::Pass,
-        };
         let mut alive = run_phase(&mut steps, &case.setup, Phase::Setup, &mut report)?;
         alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut report)?;
         run_phase(&mut steps, &case.finally, Phase::Finally, &mut report)?;
@@ -136,7 +143,7 @@ impl CaseRun<'_, '_> {
         let last = case.steps.last().map_or(case.id.place, |step| step.place);
         if alive && let Some(breach) = self.watch(watched_from) {
             let difference =
-                Difference { expected: breach.rule, actual: breach.got, raw: breach.frame };
+                Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
             report.fail(Phase::Monitor, last, difference);
         }
         Ok(report.outcome)
@@ -199,7 +206,17 @@ fn run_phase(
     report: &mut Report,
 ) -> Result<bool, BusError> {
     for step in list {
-        let judgement = steps.run(&step.value);
+        let promised = |difference: Difference, steps: &Steps| Difference {
+            sheet: difference.sheet.clone().or_else(|| {
+                promise::promised(&step.value, &difference, &steps.scope, steps.dut).map(Box::new)
+            }),
+            ..difference
+        };
+        let judgement = match steps.run(&step.value) {
+            Ok(lenient) => Ok(lenient.map(|difference| promised(difference, steps))),
+            Err(Trouble::Device(difference)) => Err(Trouble::Device(promised(difference, steps))),
+            other => other,
+        };
         report.at = steps.link.now();
         match judgement {
             Ok(None) => {}
@@ -260,9 +277,19 @@ impl Report<'_> {
     }
 
     fn problem(&self, phase: Phase, place: Place, difference: Difference) -> Box<Problem> {
-        let Difference { expected, actual, raw } = difference;
+        let Difference { expected, actual, raw, sheet } = difference;
         let place = report_place(self.source, place);
-        Box::new(Problem { at: self.at, phase, place, expected, actual, raw, notes: Vec::new() })
+        let notes = Vec::new();
+        Box::new(Problem {
+            at: self.at,
+            phase,
+            place,
+            expected,
+            actual,
+            raw,
+            sheet: sheet.map(|sheet| *sheet),
+            notes,
+        })
     }
 }
 

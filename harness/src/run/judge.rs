@@ -3,6 +3,7 @@
 use canopen::eds::Entry;
 use canopen::sdo::Failure;
 use canopen::{Abort, BusError, DataType, Frame};
+use reports::Place;
 
 use crate::plan::show_bytes;
 use crate::suite::literal::Refusal;
@@ -16,12 +17,14 @@ pub(super) struct Difference {
     pub actual: String,
     /// The frame in question.
     pub raw: Option<Frame>,
+    /// The line of the data sheet in question.
+    pub sheet: Option<Box<Place>>,
 }
 
 impl Difference {
     /// A difference without a frame of its own.
     pub(super) fn new(expected: impl Into<String>, actual: impl Into<String>) -> Self {
-        Self { expected: expected.into(), actual: actual.into(), raw: None }
+        Self { expected: expected.into(), actual: actual.into(), raw: None, sheet: None }
     }
 
     /// The same, about a frame.
@@ -65,7 +68,8 @@ pub(super) fn refusal(
     raw: Option<Frame>,
 ) -> Judgement {
     let expected = format!("refused with {}", Abort(refusal.code));
-    let difference = |actual: String| Difference { expected: expected.clone(), actual, raw };
+    let difference =
+        |actual: String| Difference { raw, ..Difference::new(expected.clone(), actual) };
     match result {
         Err(Failure::Aborted(code)) if code.0 == refusal.code => Ok(None),
         Err(Failure::Aborted(code)) if refusal.lenient.contains(&code.0) => {

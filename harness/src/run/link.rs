@@ -22,6 +22,10 @@ pub struct Policy {
     pub quiet_after_start: Duration,
     /// How late a frame may be because another one is on the wire.
     pub bus_slack: Duration,
+    /// What a sample of many is chosen by.
+    pub seed: u64,
+    /// Whether every index is asked for where otherwise a sample is.
+    pub every_index: bool,
 }
 
 impl Policy {
@@ -37,6 +41,8 @@ impl Policy {
             bus_slack: Duration::from_nanos(
                 LONGEST_FRAME_BITS * 1_000_000_000 / u64::from(bit_rate),
             ),
+            seed: 1,
+            every_index: false,
         }
     }
 }

@@ -48,11 +48,8 @@ impl Steps<'_, '_> {
             }
             Err(failure) => {
                 let expected = format!("the value of {mux}");
-                return device(Difference {
-                    expected,
-                    actual: failure.to_string(),
-                    raw: ended.raw,
-                });
+                let difference = Difference::new(expected, failure.to_string());
+                return device(Difference { raw: ended.raw, ..difference });
             }
         };
         let about = |difference: Difference| Difference {

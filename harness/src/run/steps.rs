@@ -72,6 +72,8 @@ impl Steps<'_, '_> {
             Step::Bench(stimuli) => self.stimulate_bench(stimuli),
             Step::Observe(observe) => self.observe(observe),
             Step::Lss(lss) => self.lss(lss),
+            Step::Eds(step) => self.eds(step),
+            Step::Undeclared(step) => self.undeclared(step),
         }
     }
 

@@ -280,6 +280,10 @@ pub enum Step {
     Bench(BTreeMap<String, At<Literal>>),
     /// Judges what is to be seen on the physical side.
     Observe(Observe),
+    /// Judges the data sheet.
+    Eds(EdsStep),
+    /// Asks for objects that the data sheet does not have; each must be refused.
+    Undeclared(Undeclared),
     /// Layer setting services that are more than a frame and its answer.
     Lss(LssStep),
 }
@@ -307,6 +311,28 @@ pub struct FastscanStep {
     /// How long to wait for each answer; 10 ms unless said otherwise.
     #[serde(default)]
     pub slot: Option<At<Amount>>,
+}
+
+/// See [`Step::Eds`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct EdsStep {
+    /// The findings of `harness eds check` that must not be there, by their names.
+    pub without: Vec<At<String>>,
+    /// Findings that are no violation and make the case LENIENT.
+    #[serde(default)]
+    pub lenient: Vec<At<String>>,
+}
+
+/// See [`Step::Undeclared`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Undeclared {
+    /// Range of indices, such as `1000..1FFF`.
+    #[serde(rename = "in")]
+    pub range: At<String>,
+    /// At most so many, spread over the range; `--every-index` asks for all.
+    pub most: usize,
 }
 
 /// See [`Step::Observe`].

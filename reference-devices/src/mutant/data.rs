@@ -3,6 +3,7 @@
 use serde::Deserialize;
 
 use super::patch::Patch;
+use super::sheet::SheetPatch;
 
 /// A file of mutants.
 #[derive(Debug, Deserialize)]
@@ -45,6 +46,8 @@ pub(super) enum Change {
     Rule(String),
     /// In a decision of the device's application.
     Behaviour(String),
+    /// In the data sheet, while the device is in order.
+    Eds(Vec<SheetPatch>),
 }
 
 /// What happens to frames that fit a pattern. Exactly one of `edit`, `drop`, `repeat`, `delay`.

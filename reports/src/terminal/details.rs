@@ -102,6 +102,14 @@ impl Block {
             Phase::Monitor => " (a monitor spoke during this step)",
         };
         self.field("in", &format!("{}:{}:{}{phase}", place.file, place.line, place.column));
+        self.source(place);
+        if let Some(place) = &problem.sheet {
+            self.field("says", &format!("{}:{}:{}", place.file, place.line, place.column));
+            self.source(place);
+        }
+    }
+
+    fn source(&mut self, place: &Place) {
         let number = place.line.to_string();
         let gutter = " ".repeat(number.len());
         let (source, caret) = (one_line(&place.source.replace('\t', " ")), caret(place));

@@ -1,0 +1,221 @@
+//! The data sheet in a finding: the line that promised what the device does not keep, and the
+//! steps that are about the data sheet alone.
+
+use canopen::eds::{CODES, Diagnostic};
+use canopen::sdo::{Failure, Initiate, Response};
+use canopen::{Abort, Frame, Mux};
+use reports::Place as ReportPlace;
+
+use super::judge::{Difference, Judgement, Trouble, device};
+use super::steps::Steps;
+use super::{case, sdo};
+use crate::plan::{Binding, Dut, Instance, Scope, index_range};
+use crate::source::{At, Complaint, Place};
+use crate::suite::literal::{Literal, Name, ObjectRef, Refusal};
+use crate::suite::model::{EdsStep, Step, Undeclared};
+
+/// The line of the data sheet that a step found broken; `None` when it was not about the sheet.
+pub(super) fn promised(
+    step: &Step,
+    difference: &Difference,
+    scope: &Scope,
+    dut: &Dut,
+) -> Option<ReportPlace> {
+    let (mux, key) = claim(step, difference, scope, dut)?;
+    dut.eds.entry(mux)?;
+    let (line, column) = dut.sheet.place_of(mux, key)?;
+    Some(case::report_place(&dut.sheet.source, Place { line, column }))
+}
+
+/// A step that cannot be carried out because the data sheet says something else than it needs.
+pub(super) fn unfit(complaint: &Complaint, instance: &Instance, dut: &Dut) -> Difference {
+    let about = instance.case();
+    let place = complaint.place.unwrap_or(about.id.place);
+    let steps = || about.setup.iter().chain(&about.steps).chain(&about.finally);
+    let step = steps().filter(|step| step.place <= place).max_by_key(|step| step.place);
+    let object = step.and_then(|step| match &step.value {
+        Step::Read(read) => Some(&read.object),
+        Step::Write(write) => Some(&write.object),
+        Step::Until(until) => Some(&until.object),
+        _ => None,
+    });
+    let mux = object.and_then(|object| instance.scope.mux(&object.value).ok());
+    let (line, column) =
+        mux.and_then(|mux| dut.sheet.place_of(mux, Some("DataType"))).unwrap_or_default();
+    let sheet =
+        (line > 0).then(|| Box::new(case::report_place(&dut.sheet.source, Place { line, column })));
+    let expected = "a data sheet by which the step can be carried out";
+    Difference { sheet, ..Difference::new(expected, complaint.message.clone()) }
+}
+
+/// The entry and the key of its section.
+fn claim(
+    step: &Step,
+    difference: &Difference,
+    scope: &Scope,
+    dut: &Dut,
+) -> Option<(Mux, Option<&'static str>)> {
+    // Of this entry the case says what the data sheet says.
+    let of_sheet = match scope.get(&Name("mux".to_owned())) {
+        Ok(Binding::Mux(mux)) => Some(*mux),
+        _ => None,
+    };
+    let (object, literals, refused): (_, Vec<&Option<At<Literal>>>, _) = match step {
+        Step::Read(read) => (
+            Some(&read.object),
+            vec![&read.value, &read.min, &read.max, &read.length],
+            read.refused.as_ref(),
+        ),
+        Step::Write(write) => (Some(&write.object), vec![&write.value], write.refused.as_ref()),
+        Step::Until(until) => {
+            (Some(&until.object), vec![&until.value, &until.min, &until.max], None)
+        }
+        _ => (None, Vec::new(), None),
+    };
+    let mux = match object.map(|object: &At<ObjectRef>| scope.mux(&object.value)) {
+        Some(mux) => mux.ok()?,
+        None => of_sheet?,
+    };
+    let answered = answered(difference.raw, mux, dut);
+    if refused.is_some() && matches!(answered, Some(Some(_))) {
+        // It refuses with another code, which no sheet can tell.
+        return None;
+    }
+    let wanted = refused.and_then(|refused: &At<Refusal>| key_of(Abort(refused.value.code)));
+    let named = literals.into_iter().flatten().find_map(|literal| key_of_name(&literal.value));
+    match answered.or_else(|| wanted.map(Some)) {
+        Some(key) => Some((mux, key)),
+        // What a case knows by itself is no promise of the sheet.
+        None => (of_sheet == Some(mux)).then_some((mux, named)),
+    }
+}
+
+/// What an answer says of the entry: that there is none, or which key it contradicts.
+fn answered(raw: Option<Frame>, mux: Mux, dut: &Dut) -> Option<Option<&'static str>> {
+    match Response::decode(&raw?.data).ok()? {
+        Response::Abort(of, Abort::NO_OBJECT | Abort::NO_SUB_INDEX) if of == mux => Some(None),
+        Response::Abort(of, abort) if of == mux => key_of(abort).map(Some),
+        Response::Upload(of, initiate) if of == mux => {
+            let size = dut.eds.entry(mux)?.data_type.size()?;
+            let length = match initiate {
+                Initiate::Expedited(data) => data.len(),
+                Initiate::Unsized(_) => return None,
+                Initiate::Segmented(length) => length? as usize,
+            };
+            (size != length).then_some(Some("DataType"))
+        }
+        _ => None,
+    }
+}
+
+/// The key that a refusal is about.
+fn key_of(abort: Abort) -> Option<&'static str> {
+    Some(match abort.0 {
+        0x0601_0000..=0x0601_0002 => "AccessType",
+        0x0604_0041 => "PDOMapping",
+        0x0607_0010..=0x0607_0013 => "DataType",
+        0x0609_0031 => "HighLimit",
+        0x0609_0032 => "LowLimit",
+        _ => return None,
+    })
+}
+
+/// The key that a name of `each: objects` stands for.
+fn key_of_name(literal: &Literal) -> Option<&'static str> {
+    let Literal::Named(name, _) = literal else { return None };
+    Some(match name.0.as_str() {
+        "value" => "DefaultValue",
+        "low" | "below" => "LowLimit",
+        "high" | "above" => "HighLimit",
+        "size" | "longer" | "shorter" => "DataType",
+        _ => return None,
+    })
+}
+
+impl Steps<'_, '_> {
+    /// Judges what was found while the data sheet was read.
+    pub(super) fn eds(&mut self, step: &EdsStep) -> Judgement {
+        match self.found(&step.without) {
+            Some(wrong) => device(wrong),
+            None => Ok(self.found(&step.lenient)),
+        }
+    }
+
+    /// The first finding of that kind, the others below it.
+    fn found(&self, codes: &[At<String>]) -> Option<Difference> {
+        let sheet = &self.dut.sheet;
+        let meant = |found: &&Diagnostic| codes.iter().any(|code| code.value == found.code);
+        let mut found = sheet.diagnostics.iter().filter(meant);
+        let first = found.next()?;
+        let rule = CODES.iter().find(|code| code.name == first.code);
+        let expected = rule.map_or_else(String::new, |code| code.meaning.to_owned());
+        let mut actual = format!("{} [{}]", first.message, first.code);
+        let name = &sheet.source.name;
+        for other in found.clone().take(MORE) {
+            let (line, column) = (other.line, other.column);
+            actual.push_str(&format!("\nalso at {name}:{line}:{column}: {}", other.message));
+        }
+        if let more @ 1.. = found.count().saturating_sub(MORE) {
+            actual.push_str(&format!("\nand {more} more"));
+        }
+        let place = Place { line: first.line, column: first.column };
+        let sheet = Some(Box::new(case::report_place(&sheet.source, place)));
+        Some(Difference { sheet, ..Difference::new(expected, actual) })
+    }
+
+    /// Asks for objects that the data sheet does not have.
+    pub(super) fn undeclared(&mut self, step: &Undeclared) -> Judgement {
+        let range = index_range(&step.range.value).map_err(Trouble::Bench)?;
+        let eds = &self.dut.eds;
+        let absent: Vec<u16> = range.filter(|index| eds.object(*index).is_none()).collect();
+        let most = if self.policy.every_index { usize::MAX } else { step.most };
+        let mut lenient = None;
+        for index in spread(&absent, most, self.policy.seed) {
+            let mux = Mux::new(index, 0);
+            let ended = sdo::upload(self.link, self.policy, self.dut.node, mux)?;
+            let expected = format!(
+                "{mux}, which the data sheet does not have, refused with {}",
+                Abort::NO_OBJECT
+            );
+            let actual = match ended.result {
+                Err(Failure::Aborted(Abort::NO_OBJECT)) => continue,
+                Err(failure) => failure.to_string(),
+                Ok(data) => format!("answered {}", crate::plan::show_bytes(&data)),
+            };
+            let tolerated = actual == Failure::Aborted(Abort::GENERAL).to_string();
+            let difference = Difference { raw: ended.raw, ..Difference::new(expected, actual) };
+            if !tolerated {
+                return device(difference);
+            }
+            lenient = lenient.or(Some(difference));
+        }
+        Ok(lenient)
+    }
+}
+
+/// How many findings of the same kind are told one by one.
+const MORE: usize = 5;
+
+/// At most `most` of them, evenly spread; which ones is a matter of the seed.
+fn spread(all: &[u16], most: usize, seed: u64) -> impl Iterator<Item = u16> {
+    let step = all.len().div_ceil(most.max(1)).max(1);
+    let first = fastrand::Rng::with_seed(seed).usize(..step);
+    all.iter().skip(first).step_by(step).copied()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sample_is_spread_and_never_too_large() {
+        let all: Vec<u16> = (0x1000..0x2000).collect();
+        for seed in 0..20 {
+            let some: Vec<u16> = spread(&all, 64, seed).collect();
+            assert_eq!(some.len(), 64);
+            assert!(some.windows(2).all(|pair| pair[1] - pair[0] == 64));
+        }
+        assert_eq!(spread(&all, usize::MAX, 1).count(), all.len());
+        assert_eq!(spread(&[], 64, 1).count(), 0);
+    }
+}
