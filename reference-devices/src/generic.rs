@@ -191,11 +191,10 @@ impl Behaviour for Generic {
     fn observe(&self, name: &str, _od: &Dictionary) -> Option<Value> {
         let (mut inputs, mut fields) = (self.digital_inputs, self.analogue_inputs);
         let (mut digital, mut analogue) = (self.digital_outputs, self.analogue_outputs);
-        let seen = None
-            .or(numbered(name, DIGITAL_INPUTS, &mut inputs).map(|block| block.terminals.into()))
-            .or(numbered(name, ANALOGUE_INPUTS, &mut fields).map(|field| *field))
-            .or(numbered(name, DIGITAL_OUTPUTS, &mut digital).map(|output| output.terminal))
-            .or(numbered(name, ANALOGUE_OUTPUTS, &mut analogue).map(|output| output.terminal));
+        let seen = numbered(name, DIGITAL_INPUTS, &mut inputs).map(|block| block.terminals.into());
+        let seen = seen.or_else(|| Some(*numbered(name, ANALOGUE_INPUTS, &mut fields)?));
+        let seen = seen.or_else(|| Some(numbered(name, DIGITAL_OUTPUTS, &mut digital)?.terminal));
+        let seen = seen.or_else(|| Some(numbered(name, ANALOGUE_OUTPUTS, &mut analogue)?.terminal));
         seen.map(|number: i64| Value::Int(number.into()))
     }
 

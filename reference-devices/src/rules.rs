@@ -385,6 +385,11 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
 
     // TIME, 7.2.6
 
+    /// TIME belongs to PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
+    fn time_used_in(&self, state: NmtState) -> bool {
+        matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
+    }
+
     /// A time stamp has exactly six bytes (7.2.6.3).
     fn time_stamp(&self, data: &[u8]) -> Option<TimeOfDay> {
         TimeOfDay::decode(data).ok()

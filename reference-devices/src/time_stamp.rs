@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::pdo::is_restricted;
 use canopen::timestamp::TimeOfDay;
-use canopen::{Abort, Frame, Instant, Mux, NmtState, Outbox};
+use canopen::{Abort, Frame, Instant, Mux, Outbox};
 
 use crate::services::Base;
 use crate::time::next_beat;
@@ -35,7 +35,9 @@ impl TimeStamp {
 
     /// The node entered its state: TIME belongs to PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
     pub(crate) fn enter(&mut self, now: Instant, base: &Base) {
-        let runs = self.produced.is_some() && !self.interval.is_zero() && used_in(base.state);
+        let runs = self.produced.is_some()
+            && !self.interval.is_zero()
+            && base.rules.time_used_in(base.state);
         if !runs {
             self.next = None;
         } else if self.next.is_none() {
@@ -51,7 +53,7 @@ impl TimeStamp {
     /// A frame on that identifier.
     pub(crate) fn handle_frame(&mut self, now: Instant, data: &[u8], base: &Base) {
         if let Some(time) = base.rules.time_stamp(data)
-            && used_in(base.state)
+            && base.rules.time_used_in(base.state)
         {
             self.set = (now, time);
         }
@@ -103,10 +105,6 @@ pub(crate) fn check(bytes: &[u8], base: &Base) -> Result<(), Abort> {
     let fixed = moved && base.rules.cob_id_fixed_while_valid();
     let restricted = id != DEFAULT_ID && is_restricted(id) && base.rules.restricted_ids_refused();
     if id > 0x7FF || fixed || restricted { Err(Abort::VALUE) } else { Ok(()) }
-}
-
-const fn used_in(state: NmtState) -> bool {
-    matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
 }
 
 pub(crate) const COB_ID: Mux = Mux::new(0x1012, 0);

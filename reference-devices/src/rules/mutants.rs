@@ -366,6 +366,9 @@ mutants! {
     }
 
     // TIME
+    "time-produced-in-stopped" {
+        fn time_used_in(&self, _state: NmtState) -> bool { true }
+    }
     "time-stamp-of-any-length-used" {
         fn time_stamp(&self, data: &[u8]) -> Option<TimeOfDay> {
             TimeOfDay::decode(&Data::new(data).padded()[..6]).ok()
@@ -491,6 +494,9 @@ mutants! {
     }
     "save-stores-half" {
         fn stored(&self, mux: Mux) -> bool { mux.index < 0x2000 }
+    }
+    "save-stores-nothing" {
+        fn stored(&self, _mux: Mux) -> bool { false }
     }
     "save-forgets-sync" {
         fn stored(&self, mux: Mux) -> bool { !matches!(mux.index, 0x1006 | 0x1019) }
