@@ -151,8 +151,9 @@ pub(crate) const COUNTER_OVERFLOW: Mux = Mux::new(0x1019, 0);
 
 #[cfg(test)]
 mod tests {
-    use crate::testing::{Rig, eds, full, mux, sent};
-    use canopen::Abort;
+    use crate::testing::{Rig, eds, entry, full, mux, sent, set};
+    use canopen::eds::Access;
+    use canopen::{Abort, DataType};
 
     #[test]
     fn supervision_begins_with_the_first_sync_in_operational() {
@@ -178,6 +179,33 @@ mod tests {
         rig.write(mux(0x1019, 0), &[10]).unwrap();
         assert_eq!(rig.ask("080#"), ["085#4082110000000000"]);
         assert_eq!(rig.ask("080#01"), ["085#0000000000000000"]);
+    }
+
+    #[test]
+    fn synchronous_rpdos_have_their_window() {
+        let mut entries = full();
+        entries.push(entry(mux(0x1007, 0), DataType::UNSIGNED32, Access::Rw, 0));
+        set(&mut entries, mux(0x1400, 2), 1);
+        set(&mut entries, mux(0x1600, 0), 1);
+        set(&mut entries, mux(0x1600, 1), 0x6200_0108);
+        let mut rig = Rig::new(&eds(entries));
+        let brought = |rig: &mut Rig, pause: u64, byte: u8| {
+            rig.send("080#");
+            rig.run_to(rig.now.0 / 1000 + pause);
+            rig.send(&format!("205#{byte:02X}"));
+            rig.send("080#");
+            rig.read(mux(0x6200, 1)).unwrap() == [byte]
+        };
+        rig.send("000#0105");
+        assert!(brought(&mut rig, 50_000, 1));
+        rig.write(mux(0x1007, 0), &5_000u32.to_le_bytes()).unwrap();
+        assert!(brought(&mut rig, 5_000, 2));
+        assert!(!brought(&mut rig, 5_001, 3));
+        rig.run_to(rig.now.0 / 1000 + 50_000);
+        rig.write(mux(0x1007, 0), &[0; 4]).unwrap();
+        rig.send("205#04");
+        rig.send("080#");
+        assert_eq!(rig.read(mux(0x6200, 1)), Ok(vec![4]));
     }
 
     #[test]

@@ -164,6 +164,8 @@ impl Services {
                 self.sync.configure(base);
                 self.sync_producer.configure(now, base);
             }
+            // A window of another length begins with the next SYNC.
+            0x1007 => base.window_end = None,
             0x1012 => self.time.configure(now, base),
             0x100C | 0x100D => self.guarding.configure(base),
             0x1014 | 0x1015 => self.emcy.configure(base),
