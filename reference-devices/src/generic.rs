@@ -174,11 +174,13 @@ impl Behaviour for Generic {
         _od: &mut Dictionary,
     ) -> Result<(), BenchError> {
         let number = value.as_int();
-        if let Some(block) = numbered(name, DIGITAL_INPUTS, &mut self.digital_inputs) {
+        let block = place(name, DIGITAL_INPUTS);
+        let field = place(name, ANALOGUE_INPUTS);
+        if let Some(block) = block.and_then(|place| self.digital_inputs.get_mut(place)) {
             let levels = number.and_then(|levels| u8::try_from(levels).ok());
             let wrong = || BenchError(format!("{name} is eight levels, 0 to 255, not {value}"));
             block.terminals = levels.ok_or_else(wrong)?;
-        } else if let Some(field) = numbered(name, ANALOGUE_INPUTS, &mut self.analogue_inputs) {
+        } else if let Some(field) = field.and_then(|place| self.analogue_inputs.get_mut(place)) {
             let wrong = || BenchError(format!("{name} is a field value of 16 bits, not {value}"));
             let number = number.and_then(|number| i16::try_from(number).ok());
             *field = number.ok_or_else(wrong)?.into();
@@ -189,12 +191,15 @@ impl Behaviour for Generic {
     }
 
     fn observe(&self, name: &str, _od: &Dictionary) -> Option<Value> {
-        let (mut inputs, mut fields) = (self.digital_inputs, self.analogue_inputs);
-        let (mut digital, mut analogue) = (self.digital_outputs, self.analogue_outputs);
-        let seen = numbered(name, DIGITAL_INPUTS, &mut inputs).map(|block| block.terminals.into());
-        let seen = seen.or_else(|| Some(*numbered(name, ANALOGUE_INPUTS, &mut fields)?));
-        let seen = seen.or_else(|| Some(numbered(name, DIGITAL_OUTPUTS, &mut digital)?.terminal));
-        let seen = seen.or_else(|| Some(numbered(name, ANALOGUE_OUTPUTS, &mut analogue)?.terminal));
+        let seen = if let Some(place) = place(name, DIGITAL_INPUTS) {
+            self.digital_inputs.get(place).map(|block| block.terminals.into())
+        } else if let Some(place) = place(name, ANALOGUE_INPUTS) {
+            self.analogue_inputs.get(place).copied()
+        } else if let Some(place) = place(name, DIGITAL_OUTPUTS) {
+            self.digital_outputs.get(place).map(|output| output.terminal)
+        } else {
+            self.analogue_outputs.get(place(name, ANALOGUE_OUTPUTS)?).map(|output| output.terminal)
+        };
         seen.map(|number: i64| Value::Int(number.into()))
     }
 
@@ -203,10 +208,9 @@ impl Behaviour for Generic {
     }
 }
 
-/// The item that `name` means, whose names are `prefix` and a number from 1 on.
-fn numbered<'a, T>(name: &str, prefix: &str, items: &'a mut [T]) -> Option<&'a mut T> {
-    let number: usize = name.strip_prefix(prefix)?.parse().ok()?;
-    items.get_mut(number.checked_sub(1)?)
+/// The place of what is called `prefix` and a number from 1 on.
+fn place(name: &str, prefix: &str) -> Option<usize> {
+    name.strip_prefix(prefix)?.parse::<usize>().ok()?.checked_sub(1)
 }
 
 /// The bit of 1001h for errors of this class (CiA 301, 7.2.7.1 and 7.5.2.2).

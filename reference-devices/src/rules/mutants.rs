@@ -32,7 +32,8 @@ pub(super) type Mutant = (&'static str, fn() -> Box<dyn Rules>);
 
 /// Each mutant is its name and the methods of the first trait that differ.
 macro_rules! mutants {
-    ($trait:ident, as specified $second:ident $third:ident; $($name:literal { $($method:tt)* })*) => {
+    ($trait:ident, as specified $second:ident $third:ident;
+        $($name:literal { $($method:tt)* })*) => {
         pub(super) const MUTANTS: &[crate::rules::mutants::Mutant] = &[$(($name, || {
             struct Mutant;
             impl $trait for Mutant { $($method)* }
