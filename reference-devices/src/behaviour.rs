@@ -4,6 +4,7 @@ use canopen::emcy::Emcy;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
 use crate::errors::Errors;
+use crate::sdo_client::SdoJob;
 
 /// The application of a device. It sees its objects and the time, and no frames.
 ///
@@ -33,6 +34,21 @@ pub trait Behaviour: Send {
     /// When [`run`](Self::run) is wanted next; later than the last `now`.
     fn poll_at(&self) -> Option<Instant> {
         None
+    }
+
+    /// The SDO transfer that the application wants next, asked for when something happened.
+    fn sdo_job(&mut self) -> Option<SdoJob> {
+        None
+    }
+
+    /// A transfer ended: the data of an upload, nothing for a download, or why it failed.
+    fn sdo_done(
+        &mut self,
+        _now: Instant,
+        _client: u8,
+        _result: Result<Vec<u8>, Abort>,
+        _od: &mut Dictionary,
+    ) {
     }
 
     /// The names of what can be set and observed on the physical side.

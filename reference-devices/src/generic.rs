@@ -10,16 +10,19 @@
 mod inputs;
 mod outputs;
 mod rules;
+mod sdo_client;
 
 use canopen::emcy::EmcyCode;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
 use crate::behaviour::{Behaviour, Event};
 use crate::errors::Errors;
+use crate::sdo_client::SdoJob;
 use crate::time::earlier;
 
 use inputs::DigitalBlock;
 use outputs::{ANALOGUE_OUTPUT, DIGITAL_OUTPUT, Output};
+use sdo_client::ClientRecord;
 
 pub use rules::{GenericRules, Profile, named, names};
 
@@ -34,6 +37,7 @@ pub struct Generic {
     analogue_inputs: [i64; 4],
     digital_outputs: [Output; 2],
     analogue_outputs: [Output; 2],
+    client: ClientRecord,
 }
 
 impl Generic {
@@ -47,6 +51,7 @@ impl Generic {
             analogue_inputs: [0; 4],
             digital_outputs: Default::default(),
             analogue_outputs: Default::default(),
+            client: ClientRecord::default(),
         }
     }
 
@@ -115,11 +120,26 @@ impl Behaviour for Generic {
                 0 => Ok(()),
                 code => Err(Abort(code)),
             },
-            _ => Ok(()),
+            _ => ClientRecord::check(mux, od),
         }
     }
 
-    fn written(&mut self, _now: Instant, mux: Mux, _od: &mut Dictionary) {
+    fn sdo_job(&mut self) -> Option<SdoJob> {
+        self.client.take_job()
+    }
+
+    fn sdo_done(
+        &mut self,
+        _now: Instant,
+        _client: u8,
+        result: Result<Vec<u8>, Abort>,
+        od: &mut Dictionary,
+    ) {
+        ClientRecord::done(result, od);
+    }
+
+    fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
+        self.client.written(mux, od);
         let place = usize::from(mux.sub.saturating_sub(1));
         let output = match mux.index {
             DIGITAL_OUTPUT => self.digital_outputs.get_mut(place),

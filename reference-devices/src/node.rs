@@ -4,14 +4,14 @@ use canopen::bench::POWER;
 use canopen::eds::Eds;
 use canopen::{
     BenchError, Data, Device, Dictionary, Frame, Instant, Mux, NmtState, Outbox, Value, ValueError,
-    lss, nmt, sdo,
+    lss, nmt,
 };
 
 use crate::behaviour::Behaviour;
 use crate::lss::Lss;
 use crate::nmt::{Change, Nmt, Reset};
 use crate::rules::Rules;
-use crate::sdo_server::SdoServer;
+use crate::sdo_channels::SdoServers;
 use crate::services::{Base, Services};
 use crate::settings::NodeSettings;
 
@@ -20,7 +20,7 @@ pub struct Node {
     /// Whether it has supply.
     on: bool,
     nmt: Nmt,
-    sdo: SdoServer,
+    sdo: SdoServers,
     lss: Option<Lss>,
     pub(crate) services: Services,
     /// Answers to SDO requests whose work is not done yet.
@@ -44,7 +44,7 @@ impl Node {
         let mut node = Self {
             on: true,
             nmt: Nmt::default(),
-            sdo: SdoServer::default(),
+            sdo: SdoServers::new(&base.od),
             lss,
             services: Services::new(eds, base, behaviour),
             held: Outbox::default(),
@@ -81,7 +81,7 @@ impl Node {
     }
 
     fn initialise(&mut self, now: Instant, reset: Reset) {
-        self.sdo.drop_transfer();
+        self.sdo.drop_transfers();
         self.held.clear();
         if let Some(lss) = &mut self.lss {
             let id = lss.initialise(&self.services.base);
@@ -92,7 +92,6 @@ impl Node {
     }
 
     fn handle_data(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) {
-        let own = u16::from(self.services.base.id);
         if id == nmt::COB_ID {
             match self.nmt.command(&self.services.base, &data) {
                 Some(Change::Enter(state)) => self.enter(now, state, out),
@@ -103,18 +102,23 @@ impl Node {
                 }
                 None => {}
             }
-        } else if id == sdo::REQUEST_COB_ID + own {
-            if self.services.base.rules.sdo_served_in(self.state()) {
-                let busy = self.services.is_storing();
-                let mut answers = Outbox::default();
-                self.sdo.handle_request(now, &data, &mut self.services, &mut answers);
-                // What asks to store is answered when it is done.
-                let waits = !busy && self.services.is_storing();
-                move_all(&mut answers, if waits { &mut self.held } else { out });
-            }
-        } else {
+        } else if !self.serve(now, id, data, out) {
             self.services.handle_data(now, id, data, out);
         }
+    }
+
+    /// Serves an SDO request; `false` when the frame is none.
+    fn serve(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) -> bool {
+        if !self.services.base.rules.sdo_served_in(self.state()) {
+            return false;
+        }
+        let busy = self.services.is_storing();
+        let mut answers = Outbox::default();
+        let taken = self.sdo.handle_data(now, id, data, &mut self.services, &mut answers);
+        // What asks to store is answered when it is done.
+        let waits = !busy && self.services.is_storing();
+        move_all(&mut answers, if waits { &mut self.held } else { out });
+        taken
     }
 
     /// A frame of the LSS master, which a node without node id hears as well.
@@ -132,7 +136,7 @@ impl Node {
         }
         self.services.enter(now, state, out);
         if !self.services.base.rules.sdo_served_in(state) {
-            self.sdo.drop_transfer();
+            self.sdo.drop_transfers();
         }
     }
 

@@ -237,6 +237,31 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
         configured
     }
 
+    /// Each server has its own transfer (7.2.4.1).
+    fn sdo_servers_independent(&self) -> bool {
+        true
+    }
+
+    /// A further channel exists when both of its identifiers are valid (7.5.2.33).
+    fn sdo_channel_needs_both(&self) -> bool {
+        true
+    }
+
+    /// A device without 29-bit identifiers refuses them.
+    fn sdo_long_identifier_taken(&self) -> bool {
+        false
+    }
+
+    /// The node at the other end is 1 to 127 (7.5.2.33).
+    fn sdo_partner_valid(&self, node: u8) -> bool {
+        (1..=127).contains(&node)
+    }
+
+    /// A client whose server does not answer says that it gives up (7.2.4.3.17).
+    fn sdo_client_tells_timeout(&self) -> bool {
+        true
+    }
+
     /// Each request restarts that time, the first of a transfer and those that follow.
     fn request_restarts_sdo_timeout(&self, _first: bool) -> bool {
         true

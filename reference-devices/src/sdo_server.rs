@@ -8,7 +8,7 @@ mod upload;
 
 use canopen::sdo::block::BlockSegment;
 use canopen::sdo::{Request, Response};
-use canopen::{Instant, Outbox};
+use canopen::{Frame, Instant, Outbox};
 
 use crate::services::Services;
 use crate::time::earlier;
@@ -17,19 +17,23 @@ use transfer::{Input, Transfer};
 /// Answers requests, one transfer at a time.
 #[derive(Debug, Default)]
 pub(crate) struct SdoServer {
+    /// The identifier of its answers.
+    answers: u16,
     transfer: Transfer,
     deadline: Option<Instant>,
 }
 
 impl SdoServer {
-    /// A frame on the request identifier.
+    /// A frame on the request identifier; answers have the identifier `answers`.
     pub(crate) fn handle_request(
         &mut self,
         now: Instant,
+        answers: u16,
         data: &[u8],
         services: &mut Services,
         out: &mut Outbox,
     ) {
+        self.answers = answers;
         let rules = &services.base.rules;
         let command = data.first().is_none_or(|first| rules.command_in_sub_block(*first));
         let request = match self.transfer.in_sub_block() && !command {
@@ -67,14 +71,13 @@ impl SdoServer {
 
     /// The one place where an error becomes an abort and ends the transfer.
     fn step(&mut self, now: Instant, input: Input, services: &mut Services, out: &mut Outbox) {
-        let id = services.base.id;
         let transfer = std::mem::take(&mut self.transfer);
         let left_open = transfer.mux();
         match transfer.step(input, now, services) {
             Ok((next, response)) => {
                 self.transfer = next;
                 if let Some(response) = response {
-                    out.push(response.frame(id));
+                    out.push(Frame::new(self.answers, response.encode()));
                 }
             }
             Err((mux, reason)) => {
@@ -85,7 +88,7 @@ impl SdoServer {
                 {
                     self.transfer = Transfer::reopened(open, services);
                 }
-                out.push(Response::Abort(mux, code).frame(id));
+                out.push(Frame::new(self.answers, Response::Abort(mux, code).encode()));
             }
         }
         self.restart_timeout(now, left_open.is_none(), services);

@@ -21,6 +21,8 @@ use crate::nmt::Reset;
 use crate::pdo_mapping::is_dummy;
 use crate::rpdo::Rpdo;
 use crate::rules::Rules;
+use crate::sdo_channels::used_in;
+use crate::sdo_client::{Finished, SdoClients};
 use crate::settings::NodeSettings;
 use crate::storage::Storage;
 use crate::sync::SyncConsumer;
@@ -59,6 +61,7 @@ pub(crate) struct Services {
     time: TimeStamp,
     rpdos: Vec<Rpdo>,
     tpdos: Vec<Tpdo>,
+    sdo_clients: SdoClients,
     /// The behaviour has something to look at.
     touched: bool,
     /// The TPDOs have.
@@ -108,6 +111,7 @@ impl Services {
             time: TimeStamp::default(),
             rpdos: Vec::new(),
             tpdos: Vec::new(),
+            sdo_clients: SdoClients::default(),
             touched: false,
             changed: false,
         }
@@ -154,6 +158,9 @@ impl Services {
         self.time.reset(base);
         self.rpdos = Rpdo::all(base);
         self.tpdos = Tpdo::all(base);
+        self.drop_sdo_jobs(now);
+        let base = &mut self.base;
+        self.sdo_clients = SdoClients::new(&base.od);
         if reset == Reset::Node {
             self.behaviour.reset(now, &mut base.od);
         }
@@ -174,6 +181,9 @@ impl Services {
         self.behaviour.event(now, Event::Entered(state), &mut self.base.od);
         self.touched = true;
         self.advance(now);
+        if !used_in(state, &self.base) {
+            self.drop_sdo_jobs(now);
+        }
         if state != NmtState::OPERATIONAL {
             self.sync.stop();
         }
@@ -201,6 +211,9 @@ impl Services {
         } else if let Some((node, emcy)) = emcy_consumer::received(id, &data, &self.base) {
             self.behaviour.event(now, Event::Emergency { node, emcy }, &mut self.base.od);
             self.touched = true;
+        } else if self.sdo_clients.awaits(id, &self.base) {
+            let ended = self.sdo_clients.handle_data(now, id, &data, &self.base, out);
+            self.sdo_ended(now, ended);
         } else if self.base.rules.rpdo_used_in(self.base.state) {
             for place in 0..self.rpdos.len() {
                 if self.rpdos[place].takes(id)
@@ -230,6 +243,9 @@ impl Services {
         self.sync.handle_timeout(now, &mut self.base);
         self.storage.handle_timeout(now);
         self.time.handle_timeout(now, out);
+        while let Some(ended) = self.sdo_clients.handle_timeout(now, &self.base, out) {
+            self.sdo_ended(now, Some(ended));
+        }
         if let Some(sync) = self.sync_producer.handle_timeout(now, &self.base, out) {
             self.sync.open_window(now, &mut self.base);
             self.synchronise(now, sync, out);
@@ -249,6 +265,11 @@ impl Services {
     /// Brings application, errors and process data up to date after something happened.
     pub(crate) fn settle(&mut self, now: Instant, out: &mut Outbox) {
         self.advance(now);
+        if let Some(job) = self.behaviour.sdo_job() {
+            let ended = self.sdo_clients.begin(now, job, &self.base, out);
+            self.sdo_ended(now, ended);
+            self.advance(now);
+        }
         self.changed |= self.emcy.collect(&mut self.base);
         self.emcy.send(now, &self.base, out);
         if std::mem::take(&mut self.changed) {
@@ -278,11 +299,26 @@ impl Services {
             self.sync_producer.poll_at(),
             self.storage.poll_at(),
             self.time.poll_at(),
+            self.sdo_clients.poll_at(),
             self.behaviour.poll_at(),
         ];
         let rpdos = self.rpdos.iter().map(Rpdo::poll_at);
         let tpdos = self.tpdos.iter().map(Tpdo::poll_at);
         deadlines.into_iter().chain(rpdos).chain(tpdos).fold(None, earlier)
+    }
+
+    /// Tells the application how its transfer ended.
+    fn sdo_ended(&mut self, now: Instant, ended: Option<Finished>) {
+        if let Some((client, result)) = ended {
+            self.behaviour.sdo_done(now, client, result, &mut self.base.od);
+            self.touched = true;
+        }
+    }
+
+    fn drop_sdo_jobs(&mut self, now: Instant) {
+        while let Some(ended) = self.sdo_clients.drop_job() {
+            self.sdo_ended(now, Some(ended));
+        }
     }
 
     /// The physical side of the application.

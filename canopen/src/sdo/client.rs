@@ -347,7 +347,7 @@ mod tests {
                 match client.step(answer) {
                     Next::Send(next, requests) => {
                         client = next;
-                        ack = ack.or(requests.first().copied());
+                        ack = ack.or_else(|| requests.first().copied());
                     }
                     other => return other,
                 }

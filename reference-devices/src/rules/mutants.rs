@@ -208,6 +208,21 @@ mutants! {
     "sdo-stale-timeout-aborts-next" {
         fn request_restarts_sdo_timeout(&self, first: bool) -> bool { !first }
     }
+    "sdo-servers-share-transfer" {
+        fn sdo_servers_independent(&self) -> bool { false }
+    }
+    "sdo-channel-half-valid" {
+        fn sdo_channel_needs_both(&self) -> bool { false }
+    }
+    "sdo-long-identifier-taken" {
+        fn sdo_long_identifier_taken(&self) -> bool { true }
+    }
+    "sdo-partner-unchecked" {
+        fn sdo_partner_valid(&self, _node: u8) -> bool { true }
+    }
+    "sdo-client-gives-up-in-silence" {
+        fn sdo_client_tells_timeout(&self) -> bool { false }
+    }
     "abort-general" {
         fn abort_code(&self, _mux: Mux, _reason: Abort) -> Abort { Abort::GENERAL }
     }
@@ -519,6 +534,9 @@ mutants! {
     }
     "signature-survives-change" {
         fn change_clears_signature(&self) -> bool { false }
+    }
+    "save-without-sdo-channels" {
+        fn stored(&self, mux: Mux) -> bool { !(0x1201..=0x12FF).contains(&mux.index) }
     }
     "load-at-once" {
         fn load_waits_for_reset(&self) -> bool { false }

@@ -9,7 +9,10 @@ use canopen::{Abort, Instant, Mux};
 
 use super::Services;
 use crate::pdo::{self, Parameter, Part};
-use crate::{emcy, emcy_consumer, heartbeat_consumer, nmt, pdo_mapping, storage, sync, time_stamp};
+use crate::{
+    emcy, emcy_consumer, heartbeat_consumer, nmt, pdo_mapping, sdo_channels, storage, sync,
+    time_stamp,
+};
 
 impl Services {
     /// The value that an upload of `mux` gets.
@@ -95,6 +98,7 @@ impl Services {
                 0x1012 => time_stamp::check(bytes, base)?,
                 0x1016 => heartbeat_consumer::check(mux, bytes, base)?,
                 0x1028 => emcy_consumer::check(mux, bytes, base)?,
+                0x1200..=0x12FF => sdo_channels::check(mux, bytes, base)?,
                 0x1F80 => nmt::check_startup(bytes, base)?,
                 index => match Parameter::at(index) {
                     Some(Parameter { direction, part: Part::Communication, .. }) => {
