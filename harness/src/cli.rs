@@ -43,6 +43,8 @@ pub enum Command {
     Qualify(QualifyArgs),
     /// Show the requirement matrix; fails on holes
     Trace(TraceArgs),
+    /// Say what a case, requirement, mutant or code is about
+    Explain(ExplainArgs),
     /// Electronic data sheets
     #[command(subcommand)]
     Eds(EdsCommand),
@@ -196,6 +198,17 @@ pub struct QualifyArgs {
     /// Show which cases kill each mutant
     #[arg(short, long)]
     pub verbose: bool,
+}
+
+/// Arguments of `explain`.
+#[derive(Debug, Args)]
+pub struct ExplainArgs {
+    /// A case, a suite, a requirement, a decision, a mutant, an SDO abort code such as
+    /// 0x06020000, or an emergency error code such as 8130h
+    pub name: String,
+    /// Folder of the suites; `suites` here, or else those in this program
+    #[arg(long, value_name = "DIR")]
+    pub suites: Option<PathBuf>,
 }
 
 /// Arguments of `trace`.

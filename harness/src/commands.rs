@@ -2,6 +2,7 @@
 
 mod check;
 mod eds;
+mod explain;
 mod list;
 mod qualify;
 mod run;
@@ -32,6 +33,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Scan(args)) => scan::run(&args, &stop),
         Some(Command::Qualify(args)) => qualify::run(&args),
         Some(Command::Trace(args)) => trace::run(&args),
+        Some(Command::Explain(args)) => explain::run(&args),
         Some(Command::Eds(command)) => eds::run(&command),
         Some(Command::Schema(args)) => schema::run(&args),
     };

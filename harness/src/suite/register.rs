@@ -12,6 +12,7 @@ use crate::source::{At, Complaint, Source, read_yaml};
 #[derive(Debug, Default)]
 pub struct Register {
     requirements: BTreeMap<String, Requirement>,
+    decisions: BTreeMap<String, InterpretationEntry>,
 }
 
 /// One statement of a document, in our own words.
@@ -123,12 +124,20 @@ impl Register {
         self.requirements.get(id)
     }
 
+    /// The decision with that id.
+    pub fn decision(&self, id: &str) -> Option<&InterpretationEntry> {
+        self.decisions.get(id)
+    }
+
     /// Every requirement, by id.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Requirement)> {
         self.requirements.iter().map(|(id, requirement)| (id.as_str(), requirement))
     }
 
     fn add(&mut self, source: &Arc<Source>, file: RegisterFile, complaints: &mut Vec<Complaint>) {
+        for At { value: decision, .. } in file.interpretations {
+            self.decisions.insert(decision.id.value.clone(), decision);
+        }
         for entry in file.requirements {
             let id = &entry.value.id;
             if let Some(first) = self.requirements.get(&id.value) {

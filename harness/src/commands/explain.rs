@@ -1,0 +1,361 @@
+//! `harness explain`: what a name stands for, wherever one meets it in a report.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+
+use canopen::Abort;
+use canopen::emcy::EmcyCode;
+use reference_devices::devices;
+use reference_devices::mutant::{self, Mutant};
+
+use crate::cli::ExplainArgs;
+use crate::exit::{Exit, Refused};
+use crate::reporter::say;
+use crate::source::At;
+use crate::suite::model::Case;
+use crate::suite::{Library, Requirement, Suite};
+use crate::target::reference_device;
+
+/// Explains a case, a suite, a requirement, a decision, a mutant, an abort code or an emergency
+/// error code.
+///
+/// # Errors
+/// When nothing has that name; what was meant, perhaps.
+pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
+    let library = Library::load(args.suites.as_deref())?;
+    let book = Book { mutants: mutants()?, library };
+    let text = book.explain(args.name.trim()).ok_or_else(|| book.unknown(&args.name))?;
+    say(&text);
+    Ok(Exit::Green)
+}
+
+/// Everything that has a name.
+struct Book {
+    library: Library,
+    /// Each once, with the devices that have it.
+    mutants: Vec<(Mutant, Vec<&'static str>)>,
+}
+
+fn mutants() -> Result<Vec<(Mutant, Vec<&'static str>)>, Refused> {
+    let mut all: Vec<(Mutant, Vec<&'static str>)> = Vec::new();
+    for name in devices::names() {
+        let own = mutant::of(&*reference_device(name)?);
+        for mutant in own.map_err(|message| Refused { exit: Exit::File, message })? {
+            match all.iter_mut().find(|(known, _)| known.name == mutant.name) {
+                Some((_, devices)) => devices.push(name),
+                None => all.push((mutant, vec![name])),
+            }
+        }
+    }
+    Ok(all)
+}
+
+impl Book {
+    fn explain(&self, name: &str) -> Option<String> {
+        let case = name.split('[').next().unwrap_or(name);
+        let cases = self.cases().filter(|(suite, found)| {
+            full_name(suite, found) == case || found.value.id.value == case
+        });
+        let cases: Vec<_> = cases.collect();
+        if !cases.is_empty() {
+            let texts: Vec<String> =
+                cases.into_iter().map(|(suite, case)| self.case(suite, case)).collect();
+            return Some(texts.join("\n"));
+        }
+        if let Some(suite) = self.library.suites.iter().find(|suite| suite.name() == name) {
+            return Some(suite_text(suite));
+        }
+        let id = name.to_ascii_uppercase();
+        if let Some(requirement) = self.library.register.find(&id) {
+            return Some(self.requirement(&id, requirement));
+        }
+        if let Some(decision) = self.library.register.decision(&id) {
+            let mut page = Page::new(format!("decision {id}, clause {}", decision.clause));
+            page.field("open", &decision.conflict);
+            page.field("decided", &decision.decision);
+            page.field("because", &decision.reason);
+            return Some(page.0);
+        }
+        if let Some((mutant, devices)) = self.mutants.iter().find(|(known, _)| known.name == name) {
+            return Some(self.mutant(mutant, devices));
+        }
+        self.code(name)
+    }
+
+    fn case(&self, suite: &Suite, case: &At<Case>) -> String {
+        let At { value: case, .. } = case;
+        let mut page = Page::new(format!("case {}/{}", suite.name(), case.id.value));
+        page.field("says", &case.title);
+        page.field("in", &format!("{}:{}", suite.source.name, case.id.place.line));
+        for id in case.checks.iter().map(|id| &id.value) {
+            if let Some(requirement) = self.library.register.find(id) {
+                self.checked(&mut page, id, requirement);
+            }
+        }
+        page.field("carried out", "");
+        page.source(suite, case);
+        let checks: BTreeSet<&str> = case.checks.iter().map(|id| id.value.as_str()).collect();
+        let meant = |mutant: &Mutant| mutant.breaks.iter().any(|id| checks.contains(id.as_str()));
+        let mut mutants = self.mutants.iter().filter(|(mutant, _)| meant(mutant)).peekable();
+        if mutants.peek().is_some() {
+            page.field("fails when", "the device is wrong about this, as these mutants are:");
+        }
+        for (mutant, _) in mutants {
+            page.item(&format!("{}: {}", mutant.name, mutant.why));
+        }
+        page.field("run", &format!("harness {}/{}", suite.name(), case.id.value));
+        page.0
+    }
+
+    /// A requirement as a case sees it.
+    fn checked(&self, page: &mut Page, id: &str, requirement: &Requirement) {
+        let entry = &requirement.entry.value;
+        page.field("requires", &format!("{id}, {} clause {}", requirement.title, entry.clause));
+        page.more(&entry.says);
+        self.decided(page, requirement);
+    }
+
+    fn decided(&self, page: &mut Page, requirement: &Requirement) {
+        let Some(interpretation) = &requirement.entry.value.interpretation else { return };
+        match self.library.register.decision(interpretation) {
+            Some(decision) => {
+                page.field("decided", &format!("{interpretation}: {}", decision.decision));
+                page.more(&decision.reason);
+            }
+            None => page.field("decided", interpretation),
+        }
+    }
+
+    fn requirement(&self, id: &str, requirement: &Requirement) -> String {
+        let entry = &requirement.entry.value;
+        let mut page = Page::new(format!("requirement {id}"));
+        let level = entry.level.name();
+        page.field("document", &format!("{}, clause {}", requirement.title, entry.clause));
+        page.field(level, &entry.says);
+        page.field("in", &format!("{}:{}", requirement.source.name, entry.id.place.line));
+        self.decided(&mut page, requirement);
+        if let Some(reason) = &entry.untestable {
+            page.field("untestable", reason);
+        }
+        page.list("checked by", self.cases_that(|case| case.checks.iter().any(|c| c.value == id)));
+        let breaks =
+            self.mutants.iter().filter(|(mutant, _)| mutant.breaks.iter().any(|b| b == id));
+        let why = breaks.map(|(mutant, _)| format!("{}: {}", mutant.name, mutant.why));
+        page.list("broken by", why.collect());
+        page.0
+    }
+
+    fn mutant(&self, mutant: &Mutant, devices: &[&str]) -> String {
+        let mut page = Page::new(format!("mutant {}", mutant.name));
+        page.field("why", &mutant.why);
+        if mutant.canary {
+            page.field("canary", "nobody can see it: it must survive, or the proof is broken");
+        }
+        for id in &mutant.breaks {
+            if let Some(requirement) = self.library.register.find(id) {
+                page.field("breaks", &format!("{id}: {}", requirement.entry.value.says));
+            }
+        }
+        let broken = |case: &Case| case.checks.iter().any(|id| mutant.breaks.contains(&id.value));
+        page.list("killed by", self.cases_that(broken));
+        for device in devices {
+            page.field("try", &format!("harness --target 'sim:{device}?mutant={}'", mutant.name));
+        }
+        page.0
+    }
+
+    /// `06020000`, `0602 0000h` and `0x06020000` are abort codes, `8130h` is of an emergency.
+    fn code(&self, name: &str) -> Option<String> {
+        let text = name.trim_start_matches("0x").trim_start_matches("0X");
+        let digits: String = text.trim_end_matches(['h', 'H']).split_whitespace().collect();
+        let code = u32::from_str_radix(&digits, 16).ok()?;
+        match digits.len() {
+            8 => {
+                let abort = Abort(code);
+                let mut page = Page::new(format!("SDO abort code {abort}"));
+                let known = abort.meaning().is_some();
+                page.field("meaning", abort.meaning().unwrap_or("none in CiA 301"));
+                if known && let Some(advice) = advice(abort) {
+                    page.field("look at", advice);
+                }
+                let hex = format!("{code:08x}");
+                let expects = |suite: &Suite, case: &At<Case>| {
+                    block(suite, &case.value).any(|line| {
+                        line.to_ascii_lowercase().contains(&format!("refused: 0x{hex}"))
+                            || line.to_ascii_lowercase().contains(&format!("code: 0x{hex}"))
+                    })
+                };
+                let cases = self.cases().filter(|(suite, case)| expects(suite, case));
+                page.list(
+                    "demanded by",
+                    cases.map(|(suite, case)| full_name(suite, case)).collect(),
+                );
+                Some(page.0)
+            }
+            4 => {
+                let emcy = EmcyCode(code as u16);
+                let mut page = Page::new(format!("emergency error code {code:04X}h"));
+                page.field("meaning", emcy.meaning());
+                let bytes = format!("{:02X} {:02X}", code & 0xFF, code >> 8);
+                let frame = format!("80+n#{bytes}");
+                let waits = |suite: &Suite, case: &At<Case>| {
+                    block(suite, &case.value).any(|line| line.contains(&frame))
+                };
+                let cases = self.cases().filter(|(suite, case)| waits(suite, case));
+                page.list(
+                    "demanded by",
+                    cases.map(|(suite, case)| full_name(suite, case)).collect(),
+                );
+                Some(page.0)
+            }
+            _ => None,
+        }
+    }
+
+    fn cases(&self) -> impl Iterator<Item = (&Suite, &At<Case>)> {
+        let suites = self.library.suites.iter();
+        suites.flat_map(|suite| suite.file.cases.iter().map(move |case| (&**suite, case)))
+    }
+
+    fn cases_that(&self, fits: impl Fn(&Case) -> bool) -> Vec<String> {
+        let cases = self.cases().filter(|(_, case)| fits(&case.value));
+        cases.map(|(suite, case)| full_name(suite, case)).collect()
+    }
+
+    fn unknown(&self, name: &str) -> Refused {
+        let mut names: Vec<String> =
+            self.cases().map(|(suite, case)| full_name(suite, case)).collect();
+        names.extend(self.cases().map(|(_, case)| case.value.id.value.clone()));
+        names.extend(self.library.suites.iter().map(|suite| suite.name().to_owned()));
+        names.extend(self.library.register.iter().map(|(id, _)| id.to_owned()));
+        names.extend(self.mutants.iter().map(|(mutant, _)| mutant.name.clone()));
+        let mut message = format!("there is no case, requirement, mutant or code `{name}`");
+        let most = (name.chars().count() / 3).max(2);
+        // Who knows a part of the name means the shortest that has it.
+        let far = |known: &String| match known.contains(name) && name.len() > 3 {
+            true => (0, known.len()),
+            false => (distance(name, known), 0),
+        };
+        let nearest = names.iter().map(|known| (far(known), known)).min();
+        if let Some((_, known)) = nearest.filter(|((far, _), _)| *far <= most) {
+            _ = write!(message, "; did you mean `{known}`?");
+        }
+        Refused::usage(message)
+    }
+}
+
+fn suite_text(suite: &Suite) -> String {
+    let mut page = Page::new(format!("suite {}", suite.name()));
+    if let Some(about) = &suite.file.about {
+        page.field("about", about);
+    }
+    page.field("in", &suite.source.name);
+    page.field("cases", "");
+    for case in &suite.file.cases {
+        page.item(&format!("{}: {}", case.value.id.value, case.value.title));
+    }
+    page.0
+}
+
+fn full_name(suite: &Suite, case: &At<Case>) -> String {
+    format!("{}/{}", suite.name(), case.value.id.value)
+}
+
+/// The lines of a case, without its end.
+fn block<'s>(suite: &'s Suite, case: &Case) -> impl Iterator<Item = &'s str> {
+    let start = case.id.place.line;
+    let next = suite.file.cases.iter().map(|case| case.value.id.place.line);
+    let end = next.filter(|line| *line > start).min().unwrap_or(usize::MAX);
+    suite.source.text.lines().skip(start - 1).take(end - start)
+}
+
+/// What to look at in a device that gives, or does not give, this code.
+const fn advice(abort: Abort) -> Option<&'static str> {
+    Some(match abort.0 {
+        0x0503_0000 => "how the server tells a repeated segment from the next one",
+        0x0504_0000 => "how long the client, or the network in between, makes the server wait",
+        0x0504_0001 => "the first byte of the request; a server without block transfer answers so",
+        0x0601_0000..=0x0601_0002 => "AccessType of the entry in the data sheet",
+        0x0602_0000 => "the lists of objects in the data sheet: the index is in none of them",
+        0x0604_0041..=0x0604_0042 => "PDOMapping of the entry, and the sum of the mapped bits",
+        0x0607_0010..=0x0607_0013 => "DataType of the entry in the data sheet",
+        0x0609_0011 => "sub 0 of the object, which is the highest sub-index",
+        0x0609_0030..=0x0609_0032 => "LowLimit and HighLimit of the entry in the data sheet",
+        0x0800_0022 => "the NMT state, or a PDO that must be switched off first",
+        _ => return None,
+    })
+}
+
+/// A text with labels at its side.
+struct Page(String);
+
+impl Page {
+    fn new(title: String) -> Self {
+        Self(title + "\n")
+    }
+
+    fn field(&mut self, label: &str, text: &str) {
+        let line = format!("  {label:<LABEL$}{text}");
+        self.0.push_str(line.trim_end());
+        self.0.push('\n');
+    }
+
+    fn more(&mut self, text: &str) {
+        self.field("", text);
+    }
+
+    fn item(&mut self, text: &str) {
+        self.0.push_str(&format!("    {text}\n"));
+    }
+
+    fn list(&mut self, label: &str, items: Vec<String>) {
+        let mut items = items.into_iter();
+        if let Some(first) = items.next() {
+            self.field(label, &first);
+        }
+        items.for_each(|item| self.more(&item));
+    }
+
+    /// The case as it is written, which is meant to be read: from where it comes to what it does.
+    fn source(&mut self, suite: &Suite, case: &Case) {
+        let told = ["- id:", "title:", "checks:"];
+        let lines = block(suite, case)
+            .filter(|line| !told.iter().any(|key| line.trim_start().starts_with(key)));
+        let mut lines: Vec<&str> = lines.collect();
+        while lines.last().is_some_and(|line| line.trim().is_empty() || line.starts_with("  #")) {
+            lines.pop();
+        }
+        lines.iter().for_each(|line| self.0.push_str(&format!("{line}\n")));
+    }
+}
+
+const LABEL: usize = 13;
+
+/// How many letters differ, a letter too many or too few counted as one.
+fn distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, x) in a.chars().enumerate() {
+        let mut corner = std::mem::replace(&mut row[0], i + 1);
+        for (j, y) in b.iter().enumerate() {
+            let changed = corner + usize::from(x != *y);
+            corner = row[j + 1];
+            row[j + 1] = changed.min(corner + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::distance;
+
+    #[test]
+    fn letters_that_differ() {
+        for (a, b, letters) in
+            [("", "", 0), ("", "ab", 2), ("boot", "boat", 1), ("boot", "bot", 1), ("ab", "ba", 2)]
+        {
+            assert_eq!((distance(a, b), distance(b, a)), (letters, letters), "{a} {b}");
+        }
+    }
+}
