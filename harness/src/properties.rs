@@ -4,6 +4,7 @@
 //! `fuzz/` searches for bytes that break one, `tests/corpus.rs` tries those that were found or
 //! seeded before.
 
+mod lss;
 mod session;
 
 use std::sync::{Arc, LazyLock};
@@ -17,7 +18,7 @@ use canopen::sdo::{Request, Response};
 use canopen::sync::Sync;
 use canopen::timestamp::TimeOfDay;
 use canopen::wire::frame_bits;
-use canopen::{Data, Frame, Id, Malformed, Pattern, lss, meaning};
+use canopen::{Data, Frame, Id, Malformed, Pattern, meaning};
 use reference_devices::devices::{self, ReferenceDevice};
 use reports::{Keep, Run, Style, journal, junit, terminal};
 
@@ -26,17 +27,19 @@ use crate::source::{Complaint, Source};
 use crate::suite::Library;
 use crate::target;
 
+pub use lss::lss_session;
 pub use session::{sdo_server_session, virtual_bus};
 
 /// Tells that a property holds for these bytes by coming back.
 pub type Property = fn(&[u8]);
 
 /// Every property, by its name.
-pub const ALL: [(&str, Property); 8] = [
+pub const ALL: [(&str, Property); 9] = [
     ("candump_parse", candump_parse),
     ("eds_read", eds_read),
     ("frame_decode", frame_decode),
     ("journal_read", journal_read),
+    ("lss_session", lss_session),
     ("pattern_parse", pattern_parse),
     ("sdo_server_session", sdo_server_session),
     ("suite_load", suite_load),
@@ -53,8 +56,8 @@ pub fn frame_decode(bytes: &[u8]) {
     canonical(bytes, Request::decode, Request::encode);
     canonical(bytes, Response::decode, Response::encode);
     canonical(bytes, TimeOfDay::decode, TimeOfDay::encode);
-    canonical(bytes, lss::Request::decode, lss::Request::encode);
-    canonical(bytes, lss::Response::decode, lss::Response::encode);
+    canonical(bytes, canopen::lss::Request::decode, canopen::lss::Request::encode);
+    canonical(bytes, canopen::lss::Response::decode, canopen::lss::Response::encode);
     mapping(bytes);
     if let Some((id, data)) = bytes.split_first_chunk() {
         frame(u32::from_be_bytes(*id), data);
