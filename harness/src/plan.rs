@@ -2,10 +2,13 @@
 
 mod bind;
 mod check;
+mod each;
 mod instance;
+mod pdo;
 mod scope;
 
-pub use bind::{index_range, matching_entries, plan};
+pub use bind::plan;
 pub use check::{fill, mapping_word, parse_bytes};
+pub use each::{index_range, matching_entries};
 pub use instance::{Instance, Plan};
 pub use scope::{Binding, Dut, Scope, show_bytes};

@@ -4,7 +4,7 @@ use canopen::catalogue::{self, Shape};
 use canopen::eds::{CODES, Eds, Entry, Object};
 use canopen::{DataType, Mux};
 
-use super::bind::index_range;
+use super::each::index_range;
 use super::instance::Instance;
 use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint, Place};
@@ -111,7 +111,7 @@ impl Checker<'_> {
             Step::Write(write) => self.write(write, step.place),
             Step::Remap(remap) => self.remap(remap),
             Step::Defaults(objects) => {
-                let result = super::bind::matching_entries(objects, self.dut);
+                let result = super::each::matching_entries(objects, self.dut);
                 self.note(result.map(|_| ()), step.place);
             }
             Step::Nmt(_) => {}

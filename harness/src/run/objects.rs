@@ -155,7 +155,8 @@ impl Steps<'_, '_> {
             };
             if let Err(wrong) = judged {
                 let expected = format!("{} = {}", entry.mux, wrong.expected);
-                return device(Difference { expected, raw: ended.raw, ..wrong });
+                let sheet = self.line_of(entry.mux, "DefaultValue");
+                return device(Difference { expected, raw: ended.raw, sheet, ..wrong });
             }
         }
         Ok(None)

@@ -1,7 +1,7 @@
 //! The data sheet in a finding: the line that promised what the device does not keep, and the
 //! steps that are about the data sheet alone.
 
-use canopen::eds::{CODES, Diagnostic};
+use canopen::eds::{CODES, Diagnostic, Object};
 use canopen::sdo::{Failure, Initiate, Response};
 use canopen::{Abort, Frame, Mux};
 use reports::Place as ReportPlace;
@@ -133,6 +133,12 @@ fn key_of_name(literal: &Literal) -> Option<&'static str> {
 }
 
 impl Steps<'_, '_> {
+    /// The line of the data sheet with that key of an entry.
+    pub(super) fn line_of(&self, mux: Mux, key: &'static str) -> Option<Box<ReportPlace>> {
+        let (line, column) = self.dut.sheet.place_of(mux, Some(key))?;
+        Some(Box::new(case::report_place(&self.dut.sheet.source, Place { line, column })))
+    }
+
     /// Judges what was found while the data sheet was read.
     pub(super) fn eds(&mut self, step: &EdsStep) -> Judgement {
         match self.found(&step.without) {
@@ -163,22 +169,28 @@ impl Steps<'_, '_> {
         Some(Difference { sheet, ..Difference::new(expected, actual) })
     }
 
-    /// Asks for objects that the data sheet does not have.
+    /// Asks for objects, or sub-indices of objects, that the data sheet does not have.
     pub(super) fn undeclared(&mut self, step: &Undeclared) -> Judgement {
         let range = index_range(&step.range.value).map_err(Trouble::Bench)?;
         let eds = &self.dut.eds;
-        let absent: Vec<u16> = range.filter(|index| eds.object(*index).is_none()).collect();
+        let (absent, code): (Vec<Mux>, _) = match step.subs {
+            true => {
+                let objects = range.filter_map(|index| eds.object(index));
+                (objects.flat_map(absent_subs).collect(), Abort::NO_SUB_INDEX)
+            }
+            false => {
+                let absent = range.filter(|index| eds.object(*index).is_none());
+                (absent.map(|index| Mux::new(index, 0)).collect(), Abort::NO_OBJECT)
+            }
+        };
         let most = if self.policy.every_index { usize::MAX } else { step.most };
         let mut lenient = None;
-        for index in spread(&absent, most, self.policy.seed) {
-            let mux = Mux::new(index, 0);
+        for mux in spread(&absent, most, self.policy.seed) {
             let ended = sdo::upload(self.link, self.policy, self.dut.node, mux)?;
-            let expected = format!(
-                "{mux}, which the data sheet does not have, refused with {}",
-                Abort::NO_OBJECT
-            );
+            let expected =
+                format!("{mux}, which the data sheet does not have, refused with {code}");
             let actual = match ended.result {
-                Err(Failure::Aborted(Abort::NO_OBJECT)) => continue,
+                Err(Failure::Aborted(abort)) if abort == code => continue,
                 Err(failure) => failure.to_string(),
                 Ok(data) => format!("answered {}", crate::plan::show_bytes(&data)),
             };
@@ -196,8 +208,16 @@ impl Steps<'_, '_> {
 /// How many findings of the same kind are told one by one.
 const MORE: usize = 5;
 
+/// The sub-indices up to the one behind the last, and FFh, that the object does not have.
+fn absent_subs(object: &Object) -> impl Iterator<Item = Mux> {
+    let subs = object.entries.iter().map(|entry| entry.mux.sub).filter(|sub| *sub != 0xFF);
+    let last = subs.max().unwrap_or(0).saturating_add(1);
+    let all = (0..=last).chain((last < 0xFF).then_some(0xFF));
+    all.filter(|sub| object.entry(*sub).is_none()).map(|sub| Mux::new(object.index, sub))
+}
+
 /// At most `most` of them, evenly spread; which ones is a matter of the seed.
-fn spread(all: &[u16], most: usize, seed: u64) -> impl Iterator<Item = u16> {
+fn spread(all: &[Mux], most: usize, seed: u64) -> impl Iterator<Item = Mux> {
     let step = all.len().div_ceil(most.max(1)).max(1);
     let first = fastrand::Rng::with_seed(seed).usize(..step);
     all.iter().skip(first).step_by(step).copied()
@@ -209,11 +229,11 @@ mod tests {
 
     #[test]
     fn a_sample_is_spread_and_never_too_large() {
-        let all: Vec<u16> = (0x1000..0x2000).collect();
+        let all: Vec<Mux> = (0x1000..0x2000).map(|index| Mux::new(index, 0)).collect();
         for seed in 0..20 {
-            let some: Vec<u16> = spread(&all, 64, seed).collect();
+            let some: Vec<Mux> = spread(&all, 64, seed).collect();
             assert_eq!(some.len(), 64);
-            assert!(some.windows(2).all(|pair| pair[1] - pair[0] == 64));
+            assert!(some.windows(2).all(|pair| pair[1].index - pair[0].index == 64));
         }
         assert_eq!(spread(&all, usize::MAX, 1).count(), all.len());
         assert_eq!(spread(&[], 64, 1).count(), 0);

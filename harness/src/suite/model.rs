@@ -331,6 +331,9 @@ pub struct Undeclared {
     /// Range of indices, such as `1000..1FFF`.
     #[serde(rename = "in")]
     pub range: At<String>,
+    /// Not other objects, but other sub-indices of the objects that the data sheet has there.
+    #[serde(default)]
+    pub subs: bool,
     /// At most so many, spread over the range; `--every-index` asks for all.
     pub most: usize,
 }

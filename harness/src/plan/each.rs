@@ -1,0 +1,159 @@
+//! What `each` makes instances for: entries of the data sheet, alone or with a PDO, and PDOs.
+
+use std::ops::RangeInclusive;
+
+use canopen::eds::{Access, Direction, Entry, Object, ObjectKind};
+use canopen::{DataType, Mux, Value};
+
+use super::check;
+use super::pdo::pdo_scopes;
+use super::scope::{Binding, Dut, Scope};
+use crate::suite::literal::{Literal, ObjectRef};
+use crate::suite::model::{AccessName, Each, Has, Objects};
+
+/// The names of one instance, and what reports call it.
+pub(super) type Bound = (Vec<String>, Scope);
+
+/// The instances that `each` makes.
+///
+/// # Errors
+/// As [`matching_entries`].
+pub(super) fn each_scope(each: &Each, dut: &Dut) -> Result<Vec<Bound>, String> {
+    match each {
+        Each::Objects(objects) => {
+            let entries = matching_entries(objects, dut)?;
+            let most = objects.most.unwrap_or(usize::MAX).max(1);
+            let step = entries.len().div_ceil(most).max(1);
+            let pdo = match &objects.pdo {
+                None => Some(Scope::default()),
+                Some(pdos) => pdo_scopes(pdos, dut).into_iter().next().map(|(_, scope)| scope),
+            };
+            let Some(pdo) = pdo else { return Ok(Vec::new()) };
+            let entries = entries.into_iter().step_by(step);
+            Ok(entries.map(|entry| entry_scope(entry, dut, pdo.clone())).collect())
+        }
+        Each::Pdos(pdos) => Ok(pdo_scopes(pdos, dut)),
+    }
+}
+
+/// The entries of the data sheet that fit.
+///
+/// # Errors
+/// When a range or a data type is not written as one.
+pub fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d Entry>, String> {
+    let range = match &objects.range {
+        None => 0..=u16::MAX,
+        Some(range) => index_range(&range.value)?,
+    };
+    let mut types = Vec::new();
+    for name in &objects.types {
+        let known = DataType::named(&name.value);
+        types.push(known.ok_or_else(|| format!("`{}` is no data type", name.value))?);
+    }
+    let except =
+        |mux: Mux| objects.except.iter().any(|object| object.value == ObjectRef::Fixed(mux));
+    let fits = |object: &Object, entry: &Entry| {
+        range.contains(&entry.mux.index)
+            && (objects.access.is_empty()
+                || objects.access.iter().any(|access| has_access(entry, access.value)))
+            && (types.is_empty() || types.contains(&entry.data_type))
+            && match objects.subs.is_empty() {
+                // Sub-index 0 of a structured object is bookkeeping, not a value.
+                true => entry.mux.sub != 0 || !object.kind.has_subs(),
+                false => objects.subs.contains(&entry.mux.sub) && object.kind.has_subs(),
+            }
+            && objects.has.iter().all(|has| states(object, entry, *has, dut.node))
+            && !except(entry.mux)
+    };
+    let values = |object: &&Object| object.kind != ObjectKind::DEFTYPE;
+    Ok(dut
+        .eds
+        .objects
+        .iter()
+        .filter(values)
+        .flat_map(|object| object.entries.iter().filter(|entry| fits(object, entry)))
+        .collect())
+}
+
+/// The indices of `1000..1FFF`.
+///
+/// # Errors
+/// When it is none.
+pub fn index_range(text: &str) -> Result<RangeInclusive<u16>, String> {
+    let hex = |text: &str| u16::from_str_radix(text.trim(), 16).ok();
+    let bounds = text.split_once("..").and_then(|(a, b)| hex(a).zip(hex(b)));
+    let bounds = bounds.ok_or_else(|| format!("`{text}`: write a range as `1000..1FFF`"))?;
+    Ok(bounds.0..=bounds.1)
+}
+
+fn states(object: &Object, entry: &Entry, has: Has, node: u8) -> bool {
+    let limits = entry.data_type.limits();
+    let bound = |term: &Option<canopen::eds::Term>| term.as_ref()?.resolve(node).as_int();
+    match has {
+        Has::Low => limits.zip(bound(&entry.low)).is_some_and(|((lowest, _), low)| low > lowest),
+        Has::High => {
+            limits.zip(bound(&entry.high)).is_some_and(|((_, highest), high)| high < highest)
+        }
+        Has::Default => entry.default.is_some(),
+        Has::Size => entry.data_type.size().is_some(),
+        Has::Long => entry.default_bytes(node).is_ok_and(|bytes| bytes.len() > 4),
+        Has::Rpdo => entry.maps_into(Direction::Receive),
+        Has::Tpdo => entry.maps_into(Direction::Transmit),
+        Has::NotMappable => !entry.mappable,
+        Has::NotRpdo => !entry.maps_into(Direction::Receive),
+        Has::NotTpdo => !entry.maps_into(Direction::Transmit),
+        Has::Scan => object.flags & 2 == 0,
+        Has::Download => object.flags & 1 == 0,
+    }
+}
+
+fn entry_scope(entry: &Entry, dut: &Dut, mut scope: Scope) -> Bound {
+    let typed = |value| Binding::Value(value, entry.data_type);
+    scope.bind("mux", Binding::Mux(entry.mux));
+    let bytes = entry.default_bytes(dut.node).unwrap_or_default();
+    if let Ok(value) = entry.data_type.decode(&bytes) {
+        if let Some(number) = value.as_int() {
+            let limit = entry.high.as_ref().and_then(|high| high.resolve(dut.node).as_int());
+            let highest = limit.or_else(|| entry.data_type.limits().map(|(_, highest)| highest));
+            let step = if highest.is_some_and(|highest| number >= highest) { -1 } else { 1 };
+            scope.bind("another", typed(Value::Int(number + step)));
+        }
+        scope.bind("value", typed(value));
+    }
+    if let Some(size) = entry.data_type.size() {
+        scope.bind("size", Binding::Literal(Literal::Int(size as i128)));
+    }
+    if let Some(word) = check::entry_word(entry, dut) {
+        scope.bind("entry", Binding::Literal(Literal::Int(word.into())));
+    }
+    if let Some(object) = dut.eds.object(entry.mux.index) {
+        scope.bind("kind", Binding::Literal(Literal::Int(object.kind.0.into())));
+        let entries = object.entries.iter().filter(|entry| !matches!(entry.mux.sub, 0 | 0xFF));
+        scope.bind("subs", Binding::Literal(Literal::Int(entries.count() as i128)));
+        let subs = object.entries.iter().map(|entry| entry.mux.sub).filter(|sub| *sub != 0xFF);
+        let beyond = subs.max().unwrap_or(0).saturating_add(1);
+        scope.bind("beyond", Binding::Mux(Mux::new(entry.mux.index, beyond)));
+    }
+    let longer: Vec<u8> = bytes.iter().copied().chain([0]).collect();
+    scope.bind("shorter", Binding::Bytes(longer[..bytes.len().saturating_sub(1)].to_vec()));
+    scope.bind("longer", Binding::Bytes(longer));
+    for (term, at, beyond, step) in
+        [(&entry.low, "low", "below", -1), (&entry.high, "high", "above", 1)]
+    {
+        if let Some(limit) = term.as_ref().and_then(|term| term.resolve(dut.node).as_int()) {
+            scope.bind(at, typed(Value::Int(limit)));
+            scope.bind(beyond, typed(Value::Int(limit + step)));
+        }
+    }
+    (vec![entry.mux.to_string()], scope)
+}
+
+/// Whether an entry may be accessed like that.
+pub(super) fn has_access(entry: &Entry, access: AccessName) -> bool {
+    match access {
+        AccessName::Ro => entry.access == Access::Ro,
+        AccessName::Wo => entry.access == Access::Wo,
+        AccessName::Const => entry.access == Access::Const,
+        AccessName::Rw => entry.access.readable() && entry.access.writable(),
+    }
+}

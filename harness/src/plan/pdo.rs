@@ -1,0 +1,124 @@
+//! The PDOs of a data sheet, and the names that a case has for them.
+
+use canopen::eds::Object;
+use canopen::pdo::CobId;
+use canopen::{DataType, Mux};
+
+use super::each::Bound;
+use super::scope::{Binding, Dut, Scope};
+use crate::suite::literal::Literal;
+use crate::suite::model::{DirectionName, PdoHas, Pdos};
+
+/// Each PDO that fits, with its names.
+pub(super) fn pdo_scopes(pdos: &Pdos, dut: &Dut) -> Vec<Bound> {
+    let all = Pdo::all(pdos.direction, dut);
+    let kind = match pdos.direction {
+        DirectionName::Receive => "RPDO",
+        DirectionName::Transmit => "TPDO",
+    };
+    let mut scopes = Vec::new();
+    for (place, pdo) in all.iter().enumerate() {
+        let neighbour = all[place + 1..].iter().find(|pdo| pdo.in_use());
+        let with = |sub: &u8| dut.eds.entry(Mux::new(pdo.communication, *sub)).is_some();
+        if (pdos.used && !pdo.in_use())
+            || !pdos.with.iter().all(with)
+            || !pdos.has.iter().all(|has| pdo.states(*has, neighbour, dut))
+        {
+            continue;
+        }
+        let mut scope = Scope::default();
+        pdo.bind(&mut scope, neighbour, dut);
+        scopes.push((vec![format!("{kind}{}", pdo.number)], scope));
+    }
+    scopes.truncate(pdos.most.unwrap_or(usize::MAX).max(1));
+    scopes
+}
+
+/// A PDO as the data sheet describes it.
+struct Pdo {
+    number: u16,
+    /// Indices of communication and mapping parameter.
+    communication: u16,
+    mapping: u16,
+    cob: CobId,
+    /// Bits of the default mapping.
+    bits: u32,
+}
+
+impl Pdo {
+    /// The PDOs of that direction.
+    fn all(direction: DirectionName, dut: &Dut) -> Vec<Self> {
+        let (first, mapping) = match direction {
+            DirectionName::Receive => (0x1400, 0x1600),
+            DirectionName::Transmit => (0x1800, 0x1A00),
+        };
+        let pdo = |object: &Object| {
+            let number = object.index.checked_sub(first).filter(|number| *number < 512)?;
+            let mapping = mapping + number;
+            dut.eds.object(mapping)?;
+            let cob = CobId(dut.default_int(Mux::new(object.index, 1))? as u32);
+            let bits = dut.default_mapping(mapping).iter().map(|entry| u32::from(entry.bits)).sum();
+            Some(Self { number: number + 1, communication: object.index, mapping, cob, bits })
+        };
+        dut.eds.objects.iter().filter_map(pdo).collect()
+    }
+
+    const fn in_use(&self) -> bool {
+        self.cob.valid() && self.bits > 0
+    }
+
+    fn states(&self, has: PdoHas, neighbour: Option<&Self>, dut: &Dut) -> bool {
+        let writable =
+            |index, sub| dut.eds.entry(Mux::new(index, sub)).map(|entry| entry.access.writable());
+        match has {
+            PdoHas::Variable => [
+                (self.communication, 1),
+                (self.communication, 2),
+                (self.mapping, 0),
+                (self.mapping, 1),
+            ]
+            .into_iter()
+            .all(|(index, sub)| writable(index, sub) == Some(true)),
+            PdoHas::Fixed => writable(self.mapping, 1) == Some(false),
+            PdoHas::Rtr => self.cob.rtr_allowed(),
+            PdoHas::NoRtr => !self.cob.rtr_allowed(),
+            PdoHas::Neighbour => neighbour.is_some(),
+            PdoHas::Dummy => dut.eds.dummies.contains(&DataType::UNSIGNED8.0),
+        }
+    }
+
+    fn bind(&self, scope: &mut Scope, neighbour: Option<&Self>, dut: &Dut) {
+        let int = |number: i128| Binding::Literal(Literal::Int(number));
+        let off = |cob: CobId| int((cob.0 | CobId::INVALID).into());
+        scope.bind("pdo", Binding::Id(self.cob.can_id()));
+        scope.bind("on", int((self.cob.0 & !CobId::INVALID).into()));
+        scope.bind("off", off(self.cob));
+        scope.bind("number", int(self.number.into()));
+        scope.bind("length", int(self.bits.div_ceil(8).into()));
+        let entries = dut.eds.object(self.mapping).map_or(0, |object| {
+            object.entries.iter().filter(|entry| !matches!(entry.mux.sub, 0 | 0xFF)).count()
+        });
+        scope.bind("entries", int(entries as i128));
+        for (name, index, sub) in [
+            ("parameters", self.communication, 0),
+            ("cob-id", self.communication, 1),
+            ("transmission", self.communication, 2),
+            ("inhibit", self.communication, 3),
+            ("reserved", self.communication, 4),
+            ("event-timer", self.communication, 5),
+            ("sync-start", self.communication, 6),
+            ("count", self.mapping, 0),
+            ("first", self.mapping, 1),
+            ("second", self.mapping, 2),
+        ] {
+            scope.bind(name, Binding::Mux(Mux::new(index, sub)));
+        }
+        if let Some(next) = neighbour {
+            scope.bind("neighbour", Binding::Id(next.cob.can_id()));
+            scope.bind("neighbour-off", off(next.cob));
+            for (name, sub) in [("neighbour-cob-id", 1), ("neighbour-transmission", 2)] {
+                scope.bind(name, Binding::Mux(Mux::new(next.communication, sub)));
+            }
+        }
+    }
+}
