@@ -4,14 +4,14 @@ use canopen::catalogue::{self, Shape};
 use canopen::eds::{CODES, Eds, Entry, Object};
 use canopen::{DataType, Mux};
 
-use super::each::index_range;
+use super::each::{index_range, matching_entries};
 use super::instance::Instance;
 use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint, Place};
 use crate::suite::Suite;
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, Refusal};
 use crate::suite::model::{
-    Case, FastscanStep, LssStep, Observe, Produce, Read, Remap, Step, Until, Write,
+    Case, FastscanStep, LssStep, Objects, Observe, Produce, Read, Remap, Step, Until, Write,
 };
 
 /// Checks that what a case requires can exist at all.
@@ -110,10 +110,7 @@ impl Checker<'_> {
             Step::Read(read) => self.read(read),
             Step::Write(write) => self.write(write, step.place),
             Step::Remap(remap) => self.remap(remap),
-            Step::Defaults(objects) => {
-                let result = super::each::matching_entries(objects, self.dut);
-                self.note(result.map(|_| ()), step.place);
-            }
+            Step::Defaults(objects) => self.entries(objects, step.place),
             Step::Nmt(_) => {}
             Step::Wait(time) => self.time(time),
             Step::Until(until) => self.until(until, step.place),
@@ -157,6 +154,11 @@ impl Checker<'_> {
             }
             Step::Observe(observe) => self.observe(observe, step.place),
         }
+    }
+
+    fn entries(&mut self, objects: &Objects, place: Place) {
+        let result = matching_entries(objects, self.dut);
+        self.note(result.map(|_| ()), place);
     }
 
     fn fastscan(&mut self, scan: &FastscanStep) {
