@@ -4,6 +4,8 @@ mod files;
 pub mod literal;
 pub mod model;
 mod register;
+mod test_map;
 
 pub use files::{Library, Suite};
 pub use register::{Register, RegisterFile, Requirement};
+pub use test_map::{CHECKS, TestMapEntry};

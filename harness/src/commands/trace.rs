@@ -9,7 +9,7 @@ use reference_devices::{devices, mutant};
 use crate::cli::{TraceArgs, TraceFormat};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::suite::Library;
+use crate::suite::{CHECKS, Library};
 use crate::target::reference_device;
 
 /// One requirement and what is done about it.
@@ -33,6 +33,12 @@ pub(super) fn run(args: &TraceArgs) -> Result<Exit, Refused> {
     let library = Library::load(args.suites.as_deref())?;
     let (breaks, mut holes) = mutants(&library)?;
     let rows = rows(&library, &breaks);
+    let mapped = library.test_map.len();
+    if mapped > 0 && mapped != CHECKS {
+        holes.push(format!(
+            "the conformance test of CiA makes {CHECKS} checks, {mapped} are listed"
+        ));
+    }
     for row in &rows {
         if row.untestable.is_some() {
             continue;

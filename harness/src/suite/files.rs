@@ -9,6 +9,7 @@ use include_dir::{Dir, include_dir};
 
 use super::model::{Case, SuiteFile};
 use super::register::Register;
+use super::test_map::{TestMapEntry, wrong_map};
 use crate::source::{At, Complaint, Source, read_yaml};
 
 /// Everything in `suites/`.
@@ -18,6 +19,8 @@ pub struct Library {
     pub suites: Vec<Arc<Suite>>,
     /// The requirements.
     pub register: Register,
+    /// The checks of CiA's conformance test, when the folder has the list of them.
+    pub test_map: Vec<At<TestMapEntry>>,
 }
 
 /// A loaded suite.
@@ -51,7 +54,7 @@ impl Library {
     /// When the folder cannot be read.
     pub fn register_sources(folder: Option<&Path>) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
         let mut sources = sources(folder)?;
-        sources.retain(|source| is_register(source));
+        sources.retain(is_register);
         Ok(sources)
     }
 
@@ -60,9 +63,16 @@ impl Library {
     /// # Errors
     /// Every complaint about every file.
     pub fn from_sources(sources: &[Arc<Source>]) -> Result<Self, Vec<Complaint>> {
-        let (registers, suites): (Vec<_>, Vec<_>) =
-            sources.iter().cloned().partition(|source| is_register(source));
+        let (maps, sources): (Vec<_>, Vec<_>) = sources.iter().cloned().partition(is_test_map);
+        let (registers, suites): (Vec<_>, Vec<_>) = sources.into_iter().partition(is_register);
         let mut complaints = Vec::new();
+        let mut test_map = Vec::new();
+        for source in maps {
+            match read_yaml::<Vec<At<TestMapEntry>>>(&source) {
+                Ok(entries) => test_map.push((source, entries)),
+                Err(complaint) => complaints.push(complaint),
+            }
+        }
         let register = Register::load(&registers).unwrap_or_else(|mut wrong| {
             complaints.append(&mut wrong);
             Register::default()
@@ -79,7 +89,13 @@ impl Library {
         if register_is_whole {
             complaints.extend(unknown_requirements(&loaded, &register));
         }
-        if complaints.is_empty() { Ok(Self { suites: loaded, register }) } else { Err(complaints) }
+        complaints.extend(wrong_map(&test_map, &loaded));
+        let test_map = test_map.into_iter().flat_map(|(_, entries)| entries).collect();
+        if complaints.is_empty() {
+            Ok(Self { suites: loaded, register, test_map })
+        } else {
+            Err(complaints)
+        }
     }
 }
 
@@ -96,8 +112,13 @@ fn sources(folder: Option<&Path>) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
     Ok(sources)
 }
 
-fn is_register(source: &Source) -> bool {
-    source.name.contains("requirements/")
+fn is_register(source: &Arc<Source>) -> bool {
+    source.name.contains("requirements/") && !is_test_map(source)
+}
+
+/// The list of checks that the conformance test of CiA makes, and what makes them here.
+fn is_test_map(source: &Arc<Source>) -> bool {
+    source.name.ends_with("requirements/cia-test-map.yaml")
 }
 
 fn read_folder(folder: &Path, sources: &mut Vec<Arc<Source>>) -> Result<(), Complaint> {
