@@ -24,6 +24,9 @@ pub trait Behaviour: Send {
     /// The network has written the object at `mux`.
     fn written(&mut self, _now: Instant, _mux: Mux, _od: &mut Dictionary) {}
 
+    /// The network has begun to read the object at `mux`.
+    fn uploaded(&mut self, _mux: Mux, _od: &mut Dictionary) {}
+
     /// Something happened to the communication.
     fn event(&mut self, _now: Instant, _event: Event, _od: &mut Dictionary) {}
 
@@ -78,7 +81,7 @@ pub trait Behaviour: Send {
 
     /// Whether the difference between `last`, which was transmitted, and the present value of a
     /// mapped object is an event that transmits a TPDO (CiA 301, 7.2.2.3). Thresholds belong here.
-    fn triggers(&self, _mux: Mux, _last: &[u8], _od: &Dictionary) -> bool {
+    fn triggers(&mut self, _mux: Mux, _last: &[u8], _od: &Dictionary) -> bool {
         true
     }
 }

@@ -261,7 +261,7 @@ impl Behaviour for Drr460 {
         Some(self.next_sample)
     }
 
-    fn triggers(&self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
+    fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
         mux.index != PROCESS_VALUE.index || trigger::triggers(mux, last, od, &*self.rules)
     }
 }

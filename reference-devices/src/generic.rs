@@ -20,7 +20,7 @@ use crate::errors::Errors;
 use crate::sdo_client::SdoJob;
 use crate::time::earlier;
 
-use inputs::DigitalBlock;
+use inputs::{ANALOGUE_INPUT, DigitalBlock};
 use outputs::{ANALOGUE_OUTPUT, DIGITAL_OUTPUT, Output};
 use sdo_client::ClientRecord;
 
@@ -35,6 +35,8 @@ pub struct Generic {
     digital_inputs: [DigitalBlock; 2],
     /// Field values.
     analogue_inputs: [i64; 4],
+    /// The analogue inputs that transmitted since 6422h was read, a bit each.
+    source: u32,
     digital_outputs: [Output; 2],
     analogue_outputs: [Output; 2],
     client: ClientRecord,
@@ -49,6 +51,7 @@ impl Generic {
             simulated: [0; SIMULATED],
             digital_inputs: Default::default(),
             analogue_inputs: [0; 4],
+            source: 0,
             digital_outputs: Default::default(),
             analogue_outputs: Default::default(),
             client: ClientRecord::default(),
@@ -109,6 +112,7 @@ impl Generic {
 impl Behaviour for Generic {
     fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {
         self.simulated = [0; SIMULATED];
+        self.source = 0;
         self.digital_inputs.iter_mut().for_each(DigitalBlock::restart);
         self.outputs().for_each(|output| *output = Output::default());
     }
@@ -151,6 +155,13 @@ impl Behaviour for Generic {
         }
     }
 
+    fn uploaded(&mut self, mux: Mux, od: &mut Dictionary) {
+        if mux == SOURCE && self.rules.reading_clears_source() {
+            self.source = 0;
+            od.set_int(SOURCE, 0);
+        }
+    }
+
     fn event(&mut self, _now: Instant, event: Event, od: &mut Dictionary) {
         if let Event::Entered(state) = event {
             self.state = state;
@@ -168,6 +179,7 @@ impl Behaviour for Generic {
         self.simulate(od, errors);
         let faulty = i64::from(errors.register() != 0);
         let running = i64::from(self.state == NmtState::OPERATIONAL);
+        od.set_int(SOURCE, self.source.into());
         od.set_int(STATUS, faulty | running << 1);
     }
 
@@ -223,8 +235,12 @@ impl Behaviour for Generic {
         seen.map(|number: i64| Value::Int(number.into()))
     }
 
-    fn triggers(&self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
-        inputs::triggers(mux, last, od, &*self.rules)
+    fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
+        let event = inputs::triggers(mux, last, od, &*self.rules);
+        if event && mux.index == ANALOGUE_INPUT {
+            self.source |= 1 << mux.sub.saturating_sub(1);
+        }
+        event
     }
 }
 
@@ -255,6 +271,8 @@ const ANALOGUE_INPUTS: &str = "analogue-input-";
 const DIGITAL_OUTPUTS: &str = "digital-outputs-";
 const ANALOGUE_OUTPUTS: &str = "analogue-output-";
 
+/// Which analogue inputs transmitted.
+const SOURCE: Mux = Mux::new(0x6422, 1);
 /// Manufacturer status register.
 const STATUS: Mux = Mux::new(0x1002, 0);
 /// Whether the device is controlled from its own panel.
@@ -384,6 +402,9 @@ mod tests {
             rig.until(now).len()
         };
         assert_eq!((told(0, 200), told(1, 100), told(1, 102), told(1, 110)), (0, 1, 0, 1));
+        assert_eq!(rig.read(mux(0x6422, 1)), Ok(vec![1, 0, 0, 0]));
+        rig.send("123#");
+        assert_eq!(rig.read(mux(0x6422, 1)), Ok(vec![0; 4]));
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 mod access;
 
+use std::cell::Cell;
+
 use canopen::eds::Eds;
 use canopen::pdo::Unpacker;
 use canopen::sync::Sync;
@@ -66,6 +68,8 @@ pub(crate) struct Services {
     touched: bool,
     /// The TPDOs have.
     changed: bool,
+    /// What the network has just begun to read.
+    uploaded: Cell<Option<Mux>>,
 }
 
 impl Base {
@@ -114,6 +118,7 @@ impl Services {
             sdo_clients: SdoClients::default(),
             touched: false,
             changed: false,
+            uploaded: Cell::new(None),
         }
     }
 
@@ -264,6 +269,9 @@ impl Services {
 
     /// Brings application, errors and process data up to date after something happened.
     pub(crate) fn settle(&mut self, now: Instant, out: &mut Outbox) {
+        if let Some(mux) = self.uploaded.take() {
+            self.behaviour.uploaded(mux, &mut self.base.od);
+        }
         self.advance(now);
         if let Some(job) = self.behaviour.sdo_job() {
             let ended = self.sdo_clients.begin(now, job, &self.base, out);
@@ -274,8 +282,10 @@ impl Services {
         self.emcy.send(now, &self.base, out);
         if std::mem::take(&mut self.changed) {
             for tpdo in &mut self.tpdos {
-                tpdo.compare(now, &self.base, &*self.behaviour, out);
+                tpdo.compare(now, &self.base, &mut *self.behaviour, out);
             }
+            // What transmitted may be told by objects of the application.
+            self.behaviour.run(now, &mut self.base.od, &mut self.base.errors);
         }
     }
 

@@ -103,7 +103,7 @@ impl Tpdo {
         &mut self,
         now: Instant,
         base: &Base,
-        behaviour: &dyn Behaviour,
+        behaviour: &mut dyn Behaviour,
         out: &mut Outbox,
     ) {
         let by_change = self.is_event_driven() || self.kind == 0;
@@ -217,13 +217,14 @@ impl Tpdo {
         self.pending && self.is_event_driven()
     }
 
-    fn is_event(&self, base: &Base, behaviour: &dyn Behaviour) -> bool {
+    fn is_event(&self, base: &Base, behaviour: &mut dyn Behaviour) -> bool {
         let mut last = Unpacker::new(self.last);
-        self.mapping.entries().iter().any(|entry| {
+        // Every value is looked at, since the application may note which of them it was.
+        self.mapping.entries().iter().fold(false, |event, entry| {
             let bytes = usize::from(entry.bits.div_ceil(8)).min(8);
             let before = &last.take(entry.bits)[..bytes];
             let now = base.od.get(entry.mux).unwrap_or_default();
-            before != now && behaviour.triggers(entry.mux, before, &base.od)
+            before != now && behaviour.triggers(entry.mux, before, &base.od) || event
         })
     }
 }
@@ -373,7 +374,7 @@ mod tests {
     fn the_application_decides_what_is_an_event() {
         struct EvenOnly;
         impl Behaviour for EvenOnly {
-            fn triggers(&self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
+            fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
                 assert_eq!((mux.index, last.len()), (0x2000, 1));
                 od.int(mux).unwrap() % 2 == 0
             }

@@ -34,6 +34,11 @@ pub trait GenericRules: Send {
         matches!(event, Event::Entered(NmtState::STOPPED) | Event::CommunicationError)
     }
 
+    /// Reading 6422h takes its bits back.
+    fn reading_clears_source(&self) -> bool {
+        true
+    }
+
     /// After a failure an output follows the next value that is written.
     fn follows_after_failure(&self) -> bool {
         true
@@ -242,6 +247,9 @@ mutants! {
             // The object that is asked for the rising edge has the mask of the falling one.
             if matches!(index, 0x6007 | 0x6008) { configured ^ 1 } else { configured }
         }
+    }
+    "interrupt-source-never-cleared" {
+        fn reading_clears_source(&self) -> bool { false }
     }
     "outputs-keep-their-error-value" {
         fn follows_after_failure(&self) -> bool { false }

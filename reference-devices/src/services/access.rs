@@ -23,6 +23,7 @@ impl Services {
         if empty_line && !self.base.rules.empty_history_readable() {
             return Err(Abort::NO_DATA);
         }
+        self.uploaded.set(Some(mux));
         Ok(bytes)
     }
 
