@@ -81,7 +81,9 @@ impl Node {
     }
 
     fn initialise(&mut self, now: Instant, reset: Reset) {
-        self.sdo.drop_transfers();
+        if self.services.base.rules.stop_ends_sdo_transfers() {
+            self.sdo.drop_transfers();
+        }
         self.held.clear();
         if let Some(lss) = &mut self.lss {
             let id = lss.initialise(&self.services.base);
@@ -135,7 +137,8 @@ impl Node {
             return;
         }
         self.services.enter(now, state, out);
-        if !self.services.base.rules.sdo_served_in(state) {
+        let rules = &self.services.base.rules;
+        if !rules.sdo_served_in(state) && rules.stop_ends_sdo_transfers() {
             self.sdo.drop_transfers();
         }
     }

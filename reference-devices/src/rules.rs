@@ -237,6 +237,16 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
         configured
     }
 
+    /// A transfer ends where SDOs are not served any more, and with a reset (7.3.2.2.5).
+    fn stop_ends_sdo_transfers(&self) -> bool {
+        true
+    }
+
+    /// The segments of an upload are of one value.
+    fn upload_is_snapshot(&self) -> bool {
+        true
+    }
+
     /// Each server has its own transfer (7.2.4.1).
     fn sdo_servers_independent(&self) -> bool {
         true

@@ -208,6 +208,12 @@ mutants! {
     "sdo-stale-timeout-aborts-next" {
         fn request_restarts_sdo_timeout(&self, first: bool) -> bool { !first }
     }
+    "sdo-transfer-survives-stop" {
+        fn stop_ends_sdo_transfers(&self) -> bool { false }
+    }
+    "sdo-upload-of-changing-value" {
+        fn upload_is_snapshot(&self) -> bool { false }
+    }
     "sdo-servers-share-transfer" {
         fn sdo_servers_independent(&self) -> bool { false }
     }

@@ -38,7 +38,10 @@ impl Upload {
         if toggle != self.toggle && services.base.rules.toggle_checked(self.sent == 0) {
             return Err((self.mux, Abort::TOGGLE));
         }
-        let rest = &self.data[self.sent..];
+        if !services.base.rules.upload_is_snapshot() {
+            self.data = services.read(self.mux).unwrap_or_default().to_vec();
+        }
+        let rest = &self.data[self.sent.min(self.data.len())..];
         let data = Data::new(&rest[..rest.len().min(7)]);
         let last = data.len() == rest.len();
         self.sent += data.len();
