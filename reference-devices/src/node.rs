@@ -140,6 +140,7 @@ impl Node {
         let rules = &self.services.base.rules;
         if !rules.sdo_served_in(state) && rules.stop_ends_sdo_transfers() {
             self.sdo.drop_transfers();
+            self.held.clear();
         }
     }
 
@@ -254,7 +255,7 @@ mod tests {
 
     mod any_input {
         use super::*;
-        use crate::testing::{full, set};
+        use crate::testing::{entry, full, set};
         use canopen::{Id, Outbox};
         use proptest::prelude::*;
 
@@ -269,7 +270,8 @@ mod tests {
 
         fn id() -> impl Strategy<Value = Id> {
             let of_services = prop::sample::select(vec![
-                0x000, 0x080, 0x085, 0x185, 0x205, 0x285, 0x305, 0x605, 0x605, 0x705, 0x70A,
+                0x000, 0x080, 0x085, 0x185, 0x205, 0x285, 0x305, 0x605, 0x605, 0x705, 0x70A, 0x100,
+                0x7E5, 0x7E5,
             ]);
             prop_oneof![
                 9 => of_services.prop_map(Id::standard),
@@ -284,8 +286,9 @@ mod tests {
                 0x01, 0x05, 0x21, 0x22, 0x23, 0x2B, 0x2F, 0x40, 0x60, 0x70, 0x80, 0x81, 0x82,
             ]);
             let index = prop::sample::select(vec![
-                0x1003u16, 0x1005, 0x1006, 0x100C, 0x100D, 0x1010, 0x1011, 0x1014, 0x1015, 0x1016,
-                0x1017, 0x1019, 0x1029, 0x1400, 0x1600, 0x1800, 0x1A00, 0x2000, 0x2003, 0x2004,
+                0x1003u16, 0x1005, 0x1006, 0x1007, 0x1012, 0x1F80, 0x100C, 0x100D, 0x1010, 0x1011,
+                0x1014, 0x1015, 0x1016, 0x1017, 0x1019, 0x1029, 0x1400, 0x1600, 0x1800, 0x1A00,
+                0x2000, 0x2003, 0x2004,
             ]);
             let value = prop_oneof![0u32..300, any::<u32>(), Just(0x2000_0008), Just(0x8000_0185)];
             let likely =
@@ -297,7 +300,10 @@ mod tests {
             let nmt = (prop::sample::select(vec![1, 1, 2, 128, 129, 130]), 0u8..6)
                 .prop_map(|(service, node)| Data::from([service, node]));
             let random = prop::collection::vec(any::<u8>(), 0..=8);
-            prop_oneof![4 => likely, 2 => nmt, 2 => random.prop_map(|bytes| Data::new(&bytes))]
+            let specifiers = vec![0x04, 0x11, 0x13, 0x15, 0x17, 0x43, 0x4B, 0x4C, 0x51, 0x5E];
+            let lss = (prop::sample::select(specifiers), 0u8..10, 0u8..10)
+                .prop_map(|(service, a, b)| Data::from([service, a, b, 0, 0, 0, 0, 0]));
+            prop_oneof![4 => likely, 2 => nmt, 2 => lss, 2 => random.prop_map(|bytes| Data::new(&bytes))]
         }
 
         fn input() -> impl Strategy<Value = Input> {
@@ -312,7 +318,7 @@ mod tests {
         proptest! {
             #[test]
             fn neither_panics_nor_spins(
-                mutant in 0usize..200,
+                mutant in 0usize..500,
                 inputs in prop::collection::vec(input(), 0..80),
             ) {
                 let rules = crate::rules::names().nth(mutant).and_then(crate::rules::named);
@@ -320,8 +326,20 @@ mod tests {
                 let mut entries = full();
                 set(&mut entries, mux(0x1A00, 0), 1);
                 set(&mut entries, mux(0x1A00, 1), 0x2000_0008);
-                let (settings, inert) = (NodeSettings::default(), Box::new(Inert));
-                let mut node = Node::new(&eds(entries), 5, settings, rules, inert).unwrap();
+                let unsigned32 = canopen::DataType::UNSIGNED32;
+                for (index, value) in [(0x1007, 0), (0x1012, 0x100), (0x1F80, 4)] {
+                    let access = canopen::eds::Access::Rw;
+                    entries.push(entry(mux(index, 0), unsigned32, access, value));
+                }
+                let settings = NodeSettings {
+                    save_time: Duration::from_millis(10),
+                    sync_producer: Some(Duration::from_millis(1)),
+                    ..NodeSettings::default()
+                };
+                let mut eds = eds(entries);
+                eds.device.lss = true;
+                eds.device.bit_rates = vec![1000, 500];
+                let mut node = Node::new(&eds, 5, settings, rules, Box::new(Inert)).unwrap();
                 let (mut now, mut out) = (Instant::ZERO, Outbox::default());
                 for input in inputs {
                     match input {

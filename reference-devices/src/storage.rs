@@ -243,6 +243,16 @@ mod tests {
     }
 
     #[test]
+    fn a_node_that_is_stopped_meanwhile_does_not_answer() {
+        let mut rig = slow("");
+        rig.write(OWN, &[7]).unwrap();
+        rig.send(SAVE);
+        rig.send("000#0205");
+        assert_eq!(rig.until(rig.now.0 / 1000 + 50_000), []);
+        assert_eq!(after_reset(&mut rig).1, [7]);
+    }
+
+    #[test]
     fn a_save_that_is_cut_short_leaves_the_old_values() {
         for (rules, torn) in [("", false), ("save-completes-first", true)] {
             let mut rig = slow(rules);
