@@ -17,6 +17,10 @@ pub struct Reporter {
     every_case: bool,
     annotate: bool,
     bar: ProgressBar,
+    /// Whether the last thing said was a block, behind which a blank line belongs.
+    behind_block: bool,
+    /// Whether anything was said.
+    said: bool,
     journal: Option<(PathBuf, BufWriter<File>)>,
     junit: Option<PathBuf>,
     /// The first thing that went wrong while writing the journal.
@@ -64,6 +68,8 @@ impl Reporter {
             every_case: args.verbose || !show_bar,
             annotate: std::env::var_os("GITHUB_ACTIONS").is_some(),
             bar,
+            behind_block: false,
+            said: false,
             journal,
             junit: args.junit.clone(),
             trouble: None,
@@ -90,6 +96,9 @@ impl Reporter {
     /// Writes what is written at the end, and says what is to be said.
     pub fn finish(&mut self) -> Exit {
         self.bar.finish_and_clear();
+        if std::mem::take(&mut self.behind_block) {
+            say("\n");
+        }
         say(&terminal::summary(&self.run, self.style));
         if let Some((path, file)) = &mut self.journal
             && let Err(error) = file.flush()
@@ -122,11 +131,19 @@ impl Reporter {
         let Some((device, case)) = self.run.latest() else { return };
         let verdict = case.verdict();
         let mut text = String::new();
-        if self.every_case || !matches!(verdict, Verdict::Pass | Verdict::Skip) {
+        let block = terminal::wants_details(&self.run, verdict);
+        if case.outcome.is_not_run() {
+            // The summary counts these.
+        } else if block {
+            text.push_str(&terminal::details(device, case, self.style));
+        } else if self.every_case || !matches!(verdict, Verdict::Pass | Verdict::Skip) {
             text.push_str(&terminal::case_line(device, case, self.style));
         }
-        if terminal::wants_details(&self.run, verdict) {
-            text.push_str(&terminal::details(device, case, self.style));
+        if !text.is_empty() {
+            if self.behind_block || block && self.said {
+                text.insert(0, '\n');
+            }
+            (self.behind_block, self.said) = (block, true);
         }
         if self.annotate {
             text.extend(github::annotation(device, case));

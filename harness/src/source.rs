@@ -18,7 +18,14 @@ pub struct Source {
 impl Source {
     /// The text of a line, counted from 1; empty when there is none.
     pub fn line(&self, line: usize) -> &str {
-        self.text.lines().nth(line.saturating_sub(1)).unwrap_or_default()
+        // YAML takes a lone CR for the end of a line, too.
+        let mut rest = self.text.as_str();
+        for _ in 1..line {
+            let Some(end) = rest.find(['\r', '\n']) else { return "" };
+            let two = rest[end..].starts_with("\r\n");
+            rest = &rest[end + 1 + usize::from(two)..];
+        }
+        rest.find(['\r', '\n']).map_or(rest, |end| &rest[..end])
     }
 }
 
@@ -117,6 +124,46 @@ pub fn read_yaml<T: for<'de> Deserialize<'de>>(source: &Arc<Source>) -> Result<T
         let message = error.without_snippet().to_string();
         // The location is shown below the message, once.
         let message = message.rsplit_once(" at line ").map_or(message.as_str(), |(text, _)| text);
-        Complaint { source: Arc::clone(source), place, message: message.to_owned() }
+        Complaint { source: Arc::clone(source), place, message: in_our_words(message) }
     })
+}
+
+/// What the YAML library says to programmers, said to people.
+fn in_our_words(message: &str) -> String {
+    if let Some(rest) = message.strip_prefix("duplicate mapping key: ") {
+        let key = rest.split([',', ';', ' ']).next().unwrap_or(rest);
+        return format!("`{key}` stands here a second time");
+    }
+    let integer = |word: &str| {
+        word.strip_prefix(['u', 'i'])
+            .is_some_and(|bits| bits == "size" || bits.parse::<u8>().is_ok())
+    };
+    match message.strip_prefix("invalid ") {
+        Some(word) if integer(word) => return "a whole number belongs here".to_owned(),
+        Some("f64" | "f32") => return "a number belongs here".to_owned(),
+        Some("bool" | "boolean") => return "`true` or `false` belongs here".to_owned(),
+        _ => {}
+    }
+    match message {
+        "expected sequence start" => "a list belongs here: `[one, another]`".to_owned(),
+        "expected mapping start" => "keys and values belong here: `{ key: value }`".to_owned(),
+        "expected string scalar" => "a text belongs here".to_owned(),
+        "unexpected end of input" => "the file is empty, or ends too early".to_owned(),
+        "tabs disallowed within this context (block indentation)" => {
+            "lines are indented by blanks, not by tabs".to_owned()
+        }
+        other => other.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_end_in_three_ways() {
+        let source = Source { name: String::new(), text: "a\nb\r\n\rd\n".to_owned() };
+        let lines: Vec<&str> = (0..=6).map(|line| source.line(line)).collect();
+        assert_eq!(lines, ["a", "a", "b", "", "d", "", ""]);
+    }
 }

@@ -1,5 +1,5 @@
-//! A run as text for a terminal: a line per case, a block per case that needs an explanation,
-//! and a summary.
+//! A run as text for a terminal: a line per case, instead of it a block per case that needs an
+//! explanation, and a summary.
 
 mod details;
 mod summary;
@@ -18,9 +18,16 @@ pub use summary::summary;
 pub fn report(run: &Run, style: Style) -> String {
     let mut text = String::new();
     for (device, case) in run.cases() {
-        text.push_str(&case_line(device, case, style));
+        if case.outcome.is_not_run() {
+            continue;
+        }
         if wants_details(run, case.verdict()) {
-            let _ = writeln!(text, "\n{}", details(device, case, style));
+            if !text.is_empty() && !text.ends_with("\n\n") {
+                text.push('\n');
+            }
+            let _ = writeln!(text, "{}", details(device, case, style));
+        } else {
+            text.push_str(&case_line(device, case, style));
         }
     }
     if !text.is_empty() && !text.ends_with("\n\n") {

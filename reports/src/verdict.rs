@@ -88,6 +88,16 @@ impl Outcome {
         }
     }
 
+    /// A case that was not run, because the device had gone.
+    pub fn not_run(why: &str) -> Self {
+        Self::Error { reason: format!("{NOT_RUN}{why}"), problem: None }
+    }
+
+    /// Whether the case was not run at all.
+    pub fn is_not_run(&self) -> bool {
+        matches!(self, Self::Error { reason, .. } if reason.starts_with(NOT_RUN))
+    }
+
     /// The problem, when there is one.
     pub fn problem(&self) -> Option<&Problem> {
         match self {
@@ -97,6 +107,8 @@ impl Outcome {
         }
     }
 }
+
+const NOT_RUN: &str = "not run: ";
 
 /// A difference between what was expected and what came.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

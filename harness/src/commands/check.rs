@@ -39,12 +39,21 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     }
     let cases: usize = library.suites.iter().map(|suite| suite.file.cases.len()).sum();
     let instances: usize = plans.iter().map(|plan| plan.instances.len()).sum();
+    let counts = [
+        (library.suites.len(), "suite"),
+        (cases, "case"),
+        (instances, "instance"),
+        (plans.len(), "device"),
+        (library.register.iter().count(), "requirement"),
+        (mutants, "mutant"),
+    ];
+    let counts = counts.map(|(count, noun)| match count {
+        1 => format!("1 {noun}"),
+        _ => format!("{count} {noun}s"),
+    });
+    let [suites, cases, instances, devices, requirements, mutants] = counts;
     say(&format!(
-        "{} suites, {cases} cases, {instances} instances on {} devices, {} requirements, \
-         {mutants} mutants: no errors\n",
-        library.suites.len(),
-        plans.len(),
-        library.register.iter().count(),
+        "{suites}, {cases}, {instances} on {devices}, {requirements}, {mutants}: no errors\n"
     ));
     Ok(Exit::Green)
 }

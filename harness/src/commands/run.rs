@@ -44,7 +44,7 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
         seed: (args.shuffle || args.seed.is_some()).then(|| args.seed.unwrap_or(1)),
         grade: args.grade.into(),
     }));
-    let (mut worst, mut reason) = (Exit::Green, None);
+    let (mut stopped, mut reason) = (Exit::Green, None);
     for (target, plan) in targets.iter().zip(&plans).filter(|(_, plan)| !plan.instances.is_empty())
     {
         let ending = match target.open(stop) {
@@ -66,14 +66,15 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
             Err(refused) => Ending::Bus(BusError::Open(refused.message)),
         };
         let (exit, why) = after(&ending, target);
-        worst = worst.max(exit);
+        stopped = stopped.max(exit);
         reason = reason.or(why);
         if exit == Exit::Interrupted {
             break;
         }
     }
-    worst = worst.max(of_verdicts(&reporter));
-    if let Some(reason) = &reason {
+    let worst = stopped.max(of_verdicts(&reporter));
+    // That enough failed is what the user asked for.
+    if let Some(reason) = reason.as_ref().filter(|_| stopped > Exit::Green) {
         eprintln!("error: {reason}");
     }
     reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason }));
@@ -114,7 +115,10 @@ fn suites_of_nobody(library: &Library) -> Vec<Complaint> {
 fn after(ending: &Ending, target: &Target) -> (Exit, Option<String>) {
     let name = &target.dut.name;
     match ending {
-        Ending::Complete | Ending::Enough => (Exit::Green, None),
+        Ending::Complete | Ending::Enough(0) => (Exit::Green, None),
+        Ending::Enough(left) => {
+            (Exit::Green, Some(format!("{name}: enough failed, {left} more were not run")))
+        }
         Ending::Nobody => {
             (Exit::Bus, Some(format!("{name}: node {} does not answer", target.dut.node)))
         }

@@ -24,8 +24,8 @@ pub enum Ending {
     Gone(String),
     /// The bus failed.
     Bus(BusError),
-    /// So many cases failed that the rest was not run.
-    Enough,
+    /// So many cases failed that the rest was not run, which is so many.
+    Enough(usize),
 }
 
 /// Runs a plan.
@@ -116,7 +116,7 @@ impl Session<'_> {
                 Aftermath::Stop(error) => return Ending::Bus(error),
             }
             if self.max_fail.is_some_and(|most| failed >= most) {
-                return Ending::Enough;
+                return Ending::Enough(rest.len());
             }
         }
         Ending::Complete
@@ -126,8 +126,7 @@ impl Session<'_> {
     fn not_run(&self, link: &Link, rest: &[Instance], why: &str, tell: &mut dyn FnMut(Event)) {
         for instance in rest {
             tell(self.started(link, instance));
-            let reason = format!("not run: {why}");
-            tell(ended(link, Outcome::Error { reason, problem: None }));
+            tell(ended(link, Outcome::not_run(why)));
         }
     }
 

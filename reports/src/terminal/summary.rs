@@ -85,11 +85,17 @@ fn not_passed(run: &Run, style: Style, text: &mut String) {
     let before = text.len();
     for (device, case) in run.cases() {
         let verdict = case.verdict();
-        if matches!(verdict, Verdict::Lenient | Verdict::Fail | Verdict::Error) {
+        if !case.outcome.is_not_run()
+            && matches!(verdict, Verdict::Lenient | Verdict::Fail | Verdict::Error)
+        {
             let padded = style.verdict(verdict, format_args!("{verdict:<7}")).to_string();
             let (device, name) = (one_line(&device.info.device), one_line(&case.info.name()));
             let _ = writeln!(text, "{padded}  {device}  {name}");
         }
+    }
+    let not_run = run.cases().filter(|(_, case)| case.outcome.is_not_run()).count() as u64;
+    if not_run > 0 {
+        let _ = writeln!(text, "{not_run} {} not run", plural(not_run, "case"));
     }
     if text.len() > before {
         text.push('\n');
