@@ -179,14 +179,17 @@ const fn in_pdo_record(index: u16) -> bool {
     matches!(index, 0x1400..=0x1BFF)
 }
 
-/// The object, and with one of a PDO its whole record: what may be written depends on the rest.
+/// The object, and with one of a PDO what it depends on: the COB-ID, and the rest of a mapping.
 fn with_record(mux: Mux, eds: &Eds) -> Vec<Mux> {
     if !in_pdo_record(mux.index) {
         return vec![mux];
     }
-    let record = mux.index & !0x0200;
-    let objects = [eds.object(record), eds.object(record | 0x0200)].into_iter().flatten();
-    objects.flat_map(|object| object.entries.iter().map(|entry| entry.mux)).collect()
+    let cob_id = Mux::new(mux.index & !0x0200, 1);
+    if mux.index & 0x0200 == 0 {
+        return vec![mux, cob_id];
+    }
+    let mapping = eds.object(mux.index).into_iter().flat_map(|object| &object.entries);
+    mapping.map(|entry| entry.mux).chain([cob_id]).collect()
 }
 
 fn restorable(mux: Mux, eds: &Eds) -> bool {
