@@ -8,8 +8,12 @@ use reports::{Keep, Run, Style, Verdict, terminal};
 
 /// The run that a journal tells of.
 pub(crate) fn read(journal: &Path) -> Run {
-    let text = fs::read_to_string(journal).expect("the run wrote its journal");
-    Run::fold(&text, Keep::Unusual).expect("the journal reads")
+    fold(&fs::read_to_string(journal).expect("the run wrote its journal"))
+}
+
+/// The run that the text of a journal tells of.
+pub(crate) fn fold(journal: &str) -> Run {
+    Run::fold(journal, Keep::Unusual).expect("the journal reads")
 }
 
 /// The verdicts by device and instance.
