@@ -6,6 +6,7 @@
 
 mod lss;
 mod session;
+mod transfers;
 
 use std::sync::{Arc, LazyLock};
 
@@ -29,18 +30,21 @@ use crate::target;
 
 pub use lss::lss_session;
 pub use session::{sdo_server_session, virtual_bus};
+pub use transfers::{block_transfer, sdo_client_server};
 
 /// Tells that a property holds for these bytes by coming back.
 pub type Property = fn(&[u8]);
 
 /// Every property, by its name.
-pub const ALL: [(&str, Property); 9] = [
+pub const ALL: [(&str, Property); 11] = [
+    ("block_transfer", block_transfer),
     ("candump_parse", candump_parse),
     ("eds_read", eds_read),
     ("frame_decode", frame_decode),
     ("journal_read", journal_read),
     ("lss_session", lss_session),
     ("pattern_parse", pattern_parse),
+    ("sdo_client_server", sdo_client_server),
     ("sdo_server_session", sdo_server_session),
     ("suite_load", suite_load),
     ("virtual_bus", virtual_bus),
