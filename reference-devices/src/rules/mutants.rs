@@ -358,7 +358,7 @@ mutants! {
     }
     "sync-production-drifts" {
         fn sync_production_period(&self, configured: Duration) -> Duration {
-            configured * 102 / 100
+            configured * 105 / 100
         }
     }
     "sync-period-in-whole-milliseconds" {
