@@ -11,8 +11,10 @@ use super::steps::Steps;
 use crate::suite::literal::show_time;
 use crate::suite::model::{FastscanStep, LssStep};
 
-/// How long the answer to one question may take.
+/// How long a question waits that a slave in order does not answer.
 const DEFAULT_SLOT: Duration = Duration::from_millis(10);
+/// How long one waits that it does: a host that is busy for a moment is no slave that is silent.
+const PATIENCE: Duration = Duration::from_millis(200);
 
 impl Steps<'_, '_> {
     pub(super) fn lss(&mut self, step: &LssStep) -> Judgement {
@@ -26,17 +28,17 @@ impl Steps<'_, '_> {
         let slot = self.optional_time(&step.slot, DEFAULT_SLOT)?;
         let begin = self.link.mark();
         let first = Fastscan { number: 0, bit: Fastscan::CONFIRM, part: 0, next: 0 };
-        if !self.asked(first, slot)? {
-            let actual = format!("no answer within {}", show_time(slot));
+        if !self.asked(first, PATIENCE)? {
+            let actual = format!("no answer within {}", show_time(PATIENCE));
             return device(Difference::new("a slave without node id that is there", actual));
         }
         let wanted = [&step.vendor, &step.product, &step.revision, &step.serial];
         for (part, wanted) in Part::ALL.into_iter().zip(wanted) {
-            let found = self.part(part, slot)?;
             let wanted = self.scope.int(&wanted.value).map_err(Trouble::Bench)?;
+            let found = self.part(part, wanted, slot)?;
             let next = (part as u8 + 1) % Part::ALL.len() as u8;
             let last = Fastscan { number: found, bit: 0, part: part as u8, next };
-            let agrees = self.asked(last, slot)?;
+            let agrees = self.asked(last, PATIENCE)?;
             if i128::from(found) != wanted || !agrees {
                 let actual = if agrees { "found" } else { "not confirmed:" };
                 return device(Difference::new(
@@ -61,11 +63,12 @@ impl Steps<'_, '_> {
 
     /// One part of the address, from the highest bit to the lowest: a bit that is not answered as
     /// 0 is 1.
-    fn part(&mut self, part: Part, slot: Duration) -> Result<u32, BusError> {
+    fn part(&mut self, part: Part, wanted: i128, slot: Duration) -> Result<u32, BusError> {
         let mut number = 0;
         for bit in (0..32).rev() {
             let scan = Fastscan { number, bit, part: part as u8, next: part as u8 };
-            if !self.asked(scan, slot)? {
+            let patience = if wanted >> bit & 1 == 0 { PATIENCE } else { slot };
+            if !self.asked(scan, patience)? {
                 number |= 1 << bit;
             }
         }

@@ -308,7 +308,8 @@ pub struct FastscanStep {
     pub revision: At<Literal>,
     /// The serial number to be found.
     pub serial: At<Literal>,
-    /// How long to wait for each answer; 10 ms unless said otherwise.
+    /// How long to wait for the answer to a question that a slave in order does not answer; 10 ms
+    /// unless said otherwise.
     #[serde(default)]
     pub slot: Option<At<Amount>>,
 }
