@@ -303,7 +303,8 @@ mod tests {
             let specifiers = vec![0x04, 0x11, 0x13, 0x15, 0x17, 0x43, 0x4B, 0x4C, 0x51, 0x5E];
             let lss = (prop::sample::select(specifiers), 0u8..10, 0u8..10)
                 .prop_map(|(service, a, b)| Data::from([service, a, b, 0, 0, 0, 0, 0]));
-            prop_oneof![4 => likely, 2 => nmt, 2 => lss, 2 => random.prop_map(|bytes| Data::new(&bytes))]
+            let random = random.prop_map(|bytes| Data::new(&bytes));
+            prop_oneof![4 => likely, 2 => nmt, 2 => lss, 2 => random]
         }
 
         fn input() -> impl Strategy<Value = Input> {
