@@ -124,8 +124,34 @@ pub fn read_yaml<T: for<'de> Deserialize<'de>>(source: &Arc<Source>) -> Result<T
         let message = error.without_snippet().to_string();
         // The location is shown below the message, once.
         let message = message.rsplit_once(" at line ").map_or(message.as_str(), |(text, _)| text);
+        let (offset, message) = offset_of(message);
+        let place = place
+            .map(|place| Place { column: place.column + quoted(source, place, offset), ..place });
         Complaint { source: Arc::clone(source), place, message: in_our_words(message) }
     })
+}
+
+/// A message about a place within a text: so many bytes behind its start. [`read_yaml`] puts the
+/// caret there.
+pub fn at_offset(offset: usize, message: &str) -> String {
+    format!("{MARK}{offset}{MARK}{message}")
+}
+
+const MARK: char = '@';
+
+fn offset_of(message: &str) -> (usize, &str) {
+    let marked = message.strip_prefix(MARK).and_then(|rest| rest.split_once(MARK));
+    let read = marked.and_then(|(offset, rest)| Some((offset.parse().ok()?, rest)));
+    read.unwrap_or((0, message))
+}
+
+/// The columns to an offset in a text that starts there, its quote included.
+fn quoted(source: &Source, place: Place, offset: usize) -> usize {
+    let first = source.line(place.line).chars().nth(place.column.saturating_sub(1));
+    match offset {
+        0 => 0,
+        _ => offset + usize::from(matches!(first, Some('"' | '\''))),
+    }
 }
 
 /// What the YAML library says to programmers, said to people.

@@ -65,7 +65,7 @@ fn bind_case(
     let mut scopes = match &case.each {
         None => vec![(Vec::new(), Scope::default())],
         Some(each) => each_scope(&each.value, dut)
-            .map_err(|wrong| vec![Complaint::at(&suite.source, each.place, wrong)])?,
+            .map_err(|wrong| vec![Complaint::at(&suite.source, wrong.place, wrong.value)])?,
     };
     if scopes.is_empty() {
         let reason = "the device has nothing of the kind this case is about".to_owned();

@@ -110,7 +110,7 @@ impl Checker<'_> {
             Step::Read(read) => self.read(read),
             Step::Write(write) => self.write(write, step.place),
             Step::Remap(remap) => self.remap(remap),
-            Step::Defaults(objects) => self.entries(objects, step.place),
+            Step::Defaults(objects) => self.entries(objects),
             Step::Nmt(_) => {}
             Step::Wait(time) => self.time(time),
             Step::Until(until) => self.until(until, step.place),
@@ -156,9 +156,10 @@ impl Checker<'_> {
         }
     }
 
-    fn entries(&mut self, objects: &Objects, place: Place) {
-        let result = matching_entries(objects, self.dut);
-        self.note(result.map(|_| ()), place);
+    fn entries(&mut self, objects: &Objects) {
+        if let Err(wrong) = matching_entries(objects, self.dut) {
+            self.complain(wrong.place, wrong.value);
+        }
     }
 
     fn fastscan(&mut self, scan: &FastscanStep) {
@@ -213,14 +214,14 @@ impl Checker<'_> {
                 Err(wrong) => self.complain(size.place, wrong),
             }
         }
-        if let Some(name) = &read.save {
+        if let Some(At { value: name, place }) = &read.save {
             let bytes = entry.default_bytes(self.dut.node).unwrap_or_default();
             let value = entry.data_type.decode(&bytes);
             self.scope.bind(
                 name.0.clone(),
                 value.map_or(Binding::Bytes(bytes), |value| Binding::Value(value, entry.data_type)),
             );
-            self.saved.push((name.0.clone(), read.object.place));
+            self.saved.push((name.0.clone(), *place));
         }
     }
 
@@ -247,9 +248,9 @@ impl Checker<'_> {
             },
             _ => self.complain(place, "a write has one of `value`, `bytes` and `fill`"),
         }
-        if let Some(name) = &write.save {
+        if let Some(At { value: name, place }) = &write.save {
             self.scope.bind(name.0.clone(), Binding::Bytes(Vec::new()));
-            self.saved.push((name.0.clone(), write.object.place));
+            self.saved.push((name.0.clone(), *place));
         }
     }
 

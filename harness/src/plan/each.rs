@@ -8,6 +8,7 @@ use canopen::{DataType, Mux, Value};
 use super::check;
 use super::pdo::pdo_scopes;
 use super::scope::{Binding, Dut, Scope};
+use crate::source::At;
 use crate::suite::literal::{Literal, ObjectRef};
 use crate::suite::model::{AccessName, Each, Has, Objects};
 
@@ -18,7 +19,7 @@ pub(super) type Bound = (Vec<String>, Scope);
 ///
 /// # Errors
 /// As [`matching_entries`].
-pub(super) fn each_scope(each: &Each, dut: &Dut) -> Result<Vec<Bound>, String> {
+pub(super) fn each_scope(each: &Each, dut: &Dut) -> Result<Vec<Bound>, At<String>> {
     match each {
         Each::Objects(objects) => {
             let entries = matching_entries(objects, dut)?;
@@ -39,16 +40,17 @@ pub(super) fn each_scope(each: &Each, dut: &Dut) -> Result<Vec<Bound>, String> {
 /// The entries of the data sheet that fit.
 ///
 /// # Errors
-/// When a range or a data type is not written as one.
-pub fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d Entry>, String> {
+/// When a range or a data type is not written as one, and where.
+pub fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d Entry>, At<String>> {
     let range = match &objects.range {
         None => 0..=u16::MAX,
-        Some(range) => index_range(&range.value)?,
+        Some(range) => index_range(&range.value).map_err(|wrong| At::new(wrong, range.place))?,
     };
     let mut types = Vec::new();
     for name in &objects.types {
         let known = DataType::named(&name.value);
-        types.push(known.ok_or_else(|| format!("`{}` is no data type", name.value))?);
+        let wrong = || At::new(format!("`{}` is no data type", name.value), name.place);
+        types.push(known.ok_or_else(wrong)?);
     }
     let except =
         |mux: Mux| objects.except.iter().any(|object| object.value == ObjectRef::Fixed(mux));

@@ -69,7 +69,7 @@ impl Steps<'_, '_> {
             let wrong = Difference::new(name(flow.into()), name(ended.protocol));
             return device(Difference { raw: ended.raw, ..wrong });
         }
-        if let Some(name) = &read.save {
+        if let Some(At { value: name, .. }) = &read.save {
             let value = entry.as_ref().and_then(|entry| {
                 Some(Binding::Value(entry.data_type.decode(&data).ok()?, entry.data_type))
             });
@@ -91,7 +91,7 @@ impl Steps<'_, '_> {
         if let Some(expected) = &write.refused {
             return refusal(&ended.result, &expected.value, ended.raw);
         }
-        if let Some(name) = &write.save {
+        if let Some(At { value: name, .. }) = &write.save {
             self.scope.bind(name.0.clone(), Binding::Bytes(data.clone()));
         }
         accepted(mux, &data, self.dut.eds.entry(mux), ended)
@@ -139,7 +139,8 @@ impl Steps<'_, '_> {
     }
 
     pub(super) fn defaults(&mut self, objects: &Objects) -> Judgement {
-        let entries = matching_entries(objects, self.dut).map_err(Trouble::Bench)?;
+        let entries =
+            matching_entries(objects, self.dut).map_err(|wrong| Trouble::Bench(wrong.value))?;
         for entry in entries.into_iter().cloned().collect::<Vec<_>>() {
             let default = entry.default_bytes(self.dut.node);
             let value =

@@ -230,7 +230,12 @@ impl FromStr for FrameText {
             Some((name, body)) => (Some(name.trim().parse()?), format!("000#{body}").parse()),
             None => (None, text.parse()),
         };
-        let pattern = pattern.map_err(|error: canopen::PatternError| error.to_string())?;
+        // The name may be longer or shorter than the identifier in its stead.
+        let head = named.map_or(0, |(name, _)| name.len() as isize - 3);
+        let pattern = pattern.map_err(|error: canopen::PatternError| {
+            let at = usize::try_from(error.at as isize + head).unwrap_or_default();
+            crate::source::at_offset(at, error.message)
+        })?;
         Ok(Self { id, pattern })
     }
 }

@@ -435,7 +435,7 @@ pub struct Read {
     pub length: Option<At<Literal>>,
     /// Names the value for later steps.
     #[serde(default)]
-    pub save: Option<Name>,
+    pub save: Option<At<Name>>,
     /// The device must refuse, with this code.
     #[serde(default)]
     pub refused: Option<At<Refusal>>,
@@ -467,7 +467,7 @@ pub struct Write {
     pub fill: Option<At<Literal>>,
     /// Names what was written for later steps.
     #[serde(default)]
-    pub save: Option<Name>,
+    pub save: Option<At<Name>>,
     /// The device must refuse, with this code.
     #[serde(default)]
     pub refused: Option<At<Refusal>>,
