@@ -3,7 +3,7 @@
 use canopen::monitor::{self, Breach, Seen};
 use canopen::pdo::CobId;
 use canopen::{BusError, Instant, Mux};
-use reports::{Measured, Outcome, Phase, Place as ReportPlace, Problem};
+use reports::{Measured, Note, Outcome, Phase, Place as ReportPlace, Problem};
 
 use super::bench::Stimuli;
 use super::judge::{Difference, Trouble};
@@ -25,7 +25,7 @@ pub(super) struct Finished {
     /// What was measured.
     pub measured: Vec<Measured>,
     /// Remarks.
-    pub notes: Vec<String>,
+    pub notes: Vec<Note>,
     /// What the case means for those that follow.
     pub aftermath: Aftermath,
 }
@@ -68,7 +68,7 @@ struct CaseRun<'r, 'b> {
     policy: &'r Policy,
     dut: &'r Dut,
     instance: &'r Instance,
-    notes: Vec<String>,
+    notes: Vec<Note>,
     measured: Vec<Measured>,
     stimuli: Stimuli,
 }
@@ -76,7 +76,7 @@ struct CaseRun<'r, 'b> {
 impl CaseRun<'_, '_> {
     fn run(&mut self, left: Left) -> (Outcome, Aftermath) {
         match settle::settle(self.link, self.policy, self.dut, left) {
-            Ok(note) => self.notes.extend(note),
+            Ok(note) => note.into_iter().for_each(|text| self.note(text)),
             Err(Unsettled::Bus(error)) => return self.bus_failed(error),
             Err(Unsettled::Device(why)) => {
                 let reason = format!("the device did not come back: {why}");
@@ -173,7 +173,7 @@ impl CaseRun<'_, '_> {
                 return Err(BusError::Io(what));
             }
             Err(error) => {
-                self.notes.push(format!("the bench does not set back what the case set: {error}"));
+                self.note(format!("the bench does not set back what the case set: {error}"));
             }
         }
         if snapshot.is_empty() {
@@ -184,9 +184,13 @@ impl CaseRun<'_, '_> {
         }
         let whole = snapshot.restore(self.link, self.policy, self.dut)?;
         if !whole {
-            self.notes.push("not every object could be restored".to_owned());
+            self.note("not every object could be restored".to_owned());
         }
         Ok(whole)
+    }
+
+    fn note(&mut self, text: String) {
+        self.notes.push(Note { at: self.link.mark(), text });
     }
 
     fn bus_failed(&self, failure: BusError) -> (Outcome, Aftermath) {

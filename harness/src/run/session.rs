@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use canopen::{Bus, BusError, DataType, Mux, Value};
-use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Note, Outcome};
+use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Outcome};
 
 use super::case::{self, Aftermath};
 use super::link::{Link, Policy};
@@ -96,13 +96,10 @@ impl Session<'_> {
                 continue;
             }
             let finished = case::run(link, &self.policy, &self.plan.dut, instance, left);
-            let at = link.mark();
             for seen in &finished.trace {
                 tell(Event::Frame(seen.stamped));
             }
-            for text in finished.notes {
-                tell(Event::Note(Note { at, text }));
-            }
+            finished.notes.into_iter().for_each(|note| tell(Event::Note(note)));
             finished.measured.into_iter().for_each(|measured| tell(Event::Measured(measured)));
             failed += usize::from(matches!(finished.outcome, Outcome::Fail(_)));
             tell(ended(link, finished.outcome));
