@@ -74,7 +74,8 @@ fn generated_files_say_so() {
 fn every_suite_file_names_its_schema() {
     const START: &str = "# yaml-language-server: $schema=";
     each(&["yaml"], |file, text| {
-        if !file.starts_with("suites/") {
+        // The list of CiA's checks is read by `harness trace` alone.
+        if !file.starts_with("suites/") || file.ends_with("/cia-test-map.yaml") {
             return None;
         }
         let folder = project().join(file);
