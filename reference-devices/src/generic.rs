@@ -348,12 +348,12 @@ mod tests {
         rig.write(mux(0x6003, 1), &[0x04]).unwrap();
         set(&mut rig, "digital-inputs-1", 0);
         assert_eq!(rig.read(mux(0x6000, 1)), Ok(vec![0x04]));
-        rig.run_to(rig.now.0 / 1000 + 5_000);
+        rig.run_to(rig.now.0 / 1000 + 60_000);
         assert_eq!(rig.read(mux(0x6000, 1)), Ok(vec![0]));
         set(&mut rig, "digital-inputs-1", 0x04);
-        rig.run_to(rig.now.0 / 1000 + 4_000);
+        rig.run_to(rig.now.0 / 1000 + 59_000);
         set(&mut rig, "digital-inputs-1", 0);
-        rig.run_to(rig.now.0 / 1000 + 9_000);
+        rig.run_to(rig.now.0 / 1000 + 100_000);
         assert_eq!(rig.read(mux(0x6000, 1)), Ok(vec![0]));
     }
 

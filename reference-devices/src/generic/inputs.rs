@@ -102,7 +102,7 @@ fn threshold(mux: Mux, last: i64, od: &Dictionary, rules: &dyn GenericRules) -> 
 }
 
 /// How long a filtered level has to hold.
-const FILTER_TIME: Duration = Duration::from_millis(5);
+const FILTER_TIME: Duration = Duration::from_millis(60);
 
 /// Read input 8-bit.
 pub(super) const DIGITAL_INPUT: u16 = 0x6000;
