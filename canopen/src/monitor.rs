@@ -64,7 +64,7 @@ pub trait Monitor {
 /// beside those of the predefined connection set.
 pub fn all(node: u8, known: Vec<u16>) -> Vec<Box<dyn Monitor>> {
     vec![
-        Box::new(NoSurprise { node, history_cleared: false, asked: false, resets: 0 }),
+        Box::new(NoSurprise { node, history_cleared: false, asked: 0, resets: 0 }),
         Box::new(KnownIdentifiers { node, known }),
         Box::new(HeartbeatAlive { node, asked: None, period: None, last: None }),
         Box::new(SilentWhenStopped { node, stopped: false, asked: false }),
@@ -77,8 +77,8 @@ struct NoSurprise {
     history_cleared: bool,
     /// Commands that a boot-up may still be the answer to.
     resets: u32,
-    /// Whether a request has no answer yet.
-    asked: bool,
+    /// Requests that have no answer yet: they may be sent faster than they are answered.
+    asked: u32,
 }
 
 impl NoSurprise {
@@ -90,7 +90,7 @@ impl Monitor for NoSurprise {
         let node = u16::from(self.node);
         let frame = &seen.stamped.frame;
         if seen.stamped.own && frame.data_id() == Some(sdo::REQUEST_COB_ID + node) {
-            self.asked = true;
+            self.asked += 1;
             let request = Request::decode(&frame.data);
             self.history_cleared |= matches!(request, Ok(Request::Download(Self::ERROR_COUNT, _)));
         }
@@ -104,7 +104,8 @@ impl Monitor for NoSurprise {
             return Ok(());
         }
         let answer = incoming(seen) == Some(sdo::RESPONSE_COB_ID + node);
-        let asked = answer && std::mem::take(&mut self.asked);
+        let asked = answer && self.asked > 0;
+        self.asked -= u32::from(asked);
         let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
         if id == emcy::COB_ID + node {
             // Clearing the history may be reported as the reset of all errors.
