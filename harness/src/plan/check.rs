@@ -116,13 +116,18 @@ impl Checker<'_> {
             Step::Until(until) => self.until(until, step.place),
             Step::Measure(measure) => {
                 self.patterns(&measure.frame, &[]);
-                if measure.count < 2 {
+                let of_intervals = measure.interval.is_some() || measure.mean.is_some();
+                if of_intervals && measure.count < 2 {
                     self.complain(step.place, "an interval needs a `count` of at least 2 frames");
                 }
-                if measure.interval.is_none() && measure.mean.is_none() {
-                    self.complain(step.place, "`measure` judges nothing: say `interval` or `mean`");
+                if measure.latency.is_some() && measure.during.is_none() {
+                    self.complain(step.place, "`latency` counts from the frames of `during`");
                 }
-                for bounds in measure.interval.iter().chain(&measure.mean) {
+                if !of_intervals && measure.latency.is_none() {
+                    let message = "`measure` judges nothing: say `interval`, `mean` or `latency`";
+                    self.complain(step.place, message);
+                }
+                for bounds in measure.interval.iter().chain(&measure.mean).chain(&measure.latency) {
                     for tolerance in
                         [Some(&bounds.strict), bounds.lenient.as_ref()].into_iter().flatten()
                     {

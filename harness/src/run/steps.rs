@@ -209,7 +209,8 @@ impl Steps<'_, '_> {
         };
         let each = limits(&measure.interval, slack)?;
         let average = limits(&measure.mean, slack / intervals)?;
-        let longest = each.as_ref().map_or(Duration::MAX, Limits::longest);
+        let late = limits(&measure.latency, slack)?;
+        let longest = each.as_ref().or(late.as_ref()).map_or(Duration::MAX, Limits::longest);
         let patience = longest.min(UNBOUNDED_PATIENCE) * 2;
         let first = self.optional_time(&measure.within, patience)?;
         let mut stamps: Vec<Instant> = Vec::new();
@@ -239,7 +240,23 @@ impl Steps<'_, '_> {
             self.measured.push(limits.figures(what.clone(), &intervals));
             lenient = lenient.or(limits.judge(mean(&intervals), &what)?);
         }
+        if let (Some(limits), Some(during)) = (late, &measure.during) {
+            let asked = self.frame(&during.frame)?;
+            let latencies = self.latencies(&asked, start, &stamps);
+            let what = format!("time from {} to {}", asked.id, pattern.id());
+            self.measured.push(limits.figures(what.clone(), &latencies));
+            for latency in &latencies {
+                lenient = lenient.or(limits.judge(*latency, &what)?);
+            }
+        }
         Ok(lenient)
+    }
+
+    /// How long after the first `asked` the first of the stamps is, and so on.
+    fn latencies(&self, asked: &Frame, start: Instant, stamps: &[Instant]) -> Vec<Duration> {
+        let trace = self.link.trace().iter().map(|seen| &seen.stamped);
+        let sent = trace.filter(|sent| sent.own && sent.frame == *asked && sent.at >= start);
+        sent.zip(stamps).map(|(sent, answered)| answered.since(sent.at)).collect()
     }
 
     fn collect(&mut self, collect: &Collect) -> Judgement {

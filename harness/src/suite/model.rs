@@ -544,6 +544,9 @@ pub struct Measure {
     /// What the mean interval must be.
     #[serde(default)]
     pub mean: Option<Bounds>,
+    /// How long after the first frame of `during` the first may come, and so on.
+    #[serde(default)]
+    pub latency: Option<Bounds>,
     /// How long the first may take; the upper bound of the interval unless said otherwise.
     #[serde(default)]
     pub within: Option<At<Amount>>,
