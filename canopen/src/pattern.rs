@@ -134,7 +134,8 @@ impl Pattern {
     pub fn edit(&self, frame: &Frame) -> Frame {
         let id = self.id();
         match &self.body {
-            Body::Remote(_) => Frame { id, remote: true, ..*frame },
+            Body::Remote(Some(length)) => Frame { id, ..Frame::remote(0, *length) },
+            Body::Remote(None) => Frame { id, remote: true, ..*frame },
             Body::Data { bytes, any_rest } => {
                 let mut data = Data::EMPTY;
                 for (place, byte) in bytes.iter().enumerate() {
@@ -346,6 +347,8 @@ mod tests {
         assert_eq!(edited.to_string(), "585#8017100000000008");
         assert_eq!(bound("580+n#=...").edit(&frame), frame);
         assert_eq!(bound("700+n#").edit(&"705#05".parse().unwrap()).to_string(), "705#");
+        assert_eq!(bound("700+n#R").edit(&frame).to_string(), "705#R8");
+        assert_eq!(bound("700+n#R5").edit(&frame).to_string(), "705#R5");
     }
 
     #[test]
