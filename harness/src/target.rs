@@ -13,7 +13,7 @@ use reference_devices::mutant;
 use reference_devices::rules::Specification;
 
 use crate::bus::socketcan::SocketCan;
-use crate::cli::Selection;
+use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::exit::{Exit, Refused};
 use crate::plan::Dut;
 use crate::rig::{Rig, WithRig};
@@ -200,6 +200,7 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
     if let Some(node) = selection.node {
         options.push_str(&format!(" --node {node}"));
     }
+    say_sheet_and_rate(selection, &mut options);
     let (rig, bench) = match rig(selection, &mut options)? {
         Some((rig, names)) => (Some(rig), names),
         None => (None, device.node(node, Box::new(Specification)).bench_names()),
@@ -219,6 +220,16 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
     })
 }
 
+/// Adds what else a verdict depends on to the options that repeat a run.
+fn say_sheet_and_rate(selection: &Selection, options: &mut String) {
+    if let Some(path) = &selection.eds {
+        options.push_str(&format!(" --eds {}", path.display()));
+    }
+    if selection.bitrate != DEFAULT_BIT_RATE {
+        options.push_str(&format!(" --bitrate {}", selection.bitrate));
+    }
+}
+
 fn on_interface(
     selection: &Selection,
     name: &str,
@@ -236,9 +247,7 @@ fn on_interface(
     }
     let (dut_name, (sheet, eds)) = data_sheet(selection, first)?;
     let mut options = format!("--target {name} --node {}", first.node);
-    if let Some(path) = &selection.eds {
-        options.push_str(&format!(" --eds {}", path.display()));
-    }
+    say_sheet_and_rate(selection, &mut options);
     let (rig, bench) = rig(selection, &mut options)?.unzip();
     let bench = bench.unwrap_or_default();
     Ok(vec![Target {
