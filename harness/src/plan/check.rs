@@ -11,7 +11,8 @@ use crate::source::{At, Complaint, Place};
 use crate::suite::Suite;
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, Refusal};
 use crate::suite::model::{
-    Case, FastscanStep, LssStep, Objects, Observe, Produce, Read, Remap, Step, Until, Write,
+    Case, FastscanStep, LssStep, Measure, Objects, Observe, Produce, Read, Remap, Step, Until,
+    Write,
 };
 
 /// Checks that what a case requires can exist at all.
@@ -114,30 +115,7 @@ impl Checker<'_> {
             Step::Nmt(_) => {}
             Step::Wait(time) => self.time(time),
             Step::Until(until) => self.until(until, step.place),
-            Step::Measure(measure) => {
-                self.patterns(&measure.frame, &[]);
-                let of_intervals = measure.interval.is_some() || measure.mean.is_some();
-                if of_intervals && measure.count < 2 {
-                    self.complain(step.place, "an interval needs a `count` of at least 2 frames");
-                }
-                if measure.latency.is_some() && measure.during.is_none() {
-                    self.complain(step.place, "`latency` counts from the frames of `during`");
-                }
-                if !of_intervals && measure.latency.is_none() {
-                    let message = "`measure` judges nothing: say `interval`, `mean` or `latency`";
-                    self.complain(step.place, message);
-                }
-                for bounds in measure.interval.iter().chain(&measure.mean).chain(&measure.latency) {
-                    for tolerance in
-                        [Some(&bounds.strict), bounds.lenient.as_ref()].into_iter().flatten()
-                    {
-                        let result = self.scope.bounds(&tolerance.value);
-                        self.note(result.map(|_| ()), tolerance.place);
-                    }
-                }
-                self.times(&measure.within);
-                self.produce(measure.during.as_ref());
-            }
+            Step::Measure(measure) => self.measure(measure, step.place),
             Step::Collect(collect) => {
                 self.patterns(&collect.frame, &[]);
                 let count = self.scope.int(&collect.count.value);
@@ -201,6 +179,29 @@ impl Checker<'_> {
         if !self.dut.bench.iter().any(|known| known == name) {
             self.lacking.get_or_insert_with(|| format!("there is no bench with `{name}`"));
         }
+    }
+
+    fn measure(&mut self, measure: &Measure, place: Place) {
+        self.patterns(&measure.frame, &[]);
+        let of_intervals = measure.interval.is_some() || measure.mean.is_some();
+        if of_intervals && measure.count < 2 {
+            self.complain(place, "an interval needs a `count` of at least 2 frames");
+        }
+        if measure.latency.is_some() && measure.during.is_none() {
+            self.complain(place, "`latency` counts from the frames of `during`");
+        }
+        if !of_intervals && measure.latency.is_none() {
+            let message = "`measure` judges nothing: say `interval`, `mean` or `latency`";
+            self.complain(place, message);
+        }
+        for bounds in measure.interval.iter().chain(&measure.mean).chain(&measure.latency) {
+            for tolerance in [Some(&bounds.strict), bounds.lenient.as_ref()].into_iter().flatten() {
+                let result = self.scope.bounds(&tolerance.value);
+                self.note(result.map(|_| ()), tolerance.place);
+            }
+        }
+        self.times(&measure.within);
+        self.produce(measure.during.as_ref());
     }
 
     fn read(&mut self, read: &Read) {

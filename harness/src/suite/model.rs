@@ -268,7 +268,7 @@ pub enum Step {
     /// Uploads an object again and again until it has the value.
     Until(Until),
     /// Measures the intervals between frames.
-    Measure(Measure),
+    Measure(Box<Measure>),
     /// Counts frames.
     Collect(Collect),
     /// Sends SYNC messages.
