@@ -12,7 +12,7 @@ use crate::settings::EmcyTable;
 pub struct Errors {
     active: Vec<Active>,
     news: VecDeque<News>,
-    communication_error: bool,
+    reaction: Option<u8>,
 }
 
 /// What happened to an error.
@@ -67,6 +67,12 @@ impl Errors {
         }
     }
 
+    /// An error of the application appeared that is of the class in 1029h `sub`: when the device is
+    /// OPERATIONAL, that entry says what becomes of its state (CiA 301, 7.5.2.32).
+    pub fn react(&mut self, sub: u8) {
+        self.reaction = Some(sub);
+    }
+
     /// The application's error `error` is gone. Nothing happens when it was not there.
     pub fn clear(&mut self, error: u16) {
         self.remove(FaultKind::Application, error);
@@ -83,7 +89,9 @@ impl Errors {
         if known && !rules.emcy_repeated() {
             return;
         }
-        self.communication_error |= fault.kind.is_communication_error();
+        if fault.kind.is_communication_error() {
+            self.reaction = Some(COMMUNICATION_ERROR);
+        }
         let form = table.form(fault.kind);
         let vendor = form.map_or([0; 5], |form| form.vendor_bytes(fault));
         if !known {
@@ -116,7 +124,7 @@ impl Errors {
         let stays = |active: &Active| active.kind == FaultKind::Application && !application_too;
         self.active.retain(stays);
         self.news.clear();
-        self.communication_error = false;
+        self.reaction = None;
     }
 
     pub(crate) fn take_news(&mut self) -> Option<News> {
@@ -127,9 +135,9 @@ impl Errors {
         !self.news.is_empty()
     }
 
-    /// Whether an error appeared to which the device reacts as 1029h says.
-    pub(crate) fn take_communication_error(&mut self) -> bool {
-        std::mem::take(&mut self.communication_error)
+    /// The sub-index of 1029h that says how the device reacts to an error that appeared.
+    pub(crate) fn take_reaction(&mut self) -> Option<u8> {
+        self.reaction.take()
     }
 
     fn tell(&mut self, code: EmcyCode, vendor: [u8; 5]) {
@@ -154,3 +162,6 @@ impl FaultKind {
         matches!(self, Self::Guarding | Self::Heartbeat)
     }
 }
+
+/// The class of lost heartbeats and life guarding in 1029h.
+pub(crate) const COMMUNICATION_ERROR: u8 = 1;

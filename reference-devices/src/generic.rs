@@ -40,6 +40,18 @@ pub struct Generic {
     digital_outputs: [Output; 2],
     analogue_outputs: [Output; 2],
     client: ClientRecord,
+    faults: [Fault; 2],
+}
+
+/// A terminal of one kind that can break.
+#[derive(Clone, Copy, Debug)]
+struct Fault {
+    name: &'static str,
+    code: EmcyCode,
+    /// Its class in 1029h.
+    class: u8,
+    wanted: bool,
+    present: bool,
 }
 
 impl Generic {
@@ -55,6 +67,10 @@ impl Generic {
             digital_outputs: Default::default(),
             analogue_outputs: Default::default(),
             client: ClientRecord::default(),
+            faults: [
+                Fault::new("output-fault", EmcyCode(0x2300), 2),
+                Fault::new("input-fault", EmcyCode(0x2100), 3),
+            ],
         }
     }
 
@@ -112,6 +128,7 @@ impl Generic {
 impl Behaviour for Generic {
     fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {
         self.simulated = [0; SIMULATED];
+        self.faults.iter_mut().for_each(|fault| fault.present = false);
         self.source = 0;
         self.digital_inputs.iter_mut().for_each(DigitalBlock::restart);
         self.outputs().for_each(|output| *output = Output::default());
@@ -177,6 +194,7 @@ impl Behaviour for Generic {
         self.sample(now, od);
         self.drive(od);
         self.simulate(od, errors);
+        self.faults.iter_mut().for_each(|fault| fault.show(errors));
         let faulty = i64::from(errors.register() != 0);
         let running = i64::from(self.state == NmtState::OPERATIONAL);
         od.set_int(SOURCE, self.source.into());
@@ -195,7 +213,8 @@ impl Behaviour for Generic {
             (ANALOGUE_OUTPUTS, self.analogue_outputs.len()),
         ];
         let numbered = |(name, count)| (1..=count).map(move |number| format!("{name}{number}"));
-        counts.into_iter().flat_map(numbered).collect()
+        let faults = self.faults.iter().map(|fault| fault.name.to_owned());
+        counts.into_iter().flat_map(numbered).chain(faults).collect()
     }
 
     fn stimulate(
@@ -216,6 +235,10 @@ impl Behaviour for Generic {
             let wrong = || BenchError(format!("{name} is a field value of 16 bits, not {value}"));
             let number = number.and_then(|number| i16::try_from(number).ok());
             *field = number.ok_or_else(wrong)?.into();
+        } else if let Some(fault) = self.faults.iter_mut().find(|fault| fault.name == name) {
+            let wrong = || BenchError(format!("{name} is 0 or 1, not {value}"));
+            let number = number.filter(|number| matches!(number, 0 | 1));
+            fault.wanted = number.ok_or_else(wrong)? == 1;
         } else {
             return Err(BenchError::unknown(name));
         }
@@ -229,6 +252,8 @@ impl Behaviour for Generic {
             self.analogue_inputs.get(place).copied()
         } else if let Some(place) = place(name, DIGITAL_OUTPUTS) {
             self.digital_outputs.get(place).map(|output| output.terminal)
+        } else if let Some(fault) = self.faults.iter().find(|fault| fault.name == name) {
+            Some(fault.wanted.into())
         } else {
             self.analogue_outputs.get(place(name, ANALOGUE_OUTPUTS)?).map(|output| output.terminal)
         };
@@ -241,6 +266,27 @@ impl Behaviour for Generic {
             self.source |= 1 << mux.sub.saturating_sub(1);
         }
         event
+    }
+}
+
+impl Fault {
+    const fn new(name: &'static str, code: EmcyCode, class: u8) -> Self {
+        Self { name, code, class, wanted: false, present: false }
+    }
+
+    /// Lets the error appear or go.
+    fn show(&mut self, errors: &mut Errors) {
+        if self.present == self.wanted {
+            return;
+        }
+        self.present = self.wanted;
+        let number = FAULTS + u16::from(self.class);
+        if self.present {
+            errors.raise(number, self.code, register_bit(self.code), [0; 5]);
+            errors.react(self.class);
+        } else {
+            errors.clear(number);
+        }
     }
 }
 
@@ -284,6 +330,8 @@ const REFUSED_WITH: Mux = Mux::new(0x2F05, 0);
 /// The codes of errors that are to be present.
 const SIMULATED_ERROR: u16 = 0x2F40;
 const SIMULATED: usize = 4;
+/// Where the numbers of broken terminals begin, behind those of simulated errors.
+const FAULTS: u16 = 0x100;
 
 #[cfg(test)]
 mod tests {

@@ -160,8 +160,12 @@ pub trait Rules: LssRules + SdoBlockRules + Send {
         state == NmtState::OPERATIONAL
     }
 
-    /// On a communication error, 1029h sub 1 decides: PRE-OPERATIONAL, nothing, or STOPPED
-    /// (7.5.2.32).
+    /// Each class of errors has its own entry of 1029h, communication errors sub 1 (7.5.2.32).
+    fn error_class(&self, sub: u8) -> Option<u8> {
+        Some(sub)
+    }
+
+    /// It decides: PRE-OPERATIONAL, nothing, or STOPPED (7.5.2.32).
     fn error_reaction(&self, configured: u8) -> Option<NmtState> {
         match configured {
             0 => Some(NmtState::PRE_OPERATIONAL),

@@ -15,7 +15,7 @@ use crate::behaviour::{Behaviour, Event};
 use crate::emcy::EmcyProducer;
 use crate::emcy_consumer;
 use crate::error_behaviour;
-use crate::errors::{Errors, Fault};
+use crate::errors::{COMMUNICATION_ERROR, Errors, Fault};
 use crate::guarding::Guarding;
 use crate::heartbeat_consumer::HeartbeatConsumer;
 use crate::heartbeat_producer::HeartbeatProducer;
@@ -289,14 +289,14 @@ impl Services {
         }
     }
 
-    /// The state that a communication error since the last call leads to.
+    /// The state that an error since the last call leads to.
     pub(crate) fn take_reaction(&mut self, now: Instant) -> Option<NmtState> {
-        if !self.base.errors.take_communication_error() {
-            return None;
+        let sub = self.base.errors.take_reaction()?;
+        if sub == COMMUNICATION_ERROR {
+            self.behaviour.event(now, Event::CommunicationError, &mut self.base.od);
+            self.touched = true;
         }
-        self.behaviour.event(now, Event::CommunicationError, &mut self.base.od);
-        self.touched = true;
-        error_behaviour::reaction(&self.base)
+        error_behaviour::reaction(&self.base, sub)
     }
 
     pub(crate) fn poll_at(&self) -> Option<Instant> {

@@ -114,6 +114,12 @@ mutants! {
     "heartbeat-burst-at-boot-up" {
         fn heartbeats_at_boot_up(&self) -> u32 { 3 }
     }
+    "error-classes-are-one" {
+        fn error_class(&self, _sub: u8) -> Option<u8> { Some(1) }
+    }
+    "errors-of-the-application-without-reaction" {
+        fn error_class(&self, sub: u8) -> Option<u8> { (sub == 1).then_some(sub) }
+    }
     "error-behaviour-ignored" {
         fn error_reaction(&self, _configured: u8) -> Option<NmtState> { None }
     }
