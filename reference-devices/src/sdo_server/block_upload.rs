@@ -112,9 +112,11 @@ impl BlockUpload {
             return Ok((Transfer::BlockUpload(self), None));
         };
         self.sent += 1;
+        // From deadline to deadline, so that a device that wakes up late is no slower.
+        let due = self.due().unwrap_or(now);
         self.phase = match segment.last || self.sent == self.block {
             true => Phase::Ack,
-            false => Phase::Segment(now + self.pause),
+            false => Phase::Segment(due + self.pause),
         };
         let sequence = self.first + self.sent - 1;
         let segment = BlockSegment { sequence, ..segment };
