@@ -183,7 +183,8 @@ impl Checker<'_> {
 
     fn measure(&mut self, measure: &Measure, place: Place) {
         self.patterns(&measure.frame, &[]);
-        let of_intervals = measure.interval.is_some() || measure.mean.is_some();
+        let judged = [&measure.interval, &measure.mean, &measure.median];
+        let of_intervals = judged.iter().any(|bounds| bounds.is_some());
         if of_intervals && measure.count < 2 {
             self.complain(place, "an interval needs a `count` of at least 2 frames");
         }
@@ -191,10 +192,10 @@ impl Checker<'_> {
             self.complain(place, "`latency` counts from the frames of `during`");
         }
         if !of_intervals && measure.latency.is_none() {
-            let message = "`measure` judges nothing: say `interval`, `mean` or `latency`";
+            let message = "`measure` judges nothing: say `interval`, `mean`, `median` or `latency`";
             self.complain(place, message);
         }
-        for bounds in measure.interval.iter().chain(&measure.mean).chain(&measure.latency) {
+        for bounds in judged.into_iter().flatten().chain(&measure.latency) {
             for tolerance in [Some(&bounds.strict), bounds.lenient.as_ref()].into_iter().flatten() {
                 let result = self.scope.bounds(&tolerance.value);
                 self.note(result.map(|_| ()), tolerance.place);

@@ -82,6 +82,13 @@ pub(super) fn mean(intervals: &[Duration]) -> Duration {
     intervals.iter().sum::<Duration>() / count
 }
 
+/// The middle one by size; zero of nothing.
+pub(super) fn median(intervals: &[Duration]) -> Duration {
+    let mut sorted = intervals.to_vec();
+    sorted.sort_unstable();
+    sorted.get(sorted.len() / 2).copied().unwrap_or_default()
+}
+
 fn show_span((low, high): Span) -> String {
     match high {
         Duration::MAX => format!("at least {}", show_time(low)),

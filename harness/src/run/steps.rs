@@ -9,7 +9,7 @@ use reports::Measured;
 
 use super::bench::Stimuli;
 use super::judge::{Difference, Judgement, Trouble, device};
-use super::limits::{Limits, mean};
+use super::limits::{Limits, mean, median};
 use super::link::{Link, Policy};
 use crate::plan::{Binding, Dut, Scope};
 use crate::source::At;
@@ -209,6 +209,7 @@ impl Steps<'_, '_> {
         };
         let each = limits(&measure.interval, slack)?;
         let average = limits(&measure.mean, slack / intervals)?;
+        let middle = limits(&measure.median, slack / intervals)?;
         let late = limits(&measure.latency, slack)?;
         let longest = each.as_ref().or(late.as_ref()).map_or(Duration::MAX, Limits::longest);
         let patience = longest.min(UNBOUNDED_PATIENCE) * 2;
@@ -239,6 +240,11 @@ impl Steps<'_, '_> {
             let what = format!("mean {what}");
             self.measured.push(limits.figures(what.clone(), &intervals));
             lenient = lenient.or(limits.judge(mean(&intervals), &what)?);
+        }
+        if let Some(limits) = middle {
+            let what = format!("median {what}");
+            self.measured.push(limits.figures(what.clone(), &intervals));
+            lenient = lenient.or(limits.judge(median(&intervals), &what)?);
         }
         if let (Some(limits), Some(during)) = (late, &measure.during) {
             let asked = self.frame(&during.frame)?;

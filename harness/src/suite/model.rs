@@ -544,6 +544,9 @@ pub struct Measure {
     /// What the mean interval must be.
     #[serde(default)]
     pub mean: Option<Bounds>,
+    /// What the median of the intervals must be: a drift shows in it, a single late frame does not.
+    #[serde(default)]
+    pub median: Option<Bounds>,
     /// How long after the first frame of `during` the first may come, and so on.
     #[serde(default)]
     pub latency: Option<Bounds>,
