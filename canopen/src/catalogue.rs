@@ -14,16 +14,72 @@ use std::sync::LazyLock;
 use serde::Deserialize;
 
 use crate::eds::{Access, ObjectKind};
+use crate::mux::Mux;
 use crate::value::DataType;
 
 pub use scalar::Scalar;
 
-/// The objects of one profile.
+/// The objects of one profile, and what its suites need to know beyond them.
 #[derive(Debug)]
 pub struct Profile {
     /// Name, such as `cia301`.
     pub name: String,
+    /// What a person calls it; empty where the name says enough.
+    pub title: String,
+    /// The profile it builds on, whose names and blocks are its own, too.
+    pub based_on: Option<String>,
+    /// How a device that follows it is told from others, where 1000h does not tell.
+    pub recognised: Option<Recognition>,
+    /// Bits and codes by the names under which suites of this profile use them.
+    pub names: BTreeMap<String, i64>,
+    /// Groups of objects that repeat.
+    pub blocks: BTreeMap<String, Block>,
+    /// What a device of this profile may lack although no object is missing, with its meaning.
+    pub options: BTreeMap<String, String>,
     objects: Vec<(RangeInclusive<u16>, CatalogueObject)>,
+}
+
+/// A value that tells a device of a profile from others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Recognition {
+    /// Where it stands.
+    #[serde(deserialize_with = "scalar::mux")]
+    pub object: Mux,
+    /// The bits that count.
+    pub mask: u32,
+    /// What they are.
+    pub value: u32,
+}
+
+impl Recognition {
+    /// Whether the object holds what only such a device has there.
+    pub const fn fits(self, value: u32) -> bool {
+        value & self.mask == self.value
+    }
+}
+
+/// Objects that belong together and stand in the dictionary several times, at equal distances.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Block {
+    /// How often.
+    pub count: u8,
+    /// From the indices of one to those of the next.
+    pub step: u16,
+    /// The objects of the first one, by name.
+    #[serde(deserialize_with = "scalar::muxes")]
+    pub objects: BTreeMap<String, Mux>,
+}
+
+impl Block {
+    /// The address of the object of that name in block `number`, counted from 1; `None` when there
+    /// is no such name or number.
+    pub fn object(&self, name: &str, number: u8) -> Option<Mux> {
+        let first = self.objects.get(name)?;
+        let place = number.checked_sub(1).filter(|_| number <= self.count)?;
+        Some(Mux::new(first.index + self.step * u16::from(place), first.sub))
+    }
 }
 
 /// An object as a profile describes it.
@@ -180,10 +236,11 @@ impl Profile {
             serde_yaml::from_str(text).map_err(|error| CatalogueError(error.to_string()))?;
         let mut objects = Vec::with_capacity(file.objects.len());
         for (key, object) in file.objects {
-            let indices = indices(&key).ok_or_else(|| {
-                CatalogueError(format!("{key:?} is neither an index such as 1000 nor 1400..15FF"))
+            let keyed = keyed(&key, object).ok_or_else(|| {
+                let forms = "an index such as 1000, nor 1400..15FF, nor 6500..65F0/10";
+                CatalogueError(format!("{key:?} is neither {forms}"))
             })?;
-            objects.push((indices, object));
+            objects.extend(keyed);
         }
         objects.sort_by_key(|(indices, _)| *indices.start());
         for pair in objects.windows(2) {
@@ -192,7 +249,31 @@ impl Profile {
                 return Err(CatalogueError(format!("{twice:04X} is described twice")));
             }
         }
-        Ok(Self { name: file.profile, objects })
+        Ok(Self {
+            name: file.profile,
+            title: file.title,
+            based_on: file.based_on,
+            recognised: file.recognised,
+            names: file.names,
+            blocks: file.blocks,
+            options: file.options,
+            objects,
+        })
+    }
+
+    /// What a name of this profile, or of the one it builds on, stands for.
+    pub fn code(&self, name: &str) -> Option<i64> {
+        self.chain().find_map(|profile| profile.names.get(name).copied())
+    }
+
+    /// The block of that name, of this profile or the one it builds on.
+    pub fn block(&self, name: &str) -> Option<&Block> {
+        self.chain().find_map(|profile| profile.blocks.get(name))
+    }
+
+    /// This profile and those it builds on.
+    pub fn chain(&self) -> impl Iterator<Item = &Self> {
+        std::iter::successors(Some(self), |this| profile(this.based_on.as_deref()?))
     }
 
     /// What the profile says of the object at `index`.
@@ -297,30 +378,62 @@ impl fmt::Display for CatalogueError {
 impl std::error::Error for CatalogueError {}
 
 #[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct File {
     profile: String,
+    #[serde(default)]
+    title: String,
+    #[serde(default)]
+    based_on: Option<String>,
+    #[serde(default)]
+    recognised: Option<Recognition>,
+    #[serde(default)]
+    names: BTreeMap<String, i64>,
+    #[serde(default)]
+    blocks: BTreeMap<String, Block>,
+    #[serde(default)]
+    options: BTreeMap<String, String>,
     objects: BTreeMap<String, ObjectFacts>,
 }
 
-/// `1000` or `1400..15FF`, four hex digits each.
-fn indices(key: &str) -> Option<RangeInclusive<u16>> {
+/// The objects that a key of a description means: `1000`, `1400..15FF`, or every tenth (hex) as in
+/// `6500..65F0/10`, where `#` in the name is the number of the object. `None` when it is no key.
+pub fn keyed(key: &str, object: ObjectFacts) -> Option<Vec<(RangeInclusive<u16>, ObjectFacts)>> {
     let index = |text: &str| match text.len() {
         4 => u16::from_str_radix(text, 16).ok(),
         _ => None,
     };
-    match key.split_once("..") {
-        Some((first, last)) => {
-            let (first, last) = (index(first)?, index(last)?);
-            (first <= last).then_some(first..=last)
-        }
-        None => index(key).map(|only| only..=only),
+    let Some((first, last)) = key.split_once("..") else {
+        return index(key).map(|only| vec![(only..=only, object)]);
+    };
+    let (last, step) = match last.split_once('/') {
+        Some((last, step)) => (last, u16::from_str_radix(step, 16).ok().filter(|step| *step > 0)?),
+        None => (last, 0),
+    };
+    let (first, last) = (index(first)?, index(last)?);
+    match step {
+        _ if first > last => None,
+        0 => Some(vec![(first..=last, object)]),
+        _ => Some(
+            (first..=last)
+                .step_by(step.into())
+                .zip(1..)
+                .map(|(index, number): (u16, u16)| (index..=index, numbered(&object, number)))
+                .collect(),
+        ),
     }
 }
 
-const FILES: [(&str, &str); 2] = [
+fn numbered(object: &ObjectFacts, number: u16) -> ObjectFacts {
+    let name = object.name.as_ref().map(|name| name.replace('#', &number.to_string()));
+    ObjectFacts { name, ..object.clone() }
+}
+
+const FILES: [(&str, &str); 4] = [
     ("cia301.yaml", include_str!("../catalogue/cia301.yaml")),
     ("cia401.yaml", include_str!("../catalogue/cia401.yaml")),
+    ("cia404.yaml", include_str!("../catalogue/cia404.yaml")),
+    ("em66.yaml", include_str!("../catalogue/em66.yaml")),
 ];
 
 static PROFILES: LazyLock<Vec<Profile>> = LazyLock::new(|| {
@@ -342,6 +455,32 @@ mod tests {
         assert_eq!(name(0x15FF), Some("RPDO communication parameter"));
         assert_eq!(name(0x1600), Some("RPDO mapping parameter"));
         assert_eq!(name(0xFFFF), None);
+    }
+
+    #[test]
+    fn repeated_objects_have_numbers_and_blocks_their_addresses() {
+        let cia404 = profile("cia404").unwrap();
+        let name = |index| cia404.lookup(index).and_then(|object| object.name.as_deref());
+        assert_eq!(name(0x6508), Some("AL 1 type"));
+        assert_eq!(name(0x75F2), Some("AL 16 level"));
+        let em66 = profile("em66").unwrap();
+        let alarm = em66.block("alarm").unwrap();
+        assert_eq!(alarm.object("action", 16), Some(Mux::new(0x65F9, 1)));
+        assert_eq!(alarm.object("action", 17).or(alarm.object("action", 0)), None);
+        assert_eq!(alarm.object("nothing", 1), None);
+        for profile in profiles() {
+            for block in profile.blocks.values() {
+                for number in 1..=block.count {
+                    for name in block.objects.keys() {
+                        let mux = block.object(name, number).unwrap();
+                        assert!(profile.lookup(mux.index).is_some(), "{name} {number}: {mux}");
+                    }
+                }
+            }
+        }
+        assert_eq!((em66.code("control-on"), em66.code("nothing")), (Some(1), None));
+        assert!(em66.recognised.unwrap().fits(0x0110_0142));
+        assert!(!em66.recognised.unwrap().fits(0x0110_0242));
     }
 
     #[test]

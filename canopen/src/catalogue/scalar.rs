@@ -1,11 +1,13 @@
 //! The single values of a description.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, Visitor};
 
 use crate::eds::{Access, Term};
+use crate::mux::{Mux, NoMux};
 use crate::value::{DataType, Value};
 
 /// A default value or a limit as written, before its type is known.
@@ -73,6 +75,18 @@ where
     let name = String::deserialize(deserializer)?;
     let known = DataType::named(&name);
     known.map(Some).ok_or_else(|| D::Error::custom(format!("there is no data type {name:?}")))
+}
+
+pub(super) fn mux<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Mux, D::Error> {
+    String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+}
+
+pub(super) fn muxes<'de, D: Deserializer<'de>>(
+    deserializer: D,
+) -> Result<BTreeMap<String, Mux>, D::Error> {
+    let texts = BTreeMap::<String, String>::deserialize(deserializer)?;
+    let parsed = texts.into_iter().map(|(name, text)| Ok((name, text.parse()?)));
+    parsed.collect::<Result<_, NoMux>>().map_err(D::Error::custom)
 }
 
 pub(super) fn access<'de, D: Deserializer<'de>>(
