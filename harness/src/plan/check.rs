@@ -206,8 +206,10 @@ impl Checker<'_> {
     }
 
     fn read(&mut self, read: &Read) {
+        self.instead(&read.tolerated, &read.value);
         let Some(entry) = self.entry(&read.object, read.refused.as_ref()) else { return };
-        for value in [&read.value, &read.mask, &read.min, &read.max].into_iter().flatten() {
+        let values = [&read.value, &read.mask, &read.min, &read.max].into_iter().flatten();
+        for value in values.chain(&read.tolerated) {
             self.value(value, &entry);
         }
         if let Some(length) = &read.length {
@@ -265,11 +267,23 @@ impl Checker<'_> {
         if until.value.is_none() && until.min.is_none() && until.max.is_none() {
             self.complain(place, "`until` needs a `value`, a `min` or a `max`");
         }
+        self.instead(&until.tolerated, &until.value);
         self.time(&until.within);
         self.times(&until.every);
         let Some(entry) = self.entry(&until.object, None) else { return };
-        for value in [&until.value, &until.mask, &until.min, &until.max].into_iter().flatten() {
+        let values = [&until.value, &until.mask, &until.min, &until.max].into_iter().flatten();
+        for value in values.chain(&until.tolerated) {
             self.value(value, &entry);
+        }
+    }
+
+    /// Values instead of which?
+    fn instead(&mut self, tolerated: &[At<Literal>], value: &Option<At<Literal>>) {
+        if let (Some(first), None) = (tolerated.first(), value) {
+            self.complain(
+                first.place,
+                "`tolerated` stands beside the `value` of a conformant device",
+            );
         }
     }
 

@@ -172,6 +172,7 @@ impl Scope {
             Literal::Bool(on) => encode(&Value::Bool(*on)),
             Literal::Text(text) => encode(&Value::Text(text.clone())),
             Literal::Time(amount) => encode(&Value::Int(self.ticks(amount, entry)?)),
+            Literal::Sum(..) => encode(&Value::Int(self.int(literal)?)),
             Literal::Named(name, offset) => match (self.get(name)?, *offset) {
                 (Binding::Literal(literal), 0) => self.bytes(literal, entry),
                 (Binding::Literal(Literal::Int(number)), offset) => {
@@ -206,6 +207,9 @@ impl Scope {
                 _ => None,
             }
             .ok_or_else(|| format!("{name} is no whole number")),
+            Literal::Sum(names, number) => names.iter().try_fold(*number, |sum, name| {
+                Ok(sum + self.int(&Literal::Named(name.clone(), 0))?)
+            }),
             other => Err(format!("`{other}` is no whole number")),
         }
     }
@@ -229,6 +233,7 @@ impl Scope {
                 (Binding::Literal(literal), 0) => self.value(literal),
                 _ => Err(format!("{name} is no value for a bench")),
             },
+            Literal::Sum(..) => self.int(literal).map(Value::Int),
             Literal::Time(_) => Err(format!("`{literal}`: a bench knows no units")),
         }
     }

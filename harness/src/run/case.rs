@@ -2,7 +2,7 @@
 
 use canopen::monitor::{self, Breach, Seen};
 use canopen::pdo::CobId;
-use canopen::{BusError, Instant, Mux};
+use canopen::{BusError, Instant, Mux, emcy};
 use reports::{Measured, Note, Outcome, Phase, Place as ReportPlace, Problem};
 
 use super::bench::Stimuli;
@@ -14,7 +14,7 @@ use super::settle::{self, Left, Unsettled};
 use super::steps::Steps;
 use crate::plan::{Dut, Instance};
 use crate::source::{At, Place, Source};
-use crate::suite::model::Step;
+use crate::suite::model::{Step, Tolerated};
 
 /// What came of a case.
 pub(super) struct Finished {
@@ -151,11 +151,17 @@ impl CaseRun<'_, '_> {
 
     /// The first rule that the frames from place `from` on break.
     fn watch(&self, from: usize) -> Option<Breach> {
+        let tolerated = self.instance.case().tolerates.contains(&Tolerated::Emergency);
+        let emergency = Some(emcy::COB_ID + u16::from(self.dut.node));
+        let waited_for = |seen: &Seen| {
+            let tolerated = tolerated && seen.stamped.frame.data_id() == emergency;
+            Seen { expected: seen.expected || tolerated, ..*seen }
+        };
         let frames = &self.link.trace()[from..];
         let now = self.link.mark();
         monitor::all(self.dut.node, data_sheet_identifiers(self.dut)).iter_mut().find_map(
             |monitor| {
-                let seen = frames.iter().find_map(|seen| monitor.observe(seen).err());
+                let seen = frames.iter().find_map(|seen| monitor.observe(&waited_for(seen)).err());
                 // Who has no supply owes nothing.
                 let silence = || (!self.stimuli.off).then(|| monitor.finish(now).err())?;
                 seen.or_else(silence)

@@ -95,6 +95,8 @@ pub(super) fn show(entry: Option<&Entry>, bytes: &[u8]) -> String {
 pub(super) struct Condition {
     /// The value.
     pub value: Option<Vec<u8>>,
+    /// What is accepted instead of it.
+    pub tolerated: Vec<Vec<u8>>,
     /// The bits of it that count.
     pub mask: Option<Vec<u8>>,
     /// The smallest.
@@ -106,13 +108,18 @@ pub(super) struct Condition {
 }
 
 impl Condition {
-    /// Judges a value.
+    /// Judges a value; the difference of one that is accepted, too.
     ///
     /// # Errors
     /// The first difference.
-    pub(super) fn judge(&self, entry: Option<&Entry>, got: &[u8]) -> Result<(), Difference> {
+    pub(super) fn judge(
+        &self,
+        entry: Option<&Entry>,
+        got: &[u8],
+    ) -> Result<Option<Difference>, Difference> {
         let actual = show(entry, got);
-        let fail = |expected: String| Err(Difference::new(expected, actual.clone()));
+        let fail =
+            |expected: String| Err::<Option<_>, _>(Difference::new(expected, actual.clone()));
         if let Some(length) = self.length
             && length != got.len()
         {
@@ -124,15 +131,17 @@ impl Condition {
             let data_type = entry.map_or(DataType::DOMAIN, |entry| entry.data_type);
             return fail(format!("{size} bytes of {data_type}"));
         }
-        if let Some(value) = &self.value {
+        let mut lenient = None;
+        if let Some(value) = self.value.as_ref().filter(|value| !self.same(value, got)) {
             let shown = show(entry, value);
-            match &self.mask {
-                None if value != got => return fail(shown),
-                Some(mask) if masked(value, mask) != masked(got, mask) => {
-                    return fail(format!("{shown} in the bits {}", show(entry, mask)));
-                }
-                _ => {}
+            let expected = match &self.mask {
+                None => shown,
+                Some(mask) => format!("{shown} in the bits {}", show(entry, mask)),
+            };
+            if !self.tolerated.iter().any(|value| self.same(value, got)) {
+                return fail(expected);
             }
+            lenient = fail(expected).err();
         }
         let number = |bytes: &[u8]| entry?.data_type.decode(bytes).ok()?.as_real();
         for (bound, word) in [(&self.min, "at least"), (&self.max, "at most")] {
@@ -146,7 +155,15 @@ impl Condition {
                 return fail(format!("{word} {}", show(entry, bound)));
             }
         }
-        Ok(())
+        Ok(lenient)
+    }
+
+    /// Whether two values are equal in the bits that count.
+    fn same(&self, value: &[u8], got: &[u8]) -> bool {
+        match &self.mask {
+            None => value == got,
+            Some(mask) => masked(value, mask) == masked(got, mask),
+        }
     }
 }
 

@@ -38,6 +38,7 @@ impl Steps<'_, '_> {
         let condition = self.condition(
             entry.as_ref(),
             [&read.value, &read.mask, &read.min, &read.max],
+            &read.tolerated,
             read.length.as_ref(),
         )?;
         let data = match ended.result {
@@ -57,7 +58,8 @@ impl Steps<'_, '_> {
             raw: ended.raw,
             ..difference
         };
-        condition.judge(entry.as_ref(), &data).map_err(|wrong| Trouble::Device(about(wrong)))?;
+        let judged = condition.judge(entry.as_ref(), &data);
+        let lenient = judged.map_err(|wrong| Trouble::Device(about(wrong)))?.map(about);
         if let Some(flow) = read.transfer
             && Transfer::from(flow) != ended.protocol
         {
@@ -75,7 +77,7 @@ impl Steps<'_, '_> {
             });
             self.scope.bind(name.0.clone(), value.unwrap_or(Binding::Bytes(data)));
         }
-        Ok(None)
+        Ok(lenient)
     }
 
     pub(super) fn write(&mut self, write: &Write) -> Judgement {
@@ -169,6 +171,7 @@ impl Steps<'_, '_> {
         let condition = self.condition(
             entry.as_ref(),
             [&until.value, &until.mask, &until.min, &until.max],
+            &until.tolerated,
             None,
         )?;
         let within = self.time(&until.within)?;
@@ -177,10 +180,12 @@ impl Steps<'_, '_> {
         loop {
             let mut ended = sdo::upload(self.link, self.policy, self.dut.node, mux)?;
             trim_unsized(&mut ended, entry.as_ref());
-            let difference = match ended.result {
+            // What is tolerated may be on its way to what is expected: it counts at the end.
+            let (difference, tolerated) = match ended.result {
                 Ok(data) => match condition.judge(entry.as_ref(), &data) {
-                    Ok(()) => return Ok(None),
-                    Err(difference) => difference,
+                    Ok(None) => return Ok(None),
+                    Ok(Some(difference)) => (difference, true),
+                    Err(difference) => (difference, false),
                 },
                 Err(failure) => {
                     return device(Difference {
@@ -192,7 +197,8 @@ impl Steps<'_, '_> {
             if self.link.mark() + every > end {
                 let expected =
                     format!("{mux} = {} within {}", difference.expected, show_time(within));
-                return device(Difference { expected, raw: ended.raw, ..difference });
+                let difference = Difference { expected, raw: ended.raw, ..difference };
+                return if tolerated { Ok(Some(difference)) } else { device(difference) };
             }
             let next = self.link.mark() + every;
             self.link.wait(next)?;
@@ -224,18 +230,22 @@ impl Steps<'_, '_> {
         &self,
         entry: Option<&Entry>,
         [value, mask, min, max]: [&Option<At<Literal>>; 4],
+        tolerated: &[At<Literal>],
         length: Option<&At<Literal>>,
     ) -> Result<Condition, Trouble> {
-        let bytes = |literal: &Option<At<Literal>>| {
-            let Some((literal, entry)) = literal.as_ref().zip(entry) else { return Ok(None) };
-            self.scope.bytes(&literal.value, entry).map(Some).map_err(Trouble::Bench)
+        let of = |literal: &At<Literal>| {
+            let bytes = entry.map(|entry| self.scope.bytes(&literal.value, entry));
+            bytes.transpose().map_err(Trouble::Bench)
         };
+        let bytes = |literal: &Option<At<Literal>>| literal.as_ref().map_or(Ok(None), of);
+        let others = tolerated.iter().filter_map(|value| of(value).transpose());
         let length = match length {
             Some(length) => Some(self.scope.int(&length.value).map_err(Trouble::Bench)? as usize),
             None => None,
         };
         Ok(Condition {
             value: bytes(value)?,
+            tolerated: others.collect::<Result<_, _>>()?,
             mask: bytes(mask)?,
             min: bytes(min)?,
             max: bytes(max)?,

@@ -28,6 +28,8 @@ pub enum Literal {
     Bool(bool),
     /// The value of a name, and what is added to it.
     Named(Name, i128),
+    /// The values of several names added up, such as bits that are set together.
+    Sum(Vec<Name>, i128),
     /// A time, converted to the unit of the object.
     Time(Amount),
     /// Any other text.
@@ -244,26 +246,43 @@ impl FromStr for Literal {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        if let Some((name, offset)) = text.split_once([' ', '\t']).filter(|_| text.starts_with('$'))
-        {
-            let offset = offset.trim_start();
-            let sign = match offset.as_bytes().first() {
-                Some(b'+') => 1,
-                Some(b'-') => -1,
-                _ => return Err(format!("`{text}`: write `$name + 5` or `$name - 5`")),
-            };
-            let number = offset[1..].trim().parse::<i64>();
-            let number = number.map_err(|_| format!("`{text}`: no whole number after the sign"))?;
-            return Ok(Self::Named(name.parse()?, i128::from(number) * sign));
-        }
         if text.starts_with('$') {
-            return Ok(Self::Named(text.parse()?, 0));
+            return sum(text);
         }
         Ok(match text.parse() {
             Ok(amount) => Self::Time(amount),
             Err(_) => Self::Text(text.to_owned()),
         })
     }
+}
+
+/// `$name`, and what is added: `$name + $other - 5`.
+fn sum(text: &str) -> Result<Literal, String> {
+    let blank = [' ', '\t'];
+    let (first, mut rest) = text.split_once(blank).unwrap_or((text, ""));
+    let (first, mut others, mut number) = (first.parse()?, Vec::new(), 0);
+    while !rest.trim_start().is_empty() {
+        let signed = rest.trim_start();
+        let sign = match signed.as_bytes().first() {
+            Some(b'+') => 1,
+            Some(b'-') => -1,
+            _ => return Err(format!("`{text}`: write `$name + 5`, `$name - 5` or `$one + $two`")),
+        };
+        let term = signed[1..].trim_start();
+        let (term, behind) = term.split_once(blank).unwrap_or((term, ""));
+        if sign > 0 && term.starts_with('$') {
+            others.push(term.parse()?);
+        } else {
+            let wrong = || format!("`{text}`: no whole number after the sign");
+            number += i128::from(term.parse::<i64>().map_err(|_| wrong())?) * sign;
+        }
+        rest = behind;
+    }
+    if others.is_empty() {
+        return Ok(Literal::Named(first, number));
+    }
+    others.insert(0, first);
+    Ok(Literal::Sum(others, number))
 }
 
 impl fmt::Display for Name {
@@ -290,6 +309,11 @@ impl fmt::Display for Literal {
             Self::Bool(on) => write!(f, "{on}"),
             Self::Named(name, 0) => write!(f, "{name}"),
             Self::Named(name, offset) => write!(f, "{name} {offset:+}"),
+            Self::Sum(names, number) => {
+                let names: Vec<String> = names.iter().map(Name::to_string).collect();
+                f.write_str(&names.join(" + "))?;
+                if *number == 0 { Ok(()) } else { write!(f, " {number:+}") }
+            }
             Self::Time(amount) => write!(f, "{amount}"),
             Self::Text(text) => f.write_str(text),
         }
@@ -395,7 +419,7 @@ impl JsonSchema for Literal {
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
             "type": ["number", "boolean", "string"],
-            "description": "A value, `$name`, `$name + 5`, or a time such as `20 ms`."
+            "description": "A value, `$name`, `$name + 5`, `$one + $two`, or a time as `20 ms`."
         })
     }
 }
@@ -506,7 +530,8 @@ mod tests {
 
     #[test]
     fn literals() {
-        let yaml = "[5, 0x10, 0b1000_0001, -3, 1.5, true, $x, $x + 5, $x - 5, 20 ms, M260]";
+        let yaml = "[5, 0x10, 0b1000_0001, -3, 1.5, true, $x, $x + 5, $x - 5, 20 ms, M260, \
+            $x + $y, $x +2 + $y - 5]";
         let literals: Vec<Literal> = serde_yaml::from_str(yaml).unwrap();
         let x = |offset| Literal::Named(Name("x".into()), offset);
         assert_eq!(literals[..4], [5, 16, 0x81, -3].map(Literal::Int));
@@ -514,6 +539,12 @@ mod tests {
         assert_eq!(literals[6..9], [x(0), x(5), x(-5)]);
         assert_eq!(literals[9], Literal::Time(Amount::Fixed(Duration::from_millis(20))));
         assert_eq!(literals[10], Literal::Text("M260".into()));
+        let sum = |number| Literal::Sum(vec![Name("x".into()), Name("y".into())], number);
+        assert_eq!(literals[11..], [sum(0), sum(-3)]);
+        assert_eq!(literals[12].to_string(), "$x + $y -3");
+        for wrong in ["$x - $y", "$x $y", "$x +", "$x + 1.5", "$x + $"] {
+            assert!(wrong.parse::<Literal>().is_err(), "{wrong}");
+        }
     }
 
     #[test]

@@ -51,6 +51,9 @@ pub struct Case {
     /// NMT state the case starts in; PRE-OPERATIONAL unless said otherwise.
     #[serde(default)]
     pub state: Option<State>,
+    /// What the device may do meanwhile without a step that waits for it.
+    #[serde(default)]
+    pub tolerates: Vec<Tolerated>,
     /// What must have been done before; a failure here is an ERROR, not a FAIL.
     #[serde(default)]
     pub setup: Vec<At<Step>>,
@@ -59,6 +62,14 @@ pub struct Case {
     /// What is done in any case, after the steps.
     #[serde(default)]
     pub finally: Vec<At<Step>>,
+}
+
+/// What the monitors otherwise hold against a device.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Tolerated {
+    /// Emergency messages: the case makes errors that a device may report in its own way.
+    Emergency,
 }
 
 /// An NMT state a case can start in.
@@ -421,6 +432,9 @@ pub struct Read {
     /// The value.
     #[serde(default)]
     pub value: Option<At<Literal>>,
+    /// Values that are accepted instead of `value`; the reason is in the register.
+    #[serde(default)]
+    pub tolerated: Vec<At<Literal>>,
     /// Only these bits are compared with `value`.
     #[serde(default)]
     pub mask: Option<At<Literal>>,
@@ -514,6 +528,9 @@ pub struct Until {
     /// The value.
     #[serde(default)]
     pub value: Option<At<Literal>>,
+    /// Values that are accepted instead of `value`; the reason is in the register.
+    #[serde(default)]
+    pub tolerated: Vec<At<Literal>>,
     /// Only these bits are compared with `value`.
     #[serde(default)]
     pub mask: Option<At<Literal>>,
