@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use canopen::Mux;
-use canopen::catalogue::{Mapping, ObjectFacts, Scalar};
+use canopen::catalogue::{self, Mapping, ObjectFacts, Scalar};
 use canopen::eds::{DeviceInfo, Eds, FileInfo};
 use serde::Deserialize;
 
@@ -31,6 +31,8 @@ pub struct Description {
     pub profiles: Vec<String>,
     /// The module that says what it does.
     pub behaviour: String,
+    /// Options of its profile that it lacks, by their names in the catalogue.
+    pub without: Vec<String>,
     /// Node id when nothing else is said.
     pub default_node: u8,
     /// The data sheet.
@@ -100,15 +102,23 @@ impl Description {
             document: file.document,
             profiles: file.profiles,
             behaviour: file.behaviour,
+            without: file.without,
             default_node: file.default_node,
             notes: BTreeMap::new(),
             heads: BTreeMap::new(),
         };
         let identity = [file.vendor.number, file.product.number, file.revision, file.serial];
-        for (key, mut chosen) in file.objects {
-            let (4, Ok(index)) = (key.len(), u16::from_str_radix(&key, 16)) else {
-                return Err(DescribeError(format!("{key:?} is no index such as 1017")));
+        let mut objects = Vec::new();
+        for (key, chosen) in file.objects {
+            let keyed = catalogue::keyed(&key, chosen)
+                .ok_or_else(|| DescribeError(format!("{key:?} is no index such as 1017")))?;
+            let each = |(indices, chosen): (_, ObjectFacts)| {
+                Iterator::zip(indices, std::iter::repeat(chosen))
             };
+            objects.extend(keyed.into_iter().flat_map(each));
+        }
+        objects.sort_by_key(|(index, _)| *index);
+        for (index, mut chosen) in objects {
             if index == IDENTITY {
                 identify(&mut chosen, identity);
             }
@@ -163,6 +173,8 @@ struct DeviceFile {
     serial: u32,
     profiles: Vec<String>,
     behaviour: String,
+    #[serde(default)]
+    without: Vec<String>,
     /// In kbit/s.
     bit_rates: Vec<u32>,
     default_node: u8,
@@ -246,6 +258,7 @@ fn generated_by(device: &str) -> String {
 
 const DEVICES: &[(&str, &str)] = &[
     ("drr460", include_str!("../drr460/device.yaml")),
+    ("em66", include_str!("../em66/device.yaml")),
     ("generic", include_str!("../generic/device.yaml")),
 ];
 const IDENTITY: u16 = 0x1018;

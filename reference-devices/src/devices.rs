@@ -3,6 +3,7 @@
 use crate::behaviour::{Behaviour, Inert};
 use crate::describe::{self, Description};
 use crate::drr460::{self, Drr460};
+use crate::em66::{self, Em66};
 use crate::generic::{self, Generic};
 use crate::node::Node;
 use crate::rules::Rules;
@@ -48,6 +49,7 @@ impl ReferenceDevice {
     pub fn behaviour(&self) -> Box<dyn Behaviour> {
         match self.description.behaviour.as_str() {
             DRR460 => Box::new(Drr460::new(Box::new(drr460::Manual))),
+            EM66 => Box::new(Em66::new(Box::new(em66::Profile), &self.description.without)),
             GENERIC => Box::new(Generic::new(Box::new(generic::Profile))),
             _ => Box::new(Inert),
         }
@@ -57,6 +59,7 @@ impl ReferenceDevice {
     pub fn deviating_behaviour(&self, rule: &str) -> Option<Box<dyn Behaviour>> {
         match self.description.behaviour.as_str() {
             DRR460 => Some(Box::new(Drr460::new(drr460::named(rule)?))),
+            EM66 => Some(Box::new(Em66::new(em66::named(rule)?, &self.description.without))),
             GENERIC => Some(Box::new(Generic::new(generic::named(rule)?))),
             _ => None,
         }
@@ -66,6 +69,7 @@ impl ReferenceDevice {
     pub fn behaviour_rule_names(&self) -> Vec<&'static str> {
         match self.description.behaviour.as_str() {
             DRR460 => drr460::names().collect(),
+            EM66 => em66::names().collect(),
             GENERIC => generic::names().collect(),
             _ => Vec::new(),
         }
@@ -75,6 +79,7 @@ impl ReferenceDevice {
     pub fn mutants_yaml(&self) -> &'static str {
         match self.description.device.as_str() {
             DRR460 => include_str!("../drr460/mutants.yaml"),
+            EM66 => include_str!("../em66/mutants.yaml"),
             GENERIC => include_str!("../generic/mutants.yaml"),
             _ => "[]",
         }
@@ -95,6 +100,7 @@ impl ReferenceDevice {
 pub const WITH_EVERYTHING: &str = GENERIC;
 
 const DRR460: &str = "drr460";
+const EM66: &str = "em66";
 const GENERIC: &str = "generic";
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ mod behaviour;
 pub mod describe;
 pub mod devices;
 pub mod drr460;
+pub mod em66;
 mod emcy;
 mod emcy_consumer;
 mod error_behaviour;

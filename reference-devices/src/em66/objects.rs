@@ -1,0 +1,72 @@
+//! Where the device keeps what its application works with (EUROMAP 66-2, 3.2 and 3.4).
+
+use canopen::{Dictionary, Mux};
+
+use super::rules::Em66Rules;
+use super::{External, Sensed};
+
+pub(super) const CONTROL_WORD: Mux = Mux::new(0x2001, 1);
+pub(super) const STATUS_INFORMATION: Mux = Mux::new(0x2002, 1);
+pub(super) const CONTROLLER_MODE: Mux = Mux::new(0x2003, 1);
+pub(super) const CONTROLLER_MODE_DISPLAY: Mux = Mux::new(0x2004, 1);
+pub(super) const SWITCH_OFF_MODE: Mux = Mux::new(0x2005, 1);
+pub(super) const SWITCH_OFF_MODE_DISPLAY: Mux = Mux::new(0x2006, 1);
+pub(super) const SWITCH_OFF_STATUS: Mux = Mux::new(0x2007, 1);
+pub(super) const ERROR_STATUS: Mux = Mux::new(0x2008, 1);
+pub(super) const CONTROL_ERRORS: Mux = Mux::new(0x2009, 1);
+pub(super) const MAIN_LINE: Mux = Mux::new(0x3010, 1);
+pub(super) const RETURN_LINE: Mux = Mux::new(0x3020, 1);
+pub(super) const DIFFERENCE: Mux = Mux::new(0x3030, 1);
+pub(super) const EXTERNAL_SENSOR: Mux = Mux::new(0x3040, 1);
+pub(super) const FLOW: Mux = Mux::new(0x3050, 1);
+pub(super) const HEATING_RAMP: Mux = Mux::new(0x3060, 1);
+pub(super) const COOLING_RAMP: Mux = Mux::new(0x3070, 1);
+pub(super) const INTAKE_PRESSURE: Mux = Mux::new(0x3080, 1);
+pub(super) const OUTPUT: Mux = Mux::new(0x6410, 1);
+pub(super) const LOWER_LIMIT: Mux = Mux::new(0x6413, 1);
+pub(super) const UPPER_LIMIT: Mux = Mux::new(0x6414, 1);
+pub(super) const OPERATING_MODE: Mux = Mux::new(0x6423, 1);
+pub(super) const CONTROL_BYTE: Mux = Mux::new(0x6425, 1);
+pub(super) const STATUS: Mux = Mux::new(0x6427, 1);
+pub(super) const EFFECTIVE_VALUE: Mux = Mux::new(0x7400, 1);
+pub(super) const EFFECTIVE_SET_POINT: Mux = Mux::new(0x7401, 1);
+pub(super) const SET_POINT: Mux = Mux::new(0x7402, 1);
+pub(super) const SECOND_SET_POINT: Mux = Mux::new(0x7403, 1);
+
+/// What 3040h reads while no sensor is connected (3.4.12).
+pub(super) const NO_SENSOR: i64 = 9999;
+
+/// The number at that address; 0 where this device has no such object.
+pub(super) fn value(od: &Dictionary, mux: Mux) -> i64 {
+    od.int(mux).unwrap_or(0)
+}
+
+/// Shows a number where this device has the object.
+pub(super) fn set(od: &mut Dictionary, mux: Mux, number: i64) {
+    if od.int(mux).is_some_and(|shown| shown != number) {
+        od.set_int(mux, number);
+    }
+}
+
+/// Shows what the sensors tell (3.4.9 to 3.4.15).
+pub(super) fn show(sensed: &Sensed, od: &mut Dictionary, _rules: &dyn Em66Rules) {
+    set(od, MAIN_LINE, sensed.main);
+    set(od, RETURN_LINE, sensed.return_line);
+    set(od, DIFFERENCE, (sensed.main - sensed.return_line).abs());
+    let external = match sensed.external {
+        External::Reads(temperature) => temperature,
+        External::Unplugged | External::Broken => NO_SENSOR,
+    };
+    set(od, EXTERNAL_SENSOR, external);
+    set(od, FLOW, sensed.flow);
+    set(od, INTAKE_PRESSURE, sensed.intake_pressure);
+}
+
+/// Whether a change of a mapped object is worth a TPDO: of what is measured, half a unit.
+pub(super) fn triggers(mux: Mux, last: &[u8], od: &Dictionary) -> bool {
+    let measured = matches!(mux.index, 0x3010..=0x3050 | 0x3080 | 0x6410 | 0x7400 | 0x7401);
+    let Some(last) = last.first_chunk().map(|last| i64::from(i16::from_le_bytes(*last))) else {
+        return true;
+    };
+    !measured || (value(od, mux) as i16 as i64 - last).abs() >= 5
+}
