@@ -8,6 +8,7 @@
 
 mod alarm;
 mod bench;
+mod codes;
 mod controller;
 mod faults;
 mod objects;
@@ -149,7 +150,7 @@ impl Em66 {
             stimuli: Stimuli::default(),
             faults: Faults::default(),
             operation: Operation::default(),
-            controller: Controller::default(),
+            controller: Controller::new(),
             alarms: Alarms::default(),
             drive: Drive::default(),
             next_sample: Instant::ZERO + PERIOD,
@@ -170,10 +171,11 @@ impl Em66 {
 }
 
 impl Behaviour for Em66 {
-    fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {
+    fn reset(&mut self, _now: Instant, od: &mut Dictionary) {
+        self.stimuli.fit(od);
         self.faults = Faults::default();
         self.operation = Operation::default();
-        self.controller = Controller::default();
+        self.controller.restart();
         self.alarms = Alarms::default();
     }
 
@@ -188,7 +190,6 @@ impl Behaviour for Em66 {
         let rules = &*self.rules;
         self.faults.written(mux, od, rules);
         self.operation.written(mux, od, rules);
-        self.controller.written(mux, od, rules);
         self.alarms.written(mux, od, rules);
     }
 

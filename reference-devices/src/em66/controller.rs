@@ -1,45 +1,248 @@
 //! The controller block (3.2): set points, ramps, output, self-optimisation.
 
+mod pid;
+mod ramp;
+mod relay;
+
 use std::time::Duration;
 
 use canopen::{Abort, Dictionary, Mux};
 
-use super::objects::{EFFECTIVE_SET_POINT, EFFECTIVE_VALUE, SET_POINT, STATUS, set, value};
+use super::codes::CODES;
+use super::objects::{
+    CONTROL_BYTE, COOLING_RAMP, EFFECTIVE_SET_POINT, EFFECTIVE_VALUE, HEATING_RAMP, LOWER_LIMIT,
+    NO_SENSOR, OPERATING_MODE, OUTPUT, SECOND_SET_POINT, SET_POINT, STATUS, UPPER_LIMIT, set,
+    value,
+};
 use super::rules::Em66Rules;
-use super::{Drive, Duty, Pump, Sensed};
+use super::{Drive, Duty, External, Mode, Pump, Sensed};
+
+use pid::Pid;
+use ramp::{Ramp, Rates};
+use relay::{Relay, Step};
 
 /// What the controller remembers.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Controller {}
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Controller {
+    ramp: Ramp,
+    /// The set point that was chosen last.
+    chosen: i64,
+    pid: Pid,
+    /// The self-optimisation that is going on.
+    relay: Option<Relay>,
+    /// Whether the request for a self-optimisation that is present has been answered.
+    answered: bool,
+    /// In tenths of a percent: heating is positive, cooling negative.
+    output: i64,
+}
+
+/// What a decision about the output looks at.
+struct Sight<'a> {
+    duty: &'a Duty,
+    /// Time went by since the last decision.
+    sampled: bool,
+    /// Tenths of a kelvin from the effective value to the set point in force; `None` when the
+    /// sensor that is controlled by tells nothing.
+    missing: Option<f64>,
+    manual: bool,
+    /// Limits of the output in tenths of a percent.
+    low: i64,
+    high: i64,
+}
 
 impl Controller {
-    /// Whether the device takes what is about to be written.
-    pub(super) fn check(
-        _mux: Mux,
-        _bytes: &[u8],
-        _od: &Dictionary,
-        _rules: &dyn Em66Rules,
-    ) -> Result<(), Abort> {
-        Ok(())
+    /// A controller as it was commissioned.
+    pub(super) const fn new() -> Self {
+        Self {
+            ramp: Ramp::new(),
+            chosen: 0,
+            pid: Pid::new(),
+            relay: None,
+            answered: false,
+            output: 0,
+        }
     }
 
-    /// The network has written the object at `mux`.
-    pub(super) fn written(&mut self, _mux: Mux, _od: &mut Dictionary, _rules: &dyn Em66Rules) {}
+    /// Begins anew after a reset. The parameters stay: they are stored in the device (3.2).
+    pub(super) const fn restart(&mut self) {
+        let gains = self.pid.gains;
+        *self = Self::new();
+        self.pid.gains = gains;
+    }
+
+    /// Whether the device takes what is about to be written: units and digits are fixed (3.2).
+    pub(super) fn check(
+        mux: Mux,
+        bytes: &[u8],
+        od: &Dictionary,
+        rules: &dyn Em66Rules,
+    ) -> Result<(), Abort> {
+        let fixed = FIXED.contains(&mux.index) && rules.is_fixed(mux);
+        let other = od.get(mux).is_some_and(|present| present != bytes);
+        if fixed && other { Err(Abort::VALUE) } else { Ok(()) }
+    }
 
     /// What the actuators are to do; shows 6410h, 6427h, 7400h and 7401h.
     pub(super) fn drive(
         &mut self,
-        _elapsed: Duration,
+        elapsed: Duration,
         sensed: &Sensed,
         duty: &Duty,
         od: &mut Dictionary,
-        _rules: &dyn Em66Rules,
+        rules: &dyn Em66Rules,
     ) -> Drive {
-        set(od, EFFECTIVE_VALUE, sensed.main);
-        let set_point = value(od, SET_POINT);
-        set(od, EFFECTIVE_SET_POINT, set_point);
-        set(od, STATUS, duty.on.into());
-        let pump = if duty.on { Pump::Forward } else { Pump::Off };
-        Drive { output: 0, pump, draining: duty.evacuating }
+        let control = value(od, CONTROL_BYTE);
+        let manual = value(od, OPERATING_MODE) == CODES.manual;
+        let second = rules.second_set_point(control & CODES.control_second != 0);
+        let chosen = value(od, if second { SECOND_SET_POINT } else { SET_POINT });
+        let effective = effective(sensed, duty.mode);
+        let shown = rules.effective_value(effective.unwrap_or(NO_SENSOR));
+        self.move_set_point(elapsed, duty.on, chosen, effective, od, rules);
+
+        let (low, high) = limits(od, rules);
+        let missing = effective.map(|effective| self.ramp.present() - effective as f64);
+        let missing = missing.map(|missing| rules.missing(missing));
+        self.tune(control & CODES.control_tune != 0, duty, manual, missing, rules);
+        let sampled = !elapsed.is_zero();
+        let sight = Sight { duty, sampled, missing, manual, low, high };
+        self.output = self.decide(&sight, rules);
+
+        set(od, EFFECTIVE_VALUE, shown);
+        let in_force = rules.set_point_shown(self.ramp.present(), chosen, duty.on);
+        set(od, EFFECTIVE_SET_POINT, in_force);
+        set(od, OUTPUT, rules.output_shown(self.output) & 0xFFFF);
+        let tunes = self.relay.is_some();
+        let bits = [
+            (duty.on, CODES.status_on),
+            (tunes, CODES.status_tune),
+            (manual, CODES.status_manual),
+            (second, CODES.status_second),
+        ];
+        let status = bits.iter().filter(|(is_set, _)| *is_set).map(|(_, bit)| bit).sum();
+        set(od, STATUS, rules.status_shown(status));
+        Drive { output: self.output, pump: pump(duty), draining: duty.evacuating }
+    }
+
+    fn move_set_point(
+        &mut self,
+        elapsed: Duration,
+        on: bool,
+        chosen: i64,
+        effective: Option<i64>,
+        od: &Dictionary,
+        rules: &dyn Em66Rules,
+    ) {
+        if !on {
+            self.ramp.stop(chosen);
+            return;
+        }
+        let rates = rules.rates(value(od, HEATING_RAMP), value(od, COOLING_RAMP));
+        let rates = Rates { heating: rates.0, cooling: rates.1 };
+        let start = rules.ramp_start(effective.unwrap_or(chosen), chosen);
+        let changed = std::mem::replace(&mut self.chosen, chosen) != chosen;
+        if changed && !rules.ramp_goes_on() {
+            self.ramp.stop(chosen);
+        }
+        self.ramp.follow(chosen, start, rates);
+        if !elapsed.is_zero() {
+            self.ramp.advance(elapsed, chosen, rates);
+        }
+    }
+
+    /// Begins and ends self-optimisation. A request is answered once: the next one needs the bit
+    /// to go first.
+    fn tune(
+        &mut self,
+        asked: bool,
+        duty: &Duty,
+        manual: bool,
+        missing: Option<f64>,
+        rules: &dyn Em66Rules,
+    ) {
+        let ready = duty.on && !duty.cooling_down && !duty.evacuating && !duty.blocked;
+        let wanted = rules.tunes(asked, ready, manual, self.relay.is_some());
+        self.answered &= wanted;
+        match missing.filter(|_| wanted) {
+            None => self.relay = None,
+            Some(missing) if !self.answered => {
+                self.relay = Some(Relay::begin(missing));
+                self.answered = true;
+            }
+            Some(_) => {}
+        }
+    }
+
+    /// The output that follows.
+    fn decide(&mut self, sight: &Sight, rules: &dyn Em66Rules) -> i64 {
+        let duty = sight.duty;
+        if !duty.on {
+            self.pid.restart();
+            return rules.output_while_off(self.output);
+        }
+        let Some(missing) = sight.missing.filter(|_| !duty.blocked && !duty.evacuating) else {
+            self.pid.restart();
+            return 0;
+        };
+        if duty.cooling_down {
+            self.pid.restart();
+            return sight.low;
+        }
+        let held = sight.manual && rules.manual_holds();
+        if held || !sight.sampled {
+            return self.output.clamp(sight.low, sight.high);
+        }
+        self.control(missing, sight.low, sight.high)
+    }
+
+    /// One sample of the relay or of the controller.
+    fn control(&mut self, missing: f64, low: i64, high: i64) -> i64 {
+        if let Some(relay) = &mut self.relay {
+            match relay.advance(missing, low as f64, high as f64) {
+                Step::Output(output) => return output.round() as i64,
+                Step::Done(gains) => {
+                    self.pid.gains = gains;
+                    self.relay = None;
+                }
+            }
+        }
+        let output = self.pid.advance(missing, low as f64 / COOLING_SHARE, high as f64);
+        let share = if output < 0.0 { COOLING_SHARE } else { 1.0 };
+        (output * share).round() as i64
     }
 }
+
+/// The value that is controlled (3.4.4); `None` when its sensor tells nothing.
+const fn effective(sensed: &Sensed, mode: Mode) -> Option<i64> {
+    match (mode, sensed.external) {
+        (Mode::MainLine, _) => Some(sensed.main),
+        (Mode::ReturnLine, _) => Some(sensed.return_line),
+        (Mode::ExternalSensor, External::Reads(celsius)) => Some(celsius),
+        (Mode::ExternalSensor, External::Unplugged | External::Broken) => None,
+    }
+}
+
+/// What 6413h and 6414h leave of the output. A device without 6413h cannot cool.
+fn limits(od: &Dictionary, rules: &dyn Em66Rules) -> (i64, i64) {
+    let (low, high) = (value(od, LOWER_LIMIT), od.int(UPPER_LIMIT).unwrap_or(FULL_OUTPUT));
+    let (low, high) = rules.output_limits(low, high);
+    (low.clamp(-FULL_OUTPUT, 0), high.clamp(0, FULL_OUTPUT))
+}
+
+/// It circulates while the controller is on; while the mould is emptied, it rests.
+const fn pump(duty: &Duty) -> Pump {
+    match (duty.on && !duty.evacuating, duty.suction) {
+        (false, _) => Pump::Off,
+        (true, false) => Pump::Forward,
+        (true, true) => Pump::Backward,
+    }
+}
+
+/// 100 % in tenths of a percent.
+const FULL_OUTPUT: i64 = 1000;
+/// The cooler is stronger than the heater, so less of it does the same.
+const COOLING_SHARE: f64 = 0.4;
+/// What can be written and holds one value only: units and digits.
+const FIXED: [u16; 4] = [0x6406, 0x6407, 0x6415, 0x6416];
+
+#[cfg(test)]
+mod tests;
