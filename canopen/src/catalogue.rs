@@ -24,8 +24,8 @@ pub use scalar::Scalar;
 pub struct Profile {
     /// Name, such as `cia301`.
     pub name: String,
-    /// What a person calls it; empty where the name says enough.
-    pub title: String,
+    /// As it is written; empty where the name says enough.
+    title: String,
     /// The profile it builds on, whose names and blocks are its own, too.
     pub based_on: Option<String>,
     /// How a device that follows it is told from others, where 1000h does not tell.
@@ -259,6 +259,11 @@ impl Profile {
             options: file.options,
             objects,
         })
+    }
+
+    /// What a person calls it.
+    pub fn title(&self) -> &str {
+        if self.title.is_empty() { &self.name } else { &self.title }
     }
 
     /// What a name of this profile, or of the one it builds on, stands for.

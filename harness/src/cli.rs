@@ -80,6 +80,9 @@ pub struct Selection {
     /// The bench around the device: `unix:PATH`, or a program that speaks lines of JSON
     #[arg(long, value_name = "RIG")]
     pub bench: Option<String>,
+    /// The device does not have this option of its profile, such as `suction`; may be repeated
+    #[arg(long, value_name = "OPTION")]
+    pub without: Vec<String>,
 }
 
 impl Selection {
@@ -94,6 +97,7 @@ impl Selection {
             suites: None,
             bitrate: DEFAULT_BIT_RATE,
             bench: None,
+            without: Vec::new(),
         }
     }
 }

@@ -8,6 +8,7 @@ pub mod bus;
 pub mod cli;
 pub mod commands;
 pub mod exit;
+mod nearest;
 pub mod plan;
 pub mod properties;
 pub mod reporter;

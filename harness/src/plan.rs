@@ -5,6 +5,7 @@ mod check;
 mod each;
 mod instance;
 mod pdo;
+mod profile;
 mod scope;
 
 pub use bind::plan;

@@ -162,6 +162,7 @@ static SHEET: LazyLock<Dut> = LazyLock::new(|| {
         sheet: Arc::default(),
         bench: Vec::new(),
         bit_rate: 1_000_000,
+        without: Vec::new(),
     }
 });
 

@@ -96,6 +96,7 @@ fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
         sheet: Arc::default(),
         bench: Vec::new(),
         bit_rate: DEFAULT_BIT_RATE,
+        without: Vec::new(),
     };
     let identity = identity(link, &policy, &dut)?;
     let name = read_text(link, &policy, node, DEVICE_NAME)?;

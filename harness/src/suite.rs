@@ -3,6 +3,7 @@
 mod files;
 pub mod literal;
 pub mod model;
+pub mod profile;
 mod register;
 mod test_map;
 

@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use canopen::eds::{Eds, Severity};
-use canopen::{Bench, Bus, Device, VirtualBus};
+use canopen::{Bench, Bus, Device, VirtualBus, catalogue};
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::mutant;
 use reference_devices::rules::Specification;
@@ -15,6 +15,7 @@ use reference_devices::rules::Specification;
 use crate::bus::socketcan::SocketCan;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::exit::{Exit, Refused};
+use crate::nearest::did_you_mean;
 use crate::plan::Dut;
 use crate::rig::{Rig, WithRig};
 use crate::scan::{self, Found};
@@ -88,6 +89,7 @@ pub fn open_interface(name: &str, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>
 /// # Errors
 /// When the target is not one we know, nobody answers, or no data sheet fits.
 pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Target>, Refused> {
+    known_options(&selection.without)?;
     match selection.target.as_deref() {
         None => devices::names()
             .filter(|name| selection.device.as_ref().is_none_or(|device| device == name))
@@ -108,6 +110,20 @@ pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Targ
                  `sim:drr460?mutant=NAME`"
             ))),
         },
+    }
+}
+
+/// Checks that there are options of these names.
+fn known_options(names: &[String]) -> Result<(), Refused> {
+    let known = || catalogue::profiles().iter().flat_map(|profile| profile.options.keys());
+    match names.iter().find(|name| !known().any(|option| option == *name)) {
+        None => Ok(()),
+        Some(name) => {
+            let there_is = known().cloned().collect::<Vec<_>>().join(", ");
+            let meant = did_you_mean(name, known().map(String::as_str));
+            let message = format!("no option `{name}` of any profile: there is {there_is}{meant}");
+            Err(Refused::usage(message))
+        }
     }
 }
 
@@ -200,7 +216,7 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
     if let Some(node) = selection.node {
         options.push_str(&format!(" --node {node}"));
     }
-    say_sheet_and_rate(selection, &mut options);
+    say_the_rest(selection, &mut options);
     let (rig, bench) = match rig(selection, &mut options)? {
         Some((rig, names)) => (Some(rig), names),
         None => (None, device.node(node, Box::new(Specification)).bench_names()),
@@ -213,6 +229,7 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
             sheet: Arc::new(sheet),
             bench,
             bit_rate,
+            without: selection.without.clone(),
         },
         rig,
         place: Place::Simulation { device, mutant, bit_rate },
@@ -221,12 +238,15 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
 }
 
 /// Adds what else a verdict depends on to the options that repeat a run.
-fn say_sheet_and_rate(selection: &Selection, options: &mut String) {
+fn say_the_rest(selection: &Selection, options: &mut String) {
     if let Some(path) = &selection.eds {
         options.push_str(&format!(" --eds {}", path.display()));
     }
     if selection.bitrate != DEFAULT_BIT_RATE {
         options.push_str(&format!(" --bitrate {}", selection.bitrate));
+    }
+    for option in &selection.without {
+        options.push_str(&format!(" --without {option}"));
     }
 }
 
@@ -247,7 +267,7 @@ fn on_interface(
     }
     let (dut_name, (sheet, eds)) = data_sheet(selection, first)?;
     let mut options = format!("--target {name} --node {}", first.node);
-    say_sheet_and_rate(selection, &mut options);
+    say_the_rest(selection, &mut options);
     let (rig, bench) = rig(selection, &mut options)?.unzip();
     let bench = bench.unwrap_or_default();
     Ok(vec![Target {
@@ -258,6 +278,7 @@ fn on_interface(
             sheet: Arc::new(sheet),
             bench,
             bit_rate: selection.bitrate,
+            without: selection.without.clone(),
         },
         rig,
         place: Place::SocketCan(name.to_owned()),

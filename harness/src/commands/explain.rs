@@ -1,15 +1,15 @@
 //! `harness explain`: what a name stands for, wherever one meets it in a report.
 
 use std::collections::BTreeSet;
-use std::fmt::Write;
 
-use canopen::Abort;
 use canopen::emcy::EmcyCode;
+use canopen::{Abort, catalogue};
 use reference_devices::devices;
 use reference_devices::mutant::{self, Mutant};
 
 use crate::cli::ExplainArgs;
 use crate::exit::{Exit, Refused};
+use crate::nearest::did_you_mean;
 use crate::reporter::say;
 use crate::source::At;
 use crate::suite::model::Case;
@@ -79,7 +79,7 @@ impl Book {
         if let Some((mutant, devices)) = self.mutants.iter().find(|(known, _)| known.name == name) {
             return Some(self.mutant(mutant, devices));
         }
-        self.code(name)
+        self.code(name).or_else(|| option(name))
     }
 
     fn case(&self, suite: &Suite, case: &At<Case>) -> String {
@@ -229,25 +229,30 @@ impl Book {
         names.extend(self.library.suites.iter().map(|suite| suite.name().to_owned()));
         names.extend(self.library.register.iter().map(|(id, _)| id.to_owned()));
         names.extend(self.mutants.iter().map(|(mutant, _)| mutant.name.clone()));
+        names.extend(catalogue::profiles().iter().flat_map(|p| p.options.keys().cloned()));
         let mut message = format!("there is no case, requirement, mutant or code `{name}`");
-        let most = (name.chars().count() / 3).max(2);
-        // Who knows a part of the name means the shortest that has it.
-        let far = |known: &String| match known.contains(name) && name.len() > 3 {
-            true => (0, known.len()),
-            false => (distance(name, known), 0),
-        };
-        let nearest = names.iter().map(|known| (far(known), known)).min();
-        if let Some((_, known)) = nearest.filter(|((far, _), _)| *far <= most) {
-            _ = write!(message, "; did you mean `{known}`?");
-        }
+        message.push_str(&did_you_mean(name, names.iter().map(String::as_str)));
         Refused::usage(message)
     }
+}
+
+/// What a device of a profile may lack although no object is missing.
+fn option(name: &str) -> Option<String> {
+    let profile =
+        catalogue::profiles().iter().find(|profile| profile.options.contains_key(name))?;
+    let mut page = Page::new(format!("option {name} of {}", profile.title()));
+    page.field("means", profile.options.get(name)?);
+    page.field("without it", &format!("harness --without {name}"));
+    Some(page.0)
 }
 
 fn suite_text(suite: &Suite) -> String {
     let mut page = Page::new(format!("suite {}", suite.name()));
     if let Some(about) = &suite.file.about {
         page.field("about", about);
+    }
+    if let Some(profile) = &suite.file.profile {
+        page.field("for", &format!("devices that follow {}", profile.value));
     }
     page.field("in", &suite.source.name);
     page.field("cases", "");
@@ -330,32 +335,3 @@ impl Page {
 }
 
 const LABEL: usize = 13;
-
-/// How many letters differ, a letter too many or too few counted as one.
-fn distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.chars().enumerate() {
-        let mut corner = std::mem::replace(&mut row[0], i + 1);
-        for (j, y) in b.iter().enumerate() {
-            let changed = corner + usize::from(x != *y);
-            corner = row[j + 1];
-            row[j + 1] = changed.min(corner + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::distance;
-
-    #[test]
-    fn letters_that_differ() {
-        for (a, b, letters) in
-            [("", "", 0), ("", "ab", 2), ("boot", "boat", 1), ("boot", "bot", 1), ("ab", "ba", 2)]
-        {
-            assert_eq!((distance(a, b), distance(b, a)), (letters, letters), "{a} {b}");
-        }
-    }
-}

@@ -4,15 +4,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use canopen::eds::Eds;
-use canopen::{Mux, heartbeat, lss, sdo};
+use canopen::{heartbeat, lss, sdo};
 
 use super::check::{self, no_object};
 use super::each::{Bound, each_scope, has_access};
 use super::instance::{Instance, Plan};
+use super::profile::{bind_names, of_another_profile, wrong_option};
 use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint};
 use crate::suite::literal::{Amount, Literal, ObjectRef};
-use crate::suite::model::{AccessName, Capability, Case, Requires};
+use crate::suite::model::{AccessName, Case, Requires};
+use crate::suite::profile::Capability;
 use crate::suite::{Library, Suite};
 
 /// Binds every suite that is for this device: those for any device, and those for the reference
@@ -58,13 +60,13 @@ fn bind_case(
         Instance { suite, case: place, label, scope, skip, unfit: None }
     };
     check::requires(suite, case, dut).map_err(|complaint| vec![complaint])?;
-    let lacks = || case.requires.iter().find_map(|requires| lacks(&requires.value, dut));
+    let lacks = || case.requires.iter().find_map(|requires| lacks(&requires.value, dut, suite));
     if let Some(reason) = of_another_profile(suite, dut).or_else(lacks) {
         return Ok(vec![instance(None, Scope::default(), Some(reason))]);
     }
     let mut scopes = match &case.each {
         None => vec![(Vec::new(), Scope::default())],
-        Some(each) => each_scope(&each.value, dut)
+        Some(each) => each_scope(&each.value, suite, dut)
             .map_err(|wrong| vec![Complaint::at(&suite.source, wrong.place, wrong.value)])?,
     };
     if scopes.is_empty() {
@@ -78,6 +80,7 @@ fn bind_case(
         .into_iter()
         .map(|(labels, mut scope)| {
             bind_bus(&mut scope, dut);
+            bind_names(&mut scope, suite);
             let label = (!labels.is_empty()).then(|| labels.join(","));
             instance(label, scope, None)
         })
@@ -110,19 +113,6 @@ fn bind_bus(scope: &mut Scope, dut: &Dut) {
     scope.bind("other-answer", id(sdo::RESPONSE_COB_ID));
 }
 
-/// Why the suite is not about this device.
-fn of_another_profile(suite: &Suite, dut: &Dut) -> Option<String> {
-    let about = suite.file.profile.as_ref()?.value;
-    match dut.default_int(DEVICE_TYPE).map(|device_type| device_type as u16) {
-        Some(profile) if profile == about => None,
-        Some(0) => Some(format!("the device follows no profile, the case is about CiA {about}")),
-        Some(profile) => {
-            Some(format!("the device follows profile {profile}, the case is about CiA {about}"))
-        }
-        None => Some(format!("the data sheet does not say whether it follows CiA {about}")),
-    }
-}
-
 fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {
     let mut seen = BTreeSet::new();
     complaints.retain(|complaint| seen.insert((complaint.place, complaint.message.clone())));
@@ -130,9 +120,18 @@ fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {
 }
 
 /// Why the device does not have what the case requires.
-fn lacks(requires: &Requires, dut: &Dut) -> Option<String> {
-    if requires.supports == Some(Capability::Lss) && !dut.eds.device.lss {
+fn lacks(requires: &Requires, dut: &Dut, suite: &Suite) -> Option<String> {
+    let is_lss = |capability: &Option<At<Capability>>| {
+        capability.as_ref().is_some_and(|capability| capability.value == Capability::Lss)
+    };
+    if is_lss(&requires.supports) && !dut.eds.device.lss {
         return Some("the data sheet says that there is no LSS".to_owned());
+    }
+    if is_lss(&requires.lacks) && dut.eds.device.lss {
+        return Some("the data sheet says that there is LSS".to_owned());
+    }
+    if let Some(reason) = wrong_option(requires, dut, suite) {
+        return Some(reason);
     }
     let ObjectRef::Fixed(mux) = requires.object.as_ref()?.value else { return None };
     match (dut.eds.entry(mux), requires.access) {
@@ -168,6 +167,3 @@ fn cross(scopes: Vec<Bound>, name: &str, values: &[At<Literal>]) -> Vec<Bound> {
     let pairs = scopes.iter().flat_map(|scope| values.iter().map(move |value| (scope, value)));
     pairs.map(|(scope, value)| with(scope, &value.value)).collect()
 }
-
-/// Bits 0 to 15 are the number of the profile.
-const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);

@@ -1,11 +1,12 @@
 //! What can be known to be wrong with a case before anything runs.
 
-use canopen::catalogue::{self, Shape};
+use canopen::catalogue::{self, Profile, Shape};
 use canopen::eds::{CODES, Eds, Entry, Object};
 use canopen::{DataType, Mux};
 
 use super::each::{index_range, matching_entries};
 use super::instance::Instance;
+use super::profile::check_capabilities;
 use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint, Place};
 use crate::suite::Suite;
@@ -18,10 +19,13 @@ use crate::suite::model::{
 /// Checks that what a case requires can exist at all.
 pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Complaint> {
     for At { value: requires, place } in &case.requires {
+        check_capabilities(requires, suite)
+            .map_err(|wrong| Complaint::at(&suite.source, wrong.place, wrong.value))?;
         let Some(object) = &requires.object else {
-            if requires.supports.is_none() || requires.access.is_some() {
+            let named = requires.supports.is_some() || requires.lacks.is_some();
+            if !named || requires.access.is_some() {
                 let message = "a case requires an `object`, with an `access` if need be, or what \
-                               the device `supports`";
+                               the device `supports` or `lacks`";
                 return Err(Complaint::at(&suite.source, *place, message));
             }
             continue;
@@ -30,7 +34,7 @@ pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Comp
             let message = "what a case requires is an object such as \"1017:00\"";
             return Err(Complaint::at(&suite.source, object.place, message));
         };
-        let known = catalogue::lookup(&["cia301", "cia401"], mux.index).is_some()
+        let known = catalogue::lookup(&profiles_of(suite), mux.index).is_some()
             || dut.eds.object(mux.index).is_some();
         if !known {
             let message =
@@ -354,7 +358,8 @@ impl Checker<'_> {
         };
         let entry = self.dut.eds.entry(mux);
         if entry.is_none() && refused.is_none() {
-            if self.model.map_or_else(|| in_profile(mux), |eds| eds.entry(mux).is_some()) {
+            let in_profile = || in_profile(mux, &profiles_of(self.suite));
+            if self.model.map_or_else(in_profile, |eds| eds.entry(mux).is_some()) {
                 self.lacking.get_or_insert_with(|| no_object(mux));
             } else {
                 let name = &self.dut.name;
@@ -392,9 +397,18 @@ pub(super) fn no_object(mux: Mux) -> String {
     format!("the data sheet has no object {mux}")
 }
 
-/// Whether a profile knows a value at that address.
-fn in_profile(mux: Mux) -> bool {
-    catalogue::lookup(&["cia301", "cia401"], mux.index).is_some_and(|object| match object.object {
+/// The profiles whose objects a suite may name: CiA 301 and those it is about.
+fn profiles_of(suite: &Suite) -> Vec<&'static str> {
+    let named = suite.file.profile.as_ref().and_then(|profile| profile.value.named());
+    let chain = named.into_iter().flat_map(Profile::chain).map(|profile| profile.name.as_str());
+    let chain: Vec<&str> = chain.collect();
+    let others = if chain.is_empty() { vec!["cia401"] } else { chain };
+    [vec!["cia301"], others].concat()
+}
+
+/// Whether one of the profiles knows a value at that address.
+fn in_profile(mux: Mux, profiles: &[&str]) -> bool {
+    catalogue::lookup(profiles, mux.index).is_some_and(|object| match object.object {
         None | Some(Shape::Var | Shape::Domain) => mux.sub == 0,
         Some(Shape::Array | Shape::Record) => {
             mux.sub == 0 || object.of_sub(mux.sub).data_type.is_some()

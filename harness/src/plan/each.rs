@@ -7,8 +7,10 @@ use canopen::{DataType, Mux, Value};
 
 use super::check;
 use super::pdo::pdo_scopes;
+use super::profile::block_scopes;
 use super::scope::{Binding, Dut, Scope};
 use crate::source::At;
+use crate::suite::Suite;
 use crate::suite::literal::{Literal, ObjectRef};
 use crate::suite::model::{AccessName, Each, Has, Objects};
 
@@ -18,8 +20,8 @@ pub(super) type Bound = (Vec<String>, Scope);
 /// The instances that `each` makes.
 ///
 /// # Errors
-/// As [`matching_entries`].
-pub(super) fn each_scope(each: &Each, dut: &Dut) -> Result<Vec<Bound>, At<String>> {
+/// As [`matching_entries`] and [`block_scopes`].
+pub(super) fn each_scope(each: &Each, suite: &Suite, dut: &Dut) -> Result<Vec<Bound>, At<String>> {
     match each {
         Each::Objects(objects) => {
             let entries = matching_entries(objects, dut)?;
@@ -34,6 +36,7 @@ pub(super) fn each_scope(each: &Each, dut: &Dut) -> Result<Vec<Bound>, At<String
             Ok(entries.map(|entry| entry_scope(entry, dut, pdo.clone())).collect())
         }
         Each::Pdos(pdos) => Ok(pdo_scopes(pdos, dut)),
+        Each::Block(blocks) => block_scopes(blocks, suite, dut),
     }
 }
 

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use super::scope::{Dut, Scope};
 use crate::source::{At, Complaint};
 use crate::suite::Suite;
-use crate::suite::model::{Capability, Case, Requires};
+use crate::suite::model::{Case, Requires};
+use crate::suite::profile::Capability;
 
 /// What runs against one device, in order.
 #[derive(Clone, Debug)]
@@ -40,9 +41,22 @@ impl Instance {
     }
 
     /// Whether it is about something that only the device itself can tell it has.
-    pub fn requires(&self, capability: Capability) -> bool {
-        let supports = |requires: &At<Requires>| requires.value.supports == Some(capability);
+    pub fn requires(&self, capability: &Capability) -> bool {
+        let supports = |requires: &At<Requires>| {
+            requires.value.supports.as_ref().is_some_and(|supports| supports.value == *capability)
+        };
         self.skip.is_none() && self.case().requires.iter().any(supports)
+    }
+
+    /// The options of the profile that the device must have for this, though nothing tells that it
+    /// has them.
+    pub fn options(&self) -> impl Iterator<Item = &str> {
+        self.case().requires.iter().filter_map(|requires| {
+            match &requires.value.supports.as_ref()?.value {
+                Capability::Option(name) => Some(name.as_str()),
+                _ => None,
+            }
+        })
     }
 
     /// The full name: `cia301/heartbeat/heartbeat-period[period=20 ms]`.

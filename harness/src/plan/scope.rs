@@ -8,6 +8,7 @@ use canopen::eds::{Eds, Entry};
 use canopen::pdo::Mapping;
 use canopen::{DataType, Id, Mux, Pattern, Value, catalogue};
 
+use crate::nearest::did_you_mean;
 use crate::sheet::Sheet;
 use crate::suite::literal::{Amount, FrameText, Literal, Name, ObjectRef, Tolerance, show_time};
 
@@ -26,6 +27,8 @@ pub struct Dut {
     pub bench: Vec<String>,
     /// Bit rate of its bus, in bit/s.
     pub bit_rate: u32,
+    /// Options of its profile that it does not have.
+    pub without: Vec<String>,
 }
 
 impl Dut {
@@ -33,6 +36,11 @@ impl Dut {
     pub fn default_int(&self, mux: Mux) -> Option<i128> {
         let entry = self.eds.entry(mux)?;
         entry.data_type.decode(&entry.default_bytes(self.node).ok()?).ok()?.as_int()
+    }
+
+    /// The number of the device profile: the low 16 bits of 1000h, by the data sheet.
+    pub fn profile_number(&self) -> Option<u16> {
+        self.default_int(Mux::new(0x1000, 0)).map(|device_type| device_type as u16)
     }
 
     /// The addresses and lengths that a PDO maps by default; `mapping` is its mapping parameter.
@@ -98,9 +106,12 @@ impl Scope {
         }
         self.names.get(&name.0).ok_or_else(|| {
             let known: Vec<String> = self.names.keys().map(|name| format!("${name}")).collect();
+            let meant = did_you_mean(&name.to_string(), known.iter().map(String::as_str));
             match known.is_empty() {
                 true => format!("nothing is bound to {name}"),
-                false => format!("nothing is bound to {name}; there are {}", known.join(", ")),
+                false => {
+                    format!("nothing is bound to {name}; there are {}{meant}", known.join(", "))
+                }
             }
         })
     }

@@ -90,7 +90,7 @@ impl CaseRun<'_, '_> {
         // Bad frames on the wire spoil this case, not those that follow.
         let lasts = |error: &BusError| !matches!(error, BusError::Controller(_));
         let (outcome, stop) = match self.steps() {
-            Ok(outcome) => (outcome, None),
+            Ok(outcome) => (self.with_way_out(outcome), None),
             Err(error) => (self.bus_failed(error.clone()).0, Some(error)),
         };
         let still = !self.stimuli.any() && settle::is_still(self.link, self.dut);
@@ -147,6 +147,16 @@ impl CaseRun<'_, '_> {
             report.fail(Phase::Monitor, last, difference);
         }
         Ok(report.outcome)
+    }
+
+    /// An option that the device fails for and may not have, as nobody but its user can tell.
+    fn with_way_out(&self, mut outcome: Outcome) -> Outcome {
+        if let Outcome::Fail(problem) = &mut outcome {
+            problem.notes.extend(self.instance.options().map(|option| {
+                format!("for a device that has no {option}, say `--without {option}`")
+            }));
+        }
+        outcome
     }
 
     /// The first rule that the frames from place `from` on break.

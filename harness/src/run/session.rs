@@ -11,7 +11,7 @@ use super::sdo;
 use super::settle::{self, Left};
 use crate::plan::{Dut, Instance, Plan};
 use crate::suite::Register;
-use crate::suite::model::Capability;
+use crate::suite::profile::Capability;
 
 /// How a session ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,7 +75,7 @@ impl Session<'_> {
     /// Whether the device has block transfer, which no data sheet tells. Asked before the first
     /// case, so that nothing that happens in one can be the reason to skip another.
     fn knows_blocks(&self, link: &mut Link) -> Result<bool, BusError> {
-        match self.plan.instances.iter().any(|each| each.requires(Capability::BlockTransfer)) {
+        match self.plan.instances.iter().any(|each| each.requires(&Capability::BlockTransfer)) {
             true => sdo::knows_blocks(link, &self.policy, self.plan.dut.node),
             false => Ok(true),
         }
@@ -89,7 +89,7 @@ impl Session<'_> {
                 return Ending::Bus(BusError::Interrupted);
             }
             tell(self.started(link, instance));
-            let no_blocks = !blocks && instance.requires(Capability::BlockTransfer);
+            let no_blocks = !blocks && instance.requires(&Capability::BlockTransfer);
             let no_blocks = no_blocks.then(|| "the device has no block transfer".to_owned());
             if let Some(reason) = instance.skip.clone().or(no_blocks) {
                 tell(ended(link, Outcome::Skip(reason)));

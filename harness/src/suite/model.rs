@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::literal::{Amount, Flow, FrameText, Literal, Name, ObjectRef, Refusal, Tolerance};
+use super::profile::{About, BlockNumber, Capability};
 use crate::source::At;
 
 /// A suite file: one topic.
@@ -21,10 +22,11 @@ pub struct SuiteFile {
     /// only. Without it the suite is for every CANopen device.
     #[serde(default)]
     pub device: Option<At<String>>,
-    /// The device profile this suite is about, such as 401: the low 16 bits of 1000h. On a device
-    /// that follows another one its cases are skipped.
+    /// The device profile this suite is about, such as 401: the low 16 bits of 1000h; or one that
+    /// the catalogue has by name and tells how to recognise. On a device that follows another one
+    /// its cases are skipped. Names, blocks and options are those of the profile.
     #[serde(default)]
-    pub profile: Option<At<u16>>,
+    pub profile: Option<At<About>>,
     /// The cases.
     pub cases: Vec<At<Case>>,
 }
@@ -101,6 +103,21 @@ pub enum Each {
     /// are) and `$length` (bytes of the default mapping); of the next PDO in use `$neighbour`
     /// (its identifier), `$neighbour-off`, `$neighbour-cob-id` and `$neighbour-transmission`.
     Pdos(Pdos),
+    /// ... block of objects that the profile of the suite repeats and the device has whole. Binds
+    /// the address of each object by its name in the catalogue, those of the next block with
+    /// `next-` before it, and `$number`.
+    Block(Blocks),
+}
+
+/// Which blocks of objects.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Blocks {
+    /// The name of the block in the catalogue.
+    pub name: At<String>,
+    /// Numbers, counted from 1, and `last`; all unless said otherwise.
+    #[serde(default)]
+    pub at: Vec<At<BlockNumber>>,
 }
 
 /// Which entries.
@@ -226,7 +243,7 @@ pub enum DirectionName {
     Transmit,
 }
 
-/// One thing a device must have: an object, or a capability.
+/// One thing a device must have, or lack: an object, or a capability.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Requires {
@@ -236,19 +253,12 @@ pub struct Requires {
     /// With this access.
     #[serde(default)]
     pub access: Option<AccessName>,
-    /// This capability.
+    /// This capability, or option of the profile.
     #[serde(default)]
-    pub supports: Option<Capability>,
-}
-
-/// What a device may or may not be able to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Capability {
-    /// Layer setting services, by its data sheet.
-    Lss,
-    /// SDO block transfer; the device is asked once, at the start of a run.
-    BlockTransfer,
+    pub supports: Option<At<Capability>>,
+    /// The absence of this capability, or option of the profile.
+    #[serde(default)]
+    pub lacks: Option<At<Capability>>,
 }
 
 /// One step.

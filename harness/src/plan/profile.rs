@@ -1,0 +1,162 @@
+//! What suites take from the profile they are about: whether a device follows it, names, blocks of
+//! objects, options.
+
+use canopen::catalogue::{Block, Profile};
+
+use super::each::Bound;
+use super::scope::{Binding, Dut, Scope};
+use crate::nearest::did_you_mean;
+use crate::source::At;
+use crate::suite::Suite;
+use crate::suite::literal::Literal;
+use crate::suite::model::{Blocks, Requires};
+use crate::suite::profile::{About, BlockNumber, CAPABILITIES, Capability};
+
+/// Why the suite is not about this device.
+pub(super) fn of_another_profile(suite: &Suite, dut: &Dut) -> Option<String> {
+    let about = suite.file.profile.as_ref()?.value;
+    match about {
+        About::Number(number) => of_another_number(number, dut),
+        About::Named(profile) => of_another_name(profile, dut),
+    }
+}
+
+fn of_another_number(about: u16, dut: &Dut) -> Option<String> {
+    match dut.profile_number() {
+        Some(profile) if profile == about => None,
+        Some(0) => Some(format!("the device follows no profile, the case is about CiA {about}")),
+        Some(profile) => {
+            Some(format!("the device follows profile {profile}, the case is about CiA {about}"))
+        }
+        None => Some(format!("the data sheet does not say whether it follows CiA {about}")),
+    }
+}
+
+fn of_another_name(profile: &Profile, dut: &Dut) -> Option<String> {
+    let recognition = profile.recognised?;
+    let (title, mux) = (profile.title(), recognition.object);
+    if dut.eds.entry(mux).is_none() {
+        return Some(format!("the device is no {title}: the data sheet has no object {mux}"));
+    }
+    match dut.default_int(mux).map(|value| value as u32) {
+        Some(value) if recognition.fits(value) => None,
+        Some(value) => Some(format!("the device is no {title}: {mux} is {value:08X}h")),
+        None => Some(format!("the data sheet does not say whether it is a {title}, by {mux}")),
+    }
+}
+
+/// Binds the bits and codes that the profile of the suite has names for.
+pub(super) fn bind_names(scope: &mut Scope, suite: &Suite) {
+    let profile = suite.file.profile.as_ref().and_then(|profile| profile.value.named());
+    for profile in profile.into_iter().flat_map(Profile::chain) {
+        for (name, value) in &profile.names {
+            let value = Literal::Int(i128::from(*value));
+            scope.bind(name, Binding::Literal(value));
+        }
+    }
+}
+
+/// Checks that what a case requires by name is something that can be told.
+///
+/// # Errors
+/// The name, and what there is instead.
+pub(super) fn check_capabilities(requires: &Requires, suite: &Suite) -> Result<(), At<String>> {
+    if let Some(At { value: Capability::BlockTransfer, place }) = &requires.lacks {
+        let wrong = "whether a device lacks block transfer is found out by trying it";
+        return Err(At::new(wrong.to_owned(), *place));
+    }
+    for capability in [&requires.supports, &requires.lacks].into_iter().flatten() {
+        let At { value: Capability::Option(name), place } = capability else { continue };
+        let profile = suite.file.profile.as_ref().and_then(|profile| profile.value.named());
+        let options = || profile.into_iter().flat_map(|profile| profile.options.keys());
+        if options().any(|option| option == name) {
+            continue;
+        }
+        let known = || CAPABILITIES.into_iter().chain(options().map(String::as_str));
+        let names = known().collect::<Vec<_>>().join(", ");
+        let meant = did_you_mean(name, known());
+        return Err(At::new(format!("no capability `{name}`: there are {names}{meant}"), *place));
+    }
+    Ok(())
+}
+
+/// Why the device's options are not those that the case is about.
+pub(super) fn wrong_option(requires: &Requires, dut: &Dut, suite: &Suite) -> Option<String> {
+    let option = |capability: &Option<At<Capability>>| match capability.as_ref()?.value {
+        Capability::Option(ref name) => Some(name.clone()),
+        _ => None,
+    };
+    let means = |name: &str| {
+        let profile = suite.file.profile.as_ref()?.value.named()?;
+        profile.options.get(name).cloned()
+    };
+    if let Some(name) = option(&requires.supports).filter(|name| dut.without.contains(name)) {
+        let means = means(&name).unwrap_or_default();
+        return Some(format!("the device is without {name}: {means}"));
+    }
+    let name = option(&requires.lacks).filter(|name| !dut.without.contains(name))?;
+    Some(format!("the case is about devices without {name}, as `--without {name}` says of one"))
+}
+
+/// An instance for each of the blocks that the device has whole, among those asked for. The names
+/// of the next block are bound, too: the one behind it, of the last the first. Where a device has
+/// but one, they are those of objects that it lacks.
+///
+/// # Errors
+/// When the profile of the suite has no such block, or not so many, and where that stands.
+pub(super) fn block_scopes(
+    blocks: &Blocks,
+    suite: &Suite,
+    dut: &Dut,
+) -> Result<Vec<Bound>, At<String>> {
+    let At { value: name, place } = &blocks.name;
+    let profile = suite.file.profile.as_ref().and_then(|profile| profile.value.named());
+    let profile = profile.ok_or_else(|| {
+        let wrong = "blocks are those of a profile, which the suite names: `profile: em66`";
+        At::new(wrong.to_owned(), *place)
+    })?;
+    let block = profile.block(name).ok_or_else(|| {
+        let known = || profile.chain().flat_map(|profile| profile.blocks.keys());
+        let names = known().cloned().collect::<Vec<_>>().join(", ");
+        let meant = did_you_mean(name, known().map(String::as_str));
+        At::new(format!("no block `{name}`: there is {names}{meant}"), *place)
+    })?;
+    for number in &blocks.at {
+        if let BlockNumber::At(at) = number.value
+            && at > block.count
+        {
+            let wrong = format!("there are blocks 1 to {} of `{name}`", block.count);
+            return Err(At::new(wrong, number.place));
+        }
+    }
+    let whole: Vec<u8> = (1..=block.count).filter(|number| has(dut, block, *number)).collect();
+    let wanted = |number: &&u8| {
+        blocks.at.is_empty()
+            || blocks.at.iter().any(|at| match at.value {
+                BlockNumber::At(at) => at == **number,
+                BlockNumber::Last => whole.last() == Some(*number),
+            })
+    };
+    let scopes = whole.iter().filter(wanted).map(|number| {
+        let mut scope = Scope::default();
+        let mut others = whole.iter().filter(|other| *other != number);
+        let next = others.clone().find(|other| *other > number).or_else(|| others.next());
+        let next = next.copied().unwrap_or(number % block.count + 1);
+        for (prefix, number) in [("", *number), ("next-", next)] {
+            for object in block.objects.keys() {
+                if let Some(mux) = block.object(object, number) {
+                    scope.bind(format!("{prefix}{object}"), Binding::Mux(mux));
+                }
+            }
+        }
+        scope.bind("number", Binding::Literal(Literal::Int((*number).into())));
+        (vec![format!("{name}={number}")], scope)
+    });
+    Ok(scopes.collect())
+}
+
+/// Whether the data sheet has every object of a block.
+fn has(dut: &Dut, block: &Block, number: u8) -> bool {
+    let mut objects = block.objects.keys().filter_map(|name| block.object(name, number));
+    objects.all(|mux| dut.eds.entry(mux).is_some())
+}

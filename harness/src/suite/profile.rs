@@ -1,0 +1,185 @@
+//! The words about profiles: which one a suite is about, and what a device of it may lack.
+
+use std::borrow::Cow;
+use std::fmt;
+
+use canopen::catalogue::{self, Profile};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{self, Visitor};
+use serde::{Deserialize, Deserializer};
+
+use crate::nearest::did_you_mean;
+
+/// The profile that a suite is about.
+#[derive(Clone, Copy, Debug)]
+pub enum About {
+    /// The device profile of that number, by the low 16 bits of 1000h.
+    Number(u16),
+    /// A profile of the catalogue that is recognised by another object.
+    Named(&'static Profile),
+}
+
+impl About {
+    /// What the catalogue has of it beyond objects.
+    pub const fn named(self) -> Option<&'static Profile> {
+        match self {
+            Self::Number(_) => None,
+            Self::Named(profile) => Some(profile),
+        }
+    }
+}
+
+/// As sentences name it.
+impl fmt::Display for About {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Number(number) => write!(f, "CiA {number}"),
+            Self::Named(profile) => f.write_str(profile.title()),
+        }
+    }
+}
+
+/// The profiles that a suite can name.
+fn recognisable() -> impl Iterator<Item = &'static Profile> {
+    catalogue::profiles().iter().filter(|profile| profile.recognised.is_some())
+}
+
+impl<'de> Deserialize<'de> for About {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NumberOrName;
+        impl Visitor<'_> for NumberOrName {
+            type Value = About;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number such as 401, or the name of a profile")
+            }
+            fn visit_i64<E: de::Error>(self, number: i64) -> Result<About, E> {
+                let number = number.try_into().map_err(|_| E::custom("a profile has 16 bits"))?;
+                Ok(About::Number(number))
+            }
+            fn visit_u64<E: de::Error>(self, number: u64) -> Result<About, E> {
+                let number = number.try_into().map_err(|_| E::custom("a profile has 16 bits"))?;
+                Ok(About::Number(number))
+            }
+            fn visit_str<E: de::Error>(self, name: &str) -> Result<About, E> {
+                let known = recognisable().find(|profile| profile.name == name);
+                known.map(About::Named).ok_or_else(|| {
+                    let names: Vec<&str> =
+                        recognisable().map(|profile| profile.name.as_str()).collect();
+                    let meant = did_you_mean(name, names.iter().copied());
+                    let names = names.join(", ");
+                    E::custom(format!("no profile `{name}`: there are numbers and {names}{meant}"))
+                })
+            }
+        }
+        deserializer.deserialize_any(NumberOrName)
+    }
+}
+
+impl JsonSchema for About {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "About".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let names: Vec<&str> = recognisable().map(|profile| profile.name.as_str()).collect();
+        json_schema!({
+            "description": "A profile: its number, or its name in the catalogue.",
+            "oneOf": [
+                { "type": "integer", "minimum": 0, "maximum": 65535 },
+                { "enum": names }
+            ]
+        })
+    }
+}
+
+/// What a device may or may not be able to do.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Capability {
+    /// Layer setting services, by its data sheet.
+    Lss,
+    /// SDO block transfer; the device is asked once, at the start of a run.
+    BlockTransfer,
+    /// An option of the profile that the suite is about. No data sheet tells: a device has it
+    /// unless `--without` says otherwise.
+    Option(String),
+}
+
+impl<'de> Deserialize<'de> for Capability {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Ok(match Cow::<str>::deserialize(deserializer)? {
+            name if name == LSS => Self::Lss,
+            name if name == BLOCK_TRANSFER => Self::BlockTransfer,
+            name => Self::Option(name.into_owned()),
+        })
+    }
+}
+
+impl JsonSchema for Capability {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "Capability".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let options = catalogue::profiles().iter().flat_map(|profile| profile.options.keys());
+        let names: Vec<&str> =
+            [LSS, BLOCK_TRANSFER].into_iter().chain(options.map(String::as_str)).collect();
+        json_schema!({ "description": "A capability, or an option of the profile.", "enum": names })
+    }
+}
+
+/// The names of the capabilities that any device can have.
+pub const CAPABILITIES: [&str; 2] = [LSS, BLOCK_TRANSFER];
+const LSS: &str = "lss";
+const BLOCK_TRANSFER: &str = "block-transfer";
+
+/// The number of one of the blocks that a profile repeats.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BlockNumber {
+    /// That one, counted from 1.
+    At(u8),
+    /// The last one that the device has.
+    Last,
+}
+
+impl<'de> Deserialize<'de> for BlockNumber {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct NumberOrLast;
+        impl Visitor<'_> for NumberOrLast {
+            type Value = BlockNumber;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a number from 1 on, or `last`")
+            }
+            fn visit_u64<E: de::Error>(self, number: u64) -> Result<BlockNumber, E> {
+                let number = u8::try_from(number).ok().filter(|number| *number > 0);
+                let number = number.ok_or_else(|| E::custom("blocks are counted from 1"))?;
+                Ok(BlockNumber::At(number))
+            }
+            fn visit_i64<E: de::Error>(self, number: i64) -> Result<BlockNumber, E> {
+                self.visit_u64(u64::try_from(number).unwrap_or_default())
+            }
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<BlockNumber, E> {
+                match text {
+                    "last" => Ok(BlockNumber::Last),
+                    _ => Err(E::custom(format!("`{text}`: write a number from 1 on, or `last`"))),
+                }
+            }
+        }
+        deserializer.deserialize_any(NumberOrLast)
+    }
+}
+
+impl JsonSchema for BlockNumber {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "BlockNumber".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "oneOf": [{ "type": "integer", "minimum": 1 }, { "const": "last" }] })
+    }
+}
