@@ -69,6 +69,9 @@ pub(super) fn case(instance: &Instance, dut: &Dut, model: Option<&Eds>) -> Check
     for step in case.setup.iter().chain(&case.steps).chain(&case.finally) {
         checker.step(step);
     }
+    for step in case.setup.iter().chain(&case.finally) {
+        checker.no_way_out(step);
+    }
     checker.unused();
     // Without the object, what rests on it (a saved value, say) is wrong for no other reason.
     if checker.lacking.is_some() {
@@ -261,9 +264,22 @@ impl Checker<'_> {
             },
             _ => self.complain(place, "a write has one of `value`, `bytes` and `fill`"),
         }
+        if let (Some(refused), false) = (&write.refused, write.or_refused.is_empty()) {
+            let message = "a write is to be refused, or may be: `refused` or `or-refused`";
+            self.complain(refused.place, message);
+        }
         if let Some(At { value: name, place }) = &write.save {
             self.scope.bind(name.0.clone(), Binding::Bytes(Vec::new()));
             self.saved.push((name.0.clone(), *place));
+        }
+    }
+
+    /// Only steps can end early: what follows a setup rests on it.
+    fn no_way_out(&mut self, step: &At<Step>) {
+        if let Step::Write(Write { or_refused, .. }) = &step.value
+            && let Some(code) = or_refused.first()
+        {
+            self.complain(code.place, "`or-refused` is for steps, not for what frames them");
         }
     }
 

@@ -118,6 +118,7 @@ impl CaseRun<'_, '_> {
             source: &self.instance.suite.source,
             at: self.link.mark(),
             outcome: Outcome::Pass,
+            declined: None,
         };
         if let Some(complaint) = &self.instance.unfit {
             let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
@@ -140,6 +141,9 @@ impl CaseRun<'_, '_> {
         alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut report)?;
         run_phase(&mut steps, &case.finally, Phase::Finally, &mut report)?;
         self.measured = steps.measured;
+        if let Some(what) = report.declined.take() {
+            self.note(format!("the device refused {what}, as it may: nothing follows from that"));
+        }
         let last = case.steps.last().map_or(case.id.place, |step| step.place);
         if alive && let Some(breach) = self.watch(watched_from) {
             let difference =
@@ -218,7 +222,7 @@ impl CaseRun<'_, '_> {
     }
 }
 
-/// Runs steps until one does not succeed; whether all did.
+/// Runs steps until one does not succeed or is declined; whether none failed.
 fn run_phase(
     steps: &mut Steps,
     list: &[At<Step>],
@@ -254,6 +258,10 @@ fn run_phase(
                 report.error(reason);
                 return Ok(false);
             }
+            Err(Trouble::Declined(what)) => {
+                report.declined = Some(what);
+                return Ok(true);
+            }
         }
     }
     Ok(true)
@@ -265,6 +273,8 @@ struct Report<'r> {
     /// When the step ended that is being judged.
     at: Instant,
     outcome: Outcome,
+    /// What the device refused, as it may, so that the rest of the steps was left out.
+    declined: Option<String>,
 }
 
 impl Report<'_> {

@@ -42,6 +42,8 @@ pub(super) enum Trouble {
     Bench(String),
     /// The bus failed.
     Bus(BusError),
+    /// The device refused, as it may, so that there is nothing left to judge: what it refused.
+    Declined(String),
 }
 
 impl From<BusError> for Trouble {

@@ -93,6 +93,12 @@ impl Steps<'_, '_> {
         if let Some(expected) = &write.refused {
             return refusal(&ended.result, &expected.value, ended.raw);
         }
+        if let Err(Failure::Aborted(code)) = ended.result
+            && write.or_refused.iter().any(|may| may.value == code.0)
+        {
+            let value = show(self.dut.eds.entry(mux), &data);
+            return Err(Trouble::Declined(format!("{value} in {mux}: {code}")));
+        }
         if let Some(At { value: name, .. }) = &write.save {
             self.scope.bind(name.0.clone(), Binding::Bytes(data.clone()));
         }

@@ -495,6 +495,9 @@ pub struct Write {
     /// The device must refuse, with this code.
     #[serde(default)]
     pub refused: Option<At<Refusal>>,
+    /// With these codes the device may refuse as well; the rest of the steps is then left out.
+    #[serde(default)]
+    pub or_refused: Vec<At<u32>>,
     /// The protocol; what a client would choose unless said otherwise.
     #[serde(default)]
     pub transfer: Option<Flow>,
