@@ -24,6 +24,10 @@ pub trait Behaviour: Send {
     /// The network has written the object at `mux`.
     fn written(&mut self, _now: Instant, _mux: Mux, _od: &mut Dictionary) {}
 
+    /// The network wanted to write `bytes` to the object at `mux`, which was refused; what the
+    /// device then shows there is its own affair.
+    fn refused(&mut self, _now: Instant, _mux: Mux, _bytes: &[u8], _od: &mut Dictionary) {}
+
     /// The network has begun to read the object at `mux`.
     fn uploaded(&mut self, _mux: Mux, _od: &mut Dictionary) {}
 

@@ -33,7 +33,8 @@ use operation::Operation;
 use process::Process;
 
 pub use rules::{
-    AlarmRules, ControlRules, Em66Rules, FaultRules, OperationRules, Profile, named, names,
+    AlarmRules, AlarmType, ControlRules, Em66Rules, FaultRules, OperationRules, Profile, Quantity,
+    Wait, named, names,
 };
 
 /// The application of a heating/cooling device.
@@ -176,14 +177,14 @@ impl Behaviour for Em66 {
         self.faults = Faults::default();
         self.operation = Operation::default();
         self.controller.restart();
-        self.alarms = Alarms::default();
+        self.alarms.reset(od, &*self.rules);
     }
 
     fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {
         let rules = &*self.rules;
         Controller::check(mux, bytes, od, rules)?;
         Operation::check(mux, bytes, self.options, od, rules)?;
-        Alarms::check(mux, bytes, od, rules)
+        self.alarms.check(mux, bytes, od, rules)
     }
 
     fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
@@ -191,6 +192,10 @@ impl Behaviour for Em66 {
         self.faults.written(mux, od, rules);
         self.operation.written(mux, od, rules);
         self.alarms.written(mux, od, rules);
+    }
+
+    fn refused(&mut self, _now: Instant, mux: Mux, bytes: &[u8], od: &mut Dictionary) {
+        self.alarms.refused(mux, bytes, od, &*self.rules);
     }
 
     fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {

@@ -1,28 +1,352 @@
-//! The alarm block (3.3): sixteen alarms, each on one object.
+//! The alarm block: sixteen alarms, each of which compares an object with a level or with another
+//! object (EUROMAP 66-2, 3.3).
+//!
+//! What a write would make of an alarm must be an alarm that the device can watch; else the write
+//! is refused. So the order of the document leads through, and most others do, too.
 
+use std::array;
+
+use canopen::catalogue::{self, Block};
+use canopen::pdo::Mapping;
 use canopen::{Abort, Dictionary, Mux};
 
 use super::Duty;
-use super::rules::Em66Rules;
+use super::objects::{
+    CONTROL_BYTE, DIFFERENCE, EFFECTIVE_SET_POINT, EFFECTIVE_VALUE, EXTERNAL_SENSOR, FLOW,
+    INTAKE_PRESSURE, MAIN_LINE, RETURN_LINE, SECOND_SET_POINT, SET_POINT, value,
+};
+use super::rules::{AlarmType, Em66Rules, Quantity, Wait};
 
-/// What the alarms remember.
+/// The alarm block.
+pub(super) struct Alarms {
+    alarms: [Alarm; COUNT],
+    start: Start,
+}
+
+/// One alarm.
+#[derive(Debug)]
+struct Alarm {
+    objects: Objects,
+    setup: Setup,
+    /// The type in force at the last sample: another one begins anew.
+    kind: AlarmType,
+    /// What it tells.
+    on: bool,
+}
+
+/// Where an alarm has its objects.
+#[derive(Debug)]
+struct Objects {
+    link: Mux,
+    alternate: Mux,
+    level: Mux,
+    hysteresis: Mux,
+    state: Mux,
+    kind: Mux,
+    action: Mux,
+}
+
+/// What an alarm is told to do.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Alarms {}
+struct Setup {
+    link: u32,
+    alternate: u32,
+    level: i64,
+    hysteresis: i64,
+    kind: AlarmType,
+    action: u8,
+}
+
+/// The start condition: what alarms with one wait for.
+#[derive(Debug)]
+struct Start {
+    on: bool,
+    set_point: i64,
+    waiting: bool,
+    /// The bit of the control byte that selects the second set point.
+    second: i64,
+}
+
+impl Default for Alarms {
+    /// Sixteen alarms that are disabled.
+    ///
+    /// # Panics
+    /// When the catalogue lacks the alarm block or one of its objects.
+    fn default() -> Self {
+        let profile = catalogue::profile("cia404").expect("the profile of the alarm block");
+        let block = profile.block("alarm").expect("the alarm block");
+        let second = profile.code("control-second").expect("the bit of the second set point");
+        Self {
+            alarms: array::from_fn(|place| Alarm {
+                objects: Objects::of(block, place as u8 + 1),
+                setup: Setup::default(),
+                kind: AlarmType::OFF,
+                on: false,
+            }),
+            start: Start { on: false, set_point: 0, waiting: true, second },
+        }
+    }
+}
 
 impl Alarms {
-    /// Whether the device takes what is about to be written.
-    pub(super) fn check(
-        _mux: Mux,
-        _bytes: &[u8],
-        _od: &Dictionary,
-        _rules: &dyn Em66Rules,
-    ) -> Result<(), Abort> {
-        Ok(())
+    /// Starts anew with what the objects hold.
+    pub(super) fn reset(&mut self, od: &mut Dictionary, rules: &dyn Em66Rules) {
+        *self = Self::default();
+        for alarm in &mut self.alarms {
+            alarm.setup = Setup::of(&alarm.objects, od);
+            od.set_int(alarm.objects.state, rules.alarm_state(false));
+        }
     }
 
-    /// The network has written the object at `mux`.
-    pub(super) fn written(&mut self, _mux: Mux, _od: &mut Dictionary, _rules: &dyn Em66Rules) {}
+    /// Whether an alarm can be told that.
+    ///
+    /// # Errors
+    /// [`Abort::VALUE`] when it would be told what the device cannot do.
+    pub(super) fn check(
+        &self,
+        mux: Mux,
+        bytes: &[u8],
+        od: &Dictionary,
+        rules: &dyn Em66Rules,
+    ) -> Result<(), Abort> {
+        let Some(alarm) = self.alarms.iter().find(|alarm| alarm.objects.have(mux)) else {
+            return Ok(());
+        };
+        let setup = alarm.setup.with(mux, bytes, &alarm.objects);
+        let is_on = alarm.setup.kind != AlarmType::OFF;
+        let adjusts = mux == alarm.objects.level || mux == alarm.objects.hysteresis;
+        let adjustable = !adjusts || rules.alarm_adjustable(is_on);
+        let watches = |other: &&Alarm| {
+            other.objects.link != alarm.objects.link
+                && other.setup.kind != AlarmType::OFF
+                && other.setup.link == setup.link
+        };
+        let free = rules.alarm_shares_input()
+            || setup.kind == AlarmType::OFF
+            || !self.alarms.iter().any(|other| watches(&other));
+        if adjustable && free && setup.is_possible(od, rules) {
+            return Ok(());
+        }
+        Err(Abort::VALUE)
+    }
 
-    /// Shows the states of the alarms.
-    pub(super) fn watch(&mut self, _duty: &Duty, _od: &mut Dictionary, _rules: &dyn Em66Rules) {}
+    /// The network has written to an alarm.
+    pub(super) fn written(&mut self, mux: Mux, od: &mut Dictionary, rules: &dyn Em66Rules) {
+        let Some(alarm) = self.alarms.iter_mut().find(|alarm| alarm.objects.have(mux)) else {
+            return;
+        };
+        let adjusts = mux == alarm.objects.level || mux == alarm.objects.hysteresis;
+        if !adjusts || alarm.setup.kind == AlarmType::OFF || rules.alarm_adjusts_while_on() {
+            alarm.setup = Setup::of(&alarm.objects, od);
+        }
+    }
+
+    /// The network wanted to write what was refused: a type gives way to one that is supported.
+    pub(super) fn refused(
+        &mut self,
+        mux: Mux,
+        bytes: &[u8],
+        od: &mut Dictionary,
+        rules: &dyn Em66Rules,
+    ) {
+        let Some(alarm) = self.alarms.iter_mut().find(|alarm| alarm.objects.kind == mux) else {
+            return;
+        };
+        let refused = AlarmType(number(bytes) as u8);
+        let plain = Setup { kind: refused.plain(), ..alarm.setup };
+        let plain = refused.has_start() && plain.is_possible(od, rules);
+        if let Some(kind) = rules.alarm_type_after_refusal(refused, plain) {
+            od.set_int(mux, kind.0.into());
+            alarm.setup.kind = kind;
+        }
+    }
+
+    /// Compares, and shows the states.
+    pub(super) fn watch(&mut self, duty: &Duty, od: &mut Dictionary, rules: &dyn Em66Rules) {
+        self.start.watch(duty, od, rules);
+        for alarm in &mut self.alarms {
+            alarm.watch(self.start.waiting, od, rules);
+        }
+    }
 }
+
+impl Alarm {
+    fn watch(&mut self, waiting: bool, od: &mut Dictionary, rules: &dyn Em66Rules) {
+        let kind = rules.alarm_type(self.setup.kind, self.kind);
+        let before = self.on && kind == self.kind;
+        let on = if kind == AlarmType::OFF {
+            rules.alarm_state_while_off(self.on)
+        } else {
+            let waits = waiting && rules.alarm_has_start(kind);
+            !waits && self.setup.is_met(kind, before, od, rules)
+        };
+        self.kind = kind;
+        if on != self.on {
+            self.on = on;
+            od.set_int(self.objects.state, rules.alarm_state(on));
+        }
+    }
+}
+
+impl Objects {
+    fn of(block: &Block, alarm: u8) -> Self {
+        let object = |name| block.object(name, alarm).expect("an object of the alarm block");
+        Self {
+            link: object("link"),
+            alternate: object("alternate"),
+            level: object("level"),
+            hysteresis: object("hysteresis"),
+            state: object("state"),
+            kind: object("type"),
+            action: object("action"),
+        }
+    }
+
+    fn have(&self, mux: Mux) -> bool {
+        [self.link, self.alternate, self.level, self.hysteresis, self.kind, self.action]
+            .contains(&mux)
+    }
+}
+
+impl Setup {
+    fn of(objects: &Objects, od: &Dictionary) -> Self {
+        Self {
+            link: value(od, objects.link) as u32,
+            alternate: value(od, objects.alternate) as u32,
+            level: value(od, objects.level),
+            hysteresis: value(od, objects.hysteresis),
+            kind: AlarmType(value(od, objects.kind) as u8),
+            action: value(od, objects.action) as u8,
+        }
+    }
+
+    /// The same after a write.
+    fn with(self, mux: Mux, bytes: &[u8], objects: &Objects) -> Self {
+        let number = number(bytes);
+        match mux {
+            _ if mux == objects.link => Self { link: number as u32, ..self },
+            _ if mux == objects.alternate => Self { alternate: number as u32, ..self },
+            _ if mux == objects.level => Self { level: number, ..self },
+            _ if mux == objects.hysteresis => Self { hysteresis: number, ..self },
+            _ if mux == objects.kind => Self { kind: AlarmType(number as u8), ..self },
+            _ => Self { action: number as u8, ..self },
+        }
+    }
+
+    /// Whether the device can do that.
+    fn is_possible(&self, od: &Dictionary, rules: &dyn Em66Rules) -> bool {
+        let input = quantity(self.link, PROCESS_VALUES, od);
+        let alternate = quantity(self.alternate, COMPARABLE, od);
+        let linked = self.link == NONE || rules.alarm_monitors(input);
+        let compared = self.alternate == NONE || rules.alarm_compares(input, alternate);
+        let sided = !self.kind.is_difference()
+            || self.alternate != NONE
+            || !rules.alarm_difference_needs_alternate();
+        linked
+            && compared
+            && (self.hysteresis == 0 || rules.alarm_takes_hysteresis(input))
+            && (self.kind == AlarmType::OFF || rules.alarm_type_supported(self.kind, input))
+            && sided
+            && rules.alarm_takes_action(self.action)
+    }
+
+    fn is_met(
+        &self,
+        kind: AlarmType,
+        before: bool,
+        od: &Dictionary,
+        rules: &dyn Em66Rules,
+    ) -> bool {
+        let Some(input) = od.int(Mapping::decode(self.link).mux) else { return false };
+        let alternate = Some(self.alternate).filter(|alternate| *alternate != NONE);
+        let alternate = alternate.and_then(|alternate| od.int(Mapping::decode(alternate).mux));
+        let fixed = quantity(self.link, PROCESS_VALUES, od) == Some(Quantity::Flow);
+        let hysteresis = if fixed { FLOW_HYSTERESIS } else { self.hysteresis };
+        compare(kind, &Sides { input, alternate, level: self.level, hysteresis, before }, rules)
+    }
+}
+
+/// What an alarm compares.
+struct Sides {
+    input: i64,
+    alternate: Option<i64>,
+    level: i64,
+    hysteresis: i64,
+    /// Whether there was an alarm.
+    before: bool,
+}
+
+/// Whether there is an alarm now.
+fn compare(kind: AlarmType, sides: &Sides, rules: &dyn Em66Rules) -> bool {
+    let Sides { input, alternate, level, hysteresis, before } = *sides;
+    let back = if before { rules.alarm_hysteresis(kind, hysteresis) } else { 0 };
+    let reference = rules.alarm_reference(level, alternate);
+    let difference = rules.alarm_difference(input, alternate.unwrap_or(0));
+    match kind.plain() {
+        AlarmType::ABOVE => rules.alarm_above(input, reference - back),
+        AlarmType::BELOW => rules.alarm_below(input, reference + back),
+        AlarmType::DIFFERENCE_ABOVE => rules.alarm_difference_above(difference, level - back),
+        AlarmType::DIFFERENCE_BELOW => rules.alarm_difference_below(difference, level + back),
+        AlarmType::INSIDE => rules.alarm_inside(input, reference, hysteresis),
+        AlarmType::OUTSIDE => !rules.alarm_inside(input, reference, hysteresis),
+        _ => false,
+    }
+}
+
+impl Start {
+    fn watch(&mut self, duty: &Duty, od: &Dictionary, rules: &dyn Em66Rules) {
+        // On the way to off nobody makes for the set point.
+        let on = duty.on && !duty.cooling_down && !duty.evacuating;
+        let second = value(od, CONTROL_BYTE) & self.second != 0;
+        let (first, other) = (value(od, SET_POINT), value(od, SECOND_SET_POINT));
+        let set_point = rules.alarm_set_point(first, other, second);
+        let begins = (on && !self.on && rules.alarm_starts_waiting(Wait::SwitchedOn))
+            || (set_point != self.set_point && rules.alarm_starts_waiting(Wait::SetPointChanged))
+            || (!on && rules.alarm_waits_while_off());
+        let there = rules.alarm_set_point_reached(value(od, EFFECTIVE_VALUE) - set_point);
+        self.waiting = (self.waiting || begins || !rules.alarm_waits_once()) && !(on && there);
+        (self.on, self.set_point) = (on, set_point);
+    }
+}
+
+/// What kind of value a link names: one of `objects` that the device has, written as a PDO mapping
+/// entry.
+fn quantity(link: u32, objects: &[(Mux, Quantity)], od: &Dictionary) -> Option<Quantity> {
+    let (mux, quantity) =
+        objects.iter().find(|(mux, _)| Mapping { mux: *mux, bits: 16 }.encode() == link)?;
+    od.entry(*mux).map(|_| *quantity)
+}
+
+/// The number in the bytes of a write, with its sign.
+fn number(bytes: &[u8]) -> i64 {
+    match *bytes {
+        [byte] => byte.into(),
+        [low, high] => i16::from_le_bytes([low, high]).into(),
+        [a, b, c, d] => u32::from_le_bytes([a, b, c, d]).into(),
+        _ => 0,
+    }
+}
+
+/// How many alarms there are.
+const COUNT: usize = 16;
+/// A link to nothing.
+const NONE: u32 = 0;
+/// The flow must come back by half a litre a minute.
+const FLOW_HYSTERESIS: i64 = 5;
+
+/// What can be monitored.
+const PROCESS_VALUES: &[(Mux, Quantity)] = COMPARABLE.split_at(7).0;
+
+/// What an input can be compared with: the process values, then the set points.
+const COMPARABLE: &[(Mux, Quantity)] = &[
+    (EFFECTIVE_VALUE, Quantity::Temperature),
+    (MAIN_LINE, Quantity::Temperature),
+    (RETURN_LINE, Quantity::Temperature),
+    (DIFFERENCE, Quantity::Temperature),
+    (EXTERNAL_SENSOR, Quantity::Temperature),
+    (FLOW, Quantity::Flow),
+    (INTAKE_PRESSURE, Quantity::Pressure),
+    (EFFECTIVE_SET_POINT, Quantity::Temperature),
+    (SET_POINT, Quantity::Temperature),
+    (SECOND_SET_POINT, Quantity::Temperature),
+];

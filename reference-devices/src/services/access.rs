@@ -115,7 +115,8 @@ impl Services {
         self.behaviour.check(mux, bytes, &base.od)
     }
 
-    /// What a refused write leaves behind, which is nothing unless a rule is broken.
+    /// What a refused write leaves behind, which is nothing unless the application has it otherwise
+    /// or a rule is broken.
     fn refused(&mut self, now: Instant, mux: Mux, bytes: &[u8]) {
         let base = &mut self.base;
         if base.rules.refused_write_is_an_error(mux) {
@@ -125,7 +126,13 @@ impl Services {
             let size = entry.data_type.size();
             entry.access.writable() && size.is_none_or(|size| size == bytes.len())
         });
-        if fits && !is_command(mux) && !base.rules.refused_write_changes_nothing(mux) {
+        if !fits || is_command(mux) {
+            return;
+        }
+        if base.rules.refused_write_changes_nothing(mux) {
+            self.behaviour.refused(now, mux, bytes, &mut base.od);
+            self.touched = true;
+        } else {
             base.od.set(mux, bytes);
             self.written(now, mux);
         }
