@@ -97,7 +97,7 @@ impl Controller {
         let chosen = value(od, if second { SECOND_SET_POINT } else { SET_POINT });
         let effective = effective(sensed, duty.mode);
         let shown = rules.effective_value(effective.unwrap_or(NO_SENSOR));
-        self.move_set_point(elapsed, duty.on, chosen, effective, od, rules);
+        self.move_set_point(elapsed, duty.on, chosen, effective, rates(second, od, rules), rules);
 
         let (low, high) = limits(od, rules);
         let missing = effective.map(|effective| self.ramp.present() - effective as f64);
@@ -129,15 +129,13 @@ impl Controller {
         on: bool,
         chosen: i64,
         effective: Option<i64>,
-        od: &Dictionary,
+        rates: Rates,
         rules: &dyn Em66Rules,
     ) {
         if !on {
             self.ramp.stop(chosen);
             return;
         }
-        let rates = rules.rates(value(od, HEATING_RAMP), value(od, COOLING_RAMP));
-        let rates = Rates { heating: rates.0, cooling: rates.1 };
         let start = rules.ramp_start(effective.unwrap_or(chosen), chosen);
         let changed = std::mem::replace(&mut self.chosen, chosen) != chosen;
         if changed && !rules.ramp_goes_on() {
@@ -219,6 +217,15 @@ const fn effective(sensed: &Sensed, mode: Mode) -> Option<i64> {
         (Mode::ExternalSensor, External::Reads(celsius)) => Some(celsius),
         (Mode::ExternalSensor, External::Unplugged | External::Broken) => None,
     }
+}
+
+/// How fast the set point may move (3.4.14).
+fn rates(second: bool, od: &Dictionary, rules: &dyn Em66Rules) -> Rates {
+    if second && !rules.ramps_to_second() {
+        return Rates::default();
+    }
+    let (heating, cooling) = rules.rates(value(od, HEATING_RAMP), value(od, COOLING_RAMP));
+    Rates { heating, cooling }
 }
 
 /// What 6413h and 6414h leave of the output. A device without 6413h cannot cool.

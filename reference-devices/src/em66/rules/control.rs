@@ -79,6 +79,11 @@ pub trait ControlRules {
     fn ramp_goes_on(&self) -> bool {
         true
     }
+
+    /// The way to the second set point is a ramp, too (3.4.14).
+    fn ramps_to_second(&self) -> bool {
+        true
+    }
 }
 
 mutants! {
@@ -224,5 +229,8 @@ mutants! {
     }
     "ramp-begins-anew-at-each-set-point" {
         fn ramp_goes_on(&self) -> bool { false }
+    }
+    "second-set-point-without-ramp" {
+        fn ramps_to_second(&self) -> bool { false }
     }
 }
