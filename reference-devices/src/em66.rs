@@ -34,7 +34,7 @@ use process::Process;
 
 pub use rules::{
     AlarmRules, AlarmType, ControlRules, Em66Rules, FaultRules, OperationRules, Profile, Quantity,
-    Wait, named, names,
+    SetPoints, Wait, named, names,
 };
 
 /// The application of a heating/cooling device.

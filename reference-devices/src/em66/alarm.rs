@@ -15,7 +15,7 @@ use super::objects::{
     CONTROL_BYTE, DIFFERENCE, EFFECTIVE_SET_POINT, EFFECTIVE_VALUE, EXTERNAL_SENSOR, FLOW,
     INTAKE_PRESSURE, MAIN_LINE, RETURN_LINE, SECOND_SET_POINT, SET_POINT, value,
 };
-use super::rules::{AlarmType, Em66Rules, Quantity, Wait};
+use super::rules::{AlarmType, Em66Rules, Quantity, SetPoints, Wait};
 
 /// The alarm block.
 pub(super) struct Alarms {
@@ -61,10 +61,10 @@ struct Setup {
 #[derive(Debug)]
 struct Start {
     on: bool,
-    set_point: i64,
+    set_points: SetPoints,
     waiting: bool,
     /// The bit of the control byte that selects the second set point.
-    second: i64,
+    second_bit: i64,
 }
 
 impl Default for Alarms {
@@ -75,7 +75,7 @@ impl Default for Alarms {
     fn default() -> Self {
         let profile = catalogue::profile("cia404").expect("the profile of the alarm block");
         let block = profile.block("alarm").expect("the alarm block");
-        let second = profile.code("control-second").expect("the bit of the second set point");
+        let second_bit = profile.code("control-second").expect("the bit of the second set point");
         Self {
             alarms: array::from_fn(|place| Alarm {
                 objects: Objects::of(block, place as u8 + 1),
@@ -83,7 +83,7 @@ impl Default for Alarms {
                 kind: AlarmType::OFF,
                 on: false,
             }),
-            start: Start { on: false, set_point: 0, waiting: true, second },
+            start: Start { on: false, set_points: SetPoints::default(), waiting: true, second_bit },
         }
     }
 }
@@ -132,11 +132,23 @@ impl Alarms {
 
     /// The network has written to an alarm.
     pub(super) fn written(&mut self, mux: Mux, od: &mut Dictionary, rules: &dyn Em66Rules) {
-        let Some(alarm) = self.alarms.iter_mut().find(|alarm| alarm.objects.have(mux)) else {
+        let Some(place) = self.alarms.iter().position(|alarm| alarm.objects.have(mux)) else {
             return;
         };
-        let adjusts = mux == alarm.objects.level || mux == alarm.objects.hysteresis;
-        if !adjusts || alarm.setup.kind == AlarmType::OFF || rules.alarm_adjusts_while_on() {
+        let Alarm { objects, setup, .. } = &mut self.alarms[place];
+        let adjusts = mux == objects.level || mux == objects.hysteresis;
+        if !adjusts || setup.kind == AlarmType::OFF || rules.alarm_adjusts_while_on() {
+            *setup = Setup::of(objects, od);
+        }
+        if mux == objects.link && rules.alarm_link_clears_level() {
+            od.set_int(objects.level, 0);
+        }
+        let one_level = mux == objects.level && !rules.alarm_levels_apart();
+        let one_type = mux == objects.kind && !rules.alarm_types_apart();
+        let (level, kind) = (setup.level, setup.kind);
+        for alarm in self.alarms.iter_mut().filter(|_| one_level || one_type) {
+            let number = if one_level { level } else { kind.0.into() };
+            od.set_int(if one_level { alarm.objects.level } else { alarm.objects.kind }, number);
             alarm.setup = Setup::of(&alarm.objects, od);
         }
     }
@@ -158,6 +170,10 @@ impl Alarms {
         if let Some(kind) = rules.alarm_type_after_refusal(refused, plain) {
             od.set_int(mux, kind.0.into());
             alarm.setup.kind = kind;
+        }
+        if rules.alarm_refusal_unlinks() {
+            od.set_int(alarm.objects.link, NONE.into());
+            alarm.setup.link = NONE;
         }
     }
 
@@ -257,9 +273,12 @@ impl Setup {
         od: &Dictionary,
         rules: &dyn Em66Rules,
     ) -> bool {
-        let Some(input) = od.int(Mapping::decode(self.link).mux) else { return false };
-        let alternate = Some(self.alternate).filter(|alternate| *alternate != NONE);
-        let alternate = alternate.and_then(|alternate| od.int(Mapping::decode(alternate).mux));
+        let read = |link: u32| match link {
+            NONE => None,
+            link => od.int(rules.alarm_input(Mapping::decode(link).mux)),
+        };
+        let Some(input) = read(self.link) else { return false };
+        let alternate = read(self.alternate);
         let fixed = quantity(self.link, PROCESS_VALUES, od) == Some(Quantity::Flow);
         let hysteresis = if fixed { FLOW_HYSTERESIS } else { self.hysteresis };
         compare(kind, &Sides { input, alternate, level: self.level, hysteresis, before }, rules)
@@ -297,15 +316,18 @@ impl Start {
     fn watch(&mut self, duty: &Duty, od: &Dictionary, rules: &dyn Em66Rules) {
         // On the way to off nobody makes for the set point.
         let on = duty.on && !duty.cooling_down && !duty.evacuating;
-        let second = value(od, CONTROL_BYTE) & self.second != 0;
-        let (first, other) = (value(od, SET_POINT), value(od, SECOND_SET_POINT));
-        let set_point = rules.alarm_set_point(first, other, second);
+        let now = SetPoints {
+            first: value(od, SET_POINT),
+            second: value(od, SECOND_SET_POINT),
+            is_second: value(od, CONTROL_BYTE) & self.second_bit != 0,
+        };
+        let changed = rules.alarm_set_point_changed(self.set_points, now);
         let begins = (on && !self.on && rules.alarm_starts_waiting(Wait::SwitchedOn))
-            || (set_point != self.set_point && rules.alarm_starts_waiting(Wait::SetPointChanged))
+            || (changed && rules.alarm_starts_waiting(Wait::SetPointChanged))
             || (!on && rules.alarm_waits_while_off());
-        let there = rules.alarm_set_point_reached(value(od, EFFECTIVE_VALUE) - set_point);
+        let there = rules.alarm_set_point_reached(value(od, EFFECTIVE_VALUE) - now.in_use());
         self.waiting = (self.waiting || begins || !rules.alarm_waits_once()) && !(on && there);
-        (self.on, self.set_point) = (on, set_point);
+        (self.on, self.set_points) = (on, now);
     }
 }
 

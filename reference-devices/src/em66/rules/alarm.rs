@@ -2,7 +2,10 @@
 
 use std::fmt;
 
+use canopen::Mux;
+
 use super::mutants;
+use crate::em66::objects::{EFFECTIVE_SET_POINT, SET_POINT};
 
 /// What kind of value an object holds; only like can be compared with like.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,6 +80,24 @@ pub enum Wait {
     SetPointChanged,
 }
 
+/// The set points, in tenths of a degree.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SetPoints {
+    /// 7402h.
+    pub first: i64,
+    /// 7403h.
+    pub second: i64,
+    /// Whether the second one is selected.
+    pub is_second: bool,
+}
+
+impl SetPoints {
+    /// The one that the controller makes for.
+    pub const fn in_use(self) -> i64 {
+        if self.is_second { self.second } else { self.first }
+    }
+}
+
 /// The decisions about alarms. Levels and inputs are in the unit of the input. Steps are those of
 /// the order in which an alarm is parameterised (3.3).
 pub trait AlarmRules {
@@ -132,6 +153,26 @@ pub trait AlarmRules {
         true
     }
 
+    /// A link leaves the level that was there.
+    fn alarm_link_clears_level(&self) -> bool {
+        false
+    }
+
+    /// A refused type leaves the rest of the alarm as it was.
+    fn alarm_refusal_unlinks(&self) -> bool {
+        false
+    }
+
+    /// Each alarm has a level of its own.
+    fn alarm_levels_apart(&self) -> bool {
+        true
+    }
+
+    /// Each alarm has a type of its own.
+    fn alarm_types_apart(&self) -> bool {
+        true
+    }
+
     /// An object can be monitored by several alarms.
     fn alarm_shares_input(&self) -> bool {
         true
@@ -145,6 +186,11 @@ pub trait AlarmRules {
     /// What an alarm that is off tells.
     fn alarm_state_while_off(&self, _before: bool) -> bool {
         false
+    }
+
+    /// Where an object is read that an alarm is linked to.
+    fn alarm_input(&self, mux: Mux) -> Mux {
+        mux
     }
 
     /// The alternate input goes before the level, where there is one.
@@ -212,9 +258,9 @@ pub trait AlarmRules {
         true
     }
 
-    /// The set point in use: the second one when it is selected.
-    fn alarm_set_point(&self, first: i64, second: i64, selected: bool) -> i64 {
-        if selected { second } else { first }
+    /// The set point in use is another one, be it by its value or by selecting it.
+    fn alarm_set_point_changed(&self, before: SetPoints, now: SetPoints) -> bool {
+        before.in_use() != now.in_use()
     }
 
     /// How the state tells an alarm.
@@ -280,8 +326,20 @@ mutants! {
     "alarm-stays-with-type-0" {
         fn alarm_state_while_off(&self, before: bool) -> bool { before }
     }
-    "alarm-hysteresis-in-use-ignored" {
-        fn alarm_takes_hysteresis(&self, _input: Option<Quantity>) -> bool { false }
+    "alarm-level-needs-type" {
+        fn alarm_adjustable(&self, on: bool) -> bool { on }
+    }
+    "alarm-link-clears-level" {
+        fn alarm_link_clears_level(&self) -> bool { true }
+    }
+    "alarm-refusal-unlinks" {
+        fn alarm_refusal_unlinks(&self) -> bool { true }
+    }
+    "alarm-one-level-for-all" {
+        fn alarm_levels_apart(&self) -> bool { false }
+    }
+    "alarm-one-type-for-all" {
+        fn alarm_types_apart(&self) -> bool { false }
     }
     "alarm-level-locked-while-on" {
         fn alarm_adjustable(&self, on: bool) -> bool { !on }
@@ -369,6 +427,11 @@ mutants! {
     "alarm-level-goes-before-alternate" {
         fn alarm_reference(&self, level: i64, _alternate: Option<i64>) -> i64 { level }
     }
+    "alarm-compares-with-end-of-ramp" {
+        fn alarm_input(&self, mux: Mux) -> Mux {
+            if mux == EFFECTIVE_SET_POINT { SET_POINT } else { mux }
+        }
+    }
     "alarm-difference-with-sign" {
         fn alarm_difference(&self, input: i64, alternate: i64) -> i64 { input - alternate }
     }
@@ -383,6 +446,11 @@ mutants! {
     "alarm-difference-below-with-equal" {
         fn alarm_difference_below(&self, difference: i64, level: i64) -> bool {
             difference <= level
+        }
+    }
+    "alarm-difference-above-is-below" {
+        fn alarm_difference_above(&self, difference: i64, level: i64) -> bool {
+            difference < level
         }
     }
     "alarm-difference-below-is-above" {
@@ -424,9 +492,6 @@ mutants! {
     "alarm-does-not-wait-at-set-point-change" {
         fn alarm_starts_waiting(&self, cause: Wait) -> bool { cause != Wait::SetPointChanged }
     }
-    "alarm-does-not-wait-while-off" {
-        fn alarm_waits_while_off(&self) -> bool { false }
-    }
     "alarm-waits-for-ever" {
         fn alarm_set_point_reached(&self, _distance: i64) -> bool { false }
     }
@@ -434,11 +499,13 @@ mutants! {
         fn alarm_waits_once(&self) -> bool { false }
     }
     "alarm-second-set-point-unnoticed" {
-        fn alarm_set_point(&self, first: i64, _second: i64, _selected: bool) -> i64 { first }
+        fn alarm_set_point_changed(&self, before: SetPoints, now: SetPoints) -> bool {
+            before.first != now.first
+        }
     }
     "alarm-any-set-point-noticed" {
-        fn alarm_set_point(&self, first: i64, second: i64, selected: bool) -> i64 {
-            if selected { second } else { first + second }
+        fn alarm_set_point_changed(&self, before: SetPoints, now: SetPoints) -> bool {
+            before != now
         }
     }
 }
