@@ -310,6 +310,41 @@ impl ObjectFacts {
         Facts { name: self.name.clone(), doc: self.doc.clone(), ..self.of_all() }
     }
 
+    /// These facts, with those of `other` where nothing is known yet, sub by sub.
+    #[must_use]
+    pub fn or(self, other: &Self) -> Self {
+        let other = other.clone();
+        let mut subs = self.subs;
+        for (sub, facts) in other.subs {
+            let own = subs.remove(&sub).unwrap_or_default();
+            subs.insert(sub, own.or(&facts));
+        }
+        let sub0 = match (self.sub0, other.sub0) {
+            (Some(own), Some(other)) => Some(own.or(&other)),
+            (own, other) => own.or(other),
+        };
+        Self {
+            name: self.name.or(other.name),
+            object: self.object.or(other.object),
+            data_type: self.data_type.or(other.data_type),
+            access: self.access.or(other.access),
+            value: self.value.or(other.value),
+            low: self.low.or(other.low),
+            high: self.high.or(other.high),
+            pdo: self.pdo.or(other.pdo),
+            unit: self.unit.or(other.unit),
+            scale: self.scale.or(other.scale),
+            doc: self.doc.or(other.doc),
+            clause: self.clause.or(other.clause),
+            category: self.category.or(other.category),
+            flags: self.flags.or(other.flags),
+            count: self.count.or(other.count),
+            item: self.item.or(other.item),
+            sub0,
+            subs,
+        }
+    }
+
     fn of_all(&self) -> Facts {
         Facts {
             name: None,

@@ -189,7 +189,8 @@ fn own_sheet(
         Some(mutant) => mutant.data_sheet(device).map_err(Refused::usage)?,
         None => device.eds_text(),
     };
-    let name = format!("reference-devices/{}/device.eds", device.description.device);
+    let (folder, file) = device.description.place();
+    let name = format!("reference-devices/{folder}/{file}.eds");
     let (mut sheet, eds) = Sheet::read(name, text.as_bytes());
     sheet.trusted = !mutant.is_some_and(mutant::Mutant::is_of_data_sheet);
     Ok((sheet, eds))

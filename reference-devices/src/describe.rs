@@ -2,27 +2,31 @@
 //! profiles already say, and both together are the electronic data sheet.
 
 mod check;
+mod file;
 mod markdown;
 mod merge;
 mod node;
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::iter;
 
 use canopen::Mux;
-use canopen::catalogue::{self, Mapping, ObjectFacts, Scalar};
-use canopen::eds::{DeviceInfo, Eds, FileInfo};
-use serde::Deserialize;
+use canopen::catalogue::{Mapping, ObjectFacts, Scalar};
+use canopen::eds::Eds;
+use serde::de::DeserializeOwned;
 
 use crate::settings::NodeSettings;
 
-use node::{EmcyFacts, NodeFacts};
+use file::{DeviceFile, VariantFile};
 
 /// A device as its data describes it.
 #[derive(Clone, Debug)]
 pub struct Description {
-    /// Name, which is the name of its folder.
+    /// Name.
     pub device: String,
+    /// The device it is a variant of; none when it is a device of its own.
+    pub variant_of: Option<String>,
     /// What a person calls it.
     pub title: String,
     /// Key of the document that its clauses are of.
@@ -31,7 +35,7 @@ pub struct Description {
     pub profiles: Vec<String>,
     /// The module that says what it does.
     pub behaviour: String,
-    /// Options of its profile that it lacks, by their names in the catalogue.
+    /// Options of its profiles that it does not have.
     pub without: Vec<String>,
     /// Node id when nothing else is said.
     pub default_node: u8,
@@ -64,18 +68,29 @@ pub struct Note {
 #[derive(Debug)]
 pub struct DescribeError(String);
 
-/// The names of the devices that are part of the program.
+/// The names of the devices that are part of the program, each followed by its variants.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    DEVICES.iter().map(|(name, _)| *name)
+    DEVICES.iter().flat_map(Data::names)
 }
 
-/// The device of that name; `None` when there is none.
+/// The device of that name and its variants; nothing when it is none or is itself a variant.
+pub fn with_variants(name: &str) -> impl Iterator<Item = &'static str> {
+    DEVICES.iter().filter(move |device| device.name == name).flat_map(Data::names)
+}
+
+/// The device or variant of that name; `None` when there is none.
 ///
 /// # Panics
 /// When its data do not load: they are part of the program.
 pub fn device(name: &str) -> Option<Description> {
-    let (_, yaml) = DEVICES.iter().find(|(device, _)| *device == name)?;
-    Some(Description::read(yaml).unwrap_or_else(|error| panic!("{name}/device.yaml: {error}")))
+    DEVICES.iter().find_map(|device| {
+        let described = match device.variants.iter().find(|(variant, _)| *variant == name) {
+            Some((_, yaml)) => Description::read_variant(name, yaml, device.yaml),
+            None if device.name == name => Description::read(device.yaml),
+            None => return None,
+        };
+        Some(described.unwrap_or_else(|error| panic!("data of {name}: {error}")))
+    })
 }
 
 impl Description {
@@ -86,8 +101,20 @@ impl Description {
     /// is not fully described, a value is not of its type or outside its limits, or the default
     /// mapping of a PDO is not legal.
     pub fn read(yaml: &str) -> Result<Self, DescribeError> {
-        let file: DeviceFile =
-            serde_yaml::from_str(yaml).map_err(|error| DescribeError(error.to_string()))?;
+        Self::of_file(parse(yaml)?, None)
+    }
+
+    /// Reads what a variant called `name` has otherwise than the device of this `device.yaml`.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read), and when the variant leaves out what is not there.
+    fn read_variant(name: &str, yaml: &str, device: &str) -> Result<Self, DescribeError> {
+        let (variant, device): (VariantFile, DeviceFile) = (parse(yaml)?, parse(device)?);
+        let base = device.device.clone();
+        Self::of_file(variant.apply(name, device)?, Some(base))
+    }
+
+    fn of_file(file: DeviceFile, variant_of: Option<String>) -> Result<Self, DescribeError> {
         let mut described = Self {
             eds: Eds {
                 file: file.file_info(),
@@ -98,6 +125,7 @@ impl Description {
             },
             settings: node::settings(&file.node, file.emcy.as_ref())?,
             device: file.device,
+            variant_of,
             title: file.title,
             document: file.document,
             profiles: file.profiles,
@@ -108,17 +136,7 @@ impl Description {
             heads: BTreeMap::new(),
         };
         let identity = [file.vendor.number, file.product.number, file.revision, file.serial];
-        let mut objects = Vec::new();
-        for (key, chosen) in file.objects {
-            let keyed = catalogue::keyed(&key, chosen)
-                .ok_or_else(|| DescribeError(format!("{key:?} is no index such as 1017")))?;
-            let each = |(indices, chosen): (_, ObjectFacts)| {
-                Iterator::zip(indices, std::iter::repeat(chosen))
-            };
-            objects.extend(keyed.into_iter().flat_map(each));
-        }
-        objects.sort_by_key(|(index, _)| *index);
-        for (index, mut chosen) in objects {
+        for (index, mut chosen) in file.objects {
             if index == IDENTITY {
                 identify(&mut chosen, identity);
             }
@@ -128,6 +146,17 @@ impl Description {
         check::values(&described.eds)?;
         check::mappings(&described.eds)?;
         Ok(described)
+    }
+
+    /// The folder of its data and the name of its generated files there, without their ending.
+    pub fn place(&self) -> (String, String) {
+        match &self.variant_of {
+            None => (self.device.clone(), "device".to_owned()),
+            Some(base) => {
+                let own = self.device.trim_start_matches(base.as_str()).trim_start_matches('-');
+                (format!("{base}/variants"), own.to_owned())
+            }
+        }
     }
 
     /// The object dictionary as tables for people, in Markdown.
@@ -159,87 +188,6 @@ impl fmt::Display for DescribeError {
 
 impl std::error::Error for DescribeError {}
 
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
-struct DeviceFile {
-    device: String,
-    title: String,
-    document: String,
-    /// Of the data sheet, month-day-year.
-    date: String,
-    vendor: Vendor,
-    product: Product,
-    revision: u32,
-    serial: u32,
-    profiles: Vec<String>,
-    behaviour: String,
-    #[serde(default)]
-    without: Vec<String>,
-    /// In kbit/s.
-    bit_rates: Vec<u32>,
-    default_node: u8,
-    granularity: u8,
-    lss: bool,
-    dummy: Vec<u16>,
-    #[serde(default)]
-    node: NodeFacts,
-    #[serde(default)]
-    emcy: Option<EmcyFacts>,
-    objects: BTreeMap<String, ObjectFacts>,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields)]
-struct Vendor {
-    name: String,
-    number: u32,
-}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
-struct Product {
-    name: String,
-    number: u32,
-    order_code: String,
-}
-
-impl DeviceFile {
-    fn file_info(&self) -> FileInfo {
-        FileInfo {
-            name: format!("{}.eds", self.device),
-            version: 1,
-            revision: 0,
-            eds_version: "4.0".into(),
-            description: self.title.clone(),
-            creation_time: MIDNIGHT.into(),
-            creation_date: self.date.clone(),
-            created_by: "harness".into(),
-            modification_time: MIDNIGHT.into(),
-            modification_date: self.date.clone(),
-            modified_by: "harness".into(),
-        }
-    }
-
-    fn device_info(&self) -> DeviceInfo {
-        DeviceInfo {
-            vendor_name: self.vendor.name.clone(),
-            vendor_number: self.vendor.number,
-            product_name: self.product.name.clone(),
-            product_number: self.product.number,
-            revision_number: self.revision,
-            order_code: self.product.order_code.clone(),
-            bit_rates: self.bit_rates.clone(),
-            boot_up_master: false,
-            boot_up_slave: true,
-            granularity: self.granularity,
-            group_messaging: false,
-            rpdo_count: 0,
-            tpdo_count: 0,
-            lss: self.lss,
-        }
-    }
-}
-
 /// Gives 1018h the numbers from the head of the file where the object has no others.
 fn identify(object: &mut ObjectFacts, numbers: [u32; 4]) {
     for (sub, number) in (1..).zip(numbers) {
@@ -252,17 +200,41 @@ fn identify(object: &mut ObjectFacts, numbers: [u32; 4]) {
     }
 }
 
+fn parse<T: DeserializeOwned>(yaml: &str) -> Result<T, DescribeError> {
+    serde_yaml::from_str(yaml).map_err(|error| DescribeError(error.to_string()))
+}
+
 fn generated_by(device: &str) -> String {
     format!("generated by `harness eds write {device}`")
 }
 
-const DEVICES: &[(&str, &str)] = &[
-    ("drr460", include_str!("../drr460/device.yaml")),
-    ("em66", include_str!("../em66/device.yaml")),
-    ("generic", include_str!("../generic/device.yaml")),
+/// A device and its variants, by name, as they are written.
+struct Data {
+    name: &'static str,
+    yaml: &'static str,
+    variants: &'static [(&'static str, &'static str)],
+}
+
+impl Data {
+    fn names(&self) -> impl Iterator<Item = &'static str> {
+        iter::once(self.name).chain(self.variants.iter().map(|(name, _)| *name))
+    }
+}
+
+const EM66_VARIANTS: &[(&str, &str)] = &[
+    ("em66-no-external-sensor", include_str!("../em66/variants/no-external-sensor.yaml")),
+    ("em66-no-suction", include_str!("../em66/variants/no-suction.yaml")),
+    ("em66-no-evacuation", include_str!("../em66/variants/no-evacuation.yaml")),
+    ("em66-no-cool-down", include_str!("../em66/variants/no-cool-down.yaml")),
+    ("em66-minimum", include_str!("../em66/variants/minimum.yaml")),
+];
+
+const DEVICES: &[Data] = &[
+    Data { name: "drr460", yaml: include_str!("../drr460/device.yaml"), variants: &[] },
+    Data { name: "em66", yaml: include_str!("../em66/device.yaml"), variants: EM66_VARIANTS },
+    Data { name: "generic", yaml: include_str!("../generic/device.yaml"), variants: &[] },
 ];
 const IDENTITY: u16 = 0x1018;
-const MIDNIGHT: &str = "12:00AM";
 
 #[cfg(test)]
 mod tests {
@@ -327,11 +299,41 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_variant_is_its_device_but_for_what_it_says() {
+        let device = with("\"1016\": { count: 1, value: 0 }\n  \"1017\": { value: 7, high: 9 }");
+        let read = |rest: &str| {
+            let head = "title: Y\nproduct: { name: Q, number: 5, order-code: R }\n";
+            Description::read_variant("x-small", &format!("{head}{rest}"), &device)
+        };
+        let small = read(
+            "without: [suction]\nleave-out: [\"1010..1016\"]\n\
+            objects: { \"1017\": { value: 8 }, \"1005\": { value: 128 } }",
+        )
+        .unwrap();
+        assert_eq!(small.place(), ("x/variants".to_owned(), "small".to_owned()));
+        assert_eq!((small.title.as_str(), small.eds.device.product_number), ("Y", 5));
+        assert_eq!((small.without, small.variant_of), (vec!["suction".into()], Some("x".into())));
+        let indices: Vec<u16> = small.eds.objects.iter().map(|object| object.index).collect();
+        assert_eq!(indices, [0x1005, 0x1017]);
+        let period = small.eds.entry(Mux::new(0x1017, 0)).unwrap();
+        let [value, high] = [&period.default, &period.high];
+        assert_eq!(value.as_ref().map(|term| term.resolve(1)), Some(Value::Int(8)));
+        assert_eq!(high.as_ref().map(|term| term.resolve(1)), Some(Value::Int(9)));
+        let wrong = read("leave-out: [\"3000\"]").unwrap_err().to_string();
+        assert!(wrong.contains("3000 is left out and was never there"), "{wrong}");
+    }
+
     fn read_with(objects: &str) -> Result<Description, DescribeError> {
+        Description::read(&with(objects))
+    }
+
+    /// A `device.yaml` with these objects.
+    fn with(objects: &str) -> String {
         let head = "device: x\ntitle: X\ndocument: x\ndate: 01-01-2026\n\
             vendor: { name: V, number: 1 }\nproduct: { name: P, number: 2, order-code: O }\n\
             revision: 3\nserial: 4\nprofiles: [cia301]\nbehaviour: x\nbit-rates: [125]\n\
             default-node: 1\ngranularity: 8\nlss: false\ndummy: []\nobjects:\n";
-        Description::read(&format!("{head}  {objects}\n"))
+        format!("{head}  {objects}\n")
     }
 }

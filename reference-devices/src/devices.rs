@@ -16,9 +16,14 @@ pub struct ReferenceDevice {
     pub description: Description,
 }
 
-/// The names of the reference devices.
+/// The names of the reference devices, each followed by those of its variants.
 pub fn names() -> impl Iterator<Item = &'static str> {
     describe::names()
+}
+
+/// The device of that name and its variants; nothing when it is none or is itself a variant.
+pub fn with_variants(name: &str) -> impl Iterator<Item = &'static str> {
+    describe::with_variants(name)
 }
 
 /// The device of that name; `None` when there is none.
@@ -30,14 +35,21 @@ pub fn device(name: &str) -> Option<ReferenceDevice> {
 }
 
 impl ReferenceDevice {
-    /// The data sheet as a file, `device.eds` in the folder of the device.
+    /// The data sheet as a file.
     pub fn eds_text(&self) -> String {
         canopen::eds::write(&self.description.eds, &self.description.generated_by())
     }
 
-    /// The object dictionary for people, `device.md` in the folder of the device.
+    /// The object dictionary for people.
     pub fn markdown(&self) -> String {
         self.description.markdown()
+    }
+
+    /// The generated files: path below `reference-devices/`, and text.
+    pub fn generated_files(&self) -> [(String, String); 2] {
+        let (folder, name) = self.description.place();
+        [("eds", self.eds_text()), ("md", self.markdown())]
+            .map(|(end, text)| (format!("{folder}/{name}.{end}"), text))
     }
 
     /// What the stack has to know beyond the data sheet.
@@ -75,9 +87,14 @@ impl ReferenceDevice {
         }
     }
 
-    /// The mutants of the device, as they are written.
+    /// The name of the device that it is, or is a variant of.
+    pub fn family(&self) -> &str {
+        self.description.variant_of.as_ref().unwrap_or(&self.description.device)
+    }
+
+    /// The mutants of the device and its variants, as they are written.
     pub fn mutants_yaml(&self) -> &'static str {
-        match self.description.device.as_str() {
+        match self.family() {
             DRR460 => include_str!("../drr460/mutants.yaml"),
             EM66 => include_str!("../em66/mutants.yaml"),
             GENERIC => include_str!("../generic/mutants.yaml"),
@@ -114,9 +131,8 @@ mod tests {
     fn generated_files_are_fresh() {
         for name in names() {
             let device = device(name).unwrap();
-            let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/");
-            for (file, fresh) in [("eds", device.eds_text()), ("md", device.markdown())] {
-                let path = format!("{folder}{name}/device.{file}");
+            for (file, fresh) in device.generated_files() {
+                let path = format!("{}/{file}", env!("CARGO_MANIFEST_DIR"));
                 let committed = std::fs::read_to_string(&path).unwrap_or_default();
                 let how = format!("{path}: run `harness eds write {name}`");
                 assert!(committed == fresh, "{how}");

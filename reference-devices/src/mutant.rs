@@ -9,7 +9,7 @@ mod sheet;
 use canopen::eds::Eds;
 use canopen::{Device, Pattern};
 
-use crate::devices::ReferenceDevice;
+use crate::devices::{self, ReferenceDevice};
 use crate::node::Node;
 use crate::rules::{self, Rules, Specification};
 
@@ -50,7 +50,7 @@ const COMMON: &[(&str, &str)] = &[
 
 /// The files that hold the mutants of a device: path in the project, and text.
 pub fn sources(device: &ReferenceDevice) -> Vec<(String, &'static str)> {
-    let own = format!("reference-devices/{}/mutants.yaml", device.description.device);
+    let own = format!("reference-devices/{}/mutants.yaml", device.family());
     let common = COMMON.iter().map(|(path, text)| ((*path).to_owned(), *text));
     common.chain([(own, device.mutants_yaml())]).collect()
 }
@@ -63,21 +63,30 @@ pub fn read(text: &str) -> Result<Vec<Mutant>, serde_yaml::Error> {
     serde_yaml::from_str::<MutantFile>(text).map(|file| file.mutants)
 }
 
-/// The mutants of a device.
+/// The mutants that live on a device or variant.
 ///
 /// # Errors
-/// The file that does not load, and why.
+/// The file that does not load, and why; a mutant on a variant that is none.
 pub fn of(device: &ReferenceDevice) -> Result<Vec<Mutant>, String> {
-    let mut mutants: Vec<Mutant> = Vec::new();
+    let (family, mut mutants) = (device.family(), Vec::<Mutant>::new());
     for (place, (file, text)) in sources(device).into_iter().enumerate() {
         for mut mutant in read(text).map_err(|error| format!("{file}: {error}"))? {
             mutant.shared = place < COMMON.len();
             if mutants.iter().any(|other| other.name == mutant.name) {
                 return Err(format!("{file}: mutant {} stands there twice", mutant.name));
             }
+            if let Some(on) = &mutant.on
+                && !devices::with_variants(family).any(|name| name == on)
+            {
+                return Err(format!("{file}: mutant {}: {on} is no {family}", mutant.name));
+            }
             mutants.push(mutant);
         }
     }
+    let lives_here = |mutant: &Mutant| {
+        mutant.shared || mutant.on.as_deref().unwrap_or(family) == device.description.device
+    };
+    mutants.retain(lives_here);
     Ok(mutants)
 }
 

@@ -60,9 +60,11 @@ fn check(path: &Path) -> Result<Exit, Refused> {
 
 fn write(name: &str, out: Option<PathBuf>) -> Result<Exit, Refused> {
     let device = reference_device(name)?;
-    let folder = out.unwrap_or_else(|| Path::new("reference-devices").join(name));
-    for (file, text) in [("device.eds", device.eds_text()), ("device.md", device.markdown())] {
-        let path = folder.join(file);
+    for (file, text) in device.generated_files() {
+        let path = match &out {
+            Some(folder) => folder.join(Path::new(&file).file_name().unwrap_or_default()),
+            None => Path::new("reference-devices").join(&file),
+        };
         fs::write(&path, text).map_err(|error| file_error(&path, &error))?;
         say(&format!("{}\n", path.display()));
     }

@@ -2,7 +2,7 @@
 //! requirements it breaks, in virtual time; what each of them makes of it is the kill matrix.
 //!
 //! Mutants that any device can be are proved on the device with everything, and so are the suites
-//! for any device; a device's own mutants and suites are proved on that device.
+//! for any device; a device's own mutants and suites are proved on that device and its variants.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -30,7 +30,10 @@ use crate::target::{self, Place, Target, reference_device};
 pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     let library = Library::load(args.suites.as_deref())?;
     let names: Vec<&str> = match &args.device {
-        Some(name) => vec![name],
+        Some(name) => match devices::with_variants(name).collect::<Vec<_>>() {
+            family if family.is_empty() => vec![name],
+            family => family,
+        },
         None => devices::names().collect(),
     };
     let mut matrices = Vec::new();
@@ -214,7 +217,8 @@ fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
                 _ => {}
             }
         }
-        if !matrix.rows.iter().any(|row| row.mutant.canary) {
+        let is_variant = devices::with_variants(device).next().is_none();
+        if !is_variant && !matrix.rows.iter().any(|row| row.mutant.canary) {
             holes.push(format!("{device}: there is no canary"));
         }
     }

@@ -24,6 +24,9 @@ pub struct Mutant {
     /// The requirements it breaks.
     #[serde(default)]
     pub breaks: Vec<String>,
+    /// The variant of the device it lives on, where it is proved; the device itself, unless given.
+    #[serde(default)]
+    pub on: Option<String>,
     /// Whether nobody can see the deviation: it must survive, or the proof itself is broken.
     #[serde(default)]
     pub canary: bool,
