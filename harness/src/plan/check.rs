@@ -141,6 +141,12 @@ impl Checker<'_> {
             Step::Undeclared(undeclared) => {
                 let range = index_range(&undeclared.range.value);
                 self.note(range.map(|_| ()), undeclared.range.place);
+                if let Some(profile) = &undeclared.profile
+                    && catalogue::profile(&profile.value).is_none()
+                {
+                    let message = format!("the catalogue has no profile `{}`", profile.value);
+                    self.complain(profile.place, message);
+                }
             }
             Step::Observe(observe) => self.observe(observe, step.place),
         }

@@ -107,6 +107,8 @@ pub(super) struct Condition {
     pub max: Option<Vec<u8>>,
     /// The length in bytes.
     pub length: Option<usize>,
+    /// It is readable ASCII, one character at least and so many at most.
+    pub characters: Option<usize>,
 }
 
 impl Condition {
@@ -132,6 +134,11 @@ impl Condition {
         {
             let data_type = entry.map_or(DataType::DOMAIN, |entry| entry.data_type);
             return fail(format!("{size} bytes of {data_type}"));
+        }
+        if let Some(most) = self.characters
+            && !is_text(got, most)
+        {
+            return fail(format!("1 to {most} readable characters of ASCII"));
         }
         let mut lenient = None;
         if let Some(value) = self.value.as_ref().filter(|value| !self.same(value, got)) {
@@ -167,6 +174,11 @@ impl Condition {
             Some(mask) => masked(value, mask) == masked(got, mask),
         }
     }
+}
+
+/// Whether it is readable ASCII of that length at most, and not nothing.
+fn is_text(data: &[u8], most: usize) -> bool {
+    (1..=most).contains(&data.len()) && data.iter().all(|byte| matches!(byte, b' '..=b'~'))
 }
 
 fn masked(value: &[u8], mask: &[u8]) -> Vec<u8> {

@@ -41,6 +41,7 @@ impl Steps<'_, '_> {
             &read.tolerated,
             read.length.as_ref(),
         )?;
+        let condition = Condition { characters: read.characters, ..condition };
         let data = match ended.result {
             Ok(data) => data,
             Err(Failure::Aborted(code)) if read.lenient.contains(&code.0) => {
@@ -256,6 +257,7 @@ impl Steps<'_, '_> {
             min: bytes(min)?,
             max: bytes(max)?,
             length,
+            characters: None,
         })
     }
 

@@ -3,7 +3,7 @@
 
 use canopen::eds::{CODES, Diagnostic, Object};
 use canopen::sdo::{Failure, Initiate, Response};
-use canopen::{Abort, Frame, Mux};
+use canopen::{Abort, Frame, Mux, catalogue};
 use reports::Place as ReportPlace;
 
 use super::judge::{Difference, Judgement, Trouble, device};
@@ -169,26 +169,33 @@ impl Steps<'_, '_> {
         Some(Difference { sheet, ..Difference::new(expected, actual) })
     }
 
-    /// Asks for objects, or sub-indices of objects, that the data sheet does not have.
+    /// Asks for objects, or sub-indices of objects, that the data sheet or the profile does not
+    /// have.
     pub(super) fn undeclared(&mut self, step: &Undeclared) -> Judgement {
         let range = index_range(&step.range.value).map_err(Trouble::Bench)?;
         let eds = &self.dut.eds;
-        let (absent, code): (Vec<Mux>, _) = match step.subs {
-            true => {
+        let profile = step.profile.as_ref().and_then(|name| catalogue::profile(&name.value));
+        let whose = profile.map_or("the data sheet", |_| "the profile");
+        let (first, absent, code): (Vec<Mux>, Vec<Mux>, _) = match (profile, step.subs) {
+            (_, true) => {
                 let objects = range.filter_map(|index| eds.object(index));
-                (objects.flat_map(absent_subs).collect(), Abort::NO_SUB_INDEX)
+                (Vec::new(), objects.flat_map(absent_subs).collect(), Abort::NO_SUB_INDEX)
             }
-            false => {
-                let absent = range.filter(|index| eds.object(*index).is_none());
-                (absent.map(|index| Mux::new(index, 0)).collect(), Abort::NO_OBJECT)
+            (profile, false) => {
+                let known = |index: u16| match profile {
+                    Some(profile) => profile.chain().any(|each| each.lookup(index).is_some()),
+                    None => eds.object(index).is_some(),
+                };
+                let absent = range.filter(|index| !known(*index)).map(|index| Mux::new(index, 0));
+                let (first, rest) = absent.partition(|mux| eds.object(mux.index).is_some());
+                (first, rest, Abort::NO_OBJECT)
             }
         };
         let most = if self.policy.every_index { usize::MAX } else { step.most };
         let mut lenient = None;
-        for mux in spread(&absent, most, self.policy.seed) {
+        for mux in first.iter().copied().chain(spread(&absent, most, self.policy.seed)) {
             let ended = sdo::upload(self.link, self.policy, self.dut.node, mux)?;
-            let expected =
-                format!("{mux}, which the data sheet does not have, refused with {code}");
+            let expected = format!("{mux}, which {whose} does not have, refused with {code}");
             let actual = match ended.result {
                 Err(Failure::Aborted(abort)) if abort == code => continue,
                 Err(failure) => failure.to_string(),

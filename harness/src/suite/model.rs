@@ -356,6 +356,10 @@ pub struct Undeclared {
     /// Not other objects, but other sub-indices of the objects that the data sheet has there.
     #[serde(default)]
     pub subs: bool,
+    /// Objects that this profile, such as `em66`, and those it builds on do not have, whatever the
+    /// data sheet has; those of the data sheet are asked for first, and all of them.
+    #[serde(default)]
+    pub profile: Option<At<String>>,
     /// At most so many, spread over the range; `--every-index` asks for all.
     pub most: usize,
 }
@@ -457,6 +461,9 @@ pub struct Read {
     /// The length in bytes.
     #[serde(default)]
     pub length: Option<At<Literal>>,
+    /// It is readable ASCII, one character at least and so many at most.
+    #[serde(default)]
+    pub characters: Option<usize>,
     /// Names the value for later steps.
     #[serde(default)]
     pub save: Option<At<Name>>,

@@ -1,6 +1,6 @@
 //! A change of the dictionary that the data sheet does not know of.
 
-use canopen::eds::{Access, Eds, Term};
+use canopen::eds::{Access, Eds, Entry, Object, ObjectKind, Term};
 use canopen::{DataType, Mux, Value};
 use serde::Deserialize;
 
@@ -10,6 +10,9 @@ use serde::Deserialize;
 pub(super) struct Patch {
     /// The address, `"1017:00"`.
     object: String,
+    /// It is there although the data sheet does not have it: a copy of what is at this address.
+    #[serde(default)]
+    like: Option<String>,
     /// Another value after power-on.
     #[serde(default)]
     value: Option<i64>,
@@ -45,8 +48,13 @@ impl Patch {
     /// # Errors
     /// When the description has no such entry, or the patch makes no sense.
     pub(super) fn apply(&self, eds: &mut Eds) -> Result<(), String> {
-        let mux: Mux =
-            self.object.parse().map_err(|error| format!("`{}`: {error}", self.object))?;
+        let address = |text: &str| -> Result<Mux, String> {
+            text.parse().map_err(|error| format!("`{text}`: {error}"))
+        };
+        let mux = address(&self.object)?;
+        if let Some(like) = &self.like {
+            add(eds, mux, address(like)?)?;
+        }
         let object = eds.objects.iter_mut().find(|object| object.index == mux.index);
         let object = object.ok_or_else(|| format!("no object {mux}"))?;
         let place = object.entries.iter().position(|entry| entry.mux == mux);
@@ -84,4 +92,24 @@ impl Patch {
         }
         Ok(())
     }
+}
+
+/// Adds an entry that is like another one, with an object around it where there is none.
+fn add(eds: &mut Eds, mux: Mux, like: Mux) -> Result<(), String> {
+    let entry = eds.entry(like).ok_or_else(|| format!("no object {like}"))?;
+    let entry = Entry { mux, ..entry.clone() };
+    let place = eds.objects.partition_point(|object| object.index < mux.index);
+    match eds.objects.get_mut(place).filter(|object| object.index == mux.index) {
+        Some(object) => {
+            object.entries.push(entry);
+            object.entries.sort_by_key(|entry| entry.mux.sub);
+        }
+        None => {
+            let name = entry.name.clone();
+            let (index, kind) = (mux.index, ObjectKind::VAR);
+            let object = Object { index, name, kind, flags: 0, entries: vec![entry], line: 0 };
+            eds.objects.insert(place, object);
+        }
+    }
+    Ok(())
 }
