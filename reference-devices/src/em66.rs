@@ -32,9 +32,9 @@ use faults::Faults;
 use operation::Operation;
 use process::Process;
 
+pub use alarm::{AlarmType, Quantity, SetPoints, Wait};
 pub use rules::{
-    AlarmRules, AlarmType, ControlRules, Em66Rules, FaultRules, OperationRules, Profile, Quantity,
-    SetPoints, Wait, named, names,
+    AlarmRules, ControlRules, Em66Rules, FaultRules, OperationRules, Profile, named, names,
 };
 
 /// The application of a heating/cooling device.

@@ -4,6 +4,8 @@
 //! What a write would make of an alarm must be an alarm that the device can watch; else the write
 //! is refused. So the order of the document leads through, and most others do, too.
 
+mod kinds;
+
 use std::array;
 
 use canopen::catalogue::{self, Block};
@@ -11,11 +13,14 @@ use canopen::pdo::Mapping;
 use canopen::{Abort, Dictionary, Mux};
 
 use super::Duty;
+use super::codes::CODES;
 use super::objects::{
     CONTROL_BYTE, DIFFERENCE, EFFECTIVE_SET_POINT, EFFECTIVE_VALUE, EXTERNAL_SENSOR, FLOW,
     INTAKE_PRESSURE, MAIN_LINE, RETURN_LINE, SECOND_SET_POINT, SET_POINT, value,
 };
-use super::rules::{AlarmType, Em66Rules, Quantity, SetPoints, Wait};
+use super::rules::Em66Rules;
+
+pub use kinds::{AlarmType, Quantity, SetPoints, Wait};
 
 /// The alarm block.
 pub(super) struct Alarms {
@@ -63,8 +68,6 @@ struct Start {
     on: bool,
     set_points: SetPoints,
     waiting: bool,
-    /// The bit of the control byte that selects the second set point.
-    second_bit: i64,
 }
 
 impl Default for Alarms {
@@ -75,7 +78,6 @@ impl Default for Alarms {
     fn default() -> Self {
         let profile = catalogue::profile("cia404").expect("the profile of the alarm block");
         let block = profile.block("alarm").expect("the alarm block");
-        let second_bit = profile.code("control-second").expect("the bit of the second set point");
         Self {
             alarms: array::from_fn(|place| Alarm {
                 objects: Objects::of(block, place as u8 + 1),
@@ -83,7 +85,7 @@ impl Default for Alarms {
                 kind: AlarmType::OFF,
                 on: false,
             }),
-            start: Start { on: false, set_points: SetPoints::default(), waiting: true, second_bit },
+            start: Start { on: false, set_points: SetPoints::default(), waiting: true },
         }
     }
 }
@@ -319,7 +321,7 @@ impl Start {
         let now = SetPoints {
             first: value(od, SET_POINT),
             second: value(od, SECOND_SET_POINT),
-            is_second: value(od, CONTROL_BYTE) & self.second_bit != 0,
+            is_second: value(od, CONTROL_BYTE) & CODES.control_second != 0,
         };
         let changed = rules.alarm_set_point_changed(self.set_points, now);
         let begins = (on && !self.on && rules.alarm_starts_waiting(Wait::SwitchedOn))
@@ -372,3 +374,6 @@ const COMPARABLE: &[(Mux, Quantity)] = &[
     (SET_POINT, Quantity::Temperature),
     (SECOND_SET_POINT, Quantity::Temperature),
 ];
+
+#[cfg(test)]
+mod tests;

@@ -6,7 +6,7 @@ mod control;
 mod fault;
 mod operation;
 
-pub use alarm::{AlarmRules, AlarmType, Quantity, SetPoints, Wait};
+pub use alarm::AlarmRules;
 pub use control::ControlRules;
 pub use fault::FaultRules;
 pub use operation::OperationRules;

@@ -1,102 +1,10 @@
 //! What the alarm block decides (EUROMAP 66-2, 3.3).
 
-use std::fmt;
-
 use canopen::Mux;
 
 use super::mutants;
+use crate::em66::alarm::{AlarmType, Quantity, SetPoints, Wait};
 use crate::em66::objects::{EFFECTIVE_SET_POINT, SET_POINT};
-
-/// What kind of value an object holds; only like can be compared with like.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
-    /// Tenths of a degree Celsius.
-    Temperature,
-    /// Tenths of a litre a minute.
-    Flow,
-    /// Tenths of a bar.
-    Pressure,
-}
-
-/// What an alarm looks for, as AL n type has it.
-#[derive(Clone, Copy, Default, PartialEq, Eq)]
-pub struct AlarmType(pub u8);
-
-impl AlarmType {
-    /// Nothing: the alarm is disabled.
-    pub const OFF: Self = Self(0);
-    /// Input at or above its reference.
-    pub const ABOVE: Self = Self(2);
-    /// Input below its reference.
-    pub const BELOW: Self = Self(3);
-    /// Input further from the alternate input than the level says.
-    pub const DIFFERENCE_ABOVE: Self = Self(4);
-    /// Input closer to the alternate input than the level says.
-    pub const DIFFERENCE_BELOW: Self = Self(5);
-    /// Input in the window, its borders included.
-    pub const INSIDE: Self = Self(6);
-    /// Input outside the window.
-    pub const OUTSIDE: Self = Self(7);
-    const START: u8 = 0x10;
-
-    /// The same without start condition.
-    pub const fn plain(self) -> Self {
-        Self(self.0 & !Self::START)
-    }
-
-    /// The same with start condition.
-    pub const fn with_start(self) -> Self {
-        Self(self.0 | Self::START)
-    }
-
-    /// Whether the alarm waits for the set point.
-    pub const fn has_start(self) -> bool {
-        self.0 & Self::START != 0
-    }
-
-    /// Whether two objects are compared with each other.
-    pub fn is_difference(self) -> bool {
-        matches!(self.plain(), Self::DIFFERENCE_ABOVE | Self::DIFFERENCE_BELOW)
-    }
-
-    /// Whether the document knows it.
-    pub fn is_known(self) -> bool {
-        self == Self::OFF || matches!(self.plain().0, 2..=7)
-    }
-}
-
-impl fmt::Debug for AlarmType {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:X}h", self.0)
-    }
-}
-
-/// Why alarms with start condition wait for the set point.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wait {
-    /// The controller was switched on.
-    SwitchedOn,
-    /// The set point in use is another one.
-    SetPointChanged,
-}
-
-/// The set points, in tenths of a degree.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SetPoints {
-    /// 7402h.
-    pub first: i64,
-    /// 7403h.
-    pub second: i64,
-    /// Whether the second one is selected.
-    pub is_second: bool,
-}
-
-impl SetPoints {
-    /// The one that the controller makes for.
-    pub const fn in_use(self) -> i64 {
-        if self.is_second { self.second } else { self.first }
-    }
-}
 
 /// The decisions about alarms. Levels and inputs are in the unit of the input. Steps are those of
 /// the order in which an alarm is parameterised (3.3).
