@@ -49,6 +49,8 @@ pub struct Em66 {
     alarms: Alarms,
     drive: Drive,
     next_sample: Instant,
+    /// Something came from outside since the last decision.
+    touched: bool,
 }
 
 /// What this device has of what no dictionary can tell.
@@ -155,6 +157,7 @@ impl Em66 {
             alarms: Alarms::default(),
             drive: Drive::default(),
             next_sample: Instant::ZERO + PERIOD,
+            touched: true,
         }
     }
 
@@ -173,6 +176,7 @@ impl Em66 {
 
 impl Behaviour for Em66 {
     fn reset(&mut self, _now: Instant, od: &mut Dictionary) {
+        self.touched = true;
         self.stimuli.fit(od);
         self.faults = Faults::default();
         self.operation = Operation::default();
@@ -189,6 +193,7 @@ impl Behaviour for Em66 {
 
     fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
         let rules = &*self.rules;
+        self.touched = true;
         self.faults.written(mux, od, rules);
         self.operation.written(mux, od, rules);
         self.alarms.written(mux, od, rules);
@@ -203,8 +208,11 @@ impl Behaviour for Em66 {
             self.process.advance(PERIOD, self.drive);
             self.step(PERIOD, od, errors);
             self.next_sample += PERIOD;
+            self.touched = false;
         }
-        self.step(Duration::ZERO, od, errors);
+        if std::mem::take(&mut self.touched) {
+            self.step(Duration::ZERO, od, errors);
+        }
     }
 
     fn poll_at(&self) -> Option<Instant> {
@@ -222,6 +230,7 @@ impl Behaviour for Em66 {
         value: &Value,
         _od: &mut Dictionary,
     ) -> Result<(), BenchError> {
+        self.touched = true;
         self.stimuli.set(name, value)
     }
 

@@ -143,10 +143,10 @@ const LITRE: f64 = 4.18;
 const UNIT: f64 = 12.0 * LITRE;
 /// Three litres, in kJ/K.
 const RETURN_LINE: f64 = 3.0 * LITRE;
-/// Some 80 kg of steel, in kJ/K.
-const MOULD: f64 = 38.0;
+/// Some 130 kg of steel, in kJ/K.
+const MOULD: f64 = 60.0;
 /// Between medium and steel, in kW/K.
-const MOULD_EXCHANGE: f64 = 4.0;
+const MOULD_EXCHANGE: f64 = 1.2;
 /// In kW/K.
 const UNIT_LOSS: f64 = 0.01;
 /// In kW/K.
@@ -232,7 +232,7 @@ mod tests {
         let mut process = Process::new();
         let heating = drive(1000, Pump::Forward);
         let seconds = until(&mut process, heating, |process| process.main >= 80.0);
-        assert!((300.0..600.0).contains(&seconds), "{seconds} s");
+        assert!((300.0..720.0).contains(&seconds), "{seconds} s");
         assert!(process.main > process.back && process.back > process.mould, "{process:?}");
         assert!(process.main - process.back < 5.0, "{process:?}");
         let cooling = drive(-1000, Pump::Forward);

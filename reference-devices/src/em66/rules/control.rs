@@ -138,6 +138,9 @@ mutants! {
     "output-stays-when-off" {
         fn output_while_off(&self, last: i64) -> i64 { last }
     }
+    "keeps-warm-while-off" {
+        fn output_while_off(&self, _last: i64) -> i64 { 100 }
+    }
     "output-in-whole-percent" {
         fn output_shown(&self, output: i64) -> i64 { output / 10 }
     }
