@@ -34,7 +34,8 @@ use process::Process;
 
 pub use alarm::{AlarmType, Quantity, SetPoints, Wait};
 pub use rules::{
-    AlarmRules, ControlRules, Em66Rules, FaultRules, OperationRules, Profile, named, names,
+    AlarmRules, ControlRules, Em66Rules, FaultRules, OperationRules, Profile, ValueRules, named,
+    names,
 };
 
 /// The application of a heating/cooling device.

@@ -20,7 +20,7 @@ use crate::exit::{Exit, Refused};
 use crate::plan::{Instance, Plan};
 use crate::reporter::say;
 use crate::run::{Ending, Policy, Session};
-use crate::suite::Library;
+use crate::suite::{Library, Suite};
 use crate::target::{self, Place, Target, reference_device};
 
 /// Runs the qualification and prints the matrix.
@@ -233,8 +233,7 @@ fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
     }
     let proving: BTreeSet<&str> = matrices.iter().map(|matrix| matrix.device.as_str()).collect();
     for suite in &library.suites {
-        let device =
-            suite.file.device.as_ref().map_or(devices::WITH_EVERYTHING, |device| &device.value);
+        let device = home(suite);
         for case in suite.file.cases.iter().filter(|_| proving.contains(device)) {
             let name = format!("{}/{}", suite.name(), case.value.id.value);
             if !ran.contains(&name) {
@@ -245,6 +244,15 @@ fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
         }
     }
     holes
+}
+
+/// The device on which the cases of a suite are proved, with its variants: the one it is for, the one
+/// that bears the name of its profile, else the one with everything.
+fn home(suite: &Suite) -> &str {
+    let device = suite.file.device.as_ref().map(|device| device.value.as_str());
+    let profile = suite.file.profile.as_ref().and_then(|about| about.value.named());
+    let of_profile = profile.and_then(|profile| devices::with_variants(&profile.name).next());
+    device.or(of_profile).unwrap_or(devices::WITH_EVERYTHING)
 }
 
 /// Applies `work` to every item, on every processor; results in the order of the items.

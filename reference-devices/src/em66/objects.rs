@@ -49,17 +49,23 @@ pub(super) fn set(od: &mut Dictionary, mux: Mux, number: i64) {
 }
 
 /// Shows what the sensors tell (3.4.9 to 3.4.15).
-pub(super) fn show(sensed: &Sensed, od: &mut Dictionary, _rules: &dyn Em66Rules) {
-    set(od, MAIN_LINE, sensed.main);
-    set(od, RETURN_LINE, sensed.return_line);
-    set(od, DIFFERENCE, (sensed.main - sensed.return_line).abs());
+pub(super) fn show(sensed: &Sensed, od: &mut Dictionary, rules: &dyn Em66Rules) {
+    let (main, return_line) = rules.lines(sensed.main, sensed.return_line);
+    let difference = rules.difference(sensed.main, sensed.return_line);
     let external = match sensed.external {
         External::Reads(temperature) => temperature,
         External::Unplugged | External::Broken => NO_SENSOR,
     };
-    set(od, EXTERNAL_SENSOR, external);
-    set(od, FLOW, sensed.flow);
-    set(od, INTAKE_PRESSURE, sensed.intake_pressure);
+    for (mux, tenths) in [
+        (MAIN_LINE, main),
+        (RETURN_LINE, return_line),
+        (DIFFERENCE, difference),
+        (EXTERNAL_SENSOR, external),
+        (FLOW, sensed.flow),
+        (INTAKE_PRESSURE, sensed.intake_pressure),
+    ] {
+        set(od, mux, rules.shown(mux, tenths));
+    }
 }
 
 /// Whether a change of a mapped object is worth a TPDO: of what is measured, half a unit.

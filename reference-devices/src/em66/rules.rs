@@ -5,14 +5,19 @@ mod alarm;
 mod control;
 mod fault;
 mod operation;
+mod value;
 
 pub use alarm::AlarmRules;
 pub use control::ControlRules;
 pub use fault::FaultRules;
 pub use operation::OperationRules;
+pub use value::ValueRules;
 
 /// The decisions, by chapter of EUROMAP 66-2.
-pub trait Em66Rules: ControlRules + AlarmRules + OperationRules + FaultRules + Send {}
+pub trait Em66Rules:
+    ControlRules + AlarmRules + OperationRules + FaultRules + ValueRules + Send
+{
+}
 
 /// A device that keeps to the document.
 #[derive(Clone, Copy, Debug, Default)]
@@ -23,6 +28,7 @@ impl ControlRules for Profile {}
 impl AlarmRules for Profile {}
 impl OperationRules for Profile {}
 impl FaultRules for Profile {}
+impl ValueRules for Profile {}
 
 /// The names of the devices that break one decision.
 pub fn names() -> impl Iterator<Item = &'static str> {
@@ -35,7 +41,9 @@ pub fn named(name: &str) -> Option<Box<dyn Em66Rules>> {
 }
 
 fn all() -> impl Iterator<Item = &'static Mutant> {
-    [control::MUTANTS, alarm::MUTANTS, operation::MUTANTS, fault::MUTANTS].into_iter().flatten()
+    [control::MUTANTS, alarm::MUTANTS, operation::MUTANTS, fault::MUTANTS, value::MUTANTS]
+        .into_iter()
+        .flatten()
 }
 
 type Mutant = (&'static str, fn() -> Box<dyn Em66Rules>);

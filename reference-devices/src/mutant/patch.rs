@@ -13,6 +13,9 @@ pub(super) struct Patch {
     /// It is there although the data sheet does not have it: a copy of what is at this address.
     #[serde(default)]
     like: Option<String>,
+    /// So many of these copies, each an index further.
+    #[serde(default)]
+    copies: Option<u16>,
     /// Another value after power-on.
     #[serde(default)]
     value: Option<i64>,
@@ -53,7 +56,9 @@ impl Patch {
         };
         let mux = address(&self.object)?;
         if let Some(like) = &self.like {
-            add(eds, mux, address(like)?)?;
+            for index in (mux.index..).take(self.copies.unwrap_or(1).into()) {
+                add(eds, Mux::new(index, mux.sub), address(like)?)?;
+            }
         }
         let object = eds.objects.iter_mut().find(|object| object.index == mux.index);
         let object = object.ok_or_else(|| format!("no object {mux}"))?;

@@ -181,7 +181,7 @@ pub trait AlarmRules {
 const REACHED: i64 = 10;
 
 mutants! {
-    AlarmRules, as specified ControlRules OperationRules FaultRules;
+    AlarmRules, as specified ControlRules OperationRules FaultRules ValueRules;
 
     // Order
     "alarm-links-anything" {

@@ -87,7 +87,7 @@ pub trait ControlRules {
 }
 
 mutants! {
-    ControlRules, as specified AlarmRules OperationRules FaultRules;
+    ControlRules, as specified AlarmRules OperationRules FaultRules ValueRules;
 
     // Objects
     "unit-of-temperatures-changes" {

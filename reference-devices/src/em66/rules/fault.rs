@@ -6,5 +6,5 @@ use super::mutants;
 pub trait FaultRules {}
 
 mutants! {
-    FaultRules, as specified ControlRules AlarmRules OperationRules;
+    FaultRules, as specified ControlRules AlarmRules OperationRules ValueRules;
 }

@@ -6,5 +6,5 @@ use super::mutants;
 pub trait OperationRules {}
 
 mutants! {
-    OperationRules, as specified ControlRules AlarmRules FaultRules;
+    OperationRules, as specified ControlRules AlarmRules FaultRules ValueRules;
 }

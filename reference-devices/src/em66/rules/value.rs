@@ -1,0 +1,83 @@
+//! The decisions of the process values (2.3, 3.4.9 to 3.4.15).
+
+use canopen::Mux;
+
+use super::mutants;
+
+/// The decisions of the process values (2.3, 3.4.9 to 3.4.15).
+pub trait ValueRules {
+    /// A value is what its sensor tells, in tenths (2.3).
+    fn shown(&self, _of: Mux, tenths: i64) -> i64 {
+        tenths
+    }
+
+    /// What is told of the main line (3.4.9) and of the return line (3.4.10).
+    fn lines(&self, main: i64, return_line: i64) -> (i64, i64) {
+        (main, return_line)
+    }
+
+    /// 3030h is how far the lines are apart, whichever is warmer (3.4.11).
+    fn difference(&self, main: i64, return_line: i64) -> i64 {
+        (main - return_line).abs()
+    }
+}
+
+mutants! {
+    ValueRules, as specified ControlRules AlarmRules OperationRules FaultRules;
+
+    "values-in-whole-units" {
+        fn shown(&self, _of: Mux, tenths: i64) -> i64 { tenths / 10 * 10 }
+    }
+    "main-line-stands-still" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3010 { 200 } else { tenths }
+        }
+    }
+    "external-temperature-stands-still" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3040 { 200 } else { tenths }
+        }
+    }
+    "flow-stands-still" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3050 { 0 } else { tenths }
+        }
+    }
+    "flow-in-litres-an-hour" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3050 { tenths * 6 } else { tenths }
+        }
+    }
+    "pressure-in-millibar" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3080 { tenths * 100 } else { tenths }
+        }
+    }
+    "pressure-stands-still" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3080 { 10 } else { tenths }
+        }
+    }
+    "lines-mixed-up" {
+        fn lines(&self, main: i64, return_line: i64) -> (i64, i64) { (return_line, main) }
+    }
+    "return-line-is-guessed" {
+        fn lines(&self, main: i64, _return_line: i64) -> (i64, i64) { (main, main - 20) }
+    }
+    "difference-with-sign" {
+        fn difference(&self, main: i64, return_line: i64) -> i64 { main - return_line }
+    }
+    "difference-of-what-is-warmer-only" {
+        fn difference(&self, main: i64, return_line: i64) -> i64 { (main - return_line).max(0) }
+    }
+    "difference-in-whole-degrees" {
+        fn difference(&self, main: i64, return_line: i64) -> i64 {
+            (main - return_line).abs() / 10 * 10
+        }
+    }
+    "difference-is-never-nothing" {
+        fn difference(&self, main: i64, return_line: i64) -> i64 {
+            (main - return_line).abs().max(1)
+        }
+    }
+}
