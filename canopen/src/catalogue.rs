@@ -50,12 +50,31 @@ pub struct Recognition {
     pub mask: u32,
     /// What they are.
     pub value: u32,
+    /// Where the version of the profile stands, when it stands there.
+    #[serde(default)]
+    pub version: Option<Version>,
+}
+
+/// The bits of a version.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Version {
+    /// Those in front of the point.
+    pub major: u32,
+    /// Those behind it.
+    pub minor: u32,
 }
 
 impl Recognition {
     /// Whether the object holds what only such a device has there.
     pub const fn fits(self, value: u32) -> bool {
         value & self.mask == self.value
+    }
+
+    /// The version of the profile, such as `1.1`; `None` when the value does not tell.
+    pub fn version_in(self, value: u32) -> Option<String> {
+        let bits = |mask: u32| (value & mask) >> mask.trailing_zeros().min(31);
+        self.version.map(|version| format!("{}.{}", bits(version.major), bits(version.minor)))
     }
 }
 
@@ -398,6 +417,19 @@ impl Shape {
 }
 
 impl Mapping {
+    /// The access type that says which way a value of that access may be mapped; `None` when none
+    /// does (CiA 306, AccessType).
+    pub const fn access(self, access: Access) -> Option<Access> {
+        match (access, self) {
+            (_, Self::No) | (Access::Rw, Self::Both) => Some(access),
+            (Access::Rw | Access::Rww, Self::Rpdo) => Some(Access::Rww),
+            (Access::Wo, Self::Rpdo) => Some(access),
+            (Access::Rw | Access::Rwr, Self::Tpdo) => Some(Access::Rwr),
+            (Access::Ro | Access::Const, Self::Tpdo) => Some(access),
+            _ => None,
+        }
+    }
+
     /// The name in a description.
     pub const fn name(self) -> &'static str {
         match self {
@@ -506,7 +538,7 @@ mod tests {
         let em66 = profile("em66").unwrap();
         let alarm = em66.block("alarm").unwrap();
         assert_eq!(alarm.object("action", 16), Some(Mux::new(0x65F9, 1)));
-        assert_eq!(alarm.object("action", 17).or(alarm.object("action", 0)), None);
+        assert_eq!([17, 0].map(|number| alarm.object("action", number)), [None, None]);
         assert_eq!(alarm.object("nothing", 1), None);
         for profile in profiles() {
             for block in profile.blocks.values() {
@@ -521,6 +553,9 @@ mod tests {
         assert_eq!((em66.code("control-on"), em66.code("nothing")), (Some(1), None));
         assert!(em66.recognised.unwrap().fits(0x0110_0142));
         assert!(!em66.recognised.unwrap().fits(0x0110_0242));
+        for (value, version) in [(0x0110_0142, "1.1"), (0x0100_0142, "1.0"), (0x0340_0142, "3.4")] {
+            assert_eq!(em66.recognised.unwrap().version_in(value).as_deref(), Some(version));
+        }
     }
 
     #[test]

@@ -245,6 +245,8 @@ pub enum EdsCommand {
         /// The data sheet
         file: PathBuf,
     },
+    /// Compose a data sheet of what a device without one answers
+    Probe(ProbeArgs),
     /// Generate `device.eds` and `device.md` of a reference device
     Write {
         /// The reference device
@@ -253,6 +255,21 @@ pub enum EdsCommand {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
     },
+}
+
+/// Arguments of `eds probe`.
+#[derive(Debug, Args)]
+pub struct ProbeArgs {
+    /// The interface, such as `vcan0`, or `sim:drr460`
+    #[arg(long)]
+    pub target: String,
+    /// Node id of the device; a bus is scanned when absent
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    pub node: Option<u8>,
+    /// Bit rate of the bus in bit/s, which the data sheet then names
+    #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub bitrate: u32,
 }
 
 /// Arguments of `schema`.

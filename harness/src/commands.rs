@@ -34,7 +34,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Qualify(args)) => qualify::run(&args),
         Some(Command::Trace(args)) => trace::run(&args),
         Some(Command::Explain(args)) => explain::run(&args),
-        Some(Command::Eds(command)) => eds::run(&command),
+        Some(Command::Eds(command)) => eds::run(&command, &stop),
         Some(Command::Schema(args)) => schema::run(&args),
     };
     done.unwrap_or_else(|Refused { exit, message }| {

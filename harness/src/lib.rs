@@ -7,6 +7,7 @@
 pub mod bus;
 pub mod cli;
 pub mod commands;
+pub mod compose;
 pub mod exit;
 mod nearest;
 pub mod plan;

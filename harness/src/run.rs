@@ -7,6 +7,7 @@ mod limits;
 mod link;
 mod lss;
 mod objects;
+mod probe;
 mod promise;
 mod restore;
 mod sdo;
@@ -15,4 +16,5 @@ mod settle;
 mod steps;
 
 pub use link::{Link, Policy};
-pub use session::{Ending, Session, identity, read_text};
+pub use probe::{Lost, objects as probe};
+pub use session::{Ending, Session, identity, read_number, read_text};

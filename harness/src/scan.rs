@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use canopen::catalogue::{self, Profile};
 use canopen::eds::Eds;
 use canopen::sdo::{RESPONSE_COB_ID, Request};
 use canopen::{Bus, BusError, Mux};
@@ -12,7 +13,7 @@ use reports::Identity;
 use crate::cli::DEFAULT_BIT_RATE;
 use crate::exit::{Exit, Refused};
 use crate::plan::Dut;
-use crate::run::{Link, Policy, identity, read_text};
+use crate::run::{Link, Policy, identity, read_number, read_text};
 
 /// A node that answers.
 pub struct Found {
@@ -24,6 +25,21 @@ pub struct Found {
     pub name: Option<String>,
     /// The reference device of the same vendor and product.
     pub device: Option<String>,
+    /// The profile of the catalogue by which it is recognised, and its version.
+    pub profile: Option<(&'static Profile, Option<String>)>,
+}
+
+impl Found {
+    /// What it is, by its profile: `EUROMAP 66 heating/cooling device 1.1` or `CiA 401`; `None`
+    /// when it does not say.
+    pub fn follows(&self) -> Option<String> {
+        if let Some((profile, version)) = &self.profile {
+            let version = version.as_ref().map(|version| format!(" {version}"));
+            return Some(format!("{}{}", profile.title(), version.unwrap_or_default()));
+        }
+        let number = self.identity.device_type.map(|device_type| device_type as u16);
+        number.filter(|number| *number != 0).map(|number| format!("CiA {number}"))
+    }
 }
 
 /// Asks every node, or just `node`, for its device type, and those that answer for more.
@@ -107,5 +123,22 @@ fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
                 && identity.product == Some(info.product_number)
         })
     });
-    Ok(Found { node, identity, name, device: device.map(str::to_owned) })
+    let profile = recognise(link, &policy, node)?;
+    Ok(Found { node, identity, name, device: device.map(str::to_owned), profile })
+}
+
+/// The profile of the catalogue that an object of the device tells, with its version.
+fn recognise(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+) -> Result<Option<(&'static Profile, Option<String>)>, BusError> {
+    for profile in catalogue::profiles() {
+        let Some(recognition) = profile.recognised else { continue };
+        let value = read_number(link, policy, node, recognition.object)?;
+        if let Some(value) = value.filter(|value| recognition.fits(*value)) {
+            return Ok(Some((profile, recognition.version_in(value))));
+        }
+    }
+    Ok(None)
 }

@@ -7,6 +7,9 @@ use canopen::eds::{self, Diagnostic, Eds, Places};
 
 use crate::source::Source;
 
+/// The first line of a sheet that was composed of what a device answered.
+pub const COMPOSED: &str = "composed by `harness eds probe` of what the device answered";
+
 /// A data sheet.
 #[derive(Debug, Default)]
 pub struct Sheet {
@@ -16,6 +19,8 @@ pub struct Sheet {
     pub diagnostics: Vec<Diagnostic>,
     /// Whether it comes with the device and the suites: what does not fit it is wrong with a suite.
     pub trusted: bool,
+    /// Whether it was composed of what the device answered, and thus says nothing by itself.
+    pub composed: bool,
     /// Found when somebody asks, which is when something is wrong.
     places: OnceLock<Places>,
 }
@@ -26,7 +31,9 @@ impl Sheet {
         let reading = eds::read(bytes);
         let source = Source { name: name.into(), text: eds::decode(bytes).into_owned() };
         let diagnostics = reading.diagnostics;
-        (Self { source, diagnostics, trusted: false, places: OnceLock::new() }, reading.eds)
+        let composed = source.line(1).trim_start_matches([';', ' ']) == COMPOSED;
+        let sheet = Self { source, diagnostics, trusted: false, composed, places: OnceLock::new() };
+        (sheet, reading.eds)
     }
 
     /// The line and column where it says `key` of an entry, or speaks of the entry at all.

@@ -14,6 +14,7 @@ use reference_devices::rules::Specification;
 
 use crate::bus::socketcan::SocketCan;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
+use crate::compose;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
 use crate::plan::Dut;
@@ -222,6 +223,7 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
         Some((rig, names)) => (Some(rig), names),
         None => (None, device.node(node, Box::new(Specification)).bench_names()),
     };
+    let without = without(selection, Some(&device));
     Ok(Target {
         dut: Dut {
             name: name.to_owned(),
@@ -230,12 +232,24 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
             sheet: Arc::new(sheet),
             bench,
             bit_rate,
-            without: selection.without.clone(),
+            without,
         },
         rig,
         place: Place::Simulation { device, mutant, bit_rate },
         options,
     })
+}
+
+/// The options that the device does not have: those the user says, and those that a device of ours
+/// says of itself.
+fn without(selection: &Selection, device: Option<&ReferenceDevice>) -> Vec<String> {
+    let mut without = device.map_or_else(Vec::new, |device| device.description.without.clone());
+    for option in &selection.without {
+        if !without.contains(option) {
+            without.push(option.clone());
+        }
+    }
+    without
 }
 
 /// Adds what else a verdict depends on to the options that repeat a run.
@@ -257,8 +271,35 @@ fn on_interface(
     stop: &Arc<AtomicBool>,
 ) -> Result<Vec<Target>, Refused> {
     let mut bus = open_interface(name, stop)?;
-    let found = scan::scan(&mut *bus, selection.node)?;
-    let Some(first) = found.first() else { return Err(nobody(name, selection.node)) };
+    let found = only(scan::scan(&mut *bus, selection.node)?, name, selection.node)?;
+    let (dut_name, (sheet, eds)) = data_sheet(selection, &found, &mut *bus)?;
+    let mut options = format!("--target {name} --node {}", found.node);
+    say_the_rest(selection, &mut options);
+    let own = selection.device.as_ref().or(found.device.as_ref());
+    let own = own.and_then(|name| reference_device(name).ok());
+    let (rig, bench) = rig(selection, &mut options)?.unzip();
+    let bench = bench.unwrap_or_default();
+    Ok(vec![Target {
+        dut: Dut {
+            name: dut_name,
+            node: found.node,
+            eds: Arc::new(eds),
+            sheet: Arc::new(sheet),
+            bench,
+            bit_rate: selection.bitrate,
+            without: without(selection, own.as_deref()),
+        },
+        rig,
+        place: Place::SocketCan(name.to_owned()),
+        options,
+    }])
+}
+
+/// The node that was found on a bus, when it is the only one.
+///
+/// # Errors
+/// When there is none, or another one, too.
+pub fn only(mut found: Vec<Found>, name: &str, node: Option<u8>) -> Result<Found, Refused> {
     if found.len() > 1 {
         let nodes: Vec<String> = found.iter().map(|found| found.node.to_string()).collect();
         return Err(Refused::usage(format!(
@@ -266,25 +307,7 @@ fn on_interface(
             nodes.join(", ")
         )));
     }
-    let (dut_name, (sheet, eds)) = data_sheet(selection, first)?;
-    let mut options = format!("--target {name} --node {}", first.node);
-    say_the_rest(selection, &mut options);
-    let (rig, bench) = rig(selection, &mut options)?.unzip();
-    let bench = bench.unwrap_or_default();
-    Ok(vec![Target {
-        dut: Dut {
-            name: dut_name,
-            node: first.node,
-            eds: Arc::new(eds),
-            sheet: Arc::new(sheet),
-            bench,
-            bit_rate: selection.bitrate,
-            without: selection.without.clone(),
-        },
-        rig,
-        place: Place::SocketCan(name.to_owned()),
-        options,
-    }])
+    found.pop().ok_or_else(|| nobody(name, node))
 }
 
 /// A bench of the user's, and what it offers.
@@ -299,8 +322,13 @@ fn rig(selection: &Selection, options: &mut String) -> Result<Option<OwnBench>, 
     Ok(Some((Arc::new(Mutex::new(rig)), names)))
 }
 
-/// The data sheet of a device on a bus: the user's, or one of ours that fits.
-fn data_sheet(selection: &Selection, found: &Found) -> Result<(String, (Sheet, Eds)), Refused> {
+/// The data sheet of a device on a bus: the user's, or one of ours that fits, or what the device
+/// answers.
+fn data_sheet(
+    selection: &Selection,
+    found: &Found,
+    bus: &mut dyn Bus,
+) -> Result<(String, (Sheet, Eds)), Refused> {
     if let Some(path) = &selection.eds {
         let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
         let name = selection.device.clone().or(stem).unwrap_or_else(|| "device".to_owned());
@@ -316,10 +344,17 @@ fn data_sheet(selection: &Selection, found: &Found) -> Result<(String, (Sheet, E
             let sheet = own_sheet(&device, None)?;
             Ok((name, sheet))
         }
-        None => Err(Refused::usage(format!(
-            "node {} is no device this program has a data sheet of: name one with --eds FILE",
-            found.node
-        ))),
+        None => {
+            let what = found.follows().map(|follows| format!(", {follows},")).unwrap_or_default();
+            let node = found.node;
+            eprintln!(
+                "note: there is no data sheet of node {node}{what} in this program. One is \
+                 composed of what the device answers; --eds FILE names a better one."
+            );
+            let name = found.name.clone().filter(|name| !name.trim().is_empty());
+            let composed = compose::compose(bus, found, selection.bitrate)?;
+            Ok((name.unwrap_or_else(|| format!("node-{node}")), composed))
+        }
     }
 }
 

@@ -75,6 +75,37 @@ fn verdicts_do_not_depend_on_the_order_of_cases() {
     assert!(differences.is_empty(), "{differences}");
 }
 
+/// What a stranger does who has a device and no data sheet of it.
+#[test]
+fn what_a_device_answers_stands_in_for_its_data_sheet() {
+    let folder = TempDir::new().unwrap();
+    let (sheet, journal) = (folder.path().join("my.eds"), folder.path().join("journal"));
+    for device in ["em66", "generic"] {
+        let target = format!("sim:{device}");
+        let probed = harness().args(["eds", "probe", "--target", &target]).output().unwrap();
+        fs::write(&sheet, probed.stdout).unwrap();
+        let mut command = harness();
+        command.args(["--target", &target, "--journal"]).arg(&journal).arg("--eds").arg(&sheet);
+        let output = command.output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert!(said.contains("my.eds was composed of what the device answered"), "{said}");
+
+        let (run, known) = (record::read(&journal), record::verdicts(record_of_everything()));
+        let mut ran = 0;
+        for (_, case) in run.cases() {
+            let verdict = known.get(&(device.to_owned(), case.info.name()));
+            let wrong = matches!(case.verdict(), Verdict::Fail | Verdict::Error);
+            assert!(!wrong || verdict == Some(&case.verdict()), "{device}: {}", case.info.name());
+            ran += usize::from(case.verdict() != Verdict::Skip);
+        }
+        let of_device = known
+            .iter()
+            .filter(|((name, _), verdict)| name == device && !matches!(verdict, Verdict::Skip));
+        let usual = of_device.count();
+        assert!(ran * 3 > usual * 2, "{device}: {ran} cases where usually {usual} run");
+    }
+}
+
 /// A run of everything in the usual order.
 struct Recorded {
     journal: String,
@@ -100,6 +131,11 @@ impl Recorded {
 fn in_order() -> &'static Recorded {
     static RUN: OnceLock<Recorded> = OnceLock::new();
     RUN.get_or_init(Recorded::new)
+}
+
+fn record_of_everything() -> &'static Run {
+    static RUN: OnceLock<Run> = OnceLock::new();
+    RUN.get_or_init(|| record::fold(&in_order().journal))
 }
 
 fn start(mut command: Command, journal: &Path) -> std::process::Child {

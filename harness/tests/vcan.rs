@@ -16,7 +16,7 @@ use canopen::Bus;
 use harness::bus::socketcan::SocketCan;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
-use reports::{Run, Verdict};
+use reports::{CaseRun, Run, Verdict};
 use tempfile::TempDir;
 
 use common::harness;
@@ -25,7 +25,7 @@ use common::harness;
 #[ignore = "needs vcan0: scripts/with-vcan"]
 fn the_real_bus_gives_the_verdicts_of_the_virtual_one() {
     let _wire = wire();
-    for (device, cases) in [("generic", "*"), ("drr460", "drr460/*")] {
+    for (device, cases) in [("generic", "*"), ("drr460", "drr460/*"), ("em66", "em66/*")] {
         let files = Files::new();
         let run = |target: &[&str]| {
             let output = harness().args(target).arg(cases).args(files.options()).output().unwrap();
@@ -62,6 +62,32 @@ fn a_scan_finds_the_device_that_is_served() {
 
     interrupt(&served.0);
     assert_eq!(served.0.wait().unwrap().code(), Some(0), "Ctrl-C is how serving ends");
+}
+
+/// The vendor is nobody's, so there is no data sheet, and 2000h is all that tells what it is.
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn a_device_of_an_unknown_vendor_is_judged_by_its_profile() {
+    let _wire = wire();
+    let _served = Served::device("em66", &["--mutant".as_ref(), "vendor-id-0".as_ref()]);
+    let output = harness().args(["scan", "--target", "vcan0"]).output().unwrap();
+    let found = text(&output.stdout);
+    assert!(found.contains("  EUROMAP 66 heating/cooling device 1.1  none in this"), "{found}");
+
+    let files = Files::new();
+    let cases = ["em66/*", "cia301/sdo-expedited"];
+    let output =
+        harness().args(["--target", "vcan0"]).args(cases).args(files.options()).output().unwrap();
+    let (said, noted) = (text(&output.stdout), text(&output.stderr));
+    assert_eq!(output.status.code(), Some(0), "{said}{noted}");
+    assert!(noted.starts_with("note: there is no data sheet of node 66, EUROMAP 66"), "{noted}");
+    assert!(said.contains("composed.eds was composed of what the device answered"), "{said}");
+    let run = files.run();
+    let passed = |suite: &str| {
+        let passed = |case: &CaseRun| case.verdict() == Verdict::Pass;
+        run.cases().filter(|(_, case)| case.info.suite.starts_with(suite) && passed(case)).count()
+    };
+    assert!(passed("em66/") > 20 && passed("cia301/sdo-expedited") > 20, "{said}");
 }
 
 #[test]

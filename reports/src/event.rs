@@ -61,6 +61,9 @@ pub struct DeviceStarted {
     pub identity: Identity,
     /// The command that runs cases against this device again; the name of a case is appended.
     pub rerun: String,
+    /// What readers must know of how it was tested, such as where its data sheet came from.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub remark: Option<String>,
 }
 
 /// What 1000h and 1018h say. `None` is an object that the device does not have or did not give.

@@ -29,7 +29,7 @@ fn test_suite(device: &DeviceRun, suite: &SuiteRun) -> TestSuite {
         timestamp: OffsetDateTime::UNIX_EPOCH,
         hostname: "localhost".into(),
         testcases: suite.cases.iter().map(|case| test_case(device, case)).collect(),
-        system_out: None,
+        system_out: device.info.remark.as_deref().map(cdata),
         system_err: None,
     }
 }

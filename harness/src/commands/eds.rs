@@ -3,21 +3,26 @@
 use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use canopen::eds::{self, Severity};
 
-use crate::cli::EdsCommand;
+use crate::cli::{EdsCommand, ProbeArgs, Selection};
+use crate::compose::compose;
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::target::reference_device;
+use crate::scan::scan;
+use crate::target::{self, reference_device};
 
 /// Carries out a command about data sheets.
 ///
 /// # Errors
 /// When a file cannot be read or written, or the device is unknown.
-pub(super) fn run(command: &EdsCommand) -> Result<Exit, Refused> {
+pub(super) fn run(command: &EdsCommand, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
     match command {
         EdsCommand::Check { file } => check(file),
+        EdsCommand::Probe(args) => probe(args, stop),
         EdsCommand::Write { device, out } => write(device, out.clone()),
     }
 }
@@ -56,6 +61,28 @@ fn check(path: &Path) -> Result<Exit, Refused> {
     );
     say(&report);
     Ok(if errors > 0 { Exit::File } else { Exit::Green })
+}
+
+/// Prints the data sheet, for the user to redirect and complete.
+fn probe(args: &ProbeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
+    let selection = Selection {
+        node: args.node,
+        bitrate: args.bitrate,
+        ..Selection::of_target(Some(&args.target))
+    };
+    let (mut bus, node) = match args.target.starts_with("sim:") {
+        true => {
+            let targets = target::resolve(&selection, stop)?;
+            let target = targets.first().ok_or_else(|| target::nobody(&args.target, args.node))?;
+            (target.open(stop)?, Some(target.dut.node))
+        }
+        false => (target::open_interface(&args.target, stop)?, args.node),
+    };
+    let found = target::only(scan(&mut *bus, node)?, &args.target, node)?;
+    let (sheet, eds) = compose(&mut *bus, &found, args.bitrate)?;
+    say(&sheet.source.text);
+    eprintln!("{} objects of node {} answered", eds.objects.len(), found.node);
+    Ok(Exit::Green)
 }
 
 fn write(name: &str, out: Option<PathBuf>) -> Result<Exit, Refused> {

@@ -9,7 +9,7 @@ use reports::Identity;
 use crate::cli::{ScanArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::scan::scan;
+use crate::scan::{Found, scan};
 use crate::target;
 
 /// Prints the nodes on a bus.
@@ -32,22 +32,31 @@ pub(crate) fn run(args: &ScanArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refus
     if found.is_empty() {
         return Err(target::nobody(&args.target, None));
     }
-    let mut text =
-        String::from("node  vendor    product   revision  name                  data sheet\n");
+    let follows = |found: &Found| found.follows().unwrap_or_else(|| "-".to_owned());
+    let width = found.iter().map(|found| follows(found).chars().count());
+    let width = width.max().unwrap_or_default().max("profile".len());
+    let mut text = format!(
+        "node  vendor    product   revision  name                  {:<width$}  data sheet\n",
+        "profile"
+    );
     for found in found {
+        let profile = follows(&found);
         let hex =
             |number: Option<u32>| number.map_or_else(|| "-".to_owned(), |n| format!("{n:08X}h"));
         let Identity { vendor, product, revision, .. } = found.identity;
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "{:<4}  {:<8} {:<8} {:<8} {:<20}  {}",
+            "{:<4}  {:<8} {:<8} {:<8} {:<20}  {profile:<width$}  {}",
             found.node,
             hex(vendor),
             hex(product),
             hex(revision),
             found.name.as_deref().unwrap_or("-"),
-            found.device.as_deref().unwrap_or("none in this program: use --eds FILE"),
+            found
+                .device
+                .as_deref()
+                .unwrap_or("none in this program: use --eds FILE, or one is composed"),
         );
     }
     say(&text);

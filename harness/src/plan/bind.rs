@@ -13,7 +13,7 @@ use super::profile::{bind_names, of_another_profile, wrong_option};
 use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint};
 use crate::suite::literal::{Amount, Literal, ObjectRef};
-use crate::suite::model::{AccessName, Case, Requires};
+use crate::suite::model::{AccessName, Case, Requires, Step};
 use crate::suite::profile::Capability;
 use crate::suite::{Library, Suite};
 
@@ -61,7 +61,8 @@ fn bind_case(
     };
     check::requires(suite, case, dut).map_err(|complaint| vec![complaint])?;
     let lacks = || case.requires.iter().find_map(|requires| lacks(&requires.value, dut, suite));
-    if let Some(reason) = of_another_profile(suite, dut).or_else(lacks) {
+    let no_sheet = || dut.sheet.composed.then(|| about_the_sheet(case)).flatten();
+    if let Some(reason) = of_another_profile(suite, dut).or_else(lacks).or_else(no_sheet) {
         return Ok(vec![instance(None, Scope::default(), Some(reason))]);
     }
     let mut scopes = match &case.each {
@@ -111,6 +112,14 @@ fn bind_bus(scope: &mut Scope, dut: &Dut) {
     scope.bind("other-boot-up", id(heartbeat::COB_ID));
     scope.bind("other-request", id(sdo::REQUEST_COB_ID));
     scope.bind("other-answer", id(sdo::RESPONSE_COB_ID));
+}
+
+/// Why a case about the data sheet, or about what it lacks, says nothing where there is none.
+fn about_the_sheet(case: &Case) -> Option<String> {
+    let mut steps = case.setup.iter().chain(&case.steps).chain(&case.finally);
+    let about_it = |step: &At<Step>| matches!(step.value, Step::Eds(_) | Step::Undeclared(_));
+    let reason = "there is no data sheet: what stands for it was composed of the device's answers";
+    steps.any(about_it).then(|| reason.to_owned())
 }
 
 fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {

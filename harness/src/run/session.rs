@@ -63,6 +63,7 @@ impl Session<'_> {
             node: dut.node,
             identity,
             rerun: self.rerun.clone(),
+            remark: self.remark(),
         }));
         let blocks = match self.knows_blocks(&mut link) {
             Ok(blocks) => blocks,
@@ -70,6 +71,22 @@ impl Session<'_> {
         };
         link.take_trace();
         self.cases(&mut link, blocks, tell)
+    }
+
+    /// What readers of a report must know of how the device was tested.
+    fn remark(&self) -> Option<String> {
+        let sheet = &self.plan.dut.sheet;
+        let composed = sheet.composed.then(|| {
+            format!(
+                "{} was composed of what the device answered: objects of the manufacturer, limits \
+                 and the data sheet itself were not judged",
+                sheet.source.name
+            )
+        });
+        let without = &self.plan.dut.without;
+        let options = (!without.is_empty()).then(|| format!("without {}", without.join(", ")));
+        let remarks: Vec<String> = composed.into_iter().chain(options).collect();
+        (!remarks.is_empty()).then(|| remarks.join("; "))
     }
 
     /// Whether the device has block transfer, which no data sheet tells. Asked before the first
@@ -159,11 +176,7 @@ fn ended(link: &Link, outcome: Outcome) -> Event {
 
 /// What 1000h and 1018h say.
 pub fn identity(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Identity, BusError> {
-    let mut read = |mux| -> Result<Option<u32>, BusError> {
-        let ended = sdo::upload(link, policy, dut.node, mux)?;
-        let value = ended.result.ok().and_then(|data| DataType::UNSIGNED32.decode(&data).ok());
-        Ok(value.as_ref().and_then(Value::as_int).and_then(|number| number.try_into().ok()))
-    };
+    let mut read = |mux| read_number(link, policy, dut.node, mux);
     Ok(Identity {
         device_type: read(Mux::new(0x1000, 0))?,
         vendor: read(Mux::new(0x1018, 1))?,
@@ -171,6 +184,18 @@ pub fn identity(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Identity,
         revision: read(Mux::new(0x1018, 3))?,
         serial: read(Mux::new(0x1018, 4))?,
     })
+}
+
+/// The number of 32 bits at `mux`, when there is one.
+pub fn read_number(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+) -> Result<Option<u32>, BusError> {
+    let ended = sdo::upload(link, policy, node, mux)?;
+    let value = ended.result.ok().and_then(|data| DataType::UNSIGNED32.decode(&data).ok());
+    Ok(value.as_ref().and_then(Value::as_int).and_then(|number| number.try_into().ok()))
 }
 
 /// The text at `mux`, when there is one.

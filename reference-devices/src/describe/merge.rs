@@ -81,7 +81,7 @@ fn entry(mux: Mux, facts: &Facts) -> Result<Entry, DescribeError> {
     let data_type = facts.data_type.ok_or_else(|| missing("type"))?;
     let chosen_access = facts.access.ok_or_else(|| missing("access"))?;
     let pdo = facts.pdo.unwrap_or(Mapping::No);
-    let access = mapped_access(chosen_access, pdo).ok_or_else(|| {
+    let access = pdo.access(chosen_access).ok_or_else(|| {
         let (access, pdo) = (chosen_access.name(), pdo.name());
         DescribeError(format!("{mux} is {access} and cannot be mapped: {pdo}"))
     })?;
@@ -101,18 +101,6 @@ fn entry(mux: Mux, facts: &Facts) -> Result<Entry, DescribeError> {
         high: term(&facts.high)?,
         line: 0,
     })
-}
-
-/// The access type that says which way a value may be mapped; `None` when none does.
-fn mapped_access(access: Access, pdo: Mapping) -> Option<Access> {
-    match (access, pdo) {
-        (_, Mapping::No) | (Access::Rw, Mapping::Both) => Some(access),
-        (Access::Rw | Access::Rww, Mapping::Rpdo) => Some(Access::Rww),
-        (Access::Wo, Mapping::Rpdo) => Some(access),
-        (Access::Rw | Access::Rwr, Mapping::Tpdo) => Some(Access::Rwr),
-        (Access::Ro | Access::Const, Mapping::Tpdo) => Some(access),
-        _ => None,
-    }
 }
 
 fn note(facts: &Facts) -> Note {

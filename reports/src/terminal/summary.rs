@@ -47,6 +47,11 @@ fn devices(run: &Run, style: Style, text: &mut String) {
         let _ = write!(text, "{:<width$}  {:>4}", one_line(&device.info.device), device.info.node);
         columns(device.counts(), style, text);
     }
+    for device in &run.devices {
+        if let Some(remark) = &device.info.remark {
+            let _ = writeln!(text, "{}: {}", one_line(&device.info.device), one_line(remark));
+        }
+    }
     text.push('\n');
 }
 
