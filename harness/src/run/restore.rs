@@ -69,17 +69,39 @@ impl Snapshot {
         for record in self.changed_records(link, policy, dut)? {
             whole &= self.restore_record(link, policy, dut, record)?;
         }
-        for (mux, value) in self.values.iter().rev().filter(|(mux, _)| !in_pdo_record(mux.index)) {
-            if !reads(link, policy, dut, *mux, value)? {
-                whole &= writes(link, policy, dut, *mux, value)?
-                    && reads(link, policy, dut, *mux, value)?;
-            }
-        }
+        whole &= self.restore_values(link, policy, dut)?;
         if self.stores && stored(link, dut.node) {
             const SAVE: [u8; 4] = *b"save";
             whole &= writes(link, policy, dut, Mux::new(0x1010, 1), &SAVE)?;
         }
         Ok(whole)
+    }
+
+    /// What one value may be can depend on others, so those that are refused are written again
+    /// once others are back.
+    fn restore_values(
+        &self,
+        link: &mut Link,
+        policy: &Policy,
+        dut: &Dut,
+    ) -> Result<bool, BusError> {
+        let values = self.values.iter().rev().filter(|(mux, _)| !in_pdo_record(mux.index));
+        let mut wrong: Vec<_> = values.collect();
+        loop {
+            let mut still = Vec::new();
+            for (mux, value) in &wrong {
+                let back = reads(link, policy, dut, **mux, value)?
+                    || writes(link, policy, dut, **mux, value)?
+                        && reads(link, policy, dut, **mux, value)?;
+                if !back {
+                    still.push((*mux, *value));
+                }
+            }
+            if still.is_empty() || still.len() == wrong.len() {
+                return Ok(still.is_empty());
+            }
+            wrong = still;
+        }
     }
 
     /// The communication parameters of the PDOs of which something changed.
