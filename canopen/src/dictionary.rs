@@ -14,6 +14,8 @@ use crate::value::{DataType, Value, ValueError};
 #[derive(Clone, Debug)]
 pub struct Dictionary {
     entries: Arc<[Entry]>,
+    /// The addresses of the entries, side by side: they are searched all the time.
+    addresses: Arc<[Mux]>,
     values: Vec<Vec<u8>>,
 }
 
@@ -28,7 +30,8 @@ impl Dictionary {
             .iter()
             .map(|entry| entry.default_bytes(node).map_err(|error| (entry.mux, error)))
             .collect::<Result<_, _>>()?;
-        Ok(Self { entries, values })
+        let addresses = entries.iter().map(|entry| entry.mux).collect();
+        Ok(Self { entries, addresses, values })
     }
 
     /// The same device with another node id, every value at its default.
@@ -40,7 +43,9 @@ impl Dictionary {
             .entries
             .iter()
             .map(|entry| entry.default_bytes(node).map_err(|error| (entry.mux, error)));
-        Ok(Self { entries: Arc::clone(&self.entries), values: defaults.collect::<Result<_, _>>()? })
+        let values = defaults.collect::<Result<_, _>>()?;
+        let (entries, addresses) = (Arc::clone(&self.entries), Arc::clone(&self.addresses));
+        Ok(Self { entries, addresses, values })
     }
 
     /// The value at `mux` for an SDO upload.
@@ -148,7 +153,7 @@ impl Dictionary {
     }
 
     fn find(&self, mux: Mux) -> Option<usize> {
-        self.entries.binary_search_by_key(&mux, |entry| entry.mux).ok()
+        self.addresses.binary_search(&mux).ok()
     }
 
     fn place(&self, mux: Mux) -> Result<usize, Abort> {
