@@ -42,6 +42,8 @@ fn mutants() -> Result<Vec<(Mutant, Vec<&'static str>)>, Refused> {
         let own = mutant::of(&*reference_device(name)?);
         for mutant in own.map_err(|message| Refused { exit: Exit::File, message })? {
             match all.iter_mut().find(|(known, _)| known.name == mutant.name) {
+                // A variant that is named beside its device tells nobody anything.
+                Some(_) if devices::with_variants(name).next().is_none() => {}
                 Some((_, devices)) => devices.push(name),
                 None => all.push((mutant, vec![name])),
             }

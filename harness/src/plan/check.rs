@@ -141,10 +141,9 @@ impl Checker<'_> {
             Step::Undeclared(undeclared) => {
                 let range = index_range(&undeclared.range.value);
                 self.note(range.map(|_| ()), undeclared.range.place);
-                if let Some(profile) = &undeclared.profile
-                    && catalogue::profile(&profile.value).is_none()
-                {
-                    let message = format!("the catalogue has no profile `{}`", profile.value);
+                let profile = undeclared.profile.as_ref();
+                if let Some(profile) = profile.filter(|about| about.value.named().is_none()) {
+                    let message = "whose objects these are is the name of a profile";
                     self.complain(profile.place, message);
                 }
             }

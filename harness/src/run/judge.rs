@@ -184,3 +184,20 @@ fn is_text(data: &[u8], most: usize) -> bool {
 fn masked(value: &[u8], mask: &[u8]) -> Vec<u8> {
     value.iter().zip(mask).map(|(value, mask)| value & mask).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_is_readable_and_not_too_long() {
+        let condition = Condition { characters: Some(4), ..Condition::default() };
+        for (text, fits) in [("H/C ", true), ("x", true), ("", false), ("heats", false)] {
+            assert_eq!(condition.judge(None, text.as_bytes()).is_ok(), fits, "{text:?}");
+        }
+        for bytes in [&b"a\n"[..], &[0x4B, 0xFC], &[0x4B, 0]] {
+            let wrong = condition.judge(None, bytes).unwrap_err();
+            assert_eq!(wrong.expected, "1 to 4 readable characters of ASCII");
+        }
+    }
+}

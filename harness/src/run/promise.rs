@@ -3,7 +3,7 @@
 
 use canopen::eds::{CODES, Diagnostic, Object};
 use canopen::sdo::{Failure, Initiate, Response};
-use canopen::{Abort, Frame, Mux, catalogue};
+use canopen::{Abort, Frame, Mux};
 use reports::Place as ReportPlace;
 
 use super::judge::{Difference, Judgement, Trouble, device};
@@ -174,7 +174,7 @@ impl Steps<'_, '_> {
     pub(super) fn undeclared(&mut self, step: &Undeclared) -> Judgement {
         let range = index_range(&step.range.value).map_err(Trouble::Bench)?;
         let eds = &self.dut.eds;
-        let profile = step.profile.as_ref().and_then(|name| catalogue::profile(&name.value));
+        let profile = step.profile.as_ref().and_then(|about| about.value.named());
         let whose = profile.map_or("the data sheet", |_| "the profile");
         let (first, absent, code): (Vec<Mux>, Vec<Mux>, _) = match (profile, step.subs) {
             (_, true) => {

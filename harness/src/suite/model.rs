@@ -359,7 +359,7 @@ pub struct Undeclared {
     /// Objects that this profile, such as `em66`, and those it builds on do not have, whatever the
     /// data sheet has; those of the data sheet are asked for first, and all of them.
     #[serde(default)]
-    pub profile: Option<At<String>>,
+    pub profile: Option<At<About>>,
     /// At most so many, spread over the range; `--every-index` asks for all.
     pub most: usize,
 }

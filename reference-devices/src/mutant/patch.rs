@@ -118,3 +118,25 @@ fn add(eds: &mut Eds, mux: Mux, like: Mux) -> Result<(), String> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_are_objects_of_their_own_or_sub_indices() {
+        let mut eds = crate::describe::device("em66").unwrap().eds;
+        let patch = |text: &str| serde_yaml::from_str::<Patch>(text).unwrap();
+        let objects = eds.objects.len();
+        patch("{ object: '2100:00', like: '2009:01', copies: 3 }").apply(&mut eds).unwrap();
+        assert_eq!(eds.objects.len(), objects + 3);
+        assert!(eds.objects.is_sorted_by_key(|object| object.index));
+        let copy = eds.entry(Mux::new(0x2102, 0)).unwrap();
+        assert_eq!((copy.data_type, copy.access), (DataType::UNSIGNED8, Access::Ro));
+        patch("{ object: '2001:02', like: '2001:01', value: 7 }").apply(&mut eds).unwrap();
+        let second = eds.entry(Mux::new(0x2001, 2)).unwrap();
+        assert_eq!(second.default.as_ref().map(|term| term.resolve(1)), Some(Value::Int(7)));
+        let wrong = patch("{ object: '2001:03', like: '5000:00' }").apply(&mut eds);
+        assert_eq!(wrong, Err("no object 5000:00".to_owned()));
+    }
+}
