@@ -153,7 +153,7 @@ impl Description {
         match &self.variant_of {
             None => (self.device.clone(), "device".to_owned()),
             Some(base) => {
-                let own = self.device.trim_start_matches(base.as_str()).trim_start_matches('-');
+                let own = self.device.strip_prefix(&format!("{base}-")).unwrap_or(&self.device);
                 (format!("{base}/variants"), own.to_owned())
             }
         }
