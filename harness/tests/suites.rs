@@ -10,9 +10,11 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
 
+use canopen::Mux;
+use canopen::catalogue::{self, Category};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
-use reports::{Outcome, Run, Verdict};
+use reports::{DeviceStarted, Outcome, Run, Verdict};
 use tempfile::TempDir;
 
 use common::{harness, project};
@@ -37,6 +39,10 @@ fn every_suite_passes_on_every_device_of_this_program() {
             let everything = device.info.device == "generic";
             let for_any = case.info.suite.starts_with("cia");
             assert!(!everything || !for_any, "generic: {name} is skipped: {reason}");
+            let of_profile = case.info.suite.starts_with("em66/");
+            if of_profile && device.info.device.starts_with("em66") {
+                assert!(is_of_what_it_lacks(&device.info, reason), "{name}: {reason}");
+            }
         }
     }
     assert_eq!(run.ended.expect("the run ended").exit, 0);
@@ -73,6 +79,32 @@ fn verdicts_do_not_depend_on_the_order_of_cases() {
         }
     }
     assert!(differences.is_empty(), "{differences}");
+}
+
+/// Whether a heating/cooling device is not asked about something because it does not have it: an
+/// option or an object that no such device must have. The one with everything lacks nothing.
+fn is_of_what_it_lacks(device: &DeviceStarted, reason: &str) -> bool {
+    let described = reference_devices::devices::device(&device.device).unwrap().description;
+    let everything = described.variant_of.is_none();
+    let option = |start: &str| {
+        let rest = reason.strip_prefix(start);
+        rest.and_then(|rest| rest.split([':', ',']).next()).map(str::to_owned)
+    };
+    if let Some(name) = option("the case is about devices without ") {
+        return !described.without.contains(&name);
+    }
+    if let Some(name) = option("the device is without ") {
+        return described.without.contains(&name);
+    }
+    if reason == "the device has nothing of the kind this case is about" {
+        return !everything;
+    }
+    let object = reason.strip_prefix("the data sheet has no object ");
+    object.is_some_and(|mux| {
+        let mux: Mux = mux.parse().unwrap();
+        let facts = catalogue::lookup(&["em66", "cia404", "cia301"], mux.index).unwrap();
+        !everything && facts.category != Some(Category::Mandatory)
+    })
 }
 
 /// What a stranger does who has a device and no data sheet of it.

@@ -5,6 +5,7 @@ mod common;
 #[path = "common/record.rs"]
 mod record;
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
@@ -41,7 +42,14 @@ fn the_real_bus_gives_the_verdicts_of_the_virtual_one() {
         let _served = Served::device(device, &options);
         let bench = format!("unix:{}", socket.display());
         let on_the_real_bus = run(&["--target", "vcan0", "--bench", &bench]);
-        let differences = record::differences(&in_virtual_time, &on_the_real_bus);
+        let mut differences = record::differences(&in_virtual_time, &on_the_real_bus);
+        // A machine that stalls for a moment is no difference: such a case is tried alone, once.
+        let once_more = differing(&in_virtual_time, &on_the_real_bus);
+        if (1..=MOST_STALLED).contains(&once_more.len()) {
+            eprintln!("{device}: once more, alone: {}\n{differences}", once_more.join(" "));
+            let alone = rerun(&files, &once_more, &["--target", "vcan0", "--bench", &bench]);
+            differences = still_different(&in_virtual_time, &alone, &once_more);
+        }
         assert!(differences.is_empty(), "{device}: {differences}");
     }
 }
@@ -168,6 +176,33 @@ fn a_bench_behind_a_socket_switches_the_supply() {
     interrupt(&served.0);
     assert_eq!(served.0.wait().unwrap().code(), Some(0));
     assert!(!socket.exists(), "a socket goes with its device");
+}
+
+/// More cases than a stalled machine spoils.
+const MOST_STALLED: usize = 3;
+
+/// The names of the instances that came out differently.
+fn differing(expected: &Run, got: &Run) -> Vec<String> {
+    let (expected, got) = (record::verdicts(expected), record::verdicts(got));
+    let names = expected.keys().chain(got.keys()).filter(|key| expected.get(key) != got.get(key));
+    let names: BTreeSet<&String> = names.map(|(_, name)| name).collect();
+    names.into_iter().cloned().collect()
+}
+
+/// A run of these instances alone.
+fn rerun(files: &Files, names: &[String], target: &[&str]) -> Run {
+    harness().args(target).args(names).args(files.options()).output().unwrap();
+    files.run()
+}
+
+/// Which of the instances come out differently alone, too.
+fn still_different(expected: &Run, alone: &Run, names: &[String]) -> String {
+    let (expected, alone) = (record::verdicts(expected), record::verdicts(alone));
+    let of = |verdicts: &BTreeMap<(String, String), Verdict>, name: &String| {
+        verdicts.iter().find(|((_, known), _)| known == name).map(|(_, verdict)| *verdict)
+    };
+    let wrong = names.iter().filter(|name| of(&expected, name) != of(&alone, name));
+    wrong.map(|name| format!("{name}: {:?} alone, too\n", of(&alone, name))).collect()
 }
 
 /// There is one vcan0, and no test may see the device of another one.

@@ -246,8 +246,8 @@ fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
     holes
 }
 
-/// The device on which the cases of a suite are proved, with its variants: the one it is for, the one
-/// that bears the name of its profile, else the one with everything.
+/// The device on which the cases of a suite are proved, with its variants: the one it is for, the
+/// one that bears the name of its profile, else the one with everything.
 fn home(suite: &Suite) -> &str {
     let device = suite.file.device.as_ref().map(|device| device.value.as_str());
     let profile = suite.file.profile.as_ref().and_then(|about| about.value.named());

@@ -13,7 +13,7 @@ use super::profile::{bind_names, of_another_profile, wrong_option};
 use super::scope::{Binding, Dut, Scope};
 use crate::source::{At, Complaint};
 use crate::suite::literal::{Amount, Literal, ObjectRef};
-use crate::suite::model::{AccessName, Case, Requires, Step};
+use crate::suite::model::{AccessName, Case, Each, Has, Requires, Step};
 use crate::suite::profile::Capability;
 use crate::suite::{Library, Suite};
 
@@ -71,8 +71,7 @@ fn bind_case(
             .map_err(|wrong| vec![Complaint::at(&suite.source, wrong.place, wrong.value)])?,
     };
     if scopes.is_empty() {
-        let reason = "the device has nothing of the kind this case is about".to_owned();
-        return Ok(vec![instance(None, Scope::default(), Some(reason))]);
+        return Ok(vec![instance(None, Scope::default(), Some(nothing_of(case)))]);
     }
     for (name, values) in &case.matrix {
         scopes = cross(scopes, name, &values.value);
@@ -112,6 +111,23 @@ fn bind_bus(scope: &mut Scope, dut: &Dut) {
     scope.bind("other-boot-up", id(heartbeat::COB_ID));
     scope.bind("other-request", id(sdo::REQUEST_COB_ID));
     scope.bind("other-answer", id(sdo::RESPONSE_COB_ID));
+}
+
+/// What the device does not have that a case is to be instantiated for. An entry that is there and
+/// has no limit in the data sheet can be given one by who wrote it.
+fn nothing_of(case: &Case) -> String {
+    if let Some(Each::Objects(objects)) = case.each.as_ref().map(|each| &each.value)
+        && let Some(range) = &objects.range
+    {
+        let limits = [(Has::Low, "lower"), (Has::High, "upper")];
+        let of = limits.iter().filter(|(has, _)| objects.has.contains(has));
+        let which: Vec<&str> = of.map(|(_, name)| *name).collect();
+        if !which.is_empty() {
+            let (which, range) = (which.join(" and "), &range.value);
+            return format!("the data sheet gives nothing in {range} that has a limit: {which}");
+        }
+    }
+    "the device has nothing of the kind this case is about".to_owned()
 }
 
 /// Why a case about the data sheet, or about what it lacks, says nothing where there is none.

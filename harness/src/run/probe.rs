@@ -30,8 +30,8 @@ impl From<BusError> for Lost {
 
 /// The objects of the profiles that the device answers for, by ascending index, with type and
 /// access as the profiles have them. What the communication profile says to be writable, and is
-/// not, is ro. The defaults are those of the communication area, and of `constants`: what is there
-/// now. All others are unknown.
+/// not, is ro. The defaults are those of the communication area, of texts that cannot be written,
+/// and of `constants`: what is there now. All others are unknown.
 ///
 /// # Errors
 /// When the device falls silent or the bus fails.
@@ -193,11 +193,12 @@ impl Probe<'_, '_> {
         }
         let mapping = facts.pdo.unwrap_or(Mapping::No);
         let mapped = mapping.access(access);
-        let unknown = |index| matches!(index, 0x1001..=HISTORY);
-        let is_default = matches!(mux.index, 0x1000..=0x1FFF) && !unknown(mux.index);
-        let value = bytes
-            .filter(|_| is_default || self.constants.contains(&mux))
-            .and_then(|bytes| data_type.decode(&bytes).ok());
+        // Settings of communication, and texts that say who the device is.
+        let changing = matches!(mux.index, 0x1001..=HISTORY);
+        let is_default = matches!(mux.index, 0x1000..=0x1FFF) && !changing
+            || data_type == DataType::VISIBLE_STRING && !access.writable()
+            || self.constants.contains(&mux);
+        let value = bytes.filter(|_| is_default).and_then(|bytes| data_type.decode(&bytes).ok());
         let numbered = || item.map(|item| format!("{item} {}", mux.sub));
         Ok(Some(Entry {
             mux,

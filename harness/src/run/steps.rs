@@ -228,31 +228,30 @@ impl Steps<'_, '_> {
         }
         let intervals: Vec<Duration> =
             stamps.windows(2).map(|pair| pair[1].since(pair[0])).collect();
-        let mut lenient = None;
         let what = format!("interval of {}", pattern.id());
-        if let Some(limits) = each {
-            self.measured.push(limits.figures(what.clone(), &intervals));
-            for interval in &intervals {
-                lenient = lenient.or(limits.judge(*interval, &what)?);
-            }
-        }
-        if let Some(limits) = average {
-            let what = format!("mean {what}");
-            self.measured.push(limits.figures(what.clone(), &intervals));
-            lenient = lenient.or(limits.judge(mean(&intervals), &what)?);
-        }
-        if let Some(limits) = middle {
-            let what = format!("median {what}");
-            self.measured.push(limits.figures(what.clone(), &intervals));
-            lenient = lenient.or(limits.judge(median(&intervals), &what)?);
-        }
-        if let (Some(limits), Some(during)) = (late, &measure.during) {
+        let only = |limits: &Option<Limits>, of: fn(&[Duration]) -> Duration| {
+            limits.iter().map(|_| of(&intervals)).collect::<Vec<_>>()
+        };
+        let (mean, median) = (only(&average, mean), only(&middle, median));
+        let mut latencies = (String::new(), Vec::new());
+        if let (Some(_), Some(during)) = (&late, &measure.during) {
             let asked = self.frame(&during.frame)?;
-            let latencies = self.latencies(&asked, start, &stamps);
             let what = format!("time from {} to {}", asked.id, pattern.id());
-            self.measured.push(limits.figures(what.clone(), &latencies));
-            for latency in &latencies {
-                lenient = lenient.or(limits.judge(*latency, &what)?);
+            latencies = (what, self.latencies(&asked, start, &stamps));
+        }
+        // What is limited, how it is called, what was taken, and what of that is judged.
+        let table = [
+            (each, what.clone(), &intervals, &intervals),
+            (average, format!("mean {what}"), &intervals, &mean),
+            (middle, format!("median {what}"), &intervals, &median),
+            (late, latencies.0, &latencies.1, &latencies.1),
+        ];
+        let mut lenient = None;
+        for (limits, what, taken, judged) in table {
+            let Some(limits) = limits else { continue };
+            self.measured.push(limits.figures(what.clone(), taken));
+            for time in judged {
+                lenient = lenient.or(limits.judge(*time, &what)?);
             }
         }
         Ok(lenient)

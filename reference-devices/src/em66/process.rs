@@ -55,10 +55,11 @@ impl Process {
             Pump::Backward => (-BACKWARD_FLOW, 0.0),
             Pump::Off => (0.0, 0.0),
         };
-        self.flow += (wanted - self.flow) * (seconds / FLOW_TIME).min(1.0);
-        if wanted == 0.0 && self.flow() < 0.05 {
-            self.flow = 0.0;
-        }
+        // What no pump moves stands still at once: the circuit brakes it.
+        self.flow = match wanted {
+            0.0 => 0.0,
+            _ => self.flow + (wanted - self.flow) * (seconds / FLOW_TIME).min(1.0),
+        };
         let change = if drive.draining { -1.0 } else { filling };
         self.contents = (self.contents + change * seconds / FILLING_TIME).clamp(0.0, 1.0);
     }
