@@ -2,7 +2,8 @@
 //! object (EUROMAP 66-2, 3.3).
 //!
 //! What a write would make of an alarm must be an alarm that the device can watch; else the write
-//! is refused. So the order of the document leads through, and most others do, too.
+//! is refused. So the order of the document leads through, and most others do, too. What is left
+//! of an earlier use does not stand in the way of it: a link takes what it has no use for away.
 
 mod kinds;
 
@@ -115,6 +116,7 @@ impl Alarms {
             return Ok(());
         };
         let setup = alarm.setup.with(mux, bytes, &alarm.objects);
+        let setup = if mux == alarm.objects.link { setup.fitted(od, rules) } else { setup };
         let is_on = alarm.setup.kind != AlarmType::OFF;
         let adjusts = mux == alarm.objects.level || mux == alarm.objects.hysteresis;
         let adjustable = !adjusts || rules.alarm_adjustable(is_on);
@@ -142,8 +144,13 @@ impl Alarms {
         if !adjusts || setup.kind == AlarmType::OFF || rules.alarm_adjusts_while_on() {
             *setup = Setup::of(objects, od);
         }
-        if mux == objects.link && rules.alarm_link_clears_level() {
-            od.set_int(objects.level, 0);
+        if mux == objects.link {
+            *setup = setup.fitted(od, rules);
+            od.set_int(objects.alternate, setup.alternate.into());
+            od.set_int(objects.hysteresis, setup.hysteresis);
+            if rules.alarm_link_clears_level() {
+                od.set_int(objects.level, 0);
+            }
         }
         let one_level = mux == objects.level && !rules.alarm_levels_apart();
         let one_type = mux == objects.kind && !rules.alarm_types_apart();
@@ -248,6 +255,21 @@ impl Setup {
             _ if mux == objects.hysteresis => Self { hysteresis: number, ..self },
             _ if mux == objects.kind => Self { kind: AlarmType(number as u8), ..self },
             _ => Self { action: number as u8, ..self },
+        }
+    }
+
+    /// The same without what its link has no use for, which nobody misses while it is off.
+    fn fitted(self, od: &Dictionary, rules: &dyn Em66Rules) -> Self {
+        let input = quantity(self.link, PROCESS_VALUES, od);
+        let alternate = quantity(self.alternate, COMPARABLE, od);
+        if self.kind != AlarmType::OFF {
+            return self;
+        }
+        let compared = rules.alarm_compares(input, alternate);
+        Self {
+            alternate: if compared { self.alternate } else { NONE },
+            hysteresis: if rules.alarm_takes_hysteresis(input) { self.hysteresis } else { 0 },
+            ..self
         }
     }
 

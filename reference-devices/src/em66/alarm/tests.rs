@@ -306,3 +306,25 @@ fn a_reset_keeps_what_the_objects_hold() {
     assert_eq!(bench.value(0x6504), 0);
     assert_eq!(bench.at(700), 1);
 }
+
+#[test]
+fn what_is_left_of_an_earlier_use_does_not_stand_in_the_way() {
+    let mut bench = Bench::new();
+    let difference = [
+        (0x6500, EFFECTIVE.into()),
+        (0x6501, SET_POINT_IN_FORCE.into()),
+        (0x7502, 50),
+        (0x7503, 10),
+        (0x6508, 0x14),
+    ];
+    for (index, number) in difference {
+        assert!(bench.write(index, number), "{index:04X}h");
+    }
+    assert!(!bench.write(0x6500, FLOW_LINK.into()), "while it is on");
+    assert_eq!(bench.value(0x6501), i64::from(SET_POINT_IN_FORCE));
+    assert!(bench.write(0x6508, 0) && bench.write(0x6500, MAIN.into()));
+    assert_eq!([0x6501, 0x7503].map(|index| bench.value(index)), [SET_POINT_IN_FORCE.into(), 10]);
+    assert!(bench.write(0x6500, FLOW_LINK.into()));
+    assert_eq!([0x6501, 0x7502, 0x7503].map(|index| bench.value(index)), [0, 50, 0]);
+    assert!(bench.write(0x6508, 3));
+}
