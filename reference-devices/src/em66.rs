@@ -167,7 +167,7 @@ impl Em66 {
     fn step(&mut self, elapsed: Duration, od: &mut Dictionary, errors: &mut Errors) {
         let rules = &*self.rules;
         let sensed = self.stimuli.sense(&self.process);
-        let blocked = self.faults.judge(&sensed, od, errors, rules);
+        let blocked = self.faults.judge(&sensed, self.operation.mode(), od, errors, rules);
         let duty = self.operation.decide(&sensed, blocked, self.options, od, rules);
         self.drive = self.controller.drive(elapsed, &sensed, &duty, od, rules);
         objects::show(&sensed, od, rules);
@@ -195,7 +195,6 @@ impl Behaviour for Em66 {
     fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
         let rules = &*self.rules;
         self.touched = true;
-        self.faults.written(mux, od, rules);
         self.operation.written(mux, od, rules);
         self.alarms.written(mux, od, rules);
     }

@@ -93,6 +93,12 @@ impl Rig {
         }
     }
 
+    /// Sets a stimulus on the physical side.
+    pub(crate) fn stimulate(&mut self, name: &str, value: &Value) {
+        self.node.stimulate(self.now, name, value, &mut self.out).unwrap();
+        self.collect();
+    }
+
     fn answer(&mut self, data: [u8; 8]) -> [u8; 8] {
         self.node.handle_frame(self.now, &Frame::new(0x605, data), &mut self.out);
         let mut answer = None;

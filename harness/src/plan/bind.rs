@@ -158,6 +158,11 @@ fn lacks(requires: &Requires, dut: &Dut, suite: &Suite) -> Option<String> {
     if let Some(reason) = wrong_option(requires, dut, suite) {
         return Some(reason);
     }
+    if let Some(At { value: ObjectRef::Fixed(mux), .. }) = requires.absent
+        && dut.eds.entry(mux).is_some()
+    {
+        return Some(format!("the data sheet has {mux}, the case is about a device without it"));
+    }
     let ObjectRef::Fixed(mux) = requires.object.as_ref()?.value else { return None };
     match (dut.eds.entry(mux), requires.access) {
         (None, _) => Some(no_object(mux)),

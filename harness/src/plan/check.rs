@@ -21,28 +21,37 @@ pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Comp
     for At { value: requires, place } in &case.requires {
         check_capabilities(requires, suite)
             .map_err(|wrong| Complaint::at(&suite.source, wrong.place, wrong.value))?;
-        let Some(object) = &requires.object else {
-            let named = requires.supports.is_some() || requires.lacks.is_some();
-            if !named || requires.access.is_some() {
-                let message = "a case requires an `object`, with an `access` if need be, or what \
-                               the device `supports` or `lacks`";
-                return Err(Complaint::at(&suite.source, *place, message));
-            }
-            continue;
-        };
-        let At { value: ObjectRef::Fixed(mux), place } = object else {
-            let message = "what a case requires is an object such as \"1017:00\"";
-            return Err(Complaint::at(&suite.source, object.place, message));
-        };
-        let known = catalogue::lookup(&profiles_of(suite), mux.index).is_some()
-            || dut.eds.object(mux.index).is_some();
-        if !known {
-            let message =
-                format!("unknown object {mux}: neither a profile nor the data sheet has it");
+        let objects = [&requires.object, &requires.absent];
+        let named = requires.supports.is_some() || requires.lacks.is_some();
+        let nothing = !named && objects.iter().all(|object| object.is_none());
+        if nothing || requires.access.is_some() && requires.object.is_none() {
+            let message = "a case requires an `object`, with an `access` if need be, one that is \
+                           `absent`, or what the device `supports` or `lacks`";
             return Err(Complaint::at(&suite.source, *place, message));
+        }
+        for object in objects.into_iter().flatten() {
+            required_object(object, suite, dut)?;
         }
     }
     Ok(())
+}
+
+/// Checks that an object that must be there, or must not, can be.
+fn required_object(object: &At<ObjectRef>, suite: &Suite, dut: &Dut) -> Result<(), Complaint> {
+    let ObjectRef::Fixed(mux) = object.value else {
+        let message = "what a case requires is an object such as \"1017:00\"";
+        return Err(Complaint::at(&suite.source, object.place, message));
+    };
+    let known = catalogue::lookup(&profiles_of(suite), mux.index).is_some()
+        || dut.eds.object(mux.index).is_some();
+    match known {
+        true => Ok(()),
+        false => {
+            let message =
+                format!("unknown object {mux}: neither a profile nor the data sheet has it");
+            Err(Complaint::at(&suite.source, object.place, message))
+        }
+    }
 }
 
 /// What can be said of an instance before it runs.

@@ -253,6 +253,9 @@ pub struct Requires {
     /// With this access.
     #[serde(default)]
     pub access: Option<AccessName>,
+    /// The absence of this entry of the data sheet.
+    #[serde(default)]
+    pub absent: Option<At<ObjectRef>>,
     /// This capability, or option of the profile.
     #[serde(default)]
     pub supports: Option<At<Capability>>,

@@ -15,7 +15,7 @@ use super::objects::{
     value,
 };
 use super::rules::Em66Rules;
-use super::{Drive, Duty, External, Mode, Pump, Sensed};
+use super::{Drive, Duty, Pump, Sensed};
 
 use pid::Pid;
 use ramp::{Ramp, Rates};
@@ -95,7 +95,7 @@ impl Controller {
         let manual = value(od, OPERATING_MODE) == CODES.manual;
         let second = rules.second_set_point(control & CODES.control_second != 0);
         let chosen = value(od, if second { SECOND_SET_POINT } else { SET_POINT });
-        let effective = effective(sensed, duty.mode);
+        let effective = sensed.effective(duty.mode);
         let shown = rules.effective_value(effective.unwrap_or(NO_SENSOR));
         self.move_set_point(elapsed, duty.on, chosen, effective, rates(second, od, rules), rules);
 
@@ -206,16 +206,6 @@ impl Controller {
         let output = self.pid.advance(missing, low as f64 / COOLING_SHARE, high as f64);
         let share = if output < 0.0 { COOLING_SHARE } else { 1.0 };
         (output * share).round() as i64
-    }
-}
-
-/// The value that is controlled (3.4.4); `None` when its sensor tells nothing.
-const fn effective(sensed: &Sensed, mode: Mode) -> Option<i64> {
-    match (mode, sensed.external) {
-        (Mode::MainLine, _) => Some(sensed.main),
-        (Mode::ReturnLine, _) => Some(sensed.return_line),
-        (Mode::ExternalSensor, External::Reads(celsius)) => Some(celsius),
-        (Mode::ExternalSensor, External::Unplugged | External::Broken) => None,
     }
 }
 

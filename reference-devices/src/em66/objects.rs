@@ -53,8 +53,8 @@ pub(super) fn show(sensed: &Sensed, od: &mut Dictionary, rules: &dyn Em66Rules) 
     let (main, return_line) = rules.lines(sensed.main, sensed.return_line);
     let difference = rules.difference(sensed.main, sensed.return_line);
     let external = match sensed.external {
-        External::Reads(temperature) => temperature,
-        External::Unplugged | External::Broken => NO_SENSOR,
+        External::Reads(celsius) => rules.external_value(celsius),
+        External::Unplugged | External::Broken => rules.no_sensor(),
     };
     for (mux, tenths) in [
         (MAIN_LINE, main),

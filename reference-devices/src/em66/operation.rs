@@ -2,38 +2,164 @@
 
 use canopen::{Abort, Dictionary, Mux};
 
+use super::codes::CODES;
+use super::objects::{
+    CONTROL_BYTE, CONTROL_ERRORS, CONTROL_WORD, CONTROLLER_MODE, CONTROLLER_MODE_DISPLAY,
+    EXTERNAL_SENSOR, RETURN_LINE, SECOND_SET_POINT, SET_POINT, STATUS_INFORMATION, SWITCH_OFF_MODE,
+    SWITCH_OFF_MODE_DISPLAY, SWITCH_OFF_STATUS, set, value,
+};
 use super::rules::Em66Rules;
-use super::{Duty, Options, Sensed};
+use super::suction::{Situation, Suction};
+use super::switch_off::SwitchOff;
+use super::{Duty, External, Mode, Options, Sensed};
 
 /// What was asked for and what became of it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Operation {}
+pub(super) struct Operation {
+    mode: Mode,
+    switch_off: SwitchOff,
+    suction: Suction,
+}
 
 impl Operation {
-    /// Whether the device takes what is about to be written.
+    /// Whether the device takes what is about to be written: it refuses what it has not got.
     pub(super) fn check(
-        _mux: Mux,
-        _bytes: &[u8],
-        _options: Options,
-        _od: &Dictionary,
-        _rules: &dyn Em66Rules,
+        mux: Mux,
+        bytes: &[u8],
+        options: Options,
+        od: &Dictionary,
+        rules: &dyn Em66Rules,
     ) -> Result<(), Abort> {
-        Ok(())
+        let has = |mux| od.entry(mux).is_some();
+        let taken = match (mux, bytes) {
+            (CONTROLLER_MODE, [mode]) => {
+                rules.mode_accepted(*mode, has(RETURN_LINE), has(EXTERNAL_SENSOR))
+            }
+            (SWITCH_OFF_MODE, [mode]) => {
+                rules.switch_off_mode_accepted(*mode, options.cool_down, options.evacuation)
+            }
+            _ => true,
+        };
+        if taken { Ok(()) } else { Err(Abort::VALUE) }
     }
 
     /// The network has written the object at `mux`.
-    pub(super) fn written(&mut self, _mux: Mux, _od: &mut Dictionary, _rules: &dyn Em66Rules) {}
+    pub(super) fn written(&mut self, mux: Mux, od: &mut Dictionary, rules: &dyn Em66Rules) {
+        match mux {
+            CONTROLLER_MODE if rules.mode_changes(self.switch_off.is_running()) => {
+                self.mode = Mode::of(value(od, CONTROLLER_MODE));
+            }
+            SWITCH_OFF_MODE => self.switch_off.choose(value(od, SWITCH_OFF_MODE) as u8, rules),
+            CONTROL_WORD if value(od, CONTROL_WORD) & FAILURE_RESET != 0 => {
+                let byte = rules.control_byte_after_failure_reset(value(od, CONTROL_BYTE));
+                set(od, CONTROL_BYTE, byte);
+            }
+            _ => {}
+        }
+    }
+
+    /// Which temperature is controlled, or will be.
+    pub(super) const fn mode(&self) -> Mode {
+        self.mode
+    }
 
     /// What the device is to do now; shows it in 2002h, 2004h, 2006h, 2007h and 2009h.
     pub(super) fn decide(
         &mut self,
-        _sensed: &Sensed,
+        sensed: &Sensed,
         blocked: bool,
-        _options: Options,
+        options: Options,
         od: &mut Dictionary,
-        _rules: &dyn Em66Rules,
+        rules: &dyn Em66Rules,
     ) -> Duty {
-        let on = super::objects::value(od, super::objects::CONTROL_BYTE) & 1 != 0;
-        Duty { on, blocked, ..Duty::default() }
+        let asked = value(od, CONTROL_BYTE) & CODES.control_on != 0;
+        self.switch_off.decide(asked, sensed, rules);
+        self.suction.decide(&self.situation(sensed, options, od, rules), rules);
+        self.show(od, rules);
+        let switch_off = &self.switch_off;
+        let busy = switch_off.is_busy();
+        Duty {
+            on: switch_off.is_running() || busy && rules.on_while_switching_off(),
+            mode: Mode::of(rules.controlled_mode(self.mode.code())),
+            cooling_down: switch_off.is_cooling_down(),
+            evacuating: switch_off.is_evacuating(),
+            suction: rules.suction_acts(self.suction.is_active()),
+            blocked,
+        }
+    }
+
+    fn situation(
+        &self,
+        sensed: &Sensed,
+        options: Options,
+        od: &Dictionary,
+        rules: &dyn Em66Rules,
+    ) -> Situation {
+        let second = value(od, CONTROL_BYTE) & CODES.control_second != 0;
+        let first = value(od, SET_POINT);
+        let chosen = if second { value(od, SECOND_SET_POINT) } else { first };
+        Situation {
+            requested: rules.suction_requested(value(od, CONTROL_WORD)),
+            supported: options.suction,
+            set_point: rules.suction_set_point(chosen, first),
+            effective: sensed.effective(self.mode),
+            running: self.switch_off.is_running(),
+        }
+    }
+
+    fn show(&self, od: &mut Dictionary, rules: &dyn Em66Rules) {
+        let Self { switch_off, suction, .. } = self;
+        let requested = rules.suction_requested(value(od, CONTROL_WORD));
+        let status = rules.suction_status(requested, suction.is_active());
+        set(od, STATUS_INFORMATION, rules.status_information(status, switch_off.is_busy()));
+        set(od, CONTROL_ERRORS, rules.control_errors(suction.is_error()));
+        set(
+            od,
+            CONTROLLER_MODE_DISPLAY,
+            rules.mode_shown(self.mode.code(), switch_off.is_running()),
+        );
+        set(od, SWITCH_OFF_MODE_DISPLAY, switch_off.display(rules).into());
+        let (cools, evacuates) = (switch_off.is_cooling_down(), switch_off.is_evacuating());
+        let actions = rules.switch_off_status(cools, evacuates, switch_off.is_running());
+        set(od, SWITCH_OFF_STATUS, actions);
     }
 }
+
+impl Mode {
+    /// By its code in 2003h.
+    const fn of(code: i64) -> Self {
+        match code {
+            2 => Self::ReturnLine,
+            3 => Self::ExternalSensor,
+            _ => Self::MainLine,
+        }
+    }
+
+    /// Its code in 2004h.
+    const fn code(self) -> i64 {
+        match self {
+            Self::MainLine => 1,
+            Self::ReturnLine => 2,
+            Self::ExternalSensor => 3,
+        }
+    }
+}
+
+impl Sensed {
+    /// The value that is controlled (3.4.4), in tenths of a degree; `None` when its sensor tells
+    /// nothing.
+    pub(super) const fn effective(&self, mode: Mode) -> Option<i64> {
+        match (mode, self.external) {
+            (Mode::MainLine, _) => Some(self.main),
+            (Mode::ReturnLine, _) => Some(self.return_line),
+            (Mode::ExternalSensor, External::Reads(celsius)) => Some(celsius),
+            (Mode::ExternalSensor, External::Unplugged | External::Broken) => None,
+        }
+    }
+}
+
+/// Bit 7 of 2001h (3.4.2).
+pub(super) const FAILURE_RESET: i64 = 0x80;
+
+#[cfg(test)]
+mod tests;

@@ -4,6 +4,7 @@ use crate::em66::PERIOD;
 use crate::em66::objects::{EFFECTIVE_SET_POINT, EFFECTIVE_VALUE};
 use crate::em66::process::Process;
 use crate::em66::rules::{Em66Rules, Profile, named};
+use crate::em66::{External, Mode};
 
 /// A controller on its process.
 struct Plant {
