@@ -53,7 +53,7 @@ struct Objects {
 }
 
 /// What an alarm is told to do.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Setup {
     link: u32,
     alternate: u32,

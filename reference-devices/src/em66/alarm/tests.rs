@@ -1,4 +1,5 @@
 use canopen::Mux;
+use proptest::prelude::*;
 
 use super::*;
 use crate::describe;
@@ -327,4 +328,33 @@ fn what_is_left_of_an_earlier_use_does_not_stand_in_the_way() {
     assert!(bench.write(0x6500, FLOW_LINK.into()));
     assert_eq!([0x6501, 0x7502, 0x7503].map(|index| bench.value(index)), [0, 50, 0]);
     assert!(bench.write(0x6508, 3));
+}
+
+/// An offset in the alarm block and a number that somebody writes there, mostly a sensible one.
+fn writes() -> impl Strategy<Value = (u16, i64)> {
+    const LINKS: [u32; 7] =
+        [0, MAIN, EFFECTIVE, SET_POINT_IN_FORCE, FLOW_LINK, PRESSURE_LINK, 0x5FFF_0110];
+    let links = prop::sample::select(&LINKS).prop_map(i64::from);
+    prop_oneof![
+        (prop::sample::select(&[0x6500, 0x6501]), links),
+        (prop::sample::select(&[0x7502, 0x7503]), -50..50i64),
+        (Just(0x6508), 0..0x20i64),
+        (Just(0x6509), 0..2i64),
+    ]
+}
+
+proptest! {
+    #[test]
+    fn whatever_is_written_an_alarm_is_one_that_the_device_can_watch(
+        writes in prop::collection::vec((writes(), -50..50i64), 1..40),
+    ) {
+        let mut bench = Bench::new();
+        for ((index, number), effective) in writes {
+            bench.write(index, number);
+            prop_assert!(matches!(bench.at(effective), 0 | 1));
+            let alarm = &bench.alarms.alarms[0];
+            prop_assert_eq!(alarm.setup, Setup::of(&alarm.objects, &bench.od));
+            prop_assert!(alarm.setup.is_possible(&bench.od, &Profile), "{:?}", alarm.setup);
+        }
+    }
 }
