@@ -68,11 +68,16 @@ pub(super) fn show(sensed: &Sensed, od: &mut Dictionary, rules: &dyn Em66Rules) 
     }
 }
 
-/// Whether a change of a mapped object is worth a TPDO: of what is measured, half a unit.
+/// Whether a change of a mapped object is worth a TPDO: of a temperature a kelvin, of the output a
+/// percent. Flow and pressure are never still, and go along with the others, a timer or a SYNC.
 pub(super) fn triggers(mux: Mux, last: &[u8], od: &Dictionary) -> bool {
-    let measured = matches!(mux.index, 0x3010..=0x3050 | 0x3080 | 0x6410 | 0x7400 | 0x7401);
+    let threshold = match mux.index {
+        0x3010..=0x3040 | 0x6410 | 0x7400 | 0x7401 => 10,
+        0x3050 | 0x3080 => return false,
+        _ => return true,
+    };
     let Some(last) = last.first_chunk().map(|last| i64::from(i16::from_le_bytes(*last))) else {
         return true;
     };
-    !measured || (value(od, mux) as i16 as i64 - last).abs() >= 5
+    (value(od, mux) as i16 as i64 - last).abs() >= threshold
 }
