@@ -200,7 +200,10 @@ impl Behaviour for Em66 {
     }
 
     fn refused(&mut self, _now: Instant, mux: Mux, bytes: &[u8], od: &mut Dictionary) {
-        self.alarms.refused(mux, bytes, od, &*self.rules);
+        let rules = &*self.rules;
+        self.touched = true;
+        self.operation.refused(mux, rules);
+        self.alarms.refused(mux, bytes, od, rules);
     }
 
     fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {

@@ -58,6 +58,13 @@ impl Operation {
         }
     }
 
+    /// The device has refused what was to be written at `mux`.
+    pub(super) fn refused(&mut self, mux: Mux, rules: &dyn Em66Rules) {
+        if mux == CONTROLLER_MODE {
+            self.mode = Mode::of(rules.mode_after_refusal(self.mode.code()));
+        }
+    }
+
     /// Which temperature is controlled, or will be.
     pub(super) const fn mode(&self) -> Mode {
         self.mode

@@ -89,6 +89,11 @@ pub trait OperationRules {
         }
     }
 
+    /// A mode that is refused changes nothing (3.4.4).
+    fn mode_after_refusal(&self, mode: i64) -> i64 {
+        mode
+    }
+
     /// The mode can be changed at any time (3.4.4).
     fn mode_changes(&self, _running: bool) -> bool {
         true
@@ -297,6 +302,9 @@ mutants! {
         fn mode_accepted(&self, mode: u8, _return_line: bool, _external: bool) -> bool {
             mode != 0
         }
+    }
+    "refused-mode-changes-the-mode" {
+        fn mode_after_refusal(&self, mode: i64) -> i64 { if mode == 1 { 2 } else { 1 } }
     }
     "mode-changes-while-off-only" {
         fn mode_changes(&self, running: bool) -> bool { !running }
