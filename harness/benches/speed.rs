@@ -10,10 +10,19 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use harness::plan::Dut;
 use harness::run::{Link, Policy, identity};
 use reference_devices::devices::{self, ReferenceDevice};
+use reference_devices::em66::hour;
 use reference_devices::rules::Specification;
 use reports::{Event, journal};
 
-criterion_group!(benches, whole_run, sdo_round_trips, frames_on_the_bus, eds_read, journal_line);
+criterion_group!(
+    benches,
+    whole_run,
+    sdo_round_trips,
+    frames_on_the_bus,
+    hour_of_heating_and_cooling,
+    eds_read,
+    journal_line
+);
 criterion_main!(benches);
 
 const BIT_RATE: u32 = 1_000_000;
@@ -74,6 +83,15 @@ fn frames_on_the_bus(bench: &mut Criterion) {
     group.bench_function("three stations", |bench| {
         bench.iter(|| bus.recv(Instant::NEVER).expect("it does not fail"));
     });
+    group.finish();
+}
+
+/// An hour of process time, driven over frames, with 36000 samples of the device.
+fn hour_of_heating_and_cooling(bench: &mut Criterion) {
+    let device = devices::device("em66").expect("it is part of the program");
+    let mut group = bench.benchmark_group("hour of process time");
+    group.sample_size(20);
+    group.bench_function("em66", |bench| bench.iter(|| hour::run(black_box(&device))));
     group.finish();
 }
 

@@ -11,6 +11,7 @@ mod bench;
 mod codes;
 mod controller;
 mod faults;
+pub mod hour;
 mod objects;
 mod operation;
 mod process;
