@@ -14,8 +14,8 @@ use crate::value::{DataType, Value, ValueError};
 #[derive(Clone, Debug)]
 pub struct Dictionary {
     entries: Arc<[Entry]>,
-    /// The addresses of the entries, side by side: they are searched all the time.
-    addresses: Arc<[Mux]>,
+    /// The addresses of the entries as numbers, side by side: they are searched all the time.
+    addresses: Arc<[u32]>,
     values: Vec<Vec<u8>>,
 }
 
@@ -30,7 +30,7 @@ impl Dictionary {
             .iter()
             .map(|entry| entry.default_bytes(node).map_err(|error| (entry.mux, error)))
             .collect::<Result<_, _>>()?;
-        let addresses = entries.iter().map(|entry| entry.mux).collect();
+        let addresses = entries.iter().map(|entry| ascending(entry.mux)).collect();
         Ok(Self { entries, addresses, values })
     }
 
@@ -94,8 +94,7 @@ impl Dictionary {
     /// The whole number at `mux`, `None` when there is none.
     pub fn int(&self, mux: Mux) -> Option<i64> {
         let place = self.find(mux)?;
-        let value = self.entries[place].data_type.decode(&self.values[place]).ok()?;
-        value.as_int().and_then(|number| number.try_into().ok())
+        self.entries[place].data_type.decode_int(&self.values[place])
     }
 
     /// Stores `bytes` at `mux`, whatever the network may do there; ignored when there is no such
@@ -153,7 +152,7 @@ impl Dictionary {
     }
 
     fn find(&self, mux: Mux) -> Option<usize> {
-        self.addresses.binary_search(&mux).ok()
+        self.addresses.binary_search(&ascending(mux)).ok()
     }
 
     fn place(&self, mux: Mux) -> Result<usize, Abort> {
@@ -162,6 +161,11 @@ impl Dictionary {
             false => Abort::NO_OBJECT,
         })
     }
+}
+
+/// A number for each address, in the order of the addresses.
+fn ascending(mux: Mux) -> u32 {
+    u32::from(mux.index) << 8 | u32::from(mux.sub)
 }
 
 fn store(value: &mut Vec<u8>, bytes: &[u8]) {

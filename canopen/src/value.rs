@@ -135,6 +135,20 @@ impl DataType {
         })
     }
 
+    /// The whole number that `bytes` are in this type; `None` when they are none, or too large.
+    pub fn decode_int(self, bytes: &[u8]) -> Option<i64> {
+        let number =
+            || bytes.iter().rev().fold(0, |number: u64, byte| number << 8 | u64::from(*byte));
+        match self.kind() {
+            Kind::Unsigned(size) if size == bytes.len() => number().try_into().ok(),
+            Kind::Signed(size) if size == bytes.len() => {
+                let shift = 64 - 8 * size as u32;
+                Some((number() << shift) as i64 >> shift)
+            }
+            _ => self.decode(bytes).ok()?.as_int()?.try_into().ok(),
+        }
+    }
+
     /// The bytes of `value` in this type, low byte first.
     ///
     /// # Errors
@@ -329,6 +343,15 @@ mod tests {
                 prop_assert_eq!(Some(bytes.len()), data_type.size());
                 prop_assert_eq!(data_type.decode(&bytes), Ok(Value::Int(number.into())));
             }
+        }
+
+        #[test]
+        fn a_whole_number_is_the_value(code: u16, all: [u8; 10], length in 0usize..10) {
+            let bytes = &all[..length];
+            let data_type = DataType(code % 0x20);
+            let value = data_type.decode(bytes).ok();
+            let number = value.and_then(|value| value.as_int()?.try_into().ok());
+            prop_assert_eq!(data_type.decode_int(bytes), number);
         }
 
         #[test]
