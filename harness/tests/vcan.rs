@@ -28,20 +28,22 @@ fn the_real_bus_gives_the_verdicts_of_the_virtual_one() {
     let _wire = wire();
     for (device, cases) in [("generic", "*"), ("drr460", "drr460/*"), ("em66", "em66/*")] {
         let files = Files::new();
-        let run = |target: &[&str]| {
+        let run = |target: &[&str], exits: &[i32]| {
             let output = harness().args(target).arg(cases).args(files.options()).output().unwrap();
-            let ended = (output.status.code(), text(&output.stderr));
-            assert_eq!(ended, (Some(0), ""), "{}", text(&output.stdout));
+            let (said, told) = (text(&output.stdout), text(&output.stderr));
+            assert!(output.status.code().is_some_and(|code| exits.contains(&code)), "{said}");
+            assert_eq!(told, "");
             assert!(files.junit().contains("<testcase"));
             files.run()
         };
-        let in_virtual_time = run(&["--target", &format!("sim:{device}")]);
+        let in_virtual_time = run(&["--target", &format!("sim:{device}")], &[0]);
 
         let socket = files.path("bench");
         let options = ["--bench-socket".as_ref(), socket.as_os_str()];
         let _served = Served::device(device, &options);
         let bench = format!("unix:{}", socket.display());
-        let on_the_real_bus = run(&["--target", "vcan0", "--bench", &bench]);
+        // What failed is looked at below.
+        let on_the_real_bus = run(&["--target", "vcan0", "--bench", &bench], &[0, 1]);
         let mut differences = record::differences(&in_virtual_time, &on_the_real_bus);
         // A machine that stalls for a moment is no difference: such a case is tried alone, once.
         let once_more = differing(&in_virtual_time, &on_the_real_bus);
@@ -83,7 +85,7 @@ fn a_device_of_an_unknown_vendor_is_judged_by_its_profile() {
     assert!(found.contains("  EUROMAP 66 heating/cooling device 1.1  none in this"), "{found}");
 
     let files = Files::new();
-    let cases = ["em66/*", "cia301/sdo-expedited"];
+    let cases = ["em66/identification", "em66/units", "cia301/sdo-expedited"];
     let output =
         harness().args(["--target", "vcan0"]).args(cases).args(files.options()).output().unwrap();
     let (said, noted) = (text(&output.stdout), text(&output.stderr));
@@ -179,7 +181,7 @@ fn a_bench_behind_a_socket_switches_the_supply() {
 }
 
 /// More cases than a stalled machine spoils.
-const MOST_STALLED: usize = 3;
+const MOST_STALLED: usize = 5;
 
 /// The names of the instances that came out differently.
 fn differing(expected: &Run, got: &Run) -> Vec<String> {

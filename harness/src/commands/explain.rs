@@ -58,10 +58,10 @@ impl Book {
         let cases = self.cases().filter(|(suite, found)| {
             full_name(suite, found) == case || found.value.id.value == case
         });
-        let cases: Vec<_> = cases.collect();
-        if !cases.is_empty() {
-            let texts: Vec<String> =
-                cases.into_iter().map(|(suite, case)| self.case(suite, case)).collect();
+        let cases = cases.map(|(suite, case)| self.case(suite, case));
+        // A case may well have the name of the option that it is about.
+        let texts: Vec<String> = option(name).into_iter().chain(cases).collect();
+        if !texts.is_empty() {
             return Some(texts.join("\n"));
         }
         if let Some(suite) = self.library.suites.iter().find(|suite| suite.name() == name) {
@@ -81,7 +81,7 @@ impl Book {
         if let Some((mutant, devices)) = self.mutants.iter().find(|(known, _)| known.name == name) {
             return Some(self.mutant(mutant, devices));
         }
-        self.code(name).or_else(|| option(name))
+        self.code(name)
     }
 
     fn case(&self, suite: &Suite, case: &At<Case>) -> String {
