@@ -81,3 +81,25 @@ pub(super) fn triggers(mux: Mux, last: &[u8], od: &Dictionary) -> bool {
     };
     (value(od, mux) as i16 as i64 - last).abs() >= threshold
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_never_still_triggers_no_tpdo() {
+        let described = crate::describe::device("em66").unwrap();
+        let mut od = Dictionary::new(&described.eds, described.default_node).unwrap();
+        set(&mut od, MAIN_LINE, 850);
+        set(&mut od, FLOW, 600);
+        for (mux, last, triggered) in [
+            (MAIN_LINE, 841_i16, false),
+            (MAIN_LINE, 840, true),
+            (MAIN_LINE, 860, true),
+            (FLOW, 0, false),
+        ] {
+            assert_eq!(triggers(mux, &last.to_le_bytes(), &od), triggered, "{mux} {last}");
+        }
+        assert!(triggers(ERROR_STATUS, &[1], &od));
+    }
+}
