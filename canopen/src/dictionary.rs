@@ -1,5 +1,7 @@
 //! The object dictionary at work: the values of one device, and the rules of network access.
 
+mod places;
+
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
@@ -8,14 +10,15 @@ use crate::eds::{Eds, Entry};
 use crate::mux::Mux;
 use crate::value::{DataType, Value, ValueError};
 
+use places::Places;
+
 /// The values of one device's objects. [`read`](Self::read) and [`write`](Self::write) are the
 /// network's side, where the error is the SDO abort code; [`get`](Self::get) and
 /// [`set`](Self::set) are the device's own.
 #[derive(Clone, Debug)]
 pub struct Dictionary {
     entries: Arc<[Entry]>,
-    /// The addresses of the entries as numbers, side by side: they are searched all the time.
-    addresses: Arc<[u32]>,
+    places: Arc<Places>,
     values: Vec<Vec<u8>>,
 }
 
@@ -30,8 +33,8 @@ impl Dictionary {
             .iter()
             .map(|entry| entry.default_bytes(node).map_err(|error| (entry.mux, error)))
             .collect::<Result<_, _>>()?;
-        let addresses = entries.iter().map(|entry| ascending(entry.mux)).collect();
-        Ok(Self { entries, addresses, values })
+        let places = Arc::new(Places::new(entries.iter().map(|entry| entry.mux)));
+        Ok(Self { entries, places, values })
     }
 
     /// The same device with another node id, every value at its default.
@@ -44,8 +47,8 @@ impl Dictionary {
             .iter()
             .map(|entry| entry.default_bytes(node).map_err(|error| (entry.mux, error)));
         let values = defaults.collect::<Result<_, _>>()?;
-        let (entries, addresses) = (Arc::clone(&self.entries), Arc::clone(&self.addresses));
-        Ok(Self { entries, addresses, values })
+        let (entries, places) = (Arc::clone(&self.entries), Arc::clone(&self.places));
+        Ok(Self { entries, places, values })
     }
 
     /// The value at `mux` for an SDO upload.
@@ -152,7 +155,7 @@ impl Dictionary {
     }
 
     fn find(&self, mux: Mux) -> Option<usize> {
-        self.addresses.binary_search(&ascending(mux)).ok()
+        self.places.find(mux)
     }
 
     fn place(&self, mux: Mux) -> Result<usize, Abort> {
@@ -161,11 +164,6 @@ impl Dictionary {
             false => Abort::NO_OBJECT,
         })
     }
-}
-
-/// A number for each address, in the order of the addresses.
-fn ascending(mux: Mux) -> u32 {
-    u32::from(mux.index) << 8 | u32::from(mux.sub)
 }
 
 fn store(value: &mut Vec<u8>, bytes: &[u8]) {
