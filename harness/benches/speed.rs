@@ -54,6 +54,7 @@ fn sdo_round_trips(bench: &mut Criterion) {
         bench: Vec::new(),
         bit_rate: 1_000_000,
         without: Vec::new(),
+        told: None,
     };
     let policy = Policy::at_bit_rate(BIT_RATE);
     let mut bus = VirtualBus::new(BIT_RATE);

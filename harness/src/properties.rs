@@ -163,6 +163,7 @@ static SHEET: LazyLock<Dut> = LazyLock::new(|| {
         bench: Vec::new(),
         bit_rate: 1_000_000,
         without: Vec::new(),
+        told: None,
     }
 });
 

@@ -30,6 +30,11 @@ pub struct Found {
 }
 
 impl Found {
+    /// The profile of the catalogue that it says it follows.
+    pub fn recognised(&self) -> Option<&'static Profile> {
+        self.profile.as_ref().map(|(profile, _)| *profile)
+    }
+
     /// What it is, by its profile: `EUROMAP 66 heating/cooling device 1.1` or `CiA 401`; `None`
     /// when it does not say.
     pub fn follows(&self) -> Option<String> {
@@ -113,6 +118,7 @@ fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
         bench: Vec::new(),
         bit_rate: DEFAULT_BIT_RATE,
         without: Vec::new(),
+        told: None,
     };
     let identity = identity(link, &policy, &dut)?;
     let name = read_text(link, &policy, node, DEVICE_NAME)?;

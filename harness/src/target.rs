@@ -224,7 +224,7 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
         None => (None, device.node(node, Box::new(Specification)).bench_names()),
     };
     let without = without(selection, Some(&device));
-    Ok(Target {
+    let mut target = Target {
         dut: Dut {
             name: name.to_owned(),
             node,
@@ -233,11 +233,18 @@ fn simulation(selection: &Selection, name: &str, mutant: Option<&str>) -> Result
             bench,
             bit_rate,
             without,
+            told: None,
         },
         rig,
         place: Place::Simulation { device, mutant, bit_rate },
         options,
-    })
+    };
+    if selection.eds.is_some() {
+        // A data sheet of ours tells the profile; any other may leave it to the device.
+        let found = scan::scan(&mut *target.open(&Arc::default())?, Some(node))?;
+        target.dut.told = found.first().and_then(Found::recognised);
+    }
+    Ok(target)
 }
 
 /// The options that the device does not have: those the user says, and those that a device of ours
@@ -288,6 +295,7 @@ fn on_interface(
             bench,
             bit_rate: selection.bitrate,
             without: without(selection, own.as_deref()),
+            told: found.recognised(),
         },
         rig,
         place: Place::SocketCan(name.to_owned()),

@@ -55,6 +55,11 @@ pub(super) fn run(args: &ListArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refus
         };
     }
     _ = writeln!(text, "\n{} would run, {skipped} would be skipped", total - skipped);
+    for plan in &plans {
+        if let Some(said) = plan.said_left_out() {
+            _ = writeln!(text, "{}: {said}", plan.dut.name);
+        }
+    }
     say(&text);
     Ok(Exit::Green)
 }

@@ -140,7 +140,7 @@ fn row(library: &Library, plan: &Plan, clean: &Target, mutant: &Mutant) -> Resul
     };
     let meets = |instance: &&Instance| mutant.canary || broken(mutant, instance).next().is_some();
     let instances = whole.instances.iter().filter(meets).cloned().collect();
-    let plan = Plan { dut: whole.dut.clone(), instances };
+    let plan = Plan { dut: whole.dut.clone(), instances, left_out: BTreeMap::new() };
     let (verdicts, ending) = verdicts(library, &plan, &target)?;
     let kills: BTreeSet<String> = verdicts
         .into_iter()

@@ -34,7 +34,9 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
     }
     let cases = plans.iter().map(|plan| plan.instances.len()).sum();
     if cases == 0 {
-        let message = "error: there is nothing to run".to_owned();
+        let left_out = plans.iter().find_map(Plan::said_left_out);
+        let why = left_out.map(|said| format!(": {said}")).unwrap_or_default();
+        let message = format!("error: there is nothing to run{why}");
         return Err(Refused { exit: Exit::NothingRan, message });
     }
     let mut reporter = Reporter::new(args, cases)?;

@@ -6,7 +6,8 @@ use crate::exit::Refused;
 use crate::plan::{Instance, Plan};
 
 /// Keeps the instances that a pattern names: a glob over the full name, or the name of a suite, of
-/// a folder of suites or of a case.
+/// a folder of suites or of a case. Without patterns everything is kept but the suites of profiles
+/// that the device does not follow; who asks for them by name is told why they do not apply.
 ///
 /// # Errors
 /// The pattern that names nothing on any device.
@@ -19,10 +20,12 @@ pub(super) fn select(plans: &mut [Plan], patterns: &[String]) -> Result<(), Refu
             )));
         }
     }
-    if !patterns.is_empty() {
-        for plan in plans {
-            plan.instances
-                .retain(|instance| patterns.iter().any(|pattern| names(pattern, instance)));
+    for plan in plans {
+        match patterns.is_empty() {
+            true => plan.leave_out_foreign(),
+            false => plan
+                .instances
+                .retain(|instance| patterns.iter().any(|pattern| names(pattern, instance))),
         }
     }
     Ok(())

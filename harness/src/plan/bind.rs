@@ -45,7 +45,10 @@ pub fn plan(
         }
     }
     let dut = dut.clone();
-    if complaints.is_empty() { Ok(Plan { dut, instances }) } else { Err(complaints) }
+    match complaints.is_empty() {
+        true => Ok(Plan { dut, instances, left_out: BTreeMap::new() }),
+        false => Err(complaints),
+    }
 }
 
 fn bind_case(
@@ -57,12 +60,16 @@ fn bind_case(
 ) -> Result<Vec<Instance>, Vec<Complaint>> {
     let instance = |label, scope, skip| {
         let suite = Arc::clone(suite);
-        Instance { suite, case: place, label, scope, skip, unfit: None }
+        Instance { suite, case: place, label, scope, skip, foreign: false, unfit: None }
     };
     check::requires(suite, case, dut).map_err(|complaint| vec![complaint])?;
     let lacks = || case.requires.iter().find_map(|requires| lacks(&requires.value, dut, suite));
     let no_sheet = || dut.sheet.composed.then(|| about_the_sheet(case)).flatten();
-    if let Some(reason) = of_another_profile(suite, dut).or_else(lacks).or_else(no_sheet) {
+    if let Some(reason) = of_another_profile(suite, dut) {
+        let skipped = instance(None, Scope::default(), Some(reason));
+        return Ok(vec![Instance { foreign: true, ..skipped }]);
+    }
+    if let Some(reason) = lacks().or_else(no_sheet) {
         return Ok(vec![instance(None, Scope::default(), Some(reason))]);
     }
     let mut scopes = match &case.each {

@@ -1,5 +1,6 @@
 //! What is run: cases with their names bound.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::scope::{Dut, Scope};
@@ -15,6 +16,9 @@ pub struct Plan {
     pub dut: Dut,
     /// The instances.
     pub instances: Vec<Instance>,
+    /// How many cases were left out since they are about a profile that the device does not
+    /// follow, by the profile.
+    pub left_out: BTreeMap<String, usize>,
 }
 
 /// One case with its names bound.
@@ -30,8 +34,31 @@ pub struct Instance {
     pub scope: Scope,
     /// Why it cannot run.
     pub skip: Option<String>,
+    /// Whether that is so because its suite is about a profile that the device does not follow.
+    pub foreign: bool,
     /// What in its steps the data sheet contradicts.
     pub unfit: Option<Complaint>,
+}
+
+impl Plan {
+    /// Leaves out what is about profiles that the device does not follow.
+    pub fn leave_out_foreign(&mut self) {
+        let left_out = &mut self.left_out;
+        self.instances.retain(|instance| {
+            let about = instance.suite.file.profile.as_ref().filter(|_| instance.foreign);
+            if let Some(about) = about {
+                *left_out.entry(about.value.to_string()).or_default() += 1;
+            }
+            about.is_none()
+        });
+    }
+
+    /// What was left out, in one sentence.
+    pub fn said_left_out(&self) -> Option<String> {
+        let each = self.left_out.iter().map(|(about, cases)| format!("{cases} cases ({about})"));
+        let each = each.collect::<Vec<_>>().join(", ");
+        (!each.is_empty()).then(|| format!("left out, as they are for other profiles: {each}"))
+    }
 }
 
 impl Instance {

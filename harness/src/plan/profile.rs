@@ -34,6 +34,9 @@ fn of_another_number(about: u16, dut: &Dut) -> Option<String> {
 
 fn of_another_name(profile: &Profile, dut: &Dut) -> Option<String> {
     let recognition = profile.recognised?;
+    if dut.told.is_some_and(|told| told.name == profile.name) {
+        return None;
+    }
     let (title, mux) = (profile.title(), recognition.object);
     if dut.eds.entry(mux).is_none() {
         return Some(format!("the device is no {title}: the data sheet has no object {mux}"));

@@ -4,9 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
+use canopen::catalogue::{self, Profile};
 use canopen::eds::{Eds, Entry};
 use canopen::pdo::Mapping;
-use canopen::{DataType, Id, Mux, Pattern, Value, catalogue};
+use canopen::{DataType, Id, Mux, Pattern, Value};
 
 use crate::nearest::did_you_mean;
 use crate::sheet::Sheet;
@@ -29,6 +30,8 @@ pub struct Dut {
     pub bit_rate: u32,
     /// Options of its profile that it does not have.
     pub without: Vec<String>,
+    /// The profile that it told of itself when it was asked, by an object that the catalogue names.
+    pub told: Option<&'static Profile>,
 }
 
 impl Dut {

@@ -85,7 +85,8 @@ impl Session<'_> {
         });
         let without = &self.plan.dut.without;
         let options = (!without.is_empty()).then(|| format!("without {}", without.join(", ")));
-        let remarks: Vec<String> = composed.into_iter().chain(options).collect();
+        let remarks = composed.into_iter().chain(options).chain(self.plan.said_left_out());
+        let remarks: Vec<String> = remarks.collect();
         (!remarks.is_empty()).then(|| remarks.join("; "))
     }
 
