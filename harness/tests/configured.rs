@@ -49,7 +49,7 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
     let plan = plan::plan(&library, &dut, &target::models(&dut.eds)).expect("the suites fit");
     let instances =
         plan.instances.into_iter().filter(|instance| instance.suite.name().starts_with(suites));
-    let plan = Plan { dut: plan.dut, instances: instances.collect() };
+    let plan = Plan { instances: instances.collect(), ..plan };
     assert!(plan.instances.len() > 100);
     let stop = AtomicBool::new(false);
     let session = Session {
