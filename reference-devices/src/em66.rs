@@ -61,6 +61,7 @@ struct Options {
     suction: bool,
     evacuation: bool,
     cool_down: bool,
+    self_optimisation: bool,
 }
 
 /// What the sensors tell. Temperatures in tenths of a degree Celsius.
@@ -147,6 +148,7 @@ impl Em66 {
             suction: has("suction"),
             evacuation: has("evacuation"),
             cool_down: has("cool-down"),
+            self_optimisation: has("self-optimisation"),
         };
         Self {
             rules,
@@ -170,7 +172,7 @@ impl Em66 {
         let sensed = self.stimuli.sense(&self.process);
         let blocked = self.faults.judge(&sensed, self.operation.mode(), od, errors, rules);
         let duty = self.operation.decide(&sensed, blocked, self.options, od, rules);
-        self.drive = self.controller.drive(elapsed, &sensed, &duty, od, rules);
+        self.drive = self.controller.drive(elapsed, &sensed, &duty, self.options, od, rules);
         objects::show(&sensed, od, rules);
         self.alarms.watch(&duty, od, rules);
     }

@@ -15,7 +15,7 @@ use super::objects::{
     value,
 };
 use super::rules::Em66Rules;
-use super::{Drive, Duty, Pump, Sensed};
+use super::{Drive, Duty, Options, Pump, Sensed};
 
 use pid::Pid;
 use ramp::{Ramp, Rates};
@@ -88,6 +88,7 @@ impl Controller {
         elapsed: Duration,
         sensed: &Sensed,
         duty: &Duty,
+        options: Options,
         od: &mut Dictionary,
         rules: &dyn Em66Rules,
     ) -> Drive {
@@ -102,7 +103,8 @@ impl Controller {
         let (low, high) = limits(od, rules);
         let missing = effective.map(|effective| self.ramp.present() - effective as f64);
         let missing = missing.map(|missing| rules.missing(missing));
-        self.tune(control & CODES.control_tune != 0, duty, manual, missing, rules);
+        let asked = options.self_optimisation && control & CODES.control_tune != 0;
+        self.tune(asked, duty, manual, missing, rules);
         let sampled = !elapsed.is_zero();
         let sight = Sight { duty, sampled, missing, manual, low, high };
         self.output = self.decide(&sight, rules);

@@ -6,6 +6,10 @@ use crate::em66::process::Process;
 use crate::em66::rules::{Em66Rules, Profile, named};
 use crate::em66::{External, Mode};
 
+/// A device with everything that the document leaves open.
+const ALL: Options =
+    Options { suction: true, evacuation: true, cool_down: true, self_optimisation: true };
+
 /// A controller on its process.
 struct Plant {
     controller: Controller,
@@ -46,7 +50,7 @@ impl Plant {
             ..Sensed::default()
         };
         let (duty, od, rules) = (&self.duty, &mut self.od, &*self.rules);
-        self.drive = self.controller.drive(elapsed, &sensed, duty, od, rules);
+        self.drive = self.controller.drive(elapsed, &sensed, duty, ALL, od, rules);
     }
 
     /// Lets seconds go by; `seen` looks at each sample.
@@ -101,7 +105,7 @@ fn a_sensor_that_tells_nothing_ends_heating() {
     assert_eq!(plant.output(), 1000);
     let (duty, rules) = (plant.duty, Profile);
     let sensed = Sensed { external: External::Broken, ..Sensed::default() };
-    plant.controller.drive(PERIOD, &sensed, &duty, &mut plant.od, &rules);
+    plant.controller.drive(PERIOD, &sensed, &duty, ALL, &mut plant.od, &rules);
     assert_eq!((plant.output(), plant.get(EFFECTIVE_VALUE)), (0, 9999));
 }
 
