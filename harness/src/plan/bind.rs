@@ -96,6 +96,9 @@ fn bind_case(
     for bound in &mut bound {
         let checked = check::case(bound, dut, model);
         bound.skip = checked.lacking;
+        if checked.complaints.is_empty() {
+            bound.scope.keep(&checked.used);
+        }
         match dut.sheet.trusted {
             true => complaints.extend(checked.complaints),
             // The suite fits the devices it was written with.

@@ -1,5 +1,7 @@
 //! What can be known to be wrong with a case before anything runs.
 
+use std::collections::BTreeSet;
+
 use canopen::catalogue::{self, Profile, Shape};
 use canopen::eds::{CODES, Eds, Entry, Object};
 use canopen::{DataType, Mux};
@@ -60,6 +62,8 @@ pub(super) struct Checked {
     pub complaints: Vec<Complaint>,
     /// What the case needs and the device, or the bench around it, does not have.
     pub lacking: Option<String>,
+    /// The names that its steps ask for.
+    pub used: BTreeSet<String>,
 }
 
 /// Checks every step of an instance.
@@ -86,7 +90,8 @@ pub(super) fn case(instance: &Instance, dut: &Dut, model: Option<&Eds>) -> Check
     if checker.lacking.is_some() {
         checker.complaints.clear();
     }
-    Checked { complaints: checker.complaints, lacking: checker.lacking }
+    let used = checker.scope.used();
+    Checked { complaints: checker.complaints, lacking: checker.lacking, used }
 }
 
 struct Checker<'c> {

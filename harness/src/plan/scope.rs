@@ -99,6 +99,12 @@ impl Scope {
         used.map(|used| used.clone()).unwrap_or_default()
     }
 
+    /// Forgets what no step asks for: of the many names that each instance is offered, a case
+    /// uses few. What the case is about, `$mux`, stays for those who report.
+    pub fn keep(&mut self, used: &BTreeSet<String>) {
+        self.names.retain(|name, _| name == "mux" || used.contains(name));
+    }
+
     /// What the name stands for.
     ///
     /// # Errors
