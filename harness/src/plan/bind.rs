@@ -7,10 +7,10 @@ use canopen::eds::Eds;
 use canopen::{heartbeat, lss, sdo};
 
 use super::check::{self, no_object};
-use super::each::{Bound, each_scope, has_access};
+use super::each::{each_scope, has_access};
 use super::instance::{Instance, Plan};
 use super::profile::{bind_names, of_another_profile, wrong_option};
-use super::scope::{Binding, Dut, Scope};
+use super::scope::{Binding, Bound, Dut, Scope};
 use crate::source::{At, Complaint};
 use crate::suite::literal::{Amount, Literal, ObjectRef};
 use crate::suite::model::{AccessName, Case, Each, Has, Requires, Step};

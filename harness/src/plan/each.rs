@@ -8,14 +8,11 @@ use canopen::{DataType, Mux, Value};
 use super::check;
 use super::pdo::pdo_scopes;
 use super::profile::block_scopes;
-use super::scope::{Binding, Dut, Scope};
+use super::scope::{Binding, Bound, Dut, Scope};
 use crate::source::At;
 use crate::suite::Suite;
 use crate::suite::literal::{Literal, ObjectRef};
 use crate::suite::model::{AccessName, Each, Has, Objects};
-
-/// The names of one instance, and what reports call it.
-pub(super) type Bound = (Vec<String>, Scope);
 
 /// The instances that `each` makes.
 ///

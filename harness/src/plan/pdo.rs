@@ -4,8 +4,7 @@ use canopen::eds::Object;
 use canopen::pdo::CobId;
 use canopen::{DataType, Mux};
 
-use super::each::Bound;
-use super::scope::{Binding, Dut, Scope};
+use super::scope::{Binding, Bound, Dut, Scope};
 use crate::suite::literal::Literal;
 use crate::suite::model::{DirectionName, PdoHas, Pdos};
 

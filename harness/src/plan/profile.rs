@@ -3,8 +3,7 @@
 
 use canopen::catalogue::{Block, Profile};
 
-use super::each::Bound;
-use super::scope::{Binding, Dut, Scope};
+use super::scope::{Binding, Bound, Dut, Scope};
 use crate::nearest::did_you_mean;
 use crate::source::At;
 use crate::suite::Suite;

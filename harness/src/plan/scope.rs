@@ -79,6 +79,9 @@ pub struct Scope {
     used: Option<Arc<Mutex<BTreeSet<String>>>>,
 }
 
+/// What reports call one instance, part by part, and its names.
+pub(super) type Bound = (Vec<String>, Scope);
+
 /// Why something could not be resolved, in one sentence.
 pub(super) type Wrong = String;
 
