@@ -131,8 +131,8 @@ impl Block {
         // What came after the problem did not lead to it.
         let until = case.outcome.problem().map_or(Instant::NEVER, |problem| problem.at);
         let trace = &case.trace[..case.trace.partition_point(|seen| seen.at <= until)];
-        let shown = &trace[trace.len().saturating_sub(FRAMES)..];
-        let heading = match (case.frames, shown.len()) {
+        let (shown, folded) = fold(trace);
+        let heading = match (case.frames, folded.len()) {
             (0, _) => "none".to_owned(),
             (all, 0) => format!("{all}, not kept"),
             (all, some) if all == some => format!("{all}, seconds since the case began"),
@@ -142,14 +142,17 @@ impl Block {
             (all, some) => format!("the last {some} of {all}, seconds since the case began"),
         };
         self.field("frames", &heading);
-        let from = match shown.first() {
-            Some(first) if trace.len() > shown.len() => first.at,
+        let from = match folded.first() {
+            Some(first) if trace.len() > folded.len() => first.at,
             _ => Instant::ZERO,
         };
         let notes = &case.notes[case.notes.partition_point(|note| note.at < from)..];
         let mut notes = notes[notes.len().saturating_sub(FRAMES)..].iter().peekable();
-        let width = shown.iter().map(|seen| length(&seen.frame)).max().unwrap_or_default();
-        for seen in shown {
+        let width = shown.iter().map(|(_, seen)| length(&seen.frame)).max().unwrap_or_default();
+        for (again, seen) in shown {
+            if again > 0 {
+                self.line(format!("    {:>STAMP$}  ..  {again} times the two that follow", ""));
+            }
             while let Some(note) = notes.next_if(|note| note.at < seen.at) {
                 self.note(case.info.at, note);
             }
@@ -178,6 +181,36 @@ impl Block {
         let line = format!("    {}  --  {}", self.style.dim(time), one_line(&note.text));
         self.line(line);
     }
+}
+
+/// The frames to show, each with the number of times that it and the next one were seen before
+/// them, and the stretch of the trace that these tell. A question that is asked until its answer
+/// changes would else hide what led to it; of frames that come by themselves the times matter.
+fn fold(trace: &[Stamped]) -> (Vec<(usize, &Stamped)>, &[Stamped]) {
+    let same = |one: &Stamped, other: &Stamped| one.own == other.own && one.frame == other.frame;
+    let (mut shown, mut rest) = (Vec::new(), trace);
+    while shown.len() < FRAMES {
+        let Some((last, mut before)) = rest.split_last() else { break };
+        shown.push((0, last));
+        if let Some((first, earlier)) = before.split_last()
+            && (first.own, last.own) == (true, false)
+        {
+            let (mut again, mut earlier) = (0, earlier);
+            while let Some((start, [one, two])) = earlier.split_last_chunk::<2>()
+                && same(one, first)
+                && same(two, last)
+            {
+                (again, earlier) = (again + 1, start);
+            }
+            if again > 1 {
+                shown.push((again, first));
+                before = earlier;
+            }
+        }
+        rest = before;
+    }
+    shown.reverse();
+    (shown, &trace[rest.len()..])
 }
 
 fn relative(start: Instant, at: Instant) -> String {
@@ -242,6 +275,30 @@ mod tests {
         assert_eq!(caret(&place(3, 900)), "  ^^^^^^^^^^");
         assert_eq!(caret(&place(900, 1)), "            ^");
         assert_eq!(caret(&place(0, 0)), "^");
+    }
+
+    #[test]
+    fn a_question_that_is_asked_again_and_again_takes_one_place() {
+        let seen = |own: bool, text: &str| Stamped {
+            at: Instant::ZERO,
+            frame: text.parse().expect("a frame in candump form"),
+            own,
+        };
+        let (ask, answer) =
+            (seen(true, "605#4002200100000000"), seen(false, "585#4F02200100000000"));
+        let mut trace =
+            vec![seen(true, "605#2F01200101000000"), seen(false, "585#6001200100000000")];
+        for _ in 0..100 {
+            trace.extend([ask, answer]);
+        }
+        let (shown, told) = fold(&trace);
+        let again: Vec<usize> = shown.iter().map(|(again, _)| *again).collect();
+        assert_eq!((again, told.len()), (vec![0, 0, 99, 0], trace.len()));
+
+        let beats = vec![seen(false, "705#05"); 20];
+        let (shown, told) = fold(&beats);
+        assert_eq!((shown.len(), told.len()), (FRAMES, FRAMES));
+        assert!(fold(&[]).0.is_empty());
     }
 
     #[test]
