@@ -84,7 +84,8 @@ impl Matrix {
             &Selection::of_target(Some(&format!("sim:{name}"))),
             &Arc::new(AtomicBool::new(false)),
         )?;
-        let plan = plan_all(library, &targets)?.remove(0);
+        let mut plan = plan_all(library, &targets)?.remove(0);
+        plan.leave_out_foreign();
         let target = &targets[0];
         let (clean, _) = verdicts(library, &plan, target)?;
         let rows = in_parallel(&mutants, |mutant| row(library, &plan, target, mutant))?;
