@@ -2,13 +2,17 @@
 //!
 //! `cargo run -p reference-devices --example em66_hour > reference-devices/em66/hour.svg`
 
+use std::error::Error;
+use std::ops::Range;
+
 use plotters::coord::Shift;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use reference_devices::devices;
 use reference_devices::em66::hour::{self, Sample};
 
-type Outcome = Result<(), Box<dyn std::error::Error>>;
+type Outcome = Result<(), Box<dyn Error>>;
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 
 fn main() -> Outcome {
@@ -17,7 +21,7 @@ fn main() -> Outcome {
 }
 
 /// The picture, with what made it in its head.
-fn svg() -> Result<String, Box<dyn std::error::Error>> {
+fn svg() -> Result<String, Box<dyn Error>> {
     let device = devices::device("em66").ok_or("there is no em66")?;
     let mut text = String::new();
     draw(&hour::run(&device), &mut text)?;
@@ -49,22 +53,7 @@ const CURVES: [Curve; 4] = [
 ];
 
 fn draw_temperatures(hour: &[Sample], area: &Area) -> Outcome {
-    let mut chart = ChartBuilder::on(area)
-        .margin_top(34)
-        .margin_right(24)
-        .set_label_area_size(LabelAreaPosition::Left, LABELS)
-        .build_cartesian_2d(0f64..60f64, 20f64..90f64)?;
-    chart
-        .configure_mesh()
-        .disable_x_axis()
-        .y_labels(7)
-        .y_label_formatter(&|celsius| format!("{celsius:.0} °C"))
-        .bold_line_style(GRID)
-        .light_line_style(TRANSPARENT)
-        .axis_style(AXIS)
-        .label_style(("sans-serif", 13, &TEXT))
-        .axis_desc_style(("sans-serif", 14, &TEXT))
-        .draw()?;
+    let mut chart = panel(area, 34, 20.0..90.0, 7, "°C")?;
     for (name, value, colour, width) in CURVES {
         let points = hour.iter().step_by(4);
         let points = points.map(|sample| (minutes(sample), f64::from(value(sample)) / 10.0));
@@ -86,22 +75,7 @@ fn draw_temperatures(hour: &[Sample], area: &Area) -> Outcome {
 }
 
 fn draw_output(hour: &[Sample], area: &Area) -> Outcome {
-    let mut chart = ChartBuilder::on(area)
-        .margin_top(14)
-        .margin_right(24)
-        .set_label_area_size(LabelAreaPosition::Left, LABELS)
-        .build_cartesian_2d(0f64..60f64, -100f64..100f64)?;
-    chart
-        .configure_mesh()
-        .disable_x_axis()
-        .y_labels(5)
-        .y_label_formatter(&|percent| format!("{percent:.0} %"))
-        .bold_line_style(GRID)
-        .light_line_style(TRANSPARENT)
-        .axis_style(AXIS)
-        .label_style(("sans-serif", 13, &TEXT))
-        .axis_desc_style(("sans-serif", 14, &TEXT))
-        .draw()?;
+    let mut chart = panel(area, 14, -100.0..100.0, 5, "%")?;
     for (side, colour) in [(1.0, HEAT), (-1.0, COLD)] {
         let share = |sample: &Sample| (f64::from(sample.output) / 10.0 * side).max(0.0) * side;
         let points = hour.iter().map(|sample| (minutes(sample), share(sample)));
@@ -113,6 +87,35 @@ fn draw_output(hour: &[Sample], area: &Area) -> Outcome {
         chart.draw_series([Text::new(name, (0.4, at), style)])?;
     }
     Ok(())
+}
+
+type Panel<'a> = ChartContext<'a, SVGBackend<'a>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Values over the hour: a scale on the left with so many labels, no axis of time of its own.
+fn panel<'a>(
+    area: &Area<'a>,
+    margin_top: u32,
+    range: Range<f64>,
+    labels: usize,
+    unit: &str,
+) -> Result<Panel<'a>, Box<dyn Error>> {
+    let mut chart = ChartBuilder::on(area)
+        .margin_top(margin_top)
+        .margin_right(24)
+        .set_label_area_size(LabelAreaPosition::Left, LABELS)
+        .build_cartesian_2d(0f64..60f64, range)?;
+    chart
+        .configure_mesh()
+        .disable_x_axis()
+        .y_labels(labels)
+        .y_label_formatter(&|value| format!("{value:.0} {unit}"))
+        .bold_line_style(GRID)
+        .light_line_style(TRANSPARENT)
+        .axis_style(AXIS)
+        .label_style(("sans-serif", 13, &TEXT))
+        .axis_desc_style(("sans-serif", 14, &TEXT))
+        .draw()?;
+    Ok(chart)
 }
 
 /// What a lane shows, and its colour.
