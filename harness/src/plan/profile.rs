@@ -131,7 +131,8 @@ pub(super) fn block_scopes(
             return Err(At::new(wrong, number.place));
         }
     }
-    let whole: Vec<u8> = (1..=block.count).filter(|number| has(dut, block, *number)).collect();
+    let offered = |number: &u8| blocks.undeclared || has(dut, block, *number);
+    let whole: Vec<u8> = (1..=block.count).filter(offered).collect();
     let wanted = |number: &&u8| {
         blocks.at.is_empty()
             || blocks.at.iter().any(|at| match at.value {

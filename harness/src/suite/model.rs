@@ -118,6 +118,9 @@ pub struct Blocks {
     /// Numbers, counted from 1, and `last`; all unless said otherwise.
     #[serde(default)]
     pub at: Vec<At<BlockNumber>>,
+    /// Also those that the data sheet does not have, to ask the device for them by frames.
+    #[serde(default)]
+    pub undeclared: bool,
 }
 
 /// Which entries.

@@ -5,7 +5,9 @@
 
 use std::time::Duration;
 
+use canopen::catalogue;
 use canopen::nmt::{Command, Service};
+use canopen::pdo::Mapping;
 use canopen::{Bus, Data, Frame, Instant, Mux, Value, VirtualBus, sync};
 
 use super::codes::CODES;
@@ -91,7 +93,7 @@ pub fn run(device: &ReferenceDevice) -> Vec<Sample> {
     control.write(COOLING_RAMP, &30u16.to_le_bytes());
     control.write(CONTROL_BYTE, &[bits]);
     control.until(2 * 60);
-    control.write(FLOW_ALARM_TYPE, &[BELOW]);
+    control.write(alarm("type"), &[BELOW]);
     control.until(17 * 60);
     control.write(CONTROL_BYTE, &[bits | CODES.control_tune as u8]);
     control.until(22 * 60);
@@ -107,7 +109,7 @@ pub fn run(device: &ReferenceDevice) -> Vec<Sample> {
     control.until(47 * 60);
     control.write(CONTROL_WORD, &[0]);
     control.until(50 * 60);
-    control.write(FLOW_ALARM_TYPE, &[0]);
+    control.write(alarm("type"), &[0]);
     // First cool down, then evacuate, then switch off.
     control.write(SWITCH_OFF_MODE, &[4]);
     control.write(CONTROL_BYTE, &[0]);
@@ -115,8 +117,12 @@ pub fn run(device: &ReferenceDevice) -> Vec<Sample> {
     control.samples
 }
 
-/// The first alarm watches the flow while the pump runs (3.3).
-const FLOW_ALARM_TYPE: Mux = Mux::new(0x6508, 1);
+/// An object of the first alarm, which watches the flow while the pump runs (3.3).
+fn alarm(object: &str) -> Mux {
+    let block = catalogue::profile("em66").and_then(|profile| profile.block("alarm"));
+    block.and_then(|block| block.object(object, 1)).expect("an object of the alarm block")
+}
+
 const BELOW: u8 = 3;
 
 /// The master of the network.
@@ -145,9 +151,10 @@ impl MachineControl {
     fn prepare(&mut self) {
         self.map(0, &[0x7400_0110, 0x7401_0110, 0x6410_0110, 0x6427_0110]);
         self.map(1, &[0x3020_0110, 0x3040_0110, 0x3050_0110]);
-        self.map(2, &[0x2002_0108, 0x2007_0108, 0x6504_0108]);
-        self.write(Mux::new(0x6500, 1), &0x3050_0110u32.to_le_bytes());
-        self.write(Mux::new(0x7502, 1), &200u16.to_le_bytes());
+        let state = Mapping { mux: alarm("state"), bits: 8 }.encode();
+        self.map(2, &[0x2002_0108, 0x2007_0108, state]);
+        self.write(alarm("link"), &0x3050_0110u32.to_le_bytes());
+        self.write(alarm("level"), &200u16.to_le_bytes());
         self.send(&Command { service: Service::START, node: self.node }.frame());
     }
 
