@@ -15,6 +15,8 @@ mod common;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
+use std::sync::Mutex;
+use std::thread;
 
 use common::{harness, project};
 
@@ -24,7 +26,7 @@ fn every_folder() {
     find(&cli(), &mut folders);
     assert!(folders.len() >= 40, "only {} folders were found", folders.len());
     folders.sort();
-    let wrong: Vec<String> = folders.iter().filter_map(|folder| wrong(folder)).collect();
+    let wrong = side_by_side(&folders, wrong);
     assert!(wrong.is_empty(), "{} folders differ\n\n{}", wrong.len(), wrong.join("\n"));
 }
 
@@ -113,6 +115,27 @@ fn a_device_that_dies_in_the_middle_still_gives_reports() {
     assert_eq!(journal.lines().filter(|line| line.starts_with("{\"case-ended\"")).count(), 4);
     assert!(journal.lines().last().unwrap().starts_with("{\"run-ended\":{\"exit\":7"));
     assert_eq!(fs::read_to_string(junit).unwrap().matches("<testcase").count(), 4);
+}
+
+/// What `check` finds in each folder, in the order of the folders, on as many threads as the
+/// machine has processors. Most of the time of a case is that of the program it starts.
+fn side_by_side(
+    folders: &[PathBuf],
+    check: impl Fn(&Path) -> Option<String> + Sync,
+) -> Vec<String> {
+    let workers = thread::available_parallelism().map_or(1, Into::into);
+    let next = Mutex::new(folders.iter().enumerate());
+    let work = || {
+        // The lock is released before the case runs.
+        let take = || next.lock().unwrap().next();
+        std::iter::from_fn(take).map(|(place, folder)| (place, check(folder))).collect::<Vec<_>>()
+    };
+    let mut found: Vec<_> = thread::scope(|scope| {
+        let workers: Vec<_> = (0..workers).map(|_| scope.spawn(work)).collect();
+        workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect()
+    });
+    found.sort_by_key(|(place, _)| *place);
+    found.into_iter().filter_map(|(_, wrong)| wrong).collect()
 }
 
 fn cli() -> PathBuf {
