@@ -2,17 +2,50 @@
 
 mod common;
 
-use common::harness;
+use std::fs;
+use std::path::Path;
 
-/// The matrix is reviewed like code: a mutant that is killed by another case than before tells that
-/// a case changed its meaning.
+use common::harness;
+use reference_devices::devices;
+
+/// The matrix is reviewed like code: a mutant that is killed by another case than before shows that
+/// a case changed its meaning. Each device has a file of its own, so that a change of one device
+/// is reviewed without the others.
 #[test]
 fn every_mutant_is_killed_and_every_case_kills() {
     let output = harness().args(["qualify", "-v"]).output().unwrap();
     let holes = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(0), "{holes}");
     assert_eq!(holes, "");
-    insta::assert_snapshot!("kill-matrix", String::from_utf8(output.stdout).unwrap());
+    let matrices = String::from_utf8(output.stdout).unwrap();
+    let matrices = by_device(&matrices);
+    assert!(matrices.iter().map(|(device, _)| *device).eq(devices::names()), "a matrix per device");
+    for (device, matrix) in &matrices {
+        insta::assert_snapshot!(format!("kill-matrix-{device}"), matrix);
+    }
+    let snapshots = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/snapshots");
+    for file in fs::read_dir(snapshots).unwrap() {
+        let name = file.unwrap().file_name().into_string().unwrap();
+        let Some(rest) = name.strip_prefix("mutants__kill-matrix-") else { continue };
+        let device = rest.split('.').next().unwrap();
+        assert!(devices::names().any(|name| name == device), "{name} is of a device that is gone");
+    }
+}
+
+/// The name and the lines of each device: the line that begins with the name, and the indented
+/// lines after it.
+fn by_device(matrices: &str) -> Vec<(&str, String)> {
+    let mut found: Vec<(&str, String)> = Vec::new();
+    for line in matrices.lines() {
+        if !line.starts_with(' ') {
+            let (device, _) = line.split_once(':').expect("a matrix begins with the device");
+            found.push((device, String::new()));
+        }
+        let (_, text) = found.last_mut().expect("a matrix begins with the device");
+        text.push_str(line);
+        text.push('\n');
+    }
+    found
 }
 
 #[test]
