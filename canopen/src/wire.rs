@@ -1,5 +1,6 @@
 //! How long a frame is on the wire (ISO 11898-1): every bit, stuff bits included.
 
+use crate::bus::Stamped;
 use crate::frame::Frame;
 
 /// Bits between two frames (intermission).
@@ -17,6 +18,16 @@ pub fn frame_bits(frame: &Frame) -> u64 {
     let sequence = word << 15 | u128::from(crc15(word, bits));
     let stuffed_from = bits + 15;
     u64::from(stuffed_from + stuff_bits(sequence, stuffed_from) + TAIL_BITS)
+}
+
+/// The part of the time from the start of the first frame to the end of the last in which the wire
+/// was taken at `bit_rate` bits per second. The intermission counts with the frame before it,
+/// because nobody can send in it. The frames are in the order of their stamps.
+pub fn load(frames: &[Stamped], bit_rate: u32) -> f64 {
+    let [first, .., last] = frames else { return 1.0 };
+    let bits = |seen: &Stamped| (frame_bits(&seen.frame) + INTERMISSION_BITS) as f64;
+    let between = last.at.since(first.at).as_secs_f64() * f64::from(bit_rate);
+    frames.iter().map(bits).sum::<f64>() / (between + bits(first))
 }
 
 /// Start of frame, arbitration and control field.

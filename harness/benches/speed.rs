@@ -5,10 +5,12 @@ use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 
-use canopen::{Bus, Device, Frame, Instant, Outbox, Stamped, VirtualBus, eds};
+use canopen::sdo::block::LARGEST_BLOCK;
+use canopen::sdo::{Client, Transfer};
+use canopen::{Bus, Device, Frame, Instant, Mux, Outbox, Stamped, VirtualBus, eds, wire};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use harness::plan::Dut;
-use harness::run::{Link, Policy, identity};
+use harness::run::{Link, Policy, identity, transfer};
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::em66::hour;
 use reference_devices::rules::Specification;
@@ -18,6 +20,7 @@ criterion_group!(
     benches,
     whole_run,
     sdo_round_trips,
+    block_transfers,
     frames_on_the_bus,
     hour_of_heating_and_cooling,
     eds_read,
@@ -70,6 +73,36 @@ fn sdo_round_trips(bench: &mut Criterion) {
             link.take_trace()
         });
     });
+    group.finish();
+}
+
+/// A value of 64 KiB in blocks, down and up. What a transfer takes of an idle wire is printed, too.
+fn block_transfers(bench: &mut Criterion) {
+    const LARGE: Mux = Mux::new(0x2F20, 0);
+    const NODE: u8 = 5;
+    let generic = devices::device("generic").expect("it is part of the program");
+    let policy = Policy::at_bit_rate(BIT_RATE);
+    let mut bus = VirtualBus::new(BIT_RATE);
+    bus.attach(generic.node(NODE, Box::new(Specification)));
+    let mut link = Link::new(&mut bus);
+    link.wait(Instant::ZERO + policy.boot_timeout).expect("a simulated bus does not fail");
+    let data: Vec<u8> = (0..=u16::MAX).map(|place| (place % 251) as u8).collect();
+    let mut group = bench.benchmark_group("block transfer of 64 KiB");
+    group.throughput(Throughput::Bytes(data.len() as u64)).sample_size(20);
+    for name in ["download", "upload"] {
+        let mut once = || {
+            let (client, request) = match name {
+                "download" => Client::download(LARGE, &data, Transfer::Block),
+                _ => Client::upload_in_blocks(LARGE, LARGEST_BLOCK, 0),
+            };
+            let ended = transfer(&mut link, &policy, NODE, client, request);
+            assert!(ended.expect("a simulated bus does not fail").result.is_ok());
+            link.take_trace()
+        };
+        let trace: Vec<Stamped> = once().iter().map(|seen| seen.stamped).collect();
+        println!("block {name}: {:.1} % of the wire", 100.0 * wire::load(&trace, BIT_RATE));
+        group.bench_function(name, |bench| bench.iter(&mut once));
+    }
     group.finish();
 }
 

@@ -17,4 +17,5 @@ mod steps;
 
 pub use link::{Link, Policy};
 pub use probe::{Lost, objects as probe};
+pub use sdo::{Ended, transfer};
 pub use session::{Ending, Session, identity, read_number, read_text};

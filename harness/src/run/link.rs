@@ -3,6 +3,7 @@
 //! Windows are measured in trace time. A step starts where the last one ended, at the stamp of the
 //! last frame that was matched or sent, so the latency of the host never enters a judgement.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use canopen::monitor::Seen;
@@ -47,6 +48,10 @@ impl Policy {
     }
 }
 
+/// The frames that wait for the wire at once. The transmit queue of a CAN interface is usually ten
+/// frames long, and one that is full costs a wait.
+const MOST_AHEAD: usize = 8;
+
 /// A bus, what was seen on it since the case began, and how far the steps have looked.
 pub struct Link<'b> {
     bus: &'b mut dyn Bus,
@@ -88,8 +93,32 @@ impl<'b> Link<'b> {
     /// # Errors
     /// Whatever the bus reports; [`BusError::Io`] when nobody acknowledges the frame.
     pub fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        self.send_all([*frame])
+    }
+
+    /// Sends frames without a gap between them and waits until the last is complete on the wire.
+    /// The next step starts there.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send).
+    pub fn send_all(&mut self, frames: impl IntoIterator<Item = Frame>) -> Result<(), BusError> {
+        let mut frames = frames.into_iter();
+        let mut ahead = VecDeque::new();
+        loop {
+            // A frame that waits in the queue of the interface follows at once, however late the
+            // host hears of the end of the frame before it.
+            for frame in frames.by_ref().take(MOST_AHEAD - ahead.len()) {
+                self.bus.send(&frame)?;
+                ahead.push_back(frame);
+            }
+            let Some(frame) = ahead.pop_front() else { return Ok(()) };
+            self.complete(&frame)?;
+        }
+    }
+
+    /// Waits until an own frame is complete on the wire.
+    fn complete(&mut self, frame: &Frame) -> Result<(), BusError> {
         const PATIENCE: Duration = Duration::from_secs(2);
-        self.bus.send(frame)?;
         let give_up = self.bus.now() + PATIENCE;
         while let Some(place) = self.pull(give_up)? {
             let stamped = self.trace[place].stamped;
@@ -193,5 +222,44 @@ impl<'b> Link<'b> {
         let Some(stamped) = self.bus.recv(until)? else { return Ok(None) };
         self.trace.push(Seen { stamped, expected: false });
         Ok(Some(self.trace.len() - 1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An interface whose transmit queue is as long as `most` says it must be.
+    #[derive(Default)]
+    struct Queue {
+        waiting: VecDeque<Frame>,
+        most: usize,
+        now: Instant,
+    }
+
+    impl Bus for Queue {
+        fn now(&mut self) -> Instant {
+            self.now
+        }
+        fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+            self.waiting.push_back(*frame);
+            self.most = self.most.max(self.waiting.len());
+            Ok(())
+        }
+        fn recv(&mut self, _: Instant) -> Result<Option<Stamped>, BusError> {
+            self.now += Duration::from_micros(100);
+            Ok(self.waiting.pop_front().map(|frame| Stamped { at: self.now, frame, own: true }))
+        }
+    }
+
+    #[test]
+    fn frames_wait_in_the_queue_of_the_interface_and_do_not_overflow_it() {
+        let mut bus = Queue::default();
+        let mut link = Link::new(&mut bus);
+        let frames: Vec<Frame> = (0..127).map(|count| Frame::new(0x605, [count; 8])).collect();
+        link.send_all(frames.iter().copied()).unwrap();
+        assert_eq!(link.mark(), link.trace()[126].stamped.at);
+        assert!(link.trace().iter().map(|seen| seen.stamped.frame).eq(frames));
+        assert_eq!(bus.most, MOST_AHEAD);
     }
 }

@@ -8,7 +8,7 @@ use super::link::{Link, Policy};
 
 /// How a transfer ended.
 #[derive(Clone, Debug)]
-pub(super) struct Ended {
+pub struct Ended {
     /// The data of an upload, nothing for a download; or why it failed.
     pub result: Result<Vec<u8>, Failure>,
     /// The last frame of the server.
@@ -97,7 +97,11 @@ pub(super) fn download(
     transfer(link, policy, node, client, request)
 }
 
-fn transfer(
+/// Plays a transfer to its end, which begins with `request`.
+///
+/// # Errors
+/// Whatever the bus reports; what the device does is in the result.
+pub fn transfer(
     link: &mut Link,
     policy: &Policy,
     node: u8,
@@ -134,9 +138,7 @@ impl Running {
         let answers = RESPONSE_COB_ID + u16::from(node);
         let first_sent = link.mark();
         let many = self.requests.len() > 1;
-        for request in self.requests.drain(..) {
-            link.send(&request.frame(node))?;
-        }
+        link.send_all(self.requests.drain(..).map(|request| request.frame(node)))?;
         let until = link.mark() + policy.sdo_timeout;
         if many {
             // A server may break off before it has heard everything.
@@ -193,5 +195,43 @@ impl Running {
             let (protocol, unsized_data) = (self.protocol, self.unsized_data);
             return Ok(Ended { result, raw, protocol, unsized_data });
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canopen::{Instant, VirtualBus, wire};
+    use reference_devices::devices;
+    use reference_devices::rules::Specification;
+
+    use super::*;
+
+    const BIT_RATE: u32 = 1_000_000;
+    const NODE: u8 = 5;
+    const LARGE: Mux = Mux::new(0x2F20, 0);
+
+    /// The part of an idle wire that a transfer takes, and how it ended.
+    fn load(client: Client, request: Request, written: &[u8]) -> (f64, Ended) {
+        let policy = Policy::at_bit_rate(BIT_RATE);
+        let device = devices::device("generic").unwrap();
+        let mut bus = VirtualBus::new(BIT_RATE);
+        bus.attach(device.node(NODE, Box::new(Specification)));
+        let mut link = Link::new(&mut bus);
+        link.wait(Instant::ZERO + policy.boot_timeout).unwrap();
+        let flow = Transfer::Segmented;
+        download(&mut link, &policy, NODE, LARGE, written, flow).unwrap().result.unwrap();
+        link.take_trace();
+        let ended = transfer(&mut link, &policy, NODE, client, request).unwrap();
+        let trace: Vec<Stamped> = link.take_trace().iter().map(|seen| seen.stamped).collect();
+        (wire::load(&trace, BIT_RATE), ended)
+    }
+
+    #[test]
+    fn a_block_download_leaves_no_gap_on_the_wire() {
+        let data: Vec<u8> = (0..10_000).map(|place| (place % 251) as u8).collect();
+        let (client, request) = Client::download(LARGE, &data, Transfer::Block);
+        let (load, ended) = load(client, request, &[]);
+        assert_eq!(ended.result, Ok(Vec::new()));
+        assert!(load >= 0.95, "{load}");
     }
 }
