@@ -9,7 +9,6 @@ pub mod cli;
 pub mod commands;
 pub mod compose;
 pub mod exit;
-mod nearest;
 pub mod plan;
 pub mod properties;
 pub mod reporter;
@@ -17,6 +16,7 @@ pub mod rig;
 pub mod run;
 pub mod scan;
 pub mod sheet;
-pub mod source;
 pub mod suite;
 pub mod target;
+
+use canopen::{nearest, source};

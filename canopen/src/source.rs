@@ -6,6 +6,8 @@ use std::sync::Arc;
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer};
 
+use crate::nearest::did_you_mean;
+
 /// A text with the name by which the user knows it.
 #[derive(Debug, Default)]
 pub struct Source {
@@ -160,6 +162,15 @@ fn in_our_words(message: &str) -> String {
         let key = rest.split([',', ';', ' ']).next().unwrap_or(rest);
         return format!("`{key}` stands here a second time");
     }
+    if let Some(unknown) = unknown(message, "unknown field `", "key") {
+        return unknown;
+    }
+    if let Some(unknown) = unknown(message, "unknown variant `", "word") {
+        return unknown;
+    }
+    if let Some(key) = message.strip_prefix("missing field `") {
+        return format!("the key `{key} is missing");
+    }
     let integer = |word: &str| {
         word.strip_prefix(['u', 'i'])
             .is_some_and(|bits| bits == "size" || bits.parse::<u8>().is_ok())
@@ -180,6 +191,16 @@ fn in_our_words(message: &str) -> String {
         }
         other => other.to_owned(),
     }
+}
+
+/// What is meant instead of a word that is not known, or else all that are.
+fn unknown(message: &str, prefix: &str, noun: &str) -> Option<String> {
+    let (wrong, known) = message.strip_prefix(prefix)?.split_once("`, expected one of ")?;
+    let meant = did_you_mean(wrong, known.split(", "));
+    Some(match meant.is_empty() {
+        true => format!("unknown {noun} `{wrong}`: there is {known}"),
+        false => format!("unknown {noun} `{wrong}`{meant}"),
+    })
 }
 
 #[cfg(test)]

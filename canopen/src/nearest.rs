@@ -1,0 +1,27 @@
+//! What somebody meant who wrote something else.
+
+/// `; did you mean `known`?` when one of `known` is near enough to `wrong`, else nothing.
+pub fn did_you_mean<'k>(wrong: &str, known: impl Iterator<Item = &'k str>) -> String {
+    let most = (wrong.chars().count() / 3).max(2);
+    // Who knows a part of the name means the shortest that has it.
+    let far = |known: &str| match known.contains(wrong) && wrong.len() > 3 {
+        true => (0, known.len()),
+        false => (strsim::damerau_levenshtein(wrong, known), 0),
+    };
+    let nearest = known.map(|known| (far(known), known)).min();
+    let near = nearest.filter(|((far, _), _)| *far <= most);
+    near.map_or_else(String::new, |(_, known)| format!("; did you mean `{known}`?"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_meant() {
+        let said = |wrong| did_you_mean(wrong, ["suction", "evacuation", "cool-down"].into_iter());
+        assert_eq!(said("suktion"), "; did you mean `suction`?");
+        assert_eq!(said("down"), "; did you mean `cool-down`?");
+        assert_eq!(said("heating"), "");
+    }
+}
