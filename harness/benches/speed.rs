@@ -11,8 +11,8 @@ use canopen::{Bus, Device, Frame, Instant, Mux, Outbox, Stamped, VirtualBus, eds
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use harness::plan::Dut;
 use harness::run::{Link, Policy, identity, transfer};
+use reference_devices::devices::em66::hour;
 use reference_devices::devices::{self, ReferenceDevice};
-use reference_devices::em66::hour;
 use reference_devices::rules::Specification;
 use reports::{Event, journal};
 

@@ -16,7 +16,7 @@ use canopen::catalogue::{Mapping, ObjectFacts, Scalar};
 use canopen::eds::Eds;
 use serde::de::DeserializeOwned;
 
-use crate::settings::NodeSettings;
+use crate::stack::NodeSettings;
 
 use file::{DeviceFile, VariantFile};
 

@@ -1,13 +1,16 @@
 //! The reference devices, each put together from its data, its behaviour and the stack.
 
-use crate::behaviour::{Behaviour, Inert};
+mod drr460;
+pub mod em66;
+mod generic;
+
 use crate::describe::{self, Description};
-use crate::drr460::{self, Drr460};
-use crate::em66::{self, Em66};
-use crate::generic::{self, Generic};
-use crate::node::Node;
 use crate::rules::Rules;
-use crate::settings::NodeSettings;
+use crate::stack::{Behaviour, Inert, Node, NodeSettings};
+
+use drr460::Drr460;
+use em66::Em66;
+use generic::Generic;
 
 /// A device that can be built.
 #[derive(Clone, Debug)]

@@ -10,8 +10,8 @@ use canopen::eds::Eds;
 use canopen::{Device, Pattern};
 
 use crate::devices::{self, ReferenceDevice};
-use crate::node::Node;
 use crate::rules::{self, Rules, Specification};
+use crate::stack::Node;
 
 pub use data::Mutant;
 pub use frame::FrameMutant;

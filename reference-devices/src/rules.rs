@@ -13,14 +13,14 @@ use canopen::sdo::Request;
 use canopen::timestamp::TimeOfDay;
 use canopen::{Abort, Mux, NmtState};
 
-use crate::nmt::{Change, Reset};
-
 mod lss;
 mod mutants;
+mod reset;
 mod sdo_block;
 
 pub use lss::LssRules;
 pub use mutants::{named, names};
+pub use reset::{Change, Reset};
 pub use sdo_block::SdoBlockRules;
 
 /// A device that keeps to the specification.

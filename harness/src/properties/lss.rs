@@ -8,9 +8,9 @@ use canopen::lss::{BIT_RATES, Mode, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Re
 use canopen::lss::{Part, UNCONFIGURED};
 use canopen::nmt::{Command, Service};
 use canopen::{Data, Device, Frame, Instant, Mux, Outbox, sdo};
-use reference_devices::Node;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::rules::Specification;
+use reference_devices::stack::Node;
 
 /// Whatever a master sends and whenever, a slave gives at most one answer to a request, one that
 /// fits it and has nothing in reserved places; it answers nothing but identification while it

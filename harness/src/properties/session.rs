@@ -12,9 +12,9 @@ use canopen::wire::{INTERMISSION_BITS, frame_bits};
 use canopen::{
     Abort, Bus, Data, Device, Frame, Id, Instant, Mux, NmtState, Outbox, VirtualBus, lss,
 };
-use reference_devices::Node;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::rules::Specification;
+use reference_devices::stack::Node;
 
 use super::{DEVICE, NODE};
 

@@ -6,8 +6,8 @@ use arbitrary::Unstructured;
 use canopen::nmt::NmtState;
 use canopen::sdo::{Client, Next, Request, Transfer};
 use canopen::{Data, Device, Frame, Instant, Mux, Outbox};
-use reference_devices::Node;
 use reference_devices::rules::Specification;
+use reference_devices::stack::Node;
 
 use super::session::GENERIC;
 

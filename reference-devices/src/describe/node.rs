@@ -8,7 +8,7 @@ use canopen::emcy::EmcyCode;
 use serde::Deserialize;
 
 use super::DescribeError;
-use crate::settings::{Byte, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};
+use crate::stack::{Byte, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};
 
 /// How the node starts, and what it supervises in a manner of its own.
 #[derive(Default, Deserialize)]

@@ -7,7 +7,6 @@ use canopen::{Data, NmtState};
 
 use super::mutants::mutants;
 use super::{Rules, SdoBlockRules};
-use crate::lss;
 
 /// The decisions of an LSS slave. Clauses are those of CiA 305.
 pub trait LssRules {
@@ -68,7 +67,7 @@ pub trait LssRules {
 
     /// The bit rate at a place of a table, as far as the slave has it (6.3.2).
     fn lss_bit_rate(&self, table: u8, index: u8, supported: &[u32]) -> Option<u32> {
-        lss::bit_rate(table, index, supported)
+        bit_rate(table, index, supported)
     }
 
     /// The slave sends nothing for one delay before the change of the bit rate and one after it
@@ -121,6 +120,12 @@ pub trait LssRules {
     fn lss_scan_complete(&self, scan: Fastscan) -> bool {
         scan.part == 3 && scan.next == 0
     }
+}
+
+/// The bit rate at that place of a table of CiA 305, in bit/s, if the node has it.
+fn bit_rate(table: u8, index: u8, supported: &[u32]) -> Option<u32> {
+    let bit_rate = BIT_RATES.get(usize::from(index)).copied().flatten()?;
+    (table == 0 && supported.contains(&bit_rate)).then_some(bit_rate)
 }
 
 mutants! {
@@ -190,19 +195,19 @@ mutants! {
         fn lss_bit_rate(&self, table: u8, index: u8, supported: &[u32]) -> Option<u32> {
             match (table, index) {
                 (0, 5) => Some(100_000),
-                _ => lss::bit_rate(table, index, supported),
+                _ => bit_rate(table, index, supported),
             }
         }
     }
     "lss-any-bit-rate-index-accepted" {
         fn lss_bit_rate(&self, table: u8, index: u8, supported: &[u32]) -> Option<u32> {
             let beyond = usize::from(index) >= BIT_RATES.len() && table == 0;
-            if beyond { Some(1_000_000) } else { lss::bit_rate(table, index, supported) }
+            if beyond { Some(1_000_000) } else { bit_rate(table, index, supported) }
         }
     }
     "lss-bit-rate-table-ignored" {
         fn lss_bit_rate(&self, _table: u8, index: u8, supported: &[u32]) -> Option<u32> {
-            lss::bit_rate(0, index, supported)
+            bit_rate(0, index, supported)
         }
     }
     "lss-bit-rates-refused" {

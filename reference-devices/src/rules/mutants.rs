@@ -10,8 +10,7 @@ use canopen::sdo::Request;
 use canopen::timestamp::TimeOfDay;
 use canopen::{Abort, Data, Mux, NmtState};
 
-use super::{LssRules, Rules, SdoBlockRules, lss, sdo_block};
-use crate::nmt::{Change, Reset};
+use super::{Change, LssRules, Reset, Rules, SdoBlockRules, lss, sdo_block};
 
 /// The rules of the device that is wrong in just the way `name` says; `None` when there is none.
 pub fn named(name: &str) -> Option<Box<dyn Rules>> {

@@ -1,0 +1,252 @@
+//! What the EUROMAP 66-2 heating/cooling device does: it brings a medium to a temperature and pumps
+//! it through a mould.
+//!
+//! Data flows one way, every 100 ms and after each write and each stimulus: the process, as far as
+//! the bench does not say what sensors see, becomes [`Sensed`]; that and the errors become
+//! [`Duty`], what the device is to do; the controller makes [`Drive`] of it, which acts on the
+//! process; the alarms look at the objects that come of it.
+
+mod alarm;
+mod bench;
+mod codes;
+mod controller;
+mod faults;
+pub mod hour;
+mod objects;
+mod operation;
+mod process;
+mod rules;
+mod suction;
+mod switch_off;
+
+use std::time::Duration;
+
+use canopen::{Abort, BenchError, Dictionary, Instant, Mux, Value};
+
+use crate::stack::{Behaviour, Errors};
+
+use alarm::Alarms;
+use bench::Stimuli;
+use controller::Controller;
+use faults::Faults;
+use operation::Operation;
+use process::Process;
+
+pub use alarm::{AlarmType, Quantity, SetPoints, Wait};
+pub use rules::{
+    AlarmRules, ControlRules, Em66Rules, FaultRules, OperationRules, Profile, ValueRules, named,
+    names,
+};
+
+/// The application of a heating/cooling device.
+pub struct Em66 {
+    rules: Box<dyn Em66Rules>,
+    options: Options,
+    process: Process,
+    stimuli: Stimuli,
+    faults: Faults,
+    operation: Operation,
+    controller: Controller,
+    alarms: Alarms,
+    drive: Drive,
+    next_sample: Instant,
+    /// Something came from outside since the last decision.
+    touched: bool,
+}
+
+/// What this device has of what no dictionary can tell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Options {
+    suction: bool,
+    evacuation: bool,
+    cool_down: bool,
+    self_optimisation: bool,
+}
+
+/// What the sensors tell. Temperatures in tenths of a degree Celsius.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Sensed {
+    main: i64,
+    return_line: i64,
+    external: External,
+    /// In tenths of a litre a minute.
+    flow: i64,
+    /// Pressure at the intake of the pump, in tenths of a bar.
+    intake_pressure: i64,
+    /// What is in the tank, in tenths of a percent.
+    medium_level: i64,
+    /// What is in the mould, in tenths of a percent.
+    mould_contents: i64,
+    limiter_tripped: bool,
+    machine_fault: bool,
+}
+
+/// The sensor in the mould.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum External {
+    /// It tells a temperature, in tenths of a degree Celsius.
+    Reads(i64),
+    /// Nothing is plugged in.
+    #[default]
+    Unplugged,
+    /// It is plugged in and tells nothing.
+    Broken,
+}
+
+/// What the device is to do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Duty {
+    /// The controller works (6427h, on): also while it cools down and evacuates before it is off.
+    on: bool,
+    /// Which temperature is controlled, as 2004h says.
+    mode: Mode,
+    /// Cooling down before switching off.
+    cooling_down: bool,
+    /// Emptying the mould before switching off.
+    evacuating: bool,
+    /// Suction mode is on.
+    suction: bool,
+    /// An error forbids to heat and to cool.
+    blocked: bool,
+}
+
+/// Which temperature is controlled (3.4.4).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Mode {
+    #[default]
+    MainLine,
+    ReturnLine,
+    ExternalSensor,
+}
+
+/// What the actuators do.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Drive {
+    /// In tenths of a percent: heating is positive, cooling negative.
+    output: i64,
+    pump: Pump,
+    /// The valve is open through which the mould empties.
+    draining: bool,
+}
+
+/// What the pump does.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Pump {
+    #[default]
+    Off,
+    Forward,
+    /// Drawing the medium through the mould instead of pressing it.
+    Backward,
+}
+
+impl Em66 {
+    /// A device at ambient temperature that decides in this manner and lacks these options.
+    pub fn new(rules: Box<dyn Em66Rules>, without: &[String]) -> Self {
+        let has = |option: &str| !without.iter().any(|lacking| lacking == option);
+        let options = Options {
+            suction: has("suction"),
+            evacuation: has("evacuation"),
+            cool_down: has("cool-down"),
+            self_optimisation: has("self-optimisation"),
+        };
+        Self {
+            rules,
+            options,
+            process: Process::new(),
+            stimuli: Stimuli::default(),
+            faults: Faults::default(),
+            operation: Operation::default(),
+            controller: Controller::new(),
+            alarms: Alarms::default(),
+            drive: Drive::default(),
+            next_sample: Instant::ZERO + PERIOD,
+            touched: true,
+        }
+    }
+
+    /// Senses, decides and drives; `elapsed` went by since the last time, zero for a decision
+    /// between two samples.
+    fn step(&mut self, elapsed: Duration, od: &mut Dictionary, errors: &mut Errors) {
+        let rules = &*self.rules;
+        let sensed = self.stimuli.sense(&self.process);
+        let blocked = self.faults.judge(&sensed, self.operation.mode(), od, errors, rules);
+        let duty = self.operation.decide(&sensed, blocked, self.options, od, rules);
+        self.drive = self.controller.drive(elapsed, &sensed, &duty, self.options, od, rules);
+        objects::show(&sensed, od, rules);
+        self.alarms.watch(&duty, od, rules);
+    }
+}
+
+impl Behaviour for Em66 {
+    fn reset(&mut self, _now: Instant, od: &mut Dictionary) {
+        self.touched = true;
+        self.stimuli.fit(od);
+        self.faults = Faults::default();
+        self.operation = Operation::default();
+        self.controller.restart();
+        self.alarms.reset(od, &*self.rules);
+    }
+
+    fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {
+        let rules = &*self.rules;
+        Controller::check(mux, bytes, od, rules)?;
+        Operation::check(mux, bytes, self.options, od, rules)?;
+        self.alarms.check(mux, bytes, od, rules)
+    }
+
+    fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
+        let rules = &*self.rules;
+        self.touched = true;
+        self.operation.written(mux, od, rules);
+        self.alarms.written(mux, od, rules);
+    }
+
+    fn refused(&mut self, _now: Instant, mux: Mux, bytes: &[u8], od: &mut Dictionary) {
+        let rules = &*self.rules;
+        self.touched = true;
+        self.operation.refused(mux, rules);
+        self.alarms.refused(mux, bytes, od, rules);
+    }
+
+    fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
+        while self.next_sample <= now {
+            self.process.advance(PERIOD, self.drive);
+            self.step(PERIOD, od, errors);
+            self.next_sample += PERIOD;
+            self.touched = false;
+        }
+        if std::mem::take(&mut self.touched) {
+            self.step(Duration::ZERO, od, errors);
+        }
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        Some(self.next_sample)
+    }
+
+    fn bench_names(&self) -> Vec<String> {
+        self.stimuli.names()
+    }
+
+    fn stimulate(
+        &mut self,
+        _now: Instant,
+        name: &str,
+        value: &Value,
+        _od: &mut Dictionary,
+    ) -> Result<(), BenchError> {
+        self.touched = true;
+        self.stimuli.set(name, value)
+    }
+
+    fn observe(&self, name: &str, _od: &Dictionary) -> Option<Value> {
+        self.stimuli.observe(name, self.drive)
+    }
+
+    fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
+        objects::triggers(mux, last, od)
+    }
+}
+
+/// Time from one sample to the next.
+const PERIOD: Duration = Duration::from_millis(100);

@@ -1,0 +1,111 @@
+//! The set point in force (7401h), which follows the chosen one as fast as the ramps let it.
+
+use std::time::Duration;
+
+/// The way from one set point to another. Values are tenths of a degree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Ramp {
+    present: f64,
+    running: bool,
+}
+
+/// How fast the set point may rise and fall, in tenths of a kelvin per minute; 0 is at once.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Rates {
+    /// 3060h.
+    pub(super) heating: i64,
+    /// 3070h.
+    pub(super) cooling: i64,
+}
+
+impl Ramp {
+    /// Of a controller that has not run.
+    pub(super) const fn new() -> Self {
+        Self { present: 0.0, running: false }
+    }
+
+    /// The controller is off: nothing to follow.
+    pub(super) fn stop(&mut self, chosen: i64) {
+        *self = Self { present: chosen as f64, running: false };
+    }
+
+    /// The controller is on; one that was off starts where `start` is. Where there is no ramp in
+    /// the direction to go, the chosen set point is in force at once.
+    pub(super) fn follow(&mut self, chosen: i64, start: i64, rates: Rates) {
+        if !self.running {
+            *self = Self { present: start as f64, running: true };
+        }
+        if self.rate(chosen, rates) == 0 {
+            self.present = chosen as f64;
+        }
+    }
+
+    /// Time goes by.
+    pub(super) fn advance(&mut self, elapsed: Duration, chosen: i64, rates: Rates) {
+        let step = self.rate(chosen, rates) as f64 * elapsed.as_secs_f64() / 60.0;
+        let missing = chosen as f64 - self.present;
+        if self.running {
+            self.present += missing.clamp(-step, step);
+        }
+    }
+
+    /// What is in force.
+    pub(super) const fn present(&self) -> f64 {
+        self.present
+    }
+
+    /// Of the direction to go.
+    fn rate(&self, chosen: i64, rates: Rates) -> i64 {
+        if chosen as f64 > self.present { rates.heating } else { rates.cooling }.max(0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::em66::PERIOD;
+
+    const SLOW: Rates = Rates { heating: 600, cooling: 300 };
+
+    fn after(ramp: &mut Ramp, samples: u32, chosen: i64, rates: Rates) -> f64 {
+        for _ in 0..samples {
+            ramp.advance(PERIOD, chosen, rates);
+        }
+        (ramp.present() * 1e6).round() / 1e6
+    }
+
+    #[test]
+    fn it_starts_at_the_effective_value_and_moves_with_the_rate_of_its_direction() {
+        let mut ramp = Ramp::new();
+        ramp.stop(400);
+        assert_eq!(ramp.present(), 400.0);
+        ramp.follow(400, 250, SLOW);
+        assert_eq!(ramp.present(), 250.0);
+        assert_eq!(after(&mut ramp, 10, 400, SLOW), 260.0);
+        ramp.follow(400, 999, SLOW);
+        assert_eq!(after(&mut ramp, 600, 400, SLOW), 400.0);
+        assert_eq!(after(&mut ramp, 10, 300, SLOW), 395.0);
+    }
+
+    #[test]
+    fn without_a_ramp_the_chosen_set_point_is_in_force_at_once() {
+        let up_only = Rates { heating: 600, cooling: 0 };
+        let mut ramp = Ramp::new();
+        ramp.follow(400, 250, Rates::default());
+        assert_eq!(ramp.present(), 400.0);
+        ramp.follow(500, 250, up_only);
+        assert_eq!(ramp.present(), 400.0);
+        ramp.follow(300, 250, up_only);
+        assert_eq!(ramp.present(), 300.0);
+    }
+
+    #[test]
+    fn a_fraction_of_a_tenth_is_not_lost() {
+        let mut ramp = Ramp::new();
+        let rates = Rates { heating: 7, cooling: 7 };
+        ramp.follow(400, 0, rates);
+        assert_eq!(after(&mut ramp, 600, 400, rates), 7.0);
+        ramp.stop(100);
+        assert_eq!(after(&mut ramp, 600, 400, rates), 100.0);
+    }
+}

@@ -1,0 +1,33 @@
+//! What NMT commands lead to, as far as the rules decide it.
+
+use std::ops::RangeInclusive;
+
+use canopen::NmtState;
+
+/// What an NMT command leads to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// Another state.
+    Enter(NmtState),
+    /// Initialisation from the start.
+    Reset(Reset),
+}
+
+/// How much of a device starts anew (CiA 301, 7.3.2.2.1).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reset {
+    /// Everything, as after power-on.
+    Node,
+    /// The communication profile area.
+    Communication,
+}
+
+impl Reset {
+    /// The objects that take their stored or default values.
+    pub const fn objects(self) -> RangeInclusive<u16> {
+        match self {
+            Self::Node => 0x1000..=0xFFFF,
+            Self::Communication => 0x1000..=0x1FFF,
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! What every service works with.
+
+use canopen::eds::Eds;
+use canopen::{Dictionary, Instant, Mux, NmtState, ValueError};
+
+use crate::rules::Rules;
+use crate::stack::errors::Errors;
+use crate::stack::fault::Fault;
+use crate::stack::settings::NodeSettings;
+
+/// The node as its services see it: identity, state, decisions, objects and errors.
+pub(crate) struct Base {
+    pub(crate) id: u8,
+    pub(crate) state: NmtState,
+    pub(crate) settings: NodeSettings,
+    pub(crate) rules: Box<dyn Rules>,
+    pub(crate) od: Dictionary,
+    pub(crate) errors: Errors,
+    /// Data types that may fill gaps in RPDOs.
+    pub(crate) dummies: Vec<u16>,
+    /// The smallest mappable unit in bits.
+    pub(crate) granularity: u8,
+    /// When the synchronous window closes that the last SYNC opened (1007h).
+    pub(crate) window_end: Option<Instant>,
+}
+
+impl Base {
+    /// # Errors
+    /// The address of a default value that is not one of its entry's type, and why.
+    pub(crate) fn new(
+        eds: &Eds,
+        id: u8,
+        settings: NodeSettings,
+        rules: Box<dyn Rules>,
+    ) -> Result<Self, (Mux, ValueError)> {
+        Ok(Self {
+            id,
+            state: NmtState::INITIALISING,
+            settings,
+            rules,
+            od: Dictionary::new(eds, id)?,
+            errors: Errors::default(),
+            dummies: eds.dummies.clone(),
+            granularity: eds.device.granularity,
+            window_end: None,
+        })
+    }
+
+    /// An error of the communication appeared.
+    pub(crate) fn raise(&mut self, fault: Fault) {
+        self.errors.raise_fault(fault, &self.settings.emcy, &*self.rules);
+    }
+}

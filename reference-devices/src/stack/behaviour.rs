@@ -1,0 +1,113 @@
+//! What a device does beside communicating.
+
+use canopen::emcy::Emcy;
+use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
+
+use crate::stack::errors::Errors;
+use crate::stack::sdo_client::SdoJob;
+
+/// The application of a device. It sees its objects and the time, and no frames.
+///
+/// Objects it changes are noticed by the TPDOs that map them.
+pub trait Behaviour: Send {
+    /// Starts anew after power-on or reset node; the objects hold their stored or default values.
+    fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {}
+
+    /// The application's own refusals, after those of the data sheet and before anything changes.
+    ///
+    /// # Errors
+    /// The abort code the client shall get.
+    fn check(&self, _mux: Mux, _bytes: &[u8], _od: &Dictionary) -> Result<(), Abort> {
+        Ok(())
+    }
+
+    /// The network has written the object at `mux`.
+    fn written(&mut self, _now: Instant, _mux: Mux, _od: &mut Dictionary) {}
+
+    /// The network wanted to write `bytes` to the object at `mux`, which was refused; what the
+    /// device then shows there is its own affair.
+    fn refused(&mut self, _now: Instant, _mux: Mux, _bytes: &[u8], _od: &mut Dictionary) {}
+
+    /// The network has begun to read the object at `mux`.
+    fn uploaded(&mut self, _mux: Mux, _od: &mut Dictionary) {}
+
+    /// Something happened to the communication.
+    fn event(&mut self, _now: Instant, _event: Event, _od: &mut Dictionary) {}
+
+    /// Advances the model to `now`. Called when [`poll_at`](Self::poll_at) has come and after
+    /// each call of the other methods that change something; it may raise and clear errors.
+    fn run(&mut self, _now: Instant, _od: &mut Dictionary, _errors: &mut Errors) {}
+
+    /// When [`run`](Self::run) is wanted next; later than the last `now`.
+    fn poll_at(&self) -> Option<Instant> {
+        None
+    }
+
+    /// The SDO transfer that the application wants next, asked for when something happened.
+    fn sdo_job(&mut self) -> Option<SdoJob> {
+        None
+    }
+
+    /// A transfer ended: the data of an upload, nothing for a download, or why it failed.
+    fn sdo_done(
+        &mut self,
+        _now: Instant,
+        _client: u8,
+        _result: Result<Vec<u8>, Abort>,
+        _od: &mut Dictionary,
+    ) {
+    }
+
+    /// The names of what can be set and observed on the physical side.
+    fn bench_names(&self) -> Vec<String> {
+        Vec::new()
+    }
+
+    /// Takes a stimulus; [`run`](Self::run) follows. A stimulus lasts over resets: whoever turned
+    /// a knob finds it turned.
+    ///
+    /// # Errors
+    /// When there is none of that name, or it does not take the value.
+    fn stimulate(
+        &mut self,
+        _now: Instant,
+        name: &str,
+        _value: &Value,
+        _od: &mut Dictionary,
+    ) -> Result<(), BenchError> {
+        Err(BenchError::unknown(name))
+    }
+
+    /// What is to be seen from outside; of a stimulus, what was set.
+    fn observe(&self, _name: &str, _od: &Dictionary) -> Option<Value> {
+        None
+    }
+
+    /// Whether the difference between `last`, which was transmitted, and the present value of a
+    /// mapped object is an event that transmits a TPDO (CiA 301, 7.2.2.3). Thresholds belong here.
+    fn triggers(&mut self, _mux: Mux, _last: &[u8], _od: &Dictionary) -> bool {
+        true
+    }
+}
+
+/// What an application may want to know of the communication.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// The node entered this NMT state.
+    Entered(NmtState),
+    /// A communication error appeared: heartbeat or life guarding was lost.
+    CommunicationError,
+    /// A node that 1028h names told an error.
+    Emergency {
+        /// The sub-index of 1028h, which is the node id of the sender.
+        node: u8,
+        /// What it told.
+        emcy: Emcy,
+    },
+}
+
+/// A device without an application.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Inert;
+
+impl Behaviour for Inert {}

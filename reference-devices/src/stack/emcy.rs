@@ -1,0 +1,384 @@
+//! Emergency messages, the error register and the error history (CiA 301, 7.2.7, objects 1001h,
+//! 1003h, 1014h and 1015h).
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use canopen::emcy::{Emcy, EmcyCode};
+use canopen::pdo::{CobId, is_restricted};
+use canopen::{Abort, Dictionary, Frame, Instant, Mux, Outbox};
+
+use crate::stack::base::Base;
+use crate::stack::errors::News;
+use crate::stack::settings::Byte;
+
+/// Tells the errors of the device, one message at a time.
+#[derive(Debug, Default)]
+pub(crate) struct EmcyProducer {
+    queue: VecDeque<Emcy>,
+    history: VecDeque<u32>,
+    depth: usize,
+    cob: Option<CobId>,
+    inhibit: Duration,
+    free_at: Instant,
+    waits: bool,
+}
+
+impl EmcyProducer {
+    /// Starts anew: nothing waits, the history is empty.
+    pub(crate) fn reset(&mut self, base: &mut Base) {
+        let history = base.od.entries().iter().filter(|entry| entry.mux.index == HISTORY);
+        let depth = history.filter(|entry| entry.mux.sub > 0).count();
+        let queue = match base.rules.reset_drops_emcy() {
+            true => VecDeque::new(),
+            false => std::mem::take(&mut self.queue),
+        };
+        *self = Self { depth, queue, ..Self::default() };
+        self.configure(base);
+        self.publish_register(base);
+        self.publish_history(&mut base.od);
+    }
+
+    /// Takes the identifier from 1014h and the inhibit time from 1015h.
+    pub(crate) fn configure(&mut self, base: &Base) {
+        let cob = base.od.int(COB_ID).map(|cob| CobId(cob as u32));
+        self.cob = cob.filter(|cob| cob.valid());
+        if self.cob.is_none() {
+            self.queue.clear();
+        }
+        let inhibit = base.od.int(INHIBIT).unwrap_or(0) as u16;
+        self.inhibit = base.rules.emcy_inhibit(inhibit);
+    }
+
+    /// Takes over what is new of the errors. Returns whether an object changed.
+    pub(crate) fn collect(&mut self, base: &mut Base) -> bool {
+        if !base.errors.has_news() {
+            return false;
+        }
+        while let Some(news) = base.errors.take_news() {
+            let message = match news {
+                News::Appeared(message) => {
+                    self.remember(message, base);
+                    message
+                }
+                News::Gone(message) => message,
+            };
+            self.enqueue(message, base);
+        }
+        self.publish_register(base);
+        self.publish_history(&mut base.od);
+        true
+    }
+
+    /// Sends what may be sent by now.
+    pub(crate) fn send(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
+        self.waits = false;
+        if !base.rules.emcy_sent_in(base.state) {
+            return;
+        }
+        while self.free_at <= now
+            && let Some(message) = self.queue.pop_front()
+            && let Some(cob) = self.cob
+        {
+            out.push(Frame::new(cob.can_id(), message.encode()));
+            self.free_at = now + self.inhibit;
+        }
+        self.waits = !self.queue.is_empty();
+    }
+
+    /// Whether 1003h sub `sub` holds an error (CiA 301, 7.5.2.4).
+    pub(crate) fn has_line(&self, sub: u8) -> bool {
+        usize::from(sub) <= self.history.len()
+    }
+
+    /// 1003h sub 0 was set to 0.
+    pub(crate) fn clear_history(&mut self, base: &mut Base) {
+        self.history.clear();
+        self.publish_history(&mut base.od);
+        if base.settings.emcy.tells_history_cleared {
+            let message = Emcy { code: EmcyCode::RESET, register: 0, vendor: [0; 5] };
+            self.enqueue(message, base);
+        }
+    }
+
+    /// When the inhibit time of a message that waits is over.
+    pub(crate) fn poll_at(&self) -> Option<Instant> {
+        self.waits.then_some(self.free_at)
+    }
+
+    fn remember(&mut self, message: Emcy, base: &Base) {
+        let depth = base.rules.history_depth(self.depth);
+        let [a, b, ..] = message.vendor;
+        let line = u32::from(message.code.0) | u32::from(a) << 16 | u32::from(b) << 24;
+        if base.rules.history_newest_first() {
+            self.history.push_front(line);
+            self.history.truncate(depth);
+        } else {
+            self.history.push_back(line);
+            if self.history.len() > depth {
+                self.history.pop_front();
+            }
+        }
+    }
+
+    fn enqueue(&mut self, message: Emcy, base: &Base) {
+        if self.cob.is_none() || !self.queue.is_empty() && !base.rules.emcy_queued() {
+            return;
+        }
+        if self.queue.len() < base.settings.emcy_queue {
+            self.queue.push_back(message);
+        } else if let (Some(last), Some(form)) =
+            (self.queue.back_mut(), base.settings.emcy.queue_overflow)
+        {
+            let register = base.errors.register() | form.register;
+            let vendor = form.vendor.map(|byte| match byte {
+                Byte::Is(byte) => byte,
+                _ => 0,
+            });
+            *last = Emcy { code: form.code, register, vendor };
+        }
+    }
+
+    fn publish_register(&self, base: &mut Base) {
+        let before = base.od.int(REGISTER).unwrap_or(0) as u8;
+        let register = base.rules.error_register(before, base.errors.register());
+        base.od.set(REGISTER, &[register]);
+    }
+
+    fn publish_history(&self, od: &mut Dictionary) {
+        od.set(Mux::new(HISTORY, 0), &[self.history.len() as u8]);
+        for place in 0..self.depth {
+            let line = self.history.get(place).copied().unwrap_or(0);
+            od.set(Mux::new(HISTORY, place as u8 + 1), &line.to_le_bytes());
+        }
+    }
+}
+
+/// What 1003h sub 0 and 1014h refuse (CiA 301, 7.5.2.4 and 7.5.2.17).
+pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
+    match (mux, bytes) {
+        (Mux { index: HISTORY, sub: 0 }, [count]) if !base.rules.history_count_valid(*count) => {
+            Err(Abort::VALUE)
+        }
+        (COB_ID, [a, b, c, d]) => {
+            let before = CobId(base.od.int(COB_ID).unwrap_or(0) as u32);
+            check_cob_id(before, CobId(u32::from_le_bytes([*a, *b, *c, *d])), base)
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What the COB-ID of an emergency message refuses (CiA 301, 7.5.2.17).
+pub(crate) fn check_cob_id(before: CobId, after: CobId, base: &Base) -> Result<(), Abort> {
+    if before == after {
+        return Ok(());
+    }
+    let moved = before.valid() && after.valid();
+    let foreign_bits = after.0 & !(CobId::INVALID | 0x7FF) != 0;
+    let restricted = after.valid() && is_restricted(after.can_id().into());
+    if moved && base.rules.cob_id_fixed_while_valid() || foreign_bits || restricted {
+        return Err(Abort::VALUE);
+    }
+    Ok(())
+}
+
+pub(crate) const HISTORY: u16 = 0x1003;
+pub(crate) const COB_ID: Mux = Mux::new(0x1014, 0);
+pub(crate) const INHIBIT: Mux = Mux::new(0x1015, 0);
+const REGISTER: Mux = Mux::new(0x1001, 0);
+
+#[cfg(test)]
+mod tests {
+    use crate::rules::Specification;
+    use crate::stack::testing::{Rig, eds, full, mux, sent, set};
+    use crate::stack::{Behaviour, Byte, EmcyForm, EmcyTable, Errors, NodeSettings};
+    use canopen::emcy::EmcyCode;
+    use canopen::{Abort, Dictionary, Instant};
+
+    /// Each bit of 2000h is an error of the application.
+    struct Bits;
+
+    impl Behaviour for Bits {
+        fn run(&mut self, _now: Instant, od: &mut Dictionary, errors: &mut Errors) {
+            let bits = od.int(mux(0x2000, 0)).unwrap();
+            for bit in 0..8u8 {
+                if bits >> bit & 1 != 0 {
+                    let code = EmcyCode(0x5000 + u16::from(bit));
+                    errors.raise(bit.into(), code, 0x80, [bit, 0xAA, 0, 0, 0]);
+                } else {
+                    errors.clear(bit.into());
+                }
+            }
+        }
+    }
+
+    fn rig(rules: &str) -> Rig {
+        with(rules, NodeSettings::default())
+    }
+
+    fn with(rules: &str, settings: NodeSettings) -> Rig {
+        let rules = crate::rules::named(rules).unwrap_or_else(|| Box::new(Specification));
+        let mut entries = full();
+        set(&mut entries, mux(0x2000, 0), 0);
+        Rig::with(&eds(entries), settings, rules, Box::new(Bits))
+    }
+
+    /// Sets the errors and returns what is told at once.
+    fn raise(rig: &mut Rig, bits: u8) -> Vec<String> {
+        let answers = rig.ask(&format!("605#2F002000{bits:02X}000000"));
+        answers.into_iter().filter(|frame| !frame.starts_with("585")).collect()
+    }
+
+    #[test]
+    fn an_error_is_told_when_it_appears_and_when_it_goes() {
+        let mut rig = rig("");
+        assert_eq!(raise(&mut rig, 1), ["085#00508100AA000000"]);
+        assert_eq!(raise(&mut rig, 3), ["085#01508101AA000000"]);
+        assert_eq!(raise(&mut rig, 2), ["085#0000810000000000"]);
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x81]));
+        assert_eq!(raise(&mut rig, 0), ["085#0000000000000000"]);
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+    }
+
+    #[test]
+    fn the_history_begins_with_the_newest_and_has_an_end() {
+        let mut rig = rig("");
+        let line = |rig: &mut Rig, sub| rig.read(mux(0x1003, sub));
+        assert_eq!(line(&mut rig, 1), Err(Abort::NO_DATA.0));
+        raise(&mut rig, 1);
+        raise(&mut rig, 3);
+        assert_eq!(line(&mut rig, 0), Ok(vec![2]));
+        assert_eq!(line(&mut rig, 1), Ok(vec![1, 0x50, 1, 0xAA]));
+        assert_eq!(line(&mut rig, 2), Ok(vec![0, 0x50, 0, 0xAA]));
+        assert_eq!(line(&mut rig, 3), Err(Abort::NO_DATA.0));
+        raise(&mut rig, 0x0F);
+        assert_eq!(line(&mut rig, 0), Ok(vec![3]));
+        assert_eq!(line(&mut rig, 3), Ok(vec![1, 0x50, 1, 0xAA]));
+        assert_eq!(rig.write(mux(0x1003, 0), &[1]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(mux(0x1003, 1), &[0; 4]), Err(Abort::READ_ONLY.0));
+        assert_eq!(rig.write(mux(0x1003, 0), &[0]), Ok(()));
+        assert_eq!(line(&mut rig, 0), Ok(vec![0]));
+        assert_eq!(line(&mut rig, 1), Err(Abort::NO_DATA.0));
+    }
+
+    #[test]
+    fn the_inhibit_time_keeps_messages_apart_and_loses_none() {
+        let mut rig = rig("");
+        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        assert_eq!(raise(&mut rig, 3), ["085#00508100AA000000"]);
+        assert!(raise(&mut rig, 0).is_empty());
+        assert_eq!(
+            rig.until(1_000_000),
+            sent(&[
+                (101_000, "085#01508101AA000000"),
+                (201_000, "085#0000810000000000"),
+                (301_000, "085#0000000000000000"),
+            ])
+        );
+    }
+
+    #[test]
+    fn a_stopped_node_is_silent_and_tells_later() {
+        let mut rig = rig("");
+        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut rig, 3);
+        rig.send("000#0205");
+        assert_eq!(rig.until(900_000), []);
+        assert_eq!(rig.ask("000#8005"), ["085#01508101AA000000"]);
+        raise(&mut rig, 0);
+        rig.send("000#8205");
+        rig.run_to(2_000_000);
+        assert_eq!(rig.read(mux(0x1003, 0)), Ok(vec![0]));
+    }
+
+    #[test]
+    fn reset_communication_forgets_messages_and_keeps_the_errors_of_the_application() {
+        let mut rig = rig("");
+        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut rig, 3);
+        rig.send("000#8205");
+        assert_eq!(rig.until(1_000_000), sent(&[(2_000, "705#00")]));
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x81]));
+        rig.send("000#8105");
+        rig.run_to(1_100_000);
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+    }
+
+    #[test]
+    fn the_identifier_is_judged_and_may_be_switched_off() {
+        let mut rig = rig("");
+        let cob = mux(0x1014, 0);
+        assert_eq!(rig.write(cob, &[0x86, 0, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(cob, &[0, 0, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(cob, &[0x85, 0, 0, 0x20]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(cob, &[0x85, 0, 0, 0]), Ok(()));
+        assert_eq!(rig.write(cob, &[0x85, 0, 0, 0x80]), Ok(()));
+        assert!(raise(&mut rig, 1).is_empty());
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x81]));
+        assert_eq!(rig.write(cob, &[1, 6, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(cob, &[0x90, 0, 0, 0]), Ok(()));
+        assert_eq!(raise(&mut rig, 0), ["090#0000000000000000"]);
+    }
+
+    #[test]
+    fn a_device_has_its_own_bytes() {
+        let heartbeat = EmcyForm {
+            vendor: [Byte::Is(0), Byte::Is(5), Byte::Subject, Byte::Is(0), Byte::Is(0)],
+            end_repeats: true,
+            ..EmcyForm::new(EmcyCode::HEARTBEAT, 0x11)
+        };
+        let overflow = EmcyForm {
+            vendor: [Byte::Is(0), Byte::Is(9), Byte::Is(0), Byte::Is(0), Byte::Is(0)],
+            ..EmcyForm::new(EmcyCode::HARDWARE, 0x81)
+        };
+        let emcy = EmcyTable {
+            heartbeat: Some(heartbeat),
+            queue_overflow: Some(overflow),
+            tells_history_cleared: true,
+            ..EmcyTable::default()
+        };
+        let settings = NodeSettings { emcy, emcy_queue: 2, ..NodeSettings::default() };
+        let mut rig = with("", settings);
+        rig.write(mux(0x1016, 1), &[100, 0, 10, 0]).unwrap();
+        rig.send("70A#05");
+        assert_eq!(rig.until(500_000), sent(&[(101_000, "085#30811100050A0000")]));
+        assert_eq!(rig.ask("70A#05"), ["085#00001100050A0000"]);
+        rig.write(mux(0x1003, 0), &[0]).unwrap();
+        assert_eq!(rig.until(500_000), sent(&[(500_000, "085#0000000000000000")]));
+        rig.write(mux(0x1016, 1), &[0; 4]).unwrap();
+        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut rig, 0x0F);
+        let rest = rig.until(2_000_000);
+        assert_eq!(rest.last().unwrap().1, "085#0050810009000000");
+    }
+
+    #[test]
+    fn mutants_break_what_they_say() {
+        let mut busy = rig("emcy-lost-when-busy");
+        busy.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        assert_eq!(raise(&mut busy, 7).len(), 1);
+        assert_eq!(busy.until(1_000_000), []);
+        let mut reversed = rig("history-order-reversed");
+        raise(&mut reversed, 3);
+        assert_eq!(reversed.read(mux(0x1003, 1)), Ok(vec![0, 0x50, 0, 0xAA]));
+        let mut stuck = rig("error-register-never-cleared");
+        raise(&mut stuck, 1);
+        raise(&mut stuck, 0);
+        assert_eq!(stuck.read(mux(0x1001, 0)), Ok(vec![0x81]));
+        let mut any = rig("history-cleared-by-any-value");
+        assert_eq!(any.write(mux(0x1003, 0), &[5]), Ok(()));
+        let mut stale = rig("emcy-kept-over-reset");
+        stale.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut stale, 3);
+        stale.send("000#8205");
+        assert_eq!(stale.until(1_000_000).len(), 2);
+        let mut endless = rig("history-without-end");
+        raise(&mut endless, 0x0F);
+        assert_eq!(endless.read(mux(0x1003, 0)), Ok(vec![4]));
+        let mut stopped = rig("emcy-sent-in-stopped");
+        stopped.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut stopped, 3);
+        stopped.send("000#0205");
+        assert_eq!(stopped.until(1_000_000).len(), 1);
+    }
+}

@@ -1,0 +1,133 @@
+//! The errors a device has at the moment, and what of them was not told yet.
+
+use std::collections::VecDeque;
+
+use canopen::emcy::{Emcy, EmcyCode};
+
+use crate::rules::Rules;
+use crate::stack::fault::{Fault, FaultKind};
+use crate::stack::settings::EmcyTable;
+
+/// The errors that are present. Each is told once when it appears and once when it goes.
+#[derive(Debug, Default)]
+pub struct Errors {
+    active: Vec<Active>,
+    news: VecDeque<News>,
+    reaction: Option<u8>,
+}
+
+/// What happened to an error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum News {
+    /// It appeared: a message and a line in the history.
+    Appeared(Emcy),
+    /// It went: a message with code 0000h.
+    Gone(Emcy),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Active {
+    kind: FaultKind,
+    subject: u16,
+    register: u8,
+    end: Option<([u8; 5], u8)>,
+}
+
+impl Errors {
+    /// An error of the application appeared. `error` is the application's own number for it;
+    /// nothing happens while that one is present. Bit 0 of the register is set in any case
+    /// (CiA 301, 7.5.2.2).
+    pub fn raise(&mut self, error: u16, code: EmcyCode, register: u8, vendor: [u8; 5]) {
+        let register = register | 1;
+        let kind = FaultKind::Application;
+        if !self.is_active(kind, error) {
+            self.active.push(Active { kind, subject: error, register, end: None });
+            self.tell(code, vendor);
+        }
+    }
+
+    /// An error of the application appeared that is of the class in 1029h `sub`: when the device is
+    /// OPERATIONAL, that entry says what becomes of its state (CiA 301, 7.5.2.32).
+    pub fn react(&mut self, sub: u8) {
+        self.reaction = Some(sub);
+    }
+
+    /// The application's error `error` is gone. Nothing happens when it was not there.
+    pub fn clear(&mut self, error: u16) {
+        self.remove(FaultKind::Application, error);
+    }
+
+    /// The error register of what is present (CiA 301, 7.5.2.2).
+    pub fn register(&self) -> u8 {
+        self.active.iter().fold(0, |bits, active| bits | active.register)
+    }
+
+    /// An error of the communication appeared.
+    pub(crate) fn raise_fault(&mut self, fault: Fault, table: &EmcyTable, rules: &dyn Rules) {
+        let known = self.is_active(fault.kind, fault.subject);
+        if known && !rules.emcy_repeated() {
+            return;
+        }
+        if fault.kind.is_communication_error() {
+            self.reaction = Some(COMMUNICATION_ERROR);
+        }
+        let form = table.form(fault.kind);
+        let vendor = form.map_or([0; 5], |form| form.vendor_bytes(fault));
+        if !known {
+            self.active.push(Active {
+                kind: fault.kind,
+                subject: fault.subject,
+                register: form.map_or(0, |form| form.register),
+                end: form.filter(|form| form.end_repeats).map(|form| (vendor, form.register)),
+            });
+        }
+        if let Some(form) = form {
+            self.tell(form.code, vendor);
+        }
+    }
+
+    /// An error of the communication is gone.
+    pub(crate) fn remove(&mut self, kind: FaultKind, subject: u16) {
+        let matches = |active: &Active| active.kind == kind && active.subject == subject;
+        let Some(place) = self.active.iter().position(matches) else { return };
+        let gone = self.active.remove(place);
+        if gone.register != 0 {
+            let (vendor, register) = gone.end.unwrap_or_else(|| ([0; 5], self.register()));
+            let message = Emcy { code: EmcyCode::RESET, register, vendor };
+            self.news.push_back(News::Gone(message));
+        }
+    }
+
+    /// Forgets the errors of the communication, or all of them; nothing is told.
+    pub(crate) fn reset(&mut self, application_too: bool) {
+        let stays = |active: &Active| active.kind == FaultKind::Application && !application_too;
+        self.active.retain(stays);
+        self.news.clear();
+        self.reaction = None;
+    }
+
+    pub(crate) fn take_news(&mut self) -> Option<News> {
+        self.news.pop_front()
+    }
+
+    pub(crate) fn has_news(&self) -> bool {
+        !self.news.is_empty()
+    }
+
+    /// The sub-index of 1029h that says how the device reacts to an error that appeared.
+    pub(crate) fn take_reaction(&mut self) -> Option<u8> {
+        self.reaction.take()
+    }
+
+    fn tell(&mut self, code: EmcyCode, vendor: [u8; 5]) {
+        let message = Emcy { code, register: self.register(), vendor };
+        self.news.push_back(News::Appeared(message));
+    }
+
+    fn is_active(&self, kind: FaultKind, subject: u16) -> bool {
+        self.active.iter().any(|active| active.kind == kind && active.subject == subject)
+    }
+}
+
+/// The class of lost heartbeats and life guarding in 1029h.
+pub(crate) const COMMUNICATION_ERROR: u8 = 1;

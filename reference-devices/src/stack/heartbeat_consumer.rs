@@ -1,0 +1,247 @@
+//! The heartbeat consumer (CiA 301, 7.2.8.3.2.2, object 1016h).
+
+use std::time::Duration;
+
+use canopen::heartbeat::ErrorControl;
+use canopen::{Abort, Instant, Mux};
+
+use crate::stack::base::Base;
+use crate::stack::fault::{Fault, FaultKind};
+
+/// Watches the nodes that 1016h names.
+#[derive(Debug, Default)]
+pub(crate) struct HeartbeatConsumer {
+    watches: Vec<Watch>,
+}
+
+#[derive(Debug)]
+struct Watch {
+    sub: u8,
+    node: u8,
+    time: Duration,
+    state: State,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    /// No node or no time is configured.
+    Unused,
+    /// The first heartbeat starts the watch.
+    Waiting,
+    /// The next heartbeat comes before this.
+    Alive(Instant),
+    /// It did not.
+    Lost,
+}
+
+impl HeartbeatConsumer {
+    /// Takes all entries of 1016h.
+    pub(crate) fn reset(&mut self, now: Instant, base: &mut Base) {
+        let entries = base.od.entries().iter().map(|entry| entry.mux);
+        let subs = entries.filter(|mux| mux.index == TIMES && mux.sub > 0).map(|mux| mux.sub);
+        let unused = |sub| Watch { sub, node: 0, time: Duration::ZERO, state: State::Unused };
+        self.watches = subs.map(unused).collect();
+        for watch in &mut self.watches {
+            watch.configure(now, base);
+        }
+    }
+
+    /// Takes the entry of sub-index `sub`; its watch begins anew.
+    pub(crate) fn configure(&mut self, now: Instant, sub: u8, base: &mut Base) {
+        if let Some(watch) = self.watches.iter_mut().find(|watch| watch.sub == sub) {
+            watch.configure(now, base);
+        }
+    }
+
+    /// A frame on the error control identifier of another node.
+    pub(crate) fn handle_frame(&mut self, now: Instant, node: u8, data: &[u8], base: &mut Base) {
+        let Ok(report) = ErrorControl::decode(data) else { return };
+        if !base.rules.is_heartbeat(report.state) {
+            return;
+        }
+        for watch in self.watches.iter_mut().filter(|watch| watch.node == node) {
+            watch.heard(now, base);
+        }
+    }
+
+    pub(crate) fn handle_timeout(&mut self, now: Instant, base: &mut Base) {
+        for watch in &mut self.watches {
+            if matches!(watch.state, State::Alive(due) if due <= now) {
+                watch.state = State::Lost;
+                let fault = Fault::new(FaultKind::Heartbeat, watch.node.into());
+                base.raise(fault);
+            }
+        }
+    }
+
+    pub(crate) fn poll_at(&self) -> Option<Instant> {
+        let deadline = |watch: &Watch| match watch.state {
+            State::Alive(due) => Some(due),
+            _ => None,
+        };
+        self.watches.iter().filter_map(deadline).min()
+    }
+}
+
+impl Watch {
+    fn configure(&mut self, now: Instant, base: &mut Base) {
+        if self.state == State::Lost {
+            base.errors.remove(FaultKind::Heartbeat, self.node.into());
+        }
+        let (node, time) = entry(base.od.int(Mux::new(TIMES, self.sub)).unwrap_or(0) as u32);
+        self.node = node;
+        self.time = base.rules.heartbeat_consumer_time(time);
+        self.state = if !is_used(node, time) {
+            State::Unused
+        } else if base.rules.first_heartbeat_starts_watch() {
+            State::Waiting
+        } else {
+            State::Alive(now + self.time)
+        };
+    }
+
+    fn heard(&mut self, now: Instant, base: &mut Base) {
+        match self.state {
+            State::Unused => return,
+            State::Lost if !base.rules.heartbeat_loss_recovers() => return,
+            State::Lost => base.errors.remove(FaultKind::Heartbeat, self.node.into()),
+            State::Waiting | State::Alive(_) => {}
+        }
+        self.state = State::Alive(now + self.time);
+    }
+}
+
+/// A node may be watched by one entry only (CiA 301, 7.5.2.19).
+pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
+    let &[a, b, c, d] = bytes else { return Ok(()) };
+    let (node, time) = entry(u32::from_le_bytes([a, b, c, d]));
+    if mux.sub == 0 || !is_used(node, time) || !base.rules.heartbeat_node_watched_once() {
+        return Ok(());
+    }
+    let last = base.od.int(Mux::new(TIMES, 0)).unwrap_or(0) as u8;
+    let twice = (1..=last).filter(|sub| *sub != mux.sub).any(|sub| {
+        let (other, time) = entry(base.od.int(Mux::new(TIMES, sub)).unwrap_or(0) as u32);
+        other == node && is_used(other, time)
+    });
+    if twice { Err(Abort::INCOMPATIBLE) } else { Ok(()) }
+}
+
+fn entry(word: u32) -> (u8, Duration) {
+    ((word >> 16) as u8, Duration::from_millis(u64::from(word & 0xFFFF)))
+}
+
+fn is_used(node: u8, time: Duration) -> bool {
+    (1..=127).contains(&node) && !time.is_zero()
+}
+
+pub(crate) const TIMES: u16 = 0x1016;
+
+#[cfg(test)]
+mod tests {
+    use crate::stack::testing::{Rig, eds, full, mux, sent};
+    use canopen::{Abort, NmtState};
+
+    /// Sub 1 watches node 10 for 100 ms, sub 2 node 11 for 150 ms.
+    fn watching(rules: &str) -> Rig {
+        let mut rig = match rules {
+            "" => Rig::new(&eds(full())),
+            rules => Rig::mutant(&eds(full()), rules),
+        };
+        rig.write(mux(0x1016, 1), &[100, 0, 10, 0]).unwrap();
+        rig.write(mux(0x1016, 2), &[150, 0, 11, 0]).unwrap();
+        rig
+    }
+
+    #[test]
+    fn a_watch_begins_with_the_first_heartbeat_and_ends_in_an_emergency() {
+        let mut rig = watching("");
+        assert_eq!(rig.until(1_000_000), []);
+        rig.send("70A#7F");
+        rig.send("70B#05");
+        rig.run_to(1_090_000);
+        rig.send("70A#7F");
+        rig.send("70B#05");
+        assert_eq!(rig.until(1_200_000), sent(&[(1_190_000, "085#3081110000000000")]));
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x11]));
+        rig.send("70B#05");
+        assert_eq!(rig.ask("70A#05"), ["085#0000000000000000"]);
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+        assert_eq!(
+            rig.until(2_000_000),
+            sent(&[(1_300_000, "085#3081110000000000"), (1_350_000, "085#3081110000000000")])
+        );
+    }
+
+    #[test]
+    fn what_is_no_heartbeat_does_not_count() {
+        let mut rig = watching("");
+        for frame in ["70A#00", "70A#", "70A#0505", "70A#03", "70C#05", "70A#R1"] {
+            rig.send(frame);
+        }
+        assert_eq!(rig.until(1_000_000), []);
+    }
+
+    #[test]
+    fn a_node_is_watched_by_one_entry() {
+        let mut rig = watching("");
+        let twice = rig.write(mux(0x1016, 3), &[50, 0, 10, 0]);
+        assert_eq!(twice, Err(Abort::INCOMPATIBLE.0));
+        for entry in [[100, 0, 10, 0], [0, 0, 10, 0], [100, 0, 10, 0], [50, 0, 200, 0]] {
+            assert_eq!(rig.write(mux(0x1016, 1), &entry), Ok(()), "{entry:?}");
+        }
+        assert_eq!(rig.write(mux(0x1016, 3), &[0, 0, 11, 0]), Ok(()));
+    }
+
+    #[test]
+    fn an_entry_that_is_switched_off_takes_its_error_along() {
+        let mut rig = watching("");
+        rig.send("70A#7F");
+        rig.run_to(500_000);
+        rig.until(500_000);
+        rig.write(mux(0x1016, 1), &[0; 4]).unwrap();
+        assert_eq!(rig.until(500_000), sent(&[(500_000, "085#0000000000000000")]));
+    }
+
+    #[test]
+    fn loss_leads_to_the_state_of_1029h_from_operational_only() {
+        for (reaction, state) in [(0, 127), (1, 5), (2, 4)] {
+            let mut rig = watching("");
+            rig.write(mux(0x1029, 1), &[reaction]).unwrap();
+            rig.send("000#0105");
+            rig.send("70A#7F");
+            let told = rig.until(1_000_000);
+            assert_eq!(told.len(), 1, "{told:?}");
+            assert_eq!(rig.node.state(), NmtState(state));
+        }
+        let mut rig = watching("");
+        rig.write(mux(0x1029, 1), &[2]).unwrap();
+        rig.send("70A#7F");
+        rig.run_to(1_000_000);
+        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
+    }
+
+    #[test]
+    fn mutants_break_what_they_say() {
+        let mut rig = watching("heartbeat-watched-before-first");
+        assert_eq!(rig.until(110_000), sent(&[(101_000, "085#3081110000000000")]));
+        let mut rig = watching("heartbeat-loss-never-recovers");
+        rig.send("70A#7F");
+        rig.run_to(400_000);
+        assert!(rig.ask("70A#7F").is_empty());
+        let mut rig = watching("heartbeat-node-watched-twice");
+        assert_eq!(rig.write(mux(0x1016, 3), &[50, 0, 10, 0]), Ok(()));
+        let mut rig = watching("heartbeat-consumer-time-doubled");
+        rig.send("70A#7F");
+        assert_eq!(rig.until(900_000), sent(&[(201_000, "085#3081110000000000")]));
+        let mut rig = watching("error-behaviour-ignored");
+        rig.send("000#0105");
+        rig.send("70A#7F");
+        rig.run_to(900_000);
+        assert_eq!(rig.node.state(), NmtState::OPERATIONAL);
+        let mut rig = watching("nmt-start-ignored-after-error");
+        rig.send("70A#7F");
+        rig.run_to(900_000);
+        rig.send("000#0105");
+        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
+    }
+}

@@ -1,0 +1,94 @@
+//! The heartbeat producer (CiA 301, 7.2.8.3.2.2, object 1017h).
+
+use std::time::Duration;
+
+use canopen::heartbeat::ErrorControl;
+use canopen::{Instant, Mux, Outbox};
+
+use crate::stack::base::Base;
+use crate::stack::time::next_beat;
+
+/// Tells the NMT state again and again.
+#[derive(Debug, Default)]
+pub(crate) struct HeartbeatProducer {
+    period: Duration,
+    due: Option<Instant>,
+}
+
+impl HeartbeatProducer {
+    /// Takes the period from 1017h; the first heartbeat comes one period from now.
+    pub(crate) fn configure(&mut self, now: Instant, base: &Base) {
+        let configured = base.od.int(PERIOD).unwrap_or(0);
+        self.period = base.rules.heartbeat_period(Duration::from_millis(configured as u64));
+        self.due = (configured > 0).then(|| now + self.period);
+    }
+
+    /// Boot-up is done: the boot-up message counts as the first heartbeat.
+    pub(crate) fn start(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
+        self.configure(now, base);
+        if self.runs() {
+            for _ in 0..base.rules.heartbeats_at_boot_up() {
+                out.push(ErrorControl::heartbeat(base.state).frame(base.id));
+            }
+        }
+    }
+
+    pub(crate) fn stop(&mut self) {
+        self.due = None;
+    }
+
+    /// Whether heartbeat is on, which rules out guarding.
+    pub(crate) fn runs(&self) -> bool {
+        self.due.is_some()
+    }
+
+    pub(crate) fn handle_timeout(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
+        if let Some(due) = self.due.filter(|due| *due <= now) {
+            out.push(ErrorControl::heartbeat(base.state).frame(base.id));
+            self.due = Some(next_beat(due, self.period, now));
+        }
+    }
+
+    pub(crate) fn poll_at(&self) -> Option<Instant> {
+        self.due
+    }
+}
+
+const PERIOD: Mux = Mux::new(0x1017, 0);
+
+#[cfg(test)]
+mod tests {
+    use crate::stack::testing::{Rig, basic, eds, mux, sent, set};
+
+    #[test]
+    fn heartbeat_keeps_its_beat_and_tells_the_state() {
+        let mut rig = Rig::new(&eds(basic()));
+        rig.write(mux(0x1017, 0), &[100, 0]).unwrap();
+        assert_eq!(rig.until(201_000), sent(&[(101_000, "705#7F"), (201_000, "705#7F")]));
+        rig.send("000#0205");
+        assert_eq!(rig.until(301_000), sent(&[(301_000, "705#04")]));
+        rig.send("000#8005");
+        rig.write(mux(0x1017, 0), &[0, 0]).unwrap();
+        assert_eq!(rig.until(900_000), []);
+    }
+
+    #[test]
+    fn boot_up_counts_as_the_first_heartbeat() {
+        let mut entries = basic();
+        set(&mut entries, mux(0x1017, 0), 100);
+        let mut rig = Rig::new(&eds(entries.clone()));
+        assert_eq!(rig.until(150_000), sent(&[(101_000, "705#7F")]));
+        rig.send("000#8205");
+        assert_eq!(rig.until(300_000), sent(&[(151_000, "705#00"), (251_000, "705#7F")]));
+        let mut rig = Rig::mutant(&eds(entries), "heartbeat-burst-at-boot-up");
+        rig.send("000#8205");
+        assert_eq!(rig.until(50_000).len(), 4);
+    }
+
+    #[test]
+    fn a_drift_of_one_per_cent_is_a_drift() {
+        let mut rig = Rig::mutant(&eds(basic()), "heartbeat-period-drifts");
+        rig.write(mux(0x1017, 0), &[100, 0]).unwrap();
+        assert_eq!(rig.until(204_000), sent(&[(102_000, "705#7F"), (203_000, "705#7F")]));
+    }
+}

@@ -1,0 +1,561 @@
+//! The LSS slave (CiA 305): how a node gets its node id and bit rate over the bus.
+
+use std::time::Duration;
+
+use canopen::eds::Eds;
+use canopen::lss::{Bound, Fastscan, Mode, Part, Request, Response, Status};
+use canopen::lss::{RESPONSE_COB_ID, UNCONFIGURED};
+use canopen::{Frame, Instant, Mux, Outbox};
+
+use crate::stack::base::Base;
+use crate::stack::time::earlier;
+
+/// The slave, with the node id and the bit rate of the node.
+#[derive(Debug)]
+pub(crate) struct Lss {
+    mode: Mode,
+    /// How many parts of its address were sent in order by a selective switch.
+    selected: usize,
+    /// How many bounds around its address were sent in order by an identification.
+    identified: usize,
+    /// The part of its address that a fastscan asks for.
+    scanned: usize,
+    node: Setting<u8>,
+    /// In bit/s.
+    bit_rate: Setting<u32>,
+    /// In bit/s, what the wire itself has.
+    bus: u32,
+    supported: Vec<u32>,
+    silence: Option<Silence>,
+}
+
+/// A setting that takes effect later than it is made.
+#[derive(Clone, Copy, Debug)]
+struct Setting<T> {
+    active: T,
+    /// What is in force after the next activation.
+    pending: T,
+    /// What is in force after power-on.
+    stored: T,
+}
+
+/// The time around a change of the bit rate.
+#[derive(Clone, Copy, Debug)]
+struct Silence {
+    change_at: Option<Instant>,
+    end: Instant,
+}
+
+impl Lss {
+    /// The slave of a device with LSS that comes with node id `node` and the bit rate of its bus.
+    /// `None` for a device whose data sheet knows nothing of LSS.
+    pub(crate) fn new(eds: &Eds, node: u8, bus: u32) -> Option<Self> {
+        let setting = Setting { active: node, pending: node, stored: node };
+        eds.device.lss.then(|| Self {
+            mode: Mode::WAITING,
+            selected: 0,
+            identified: 0,
+            scanned: 0,
+            node: setting,
+            bit_rate: Setting { active: bus, pending: bus, stored: bus },
+            bus,
+            supported: eds.device.bit_rates.iter().map(|kilobits| kilobits * 1000).collect(),
+            silence: None,
+        })
+    }
+
+    /// Power-on: what was stored is what is taken next.
+    pub(crate) fn power_on(&mut self, base: &Base) {
+        if base.rules.lss_forgets_without_supply() {
+            self.node.pending = self.node.stored;
+        }
+        self.bit_rate.pending = self.bit_rate.stored;
+        self.bit_rate.active = self.bit_rate.stored;
+        self.silence = None;
+    }
+
+    /// Initialisation of the communication: the node id that is in force from now on.
+    pub(crate) fn initialise(&mut self, base: &Base) -> u8 {
+        self.node.active = base.rules.lss_node_id_after_reset(self.node.active, self.node.pending);
+        if base.rules.lss_waits_after_reset() {
+            self.mode = Mode::WAITING;
+        }
+        (self.selected, self.identified, self.scanned) = (0, 0, 0);
+        self.node.active
+    }
+
+    /// Whether nothing is received or sent: the bit rate is being changed, or is not that of the
+    /// bus.
+    pub(crate) fn is_off_the_bus(&self, now: Instant) -> bool {
+        self.silence.is_some_and(|silence| now < silence.end) || self.bit_rate.active != self.bus
+    }
+
+    /// A frame of the master. Returns whether the node is to begin anew with its new node id.
+    pub(crate) fn handle_request(
+        &mut self,
+        now: Instant,
+        data: &[u8],
+        base: &Base,
+        out: &mut Outbox,
+    ) -> bool {
+        let request = base.rules.lss_request(data);
+        let Some(request) = request.filter(|_| base.rules.lss_served_in(base.state)) else {
+            return false;
+        };
+        if let Some(response) = self.answer(now, request, base) {
+            out.push(Frame::new(RESPONSE_COB_ID, response.encode()));
+        }
+        let configured = self.node.active == UNCONFIGURED && self.node.pending != UNCONFIGURED;
+        let left = request == Request::SwitchGlobal(Mode::WAITING);
+        let at_once = !base.rules.lss_node_id_waits() && self.node.active != self.node.pending;
+        left && configured && base.rules.lss_leaving_starts() || at_once
+    }
+
+    pub(crate) fn handle_timeout(&mut self, now: Instant) {
+        let Some(silence) = &mut self.silence else { return };
+        if silence.change_at.take_if(|due| *due <= now).is_some() {
+            self.bit_rate.active = self.bit_rate.pending;
+        }
+        self.silence.take_if(|silence| silence.end <= now);
+    }
+
+    pub(crate) fn poll_at(&self) -> Option<Instant> {
+        let silence = self.silence?;
+        earlier(silence.change_at, Some(silence.end))
+    }
+
+    /// CiA 305, table of the services in the states: some are for those who wait, some for those
+    /// who are configured, and identification is for all.
+    fn answer(&mut self, now: Instant, request: Request, base: &Base) -> Option<Response> {
+        match request {
+            Request::SwitchGlobal(mode) => {
+                if matches!(mode, Mode::WAITING | Mode::CONFIGURATION) {
+                    self.switch(mode);
+                }
+                base.rules.lss_global_switch_answered().then_some(Response::Selected)
+            }
+            Request::SwitchSelective(part, number) => self.select(part, number, base),
+            Request::Identify(bound, number) => self.identify(bound, number, base),
+            Request::IdentifyUnconfigured => {
+                let says = base.rules.lss_says_unconfigured(self.node.active);
+                says.then_some(Response::Unconfigured)
+            }
+            Request::Fastscan(scan) => self.scan(scan, base),
+            _ if !base.rules.lss_configures_in(self.mode) => None,
+            Request::ConfigureNodeId(node) => {
+                let valid = base.rules.lss_node_id_valid(node);
+                if valid {
+                    self.node.pending = node;
+                }
+                Some(Response::ConfiguredNodeId(status(valid)))
+            }
+            Request::ConfigureBitTiming { table, index } => {
+                let bit_rate = base.rules.lss_bit_rate(table, index, &self.supported);
+                if let Some(bit_rate) = bit_rate {
+                    self.bit_rate.pending = bit_rate;
+                }
+                Some(Response::ConfiguredBitTiming(status(bit_rate.is_some())))
+            }
+            Request::ActivateBitTiming(delay) => {
+                self.activate(now, Duration::from_millis(delay.into()), base);
+                None
+            }
+            Request::Store => Some(Response::Stored(self.store(base))),
+            Request::Inquire(part) => Some(Response::Address(part, address(base, part))),
+            Request::InquireNodeId => Some(Response::NodeId(self.node.active)),
+            Request::Unknown(_) => None,
+        }
+    }
+
+    fn switch(&mut self, mode: Mode) {
+        self.mode = mode;
+        (self.selected, self.identified, self.scanned) = (0, 0, 0);
+    }
+
+    /// Vendor, product, revision, serial number, in this order and each that of the node.
+    fn select(&mut self, part: Part, number: u32, base: &Base) -> Option<Response> {
+        if self.mode != Mode::WAITING {
+            return None;
+        }
+        let place = part as usize;
+        let rules = &base.rules;
+        let in_order = place == 0 || place == self.selected || !rules.lss_selection_in_order();
+        let fits = number == address(base, part) || !rules.lss_part_compared(part);
+        self.selected = if in_order && fits { place + 1 } else { 0 };
+        if self.selected < Part::ALL.len() {
+            return None;
+        }
+        self.switch(Mode::CONFIGURATION);
+        Some(Response::Selected)
+    }
+
+    /// The six bounds in order, each of them around the address of the node.
+    fn identify(&mut self, bound: Bound, number: u32, base: &Base) -> Option<Response> {
+        let own = address(base, part_of(bound));
+        let place = bound as usize;
+        let in_order = place == 0 || place == self.identified;
+        let fits = base.rules.lss_bound_met(bound, own, number);
+        self.identified = if in_order && fits { place + 1 } else { 0 };
+        if self.identified < Bound::ALL.len() {
+            return None;
+        }
+        self.identified = 0;
+        Some(Response::Identified)
+    }
+
+    /// One question of a scan: does the node's address agree down to that bit?
+    fn scan(&mut self, scan: Fastscan, base: &Base) -> Option<Response> {
+        let rules = &base.rules;
+        let asked = rules.lss_scanned(self.node.active, self.node.pending);
+        if self.mode != Mode::WAITING || !asked {
+            return None;
+        }
+        if scan.bit == Fastscan::CONFIRM {
+            self.scanned = 0;
+            return Some(Response::Identified);
+        }
+        let in_order = usize::from(scan.part) == self.scanned || !rules.lss_scan_in_order();
+        let valid = rules.lss_scan_valid(scan) && in_order;
+        let part = Part::ALL.get(usize::from(scan.part)).filter(|_| valid)?;
+        let compared = u32::MAX.checked_shl(scan.bit.into()).unwrap_or(0);
+        if (address(base, *part) ^ scan.number) & compared != 0 {
+            return None;
+        }
+        if scan.bit == 0 && scan.next != scan.part {
+            if rules.lss_scan_complete(scan) {
+                self.switch(Mode::CONFIGURATION);
+            } else {
+                let follows = scan.next == scan.part + 1;
+                self.scanned = if follows { usize::from(scan.next) } else { 0 };
+            }
+        }
+        Some(Response::Identified)
+    }
+
+    /// Silent for one delay before the bit rate changes and for another one after it.
+    fn activate(&mut self, now: Instant, delay: Duration, base: &Base) {
+        let silent = base.rules.lss_silence(delay);
+        let change_at = Some(now + silent / 2);
+        self.silence = Some(Silence { change_at, end: now + silent });
+        self.handle_timeout(now);
+    }
+
+    fn store(&mut self, base: &Base) -> Status {
+        let status = base.settings.lss_store;
+        if status == Status::DONE && base.rules.lss_stores() {
+            self.node.stored = self.node.pending;
+            self.bit_rate.stored = self.bit_rate.pending;
+        }
+        status
+    }
+}
+
+const fn status(valid: bool) -> Status {
+    if valid { Status::DONE } else { Status::REFUSED }
+}
+
+const fn part_of(bound: Bound) -> Part {
+    match bound {
+        Bound::Vendor => Part::Vendor,
+        Bound::Product => Part::Product,
+        Bound::RevisionLow | Bound::RevisionHigh => Part::Revision,
+        Bound::SerialLow | Bound::SerialHigh => Part::Serial,
+    }
+}
+
+/// What 1018h says.
+fn address(base: &Base, part: Part) -> u32 {
+    base.od.int(Mux::new(0x1018, part as u8 + 1)).unwrap_or(0) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rules::Specification;
+    use crate::stack::testing::{Rig, eds, full, mux, sent, set};
+    use crate::stack::{Inert, NodeSettings};
+    use canopen::DataType;
+    use canopen::eds::Access;
+
+    const VENDOR: &str = "07000000";
+    const PRODUCT: &str = "08000000";
+    const REVISION: &str = "09000000";
+    const SERIAL: &str = "0A0B0000";
+
+    fn rig(rules: &str) -> Rig {
+        with(rules, NodeSettings::default())
+    }
+
+    fn with(rules: &str, settings: NodeSettings) -> Rig {
+        let rules = crate::rules::named(rules).unwrap_or_else(|| {
+            assert_eq!(rules, "");
+            Box::new(Specification)
+        });
+        let mut entries = full();
+        set(&mut entries, mux(0x1018, 0), 4);
+        for (sub, value) in [(2, 8), (3, 9), (4, 0xB0A)] {
+            let data_type = DataType::UNSIGNED32;
+            entries.push(crate::stack::testing::entry(
+                mux(0x1018, sub),
+                data_type,
+                Access::Ro,
+                value,
+            ));
+        }
+        let mut eds = eds(entries);
+        eds.device.lss = true;
+        eds.device.bit_rates = vec![1000, 500, 125];
+        Rig::with(&eds, settings, rules, Box::new(Inert))
+    }
+
+    fn lss(rig: &mut Rig, head: &str) -> Vec<String> {
+        rig.ask(&format!("7E5#{head:0<16}"))
+    }
+
+    fn answer(head: &str) -> Vec<String> {
+        vec![format!("7E4#{head:0<16}")]
+    }
+
+    fn select(rig: &mut Rig, parts: [&str; 4]) -> Vec<String> {
+        let mut answers = Vec::new();
+        for (specifier, part) in ["40", "41", "42", "43"].into_iter().zip(parts) {
+            answers.extend(lss(rig, &format!("{specifier}{part}")));
+        }
+        answers
+    }
+
+    fn later(rig: &mut Rig, milliseconds: u64) -> Vec<(u64, String)> {
+        let at = rig.now.0 / 1000;
+        rig.until(at + milliseconds * 1000)
+            .into_iter()
+            .map(|(when, frame)| (when - at, frame))
+            .collect()
+    }
+
+    fn unconfigured(rules: &str) -> Rig {
+        let mut rig = rig(rules);
+        lss(&mut rig, "0401");
+        assert_eq!(lss(&mut rig, "11FF"), answer("1100"));
+        rig.send("000#8205");
+        assert_eq!(later(&mut rig, 50), []);
+        rig
+    }
+
+    #[test]
+    fn services_of_the_configuration_are_for_those_who_were_switched_to_it() {
+        let mut rig = rig("");
+        let asked = ["1101", "130000", "17", "5A", "5B", "5C", "5D", "5E"];
+        for head in asked {
+            assert!(lss(&mut rig, head).is_empty(), "{head}");
+        }
+        assert!(lss(&mut rig, "0401").is_empty());
+        assert_eq!(lss(&mut rig, "5A"), answer(&format!("5A{VENDOR}")));
+        assert_eq!(lss(&mut rig, "5B"), answer(&format!("5B{PRODUCT}")));
+        assert_eq!(lss(&mut rig, "5C"), answer(&format!("5C{REVISION}")));
+        assert_eq!(lss(&mut rig, "5D"), answer(&format!("5D{SERIAL}")));
+        assert_eq!(lss(&mut rig, "5E"), answer("5E05"));
+        assert!(lss(&mut rig, "0402").is_empty());
+        assert_eq!(lss(&mut rig, "5E"), answer("5E05"));
+        assert!(lss(&mut rig, "0400").is_empty());
+        assert!(lss(&mut rig, "5E").is_empty());
+    }
+
+    #[test]
+    fn what_is_no_service_is_not_answered() {
+        let mut rig = rig("");
+        lss(&mut rig, "0401");
+        for frame in ["7E5#5E", "7E5#5E000000000000", "7E5#", "7E5#R8", "000007E5#5E00000000000000"]
+        {
+            assert!(rig.ask(frame).is_empty(), "{frame}");
+        }
+        assert!(lss(&mut rig, "6F").is_empty());
+    }
+
+    #[test]
+    fn a_selective_switch_needs_all_four_parts_in_order() {
+        let mut rig = rig("");
+        let right = [VENDOR, PRODUCT, REVISION, SERIAL];
+        for place in 0..4 {
+            let mut parts = right;
+            parts[place] = "FFFFFFFF";
+            assert!(select(&mut rig, parts).is_empty(), "{place}");
+            assert!(lss(&mut rig, "5E").is_empty());
+        }
+        assert!(lss(&mut rig, &format!("43{SERIAL}")).is_empty());
+        assert_eq!(select(&mut rig, right), answer("44"));
+        assert_eq!(lss(&mut rig, "5E"), answer("5E05"));
+        assert!(select(&mut rig, right).is_empty());
+    }
+
+    #[test]
+    fn a_node_id_waits_for_reset_communication() {
+        let mut rig = rig("");
+        lss(&mut rig, "0401");
+        for (node, how) in [("01", "00"), ("7F", "00"), ("FF", "00"), ("00", "01"), ("80", "01")] {
+            assert_eq!(lss(&mut rig, &format!("11{node}")), answer(&format!("11{how}")), "{node}");
+        }
+        assert_eq!(lss(&mut rig, "1106"), answer("1100"));
+        assert_eq!(lss(&mut rig, "5E"), answer("5E05"));
+        assert!(lss(&mut rig, "0400").is_empty());
+        assert_eq!(rig.read(mux(0x1000, 0)).unwrap()[0], 0x91);
+        rig.send("000#8205");
+        assert_eq!(later(&mut rig, 50), sent(&[(1000, "706#00")]));
+        assert_eq!(rig.ask("606#4014100000000000"), ["586#4314100086000000"]);
+    }
+
+    #[test]
+    fn what_was_stored_is_there_after_power_on() {
+        let mut rig = rig("");
+        lss(&mut rig, "0401");
+        lss(&mut rig, "1106");
+        rig.node.power_on(rig.now);
+        assert_eq!(later(&mut rig, 50), sent(&[(1000, "705#00")]));
+        lss(&mut rig, "0401");
+        lss(&mut rig, "1106");
+        assert_eq!(lss(&mut rig, "17"), answer("1700"));
+        rig.node.power_on(rig.now);
+        assert_eq!(later(&mut rig, 50), sent(&[(1000, "706#00")]));
+    }
+
+    #[test]
+    fn a_device_may_not_be_able_to_store() {
+        for (status, answered) in [(Status::REFUSED, "1701"), (Status::MEDIUM, "1702")] {
+            let settings = NodeSettings { lss_store: status, ..NodeSettings::default() };
+            let mut rig = with("", settings);
+            lss(&mut rig, "0401");
+            lss(&mut rig, "1106");
+            assert_eq!(lss(&mut rig, "17"), answer(answered));
+            rig.node.power_on(rig.now);
+            assert_eq!(later(&mut rig, 50), sent(&[(1000, "705#00")]));
+        }
+    }
+
+    #[test]
+    fn bit_rates_are_those_of_the_table_and_the_data_sheet() {
+        let mut rig = rig("");
+        lss(&mut rig, "0401");
+        for (index, how) in (0u8..=9).zip([0, 1, 0, 1, 0, 1, 1, 1, 1, 1]) {
+            let answered = lss(&mut rig, &format!("1300{index:02X}"));
+            assert_eq!(answered, answer(&format!("130{how}")[..]), "{index}");
+        }
+        assert_eq!(lss(&mut rig, "130102"), answer("1301"));
+    }
+
+    #[test]
+    fn a_node_is_silent_for_two_delays_and_then_speaks_at_the_new_rate() {
+        let mut rig = rig("");
+        rig.write(mux(0x1017, 0), &[10, 0]).unwrap();
+        lss(&mut rig, "0401");
+        lss(&mut rig, "151400");
+        assert_eq!(later(&mut rig, 39), []);
+        assert!(lss(&mut rig, "5E").is_empty());
+        assert_eq!(later(&mut rig, 21).len(), 3);
+        assert_eq!(lss(&mut rig, "5E"), answer("5E05"));
+        assert_eq!(lss(&mut rig, "130002"), answer("1300"));
+        lss(&mut rig, "150000");
+        assert_eq!(later(&mut rig, 100), [], "at 500 kbit/s on a bus of 1 Mbit/s");
+        assert!(lss(&mut rig, "5E").is_empty());
+        rig.node.power_on(rig.now);
+        assert_eq!(later(&mut rig, 50), sent(&[(1000, "705#00")]));
+    }
+
+    #[test]
+    fn a_node_without_id_has_lss_and_nothing_else() {
+        let mut rig = unconfigured("");
+        for frame in ["000#8100", "000#0100", "605#4000100000000000", "67F#4000100000000000"] {
+            assert!(rig.ask(frame).is_empty(), "{frame}");
+        }
+        assert_eq!(later(&mut rig, 50), []);
+        assert_eq!(lss(&mut rig, "4C"), answer("50"));
+        lss(&mut rig, "0401");
+        assert_eq!(lss(&mut rig, "5E"), answer("5EFF"));
+        assert_eq!(lss(&mut rig, "1107"), answer("1100"));
+        assert!(lss(&mut rig, "0400").is_empty());
+        assert_eq!(later(&mut rig, 50), sent(&[(1000, "707#00")]));
+        assert!(lss(&mut rig, "4C").is_empty());
+    }
+
+    #[test]
+    fn a_range_of_addresses_is_identified() {
+        let mut rig = rig("");
+        let ask = |rig: &mut Rig, bounds: [&str; 6]| {
+            let heads = ["46", "47", "48", "49", "4A", "4B"].into_iter().zip(bounds);
+            heads.flat_map(|(head, bound)| lss(rig, &format!("{head}{bound}"))).collect::<Vec<_>>()
+        };
+        let (low, high) = ("00000000", "FFFFFFFF");
+        assert_eq!(ask(&mut rig, [VENDOR, PRODUCT, low, high, low, high]), answer("4F"));
+        let exact = [VENDOR, PRODUCT, REVISION, REVISION, SERIAL, SERIAL];
+        assert_eq!(ask(&mut rig, exact), answer("4F"));
+        for (place, wrong) in [high, high, high, low, high, low].into_iter().enumerate() {
+            let mut bounds = exact;
+            bounds[place] = wrong;
+            assert!(ask(&mut rig, bounds).is_empty(), "{place}");
+        }
+    }
+
+    /// One walk through the address; whether everything was answered.
+    fn walk(rig: &mut Rig) -> bool {
+        let identity = [7u32, 8, 9, 0xB0A];
+        let mut all = lss(rig, "510000000080") == answer("4F");
+        for (part, number) in identity.into_iter().enumerate() {
+            let mut known = 0u32;
+            for bit in (0..32).rev() {
+                let head = scan(known, bit, part, part);
+                if lss(rig, &head).is_empty() {
+                    known |= 1 << bit;
+                }
+            }
+            all &= known == number;
+            all &= lss(rig, &scan(known, 0, part, (part + 1) % 4)) == answer("4F");
+        }
+        all
+    }
+
+    fn scan(number: u32, bit: u8, part: usize, next: usize) -> String {
+        let [a, b, c, d] = number.to_le_bytes();
+        format!("51{a:02X}{b:02X}{c:02X}{d:02X}{bit:02X}{part:02X}{next:02X}")
+    }
+
+    #[test]
+    fn a_fastscan_finds_the_address_and_configures() {
+        let mut rig = unconfigured("");
+        assert!(walk(&mut rig));
+        assert_eq!(lss(&mut rig, "5E"), answer("5EFF"));
+        assert_eq!(lss(&mut rig, "1105"), answer("1100"));
+        assert!(lss(&mut rig, "510000000080").is_empty(), "it waits no more");
+        lss(&mut rig, "0400");
+        assert_eq!(later(&mut rig, 50).len(), 1);
+        assert!(lss(&mut rig, "510000000080").is_empty(), "it has a node id");
+    }
+
+    #[test]
+    fn a_fastscan_keeps_to_its_order() {
+        let mut rig = unconfigured("");
+        lss(&mut rig, "510000000080");
+        for head in [scan(0, 32, 0, 0), scan(0, 31, 4, 0), scan(0, 31, 0, 4), scan(8, 0, 1, 2)] {
+            assert!(lss(&mut rig, &head).is_empty(), "{head}");
+        }
+        assert_eq!(lss(&mut rig, &scan(7, 0, 0, 1)), answer("4F"));
+        assert_eq!(lss(&mut rig, &scan(8, 0, 1, 0)), answer("4F"));
+        assert!(lss(&mut rig, "5E").is_empty(), "two parts are not four");
+        assert!(walk(&mut rig));
+    }
+
+    #[test]
+    fn two_nodes_without_id_are_found_one_by_one() {
+        let mut nodes = [unconfigured(""), unconfigured("")];
+        assert!(walk(&mut nodes[0]));
+        lss(&mut nodes[0], "1106");
+        lss(&mut nodes[0], "0400");
+        assert_eq!(later(&mut nodes[0], 5), sent(&[(1000, "706#00")]));
+        assert!(lss(&mut nodes[0], "510000000080").is_empty());
+        assert!(walk(&mut nodes[1]));
+    }
+
+    #[test]
+    fn without_lss_in_the_data_sheet_there_is_none() {
+        let mut rig = Rig::new(&eds(full()));
+        lss(&mut rig, "0401");
+        assert!(lss(&mut rig, "5E").is_empty());
+    }
+}

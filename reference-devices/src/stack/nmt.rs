@@ -1,0 +1,213 @@
+//! The NMT state machine (CiA 301, 7.3.2): commands, resets and the way to boot-up.
+
+use canopen::heartbeat::ErrorControl;
+use canopen::lss::UNCONFIGURED;
+use canopen::{Abort, Instant, Mux, NmtState, Outbox};
+
+use crate::rules::Change;
+use crate::stack::base::Base;
+
+/// The part of NMT that needs time: initialisation until boot-up.
+#[derive(Debug, Default)]
+pub(crate) struct Nmt {
+    boot_up_at: Option<Instant>,
+    /// What a node that is wrong in this does after boot-up.
+    remembered: Option<NmtState>,
+}
+
+impl Nmt {
+    /// What a frame on identifier 0 tells this node to do.
+    pub(crate) fn command(&self, base: &Base, data: &[u8]) -> Option<Change> {
+        let command = base.rules.nmt_command(data)?;
+        if !base.rules.nmt_addressed(base.id, command.node)
+            || !base.rules.nmt_obeyed(command.service, base.errors.register())
+        {
+            return None;
+        }
+        base.rules.nmt_change(command.service)
+    }
+
+    /// A frame on identifier 0 has come before the boot-up message.
+    pub(crate) fn too_early(&mut self, base: &Base, data: &[u8]) {
+        if base.rules.nmt_remembered_until_boot_up()
+            && let Some(Change::Enter(state)) = self.command(base, data)
+        {
+            self.remembered = Some(state);
+        }
+    }
+
+    /// Initialisation has begun. Without a node id it does not end (CiA 305).
+    pub(crate) fn initialise(&mut self, now: Instant, base: &mut Base) {
+        base.state = NmtState::INITIALISING;
+        if base.id == UNCONFIGURED {
+            self.boot_up_at = None;
+            return;
+        }
+        let time = match base.settings.boot_up_time_object {
+            Some((mux, unit)) => {
+                let count = base.od.int(mux).and_then(|count| u32::try_from(count).ok());
+                count.map_or(base.settings.boot_up_time, |count| unit.saturating_mul(count))
+            }
+            None => base.settings.boot_up_time,
+        };
+        self.boot_up_at = Some(now + time);
+    }
+
+    /// Boots up when it is time to, and says which state to enter.
+    pub(crate) fn handle_timeout(
+        &mut self,
+        now: Instant,
+        base: &Base,
+        out: &mut Outbox,
+    ) -> Option<NmtState> {
+        self.boot_up_at.take_if(|due| *due <= now)?;
+        for _ in 0..base.rules.boot_up_messages() {
+            out.push(ErrorControl::BOOT_UP.frame(base.id));
+        }
+        let chosen = base.settings.boot_up_state_object.and_then(|mux| base.od.int(mux));
+        let states = [NmtState::OPERATIONAL, NmtState::STOPPED];
+        let chosen = states.into_iter().find(|state| chosen == Some(i64::from(state.0)));
+        let startup = base.od.int(STARTUP).map(|startup| startup as u32);
+        let alone = startup.is_some_and(|startup| base.rules.starts_itself(startup));
+        let first = if alone { NmtState::OPERATIONAL } else { NmtState::PRE_OPERATIONAL };
+        Some(self.remembered.take().or(chosen).unwrap_or(first))
+    }
+
+    pub(crate) fn poll_at(&self) -> Option<Instant> {
+        self.boot_up_at
+    }
+}
+
+/// What 1F80h refuses: everything but what this device can do.
+pub(crate) fn check_startup(bytes: &[u8], base: &Base) -> Result<(), Abort> {
+    let &[a, b, c, d] = bytes else { return Ok(()) };
+    match base.rules.startup_valid(u32::from_le_bytes([a, b, c, d])) {
+        true => Ok(()),
+        false => Err(Abort::VALUE),
+    }
+}
+
+const STARTUP: Mux = Mux::new(0x1F80, 0);
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use canopen::NmtState;
+
+    use crate::rules::Specification;
+    use crate::stack::testing::{Rig, basic, eds, mux, sent, set};
+    use crate::stack::{Inert, NodeSettings};
+
+    #[test]
+    fn boots_up_once_and_only_then_listens() {
+        let settings =
+            NodeSettings { boot_up_time: Duration::from_millis(10), ..NodeSettings::default() };
+        let mut rig = Rig::with(&eds(basic()), settings, Box::new(Specification), Box::new(Inert));
+        assert_eq!(rig.node.state(), NmtState::INITIALISING);
+        assert!(rig.ask("605#4000100000000000").is_empty());
+        rig.send("000#0105");
+        assert_eq!(rig.until(100_000), sent(&[(10_000, "705#00")]));
+        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
+    }
+
+    #[test]
+    fn commands_lead_from_every_state_to_every_other() {
+        let mut rig = Rig::new(&eds(basic()));
+        for from in ["000#0105", "000#0205", "000#8005"] {
+            for (to, state) in [("0105", 5), ("0205", 4), ("8005", 127), ("0100", 5)] {
+                rig.send(from);
+                rig.send(&format!("000#{to}"));
+                assert_eq!(rig.node.state(), NmtState(state), "{from} {to}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_no_command_for_this_node_is_ignored() {
+        let mut rig = Rig::new(&eds(basic()));
+        for frame in ["000#0106", "000#01", "000#", "000#010500", "000#0305", "000#R2"] {
+            assert!(rig.ask(frame).is_empty(), "{frame}");
+            assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL, "{frame}");
+        }
+    }
+
+    #[test]
+    fn a_reset_takes_back_its_areas() {
+        let mut rig = Rig::new(&eds(basic()));
+        for (reset, area_2000) in [("000#8205", 0x77), ("000#8105", 0x11)] {
+            rig.write(mux(0x1017, 0), &[50, 0]).unwrap();
+            rig.write(mux(0x2000, 0), &[0x77]).unwrap();
+            rig.send(reset);
+            let at = rig.now.0 / 1000;
+            assert_eq!(rig.until(at + 100_000), sent(&[(at + 1000, "705#00")]));
+            assert_eq!(rig.read(mux(0x1017, 0)), Ok(vec![0, 0]));
+            assert_eq!(rig.read(mux(0x2000, 0)), Ok(vec![area_2000]));
+        }
+    }
+
+    #[test]
+    fn state_and_time_of_boot_up_may_be_objects() {
+        let settings = NodeSettings {
+            boot_up_time_object: Some((mux(0x2000, 0), Duration::from_millis(10))),
+            boot_up_state_object: Some(mux(0x2001, 0)),
+            ..NodeSettings::default()
+        };
+        let mut entries = basic();
+        set(&mut entries, mux(0x2001, 0), 5);
+        let mut rig = Rig::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
+        assert_eq!(rig.until(300_000), sent(&[(170_000, "705#00")]));
+        assert_eq!(rig.node.state(), NmtState::OPERATIONAL);
+    }
+
+    #[test]
+    fn a_node_may_start_itself() {
+        let mut entries = basic();
+        let data_type = canopen::DataType::UNSIGNED32;
+        entries.push(crate::stack::testing::entry(
+            mux(0x1F80, 0),
+            data_type,
+            canopen::eds::Access::Rw,
+            4,
+        ));
+        let waits = Rig::new(&eds(entries.clone()));
+        assert_eq!(waits.node.state(), NmtState::PRE_OPERATIONAL);
+        set(&mut entries, mux(0x1F80, 0), 0);
+        let mut alone = Rig::new(&eds(entries));
+        assert_eq!(alone.node.state(), NmtState::OPERATIONAL);
+        for (value, refused) in [(0u32, false), (4, false), (1, true), (8, true), (1 << 31, true)] {
+            let answer = alone.write(mux(0x1F80, 0), &value.to_le_bytes());
+            assert_eq!(answer.is_err(), refused, "{value}");
+        }
+    }
+
+    #[test]
+    fn mutants_break_what_they_say() {
+        let booted = |rules: &str| {
+            let mut rig = Rig::mutant(&eds(basic()), rules);
+            rig.write(mux(0x2000, 0), &[0x77]).unwrap();
+            rig.write(mux(0x1017, 0), &[100, 0]).unwrap();
+            rig
+        };
+        for (rules, boot_ups) in [("no-boot-up", 0), ("boot-up-twice", 2)] {
+            let mut rig = booted(rules);
+            rig.send("000#8205");
+            assert_eq!(rig.until(50_000).len(), boot_ups);
+        }
+        for (rules, command) in
+            [("nmt-short-command-acts", "000#01"), ("nmt-other-node-acts", "000#0106")]
+        {
+            let mut rig = booted(rules);
+            rig.send(command);
+            assert_eq!(rig.node.state(), NmtState::OPERATIONAL, "{rules}");
+        }
+        let mut rig = booted("nmt-unknown-command-acts");
+        rig.send("000#0105");
+        rig.send("000#4205");
+        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
+        let mut rig = booted("reset-communication-keeps-objects");
+        rig.send("000#8205");
+        rig.run_to(50_000);
+        assert_eq!(rig.read(mux(0x1017, 0)), Ok(vec![100, 0]));
+    }
+}

@@ -1,0 +1,244 @@
+//! What RPDOs and TPDOs share: where their parameters are, and what communication parameters
+//! refuse (CiA 301, 7.5.2.35 and 7.5.2.37).
+
+use canopen::eds::Direction;
+use canopen::pdo::{CobId, is_restricted};
+use canopen::{Abort, Dictionary, Mux};
+
+use crate::stack::base::Base;
+
+/// One of the parameter objects of a PDO.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Parameter {
+    pub(crate) direction: Direction,
+    pub(crate) part: Part,
+    /// The PDO, counted from 0.
+    pub(crate) pdo: u16,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Part {
+    Communication,
+    Mapping,
+}
+
+impl Parameter {
+    /// Which PDO's parameter the object at `index` is.
+    pub(crate) const fn at(index: u16) -> Option<Self> {
+        let (direction, part) = match index {
+            0x1400..=0x15FF => (Direction::Receive, Part::Communication),
+            0x1600..=0x17FF => (Direction::Receive, Part::Mapping),
+            0x1800..=0x19FF => (Direction::Transmit, Part::Communication),
+            0x1A00..=0x1BFF => (Direction::Transmit, Part::Mapping),
+            _ => return None,
+        };
+        Some(Self { direction, part, pdo: index & 0x1FF })
+    }
+}
+
+/// The PDOs of a device, counted from 0: those that have both parameter objects.
+pub(crate) fn existing(od: &Dictionary, direction: Direction) -> Vec<u16> {
+    let first = communication(direction, 0);
+    let cob_ids = od.entries().iter().map(|entry| entry.mux).filter(|mux| mux.sub == 1);
+    cob_ids
+        .filter(|mux| (first..first + 0x200).contains(&mux.index))
+        .map(|mux| mux.index - first)
+        .filter(|pdo| od.has_object(mapping(direction, *pdo)))
+        .collect()
+}
+
+/// The index of the communication parameter.
+pub(crate) const fn communication(direction: Direction, pdo: u16) -> u16 {
+    pdo + match direction {
+        Direction::Receive => 0x1400,
+        Direction::Transmit => 0x1800,
+    }
+}
+
+/// The index of the mapping parameter.
+pub(crate) const fn mapping(direction: Direction, pdo: u16) -> u16 {
+    communication(direction, pdo) + 0x200
+}
+
+/// The COB-ID of a PDO.
+pub(crate) fn cob_id(od: &Dictionary, direction: Direction, pdo: u16) -> CobId {
+    let mux = Mux::new(communication(direction, pdo), COB_ID);
+    CobId(od.int(mux).map_or(CobId::INVALID, |cob| cob as u32))
+}
+
+/// What a communication parameter refuses.
+pub(crate) fn check_communication(
+    mux: Mux,
+    bytes: &[u8],
+    direction: Direction,
+    base: &Base,
+) -> Result<(), Abort> {
+    let rules = &base.rules;
+    let cob = cob_id(&base.od, direction, mux.index & 0x1FF);
+    let kind = base.od.int(Mux::new(mux.index, TYPE)).unwrap_or(0) as u8;
+    let same = base.od.get(mux) == Some(bytes);
+    let fixed = !same && cob.valid() && rules.pdo_parameter_fixed_while_valid(mux.sub);
+    let refused = match (mux.sub, bytes) {
+        (COB_ID, &[a, b, c, d]) => {
+            let new = CobId(u32::from_le_bytes([a, b, c, d]));
+            !same
+                && (cob_id_refused(cob, new, kind, base)
+                    || new.valid() && is_taken(mux.index, new, direction, base)
+                    || new.valid() && !cob.valid() && maps_nothing(mux.index, base))
+        }
+        (TYPE, &[kind]) => {
+            !rules.transmission_type_valid(direction, kind)
+                || asks_for_rtr(direction, kind) && !cob.rtr_allowed()
+        }
+        (INHIBIT_TIME, _) => fixed,
+        (SYNC_START, &[start]) => fixed || start > 240,
+        _ => false,
+    };
+    if refused { Err(Abort::VALUE) } else { Ok(()) }
+}
+
+fn cob_id_refused(old: CobId, new: CobId, kind: u8, base: &Base) -> bool {
+    let identifier = |cob: CobId| cob.0 & !(CobId::INVALID | CobId::NO_RTR);
+    let moved = old.valid() && new.valid() && identifier(old) != identifier(new);
+    let foreign_bits = identifier(new) & !0x7FF != 0;
+    let restricted = new.valid() && is_restricted(new.can_id().into());
+    moved && base.rules.cob_id_fixed_while_valid()
+        || foreign_bits
+        || restricted && base.rules.restricted_ids_refused()
+        || new.valid() && !new.rtr_allowed() && matches!(kind, 252 | 253)
+}
+
+/// Whether another TPDO has the identifier.
+fn is_taken(index: u16, new: CobId, direction: Direction, base: &Base) -> bool {
+    let has_it = |pdo: u16| {
+        let other = cob_id(&base.od, direction, pdo);
+        pdo != index & 0x1FF && other.valid() && other.can_id() == new.can_id()
+    };
+    direction == Direction::Transmit
+        && base.rules.tpdo_ids_unique()
+        && existing(&base.od, direction).into_iter().any(has_it)
+}
+
+fn maps_nothing(index: u16, base: &Base) -> bool {
+    base.rules.pdo_needs_mapping() && base.od.int(Mux::new(index | 0x0200, 0)) == Some(0)
+}
+
+const fn asks_for_rtr(direction: Direction, kind: u8) -> bool {
+    matches!(direction, Direction::Transmit) && matches!(kind, 252 | 253)
+}
+
+/// Sub-index of the COB-ID.
+pub(crate) const COB_ID: u8 = 1;
+/// Sub-index of the transmission type.
+pub(crate) const TYPE: u8 = 2;
+/// Sub-index of the inhibit time, in 100 microseconds.
+pub(crate) const INHIBIT_TIME: u8 = 3;
+/// Sub-index of the event timer, in milliseconds.
+pub(crate) const EVENT_TIMER: u8 = 5;
+/// Sub-index of the SYNC start value.
+pub(crate) const SYNC_START: u8 = 6;
+
+#[cfg(test)]
+mod tests {
+    use crate::stack::testing::{Rig, eds, full, mux, set};
+    use canopen::Abort;
+    use canopen::eds::Entry;
+
+    const VALUE: Result<(), u32> = Err(Abort::VALUE.0);
+
+    /// The first RPDO and the first TPDO carry something.
+    fn mapped() -> Vec<Entry> {
+        let mut entries = full();
+        for index in [0x1600, 0x1A00] {
+            set(&mut entries, mux(index, 0), 1);
+            set(&mut entries, mux(index, 1), 0x2000_0008);
+        }
+        entries
+    }
+
+    /// Writes a COB-ID to the first RPDO and the first TPDO, which agree.
+    fn cob(rig: &mut Rig, cob: u32) -> Result<(), u32> {
+        let rpdo = rig.write(mux(0x1400, 1), &(cob + 0x80).to_le_bytes());
+        let tpdo = rig.write(mux(0x1800, 1), &cob.to_le_bytes());
+        assert_eq!(rpdo, tpdo);
+        tpdo
+    }
+
+    #[test]
+    fn an_identifier_moves_by_way_of_invalid() {
+        let mut rig = Rig::new(&eds(mapped()));
+        assert_eq!(cob(&mut rig, 0x185), Ok(()));
+        assert_eq!(cob(&mut rig, 0x186), VALUE);
+        assert_eq!(cob(&mut rig, 0x8000_0185), Ok(()));
+        assert_eq!(cob(&mut rig, 0x2000_0185), VALUE);
+        assert_eq!(cob(&mut rig, 0x8000_1185), VALUE);
+        assert_eq!(cob(&mut rig, 0x186), Ok(()));
+        assert_eq!(cob(&mut rig, 0x4000_0186), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x80, 0x05, 0, 0x80]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x81, 0x05, 0, 0]), VALUE);
+    }
+
+    #[test]
+    fn a_pdo_needs_a_mapping_and_a_tpdo_an_identifier_of_its_own() {
+        let mut rig = Rig::new(&eds(full()));
+        for index in [0x1400, 0x1800] {
+            rig.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
+            assert_eq!(rig.write(mux(index, 1), &[0x85, 1, 0, 0]), VALUE);
+        }
+        let mut rig = Rig::new(&eds(mapped()));
+        for (index, result) in [(0x1400, Ok(())), (0x1800, VALUE)] {
+            let neighbour = rig.read(mux(index + 1, 1)).unwrap();
+            rig.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
+            assert_eq!(rig.write(mux(index, 1), &neighbour), result);
+        }
+    }
+
+    #[test]
+    fn types_that_the_direction_does_not_have_are_refused() {
+        let mut rig = Rig::new(&eds(mapped()));
+        for kind in 0..=255 {
+            let rpdo = matches!(kind, 0..=240 | 254..);
+            let tpdo = matches!(kind, 0..=240 | 252..);
+            assert_eq!(rig.write(mux(0x1400, 2), &[kind]).is_ok(), rpdo, "{kind}");
+            assert_eq!(rig.write(mux(0x1800, 2), &[kind]).is_ok(), tpdo, "{kind}");
+        }
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x40]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 2), &[252]), VALUE);
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 2), &[252]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x40]), VALUE);
+    }
+
+    #[test]
+    fn inhibit_time_and_sync_start_are_fixed_while_the_pdo_exists() {
+        let mut rig = Rig::new(&eds(mapped()));
+        assert_eq!(rig.write(mux(0x1800, 3), &[0, 0]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 3), &[1, 0]), VALUE);
+        assert_eq!(rig.write(mux(0x1800, 6), &[1]), VALUE);
+        assert_eq!(rig.write(mux(0x1800, 5), &[1, 0]), Ok(()));
+        assert_eq!(cob(&mut rig, 0x8000_0185), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 3), &[1, 0]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 6), &[240]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 6), &[241]), VALUE);
+        assert_eq!(rig.write(mux(0x1800, 4), &[0]), Err(Abort::NO_SUB_INDEX.0));
+    }
+
+    #[test]
+    fn mutants_break_what_they_say() {
+        let mut rig = Rig::mutant(&eds(mapped()), "pdo-cob-id-moves-while-valid");
+        assert_eq!(cob(&mut rig, 0x186), Ok(()));
+        let mut rig = Rig::mutant(&eds(mapped()), "pdo-reserved-type-accepted");
+        assert_eq!(rig.write(mux(0x1800, 2), &[245]), Ok(()));
+        let mut rig = Rig::mutant(&eds(mapped()), "pdo-inhibit-changes-while-valid");
+        assert_eq!(rig.write(mux(0x1800, 3), &[1, 0]), Ok(()));
+        let mut rig = Rig::mutant(&eds(mapped()), "tpdo-identifier-used-twice");
+        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 2, 0, 0]), Ok(()));
+        let mut rig = Rig::mutant(&eds(full()), "pdo-without-mapping-exists");
+        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0]), Ok(()));
+        let mut rig = Rig::mutant(&eds(mapped()), "pdo-restricted-id-accepted");
+        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]), Ok(()));
+        assert_eq!(rig.write(mux(0x1800, 1), &[1, 6, 0, 0]), Ok(()));
+    }
+}

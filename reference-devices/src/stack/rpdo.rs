@@ -1,0 +1,300 @@
+//! RPDOs: process data that the device receives (CiA 301, 7.2.2, objects 1400h and 1600h on).
+
+use std::time::Duration;
+
+use canopen::eds::Direction;
+use canopen::{Data, Instant, Mux};
+
+use crate::stack::base::Base;
+use crate::stack::fault::{Fault, FaultKind};
+use crate::stack::pdo::{self, EVENT_TIMER, TYPE};
+use crate::stack::pdo_mapping::PdoMapping;
+
+/// One RPDO.
+#[derive(Debug)]
+pub(crate) struct Rpdo {
+    pdo: u16,
+    id: Option<u16>,
+    kind: u8,
+    mapping: PdoMapping,
+    /// Data that take effect with the next SYNC.
+    waiting: Option<Data>,
+    longest_gap: Duration,
+    deadline: Option<Instant>,
+}
+
+impl Rpdo {
+    /// The RPDOs of the device.
+    pub(crate) fn all(base: &mut Base) -> Vec<Self> {
+        let rpdos = pdo::existing(&base.od, Direction::Receive);
+        rpdos.into_iter().map(|pdo| Self::new(pdo, base)).collect()
+    }
+
+    fn new(pdo: u16, base: &mut Base) -> Self {
+        let mapping = PdoMapping::default();
+        let (waiting, deadline, longest_gap) = (None, None, Duration::ZERO);
+        let mut rpdo = Self { pdo, id: None, kind: 0, mapping, waiting, longest_gap, deadline };
+        rpdo.configure(base);
+        rpdo
+    }
+
+    /// Whether this is the PDO counted `pdo` from 0.
+    pub(crate) fn is(&self, pdo: u16) -> bool {
+        self.pdo == pdo
+    }
+
+    /// Takes the parameters. What was wrong with the PDO before is wrong no more.
+    pub(crate) fn configure(&mut self, base: &mut Base) {
+        for kind in [FaultKind::RpdoTooShort, FaultKind::RpdoTooLong, FaultKind::RpdoTimeout] {
+            base.errors.remove(kind, self.number());
+        }
+        let od = &base.od;
+        let cob = pdo::cob_id(od, Direction::Receive, self.pdo);
+        let communication = pdo::communication(Direction::Receive, self.pdo);
+        let parameter = |sub| od.int(Mux::new(communication, sub)).unwrap_or(0);
+        self.id = cob.valid().then(|| cob.can_id());
+        self.kind = parameter(TYPE) as u8;
+        self.longest_gap = Duration::from_millis(parameter(EVENT_TIMER) as u64);
+        self.mapping.load(od, pdo::mapping(Direction::Receive, self.pdo));
+        self.waiting = None;
+        self.deadline = None;
+    }
+
+    /// Whether a frame on identifier `id` is this PDO.
+    pub(crate) fn takes(&self, id: u16) -> bool {
+        self.id == Some(id) && !self.mapping.is_empty()
+    }
+
+    /// Judges a frame. Returns the data when they take effect at once.
+    pub(crate) fn receive(&mut self, now: Instant, data: Data, base: &mut Base) -> Option<Data> {
+        if !self.judge_length(data, base) {
+            return None;
+        }
+        if !self.longest_gap.is_zero() {
+            base.errors.remove(FaultKind::RpdoTimeout, self.number());
+            self.deadline = Some(now + self.longest_gap);
+        }
+        match self.kind {
+            0..=240 if base.window_end.is_some_and(|end| end < now) => None,
+            0..=240 if base.rules.synchronous_rpdo_waits() => {
+                if self.waiting.is_none() || base.rules.synchronous_rpdo_replaced() {
+                    self.waiting = Some(data);
+                }
+                None
+            }
+            241..=253 => None,
+            _ => Some(data),
+        }
+    }
+
+    /// The node entered OPERATIONAL.
+    pub(crate) fn start(&mut self, now: Instant, base: &Base) {
+        let exists = self.id.is_some() && !self.longest_gap.is_zero();
+        if exists && self.deadline.is_none() && !base.rules.first_rpdo_starts_deadline() {
+            self.deadline = Some(now + self.longest_gap);
+        }
+    }
+
+    /// SYNC has come: the data that take effect now.
+    pub(crate) fn synchronise(&mut self, base: &Base) -> Option<Data> {
+        if base.rules.synchronous_rpdo_acts_once() { self.waiting.take() } else { self.waiting }
+    }
+
+    /// PDOs end with the states that have them.
+    pub(crate) fn stop(&mut self) {
+        self.waiting = None;
+        self.deadline = None;
+    }
+
+    pub(crate) fn mapping(&self) -> &PdoMapping {
+        &self.mapping
+    }
+
+    pub(crate) fn handle_timeout(&mut self, now: Instant, base: &mut Base) {
+        if self.deadline.take_if(|due| *due <= now).is_some() {
+            base.raise(Fault::new(FaultKind::RpdoTimeout, self.number()));
+        }
+    }
+
+    pub(crate) fn poll_at(&self) -> Option<Instant> {
+        self.deadline
+    }
+
+    /// Tells of a wrong length. Whether the data can be used: too many bytes can, too few cannot.
+    fn judge_length(&self, data: Data, base: &mut Base) -> bool {
+        let (expected, actual) = (self.mapping.len(), data.len());
+        let wrong = |kind| Fault {
+            kind,
+            subject: self.number(),
+            expected: expected as u8,
+            actual: actual as u8,
+        };
+        if actual >= expected {
+            base.errors.remove(FaultKind::RpdoTooShort, self.number());
+        }
+        if actual <= expected {
+            base.errors.remove(FaultKind::RpdoTooLong, self.number());
+        }
+        if actual != expected && base.rules.rpdo_length_told() {
+            let short = actual < expected;
+            base.raise(wrong(match short {
+                true => FaultKind::RpdoTooShort,
+                false => FaultKind::RpdoTooLong,
+            }));
+        }
+        base.rules.rpdo_length_usable(expected, actual)
+    }
+
+    /// As people count.
+    fn number(&self) -> u16 {
+        self.pdo + 1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::stack::testing::{Rig, eds, full, mux, sent, set};
+
+    /// The first RPDO carries 6200:01, a gap of a byte, and 2001h.
+    fn rig(rules: &str, kind: u8) -> Rig {
+        let mut entries = full();
+        set(&mut entries, mux(0x1400, 2), kind.into());
+        set(&mut entries, mux(0x1600, 0), 3);
+        set(&mut entries, mux(0x1600, 1), 0x6200_0108);
+        set(&mut entries, mux(0x1600, 2), 0x0005_0008);
+        set(&mut entries, mux(0x1600, 3), 0x2001_0010);
+        let mut sheet = eds(entries);
+        sheet.dummies = vec![5];
+        match rules {
+            "" => Rig::new(&sheet),
+            rules => Rig::mutant(&sheet, rules),
+        }
+    }
+
+    fn values(rig: &mut Rig) -> (u8, u8) {
+        (rig.read(mux(0x6200, 1)).unwrap()[0], rig.read(mux(0x2001, 0)).unwrap()[0])
+    }
+
+    #[test]
+    fn takes_effect_at_once_in_operational_only() {
+        let mut rig = rig("", 255);
+        rig.send("205#01EE0200");
+        assert_eq!(values(&mut rig), (0, 0));
+        rig.send("000#0105");
+        for ignored in ["205#R4", "00000205#01EE0200", "206#01EE0200"] {
+            rig.send(ignored);
+            assert_eq!(values(&mut rig), (0, 0));
+        }
+        rig.send("205#01EE0200");
+        assert_eq!(values(&mut rig), (1, 2));
+    }
+
+    #[test]
+    fn a_value_out_of_range_is_left_out() {
+        let mut rig = rig("", 255);
+        rig.send("000#0105");
+        rig.send("205#07EEFF7F");
+        assert_eq!(values(&mut rig), (7, 0));
+    }
+
+    #[test]
+    fn the_last_synchronous_data_take_effect_with_sync() {
+        for kind in [0, 1, 240] {
+            let mut rig = rig("", kind);
+            rig.send("000#0105");
+            rig.send("205#01000100");
+            rig.send("205#02000200");
+            assert_eq!(values(&mut rig), (0, 0));
+            rig.send("080#");
+            assert_eq!(values(&mut rig), (2, 2));
+            rig.send("205#03000300");
+            rig.send("000#8005");
+            rig.send("000#0105");
+            rig.send("080#");
+            assert_eq!(values(&mut rig), (2, 2));
+        }
+    }
+
+    #[test]
+    fn a_wrong_length_is_told_once_and_taken_back() {
+        let mut rig = rig("", 255);
+        rig.send("000#0105");
+        assert_eq!(rig.ask("205#010000"), ["085#1082110000000000"]);
+        assert!(rig.ask("205#010000").is_empty());
+        assert_eq!(values(&mut rig), (0, 0));
+        assert_eq!(rig.ask("205#0100010099"), ["085#0000000000000000", "085#2082110000000000"]);
+        assert_eq!(values(&mut rig), (1, 1));
+        assert_eq!(rig.ask("205#02000200"), ["085#0000000000000000"]);
+        assert_eq!(values(&mut rig), (2, 2));
+    }
+
+    #[test]
+    fn new_parameters_end_an_error() {
+        let mut rig = rig("", 255);
+        rig.send("000#0105");
+        rig.send("205#01");
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x11]));
+        rig.write(mux(0x1400, 1), &[5, 2, 0, 0x80]).unwrap();
+        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+    }
+
+    #[test]
+    fn a_missed_deadline_is_told() {
+        let mut rig = rig("", 255);
+        rig.write(mux(0x1400, 5), &[50, 0]).unwrap();
+        rig.send("000#0105");
+        assert_eq!(rig.until(500_000), []);
+        rig.send("205#01000100");
+        assert_eq!(rig.until(900_000), sent(&[(550_000, "085#5082110000000000")]));
+        assert_eq!(rig.ask("205#01000100"), ["085#0000000000000000"]);
+    }
+
+    #[test]
+    fn a_pdo_that_does_not_exist_is_ignored() {
+        let mut rig = rig("", 255);
+        rig.send("000#0105");
+        rig.write(mux(0x1400, 1), &[5, 2, 0, 0x80]).unwrap();
+        rig.send("205#01000100");
+        assert_eq!(values(&mut rig), (0, 0));
+        assert!(rig.ask("305#0102").is_empty());
+    }
+
+    #[test]
+    fn mutants_break_what_they_say() {
+        let mut first = rig("rpdo-first-before-sync-wins", 1);
+        first.send("000#0105");
+        first.send("205#01000100");
+        first.send("205#02000200");
+        first.send("080#");
+        assert_eq!(values(&mut first), (1, 1));
+        let mut again = rig("rpdo-acts-with-every-sync", 1);
+        again.send("000#0105");
+        again.send("205#01000100");
+        again.send("080#");
+        again.write(mux(0x6200, 1), &[9]).unwrap();
+        again.send("080#");
+        assert_eq!(values(&mut again), (1, 1));
+        let mut dense = rig("rpdo-gap-takes-no-room", 255);
+        dense.send("000#0105");
+        dense.send("205#01020003");
+        assert_eq!(values(&mut dense), (1, 2));
+        let mut eager = rig("rpdo-deadline-before-first", 255);
+        eager.write(mux(0x1400, 5), &[50, 0]).unwrap();
+        eager.send("000#0105");
+        assert_eq!(eager.until(500_000).len(), 1);
+        let mut early = rig("rpdo-used-in-pre-operational", 255);
+        early.send("205#01000100");
+        assert_eq!(values(&mut early), (1, 1));
+        let mut short = rig("rpdo-short-used", 255);
+        short.send("000#0105");
+        short.send("205#01");
+        assert_eq!(values(&mut short), (1, 0));
+        let mut quiet = rig("rpdo-length-not-told", 255);
+        quiet.send("000#0105");
+        assert!(quiet.ask("205#01").is_empty());
+        let mut early = rig("rpdo-acts-before-sync", 1);
+        early.send("000#0105");
+        early.send("205#01000100");
+        assert_eq!(values(&mut early), (1, 1));
+    }
+}

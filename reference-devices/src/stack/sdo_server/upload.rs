@@ -1,0 +1,52 @@
+//! Uploads: the client reads (CiA 301, 7.2.4.3.5 to 7.2.4.3.7).
+
+use canopen::sdo::{Initiate, Response, Segment};
+use canopen::{Abort, Data, Mux};
+
+use super::transfer::{Step, Transfer};
+use crate::stack::services::Services;
+
+/// A segmented upload that waits for the next request.
+#[derive(Debug)]
+pub(super) struct Upload {
+    pub(super) mux: Mux,
+    /// The value as it was when the transfer began, so that segments fit together.
+    data: Vec<u8>,
+    sent: usize,
+    toggle: bool,
+}
+
+impl Upload {
+    pub(super) fn new(mux: Mux, bytes: &[u8]) -> Self {
+        Self { mux, data: bytes.to_vec(), sent: 0, toggle: false }
+    }
+
+    /// Answers with the whole value when it fits, else with its size.
+    pub(super) fn initiate(mux: Mux, services: &Services) -> Step {
+        let bytes = services.read(mux).map_err(|abort| (mux, abort))?;
+        if (1..=4).contains(&bytes.len()) {
+            let answer = Response::Upload(mux, Initiate::Expedited(Data::new(bytes)));
+            return Ok((Transfer::Idle, Some(answer)));
+        }
+        let size = Initiate::Segmented(Some(bytes.len() as u32));
+        let open = Transfer::Upload(Self::new(mux, bytes));
+        Ok((open, Some(Response::Upload(mux, size))))
+    }
+
+    /// Answers with the next seven bytes.
+    pub(super) fn segment(mut self, toggle: bool, services: &Services) -> Step {
+        if toggle != self.toggle && services.base.rules.toggle_checked(self.sent == 0) {
+            return Err((self.mux, Abort::TOGGLE));
+        }
+        if !services.base.rules.upload_is_snapshot() {
+            self.data = services.read(self.mux).unwrap_or_default().to_vec();
+        }
+        let rest = &self.data[self.sent.min(self.data.len())..];
+        let data = Data::new(&rest[..rest.len().min(7)]);
+        let last = data.len() == rest.len();
+        self.sent += data.len();
+        self.toggle = !toggle;
+        let next = if last { Transfer::Idle } else { Transfer::Upload(self) };
+        Ok((next, Some(Response::UploadSegment(Segment { toggle, data, last }))))
+    }
+}

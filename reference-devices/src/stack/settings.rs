@@ -1,0 +1,213 @@
+//! What a device is and its data sheet cannot say.
+
+use std::time::Duration;
+
+use canopen::Mux;
+use canopen::emcy::EmcyCode;
+use canopen::lss::Status;
+use canopen::sdo::block::LARGEST_BLOCK;
+
+use crate::stack::fault::{Fault, FaultKind};
+
+/// Properties of a device beyond its data sheet. The default is a device that adds nothing to
+/// CiA 301.
+#[derive(Clone, Debug)]
+pub struct NodeSettings {
+    /// Time from power-on or a reset to the boot-up message.
+    pub boot_up_time: Duration,
+    /// An object that holds the boot-up time instead, and the unit of its value.
+    pub boot_up_time_object: Option<(Mux, Duration)>,
+    /// An object that holds the NMT state to enter after boot-up; any value that is not
+    /// OPERATIONAL or STOPPED means PRE-OPERATIONAL.
+    pub boot_up_state_object: Option<Mux>,
+    /// How long the SDO server waits for the next request of a transfer.
+    pub sdo_timeout: Duration,
+    /// Block transfer of the SDO server; `None` when it has none.
+    pub block_transfer: Option<BlockTransfer>,
+    /// The longest value of an object of variable length, in bytes.
+    pub longest_value: usize,
+    /// Supervision of SYNC by 1006h; `None` when the device has none.
+    pub sync_supervision: Option<SyncSupervision>,
+    /// What the emergency messages look like.
+    pub emcy: EmcyTable,
+    /// How many emergency messages can wait.
+    pub emcy_queue: usize,
+    /// Bit rate of the bus, in bit/s.
+    pub bit_rate: u32,
+    /// How storing the LSS configuration ends.
+    pub lss_store: Status,
+    /// How long it takes to store parameters; the SDO server answers when it is done.
+    pub save_time: Duration,
+    /// Whether the device can produce SYNC, and the shortest period it takes for it.
+    pub sync_producer: Option<Duration>,
+    /// The object that shows the time of day, for a device that uses TIME.
+    pub clock_object: Option<Mux>,
+    /// The object that holds the interval at which the device produces TIME, in milliseconds.
+    pub time_interval_object: Option<Mux>,
+    /// Second doors: the network's access to the first address goes to the second one.
+    pub aliases: Vec<(Mux, Mux)>,
+}
+
+/// How an SDO server transfers blocks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlockTransfer {
+    /// The segments it takes in a sub-block, 1 to 127.
+    pub size: u8,
+    /// The pause before each segment it sends.
+    pub pause: Duration,
+}
+
+/// How a device supervises SYNC.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SyncSupervision {
+    /// The longest gap in per cent of the communication cycle period.
+    pub percent: u32,
+    /// The gap is rounded up to a multiple of this.
+    pub resolution: Duration,
+}
+
+/// The emergency messages of a device (CiA 301, 7.2.7.1). `None` for what is not reported.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EmcyTable {
+    /// SYNC did not come in time.
+    pub sync_timeout: Option<EmcyForm>,
+    /// SYNC had another length than 1019h asks for.
+    pub sync_length: Option<EmcyForm>,
+    /// Life guarding was lost.
+    pub guarding: Option<EmcyForm>,
+    /// The heartbeat of a node was lost.
+    pub heartbeat: Option<EmcyForm>,
+    /// An RPDO was too short and was not used.
+    pub rpdo_too_short: Option<EmcyForm>,
+    /// An RPDO was too long; what is mapped was used.
+    pub rpdo_too_long: Option<EmcyForm>,
+    /// An RPDO missed its deadline.
+    pub rpdo_timeout: Option<EmcyForm>,
+    /// Takes the last place of a queue that overflows.
+    pub queue_overflow: Option<EmcyForm>,
+    /// Whether clearing 1003h is told by a message with code 0000h and zeros.
+    pub tells_history_cleared: bool,
+}
+
+/// One emergency message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EmcyForm {
+    /// Error code.
+    pub code: EmcyCode,
+    /// Bits of the error register 1001h.
+    pub register: u8,
+    /// The five bytes of the manufacturer.
+    pub vendor: [Byte; 5],
+    /// Whether the message at the end of the error, code 0000h, repeats register and vendor
+    /// bytes; else it carries what is left in 1001h, and zeros.
+    pub end_repeats: bool,
+}
+
+/// One of the vendor bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Byte {
+    /// Always this.
+    Is(u8),
+    /// The node that was lost, or the number of the PDO counted from 1.
+    Subject,
+    /// The length that was expected, in bytes.
+    Expected,
+    /// The length that came, in bytes.
+    Actual,
+}
+
+impl NodeSettings {
+    /// The address that stands behind `mux`.
+    pub(crate) fn resolve(&self, mux: Mux) -> Mux {
+        self.aliases.iter().find(|alias| alias.0 == mux).map_or(mux, |alias| alias.1)
+    }
+}
+
+impl Default for NodeSettings {
+    fn default() -> Self {
+        Self {
+            boot_up_time: Duration::from_millis(1),
+            boot_up_time_object: None,
+            boot_up_state_object: None,
+            sdo_timeout: Duration::from_secs(1),
+            block_transfer: Some(BlockTransfer::default()),
+            longest_value: 1 << 16,
+            sync_supervision: Some(SyncSupervision::default()),
+            emcy: EmcyTable::default(),
+            emcy_queue: 16,
+            bit_rate: 1_000_000,
+            lss_store: Status::DONE,
+            save_time: Duration::ZERO,
+            sync_producer: None,
+            clock_object: None,
+            time_interval_object: None,
+            aliases: Vec::new(),
+        }
+    }
+}
+
+impl Default for BlockTransfer {
+    fn default() -> Self {
+        Self { size: LARGEST_BLOCK, pause: Duration::from_micros(250) }
+    }
+}
+
+impl Default for SyncSupervision {
+    /// One and a half periods, as is usual.
+    fn default() -> Self {
+        Self { percent: 150, resolution: Duration::from_micros(1) }
+    }
+}
+
+impl EmcyForm {
+    /// A message with zeros for vendor bytes and a plain end.
+    pub const fn new(code: EmcyCode, register: u8) -> Self {
+        Self { code, register, vendor: [Byte::Is(0); 5], end_repeats: false }
+    }
+
+    /// The vendor bytes for one error.
+    pub(crate) fn vendor_bytes(&self, fault: Fault) -> [u8; 5] {
+        self.vendor.map(|byte| match byte {
+            Byte::Is(byte) => byte,
+            Byte::Subject => fault.subject as u8,
+            Byte::Expected => fault.expected,
+            Byte::Actual => fault.actual,
+        })
+    }
+}
+
+impl EmcyTable {
+    /// The message for an error of the communication.
+    pub(crate) const fn form(&self, kind: FaultKind) -> Option<EmcyForm> {
+        match kind {
+            FaultKind::SyncTimeout => self.sync_timeout,
+            FaultKind::SyncLength => self.sync_length,
+            FaultKind::Guarding => self.guarding,
+            FaultKind::Heartbeat => self.heartbeat,
+            FaultKind::RpdoTooShort => self.rpdo_too_short,
+            FaultKind::RpdoTooLong => self.rpdo_too_long,
+            FaultKind::RpdoTimeout => self.rpdo_timeout,
+            FaultKind::Application => None,
+        }
+    }
+}
+
+impl Default for EmcyTable {
+    fn default() -> Self {
+        let communication = |code| Some(EmcyForm::new(code, GENERIC | COMMUNICATION));
+        Self {
+            sync_timeout: communication(EmcyCode::COMMUNICATION),
+            sync_length: communication(EmcyCode::SYNC_LENGTH),
+            guarding: communication(EmcyCode::HEARTBEAT),
+            heartbeat: communication(EmcyCode::HEARTBEAT),
+            rpdo_too_short: communication(EmcyCode::PDO_LENGTH),
+            rpdo_too_long: communication(EmcyCode::PDO_TOO_LONG),
+            rpdo_timeout: communication(EmcyCode::RPDO_TIMEOUT),
+            queue_overflow: None,
+            tells_history_cleared: false,
+        }
+    }
+}
+
+const GENERIC: u8 = 1 << 0;
+const COMMUNICATION: u8 = 1 << 4;

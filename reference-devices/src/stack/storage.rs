@@ -1,0 +1,319 @@
+//! Storing and restoring parameters (CiA 301, 7.5.2.13 and 7.5.2.14, objects 1010h and 1011h).
+
+use std::collections::BTreeMap;
+
+use canopen::eds::{Access, Eds};
+use canopen::{Abort, Dictionary, Instant, Mux};
+
+use crate::stack::base::Base;
+
+/// The non-volatile memory: what the objects hold after a reset.
+///
+/// It has two banks, of which the newest that is complete counts, so that a device that loses its
+/// supply while it stores has the old values or the new ones, and no mixture.
+pub(crate) struct Storage {
+    defaults: Dictionary,
+    image: Dictionary,
+    storable: Vec<Mux>,
+    banks: [Bank; 2],
+    save: Option<Save>,
+}
+
+/// What differs from the defaults: a default that depends on the node id goes on to follow it.
+#[derive(Clone, Debug, Default)]
+struct Bank {
+    /// Written last of all; 0 is a bank that is not complete.
+    number: u32,
+    values: Values,
+}
+
+type Values = BTreeMap<Mux, Vec<u8>>;
+
+/// What is being stored.
+struct Save {
+    values: Vec<(Mux, Vec<u8>)>,
+    begun: Instant,
+    done: Instant,
+}
+
+impl Storage {
+    /// The memory of a new device. What can be written is stored, except for what the data sheet
+    /// keeps out of a configuration (`ObjFlags` bit 0) and what is a command or a record of events.
+    pub(crate) fn new(eds: &Eds, defaults: &Dictionary) -> Self {
+        let configuration = eds.objects.iter().filter(|object| {
+            object.flags & REFUSED_ON_DOWNLOAD == 0
+                && !matches!(object.index, HISTORY | STORE | RESTORE)
+        });
+        let entries = configuration.flat_map(|object| &object.entries);
+        let storable =
+            entries.filter(|entry| matches!(entry.access, Access::Rw | Access::Rwr | Access::Rww));
+        Self {
+            defaults: defaults.clone(),
+            image: defaults.clone(),
+            storable: storable.map(|entry| entry.mux).collect(),
+            banks: Default::default(),
+            save: None,
+        }
+    }
+
+    /// What a reset loads.
+    pub(crate) fn image(&self) -> &Dictionary {
+        &self.image
+    }
+
+    /// The device has another node id, and therefore other defaults.
+    pub(crate) fn take_defaults(&mut self, defaults: Dictionary) {
+        self.defaults = defaults;
+        self.load();
+    }
+
+    /// Whether the object is a parameter that can be stored.
+    pub(crate) fn keeps(&self, mux: Mux) -> bool {
+        self.storable.contains(&mux)
+    }
+
+    /// Until when a save lasts.
+    pub(crate) fn poll_at(&self) -> Option<Instant> {
+        self.save.as_ref().map(|save| save.done)
+    }
+
+    /// The signature was right: stores or forgets a group of objects.
+    pub(crate) fn execute(&mut self, now: Instant, mux: Mux, base: &mut Base) {
+        let group = base.rules.parameter_group(mux.sub);
+        if mux.index == STORE {
+            let chosen = |mux: &&Mux| group.contains(&mux.index) && base.rules.stored(**mux);
+            let values = self.storable.iter().filter(chosen).filter_map(|mux| {
+                let bytes = base.od.get(*mux)?;
+                Some((*mux, bytes.to_vec()))
+            });
+            let done = now + base.settings.save_time;
+            self.save = Some(Save { values: values.collect(), begun: now, done });
+            self.handle_timeout(now);
+        } else {
+            self.finish();
+            let mut values = self.newest().values.clone();
+            values.retain(|mux, _| !group.contains(&mux.index));
+            self.commit(values);
+            if !base.rules.load_waits_for_reset() {
+                for mux in self.storable.iter().filter(|mux| group.contains(&mux.index)) {
+                    base.od.set(*mux, self.defaults.get(*mux).unwrap_or_default());
+                }
+            }
+        }
+    }
+
+    pub(crate) fn handle_timeout(&mut self, now: Instant) {
+        if self.poll_at().is_some_and(|done| done <= now) {
+            self.finish();
+        }
+    }
+
+    /// Ends a save at once.
+    pub(crate) fn finish(&mut self) {
+        if let Some(save) = self.save.take() {
+            let values = self.with(save.values);
+            self.commit(values);
+        }
+    }
+
+    /// The supply is gone, and with it the rest of what was being stored.
+    pub(crate) fn cut(&mut self, now: Instant, base: &Base) {
+        let Some(mut save) = self.save.take() else { return };
+        let (part, whole) = (now.since(save.begun), save.done.since(save.begun));
+        let written = save.values.len() as u128 * part.as_nanos() / whole.as_nanos().max(1);
+        save.values.truncate(written as usize);
+        let values = self.with(save.values);
+        if base.rules.save_completes_last() {
+            *self.oldest() = Bank { number: 0, values };
+        } else {
+            self.commit(values);
+        }
+    }
+
+    fn with(&self, saved: Vec<(Mux, Vec<u8>)>) -> Values {
+        let mut values = self.newest().values.clone();
+        for (mux, bytes) in saved {
+            if self.defaults.get(mux) == Some(&bytes) {
+                values.remove(&mux);
+            } else {
+                values.insert(mux, bytes);
+            }
+        }
+        values
+    }
+
+    fn commit(&mut self, values: Values) {
+        let number = self.newest().number + 1;
+        *self.oldest() = Bank { number, values };
+        self.load();
+    }
+
+    /// Reads the newest bank.
+    fn load(&mut self) {
+        let mut image = self.defaults.clone();
+        for (mux, bytes) in &self.newest().values {
+            image.set(*mux, bytes);
+        }
+        self.image = image;
+    }
+
+    fn newest(&self) -> &Bank {
+        let [first, second] = &self.banks;
+        if first.number >= second.number { first } else { second }
+    }
+
+    fn oldest(&mut self) -> &mut Bank {
+        let [first, second] = &mut self.banks;
+        if first.number >= second.number { second } else { first }
+    }
+}
+
+/// Writing is a command that needs its signature.
+pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
+    let signature = if mux.index == STORE { b"save" } else { b"load" };
+    let possible = base.od.int(mux).is_some_and(|capability| capability & 1 != 0);
+    if possible && base.rules.signature_valid(signature, bytes) {
+        Ok(())
+    } else {
+        Err(Abort::STORE)
+    }
+}
+
+pub(crate) const STORE: u16 = 0x1010;
+pub(crate) const RESTORE: u16 = 0x1011;
+const HISTORY: u16 = 0x1003;
+const REFUSED_ON_DOWNLOAD: u32 = 1 << 0;
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use crate::rules::Specification;
+    use crate::stack::testing::{Rig, eds, full, mux, sent};
+    use crate::stack::{Inert, NodeSettings};
+    use canopen::{Abort, Mux};
+
+    const PERIOD: Mux = mux(0x1017, 0);
+    const OWN: Mux = mux(0x2000, 0);
+
+    /// 1017h is 500 and 2000h is 7, neither stored.
+    fn changed(rules: &str) -> Rig {
+        let mut rig = match rules {
+            "" => Rig::new(&eds(full())),
+            rules => Rig::mutant(&eds(full()), rules),
+        };
+        rig.write(PERIOD, &[0xF4, 1]).unwrap();
+        rig.write(OWN, &[7]).unwrap();
+        rig
+    }
+
+    fn after_reset(rig: &mut Rig) -> (Vec<u8>, Vec<u8>) {
+        rig.send("000#8105");
+        rig.run_to(rig.now.0 / 1000 + 10_000);
+        (rig.read(PERIOD).unwrap(), rig.read(OWN).unwrap())
+    }
+
+    #[test]
+    fn what_is_stored_survives_reset_and_power_cycle() {
+        let mut rig = changed("");
+        rig.write(mux(0x1010, 1), b"save").unwrap();
+        assert_eq!(rig.read(mux(0x1010, 1)), Ok(vec![1, 0, 0, 0]));
+        rig.write(OWN, &[8]).unwrap();
+        assert_eq!(after_reset(&mut rig), (vec![0xF4, 1], vec![7]));
+        rig.node.power_on(rig.now);
+        rig.run_to(rig.now.0 / 1000 + 10_000);
+        assert_eq!(rig.read(OWN), Ok(vec![7]));
+    }
+
+    fn slow(rules: &str) -> Rig {
+        let rules = crate::rules::named(rules).unwrap_or_else(|| Box::new(Specification));
+        let save_time = Duration::from_millis(10);
+        let settings = NodeSettings { save_time, ..NodeSettings::default() };
+        Rig::with(&eds(full()), settings, rules, Box::new(Inert))
+    }
+
+    const SAVE: &str = "605#2310100173617665";
+
+    #[test]
+    fn the_answer_comes_when_everything_is_stored() {
+        let mut rig = slow("");
+        let at = rig.now.0 / 1000;
+        assert!(rig.ask(SAVE).is_empty());
+        assert_eq!(rig.write(mux(0x1010, 1), b"save"), Err(Abort::DEVICE_STATE.0));
+        assert_eq!(rig.until(at + 50_000), sent(&[(at + 10_000, "585#6010100100000000")]));
+    }
+
+    #[test]
+    fn a_node_that_is_stopped_meanwhile_does_not_answer() {
+        let mut rig = slow("");
+        rig.write(OWN, &[7]).unwrap();
+        rig.send(SAVE);
+        rig.send("000#0205");
+        assert_eq!(rig.until(rig.now.0 / 1000 + 50_000), []);
+        assert_eq!(after_reset(&mut rig).1, [7]);
+    }
+
+    #[test]
+    fn a_save_that_is_cut_short_leaves_the_old_values() {
+        for (rules, torn) in [("", false), ("save-completes-first", true)] {
+            let mut rig = slow(rules);
+            rig.write(PERIOD, &[0xF4, 1]).unwrap();
+            rig.write(OWN, &[7]).unwrap();
+            rig.send(SAVE);
+            rig.run_to(rig.now.0 / 1000 + 5_000);
+            rig.node.power_on(rig.now);
+            rig.run_to(rig.now.0 / 1000 + 5_000);
+            let period = if torn { vec![0xF4, 1] } else { vec![0, 0] };
+            assert_eq!(rig.read(PERIOD), Ok(period));
+            assert_eq!(rig.read(OWN), Ok(vec![0x11]));
+            rig.write(OWN, &[8]).unwrap();
+            rig.send(SAVE);
+            rig.run_to(rig.now.0 / 1000 + 50_000);
+            rig.node.power_on(rig.now);
+            rig.run_to(rig.now.0 / 1000 + 5_000);
+            assert_eq!(rig.read(OWN), Ok(vec![8]));
+        }
+    }
+
+    #[test]
+    fn a_sub_index_is_a_group_of_objects() {
+        for (sub, period, own) in [(2, [0xF4, 1], 0x11), (3, [0, 0], 0x11), (4, [0, 0], 7)] {
+            let mut rig = changed("");
+            rig.write(mux(0x1010, sub), b"save").unwrap();
+            assert_eq!(after_reset(&mut rig), (period.to_vec(), vec![own]), "sub {sub}");
+        }
+    }
+
+    #[test]
+    fn restored_values_wait_for_the_reset() {
+        let mut rig = changed("");
+        rig.write(mux(0x1010, 1), b"save").unwrap();
+        rig.write(mux(0x1011, 1), b"load").unwrap();
+        assert_eq!(rig.read(OWN), Ok(vec![7]));
+        assert_eq!(after_reset(&mut rig), (vec![0, 0], vec![0x11]));
+    }
+
+    #[test]
+    fn nothing_is_stored_without_the_signature() {
+        let mut rig = changed("");
+        for wrong in [b"SAVE", b"evas", b"load", b"\0\0\0\0"] {
+            assert_eq!(rig.write(mux(0x1010, 1), wrong), Err(Abort::STORE.0));
+        }
+        assert_eq!(rig.write(mux(0x1011, 1), b"save"), Err(Abort::STORE.0));
+        assert_eq!(rig.write(mux(0x1010, 1), b"sa"), Err(Abort::TOO_SHORT.0));
+        assert_eq!(after_reset(&mut rig), (vec![0, 0], vec![0x11]));
+    }
+
+    #[test]
+    fn mutants_break_what_they_say() {
+        let mut rig = changed("save-stores-half");
+        rig.write(mux(0x1010, 1), b"save").unwrap();
+        assert_eq!(after_reset(&mut rig), (vec![0xF4, 1], vec![0x11]));
+        let mut rig = changed("load-at-once");
+        rig.write(mux(0x1011, 1), b"load").unwrap();
+        assert_eq!(rig.read(OWN), Ok(vec![0x11]));
+        let mut rig = changed("save-with-any-signature");
+        assert_eq!(rig.write(mux(0x1010, 1), b"evil"), Ok(()));
+        assert_eq!(rig.write(mux(0x1011, 1), b"evil"), Err(Abort::STORE.0));
+    }
+}

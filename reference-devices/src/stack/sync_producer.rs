@@ -1,0 +1,164 @@
+//! The SYNC producer (CiA 301, 7.2.5, objects 1005h, 1006h and 1019h).
+
+use std::time::Duration;
+
+use canopen::sync::Sync;
+use canopen::{Frame, Instant, Outbox};
+
+use crate::stack::base::Base;
+use crate::stack::sync::{COB_ID, COUNTER_OVERFLOW, PERIOD};
+use crate::stack::time::next_beat;
+
+/// Sends SYNC, when the device can and 1005h tells it to.
+#[derive(Debug, Default)]
+pub(crate) struct SyncProducer {
+    id: Option<u16>,
+    period: Duration,
+    /// The highest value of the counter; 0 for a SYNC without one.
+    overflow: u8,
+    counter: u8,
+    next: Option<Instant>,
+}
+
+impl SyncProducer {
+    /// Starts anew; SYNC is produced from the next state on that has it.
+    pub(crate) fn reset(&mut self, base: &Base) {
+        *self = Self::default();
+        self.take_parameters(base);
+    }
+
+    /// Takes identifier, period and counter overflow value, and begins anew with them.
+    pub(crate) fn configure(&mut self, now: Instant, base: &Base) {
+        self.next = None;
+        self.take_parameters(base);
+        self.enter(now, base);
+    }
+
+    /// The node entered its state. The counter begins with 1 when SYNC does (7.2.5.3.1).
+    pub(crate) fn enter(&mut self, now: Instant, base: &Base) {
+        let runs =
+            self.id.is_some() && !self.period.is_zero() && base.rules.sync_produced_in(base.state);
+        if !runs {
+            self.next = None;
+        } else if self.next.is_none() {
+            self.counter = base.rules.sync_counter_at_start(self.counter);
+            self.next = Some(now + self.period);
+        }
+    }
+
+    /// Sends SYNC when it is due, and returns it: it is meant for this device, too.
+    pub(crate) fn handle_timeout(
+        &mut self,
+        now: Instant,
+        base: &Base,
+        out: &mut Outbox,
+    ) -> Option<Sync> {
+        let due = self.next.filter(|due| *due <= now)?;
+        let id = self.id?;
+        self.next = Some(next_beat(due, self.period, now));
+        let counter = (self.overflow > 0).then(|| {
+            self.counter = base.rules.sync_counter_after(self.counter, self.overflow);
+            self.counter
+        });
+        let sync = Sync { counter };
+        out.push(Frame::new(id, sync.encode()));
+        Some(sync)
+    }
+
+    pub(crate) fn poll_at(&self) -> Option<Instant> {
+        self.next
+    }
+
+    fn take_parameters(&mut self, base: &Base) {
+        let able = base.settings.sync_producer.is_some();
+        let cob = base.od.int(COB_ID).unwrap_or(0) as u32;
+        let id = (able && base.rules.sync_producer_chosen(cob)).then_some(cob as u16 & 0x7FF);
+        let period = Duration::from_micros(base.od.int(PERIOD).unwrap_or(0).max(0) as u64);
+        self.period = base.rules.sync_production_period(period);
+        self.overflow = base.od.int(COUNTER_OVERFLOW).unwrap_or(0) as u8;
+        self.id = id;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use canopen::{Abort, Mux};
+
+    use crate::rules::Specification;
+    use crate::stack::testing::{Rig, eds, full, mux, sent, set};
+    use crate::stack::{Inert, NodeSettings};
+
+    const COB_ID: Mux = mux(0x1005, 0);
+    const PERIOD: Mux = mux(0x1006, 0);
+
+    fn rig() -> Rig {
+        let shortest = Some(Duration::from_millis(1));
+        let settings = NodeSettings { sync_producer: shortest, ..NodeSettings::default() };
+        let mut entries = full();
+        set(&mut entries, mux(0x1800, 2), 1);
+        set(&mut entries, mux(0x1A00, 0), 1);
+        set(&mut entries, mux(0x1A00, 1), 0x6000_0108);
+        Rig::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert))
+    }
+
+    fn produce(rig: &mut Rig, period: u32) -> u64 {
+        rig.write(PERIOD, &period.to_le_bytes()).unwrap();
+        rig.write(COB_ID, &[0x80, 0, 0, 0x40]).unwrap();
+        rig.now.0 / 1000
+    }
+
+    #[test]
+    fn sync_comes_with_its_period_and_stops_with_the_node() {
+        let mut rig = rig();
+        let at = produce(&mut rig, 10_000);
+        let frames = [(at + 10_000, "080#"), (at + 20_000, "080#"), (at + 30_000, "080#")];
+        assert_eq!(rig.until(at + 35_000), sent(&frames));
+        rig.send("000#0205");
+        assert_eq!(rig.until(at + 100_000), []);
+        rig.send("000#8005");
+        assert_eq!(rig.until(at + 110_000), sent(&[(at + 110_000, "080#")]));
+        rig.write(COB_ID, &[0x80, 0, 0, 0]).unwrap();
+        assert_eq!(rig.until(at + 200_000), []);
+        rig.write(COB_ID, &[0x80, 0, 0, 0x40]).unwrap();
+        rig.write(PERIOD, &[0; 4]).unwrap();
+        assert_eq!(rig.until(at + 300_000), []);
+    }
+
+    #[test]
+    fn the_counter_runs_from_1_to_its_overflow() {
+        let mut rig = rig();
+        rig.write(mux(0x1019, 0), &[3]).unwrap();
+        let at = produce(&mut rig, 10_000);
+        let frames = rig.until(at + 55_000);
+        let counters: Vec<&str> = frames.iter().map(|(_, frame)| frame.as_str()).collect();
+        assert_eq!(counters, ["080#01", "080#02", "080#03", "080#01", "080#02"]);
+        rig.send("000#0205");
+        rig.send("000#8005");
+        assert_eq!(rig.until(at + 65_000), sent(&[(at + 65_000, "080#01")]));
+    }
+
+    #[test]
+    fn its_own_sync_moves_its_own_pdos() {
+        let mut rig = rig();
+        let at = produce(&mut rig, 10_000);
+        rig.send("000#0105");
+        rig.until(at + 9_000);
+        let frames = [(at + 10_000, "080#"), (at + 10_000, "185#00")];
+        assert_eq!(rig.until(at + 15_000), sent(&frames));
+    }
+
+    #[test]
+    fn a_producer_keeps_its_identifier_and_its_limits() {
+        let mut rig = rig();
+        produce(&mut rig, 10_000);
+        assert_eq!(rig.write(COB_ID, &[0x81, 0, 0, 0x40]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(PERIOD, &[0xE7, 3, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(rig.write(PERIOD, &[0xE8, 3, 0, 0]), Ok(()));
+        assert_eq!(rig.write(COB_ID, &[0x80, 0, 0, 0]), Ok(()));
+        assert_eq!(rig.write(COB_ID, &[0x81, 0, 0, 0]), Ok(()));
+        assert_eq!(rig.write(COB_ID, &[0x81, 0, 0, 0x40]), Ok(()));
+        assert_eq!(rig.write(COB_ID, &[0x81, 0, 0, 0x20]), Err(Abort::VALUE.0));
+    }
+}

@@ -1,0 +1,433 @@
+//! TPDOs: process data that the device transmits (CiA 301, 7.2.2, objects 1800h and 1A00h on).
+
+use std::time::Duration;
+
+use canopen::eds::Direction;
+use canopen::pdo::{CobId, Unpacker};
+use canopen::sync::Sync;
+use canopen::{Data, Frame, Instant, Mux, Outbox};
+
+use crate::stack::base::Base;
+use crate::stack::behaviour::Behaviour;
+use crate::stack::pdo::{self, EVENT_TIMER, INHIBIT_TIME, SYNC_START, TYPE};
+use crate::stack::pdo_mapping::PdoMapping;
+use crate::stack::time::{earlier, next_beat};
+
+/// One TPDO.
+#[derive(Debug)]
+pub(crate) struct Tpdo {
+    pdo: u16,
+    cob: CobId,
+    kind: u8,
+    inhibit: Duration,
+    period: Duration,
+    sync_start: u8,
+    mapping: PdoMapping,
+    running: bool,
+    /// What the next change is a change from.
+    last: Data,
+    /// An event waits for the end of the inhibit time, or for SYNC.
+    pending: bool,
+    /// End of the inhibit time.
+    free_at: Instant,
+    /// When the event timer elapses.
+    due: Option<Instant>,
+    /// SYNC messages since the last transmission; `None` until the start value has come.
+    syncs: Option<u8>,
+    /// What type 252 answers with.
+    sampled: Option<Data>,
+}
+
+impl Tpdo {
+    /// The TPDOs of the device.
+    pub(crate) fn all(base: &Base) -> Vec<Self> {
+        let tpdos = pdo::existing(&base.od, Direction::Transmit);
+        tpdos.into_iter().map(|pdo| Self::new(pdo, base)).collect()
+    }
+
+    fn new(pdo: u16, base: &Base) -> Self {
+        let mut tpdo = Self {
+            pdo,
+            cob: CobId(CobId::INVALID),
+            kind: 0,
+            inhibit: Duration::ZERO,
+            period: Duration::ZERO,
+            sync_start: 0,
+            mapping: PdoMapping::default(),
+            running: false,
+            last: Data::EMPTY,
+            pending: false,
+            free_at: Instant::ZERO,
+            due: None,
+            syncs: None,
+            sampled: None,
+        };
+        tpdo.configure(Instant::ZERO, base);
+        tpdo
+    }
+
+    /// Whether this is the PDO counted `pdo` from 0.
+    pub(crate) fn is(&self, pdo: u16) -> bool {
+        self.pdo == pdo
+    }
+
+    /// Takes the parameters; counting and timing begin anew.
+    pub(crate) fn configure(&mut self, now: Instant, base: &Base) {
+        let od = &base.od;
+        let communication = pdo::communication(Direction::Transmit, self.pdo);
+        let parameter = |sub| od.int(Mux::new(communication, sub)).unwrap_or(0);
+        self.cob = pdo::cob_id(od, Direction::Transmit, self.pdo);
+        self.kind = parameter(TYPE) as u8;
+        self.inhibit = base.rules.pdo_inhibit(parameter(INHIBIT_TIME) as u16);
+        self.period = Duration::from_millis(parameter(EVENT_TIMER) as u64);
+        self.sync_start = parameter(SYNC_START) as u8;
+        self.mapping.load(od, pdo::mapping(Direction::Transmit, self.pdo));
+        self.restart(now, base);
+    }
+
+    /// The node entered a state. In OPERATIONAL, event-driven PDOs tell where they stand.
+    pub(crate) fn enter(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
+        let runs = base.rules.tpdo_sent_in(base.state);
+        if runs == self.running {
+            return;
+        }
+        self.running = runs;
+        self.restart(now, base);
+        if self.is_active() && self.is_event_driven() && base.rules.tpdo_sent_at_start() {
+            self.event(now, base, out);
+        }
+    }
+
+    /// Objects may have changed: transmits when the application calls that an event.
+    pub(crate) fn compare(
+        &mut self,
+        now: Instant,
+        base: &Base,
+        behaviour: &mut dyn Behaviour,
+        out: &mut Outbox,
+    ) {
+        let by_change = self.is_event_driven() || self.kind == 0;
+        if !self.is_active() || !by_change || self.pending {
+            return;
+        }
+        let data = self.mapping.pack(&base.od);
+        if data != self.last && self.is_event(base, behaviour) {
+            self.event(now, base, out);
+        }
+    }
+
+    /// SYNC has come.
+    pub(crate) fn synchronise(&mut self, now: Instant, sync: Sync, base: &Base, out: &mut Outbox) {
+        if !self.is_active() {
+            return;
+        }
+        match self.kind {
+            0 if self.pending => self.transmit(now, base, out),
+            1..=240 => {
+                let starts = sync.counter.is_none_or(|counter| counter == self.sync_start);
+                if self.syncs.is_none() && self.sync_start != 0 && !starts {
+                    return;
+                }
+                let count = self.syncs.unwrap_or(0).saturating_add(1);
+                self.syncs = Some(count);
+                if base.rules.cyclic_tpdo_due(count, self.kind) {
+                    self.syncs = Some(0);
+                    self.transmit(now, base, out);
+                }
+            }
+            252 => self.sampled = Some(self.mapping.pack(&base.od)),
+            _ => {}
+        }
+    }
+
+    /// A remote frame.
+    pub(crate) fn handle_request(&mut self, now: Instant, id: u16, base: &Base, out: &mut Outbox) {
+        let asked = self.is_active() && self.cob.can_id() == id;
+        if !asked || !base.rules.rtr_answered(self.cob) {
+            return;
+        }
+        match (self.kind, self.sampled) {
+            (252, Some(sampled)) => out.push(Frame::new(id, sampled)),
+            (252 | 253, _) => self.transmit(now, base, out),
+            (254.., _) => self.event(now, base, out),
+            _ => {}
+        }
+    }
+
+    pub(crate) fn handle_timeout(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
+        if let Some(due) = self.due.filter(|due| *due <= now) {
+            self.event(now, base, out);
+            self.due = Some(next_beat(due, self.period, now));
+        }
+        if self.waits_for_inhibit() && self.free_at <= now {
+            self.transmit(now, base, out);
+        }
+    }
+
+    pub(crate) fn poll_at(&self) -> Option<Instant> {
+        earlier(self.due, self.waits_for_inhibit().then_some(self.free_at))
+    }
+
+    /// Transmits, now or when the inhibit time is over; type 0 waits for SYNC.
+    fn event(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
+        if self.is_event_driven() && self.free_at <= now {
+            self.transmit(now, base, out);
+        } else {
+            self.pending = true;
+        }
+    }
+
+    fn transmit(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
+        self.last = self.mapping.pack(&base.od);
+        self.pending = false;
+        out.push(Frame::new(self.cob.can_id(), self.last));
+        if self.is_event_driven() {
+            self.free_at = now + self.inhibit;
+            if base.rules.event_timer_restarts() {
+                self.start_timer(now);
+            }
+        }
+    }
+
+    fn restart(&mut self, now: Instant, base: &Base) {
+        self.last = self.mapping.pack(&base.od);
+        self.pending = false;
+        self.free_at = now;
+        self.syncs = None;
+        self.sampled = None;
+        self.due = None;
+        if self.is_active() && self.is_event_driven() {
+            self.start_timer(now);
+        }
+    }
+
+    fn start_timer(&mut self, now: Instant) {
+        self.due = (!self.period.is_zero()).then(|| now + self.period);
+    }
+
+    fn is_active(&self) -> bool {
+        self.running && self.cob.valid() && !self.mapping.is_empty()
+    }
+
+    const fn is_event_driven(&self) -> bool {
+        self.kind >= 254
+    }
+
+    const fn waits_for_inhibit(&self) -> bool {
+        self.pending && self.is_event_driven()
+    }
+
+    fn is_event(&self, base: &Base, behaviour: &mut dyn Behaviour) -> bool {
+        let mut last = Unpacker::new(self.last);
+        // Every value is looked at, since the application may note which of them it was.
+        self.mapping.entries().iter().fold(false, |event, entry| {
+            let bytes = usize::from(entry.bits.div_ceil(8)).min(8);
+            let before = &last.take(entry.bits)[..bytes];
+            let now = base.od.get(entry.mux).unwrap_or_default();
+            before != now && behaviour.triggers(entry.mux, before, &base.od) || event
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::rules::Specification;
+    use crate::stack::testing::{Rig, eds, entry, full, mux, sent, set};
+    use crate::stack::{Behaviour, NodeSettings};
+    use canopen::eds::Access;
+    use canopen::{DataType, Dictionary, Mux};
+
+    /// The first TPDO carries 2000h and 2001h, in OPERATIONAL after `set`.
+    fn rig(rules: &str, parameters: &[(u8, i64)]) -> Rig {
+        let mut entries = full();
+        set(&mut entries, mux(0x1A00, 0), 2);
+        set(&mut entries, mux(0x1A00, 1), 0x2000_0008);
+        set(&mut entries, mux(0x1A00, 2), 0x2001_0010);
+        for (sub, value) in parameters {
+            set(&mut entries, mux(0x1800, *sub), *value);
+        }
+        match rules {
+            "" => Rig::new(&eds(entries)),
+            rules => Rig::mutant(&eds(entries), rules),
+        }
+    }
+
+    fn write(rig: &mut Rig, value: u8) -> Vec<String> {
+        let answers = rig.ask(&format!("605#2F002000{value:02X}000000"));
+        answers.into_iter().filter(|frame| !frame.starts_with("585")).collect()
+    }
+
+    #[test]
+    fn an_event_driven_pdo_is_sent_at_the_start_and_with_each_change() {
+        for kind in [254, 255] {
+            let mut rig = rig("", &[(2, kind)]);
+            assert!(write(&mut rig, 0x10).is_empty());
+            assert_eq!(rig.ask("000#0105"), ["185#100000"]);
+            assert!(rig.ask("000#0105").is_empty());
+            assert!(write(&mut rig, 0x10).is_empty());
+            assert_eq!(write(&mut rig, 0x12), ["185#120000"]);
+            rig.send("000#0205");
+            assert_eq!(rig.until(9_000_000), []);
+        }
+    }
+
+    #[test]
+    fn the_inhibit_time_joins_changes() {
+        let mut rig = rig("", &[(3, 1000)]);
+        assert_eq!(rig.ask("000#0105"), ["185#110000"]);
+        for value in 0x20..0x30 {
+            rig.run_to(rig.now.0 / 1000 + 1_000);
+            assert!(write(&mut rig, value).is_empty());
+        }
+        assert_eq!(rig.until(900_000), sent(&[(101_000, "185#2F0000")]));
+    }
+
+    #[test]
+    fn the_event_timer_starts_anew_with_each_transmission() {
+        let mut rig = rig("", &[(5, 100)]);
+        rig.send("000#0105");
+        rig.until(1_000);
+        let twice = sent(&[(101_000, "185#110000"), (201_000, "185#110000")]);
+        assert_eq!(rig.until(250_000), twice);
+        assert_eq!(write(&mut rig, 1), ["185#010000"]);
+        assert_eq!(rig.until(400_000), sent(&[(350_000, "185#010000")]));
+        rig.write(mux(0x1800, 5), &[0, 0]).unwrap();
+        assert_eq!(rig.until(900_000), []);
+    }
+
+    #[test]
+    fn inhibit_time_goes_before_event_timer() {
+        let mut rig = rig("", &[(3, 2500), (5, 100)]);
+        rig.send("000#0105");
+        rig.until(1_000);
+        let spaced = sent(&[(251_000, "185#110000"), (501_000, "185#110000")]);
+        assert_eq!(rig.until(600_000), spaced);
+    }
+
+    #[test]
+    fn a_cyclic_pdo_is_sent_with_every_nth_sync() {
+        for kind in [1, 3, 240] {
+            let mut rig = rig("", &[(2, kind)]);
+            assert!(rig.ask("000#0105").is_empty());
+            assert!(write(&mut rig, 1).is_empty());
+            let sent: usize = (0..3 * kind).map(|_| rig.ask("080#").len()).sum();
+            assert_eq!(sent, 3);
+        }
+    }
+
+    #[test]
+    fn an_acyclic_pdo_needs_an_event_and_sync() {
+        let mut rig = rig("", &[(2, 0)]);
+        rig.send("000#0105");
+        assert!(rig.ask("080#").is_empty());
+        assert!(write(&mut rig, 1).is_empty());
+        assert_eq!(rig.ask("080#"), ["185#010000"]);
+        assert!(rig.ask("080#").is_empty());
+    }
+
+    #[test]
+    fn the_start_value_is_the_first_sync() {
+        let mut rig = rig("", &[(2, 2), (6, 4)]);
+        rig.write(mux(0x1019, 0), &[10]).unwrap();
+        rig.send("000#0105");
+        let sent: Vec<_> =
+            (1..=10).filter(|n| !rig.ask(&format!("080#{n:02X}")).is_empty()).collect();
+        assert_eq!(sent, [5, 7, 9]);
+    }
+
+    #[test]
+    fn remote_requests_are_answered_where_the_type_has_them() {
+        let mut asked = rig("", &[(2, 252)]);
+        asked.send("000#0105");
+        assert!(asked.ask("080#").is_empty());
+        write(&mut asked, 1);
+        assert_eq!(asked.ask("185#R3"), ["185#110000"]);
+        let mut asked = rig("", &[(2, 253)]);
+        assert!(asked.ask("185#R3").is_empty());
+        asked.send("000#0105");
+        assert!(write(&mut asked, 1).is_empty());
+        assert_eq!(asked.ask("185#R3"), ["185#010000"]);
+        let mut asked = rig("", &[(2, 255)]);
+        asked.send("000#0105");
+        assert_eq!(asked.ask("185#R3"), ["185#110000"]);
+        let mut asked = rig("", &[(1, 0x4000_0185)]);
+        asked.send("000#0105");
+        assert!(asked.ask("185#R3").is_empty());
+        let mut asked = rig("", &[(2, 1)]);
+        asked.send("000#0105");
+        assert!(asked.ask("185#R3").is_empty());
+    }
+
+    #[test]
+    fn a_new_mapping_is_on_the_wire() {
+        let mut rig = rig("", &[]);
+        rig.send("000#0105");
+        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
+        rig.write(mux(0x1A00, 0), &[0]).unwrap();
+        rig.write(mux(0x1A00, 1), &0x2002_0020u32.to_le_bytes()).unwrap();
+        assert!(write(&mut rig, 1).is_empty());
+        rig.write(mux(0x1A00, 0), &[2]).unwrap();
+        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0]).unwrap();
+        assert_eq!(rig.ask("185#R6"), ["185#112233440000"]);
+    }
+
+    #[test]
+    fn the_application_decides_what_is_an_event() {
+        struct EvenOnly;
+        impl Behaviour for EvenOnly {
+            fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
+                assert_eq!((mux.index, last.len()), (0x2000, 1));
+                od.int(mux).unwrap() % 2 == 0
+            }
+        }
+        let mut entries = full();
+        set(&mut entries, mux(0x1A00, 0), 2);
+        set(&mut entries, mux(0x1A00, 1), 0x2000_0008);
+        set(&mut entries, mux(0x1A00, 2), 0x6000_0108);
+        let (rules, settings) = (Box::new(Specification), NodeSettings::default());
+        let mut rig = Rig::with(&eds(entries), settings, rules, Box::new(EvenOnly));
+        rig.send("000#0105");
+        assert!(write(&mut rig, 0x21).is_empty());
+        assert_eq!(write(&mut rig, 0x22), ["185#2200"]);
+    }
+
+    #[test]
+    fn bits_share_a_byte_where_mapping_has_the_granularity() {
+        let mut entries = full();
+        for sub in 1..=2 {
+            let bit = entry(mux(0x6020, sub), DataType::BOOLEAN, Access::Rw, 0);
+            entries.push(bit);
+            set(&mut entries, mux(0x1A00, sub), 0x6020_0001 + (i64::from(sub) << 8));
+        }
+        set(&mut entries, mux(0x1A00, 0), 2);
+        let mut sheet = eds(entries);
+        sheet.device.granularity = 1;
+        let mut rig = Rig::new(&sheet);
+        assert_eq!(rig.ask("000#0105"), ["185#00"]);
+        assert_eq!(rig.ask("605#2F20600201000000"), ["585#6020600200000000", "185#02"]);
+    }
+
+    #[test]
+    fn mutants_break_what_they_say() {
+        let mut late = rig("tpdo-one-sync-late", &[(2, 1)]);
+        late.send("000#0105");
+        assert!(late.ask("080#").is_empty());
+        let mut stopped = rig("tpdo-sent-in-stopped", &[(5, 100)]);
+        stopped.send("000#0205");
+        assert_eq!(stopped.until(101_000).len(), 2);
+        let mut shy = rig("tpdo-not-sent-at-start", &[]);
+        assert!(shy.ask("000#0105").is_empty());
+        let mut slow = rig("tpdo-inhibit-in-milliseconds", &[(3, 100)]);
+        slow.send("000#0105");
+        write(&mut slow, 1);
+        assert_eq!(slow.until(900_000), sent(&[(101_000, "185#010000")]));
+        let mut stubborn = rig("tpdo-event-timer-not-restarted", &[(5, 100)]);
+        stubborn.send("000#0105");
+        stubborn.run_to(50_000);
+        write(&mut stubborn, 1);
+        assert_eq!(stubborn.until(150_000), sent(&[(101_000, "185#010000")]));
+        let mut open = rig("tpdo-rtr-always-answered", &[(1, 0x4000_0185)]);
+        open.send("000#0105");
+        assert_eq!(open.ask("185#R3"), ["185#110000"]);
+    }
+}
