@@ -17,8 +17,8 @@ mod text;
 mod value;
 mod write;
 
-pub use codes::{CODES, Code};
-pub use diagnostic::{Diagnostic, Severity};
+pub use codes::{CODES, Code, Severity};
+pub use diagnostic::Diagnostic;
 pub use lint::lint;
 pub use model::{
     Access, DeviceInfo, Direction, Eds, Entry, FileInfo, Object, ObjectKind, Term, UnknownSection,

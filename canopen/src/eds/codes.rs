@@ -1,6 +1,6 @@
 //! The rules a data sheet is held to, each with its stable name.
 
-use super::diagnostic::Severity;
+use std::fmt;
 
 /// A rule a data sheet can break.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -11,6 +11,27 @@ pub struct Code {
     pub severity: Severity,
     /// The rule, or what the reader does where it is broken.
     pub meaning: &'static str,
+}
+
+/// How much a diagnostic matters. The order is that of the weight.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Severity {
+    /// Unusual, and no mistake or a harmless one.
+    Note,
+    /// Against the rules, and the meaning is clear.
+    Warning,
+    /// Against the rules, and what was read may not be what was meant.
+    Error,
+}
+
+impl fmt::Display for Severity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Note => "note",
+            Self::Warning => "warning",
+            Self::Error => "error",
+        })
+    }
 }
 
 macro_rules! codes {

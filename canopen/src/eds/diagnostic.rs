@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::fmt;
 
-use super::codes::Code;
+use super::codes::{Code, Severity};
 
 /// One remark about a data sheet. `Display` is one line without the file's name.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -25,27 +25,6 @@ impl fmt::Display for Diagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { severity, code, line, column, message } = self;
         write!(f, "{line}:{column}: {severity}: {message} [{code}]")
-    }
-}
-
-/// How much a diagnostic matters. The order is that of the weight.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Severity {
-    /// Unusual, and no mistake or a harmless one.
-    Note,
-    /// Against the rules, and the meaning is clear.
-    Warning,
-    /// Against the rules, and what was read may not be what was meant.
-    Error,
-}
-
-impl fmt::Display for Severity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Note => "note",
-            Self::Warning => "warning",
-            Self::Error => "error",
-        })
     }
 }
 

@@ -6,7 +6,8 @@ mod lists;
 mod object;
 
 use super::codes;
-use super::diagnostic::{Diagnostic, Findings, Place, Severity};
+use super::codes::Severity;
+use super::diagnostic::{Diagnostic, Findings, Place};
 use super::ini::{self, Key, List, Name, Part, Section};
 use super::lint;
 use super::model::{Eds, Term, UnknownSection};
