@@ -9,7 +9,7 @@ use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Client, Transfer};
 use canopen::{Bus, Device, Frame, Instant, Mux, Outbox, Stamped, VirtualBus, eds, wire};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use harness::plan::Dut;
+use harness::dut::Dut;
 use harness::run::{Link, Policy, identity, transfer};
 use reference_devices::devices::em66::hour;
 use reference_devices::devices::{self, ReferenceDevice};

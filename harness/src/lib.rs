@@ -7,15 +7,13 @@
 pub mod bus;
 pub mod cli;
 pub mod commands;
-pub mod compose;
+pub mod dut;
 pub mod exit;
 pub mod plan;
 pub mod properties;
 pub mod reporter;
 pub mod rig;
 pub mod run;
-pub mod scan;
-pub mod sheet;
 pub mod suite;
 pub mod target;
 

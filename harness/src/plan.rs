@@ -1,6 +1,7 @@
 //! From suites to instances: a suite meets a device's data sheet.
 
 mod bind;
+mod bytes;
 mod check;
 mod each;
 mod instance;
@@ -9,7 +10,7 @@ mod profile;
 mod scope;
 
 pub use bind::plan;
-pub use check::{fill, mapping_word, parse_bytes};
+pub use bytes::{fill, mapping_word, parse_bytes, show_bytes};
 pub use each::{index_range, matching_entries};
 pub use instance::{Instance, Plan};
-pub use scope::{Binding, Dut, Scope, show_bytes};
+pub use scope::{Binding, Scope};

@@ -23,7 +23,8 @@ use canopen::{Data, Frame, Id, Malformed, Pattern, meaning};
 use reference_devices::devices::{self, ReferenceDevice};
 use reports::{Keep, Run, Style, journal, junit, terminal};
 
-use crate::plan::{self, Dut};
+use crate::dut::Dut;
+use crate::plan;
 use crate::source::{Complaint, Source};
 use crate::suite::Library;
 use crate::target;

@@ -1,12 +1,14 @@
 //! Suites: the notation, the requirement register, and loading both.
 
-mod files;
+mod library;
 pub mod literal;
+mod loaded;
 pub mod model;
 pub mod profile;
 mod register;
 mod test_map;
 
-pub use files::{Library, Suite};
+pub use library::Library;
+pub use loaded::Suite;
 pub use register::{Register, RegisterFile, Requirement};
 pub use test_map::{CHECKS, TestMapEntry};

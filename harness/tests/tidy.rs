@@ -141,9 +141,11 @@ fn find(folder: &Path, files: &mut Vec<PathBuf>) {
     }
 }
 
-/// Not what a build, a fuzzer or git leaves behind.
+/// Not what a build, a fuzzer or git leaves behind. A folder of builds is known by the tag that
+/// cargo puts there, since `harness/src/target` is ours.
 fn is_ours(folder: &Path) -> bool {
-    !matches!(name(folder), "target" | "artifacts" | "coverage" | ".git")
+    !matches!(name(folder), "artifacts" | "coverage" | ".git")
+        && !folder.join("CACHEDIR.TAG").is_file()
 }
 
 fn name(path: &Path) -> &str {

@@ -9,11 +9,9 @@ use std::sync::atomic::AtomicBool;
 use canopen::eds::{self, Severity};
 
 use crate::cli::{EdsCommand, ProbeArgs, Selection};
-use crate::compose::compose;
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::scan::scan;
-use crate::target::{self, reference_device};
+use crate::target::{self, compose, reference_device, scan};
 
 /// Carries out a command about data sheets.
 ///

@@ -9,8 +9,7 @@ use reports::Identity;
 use crate::cli::{ScanArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::scan::{Found, scan};
-use crate::target;
+use crate::target::{self, Found, scan};
 
 /// Prints the nodes on a bus.
 ///

@@ -2,14 +2,16 @@
 
 use std::collections::BTreeSet;
 
+use canopen::Mux;
 use canopen::catalogue::{self, Profile, Shape};
-use canopen::eds::{CODES, Eds, Entry, Object};
-use canopen::{DataType, Mux};
+use canopen::eds::{CODES, Eds, Entry};
 
+use super::bytes::{mapping_word, parse_bytes};
 use super::each::{index_range, matching_entries};
 use super::instance::Instance;
 use super::profile::check_capabilities;
-use super::scope::{Binding, Dut, Scope};
+use super::scope::{Binding, Scope};
+use crate::dut::Dut;
 use crate::source::{At, Complaint, Place};
 use crate::suite::Suite;
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, Refusal};
@@ -453,56 +455,3 @@ fn in_profile(mux: Mux, profiles: &[&str]) -> bool {
 
 /// More than any object of a device is tried with.
 const MOST_FILL: i128 = 1 << 20;
-
-/// So many bytes of text without a period that a segment or a block could hide behind.
-pub fn fill(len: usize) -> Vec<u8> {
-    const LETTERS: usize = 73;
-    (0..len).map(|place| b'0' + (place % LETTERS) as u8).collect()
-}
-
-/// The bytes of `01 02 0A`.
-pub fn parse_bytes(text: &str) -> Option<Vec<u8>> {
-    let digits: String = text.split_whitespace().collect();
-    if !digits.is_ascii() || !digits.len().is_multiple_of(2) {
-        return None;
-    }
-    (0..digits.len())
-        .step_by(2)
-        .map(|at| u8::from_str_radix(&digits[at..at + 2], 16).ok())
-        .collect()
-}
-
-/// The 32 bits that map an object: from its address with the length of its type, or as written.
-pub fn mapping_word(literal: &Literal, scope: &Scope, dut: &Dut) -> Result<u32, String> {
-    let mux: Mux = match literal {
-        Literal::Text(text) => text.parse().map_err(|error: canopen::NoMux| error.to_string())?,
-        Literal::Named(name, 0) => match scope.get(name)? {
-            Binding::Mux(mux) => *mux,
-            Binding::Literal(Literal::Text(text)) => {
-                text.parse().map_err(|error: canopen::NoMux| error.to_string())?
-            }
-            _ => return word(literal, scope),
-        },
-        other => return word(other, scope),
-    };
-    let data_type = dut.eds.object(mux.index).and_then(|object: &Object| object.entry(mux.sub));
-    data_type
-        .and_then(|entry| entry_word(entry, dut))
-        .ok_or_else(|| format!("{mux} has no fixed length that could be mapped"))
-}
-
-/// The mapping entry for a value of fixed length. A BOOLEAN takes a bit where mapping has the
-/// granularity of bits, else a byte.
-pub(super) fn entry_word(entry: &Entry, dut: &Dut) -> Option<u32> {
-    let bits = match entry.data_type {
-        DataType::BOOLEAN if dut.eds.device.granularity == 1 => 1,
-        data_type => 8 * data_type.size()?,
-    };
-    let bits = bits.min(255) as u8;
-    Some(canopen::pdo::Mapping { mux: entry.mux, bits }.encode())
-}
-
-fn word(literal: &Literal, scope: &Scope) -> Result<u32, String> {
-    let word = scope.int(literal)?;
-    word.try_into().map_err(|_| "a mapping entry has 32 bits".to_owned())
-}

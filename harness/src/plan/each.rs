@@ -5,10 +5,11 @@ use std::ops::RangeInclusive;
 use canopen::eds::{Access, Direction, Entry, Object, ObjectKind};
 use canopen::{DataType, Mux, Value};
 
-use super::check;
+use super::bytes::entry_word;
 use super::pdo::pdo_scopes;
 use super::profile::block_scopes;
-use super::scope::{Binding, Bound, Dut, Scope};
+use super::scope::{Binding, Bound, Scope};
+use crate::dut::Dut;
 use crate::source::At;
 use crate::suite::Suite;
 use crate::suite::literal::{Literal, ObjectRef};
@@ -125,7 +126,7 @@ fn entry_scope(entry: &Entry, dut: &Dut, mut scope: Scope) -> Bound {
     if let Some(size) = entry.data_type.size() {
         scope.bind("size", Binding::Literal(Literal::Int(size as i128)));
     }
-    if let Some(word) = check::entry_word(entry, dut) {
+    if let Some(word) = entry_word(entry, dut) {
         scope.bind("entry", Binding::Literal(Literal::Int(word.into())));
     }
     if let Some(object) = dut.eds.object(entry.mux.index) {

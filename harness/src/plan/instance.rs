@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::scope::{Dut, Scope};
+use super::scope::Scope;
+use crate::dut::Dut;
 use crate::source::{At, Complaint};
 use crate::suite::Suite;
 use crate::suite::model::{Case, Requires};

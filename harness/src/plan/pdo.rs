@@ -4,7 +4,8 @@ use canopen::eds::Object;
 use canopen::pdo::CobId;
 use canopen::{DataType, Mux};
 
-use super::scope::{Binding, Bound, Dut, Scope};
+use super::scope::{Binding, Bound, Scope};
+use crate::dut::Dut;
 use crate::suite::literal::Literal;
 use crate::suite::model::{DirectionName, PdoHas, Pdos};
 

@@ -3,7 +3,8 @@
 
 use canopen::catalogue::{Block, Profile};
 
-use super::scope::{Binding, Bound, Dut, Scope};
+use super::scope::{Binding, Bound, Scope};
+use crate::dut::Dut;
 use crate::nearest::did_you_mean;
 use crate::source::At;
 use crate::suite::Suite;

@@ -3,69 +3,18 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use canopen::Value;
 use canopen::bench::POWER;
-use canopen::{BenchError, Value};
 
 use super::judge::{Difference, Judgement, Trouble, device};
-use super::link::Link;
 use super::steps::Steps;
+use super::stimuli::{bench, failed};
 use crate::source::At;
 use crate::suite::literal::{Literal, show_time};
 use crate::suite::model::Observe;
 
 /// How often a bench is asked: often for one in this process, bearable for one behind a socket.
 const EVERY: Duration = Duration::from_millis(5);
-
-/// What the stimuli that a case set were before.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Stimuli {
-    before: BTreeMap<String, Value>,
-    /// Whether the device is without supply.
-    pub off: bool,
-}
-
-impl Stimuli {
-    /// Whether the case set any.
-    pub(super) fn any(&self) -> bool {
-        self.off || !self.before.is_empty()
-    }
-
-    /// Sets a stimulus and remembers what it was.
-    fn set(&mut self, link: &mut Link, name: &str, value: &Value) -> Result<(), Trouble> {
-        if !self.before.contains_key(name) {
-            // What cannot be read is left as the case leaves it.
-            if let Ok(before) = bench(link)?.get(name) {
-                self.before.insert(name.to_owned(), before);
-            }
-        }
-        link.look_from_now()?;
-        bench(link)?.set(name, value).map_err(failed)?;
-        link.moved();
-        if name == POWER {
-            self.off = *value == Value::Text("off".to_owned());
-        }
-        Ok(())
-    }
-
-    /// Makes everything as it was before the case, the supply first.
-    ///
-    /// # Errors
-    /// When the bench fails.
-    pub(super) fn undo(&mut self, link: &mut Link) -> Result<(), BenchError> {
-        let Some(bench) = link.bench() else { return Ok(()) };
-        if std::mem::take(&mut self.off) {
-            bench.set(POWER, &Value::Text("on".to_owned()))?;
-        }
-        self.before.remove(POWER);
-        while let Some((name, value)) = self.before.pop_first() {
-            if bench.get(&name).as_ref() != Ok(&value) {
-                bench.set(&name, &value)?;
-            }
-        }
-        link.moved();
-        Ok(())
-    }
-}
 
 impl Steps<'_, '_> {
     pub(super) fn stimulate_bench(&mut self, stimuli: &BTreeMap<String, At<Literal>>) -> Judgement {
@@ -111,14 +60,6 @@ fn worded(name: &str, value: Value) -> Value {
         Value::Bool(on) if name == POWER => Value::Text(if on { "on" } else { "off" }.to_owned()),
         other => other,
     }
-}
-
-fn bench<'l>(link: &'l mut Link) -> Result<&'l mut dyn canopen::Bench, Trouble> {
-    link.bench().ok_or_else(|| Trouble::Bench("there is no bench".to_owned()))
-}
-
-fn failed(error: BenchError) -> Trouble {
-    Trouble::Bench(error.0)
 }
 
 fn fits(seen: &Value, [value, min, max]: &[Option<Value>; 3]) -> bool {

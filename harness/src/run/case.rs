@@ -3,16 +3,18 @@
 use canopen::monitor::{self, Breach, Seen};
 use canopen::pdo::CobId;
 use canopen::{BusError, Instant, Mux, emcy};
-use reports::{Measured, Note, Outcome, Phase, Place as ReportPlace, Problem};
+use reports::{Measured, Note, Outcome, Phase, Problem};
 
-use super::bench::Stimuli;
-use super::judge::{Difference, Trouble};
-use super::link::{Link, Policy};
+use super::judge::{Difference, Trouble, report_place};
+use super::link::Link;
+use super::policy::Policy;
 use super::promise;
 use super::restore::Snapshot;
 use super::settle::{self, Left, Unsettled};
 use super::steps::Steps;
-use crate::plan::{Dut, Instance};
+use super::stimuli::Stimuli;
+use crate::dut::Dut;
+use crate::plan::Instance;
 use crate::source::{At, Place, Source};
 use crate::suite::model::{Step, Tolerated};
 
@@ -329,19 +331,6 @@ fn summary(problem: &Problem) -> String {
 
 fn error(reason: String) -> Outcome {
     Outcome::Error { reason, problem: None }
-}
-
-/// A place as reports show it: the stretch is the rest of the line, without its comment.
-pub(super) fn report_place(source: &Source, place: Place) -> ReportPlace {
-    let line = source.line(place.line);
-    let code = line.split(" #").next().unwrap_or(line).trim_end().chars().count();
-    ReportPlace {
-        file: source.name.clone(),
-        line: place.line as u32,
-        column: place.column as u32,
-        length: (code + 1).saturating_sub(place.column).max(1) as u32,
-        source: line.to_owned(),
-    }
 }
 
 /// The identifiers the data sheet gives to TPDOs, SYNC and TIME.

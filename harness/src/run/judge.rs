@@ -6,6 +6,7 @@ use canopen::{Abort, BusError, DataType, Frame};
 use reports::Place;
 
 use crate::plan::show_bytes;
+use crate::source::{self, Source};
 use crate::suite::literal::Refusal;
 
 /// What was expected, and what came instead.
@@ -183,6 +184,19 @@ fn is_text(data: &[u8], most: usize) -> bool {
 
 fn masked(value: &[u8], mask: &[u8]) -> Vec<u8> {
     value.iter().zip(mask).map(|(value, mask)| value & mask).collect()
+}
+
+/// A place as reports show it: the stretch is the rest of the line, without its comment.
+pub(super) fn report_place(source: &Source, place: source::Place) -> Place {
+    let line = source.line(place.line);
+    let code = line.split(" #").next().unwrap_or(line).trim_end().chars().count();
+    Place {
+        file: source.name.clone(),
+        line: place.line as u32,
+        column: place.column as u32,
+        length: (code + 1).saturating_sub(place.column).max(1) as u32,
+        source: line.to_owned(),
+    }
 }
 
 #[cfg(test)]

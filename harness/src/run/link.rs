@@ -9,45 +9,6 @@ use std::time::Duration;
 use canopen::monitor::Seen;
 use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped};
 
-/// What is policy and not clause: how long to wait, how exact the bench is.
-#[derive(Clone, Copy, Debug)]
-pub struct Policy {
-    /// How long an SDO server may take to answer.
-    pub sdo_timeout: Duration,
-    /// How long a device may take to boot.
-    pub boot_timeout: Duration,
-    /// How long the wire must be idle for nothing to be in flight.
-    pub quiet: Duration,
-    /// How long it must be idle after the start of a node, for what the application sends to have
-    /// come to rest.
-    pub quiet_after_start: Duration,
-    /// How late a frame may be because another one is on the wire.
-    pub bus_slack: Duration,
-    /// What a sample of many is chosen by.
-    pub seed: u64,
-    /// Whether every index is asked for where otherwise a sample is.
-    pub every_index: bool,
-}
-
-impl Policy {
-    /// The usual policy on a bus of that bit rate, in bit/s.
-    pub fn at_bit_rate(bit_rate: u32) -> Self {
-        /// The longest classical frame with 11-bit identifier, intermission included.
-        const LONGEST_FRAME_BITS: u64 = 135;
-        Self {
-            sdo_timeout: Duration::from_secs(1),
-            boot_timeout: Duration::from_secs(10),
-            quiet: Duration::from_millis(5),
-            quiet_after_start: Duration::from_millis(50),
-            bus_slack: Duration::from_nanos(
-                LONGEST_FRAME_BITS * 1_000_000_000 / u64::from(bit_rate),
-            ),
-            seed: 1,
-            every_index: false,
-        }
-    }
-}
-
 /// The frames that wait for the wire at once. The transmit queue of a CAN interface is usually ten
 /// frames long, and one that is full costs a wait.
 const MOST_AHEAD: usize = 8;

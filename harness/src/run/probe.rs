@@ -10,7 +10,8 @@ use canopen::eds::{Access, Entry, Object, Term};
 use canopen::sdo::{Failure, Transfer};
 use canopen::{Abort, BusError, DataType, Mux, Value};
 
-use super::link::{Link, Policy};
+use super::link::Link;
+use super::policy::Policy;
 use super::sdo;
 
 /// How asking for objects ended early.

@@ -6,10 +6,11 @@ use canopen::sdo::{Failure, Initiate, Response};
 use canopen::{Abort, Frame, Mux};
 use reports::Place as ReportPlace;
 
-use super::judge::{Difference, Judgement, Trouble, device};
+use super::judge::{Difference, Judgement, Trouble, device, report_place};
+use super::sdo;
 use super::steps::Steps;
-use super::{case, sdo};
-use crate::plan::{Binding, Dut, Instance, Scope, index_range};
+use crate::dut::Dut;
+use crate::plan::{Binding, Instance, Scope, index_range};
 use crate::source::{At, Complaint, Place};
 use crate::suite::literal::{Literal, Name, ObjectRef, Refusal};
 use crate::suite::model::{EdsStep, Step, Undeclared};
@@ -24,7 +25,7 @@ pub(super) fn promised(
     let (mux, key) = claim(step, difference, scope, dut)?;
     dut.eds.entry(mux)?;
     let (line, column) = dut.sheet.place_of(mux, key)?;
-    Some(case::report_place(&dut.sheet.source, Place { line, column }))
+    Some(report_place(&dut.sheet.source, Place { line, column }))
 }
 
 /// A step that cannot be carried out because the data sheet says something else than it needs.
@@ -43,7 +44,7 @@ pub(super) fn unfit(complaint: &Complaint, instance: &Instance, dut: &Dut) -> Di
     let (line, column) =
         mux.and_then(|mux| dut.sheet.place_of(mux, Some("DataType"))).unwrap_or_default();
     let sheet =
-        (line > 0).then(|| Box::new(case::report_place(&dut.sheet.source, Place { line, column })));
+        (line > 0).then(|| Box::new(report_place(&dut.sheet.source, Place { line, column })));
     let expected = "a data sheet by which the step can be carried out";
     Difference { sheet, ..Difference::new(expected, complaint.message.clone()) }
 }
@@ -136,7 +137,7 @@ impl Steps<'_, '_> {
     /// The line of the data sheet with that key of an entry.
     pub(super) fn line_of(&self, mux: Mux, key: &'static str) -> Option<Box<ReportPlace>> {
         let (line, column) = self.dut.sheet.place_of(mux, Some(key))?;
-        Some(Box::new(case::report_place(&self.dut.sheet.source, Place { line, column })))
+        Some(Box::new(report_place(&self.dut.sheet.source, Place { line, column })))
     }
 
     /// Judges what was found while the data sheet was read.
@@ -165,7 +166,7 @@ impl Steps<'_, '_> {
             actual.push_str(&format!("\nand {more} more"));
         }
         let place = Place { line: first.line, column: first.column };
-        let sheet = Some(Box::new(case::report_place(&sheet.source, place)));
+        let sheet = Some(Box::new(report_place(&sheet.source, place)));
         Some(Difference { sheet, ..Difference::new(expected, actual) })
     }
 

@@ -9,9 +9,11 @@ use canopen::sdo::block::BlockRequest;
 use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response, Transfer};
 use canopen::{BusError, Frame, Mux};
 
-use super::link::{Link, Policy};
+use super::link::Link;
+use super::policy::Policy;
 use super::sdo;
-use crate::plan::{Dut, Instance, Scope};
+use crate::dut::Dut;
+use crate::plan::{Instance, Scope};
 use crate::source::At;
 use crate::suite::literal::FrameText;
 use crate::suite::model::{Produce, Step};

@@ -4,7 +4,8 @@ use canopen::sdo::block::{BlockResponse, LARGEST_BLOCK};
 use canopen::sdo::{Client, Failure, Initiate, Next, RESPONSE_COB_ID, Request, Response, Transfer};
 use canopen::{Abort, BusError, Frame, Mux, Stamped};
 
-use super::link::{Link, Policy};
+use super::link::Link;
+use super::policy::Policy;
 
 /// How a transfer ended.
 #[derive(Clone, Debug)]

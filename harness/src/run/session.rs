@@ -6,10 +6,12 @@ use canopen::{Bus, BusError, DataType, Mux, Value};
 use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Outcome};
 
 use super::case::{self, Aftermath};
-use super::link::{Link, Policy};
+use super::link::Link;
+use super::policy::Policy;
 use super::sdo;
 use super::settle::{self, Left};
-use crate::plan::{Dut, Instance, Plan};
+use crate::dut::Dut;
+use crate::plan::{Instance, Plan};
 use crate::suite::Register;
 use crate::suite::profile::Capability;
 

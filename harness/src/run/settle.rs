@@ -5,9 +5,10 @@ use canopen::nmt::{Command, Service};
 use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID};
 use canopen::{BusError, Frame, Mux};
 
-use super::link::{Link, Policy};
+use super::link::Link;
+use super::policy::Policy;
 use super::sdo;
-use crate::plan::Dut;
+use crate::dut::Dut;
 use crate::suite::model::State;
 
 /// How a case left the device.

@@ -7,11 +7,13 @@ use canopen::pdo::CobId;
 use canopen::{Frame, Instant, Mux, Pattern, Stamped, sync};
 use reports::Measured;
 
-use super::bench::Stimuli;
 use super::judge::{Difference, Judgement, Trouble, device};
 use super::limits::{Limits, mean, median};
-use super::link::{Link, Policy};
-use crate::plan::{Binding, Dut, Scope};
+use super::link::Link;
+use super::policy::Policy;
+use super::stimuli::Stimuli;
+use crate::dut::Dut;
+use crate::plan::{Binding, Scope};
 use crate::source::At;
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, show_time};
 use crate::suite::model::{

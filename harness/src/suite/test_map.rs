@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use serde::Deserialize;
 
-use super::files::Suite;
+use super::loaded::Suite;
 use crate::source::{At, Complaint, Source};
 
 /// One check of the tool.

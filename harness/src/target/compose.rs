@@ -4,10 +4,10 @@ use canopen::catalogue::{self, Profile};
 use canopen::eds::{self, DeviceInfo, Eds, FileInfo};
 use canopen::{Bus, BusError, Mux};
 
+use super::scan::Found;
+use crate::dut::{COMPOSED, Sheet};
 use crate::exit::{Exit, Refused};
 use crate::run::{Link, Lost, Policy, probe};
-use crate::scan::Found;
-use crate::sheet::{COMPOSED, Sheet};
 
 /// The sheet and what it says. `bit_rate` is that of the bus, in bit/s.
 ///

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use include_dir::{Dir, include_dir};
 
+use super::loaded::Suite;
 use super::model::{Case, SuiteFile};
 use super::register::Register;
 use super::test_map::{TestMapEntry, wrong_map};
@@ -21,22 +22,6 @@ pub struct Library {
     pub register: Register,
     /// The checks of CiA's conformance test, when the folder has the list of them.
     pub test_map: Vec<At<TestMapEntry>>,
-}
-
-/// A loaded suite.
-#[derive(Debug)]
-pub struct Suite {
-    /// Its file.
-    pub source: Arc<Source>,
-    /// What is written there.
-    pub file: SuiteFile,
-}
-
-impl Suite {
-    /// `folder/topic`.
-    pub fn name(&self) -> &str {
-        &self.file.suite.value
-    }
 }
 
 impl Library {

@@ -11,8 +11,8 @@ use reference_devices::devices;
 use reports::Identity;
 
 use crate::cli::DEFAULT_BIT_RATE;
+use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
-use crate::plan::Dut;
 use crate::run::{Link, Policy, identity, read_number, read_text};
 
 /// A node that answers.

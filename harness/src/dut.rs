@@ -1,0 +1,53 @@
+//! The device under test, as far as the harness knows it.
+
+mod sheet;
+
+use std::sync::Arc;
+
+use canopen::Mux;
+use canopen::catalogue::Profile;
+use canopen::eds::Eds;
+use canopen::pdo::Mapping;
+
+pub use sheet::{COMPOSED, Sheet};
+
+/// The device under test as the harness knows it: by name, node id and data sheet.
+#[derive(Clone, Debug)]
+pub struct Dut {
+    /// What reports call it.
+    pub name: String,
+    /// Its node id.
+    pub node: u8,
+    /// What it says of itself.
+    pub eds: Arc<Eds>,
+    /// Where it says so.
+    pub sheet: Arc<Sheet>,
+    /// What the bench around it can set and observe.
+    pub bench: Vec<String>,
+    /// Bit rate of its bus, in bit/s.
+    pub bit_rate: u32,
+    /// Options of its profile that it does not have.
+    pub without: Vec<String>,
+    /// The profile that it told of itself when it was asked, by an object that the catalogue names.
+    pub told: Option<&'static Profile>,
+}
+
+impl Dut {
+    /// The whole number that the data sheet gives as default at `mux`.
+    pub fn default_int(&self, mux: Mux) -> Option<i128> {
+        let entry = self.eds.entry(mux)?;
+        entry.data_type.decode(&entry.default_bytes(self.node).ok()?).ok()?.as_int()
+    }
+
+    /// The number of the device profile: the low 16 bits of 1000h, by the data sheet.
+    pub fn profile_number(&self) -> Option<u16> {
+        self.default_int(Mux::new(0x1000, 0)).map(|device_type| device_type as u16)
+    }
+
+    /// The addresses and lengths that a PDO maps by default; `mapping` is its mapping parameter.
+    pub fn default_mapping(&self, mapping: u16) -> Vec<Mapping> {
+        let count = self.default_int(Mux::new(mapping, 0)).unwrap_or(0).clamp(0, 64) as u8;
+        let words = (1..=count).filter_map(|sub| self.default_int(Mux::new(mapping, sub)));
+        words.map(|word| Mapping::decode(word as u32)).collect()
+    }
+}

@@ -1,0 +1,81 @@
+//! Devices on a CAN interface.
+
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use super::connection::{Place, Target, open_interface};
+use super::options::{rig, say_the_rest, without};
+use super::reference::reference_device;
+use super::scan::{Found, scan};
+use super::sheet;
+use crate::cli::Selection;
+use crate::dut::Dut;
+use crate::exit::Refused;
+
+/// The device that answers on an interface.
+///
+/// # Errors
+/// When none does, several do, or it has no data sheet.
+pub(super) fn targets(
+    selection: &Selection,
+    name: &str,
+    stop: &Arc<AtomicBool>,
+) -> Result<Vec<Target>, Refused> {
+    let mut bus = open_interface(name, stop)?;
+    let found = only(scan(&mut *bus, selection.node)?, name, selection.node)?;
+    let (dut_name, (sheet, eds)) = sheet::of_found(selection, &found, &mut *bus)?;
+    let mut options = format!("--target {name} --node {}", found.node);
+    say_the_rest(selection, &mut options);
+    let own = selection.device.as_ref().or(found.device.as_ref());
+    let own = own.and_then(|name| reference_device(name).ok());
+    let (rig, bench) = rig(selection, &mut options)?.unzip();
+    let bench = bench.unwrap_or_default();
+    Ok(vec![Target {
+        dut: Dut {
+            name: dut_name,
+            node: found.node,
+            eds: Arc::new(eds),
+            sheet: Arc::new(sheet),
+            bench,
+            bit_rate: selection.bitrate,
+            without: without(selection, own.as_deref()),
+            told: found.recognised(),
+        },
+        rig,
+        place: Place::SocketCan(name.to_owned()),
+        options,
+    }])
+}
+
+/// The node that was found on a bus, when it is the only one.
+///
+/// # Errors
+/// When there is none, or another one, too.
+pub fn only(mut found: Vec<Found>, name: &str, node: Option<u8>) -> Result<Found, Refused> {
+    if found.len() > 1 {
+        let nodes: Vec<String> = found.iter().map(|found| found.node.to_string()).collect();
+        return Err(Refused::usage(format!(
+            "nodes {} answer on {name}: choose one with --node",
+            nodes.join(", ")
+        )));
+    }
+    found.pop().ok_or_else(|| nobody(name, node))
+}
+
+/// The sentence for a bus on which nobody, or not `node`, answers.
+pub fn nobody(interface: &str, node: Option<u8>) -> Refused {
+    let who = node
+        .map_or_else(|| "nobody answers".to_owned(), |node| format!("node {node} does not answer"));
+    Refused::bus(format!(
+        "{who} on {interface}. These two show what is there and put a device on it:\n  \
+         candump -e {interface},0:0,#FFFFFFFF\n  \
+         harness serve drr460 --target {interface}"
+    ))
+}
+
+/// Linux allows anything without blanks and slashes; what has a colon is meant for another backend.
+pub(super) fn is_interface_name(text: &str) -> bool {
+    !text.is_empty()
+        && text.len() < 16
+        && !text.contains(|c: char| c == '/' || c == ':' || c.is_whitespace())
+}

@@ -1,0 +1,77 @@
+//! A device under test and how it is reached.
+
+use std::sync::atomic::AtomicBool;
+use std::sync::{Arc, Mutex};
+
+use canopen::{Bus, VirtualBus};
+use reference_devices::devices::ReferenceDevice;
+use reference_devices::mutant;
+use reference_devices::rules::Specification;
+
+use crate::bus::socketcan::SocketCan;
+use crate::dut::Dut;
+use crate::exit::Refused;
+use crate::rig::{Rig, WithRig};
+
+/// A device under test and the bus it is on.
+pub struct Target {
+    /// The device.
+    pub dut: Dut,
+    /// How to get at it.
+    pub place: Place,
+    /// The bench around it, when it is not simulated.
+    pub rig: Option<Arc<Mutex<Rig>>>,
+    /// The options that name it again on a command line.
+    pub options: String,
+}
+
+/// Where a device is.
+pub enum Place {
+    /// In this process.
+    Simulation {
+        /// The reference device.
+        device: Arc<ReferenceDevice>,
+        /// Its deviation.
+        mutant: Option<Box<mutant::Mutant>>,
+        /// Bit rate of the virtual bus, in bit/s.
+        bit_rate: u32,
+    },
+    /// On this interface.
+    SocketCan(String),
+}
+
+impl Target {
+    /// Opens the bus. A simulated device is switched on at that moment.
+    ///
+    /// # Errors
+    /// When the interface cannot be used, or the mutant cannot be built.
+    pub fn open(&self, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>, Refused> {
+        let bus: Box<dyn Bus> = match &self.place {
+            Place::Simulation { device, mutant, bit_rate } => {
+                let mut bus = VirtualBus::new(*bit_rate);
+                match mutant {
+                    None => bus.attach(device.node(self.dut.node, Box::new(Specification))),
+                    Some(mutant) => {
+                        let built = mutant::build(device, self.dut.node, mutant);
+                        bus.attach(built.map_err(Refused::usage)?)
+                    }
+                };
+                Box::new(bus)
+            }
+            Place::SocketCan(name) => open_interface(name, stop)?,
+        };
+        Ok(match &self.rig {
+            Some(rig) => Box::new(WithRig { bus, rig: Arc::clone(rig) }),
+            None => bus,
+        })
+    }
+}
+
+/// Opens a SocketCAN interface.
+///
+/// # Errors
+/// What stands in the way, and what to do about it.
+pub fn open_interface(name: &str, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>, Refused> {
+    let bus = SocketCan::open(name, Arc::clone(stop));
+    bus.map(|bus| Box::new(bus) as Box<dyn Bus>).map_err(|error| Refused::bus(error.to_string()))
+}

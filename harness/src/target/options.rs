@@ -1,0 +1,65 @@
+//! Options of the command line that a verdict depends on.
+
+use std::sync::{Arc, Mutex};
+
+use canopen::{Bench, catalogue};
+use reference_devices::devices::ReferenceDevice;
+
+use crate::cli::{DEFAULT_BIT_RATE, Selection};
+use crate::exit::Refused;
+use crate::nearest::did_you_mean;
+use crate::rig::Rig;
+
+/// Checks that there are options of these names.
+pub(super) fn known(names: &[String]) -> Result<(), Refused> {
+    let known = || catalogue::profiles().iter().flat_map(|profile| profile.options.keys());
+    match names.iter().find(|name| !known().any(|option| option == *name)) {
+        None => Ok(()),
+        Some(name) => {
+            let there_is = known().cloned().collect::<Vec<_>>().join(", ");
+            let meant = did_you_mean(name, known().map(String::as_str));
+            let message = format!("no option `{name}` of any profile: there is {there_is}{meant}");
+            Err(Refused::usage(message))
+        }
+    }
+}
+
+/// The options that the device does not have: those the user says, and those that a device of ours
+/// says of itself.
+pub(super) fn without(selection: &Selection, device: Option<&ReferenceDevice>) -> Vec<String> {
+    let mut without = device.map_or_else(Vec::new, |device| device.description.without.clone());
+    for option in &selection.without {
+        if !without.contains(option) {
+            without.push(option.clone());
+        }
+    }
+    without
+}
+
+/// Adds what else a verdict depends on to the options that repeat a run.
+pub(super) fn say_the_rest(selection: &Selection, options: &mut String) {
+    if let Some(path) = &selection.eds {
+        options.push_str(&format!(" --eds {}", path.display()));
+    }
+    if selection.bitrate != DEFAULT_BIT_RATE {
+        options.push_str(&format!(" --bitrate {}", selection.bitrate));
+    }
+    for option in &selection.without {
+        options.push_str(&format!(" --without {option}"));
+    }
+}
+
+/// A bench of the user's, and what it offers.
+pub(super) type OwnBench = (Arc<Mutex<Rig>>, Vec<String>);
+
+/// The bench the user names.
+pub(super) fn rig(
+    selection: &Selection,
+    options: &mut String,
+) -> Result<Option<OwnBench>, Refused> {
+    let Some(text) = &selection.bench else { return Ok(None) };
+    options.push_str(&format!(" --bench {text}"));
+    let opened = Rig::open(text).and_then(|mut rig| Ok((rig.names()?, rig)));
+    let (names, rig) = opened.map_err(|error| Refused::bus(error.to_string()))?;
+    Ok(Some((Arc::new(Mutex::new(rig)), names)))
+}

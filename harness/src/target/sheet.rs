@@ -1,0 +1,104 @@
+//! The data sheet of a target: the user's, one of ours, or one composed of what the device
+//! answers.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use canopen::Bus;
+use canopen::eds::{Eds, Severity};
+use reference_devices::devices::{self, ReferenceDevice};
+use reference_devices::mutant;
+
+use super::compose::compose;
+use super::reference::reference_device;
+use super::scan::Found;
+use crate::cli::Selection;
+use crate::dut::Sheet;
+use crate::exit::{Exit, Refused};
+
+/// The data sheets of the reference devices of the same vendor and product, by the names by which
+/// suites ask for them.
+pub fn models(eds: &Eds) -> BTreeMap<String, Eds> {
+    let same = |model: &Eds| {
+        let (ours, theirs) = (&model.device, &eds.device);
+        (ours.vendor_number, ours.product_number) == (theirs.vendor_number, theirs.product_number)
+    };
+    devices::names()
+        .filter_map(|name| Some((name.to_owned(), devices::device(name)?.description.eds)))
+        .filter(|(_, model)| same(model))
+        .collect()
+}
+
+/// Reads a data sheet; says so when it has errors, and goes on with what is left.
+///
+/// # Errors
+/// When it cannot be read at all.
+pub fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
+    let bytes = fs::read(path).map_err(|error| Refused {
+        exit: Exit::File,
+        message: format!("error: {}: {error}", path.display()),
+    })?;
+    let (sheet, eds) = Sheet::read(path.display().to_string(), &bytes);
+    if sheet.diagnostics.iter().any(|found| found.severity == Severity::Error) {
+        let path = path.display();
+        eprintln!("warning: {path} has errors, which `harness eds check {path}` shows");
+    }
+    if eds.objects.is_empty() {
+        let message = format!("error: {}: there is no object in this data sheet", path.display());
+        return Err(Refused { exit: Exit::File, message });
+    }
+    Ok((sheet, eds))
+}
+
+/// The data sheet of a reference device, by its place in the project.
+pub(super) fn own_sheet(
+    device: &ReferenceDevice,
+    mutant: Option<&mutant::Mutant>,
+) -> Result<(Sheet, Eds), Refused> {
+    let text = match mutant {
+        Some(mutant) => mutant.data_sheet(device).map_err(Refused::usage)?,
+        None => device.eds_text(),
+    };
+    let (folder, file) = device.description.place();
+    let name = format!("reference-devices/{folder}/{file}.eds");
+    let (mut sheet, eds) = Sheet::read(name, text.as_bytes());
+    sheet.trusted = !mutant.is_some_and(mutant::Mutant::is_of_data_sheet);
+    Ok((sheet, eds))
+}
+
+/// The data sheet of a device on a bus: the user's, or one of ours that fits, or what the device
+/// answers.
+pub(super) fn of_found(
+    selection: &Selection,
+    found: &Found,
+    bus: &mut dyn Bus,
+) -> Result<(String, (Sheet, Eds)), Refused> {
+    if let Some(path) = &selection.eds {
+        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+        let name = selection.device.clone().or(stem).unwrap_or_else(|| "device".to_owned());
+        return Ok((name, read_eds(path)?));
+    }
+    let name = match &selection.device {
+        Some(name) => Some(name.clone()),
+        None => found.device.clone(),
+    };
+    match name {
+        Some(name) => {
+            let device = reference_device(&name)?;
+            let sheet = own_sheet(&device, None)?;
+            Ok((name, sheet))
+        }
+        None => {
+            let what = found.follows().map(|follows| format!(", {follows},")).unwrap_or_default();
+            let node = found.node;
+            eprintln!(
+                "note: there is no data sheet of node {node}{what} in this program. One is \
+                 composed of what the device answers; --eds FILE names a better one."
+            );
+            let name = found.name.clone().filter(|name| !name.trim().is_empty());
+            let composed = compose(bus, found, selection.bitrate)?;
+            Ok((name.unwrap_or_else(|| format!("node-{node}")), composed))
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Simulated devices: `sim:NAME` and `sim:NAME?mutant=NAME`.
+
+use std::sync::Arc;
+
+use canopen::Device;
+use reference_devices::rules::Specification;
+
+use super::connection::{Place, Target};
+use super::options::{rig, say_the_rest, without};
+use super::reference::{mutant_of, reference_device};
+use super::scan::{Found, scan};
+use super::sheet::{own_sheet, read_eds};
+use crate::cli::Selection;
+use crate::dut::Dut;
+use crate::exit::Refused;
+
+/// The reference device of that name, with that deviation.
+///
+/// # Errors
+/// When there is no such device or mutant, or the data sheet or the bench cannot be used.
+pub(super) fn target(
+    selection: &Selection,
+    name: &str,
+    mutant: Option<&str>,
+) -> Result<Target, Refused> {
+    let bit_rate = selection.bitrate;
+    let mut device = reference_device(name)?;
+    Arc::make_mut(&mut device).description.settings.bit_rate = bit_rate;
+    let mutant = match mutant {
+        Some(mutant) => Some(Box::new(mutant_of(&device, mutant)?)),
+        None => None,
+    };
+    // The harness knows a reference device as it knows any: by its data sheet.
+    let (sheet, eds) = match &selection.eds {
+        Some(path) => read_eds(path)?,
+        None => own_sheet(&device, mutant.as_deref())?,
+    };
+    let node = selection.node.unwrap_or_else(|| device.description.default_node);
+    let mut options = match &mutant {
+        None => format!("--target sim:{name}"),
+        Some(mutant) => format!("--target 'sim:{name}?mutant={}'", mutant.name),
+    };
+    if let Some(node) = selection.node {
+        options.push_str(&format!(" --node {node}"));
+    }
+    say_the_rest(selection, &mut options);
+    let (rig, bench) = match rig(selection, &mut options)? {
+        Some((rig, names)) => (Some(rig), names),
+        None => (None, device.node(node, Box::new(Specification)).bench_names()),
+    };
+    let without = without(selection, Some(&device));
+    let mut target = Target {
+        dut: Dut {
+            name: name.to_owned(),
+            node,
+            eds: Arc::new(eds),
+            sheet: Arc::new(sheet),
+            bench,
+            bit_rate,
+            without,
+            told: None,
+        },
+        rig,
+        place: Place::Simulation { device, mutant, bit_rate },
+        options,
+    };
+    if selection.eds.is_some() {
+        // A data sheet of ours tells the profile; any other may leave it to the device.
+        let found = scan(&mut *target.open(&Arc::default())?, Some(node))?;
+        target.dut.told = found.first().and_then(Found::recognised);
+    }
+    Ok(target)
+}
