@@ -132,9 +132,12 @@ pub struct RunArgs {
     /// Stop after so many failures
     #[arg(long, value_name = "N")]
     pub max_fail: Option<usize>,
-    /// A line for each case
+    /// Print a line for each case and the figures that it measured; otherwise only what is not PASS
     #[arg(short, long)]
     pub verbose: bool,
+    /// Print the summary only
+    #[arg(short, long, conflicts_with = "verbose")]
+    pub quiet: bool,
     /// Colours
     #[arg(long, default_value = "auto")]
     pub color: When,

@@ -142,7 +142,7 @@ pub fn journal_read(bytes: &[u8]) {
     }
     if let Ok(run) = Run::fold(text, Keep::All) {
         _ = junit::write(&run);
-        let summary = terminal::summary(&run, Style { color: false });
+        let summary = terminal::summary(&run, Style { color: false }, terminal::Verbosity::Normal);
         assert!(!summary.contains('\u{1b}'), "a control character comes through: {summary:?}");
     }
 }

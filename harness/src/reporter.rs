@@ -5,7 +5,8 @@ use std::io::{BufWriter, IsTerminal, Write};
 use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use reports::{Event, Keep, Run, Style, Verdict, github, journal, junit, terminal};
+use reports::terminal::{Printer, Verbosity};
+use reports::{Event, Keep, Run, Style, github, journal, junit};
 
 use crate::cli::{RunArgs, When};
 use crate::exit::{Exit, Refused};
@@ -13,14 +14,9 @@ use crate::exit::{Exit, Refused};
 /// Tells of a run while it runs, and writes its reports at the end.
 pub struct Reporter {
     run: Run,
-    style: Style,
-    every_case: bool,
+    printer: Printer,
     annotate: bool,
     bar: ProgressBar,
-    /// Whether the last thing said was a block, behind which a blank line belongs.
-    behind_block: bool,
-    /// Whether anything was said.
-    said: bool,
     journal: Option<(PathBuf, BufWriter<File>)>,
     junit: Option<PathBuf>,
     /// The first thing that went wrong while writing the journal.
@@ -41,6 +37,11 @@ impl Reporter {
             When::Auto => std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none(),
         };
         let bar = ProgressBar::new(cases as u64);
+        let verbosity = match (args.quiet, args.verbose) {
+            (true, _) => Verbosity::Quiet,
+            (false, true) => Verbosity::Verbose,
+            (false, false) => Verbosity::Normal,
+        };
         let show_bar = on_terminal && !args.no_progress && !args.verbose;
         bar.set_draw_target(match show_bar {
             true => ProgressDrawTarget::stderr(),
@@ -64,12 +65,9 @@ impl Reporter {
         }
         Ok(Self {
             run: Run::new(Keep::Unusual),
-            style: Style { color },
-            every_case: args.verbose || !show_bar,
+            printer: Printer::new(Style { color }, verbosity),
             annotate: std::env::var_os("GITHUB_ACTIONS").is_some(),
             bar,
-            behind_block: false,
-            said: false,
             journal,
             junit: args.junit.clone(),
             trouble: None,
@@ -96,10 +94,7 @@ impl Reporter {
     /// Writes what is written at the end, and says what is to be said.
     pub fn finish(&mut self) -> Exit {
         self.bar.finish_and_clear();
-        if std::mem::take(&mut self.behind_block) {
-            say("\n");
-        }
-        say(&terminal::summary(&self.run, self.style));
+        say(&self.printer.summary(&self.run));
         if let Some((path, file)) = &mut self.journal
             && let Err(error) = file.flush()
         {
@@ -129,22 +124,7 @@ impl Reporter {
     fn case_ended(&mut self) {
         self.bar.inc(1);
         let Some((device, case)) = self.run.latest() else { return };
-        let verdict = case.verdict();
-        let mut text = String::new();
-        let block = terminal::wants_details(&self.run, verdict);
-        if case.outcome.is_not_run() {
-            // The summary counts these.
-        } else if block {
-            text.push_str(&terminal::details(device, case, self.style));
-        } else if self.every_case || !matches!(verdict, Verdict::Pass | Verdict::Skip) {
-            text.push_str(&terminal::case_line(device, case, self.style));
-        }
-        if !text.is_empty() {
-            if self.behind_block || block && self.said {
-                text.insert(0, '\n');
-            }
-            (self.behind_block, self.said) = (block, true);
-        }
+        let mut text = self.printer.case(&self.run, device, case);
         if self.annotate {
             text.extend(github::annotation(device, case));
         }

@@ -1,39 +1,114 @@
-//! A run as text for a terminal: a line per case, instead of it a block per case that needs an
-//! explanation, and a summary.
+//! A run as text for a terminal: a line or a block per case, and a summary.
 
 mod details;
 mod summary;
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::time::Duration;
 
 use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::{Style, printable};
-use crate::verdict::{Grade, Outcome, Verdict};
+use crate::verdict::{Grade, Outcome, Problem, Verdict};
 
 pub use details::details;
 pub use summary::summary;
 
-/// The whole run: every line, every block that the grade of the run asks for, the summary.
-pub fn report(run: &Run, style: Style) -> String {
-    let mut text = String::new();
-    for (device, case) in run.cases() {
-        if case.outcome.is_not_run() {
-            continue;
+/// How much is printed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Verbosity {
+    /// The summary only, without the reasons of skipped cases.
+    Quiet,
+    /// What is not PASS; skipped cases are counted by reason in the summary.
+    #[default]
+    Normal,
+    /// A line or a block for each case, and the figures that it measured.
+    Verbose,
+}
+
+/// Prints cases in the order in which they end.
+#[derive(Debug)]
+pub struct Printer {
+    style: Style,
+    verbosity: Verbosity,
+    /// How many blocks had this cause, by device.
+    causes: BTreeMap<(String, String), usize>,
+    last: Last,
+}
+
+/// What was printed last: it decides where a blank line belongs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Last {
+    Nothing,
+    Line,
+    Block,
+}
+
+/// So many cases of a device with the same cause are explained; of the others one line is printed.
+const ALIKE: usize = 3;
+
+impl Printer {
+    /// Has printed nothing yet.
+    pub const fn new(style: Style, verbosity: Verbosity) -> Self {
+        Self { style, verbosity, causes: BTreeMap::new(), last: Last::Nothing }
+    }
+
+    /// The text of a case that has ended; empty when nothing is to be printed.
+    pub fn case(&mut self, run: &Run, device: &DeviceRun, case: &CaseRun) -> String {
+        let verdict = case.verdict();
+        let usual = matches!(verdict, Verdict::Pass | Verdict::Skip);
+        // The summary counts the cases that were not run.
+        if case.outcome.is_not_run()
+            || self.verbosity == Verbosity::Quiet
+            || usual && self.verbosity < Verbosity::Verbose
+        {
+            return String::new();
         }
-        if wants_details(run, case.verdict()) {
-            if !text.is_empty() && !text.ends_with("\n\n") {
-                text.push('\n');
+        let block = wants_details(run, verdict) && !self.is_one_of_many(device, case);
+        let mut text = String::new();
+        if self.last == Last::Block || block && self.last == Last::Line {
+            text.push('\n');
+        }
+        self.last = if block { Last::Block } else { Last::Line };
+        match block {
+            true => text.push_str(&details(device, case, self.style)),
+            false => text.push_str(&case_line(device, case, self.style)),
+        }
+        if !block && self.verbosity == Verbosity::Verbose {
+            for figures in case.measured.iter().map(details::figures) {
+                let _ = writeln!(text, "         {}", one_line(&figures.replace('\n', "; ")));
             }
-            let _ = writeln!(text, "{}", details(device, case, style));
-        } else {
-            text.push_str(&case_line(device, case, style));
+        }
+        text
+    }
+
+    /// The summary, set apart from what was printed before it.
+    pub fn summary(&mut self, run: &Run) -> String {
+        let summary = summary(run, self.style, self.verbosity);
+        match std::mem::replace(&mut self.last, Last::Nothing) {
+            Last::Nothing => summary,
+            Last::Line | Last::Block => format!("\n{summary}"),
         }
     }
-    if !text.is_empty() && !text.ends_with("\n\n") {
-        text.push('\n');
+
+    /// Counts the case with its cause. A device that does not send its boot-up message, say, fails
+    /// many cases, and the first few explain them all.
+    fn is_one_of_many(&mut self, device: &DeviceRun, case: &CaseRun) -> bool {
+        let place = |problem: &Problem| format!("{}:{}", problem.place.file, problem.place.line);
+        let place = || case.outcome.problem().map(place);
+        let Some(cause) = cause(case).map(str::to_owned).or_else(place) else { return false };
+        let alike = self.causes.entry((device.info.device.clone(), cause)).or_default();
+        *alike += 1;
+        *alike > ALIKE && self.verbosity < Verbosity::Verbose
     }
-    text.push_str(&summary(run, style));
+}
+
+/// The whole run at [`Verbosity::Verbose`].
+pub fn report(run: &Run, style: Style) -> String {
+    let mut printer = Printer::new(style, Verbosity::Verbose);
+    let mut text: String =
+        run.cases().map(|(device, case)| printer.case(run, device, case)).collect();
+    text.push_str(&printer.summary(run));
     text
 }
 
@@ -46,18 +121,38 @@ pub fn wants_details(run: &Run, verdict: Verdict) -> bool {
     }
 }
 
-/// Verdict, device, name, time on the bus; of a skipped case the reason instead of the time.
+/// Verdict, device, name, and the time on the bus or what came instead of a PASS.
 pub fn case_line(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     let verdict = case.verdict();
     let mut line = String::new();
     let padded = format_args!("{verdict:<7}");
     let (device, name) = (one_line(&device.info.device), one_line(&case.info.name()));
     let _ = write!(line, "{}  {device}  {name}  ", style.verdict(verdict, padded));
-    let _ = match &case.outcome {
-        Outcome::Skip(reason) => writeln!(line, "{}", style.dim(one_line(reason))),
-        _ => writeln!(line, "{}", style.dim(time(case.duration()))),
+    let rest = match &case.outcome {
+        Outcome::Pass | Outcome::Lenient(_) => time(case.duration()),
+        Outcome::Fail(problem) => came_instead(problem),
+        Outcome::Error { problem: Some(problem), .. } => came_instead(problem),
+        Outcome::Skip(reason) | Outcome::Error { reason, .. } => reason.clone(),
     };
+    let _ = writeln!(line, "{}", style.dim(one_line(&rest)));
     line
+}
+
+fn came_instead(problem: &Problem) -> String {
+    let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
+    format!("expected {}, came {}", first(&problem.expected), first(&problem.actual))
+}
+
+/// Why a case failed or has no verdict, when that is a sentence. A value alone says nothing about
+/// another case.
+fn cause(case: &CaseRun) -> Option<&str> {
+    match (&case.outcome, case.outcome.problem()) {
+        (Outcome::Fail(_) | Outcome::Error { .. }, Some(problem)) => {
+            Some(problem.actual.as_str()).filter(|actual| actual.contains(' '))
+        }
+        (Outcome::Error { reason, .. }, None) => Some(reason),
+        _ => None,
+    }
 }
 
 /// Seconds from one second on, milliseconds below: an expedited transfer takes 0.3 ms.

@@ -110,7 +110,7 @@ fn an_interrupted_run_reports_what_ran() {
 fn nothing_ran() {
     let run = fold(&fixture::events(Grade::Lenient)[..1], Keep::Unusual);
     assert_eq!((run.worst(), run.is_green()), (None, true));
-    insta::assert_snapshot!(terminal::summary(&run, PLAIN));
+    insta::assert_snapshot!(terminal::summary(&run, PLAIN, terminal::Verbosity::Normal));
     insta::assert_snapshot!(junit::write(&run));
 }
 

@@ -226,7 +226,8 @@ fn caret(place: &Place) -> String {
     " ".repeat(before) + &"^".repeat(length)
 }
 
-fn figures(measured: &Measured) -> String {
+/// What a case measured, and its limits.
+pub(super) fn figures(measured: &Measured) -> String {
     let Measured { what, unit, count, min, mean, max, strict, lenient } = measured;
     let (min, mean, max) = (decimal(*min), decimal(*mean), decimal(*max));
     let values = plural(*count, "value");
