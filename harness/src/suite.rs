@@ -1,11 +1,13 @@
 //! Suites: the notation, the requirement register, and loading both.
 
+pub mod effect;
 mod library;
 pub mod literal;
 mod loaded;
 pub mod model;
 pub mod profile;
 mod register;
+pub mod step;
 mod test_map;
 
 pub use library::Library;

@@ -14,7 +14,7 @@ use super::scope::{Binding, Bound, Scope};
 use crate::dut::Dut;
 use crate::source::{At, Complaint};
 use crate::suite::literal::{Amount, Literal, ObjectRef};
-use crate::suite::model::{AccessName, Case, Each, Has, Requires, Step};
+use crate::suite::model::{AccessName, Case, Each, Has, Requires};
 use crate::suite::profile::Capability;
 use crate::suite::{Library, Suite};
 
@@ -143,10 +143,8 @@ fn nothing_of(case: &Case) -> String {
 
 /// Why a case about the data sheet, or about what it lacks, says nothing where there is none.
 fn about_the_sheet(case: &Case) -> Option<String> {
-    let mut steps = case.setup.iter().chain(&case.steps).chain(&case.finally);
-    let about_it = |step: &At<Step>| matches!(step.value, Step::Eds(_) | Step::Undeclared(_));
     let reason = "there is no data sheet: what stands for it was composed of the device's answers";
-    steps.any(about_it).then(|| reason.to_owned())
+    case.all_steps().any(|step| step.value.judges_sheet()).then(|| reason.to_owned())
 }
 
 fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {

@@ -15,9 +15,9 @@ use crate::dut::Dut;
 use crate::source::{At, Complaint, Place};
 use crate::suite::Suite;
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, Refusal};
-use crate::suite::model::{
-    Case, FastscanStep, LssStep, Measure, Objects, Observe, Produce, Read, Remap, Step, Until,
-    Write,
+use crate::suite::model::{Case, Objects};
+use crate::suite::step::{
+    FastscanStep, LssStep, Measure, Observe, Produce, Read, Remap, Step, Until, Write,
 };
 
 /// Checks that what a case requires can exist at all.
@@ -81,7 +81,7 @@ pub(super) fn case(instance: &Instance, dut: &Dut, model: Option<&Eds>) -> Check
         complaints: Vec::new(),
         lacking: None,
     };
-    for step in case.setup.iter().chain(&case.steps).chain(&case.finally) {
+    for step in case.all_steps() {
         checker.step(step);
     }
     for step in case.setup.iter().chain(&case.finally) {
@@ -124,12 +124,10 @@ impl Checker<'_> {
                     let result = self.scope.int(&length.value);
                     self.note(result.map(|_| ()), length.place);
                 }
-                self.produce(expect.during.as_ref());
             }
             Step::Never(never) => {
                 self.patterns(&never.frame, &[]);
                 self.time(&never.time);
-                self.produce(never.during.as_ref());
             }
             Step::Read(read) => self.read(read),
             Step::Write(write) => self.write(write, step.place),
@@ -144,7 +142,6 @@ impl Checker<'_> {
                 let count = self.scope.int(&collect.count.value);
                 self.note(count.map(|_| ()), collect.count.place);
                 self.time(&collect.time);
-                self.produce(collect.during.as_ref());
             }
             Step::Sync(sync) => self.times(&sync.every),
             Step::Produce(produce) => self.produce(Some(produce)),
@@ -165,6 +162,7 @@ impl Checker<'_> {
             }
             Step::Observe(observe) => self.observe(observe, step.place),
         }
+        self.produce(step.value.during());
     }
 
     fn entries(&mut self, objects: &Objects) {
@@ -230,7 +228,6 @@ impl Checker<'_> {
             }
         }
         self.times(&measure.within);
-        self.produce(measure.during.as_ref());
     }
 
     fn read(&mut self, read: &Read) {

@@ -11,7 +11,7 @@ use super::steps::Steps;
 use super::stimuli::{bench, failed};
 use crate::source::At;
 use crate::suite::literal::{Literal, show_time};
-use crate::suite::model::Observe;
+use crate::suite::step::Observe;
 
 /// How often a bench is asked: often for one in this process, bearable for one behind a socket.
 const EVERY: Duration = Duration::from_millis(5);

@@ -16,7 +16,8 @@ use super::stimuli::Stimuli;
 use crate::dut::Dut;
 use crate::plan::Instance;
 use crate::source::{At, Place, Source};
-use crate::suite::model::{Step, Tolerated};
+use crate::suite::model::Tolerated;
+use crate::suite::step::Step;
 
 /// What came of a case.
 pub(super) struct Finished {

@@ -7,7 +7,7 @@ use reports::Measured;
 use super::judge::{Difference, Judgement, Trouble};
 use crate::plan::Scope;
 use crate::suite::literal::{Tolerance, show_time};
-use crate::suite::model::Bounds;
+use crate::suite::step::Bounds;
 
 type Span = (Duration, Duration);
 

@@ -9,7 +9,7 @@ use reports::Measured;
 use super::judge::{Difference, Judgement, Trouble, device};
 use super::steps::Steps;
 use crate::suite::literal::show_time;
-use crate::suite::model::{FastscanStep, LssStep};
+use crate::suite::step::{FastscanStep, LssStep};
 
 /// How long a question waits that a slave in order does not answer.
 const DEFAULT_SLOT: Duration = Duration::from_millis(10);

@@ -12,8 +12,8 @@ use super::steps::Steps;
 use crate::dut::Dut;
 use crate::plan::{Binding, Instance, Scope, index_range};
 use crate::source::{At, Complaint, Place};
-use crate::suite::literal::{Literal, Name, ObjectRef, Refusal};
-use crate::suite::model::{EdsStep, Step, Undeclared};
+use crate::suite::literal::{Literal, Name};
+use crate::suite::step::{EdsStep, Step, Undeclared};
 
 /// The line of the data sheet that a step found broken; `None` when it was not about the sheet.
 pub(super) fn promised(
@@ -32,14 +32,9 @@ pub(super) fn promised(
 pub(super) fn unfit(complaint: &Complaint, instance: &Instance, dut: &Dut) -> Difference {
     let about = instance.case();
     let place = complaint.place.unwrap_or(about.id.place);
-    let steps = || about.setup.iter().chain(&about.steps).chain(&about.finally);
-    let step = steps().filter(|step| step.place <= place).max_by_key(|step| step.place);
-    let object = step.and_then(|step| match &step.value {
-        Step::Read(read) => Some(&read.object),
-        Step::Write(write) => Some(&write.object),
-        Step::Until(until) => Some(&until.object),
-        _ => None,
-    });
+    let before = about.all_steps().filter(|step| step.place <= place);
+    let step = before.max_by_key(|step| step.place);
+    let object = step.and_then(|step| Some(step.value.access()?.object));
     let mux = object.and_then(|object| instance.scope.mux(&object.value).ok());
     let (line, column) =
         mux.and_then(|mux| dut.sheet.place_of(mux, Some("DataType"))).unwrap_or_default();
@@ -61,29 +56,20 @@ fn claim(
         Ok(Binding::Mux(mux)) => Some(*mux),
         _ => None,
     };
-    let (object, literals, refused): (_, Vec<&Option<At<Literal>>>, _) = match step {
-        Step::Read(read) => (
-            Some(&read.object),
-            vec![&read.value, &read.min, &read.max, &read.length],
-            read.refused.as_ref(),
-        ),
-        Step::Write(write) => (Some(&write.object), vec![&write.value], write.refused.as_ref()),
-        Step::Until(until) => {
-            (Some(&until.object), vec![&until.value, &until.min, &until.max], None)
-        }
-        _ => (None, Vec::new(), None),
-    };
-    let mux = match object.map(|object: &At<ObjectRef>| scope.mux(&object.value)) {
-        Some(mux) => mux.ok()?,
+    let access = step.access();
+    let mux = match &access {
+        Some(access) => scope.mux(&access.object.value).ok()?,
         None => of_sheet?,
     };
+    let (literals, refused) =
+        access.map_or((Vec::new(), None), |access| (access.literals, access.refused));
     let answered = answered(difference.raw, mux, dut);
     if refused.is_some() && matches!(answered, Some(Some(_))) {
         // It refuses with another code, which no sheet can tell.
         return None;
     }
-    let wanted = refused.and_then(|refused: &At<Refusal>| key_of(Abort(refused.value.code)));
-    let named = literals.into_iter().flatten().find_map(|literal| key_of_name(&literal.value));
+    let wanted = refused.and_then(|refused| key_of(Abort(refused.value.code)));
+    let named = literals.into_iter().find_map(|literal| key_of_name(&literal.value));
     match answered.or_else(|| wanted.map(Some)) {
         Some(key) => Some((mux, key)),
         // What a case knows by itself is no promise of the sheet.

@@ -13,10 +13,10 @@ use super::link::Link;
 use super::policy::Policy;
 use super::sdo;
 use crate::dut::Dut;
-use crate::plan::{Instance, Scope};
+use crate::plan::{Instance, Scope, mapping_word};
 use crate::source::At;
+use crate::suite::effect::Written;
 use crate::suite::literal::FrameText;
-use crate::suite::model::{Produce, Step};
 
 /// The values of the objects that a case may change.
 #[derive(Clone, Debug, Default)]
@@ -224,34 +224,19 @@ fn restorable(mux: Mux, eds: &Eds) -> bool {
 
 /// Every address that a case's steps may write, by SDO or through an RPDO.
 fn changed_by(instance: &Instance, dut: &Dut) -> Vec<Mux> {
-    let case = instance.case();
-    let mut changed = Vec::new();
     let scope = &instance.scope;
-    for step in case.setup.iter().chain(&case.steps).chain(&case.finally) {
-        match &step.value {
-            Step::Write(write) => changed.extend(scope.mux(&write.object.value)),
-            Step::Remap(remap) => {
-                changed.extend(scope.mux(&remap.pdo.value));
-                let words = remap
-                    .objects
-                    .iter()
-                    .filter_map(|object| crate::plan::mapping_word(&object.value, scope, dut).ok());
-                changed.extend(words.map(|word| Mapping::decode(word).mux));
+    let mut changed = Vec::new();
+    for written in instance.case().all_steps().flat_map(|step| step.value.writes()) {
+        match written {
+            Written::Object(object) => changed.extend(scope.mux(&object.value)),
+            Written::Mapped(literal) => {
+                let word = mapping_word(&literal.value, scope, dut);
+                changed.extend(word.map(|word| Mapping::decode(word).mux));
             }
-            Step::Send(frame) => changed.extend(changed_by_frame(frame, scope, dut)),
-            Step::Produce(produce) => changed.extend(changed_by_frame(&produce.frame, scope, dut)),
-            Step::Expect(expect) => changed.extend(during(&expect.during, scope, dut)),
-            Step::Never(never) => changed.extend(during(&never.during, scope, dut)),
-            Step::Measure(measure) => changed.extend(during(&measure.during, scope, dut)),
-            Step::Collect(collect) => changed.extend(during(&collect.during, scope, dut)),
-            _ => {}
+            Written::Frame(frame) => changed.extend(changed_by_frame(frame, scope, dut)),
         }
     }
     changed
-}
-
-fn during(produce: &Option<Produce>, scope: &Scope, dut: &Dut) -> Vec<Mux> {
-    produce.as_ref().map(|produce| changed_by_frame(&produce.frame, scope, dut)).unwrap_or_default()
 }
 
 fn changed_by_frame(text: &At<FrameText>, scope: &Scope, dut: &Dut) -> Vec<Mux> {

@@ -16,7 +16,7 @@ use crate::dut::Dut;
 use crate::plan::{Binding, Scope};
 use crate::source::At;
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, show_time};
-use crate::suite::model::{
+use crate::suite::step::{
     Bounds, Collect, Expect, Measure, Never, Nmt, Produce, Reply, Step, SyncStep,
 };
 
