@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use reports::Grade;
 
+use crate::suite::Folders;
+
 /// Conformance tests for CANopen devices.
 ///
 /// Without a command, runs every suite that fits; without a target, against the reference devices
@@ -70,9 +72,9 @@ pub struct Selection {
     /// What reports call the device; of a reference device, its data sheet
     #[arg(long, value_name = "NAME")]
     pub device: Option<String>,
-    /// Folder of the suites; `suites` here, or else those in this program
-    #[arg(long, value_name = "DIR")]
-    pub suites: Option<PathBuf>,
+    /// Which suites.
+    #[command(flatten)]
+    pub folders: Folders,
     /// Bit rate of the bus in bit/s: that of the simulation; it says how exact a real bus can be
     #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
@@ -94,7 +96,7 @@ impl Selection {
             node: None,
             eds: None,
             device: None,
-            suites: None,
+            folders: Folders::default(),
             bitrate: DEFAULT_BIT_RATE,
             bench: None,
             without: Vec::new(),
@@ -162,9 +164,9 @@ pub struct ListArgs {
 pub struct CheckArgs {
     /// Suite files to check together with the register; all when absent
     pub files: Vec<PathBuf>,
-    /// Folder of the suites; `suites` here, or else those in this program
-    #[arg(long, value_name = "DIR")]
-    pub suites: Option<PathBuf>,
+    /// Which suites.
+    #[command(flatten)]
+    pub folders: Folders,
 }
 
 /// Arguments of `serve`.
@@ -199,9 +201,9 @@ pub struct ScanArgs {
 pub struct QualifyArgs {
     /// The reference device; all when absent
     pub device: Option<String>,
-    /// Folder of the suites; `suites` here, or else those in this program
-    #[arg(long, value_name = "DIR")]
-    pub suites: Option<PathBuf>,
+    /// Which suites.
+    #[command(flatten)]
+    pub folders: Folders,
     /// Show which cases kill each mutant
     #[arg(short, long)]
     pub verbose: bool,
@@ -213,9 +215,9 @@ pub struct ExplainArgs {
     /// A case, a suite, a requirement, a decision, a mutant, an SDO abort code such as
     /// 0x06020000, or an emergency error code such as 8130h
     pub name: String,
-    /// Folder of the suites; `suites` here, or else those in this program
-    #[arg(long, value_name = "DIR")]
-    pub suites: Option<PathBuf>,
+    /// Which suites.
+    #[command(flatten)]
+    pub folders: Folders,
 }
 
 /// Arguments of `trace`.
@@ -224,9 +226,9 @@ pub struct TraceArgs {
     /// The form
     #[arg(long, default_value = "md")]
     pub format: TraceFormat,
-    /// Folder of the suites; `suites` here, or else those in this program
-    #[arg(long, value_name = "DIR")]
-    pub suites: Option<PathBuf>,
+    /// Which suites.
+    #[command(flatten)]
+    pub folders: Folders,
 }
 
 /// Forms of the requirement matrix.

@@ -1,6 +1,7 @@
 //! Suites: the notation, the requirement register, and loading both.
 
 pub mod effect;
+mod folders;
 mod library;
 pub mod literal;
 mod loaded;
@@ -10,6 +11,7 @@ mod register;
 pub mod step;
 mod test_map;
 
+pub use folders::Folders;
 pub use library::Library;
 pub use loaded::Suite;
 pub use register::{Register, RegisterFile, Requirement};

@@ -8,7 +8,7 @@ use canopen::{Mux, Value, VirtualBus};
 use harness::cli::{DEFAULT_BIT_RATE, Selection};
 use harness::plan::{self, Plan};
 use harness::run::{Policy, Session};
-use harness::suite::Library;
+use harness::suite::{Folders, Library};
 use harness::target;
 use reference_devices::devices;
 use reference_devices::rules::Specification;
@@ -42,7 +42,7 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
         let entry = entries.into_iter().find(|entry| entry.mux == mux).expect("the object");
         entry.default = Some(Term::fixed(Value::from(value)));
     }
-    let library = Library::load(None).expect("the suites load");
+    let library = Library::load(&Folders::default()).expect("the suites load");
     let selection = Selection::of_target(Some("sim:em66"));
     let targets = target::resolve(&selection, &Arc::default()).map_err(|refused| refused.message);
     let dut = targets.expect("a simulated device").remove(0).dut;

@@ -171,7 +171,7 @@ fn a_bench_behind_a_socket_switches_the_supply() {
     let mut served = Served::device("drr460", &["--bench-socket".as_ref(), socket.as_os_str()]);
     let suites = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/cli/run/bench-power/suites");
     let bench = format!("unix:{}", socket.display());
-    let arguments = ["--target", "vcan0", "--suites", suites, "--bench", &bench, "demo/off"];
+    let arguments = ["--target", "vcan0", "--only-suites", suites, "--bench", &bench, "demo/off"];
     let output = harness().args(arguments).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
 
@@ -265,7 +265,10 @@ impl Files {
     fn start(&self, cases: &[&str]) -> Child {
         let suites = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vcan/suites");
         let mut command = harness();
-        command.args(["--target", "vcan0", "--suites", suites]).args(cases).args(self.options());
+        command
+            .args(["--target", "vcan0", "--only-suites", suites])
+            .args(cases)
+            .args(self.options());
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
     }
 

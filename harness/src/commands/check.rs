@@ -1,6 +1,5 @@
 //! `harness check`: load and lint everything, touch no bus.
 
-use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
@@ -12,7 +11,7 @@ use crate::cli::{CheckArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
 use crate::source::{Complaint, Source};
-use crate::suite::Library;
+use crate::suite::{Folders, Library};
 use crate::target;
 
 /// Checks what the arguments name, for every reference device.
@@ -21,8 +20,8 @@ use crate::target;
 /// Everything that is wrong.
 pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     let library = match args.files.as_slice() {
-        [] => Library::load(args.suites.as_deref())?,
-        files => with_register(args.suites.as_deref(), files)?,
+        [] => Library::load(&args.folders)?,
+        files => with_register(&args.folders, files)?,
     };
     let targets = target::resolve(&Selection::of_target(None), &Arc::new(AtomicBool::new(false)))?;
     let plans = plan_all(&library, &targets)?;
@@ -59,8 +58,8 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
 }
 
 /// Only these suites, with the whole register.
-fn with_register(folder: Option<&Path>, files: &[std::path::PathBuf]) -> Result<Library, Refused> {
-    let mut sources = Library::register_sources(folder)?;
+fn with_register(folders: &Folders, files: &[std::path::PathBuf]) -> Result<Library, Refused> {
+    let mut sources = Library::register_sources(folders)?;
     for path in files {
         let name = path.display().to_string();
         let text = std::fs::read_to_string(path).map_err(|error| {

@@ -22,7 +22,7 @@ use crate::target::reference_device;
 /// # Errors
 /// When nothing has that name; what was meant, perhaps.
 pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
-    let library = Library::load(args.suites.as_deref())?;
+    let library = Library::load(&args.folders)?;
     let book = Book { mutants: mutants()?, library };
     let text = book.explain(args.name.trim()).ok_or_else(|| book.unknown(&args.name))?;
     say(&text);

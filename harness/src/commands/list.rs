@@ -17,7 +17,7 @@ use crate::target;
 /// # Errors
 /// What keeps a run from starting, too.
 pub(super) fn run(args: &ListArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
-    let library = Library::load(args.selection.suites.as_deref())?;
+    let library = Library::load(&args.selection.folders)?;
     let targets = target::resolve(&args.selection, stop)?;
     let mut plans = plan_all(&library, &targets)?;
     select(&mut plans, &args.selection.patterns)?;

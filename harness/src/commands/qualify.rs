@@ -28,7 +28,7 @@ use crate::target::{self, Place, Target, reference_device};
 /// # Errors
 /// When a file does not load or the device is unknown.
 pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
-    let library = Library::load(args.suites.as_deref())?;
+    let library = Library::load(&args.folders)?;
     let names: Vec<&str> = match &args.device {
         Some(name) => match devices::with_variants(name).collect::<Vec<_>>() {
             family if family.is_empty() => vec![name],

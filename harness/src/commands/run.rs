@@ -22,7 +22,7 @@ use crate::target::{self, Target};
 /// # Errors
 /// What kept everything from running.
 pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
-    let library = Library::load(args.selection.suites.as_deref())?;
+    let library = Library::load(&args.selection.folders)?;
     let targets = target::resolve(&args.selection, stop)?;
     let mut plans = plan_all(&library, &targets)?;
     select(&mut plans, &args.selection.patterns)?;
@@ -147,9 +147,5 @@ fn of_verdicts(reporter: &Reporter) -> Exit {
 
 /// The command that runs a case of this target again, without the name of the case.
 fn rerun(args: &RunArgs, target: &Target) -> String {
-    let mut command = format!("harness {}", target.options);
-    if let Some(folder) = &args.selection.suites {
-        command.push_str(&format!(" --suites {}", folder.display()));
-    }
-    command
+    format!("harness {}{}", target.options, args.selection.folders.options())
 }

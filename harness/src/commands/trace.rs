@@ -30,7 +30,7 @@ struct Row<'r> {
 /// # Errors
 /// When a file does not load.
 pub(super) fn run(args: &TraceArgs) -> Result<Exit, Refused> {
-    let library = Library::load(args.suites.as_deref())?;
+    let library = Library::load(&args.folders)?;
     let (breaks, mut holes) = mutants(&library)?;
     let rows = rows(&library, &breaks);
     let mapped = library.test_map.len();

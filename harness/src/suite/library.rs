@@ -1,12 +1,9 @@
-//! Finding and loading suite and register files.
+//! Loading suite and register files.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::path::Path;
 use std::sync::Arc;
 
-use include_dir::{Dir, include_dir};
-
+use super::folders::Folders;
 use super::loaded::Suite;
 use super::model::{Case, SuiteFile};
 use super::register::Register;
@@ -25,20 +22,20 @@ pub struct Library {
 }
 
 impl Library {
-    /// Loads the folder the user named, else `suites/` here, else the copy in this program.
+    /// Loads the suites of these folders.
     ///
     /// # Errors
     /// Every complaint about every file.
-    pub fn load(folder: Option<&Path>) -> Result<Self, Vec<Complaint>> {
-        Self::from_sources(&sources(folder)?)
+    pub fn load(folders: &Folders) -> Result<Self, Vec<Complaint>> {
+        Self::from_sources(&folders.sources()?)
     }
 
     /// The register files alone.
     ///
     /// # Errors
     /// When the folder cannot be read.
-    pub fn register_sources(folder: Option<&Path>) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
-        let mut sources = sources(folder)?;
+    pub fn register_sources(folders: &Folders) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
+        let mut sources = folders.sources()?;
         sources.retain(is_register);
         Ok(sources)
     }
@@ -84,19 +81,6 @@ impl Library {
     }
 }
 
-static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../suites");
-
-fn sources(folder: Option<&Path>) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
-    let here = Path::new("suites");
-    let mut sources = Vec::new();
-    match folder.or_else(|| here.is_dir().then_some(here)) {
-        Some(folder) => read_folder(folder, &mut sources).map_err(|complaint| vec![complaint])?,
-        None => read_embedded(&EMBEDDED, &mut sources),
-    }
-    sources.sort_by(|a, b| a.name.cmp(&b.name));
-    Ok(sources)
-}
-
 fn is_register(source: &Arc<Source>) -> bool {
     source.name.contains("requirements/") && !is_test_map(source)
 }
@@ -104,39 +88,6 @@ fn is_register(source: &Arc<Source>) -> bool {
 /// The list of checks that the conformance test of CiA makes, and what makes them here.
 fn is_test_map(source: &Arc<Source>) -> bool {
     source.name.ends_with("requirements/cia-test-map.yaml")
-}
-
-fn read_folder(folder: &Path, sources: &mut Vec<Arc<Source>>) -> Result<(), Complaint> {
-    let complain = |path: &Path, error: std::io::Error| {
-        let source = Source { name: shown(path), text: String::new() };
-        Complaint { source: Arc::new(source), place: None, message: error.to_string() }
-    };
-    for entry in fs::read_dir(folder).map_err(|error| complain(folder, error))? {
-        let path = entry.map_err(|error| complain(folder, error))?.path();
-        if path.is_dir() {
-            read_folder(&path, sources)?;
-        } else if path.extension().is_some_and(|extension| extension == "yaml") {
-            let text = fs::read_to_string(&path).map_err(|error| complain(&path, error))?;
-            sources.push(Arc::new(Source { name: shown(&path), text }));
-        }
-    }
-    Ok(())
-}
-
-fn read_embedded(folder: &Dir<'_>, sources: &mut Vec<Arc<Source>>) {
-    for file in folder.files() {
-        if let (Some("yaml"), Some(text)) =
-            (file.path().extension().and_then(|extension| extension.to_str()), file.contents_utf8())
-        {
-            let name = format!("suites/{}", shown(file.path()));
-            sources.push(Arc::new(Source { name, text: text.to_owned() }));
-        }
-    }
-    folder.dirs().for_each(|below| read_embedded(below, sources));
-}
-
-fn shown(path: &Path) -> String {
-    path.to_string_lossy().replace('\\', "/")
 }
 
 fn reused_ids(suites: &[Arc<Suite>]) -> Vec<Complaint> {

@@ -1,0 +1,103 @@
+//! Which suite and register files are read: those of folders, or the copy in this program.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::Args;
+use include_dir::{Dir, include_dir};
+
+use crate::source::{Complaint, Source};
+
+/// Which suites are read.
+#[derive(Clone, Debug, Default, Args)]
+pub struct Folders {
+    /// Folder with suites of your own, in addition to those in this program; may be repeated
+    #[arg(long = "suites", value_name = "DIR")]
+    pub more: Vec<PathBuf>,
+    /// Folder with the only suites to read, instead of those in this program; may be repeated
+    #[arg(long = "only-suites", value_name = "DIR")]
+    pub only: Vec<PathBuf>,
+}
+
+static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../suites");
+
+impl Folders {
+    /// The options that name the same folders again on a command line.
+    pub fn options(&self) -> String {
+        let only = self.only.iter().map(|folder| format!(" --only-suites {}", folder.display()));
+        let more = self.more.iter().map(|folder| format!(" --suites {}", folder.display()));
+        only.chain(more).collect()
+    }
+
+    /// The files by name. Unless there are `only` folders, those of `suites/` here are read, or
+    /// else the copy in this program. A file of a later folder replaces the one of the same name.
+    pub(super) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
+        let here = Path::new("suites");
+        let mut sources = BTreeMap::new();
+        let mut folders = self.only.clone();
+        match (self.only.is_empty(), here.is_dir()) {
+            (true, true) => folders.push(here.to_owned()),
+            (true, false) => add(&mut sources, here, embedded()),
+            (false, _) => {}
+        }
+        folders.extend(self.more.iter().cloned());
+        for folder in folders {
+            let mut found = Vec::new();
+            read_folder(&folder, &mut found).map_err(|complaint| vec![complaint])?;
+            add(&mut sources, &folder, found);
+        }
+        let mut sources: Vec<Arc<Source>> = sources.into_values().collect();
+        sources.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(sources)
+    }
+}
+
+/// Adds the files of a folder by their names within it.
+fn add(sources: &mut BTreeMap<String, Arc<Source>>, folder: &Path, found: Vec<Source>) {
+    let folder = shown(folder);
+    for source in found {
+        let name = source.name.strip_prefix(&folder).unwrap_or(&source.name);
+        sources.insert(name.trim_start_matches('/').to_owned(), Arc::new(source));
+    }
+}
+
+fn embedded() -> Vec<Source> {
+    let mut sources = Vec::new();
+    read_embedded(&EMBEDDED, &mut sources);
+    sources
+}
+
+fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint> {
+    let complain = |path: &Path, error: std::io::Error| {
+        let source = Source { name: shown(path), text: String::new() };
+        Complaint { source: Arc::new(source), place: None, message: error.to_string() }
+    };
+    for entry in fs::read_dir(folder).map_err(|error| complain(folder, error))? {
+        let path = entry.map_err(|error| complain(folder, error))?.path();
+        if path.is_dir() {
+            read_folder(&path, sources)?;
+        } else if path.extension().is_some_and(|extension| extension == "yaml") {
+            let text = fs::read_to_string(&path).map_err(|error| complain(&path, error))?;
+            sources.push(Source { name: shown(&path), text });
+        }
+    }
+    Ok(())
+}
+
+fn read_embedded(folder: &Dir<'_>, sources: &mut Vec<Source>) {
+    for file in folder.files() {
+        if let (Some("yaml"), Some(text)) =
+            (file.path().extension().and_then(|extension| extension.to_str()), file.contents_utf8())
+        {
+            let name = format!("suites/{}", shown(file.path()));
+            sources.push(Source { name, text: text.to_owned() });
+        }
+    }
+    folder.dirs().for_each(|below| read_embedded(below, sources));
+}
+
+fn shown(path: &Path) -> String {
+    path.to_string_lossy().replace('\\', "/")
+}
