@@ -5,9 +5,6 @@ use std::time::Duration;
 use canopen::lss::{BIT_RATES, Bound, Fastscan, Mode, Part, Request, UNCONFIGURED};
 use canopen::{Data, NmtState};
 
-use super::mutants::mutants;
-use super::{Rules, SdoBlockRules};
-
 /// The decisions of an LSS slave. Clauses are those of CiA 305.
 pub trait LssRules {
     /// A request has exactly eight bytes (6.1).
@@ -129,7 +126,7 @@ fn bit_rate(table: u8, index: u8, supported: &[u32]) -> Option<u32> {
 }
 
 mutants! {
-    LssRules, as specified Rules SdoBlockRules;
+    LssRules;
 
     "lss-short-frame-answered" {
         fn lss_request(&self, data: &[u8]) -> Option<Request> {

@@ -2,9 +2,6 @@
 
 use canopen::sdo::block::{self, LARGEST_BLOCK};
 
-use super::mutants::mutants;
-use super::{LssRules, Rules};
-
 /// The decisions of an SDO server in a block transfer.
 pub trait SdoBlockRules {
     /// Inside a sub-block every frame is a segment, whatever command its first byte looks like;
@@ -92,7 +89,7 @@ pub trait SdoBlockRules {
 }
 
 mutants! {
-    SdoBlockRules, as specified Rules LssRules;
+    SdoBlockRules;
 
     "block-command-in-sub-block" {
         fn command_in_sub_block(&self, first: u8) -> bool { matches!(first, 0x40 | 0x80 | 0xA4) }

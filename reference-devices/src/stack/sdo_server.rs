@@ -3,7 +3,8 @@
 mod block_download;
 mod block_upload;
 mod download;
-mod transfer;
+mod state;
+mod step;
 mod upload;
 
 use canopen::sdo::block::BlockSegment;
@@ -12,14 +13,14 @@ use canopen::{Frame, Instant, Outbox};
 
 use crate::stack::services::Services;
 use crate::stack::time::earlier;
-use transfer::{Input, Transfer};
+use state::{Input, State};
 
 /// Answers requests, one transfer at a time.
 #[derive(Debug, Default)]
 pub(crate) struct SdoServer {
     /// The identifier of its answers.
     answers: u16,
-    transfer: Transfer,
+    state: State,
     deadline: Option<Instant>,
 }
 
@@ -36,7 +37,7 @@ impl SdoServer {
         self.answers = answers;
         let rules = &services.base.rules;
         let command = data.first().is_none_or(|first| rules.command_in_sub_block(*first));
-        let request = match self.transfer.in_sub_block() && !command {
+        let request = match self.state.in_sub_block() && !command {
             true => BlockSegment::decode(data).ok().map(Request::BlockSegment),
             false => rules.sdo_request(data),
         };
@@ -51,7 +52,7 @@ impl SdoServer {
         services: &mut Services,
         out: &mut Outbox,
     ) {
-        if self.transfer.due().is_some_and(|due| due <= now) {
+        if self.state.due().is_some_and(|due| due <= now) {
             self.step(now, Input::Segment, services, out);
         }
         if self.deadline.is_some_and(|due| due <= now) {
@@ -66,16 +67,16 @@ impl SdoServer {
     }
 
     pub(crate) fn poll_at(&self) -> Option<Instant> {
-        earlier(self.deadline, self.transfer.due())
+        earlier(self.deadline, self.state.due())
     }
 
     /// The one place where an error becomes an abort and ends the transfer.
     fn step(&mut self, now: Instant, input: Input, services: &mut Services, out: &mut Outbox) {
-        let transfer = std::mem::take(&mut self.transfer);
-        let left_open = transfer.mux();
-        match transfer.step(input, now, services) {
+        let state = std::mem::take(&mut self.state);
+        let left_open = state.mux();
+        match state.step(input, now, services) {
             Ok((next, response)) => {
-                self.transfer = next;
+                self.state = next.unwrap_or_default();
                 if let Some(response) = response {
                     out.push(Frame::new(self.answers, response.encode()));
                 }
@@ -83,10 +84,11 @@ impl SdoServer {
             Err((mux, reason)) => {
                 let rules = &services.base.rules;
                 let code = rules.abort_code(mux, reason);
-                if !rules.abort_ends_transfer(code)
-                    && let Some(open) = left_open
-                {
-                    self.transfer = Transfer::reopened(open, services);
+                let request = left_open.and_then(|open| rules.goes_on_after_abort(code, open));
+                if let Some(request) = request {
+                    // The abort below is the one answer of this step.
+                    let step = State::Idle.step(Input::Request(request), now, services);
+                    self.state = step.ok().and_then(|(next, _)| next).unwrap_or_default();
                 }
                 out.push(Frame::new(self.answers, Response::Abort(mux, code).encode()));
             }
@@ -96,7 +98,7 @@ impl SdoServer {
 
     fn restart_timeout(&mut self, now: Instant, first: bool, services: &Services) {
         let rules = &services.base.rules;
-        if !matches!(self.transfer, Transfer::Idle) {
+        if !matches!(self.state, State::Idle) {
             if self.deadline.is_none() || rules.request_restarts_sdo_timeout(first) {
                 let timeout = rules.sdo_timeout(services.base.settings.sdo_timeout);
                 self.deadline = Some(now + timeout);

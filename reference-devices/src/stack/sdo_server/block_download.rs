@@ -4,7 +4,7 @@ use canopen::sdo::Response;
 use canopen::sdo::block::{BlockAck, BlockEnd, BlockResponse, BlockSegment};
 use canopen::{Abort, Instant, Mux};
 
-use super::transfer::{Step, Transfer};
+use super::step::Step;
 use crate::stack::services::Services;
 use crate::stack::settings::BlockTransfer;
 
@@ -35,7 +35,7 @@ impl BlockDownload {
         size: Option<u32>,
         settings: BlockTransfer,
         services: &Services,
-    ) -> Step {
+    ) -> Step<Self> {
         let rules = &services.base.rules;
         let size = size.map(|size| size as usize);
         let checked = size.filter(|_| rules.size_checked_at_initiate());
@@ -44,7 +44,7 @@ impl BlockDownload {
         let block = settings.size;
         let answer = BlockResponse::Download { mux, crc: true, size: block };
         let open = Self { mux, data: Vec::new(), size, limit, crc, block, good: 0, whole: false };
-        Ok((Transfer::BlockDownload(open), Some(Response::Block(answer))))
+        Ok((Some(open), Some(Response::Block(answer))))
     }
 
     /// Whether the next frame is a segment and no command.
@@ -54,7 +54,7 @@ impl BlockDownload {
 
     /// Takes a segment that comes in order; the end of a sub-block is answered with the last one
     /// that did.
-    pub(super) fn segment(mut self, segment: BlockSegment, services: &Services) -> Step {
+    pub(super) fn segment(mut self, segment: BlockSegment, services: &Services) -> Step<Self> {
         let rules = &services.base.rules;
         let BlockSegment { sequence, last, data } = segment;
         if !rules.sequence_valid(sequence, self.block) {
@@ -74,7 +74,7 @@ impl BlockDownload {
             }
         }
         if !last && sequence < self.block && !rules.each_block_segment_confirmed() {
-            return Ok((Transfer::BlockDownload(self), None));
+            return Ok((Some(self), None));
         }
         self.whole = taken && last;
         let ack = BlockAck { last_good: self.good, size: self.block };
@@ -85,11 +85,16 @@ impl BlockDownload {
             self.data.clear();
         }
         let answer = Response::Block(BlockResponse::DownloadAck(ack));
-        Ok((Transfer::BlockDownload(self), Some(answer)))
+        Ok((Some(self), Some(answer)))
     }
 
     /// Checks what came and stores it.
-    pub(super) fn end(mut self, end: BlockEnd, now: Instant, services: &mut Services) -> Step {
+    pub(super) fn end(
+        mut self,
+        end: BlockEnd,
+        now: Instant,
+        services: &mut Services,
+    ) -> Step<Self> {
         let mux = self.mux;
         let rules = &services.base.rules;
         if !self.whole && rules.end_follows_last_segment() {
@@ -110,7 +115,7 @@ impl BlockDownload {
             return Err((mux, Abort::CRC));
         }
         services.write(now, mux, &self.data).map_err(|abort| (mux, abort))?;
-        Ok((Transfer::Idle, Some(Response::Block(BlockResponse::DownloadEnd))))
+        Ok((None, Some(Response::Block(BlockResponse::DownloadEnd))))
     }
 }
 

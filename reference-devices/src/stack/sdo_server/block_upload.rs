@@ -6,8 +6,7 @@ use canopen::sdo::Response;
 use canopen::sdo::block::{BlockAck, BlockEnd, BlockResponse, BlockSegment};
 use canopen::{Abort, Instant, Mux};
 
-use super::transfer::{Step, Transfer};
-use super::upload::Upload;
+use super::step::Step;
 use crate::stack::services::Services;
 use crate::stack::settings::BlockTransfer;
 
@@ -54,8 +53,13 @@ pub(super) struct Wanted {
 }
 
 impl BlockUpload {
-    /// Answers with the size, or changes to the usual protocol when the client allows it.
-    pub(super) fn initiate(wanted: Wanted, settings: BlockTransfer, services: &Services) -> Step {
+    /// Answers with the size. `None` when the server changes to the protocol without blocks, which
+    /// the client allowed.
+    pub(super) fn initiate(
+        wanted: Wanted,
+        settings: BlockTransfer,
+        services: &Services,
+    ) -> Result<Option<(Self, Response)>, (Mux, Abort)> {
         let Wanted { mux, crc, size, threshold } = wanted;
         let rules = &services.base.rules;
         if !rules.block_size_valid(size, true) {
@@ -70,7 +74,7 @@ impl BlockUpload {
             Err(abort) => return Err((mux, abort)),
         };
         if rules.changes_protocol(data.len(), threshold) {
-            return Upload::initiate(mux, services);
+            return Ok(None);
         }
         let total = Some(data.len() as u32);
         let answer = BlockResponse::Upload { mux, crc: true, size: total };
@@ -85,7 +89,7 @@ impl BlockUpload {
             pause: settings.pause,
             phase: Phase::Start,
         };
-        Ok((Transfer::BlockUpload(open), Some(Response::Block(answer))))
+        Ok(Some((open, Response::Block(answer))))
     }
 
     /// When the next segment is to be sent.
@@ -97,19 +101,19 @@ impl BlockUpload {
     }
 
     /// Begins the first sub-block.
-    pub(super) fn start(mut self, now: Instant) -> Step {
+    pub(super) fn start(mut self, now: Instant) -> Step<Self> {
         if self.phase != Phase::Start {
             return Err((self.mux, Abort::COMMAND));
         }
         self.phase = Phase::Segment(now + self.pause);
-        Ok((Transfer::BlockUpload(self), None))
+        Ok((Some(self), None))
     }
 
     /// Sends the next segment.
-    pub(super) fn send(mut self, now: Instant) -> Step {
+    pub(super) fn send(mut self, now: Instant) -> Step<Self> {
         let Some(segment) = BlockSegment::of(&self.data, self.confirmed, self.sent + 1) else {
             self.phase = Phase::Ack;
-            return Ok((Transfer::BlockUpload(self), None));
+            return Ok((Some(self), None));
         };
         self.sent += 1;
         // From deadline to deadline, so that a device that wakes up late is no slower.
@@ -120,11 +124,16 @@ impl BlockUpload {
         };
         let sequence = self.first + self.sent - 1;
         let segment = BlockSegment { sequence, ..segment };
-        Ok((Transfer::BlockUpload(self), Some(Response::BlockSegment(segment))))
+        Ok((Some(self), Some(Response::BlockSegment(segment))))
     }
 
     /// Goes on behind what the client has received.
-    pub(super) fn acknowledged(mut self, ack: BlockAck, now: Instant, services: &Services) -> Step {
+    pub(super) fn acknowledged(
+        mut self,
+        ack: BlockAck,
+        now: Instant,
+        services: &Services,
+    ) -> Step<Self> {
         let rules = &services.base.rules;
         let mux = self.mux;
         if !matches!(self.phase, Phase::Segment(_) | Phase::Ack) {
@@ -143,20 +152,20 @@ impl BlockUpload {
             let crc = if self.crc { rules.checksum(&self.data, end.unused) } else { 0 };
             self.phase = Phase::End;
             let answer = BlockResponse::UploadEnd(BlockEnd { crc, ..end });
-            return Ok((Transfer::BlockUpload(self), Some(Response::Block(answer))));
+            return Ok((Some(self), Some(Response::Block(answer))));
         }
         self.confirmed += 7 * usize::from(good);
         self.block = rules.next_block_size(self.block, ack.size).max(1);
         self.first = rules.first_sequence(good).min(127 - self.block.min(126));
         self.sent = 0;
         self.phase = Phase::Segment(now + self.pause);
-        Ok((Transfer::BlockUpload(self), None))
+        Ok((Some(self), None))
     }
 
     /// The client has everything.
-    pub(super) fn end(self) -> Step {
+    pub(super) fn end(self) -> Step<Self> {
         match self.phase {
-            Phase::End => Ok((Transfer::Idle, None)),
+            Phase::End => Ok((None, None)),
             _ => Err((self.mux, Abort::COMMAND)),
         }
     }

@@ -3,7 +3,7 @@
 use canopen::sdo::{Initiate, Response, Segment};
 use canopen::{Abort, Instant, Mux};
 
-use super::transfer::{Step, Transfer};
+use super::step::Step;
 use crate::stack::services::Services;
 
 /// A segmented download that waits for the next segment.
@@ -25,7 +25,7 @@ impl Download {
         initiate: Initiate,
         now: Instant,
         services: &mut Services,
-    ) -> Step {
+    ) -> Step<Self> {
         let stored = match initiate {
             Initiate::Expedited(data) => services.write(now, mux, &data),
             Initiate::Unsized(bytes) => {
@@ -35,11 +35,11 @@ impl Download {
             Initiate::Segmented(size) => {
                 let size = size.map(|size| size as usize);
                 let open = Self::open(mux, size, services).map_err(|abort| (mux, abort))?;
-                return Ok((Transfer::Download(open), Some(Response::Download(mux))));
+                return Ok((Some(open), Some(Response::Download(mux))));
             }
         };
         stored.map_err(|abort| (mux, abort))?;
-        Ok((Transfer::Idle, Some(Response::Download(mux))))
+        Ok((None, Some(Response::Download(mux))))
     }
 
     fn open(mux: Mux, size: Option<usize>, services: &Services) -> Result<Self, Abort> {
@@ -59,7 +59,7 @@ impl Download {
         segment: Segment,
         now: Instant,
         services: &mut Services,
-    ) -> Step {
+    ) -> Step<Self> {
         let mux = self.mux;
         let rules = &services.base.rules;
         if segment.toggle != self.toggle && rules.toggle_checked(self.data.is_empty()) {
@@ -73,7 +73,7 @@ impl Download {
         self.toggle = !segment.toggle;
         let answer = Some(Response::DownloadSegment(segment.toggle));
         if !segment.last {
-            return Ok((Transfer::Download(self), answer));
+            return Ok((Some(self), answer));
         }
         if let Some(size) = self.size.filter(|size| self.data.len() < *size) {
             if rules.underflow_checked() {
@@ -82,6 +82,6 @@ impl Download {
             self.data.resize(size.min(services.base.settings.longest_value), 0);
         }
         services.write(now, mux, &self.data).map_err(|abort| (mux, abort))?;
-        Ok((Transfer::Idle, answer))
+        Ok((None, answer))
     }
 }

@@ -3,7 +3,7 @@
 use canopen::sdo::{Initiate, Response, Segment};
 use canopen::{Abort, Data, Mux};
 
-use super::transfer::{Step, Transfer};
+use super::step::Step;
 use crate::stack::services::Services;
 
 /// A segmented upload that waits for the next request.
@@ -17,24 +17,23 @@ pub(super) struct Upload {
 }
 
 impl Upload {
-    pub(super) fn new(mux: Mux, bytes: &[u8]) -> Self {
+    fn new(mux: Mux, bytes: &[u8]) -> Self {
         Self { mux, data: bytes.to_vec(), sent: 0, toggle: false }
     }
 
     /// Answers with the whole value when it fits, else with its size.
-    pub(super) fn initiate(mux: Mux, services: &Services) -> Step {
+    pub(super) fn initiate(mux: Mux, services: &Services) -> Step<Self> {
         let bytes = services.read(mux).map_err(|abort| (mux, abort))?;
         if (1..=4).contains(&bytes.len()) {
             let answer = Response::Upload(mux, Initiate::Expedited(Data::new(bytes)));
-            return Ok((Transfer::Idle, Some(answer)));
+            return Ok((None, Some(answer)));
         }
         let size = Initiate::Segmented(Some(bytes.len() as u32));
-        let open = Transfer::Upload(Self::new(mux, bytes));
-        Ok((open, Some(Response::Upload(mux, size))))
+        Ok((Some(Self::new(mux, bytes)), Some(Response::Upload(mux, size))))
     }
 
     /// Answers with the next seven bytes.
-    pub(super) fn segment(mut self, toggle: bool, services: &Services) -> Step {
+    pub(super) fn segment(mut self, toggle: bool, services: &Services) -> Step<Self> {
         if toggle != self.toggle && services.base.rules.toggle_checked(self.sent == 0) {
             return Err((self.mux, Abort::TOGGLE));
         }
@@ -46,7 +45,7 @@ impl Upload {
         let last = data.len() == rest.len();
         self.sent += data.len();
         self.toggle = !toggle;
-        let next = if last { Transfer::Idle } else { Transfer::Upload(self) };
+        let next = (!last).then_some(self);
         Ok((next, Some(Response::UploadSegment(Segment { toggle, data, last }))))
     }
 }

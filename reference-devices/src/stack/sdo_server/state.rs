@@ -1,18 +1,19 @@
 //! What the server is in the middle of, and the step from one state to the next.
 
+use canopen::sdo::Request;
 use canopen::sdo::block::BlockRequest;
-use canopen::sdo::{Request, Response};
 use canopen::{Abort, Instant, Mux};
 
 use super::block_download::BlockDownload;
 use super::block_upload::{BlockUpload, Wanted};
 use super::download::Download;
+use super::step::Step;
 use super::upload::Upload;
 use crate::stack::services::Services;
 
 /// A state is named for what it waits for.
 #[derive(Debug, Default)]
-pub(super) enum Transfer {
+pub(super) enum State {
     /// Any initiate request.
     #[default]
     Idle,
@@ -35,44 +36,42 @@ pub(super) enum Input {
     Timeout,
 }
 
-/// The next state and the answer, or what was aborted and why.
-pub(super) type Step = Result<(Transfer, Option<Response>), (Mux, Abort)>;
-
-impl Transfer {
+impl State {
     /// Consumes the state: whoever forgets to return the next one ends the transfer.
-    pub(super) fn step(self, input: Input, now: Instant, services: &mut Services) -> Step {
+    pub(super) fn step(self, input: Input, now: Instant, services: &mut Services) -> Step<Self> {
         let open = self.mux();
         match (input, self) {
             (Input::Request(request), state) => state.requested(request, now, services),
-            (Input::Segment, Self::BlockUpload(upload)) => upload.send(now),
-            (Input::Segment, state) => Ok((state, None)),
-            (Input::Timeout, _) => {
-                open.map_or(Ok((Self::Idle, None)), |mux| Err((mux, Abort::TIMEOUT)))
+            (Input::Segment, Self::BlockUpload(upload)) => {
+                next(Self::BlockUpload, upload.send(now))
             }
+            (Input::Segment, state) => Ok((Some(state), None)),
+            (Input::Timeout, _) => open.map_or(Ok((None, None)), |mux| Err((mux, Abort::TIMEOUT))),
         }
     }
 
-    fn requested(self, request: Request, now: Instant, services: &mut Services) -> Step {
+    fn requested(self, request: Request, now: Instant, services: &mut Services) -> Step<Self> {
         let open = self.mux();
         if open.is_some() && begins(request) && !services.base.rules.initiate_replaces_transfer() {
-            return Ok((self, None));
+            return Ok((Some(self), None));
         }
         match (self, request) {
-            (_, Request::Abort(..)) => Ok((Self::Idle, None)),
+            (_, Request::Abort(..)) => Ok((None, None)),
             (_, Request::Upload(mux)) => {
-                Upload::initiate(services.base.rules.uploaded(mux, open), services)
+                let mux = services.base.rules.uploaded(mux, open);
+                next(Self::Upload, Upload::initiate(mux, services))
             }
             (_, Request::Download(mux, initiate)) => {
-                Download::initiate(mux, initiate, now, services)
+                next(Self::Download, Download::initiate(mux, initiate, now, services))
             }
             (Self::Upload(upload), Request::UploadSegment(toggle)) => {
-                upload.segment(toggle, services)
+                next(Self::Upload, upload.segment(toggle, services))
             }
             (Self::Download(download), Request::DownloadSegment(segment)) => {
-                download.segment(segment, now, services)
+                next(Self::Download, download.segment(segment, now, services))
             }
             (Self::BlockDownload(download), Request::BlockSegment(segment)) => {
-                download.segment(segment, services)
+                next(Self::BlockDownload, download.segment(segment, services))
             }
             (left, Request::Block(block)) => left.block(block, now, services),
             (
@@ -83,34 +82,42 @@ impl Transfer {
         }
     }
 
-    fn block(self, request: BlockRequest, now: Instant, services: &mut Services) -> Step {
+    fn block(self, request: BlockRequest, now: Instant, services: &mut Services) -> Step<Self> {
         let Some(settings) = services.base.settings.block_transfer else {
             return self.unknown(&Request::Block(request).encode(), services);
         };
         let open = self.mux();
         match (self, request) {
             (_, BlockRequest::Download { mux, crc, size }) => {
-                BlockDownload::initiate(mux, crc, size, settings, services)
+                let step = BlockDownload::initiate(mux, crc, size, settings, services);
+                next(Self::BlockDownload, step)
             }
             (_, BlockRequest::Upload { mux, crc, size, threshold }) => {
                 let wanted = Wanted { mux, crc, size, threshold };
-                BlockUpload::initiate(wanted, settings, services)
+                match BlockUpload::initiate(wanted, settings, services)? {
+                    Some((begun, answer)) => Ok((Some(Self::BlockUpload(begun)), Some(answer))),
+                    None => next(Self::Upload, Upload::initiate(mux, services)),
+                }
             }
             (Self::BlockDownload(download), BlockRequest::DownloadEnd(end)) => {
-                download.end(end, now, services)
+                next(Self::BlockDownload, download.end(end, now, services))
             }
-            (Self::BlockUpload(upload), BlockRequest::UploadStart) => upload.start(now),
+            (Self::BlockUpload(upload), BlockRequest::UploadStart) => {
+                next(Self::BlockUpload, upload.start(now))
+            }
             (Self::BlockUpload(upload), BlockRequest::UploadAck(ack)) => {
-                upload.acknowledged(ack, now, services)
+                next(Self::BlockUpload, upload.acknowledged(ack, now, services))
             }
-            (Self::BlockUpload(upload), BlockRequest::UploadEnd) => upload.end(),
+            (Self::BlockUpload(upload), BlockRequest::UploadEnd) => {
+                next(Self::BlockUpload, upload.end())
+            }
             _ => Err((open.unwrap_or(NOTHING), Abort::COMMAND)),
         }
     }
 
-    fn unknown(self, bytes: &[u8], services: &Services) -> Step {
+    fn unknown(self, bytes: &[u8], services: &Services) -> Step<Self> {
         if !services.base.rules.answers_unknown_command() {
-            return Ok((self, None));
+            return Ok((Some(self), None));
         }
         let mux = bytes.get(1..4).and_then(<[u8]>::first_chunk).map(|mux| Mux::from_bytes(*mux));
         Err((mux.unwrap_or(NOTHING), Abort::COMMAND))
@@ -142,12 +149,11 @@ impl Transfer {
             Self::BlockUpload(upload) => Some(upload.mux),
         }
     }
+}
 
-    /// An upload of `mux` from its start: what a server is left with that does not end a transfer
-    /// when it aborts it.
-    pub(super) fn reopened(mux: Mux, services: &Services) -> Self {
-        services.read(mux).map_or(Self::Idle, |bytes| Self::Upload(Upload::new(mux, bytes)))
-    }
+/// The step of one kind of transfer as a step of the server.
+fn next<S>(state: fn(S) -> State, step: Step<S>) -> Step<State> {
+    step.map(|(left, answer)| (left.map(state), answer))
 }
 
 /// Whether the request begins a transfer.

@@ -1,0 +1,56 @@
+//! Access to objects, whichever service asks for it.
+
+use canopen::Mux;
+
+use super::pdo::is_mapping;
+
+/// The decisions on values that are written (CiA 301, 7.4).
+pub trait AccessRules {
+    /// A value below or above the limits of its object is refused (7.2.4.3.17).
+    fn range_checked(&self) -> bool {
+        true
+    }
+
+    /// What is refused leaves the object as it was.
+    fn refused_write_changes_nothing(&self, _mux: Mux) -> bool {
+        true
+    }
+
+    /// A text that is written replaces all of the one before.
+    fn shorter_text_ends_earlier(&self) -> bool {
+        true
+    }
+
+    /// A refused write is the client's business and no error of the device.
+    fn refused_write_is_an_error(&self, _mux: Mux) -> bool {
+        false
+    }
+
+    /// An identifier is not changed while the service that uses it exists (7.5.2.17, 7.5.2.35).
+    fn cob_id_fixed_while_valid(&self) -> bool {
+        true
+    }
+}
+
+mutants! {
+    AccessRules;
+
+    "range-unchecked" {
+        fn range_checked(&self) -> bool { false }
+    }
+    "refused-write-changes-value" {
+        fn refused_write_changes_nothing(&self, _mux: Mux) -> bool { false }
+    }
+    "text-keeps-the-end-of-the-last-one" {
+        fn shorter_text_ends_earlier(&self) -> bool { false }
+    }
+    "pdo-cob-id-moves-while-valid" {
+        fn cob_id_fixed_while_valid(&self) -> bool { false }
+    }
+    "mapping-refused-but-written" {
+        fn refused_write_changes_nothing(&self, mux: Mux) -> bool { !is_mapping(mux) }
+    }
+    "mapping-refused-sets-error-register" {
+        fn refused_write_is_an_error(&self, mux: Mux) -> bool { is_mapping(mux) }
+    }
+}

@@ -1,0 +1,98 @@
+//! Emergency messages and the error history.
+
+use std::time::Duration;
+
+use canopen::NmtState;
+
+/// The decisions of the emergency producer (CiA 301, 7.2.7).
+pub trait EmcyRules {
+    /// Emergency messages belong to PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
+    fn emcy_sent_in(&self, state: NmtState) -> bool {
+        matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
+    }
+
+    /// An error is told once, however often it is noticed (7.2.7.1).
+    fn emcy_repeated(&self) -> bool {
+        false
+    }
+
+    /// A message that cannot be sent at once waits.
+    fn emcy_queued(&self) -> bool {
+        true
+    }
+
+    /// 1015h counts 100 microseconds (7.5.2.18).
+    fn emcy_inhibit(&self, configured: u16) -> Duration {
+        Duration::from_micros(100) * u32::from(configured)
+    }
+
+    /// 1001h shows the errors that are present, and no others (7.5.2.2).
+    fn error_register(&self, _before: u8, present: u8) -> u8 {
+        present
+    }
+
+    /// 1003h sub 1 is the newest error (7.5.2.4).
+    fn history_newest_first(&self) -> bool {
+        true
+    }
+
+    /// 1003h sub 0 takes no value but 0 (7.5.2.4).
+    fn history_count_valid(&self, count: u8) -> bool {
+        count == 0
+    }
+
+    /// A line of 1003h that holds no error cannot be read (7.5.2.4).
+    fn empty_history_readable(&self) -> bool {
+        false
+    }
+
+    /// Reset communication forgets the messages that wait (7.3.2.2.1).
+    fn reset_drops_emcy(&self) -> bool {
+        true
+    }
+
+    /// 1003h keeps as many errors as it has sub-indices for them (7.5.2.4).
+    fn history_depth(&self, lines: usize) -> usize {
+        lines
+    }
+}
+
+mutants! {
+    EmcyRules;
+
+    "emcy-sent-in-stopped" {
+        fn emcy_sent_in(&self, _state: NmtState) -> bool { true }
+    }
+    "emcy-repeated" {
+        fn emcy_repeated(&self) -> bool { true }
+    }
+    "emcy-lost-when-busy" {
+        fn emcy_queued(&self) -> bool { false }
+    }
+    "emcy-inhibit-ignored" {
+        fn emcy_inhibit(&self, _configured: u16) -> Duration { Duration::ZERO }
+    }
+    "emcy-inhibit-in-milliseconds" {
+        fn emcy_inhibit(&self, configured: u16) -> Duration {
+            Duration::from_millis(configured.into())
+        }
+    }
+    "error-register-never-cleared" {
+        fn error_register(&self, before: u8, present: u8) -> u8 { before | present }
+    }
+    "history-order-reversed" {
+        fn history_newest_first(&self) -> bool { false }
+    }
+    "history-cleared-by-any-value" {
+        fn history_count_valid(&self, _count: u8) -> bool { true }
+    }
+    "history-empty-line-readable" {
+        fn empty_history_readable(&self) -> bool { true }
+    }
+    "emcy-kept-over-reset" {
+        fn reset_drops_emcy(&self) -> bool { false }
+    }
+    "history-without-end" {
+        fn history_depth(&self, _lines: usize) -> usize { 254 }
+    }
+}

@@ -1,0 +1,145 @@
+//! Heartbeat, guarding, and what an error does to the NMT state.
+
+use std::time::Duration;
+
+use canopen::NmtState;
+
+/// The decisions of error control (CiA 301, 7.2.8.2, 7.2.8.3.2 and 7.5.2.32).
+pub trait ErrorControlRules {
+    /// The producer keeps the period of 1017h (7.5.2.20).
+    fn heartbeat_period(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    /// The first heartbeat comes one period after boot-up.
+    fn heartbeats_at_boot_up(&self) -> u32 {
+        0
+    }
+
+    /// The consumer waits as long as 1016h says (7.5.2.19).
+    fn heartbeat_consumer_time(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    /// A node is watched from its first heartbeat on (7.2.8.3.2.2).
+    fn first_heartbeat_starts_watch(&self) -> bool {
+        true
+    }
+
+    /// The next heartbeat of a node that was lost ends the error.
+    fn heartbeat_loss_recovers(&self) -> bool {
+        true
+    }
+
+    /// Only the three states of a node that runs are a sign of life; a boot-up message tells of a
+    /// restart.
+    fn is_heartbeat(&self, state: NmtState) -> bool {
+        matches!(state, NmtState::STOPPED | NmtState::OPERATIONAL | NmtState::PRE_OPERATIONAL)
+    }
+
+    /// Two entries of 1016h do not name the same node (7.5.2.19).
+    fn heartbeat_node_watched_once(&self) -> bool {
+        true
+    }
+
+    /// Guarding and heartbeat exclude each other, and heartbeat goes first (7.2.8.2.2.1).
+    fn guarding_answered(&self, heartbeat_runs: bool) -> bool {
+        !heartbeat_runs
+    }
+
+    /// The toggle bit alternates from answer to answer (7.2.8.3.2.1).
+    fn guarding_toggle_after(&self, toggle: bool) -> bool {
+        !toggle
+    }
+
+    /// It starts at 0 after a reset (7.2.8.3.2.1).
+    fn guarding_toggle_after_reset(&self, _toggle: bool) -> bool {
+        false
+    }
+
+    /// Life guarding waits for guard time times life time factor (7.5.2.12).
+    fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
+        guard_time * u32::from(factor)
+    }
+
+    /// While heartbeats are produced, there is no life guarding (7.2.8.2.2.1).
+    fn heartbeat_ends_life_guarding(&self) -> bool {
+        true
+    }
+
+    /// A communication error changes the state of an operational device only (7.5.2.32).
+    fn errors_change(&self, state: NmtState) -> bool {
+        state == NmtState::OPERATIONAL
+    }
+
+    /// Each class of errors has its own entry of 1029h, communication errors sub 1 (7.5.2.32).
+    fn error_class(&self, sub: u8) -> Option<u8> {
+        Some(sub)
+    }
+
+    /// It decides: PRE-OPERATIONAL, nothing, or STOPPED (7.5.2.32).
+    fn error_reaction(&self, configured: u8) -> Option<NmtState> {
+        match configured {
+            0 => Some(NmtState::PRE_OPERATIONAL),
+            2 => Some(NmtState::STOPPED),
+            _ => None,
+        }
+    }
+}
+
+mutants! {
+    ErrorControlRules;
+
+    "heartbeat-period-drifts" {
+        fn heartbeat_period(&self, configured: Duration) -> Duration {
+            configured * 101 / 100
+        }
+    }
+    "heartbeat-burst-at-boot-up" {
+        fn heartbeats_at_boot_up(&self) -> u32 { 3 }
+    }
+    "error-classes-are-one" {
+        fn error_class(&self, _sub: u8) -> Option<u8> { Some(1) }
+    }
+    "errors-of-the-application-without-reaction" {
+        fn error_class(&self, sub: u8) -> Option<u8> { (sub == 1).then_some(sub) }
+    }
+    "error-behaviour-ignored" {
+        fn error_reaction(&self, _configured: u8) -> Option<NmtState> { None }
+    }
+    "heartbeat-watched-before-first" {
+        fn first_heartbeat_starts_watch(&self) -> bool { false }
+    }
+    "heartbeat-loss-never-recovers" {
+        fn heartbeat_loss_recovers(&self) -> bool { false }
+    }
+    "heartbeat-consumer-time-doubled" {
+        fn heartbeat_consumer_time(&self, configured: Duration) -> Duration { configured * 2 }
+    }
+    "heartbeat-of-any-state" {
+        fn is_heartbeat(&self, _state: NmtState) -> bool { true }
+    }
+    "life-guarding-beside-heartbeat" {
+        fn heartbeat_ends_life_guarding(&self) -> bool { false }
+    }
+    "errors-change-every-state" {
+        fn errors_change(&self, _state: NmtState) -> bool { true }
+    }
+    "heartbeat-node-watched-twice" {
+        fn heartbeat_node_watched_once(&self) -> bool { false }
+    }
+    "guarding-answered-beside-heartbeat" {
+        fn guarding_answered(&self, _heartbeat_runs: bool) -> bool { true }
+    }
+    "guarding-toggle-stuck" {
+        fn guarding_toggle_after(&self, toggle: bool) -> bool { toggle }
+    }
+    "guarding-toggle-kept-over-reset" {
+        fn guarding_toggle_after_reset(&self, toggle: bool) -> bool { toggle }
+    }
+    "life-time-factor-ignored" {
+        fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
+            if factor == 0 { Duration::ZERO } else { guard_time }
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! PDOs, their parameters and their mapping.
+
+use std::time::Duration;
+
+use canopen::eds::Direction;
+use canopen::pdo::CobId;
+use canopen::{Mux, NmtState};
+
+/// The decisions of RPDOs and TPDOs (CiA 301, 7.2.2 and 7.5.2.35 to 7.5.2.38).
+pub trait PdoRules {
+    // PDO parameters, 7.5.2.35 to 7.5.2.38
+
+    /// Inhibit time and SYNC start value do not change while the PDO exists.
+    fn pdo_parameter_fixed_while_valid(&self, _sub: u8) -> bool {
+        true
+    }
+
+    /// Identifiers of other services are refused (7.3.5).
+    fn restricted_ids_refused(&self) -> bool {
+        true
+    }
+
+    /// No two TPDOs that exist have one identifier: each belongs to one sender (7.3.5).
+    fn tpdo_ids_unique(&self) -> bool {
+        true
+    }
+
+    /// A PDO that maps nothing cannot be made to exist (7.5.2.36).
+    fn pdo_needs_mapping(&self) -> bool {
+        true
+    }
+
+    /// Types 241 to 251 are reserved, and only a TPDO can be asked for (types 252 and 253).
+    fn transmission_type_valid(&self, direction: Direction, kind: u8) -> bool {
+        match direction {
+            Direction::Receive => matches!(kind, 0..=240 | 254..),
+            Direction::Transmit => matches!(kind, 0..=240 | 252..),
+        }
+    }
+
+    /// A mapping does not change while the PDO exists.
+    fn mapping_fixed_while_valid(&self) -> bool {
+        true
+    }
+
+    /// Nor do its entries while they are in use: sub 0 is set to 0 first.
+    fn mapping_fixed_while_active(&self) -> bool {
+        true
+    }
+
+    /// A PDO carries at most 64 bits.
+    fn pdo_bits_max(&self) -> u32 {
+        64
+    }
+
+    /// What the device does not offer for this direction cannot be mapped.
+    fn mappability_checked(&self) -> bool {
+        true
+    }
+
+    /// An object is mapped with its own length.
+    fn mapped_length_checked(&self) -> bool {
+        true
+    }
+
+    // PDOs, 7.2.2
+
+    /// RPDOs are used in OPERATIONAL (7.3.2.2.5).
+    fn rpdo_used_in(&self, state: NmtState) -> bool {
+        state == NmtState::OPERATIONAL
+    }
+
+    /// A synchronous RPDO takes effect with the next SYNC (7.2.2.2).
+    fn synchronous_rpdo_waits(&self) -> bool {
+        true
+    }
+
+    /// Of several frames before a SYNC the last one counts (7.2.2.2).
+    fn synchronous_rpdo_replaced(&self) -> bool {
+        true
+    }
+
+    /// They take effect once, not with every SYNC that follows (7.2.2.2).
+    fn synchronous_rpdo_acts_once(&self) -> bool {
+        true
+    }
+
+    /// A gap in the mapping takes its bits of the frame (7.4.7).
+    fn gap_takes_room(&self) -> bool {
+        true
+    }
+
+    /// The deadline of an RPDO counts from its first reception on (7.5.2.35).
+    fn first_rpdo_starts_deadline(&self) -> bool {
+        true
+    }
+
+    /// An RPDO that is too short is not used; of one that is too long, the first bytes are
+    /// (7.2.2.5).
+    fn rpdo_length_usable(&self, mapped: usize, actual: usize) -> bool {
+        actual >= mapped
+    }
+
+    /// Both are told (7.2.7.1, 8210h and 8220h).
+    fn rpdo_length_told(&self) -> bool {
+        true
+    }
+
+    /// TPDOs are sent in OPERATIONAL (7.3.2.2.5).
+    fn tpdo_sent_in(&self, state: NmtState) -> bool {
+        state == NmtState::OPERATIONAL
+    }
+
+    /// Event-driven TPDOs are sent once on entering it.
+    fn tpdo_sent_at_start(&self) -> bool {
+        true
+    }
+
+    /// Type n, 1 to 240, is sent with every n-th SYNC (7.2.2.2).
+    fn cyclic_tpdo_due(&self, syncs: u8, kind: u8) -> bool {
+        syncs >= kind
+    }
+
+    /// Bit 30 of the COB-ID forbids remote requests (7.5.2.37).
+    fn rtr_answered(&self, cob: CobId) -> bool {
+        cob.rtr_allowed()
+    }
+
+    /// The inhibit time counts 100 microseconds (7.5.2.37).
+    fn pdo_inhibit(&self, configured: u16) -> Duration {
+        Duration::from_micros(100) * u32::from(configured)
+    }
+
+    /// The event timer starts anew with each transmission (7.5.2.37).
+    fn event_timer_restarts(&self) -> bool {
+        true
+    }
+}
+
+/// Whether the object maps a PDO.
+pub(super) fn is_mapping(mux: Mux) -> bool {
+    matches!(mux.index, 0x1600..=0x17FF | 0x1A00..=0x1BFF)
+}
+
+mutants! {
+    PdoRules;
+
+    "tpdo-sent-in-pre-operational" {
+        fn tpdo_sent_in(&self, state: NmtState) -> bool { state != NmtState::STOPPED }
+    }
+    "pdo-inhibit-changes-while-valid" {
+        fn pdo_parameter_fixed_while_valid(&self, _sub: u8) -> bool { false }
+    }
+    "pdo-restricted-id-accepted" {
+        fn restricted_ids_refused(&self) -> bool { false }
+    }
+    "pdo-reserved-type-accepted" {
+        fn transmission_type_valid(&self, _direction: Direction, _kind: u8) -> bool { true }
+    }
+    "tpdo-identifier-used-twice" {
+        fn tpdo_ids_unique(&self) -> bool { false }
+    }
+    "pdo-without-mapping-exists" {
+        fn pdo_needs_mapping(&self) -> bool { false }
+    }
+    "mapping-changes-while-valid" {
+        fn mapping_fixed_while_valid(&self) -> bool { false }
+    }
+    "mapping-changes-while-active" {
+        fn mapping_fixed_while_active(&self) -> bool { false }
+    }
+    "mapping-length-unchecked" {
+        fn pdo_bits_max(&self) -> u32 { u32::MAX }
+    }
+    "mapping-length-off-by-one" {
+        fn pdo_bits_max(&self) -> u32 { 72 }
+    }
+    "mapping-of-any-object" {
+        fn mappability_checked(&self) -> bool { false }
+    }
+    "mapping-entry-length-unchecked" {
+        fn mapped_length_checked(&self) -> bool { false }
+    }
+    "rpdo-used-in-pre-operational" {
+        fn rpdo_used_in(&self, _state: NmtState) -> bool { true }
+    }
+    "rpdo-short-used" {
+        fn rpdo_length_usable(&self, _mapped: usize, _actual: usize) -> bool { true }
+    }
+    "rpdo-long-dropped" {
+        fn rpdo_length_usable(&self, mapped: usize, actual: usize) -> bool { mapped == actual }
+    }
+    "rpdo-length-not-told" {
+        fn rpdo_length_told(&self) -> bool { false }
+    }
+    "rpdo-acts-before-sync" {
+        fn synchronous_rpdo_waits(&self) -> bool { false }
+    }
+    "rpdo-first-before-sync-wins" {
+        fn synchronous_rpdo_replaced(&self) -> bool { false }
+    }
+    "rpdo-acts-with-every-sync" {
+        fn synchronous_rpdo_acts_once(&self) -> bool { false }
+    }
+    "rpdo-gap-takes-no-room" {
+        fn gap_takes_room(&self) -> bool { false }
+    }
+    "rpdo-deadline-before-first" {
+        fn first_rpdo_starts_deadline(&self) -> bool { false }
+    }
+    "tpdo-sent-in-stopped" {
+        fn tpdo_sent_in(&self, state: NmtState) -> bool {
+            matches!(state, NmtState::OPERATIONAL | NmtState::STOPPED)
+        }
+    }
+    "tpdo-not-sent-at-start" {
+        fn tpdo_sent_at_start(&self) -> bool { false }
+    }
+    "tpdo-one-sync-late" {
+        fn cyclic_tpdo_due(&self, syncs: u8, kind: u8) -> bool { syncs > kind }
+    }
+    "tpdo-rtr-always-answered" {
+        fn rtr_answered(&self, _cob: CobId) -> bool { true }
+    }
+    "tpdo-rtr-unanswered" {
+        fn rtr_answered(&self, _cob: CobId) -> bool { false }
+    }
+    "tpdo-inhibit-in-milliseconds" {
+        fn pdo_inhibit(&self, configured: u16) -> Duration {
+            Duration::from_millis(configured.into())
+        }
+    }
+    "tpdo-inhibit-ignored" {
+        fn pdo_inhibit(&self, _configured: u16) -> Duration { Duration::ZERO }
+    }
+    "tpdo-event-timer-not-restarted" {
+        fn event_timer_restarts(&self) -> bool { false }
+    }
+}

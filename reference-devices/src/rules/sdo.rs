@@ -1,0 +1,254 @@
+//! SDO servers and clients, block transfer apart.
+
+use std::time::Duration;
+
+use canopen::sdo::Request;
+use canopen::{Abort, Data, Mux, NmtState};
+
+use super::pdo::is_mapping;
+
+/// The decisions of SDO servers and clients (CiA 301, 7.2.4).
+pub trait SdoRules {
+    /// SDOs are served in PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
+    fn sdo_served_in(&self, state: NmtState) -> bool {
+        matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
+    }
+
+    /// A request has exactly eight bytes; anything else is no request (7.2.4.3).
+    fn sdo_request(&self, data: &[u8]) -> Option<Request> {
+        Request::decode(data).ok()
+    }
+
+    /// A command specifier that is not supported is answered with an abort (7.2.4.3.17).
+    fn answers_unknown_command(&self) -> bool {
+        true
+    }
+
+    /// The abort code names the reason (7.2.4.3.17).
+    fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+        reason
+    }
+
+    /// An abort ends the transfer (7.2.4.3.17): there is no request that the server goes on with.
+    fn goes_on_after_abort(&self, _code: Abort, _open: Mux) -> Option<Request> {
+        None
+    }
+
+    /// The toggle bit starts at 0 and alternates (7.2.4.3.4, 7.2.4.3.7).
+    fn toggle_checked(&self, _first: bool) -> bool {
+        true
+    }
+
+    /// A new initiate request replaces a transfer that was left open.
+    fn initiate_replaces_transfer(&self) -> bool {
+        true
+    }
+
+    /// An upload is of the object that was asked for, whatever was open before.
+    fn uploaded(&self, requested: Mux, _open: Option<Mux>) -> Mux {
+        requested
+    }
+
+    /// A segmented download need not tell its size (7.2.4.3.3).
+    fn size_may_be_missing(&self) -> bool {
+        true
+    }
+
+    /// A size that does not fit the object is refused before the first segment.
+    fn size_checked_at_initiate(&self) -> bool {
+        true
+    }
+
+    /// A download that ends before the size it told is refused.
+    fn underflow_checked(&self) -> bool {
+        true
+    }
+
+    /// A download that exceeds the size it told, or that of its object, is refused.
+    fn overflow_checked(&self) -> bool {
+        true
+    }
+
+    /// The server gives up a transfer whose next request does not come.
+    fn sdo_timeout(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    /// A transfer ends where SDOs are not served any more, and with a reset (7.3.2.2.5).
+    fn stop_ends_sdo_transfers(&self) -> bool {
+        true
+    }
+
+    /// The segments of an upload are of one value.
+    fn upload_is_snapshot(&self) -> bool {
+        true
+    }
+
+    /// Each server has its own transfer (7.2.4.1).
+    fn sdo_servers_independent(&self) -> bool {
+        true
+    }
+
+    /// A further channel exists when both of its identifiers are valid (7.5.2.33).
+    fn sdo_channel_needs_both(&self) -> bool {
+        true
+    }
+
+    /// A device without 29-bit identifiers refuses them.
+    fn sdo_long_identifier_taken(&self) -> bool {
+        false
+    }
+
+    /// The node at the other end is 1 to 127 (7.5.2.33).
+    fn sdo_partner_valid(&self, node: u8) -> bool {
+        (1..=127).contains(&node)
+    }
+
+    /// A client whose server does not answer says that it gives up (7.2.4.3.17).
+    fn sdo_client_tells_timeout(&self) -> bool {
+        true
+    }
+
+    /// Each request restarts that time, the first of a transfer and those that follow.
+    fn request_restarts_sdo_timeout(&self, _first: bool) -> bool {
+        true
+    }
+}
+
+mutants! {
+    SdoRules;
+
+    "sdo-served-in-stopped" {
+        fn sdo_served_in(&self, _state: NmtState) -> bool { true }
+    }
+    "sdo-short-frame-answered" {
+        fn sdo_request(&self, data: &[u8]) -> Option<Request> {
+            Request::decode(&Data::new(data).padded()).ok()
+        }
+    }
+    "sdo-unknown-command-unanswered" {
+        fn answers_unknown_command(&self) -> bool { false }
+    }
+    "sdo-first-toggle-unchecked" {
+        fn toggle_checked(&self, first: bool) -> bool { !first }
+    }
+    "sdo-toggle-unchecked" {
+        fn toggle_checked(&self, first: bool) -> bool { first }
+    }
+    "sdo-open-after-toggle-abort" {
+        fn goes_on_after_abort(&self, code: Abort, open: Mux) -> Option<Request> {
+            (code == Abort::TOGGLE).then_some(Request::Upload(open))
+        }
+    }
+    "sdo-stuck-after-client-reset" {
+        fn initiate_replaces_transfer(&self) -> bool { false }
+    }
+    "sdo-upload-of-abandoned-object" {
+        fn uploaded(&self, requested: Mux, open: Option<Mux>) -> Mux { open.unwrap_or(requested) }
+    }
+    "sdo-download-needs-size" {
+        fn size_may_be_missing(&self) -> bool { false }
+    }
+    "sdo-size-checked-late" {
+        fn size_checked_at_initiate(&self) -> bool { false }
+    }
+    "sdo-underflow-accepted" {
+        fn underflow_checked(&self) -> bool { false }
+    }
+    "sdo-overflow-accepted" {
+        fn overflow_checked(&self) -> bool { false }
+    }
+    "sdo-timeout-early" {
+        fn sdo_timeout(&self, configured: Duration) -> Duration { configured / 4 }
+    }
+    "sdo-timeout-never" {
+        fn sdo_timeout(&self, _configured: Duration) -> Duration { Duration::MAX }
+    }
+    "sdo-timeout-not-restarted" {
+        fn request_restarts_sdo_timeout(&self, first: bool) -> bool { first }
+    }
+    "sdo-stale-timeout-aborts-next" {
+        fn request_restarts_sdo_timeout(&self, first: bool) -> bool { !first }
+    }
+    "sdo-transfer-survives-stop" {
+        fn stop_ends_sdo_transfers(&self) -> bool { false }
+    }
+    "sdo-upload-of-changing-value" {
+        fn upload_is_snapshot(&self) -> bool { false }
+    }
+    "sdo-servers-share-transfer" {
+        fn sdo_servers_independent(&self) -> bool { false }
+    }
+    "sdo-channel-half-valid" {
+        fn sdo_channel_needs_both(&self) -> bool { false }
+    }
+    "sdo-long-identifier-taken" {
+        fn sdo_long_identifier_taken(&self) -> bool { true }
+    }
+    "sdo-partner-unchecked" {
+        fn sdo_partner_valid(&self, _node: u8) -> bool { true }
+    }
+    "sdo-client-gives-up-in-silence" {
+        fn sdo_client_tells_timeout(&self) -> bool { false }
+    }
+    "abort-general" {
+        fn abort_code(&self, _mux: Mux, _reason: Abort) -> Abort { Abort::GENERAL }
+    }
+    "abort-hardware-for-length" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            match reason {
+                Abort::LENGTH | Abort::TOO_LONG | Abort::TOO_SHORT => Abort::HARDWARE,
+                reason => reason,
+            }
+        }
+    }
+    "abort-too-long-for-too-short" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            if reason == Abort::TOO_SHORT { Abort::TOO_LONG } else { reason }
+        }
+    }
+    "abort-no-object-for-no-sub-index" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            if reason == Abort::NO_SUB_INDEX { Abort::NO_OBJECT } else { reason }
+        }
+    }
+    "abort-no-connection-for-no-sub-index" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            if reason == Abort::NO_SUB_INDEX { Abort::NO_CONNECTION } else { reason }
+        }
+    }
+    "abort-command-for-toggle" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            if reason == Abort::TOGGLE { Abort::COMMAND } else { reason }
+        }
+    }
+    "abort-sequence-for-command" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            if reason == Abort::COMMAND { Abort::SEQUENCE } else { reason }
+        }
+    }
+    "abort-command-for-checksum" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            if reason == Abort::CRC { Abort::COMMAND } else { reason }
+        }
+    }
+    "abort-block-codes-swapped" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            match reason {
+                Abort::SEQUENCE => Abort::BLOCK_SIZE,
+                Abort::BLOCK_SIZE => Abort::SEQUENCE,
+                reason => reason,
+            }
+        }
+    }
+    "abort-access-for-read-only" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            if reason == Abort::READ_ONLY { Abort::NO_OBJECT } else { reason }
+        }
+    }
+    "mapping-wrong-abort-out-of-order" {
+        fn abort_code(&self, mux: Mux, reason: Abort) -> Abort {
+            if is_mapping(mux) && reason == Abort::ACCESS { Abort::READ_ONLY } else { reason }
+        }
+    }
+}

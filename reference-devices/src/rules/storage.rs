@@ -1,0 +1,91 @@
+//! Storing and restoring parameters.
+
+use std::ops::RangeInclusive;
+
+use canopen::Mux;
+
+/// The decisions of 1010h, 1011h and 1020h (CiA 301, 7.5.2.13, 7.5.2.14 and 7.5.2.23).
+pub trait StorageRules {
+    /// Nothing is done without the signature.
+    fn signature_valid(&self, expected: &[u8], got: &[u8]) -> bool {
+        expected == got
+    }
+
+    /// What is stored counts when it is complete, so that a loss of supply does no harm.
+    fn save_completes_last(&self) -> bool {
+        true
+    }
+
+    /// A parameter that changes sets 1020h to 0 (7.5.2.23).
+    fn change_clears_signature(&self) -> bool {
+        true
+    }
+
+    /// A sub-index of 1010h and 1011h is a group of objects; from 4 on, the manufacturer chooses.
+    fn parameter_group(&self, sub: u8) -> RangeInclusive<u16> {
+        match sub {
+            2 => 0x1000..=0x1FFF,
+            3 => 0x6000..=0x9FFF,
+            4.. => 0x2000..=0x5FFF,
+            _ => 0x1000..=0xFFFF,
+        }
+    }
+
+    /// Every object of the group is stored.
+    fn stored(&self, _mux: Mux) -> bool {
+        true
+    }
+
+    /// Restored values are in force after the next reset.
+    fn load_waits_for_reset(&self) -> bool {
+        true
+    }
+}
+
+mutants! {
+    StorageRules;
+
+    "save-with-any-signature" {
+        fn signature_valid(&self, expected: &[u8], got: &[u8]) -> bool {
+            expected == got || expected == b"save"
+        }
+    }
+    "load-with-any-signature" {
+        fn signature_valid(&self, expected: &[u8], got: &[u8]) -> bool {
+            expected == got || expected == b"load"
+        }
+    }
+    "save-stores-half" {
+        fn stored(&self, mux: Mux) -> bool { mux.index < 0x2000 }
+    }
+    "save-stores-nothing" {
+        fn stored(&self, _mux: Mux) -> bool { false }
+    }
+    "save-forgets-sync" {
+        fn stored(&self, mux: Mux) -> bool { !matches!(mux.index, 0x1006 | 0x1019) }
+    }
+    "parameter-groups-are-one" {
+        fn parameter_group(&self, _sub: u8) -> RangeInclusive<u16> { 0x1000..=0xFFFF }
+    }
+    "parameter-groups-swapped" {
+        fn parameter_group(&self, sub: u8) -> RangeInclusive<u16> {
+            match sub {
+                2 => 0x6000..=0x9FFF,
+                3 => 0x1000..=0x1FFF,
+                _ => 0x1000..=0xFFFF,
+            }
+        }
+    }
+    "save-completes-first" {
+        fn save_completes_last(&self) -> bool { false }
+    }
+    "signature-survives-change" {
+        fn change_clears_signature(&self) -> bool { false }
+    }
+    "save-without-sdo-channels" {
+        fn stored(&self, mux: Mux) -> bool { !(0x1201..=0x12FF).contains(&mux.index) }
+    }
+    "load-at-once" {
+        fn load_waits_for_reset(&self) -> bool { false }
+    }
+}

@@ -1,0 +1,124 @@
+//! SYNC, consumer and producer.
+
+use std::time::Duration;
+
+use canopen::NmtState;
+
+/// The decisions of SYNC (CiA 301, 7.2.5).
+pub trait SyncRules {
+    /// SYNC is used in PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
+    fn sync_used_in(&self, state: NmtState) -> bool {
+        matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
+    }
+
+    /// 1006h counts microseconds (7.5.2.6).
+    fn sync_period(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    /// A SYNC that does not come in time is told (7.2.7.1, 8100h).
+    fn sync_loss_told(&self) -> bool {
+        true
+    }
+
+    /// SYNC has a counter byte when 1019h is not 0, and no byte otherwise (7.2.5.3).
+    fn sync_length_valid(&self, expected: usize, actual: usize) -> bool {
+        expected == actual
+    }
+
+    /// The counter ends at 2 to 240; 0 is no counter (7.5.2.22).
+    fn sync_overflow_valid(&self, last: u8) -> bool {
+        matches!(last, 0 | 2..=240)
+    }
+
+    /// Bit 30 of 1005h makes the device the producer (7.5.2.5).
+    fn sync_producer_chosen(&self, cob: u32) -> bool {
+        cob & 1 << 30 != 0
+    }
+
+    /// The identifier stays while the device produces (7.5.2.5).
+    fn sync_id_fixed_while_producing(&self) -> bool {
+        true
+    }
+
+    /// The producer keeps the period of 1006h (7.5.2.6).
+    fn sync_production_period(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    /// SYNC is produced in PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
+    fn sync_produced_in(&self, state: NmtState) -> bool {
+        matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
+    }
+
+    /// The counter begins anew with the production: what it was before the first SYNC (7.2.5.3).
+    fn sync_counter_at_start(&self, _last: u8) -> u8 {
+        0
+    }
+
+    /// It runs from 1 to the value of 1019h and begins again with 1 (7.2.5.3).
+    fn sync_counter_after(&self, counter: u8, overflow: u8) -> u8 {
+        if counter >= overflow { 1 } else { counter + 1 }
+    }
+
+    /// Synchronous RPDOs are used within the window of 1007h only, in microseconds (7.5.2.7).
+    fn sync_window(&self, configured: Duration) -> Duration {
+        configured
+    }
+}
+
+mutants! {
+    SyncRules;
+
+    "sync-loss-not-told" {
+        fn sync_loss_told(&self) -> bool { false }
+    }
+    "sync-period-in-milliseconds" {
+        fn sync_period(&self, configured: Duration) -> Duration { configured * 1000 }
+    }
+    "sync-any-length-used" {
+        fn sync_length_valid(&self, _expected: usize, _actual: usize) -> bool { true }
+    }
+    "sync-counter-to-255" {
+        fn sync_overflow_valid(&self, _last: u8) -> bool { true }
+    }
+    "sync-produced-by-everybody" {
+        fn sync_producer_chosen(&self, _cob: u32) -> bool { true }
+    }
+    "sync-never-produced" {
+        fn sync_producer_chosen(&self, _cob: u32) -> bool { false }
+    }
+    "sync-id-moves-while-producing" {
+        fn sync_id_fixed_while_producing(&self) -> bool { false }
+    }
+    "sync-production-drifts" {
+        fn sync_production_period(&self, configured: Duration) -> Duration {
+            configured * 105 / 100
+        }
+    }
+    "sync-period-in-whole-milliseconds" {
+        fn sync_production_period(&self, configured: Duration) -> Duration {
+            Duration::from_millis(configured.as_millis() as u64)
+        }
+    }
+    "sync-produced-in-stopped" {
+        fn sync_produced_in(&self, _state: NmtState) -> bool { true }
+    }
+    "sync-counter-from-0" {
+        fn sync_counter_after(&self, counter: u8, overflow: u8) -> u8 {
+            if counter >= overflow { 0 } else { counter + 1 }
+        }
+    }
+    "sync-counter-ignores-overflow" {
+        fn sync_counter_after(&self, counter: u8, _overflow: u8) -> u8 { counter.wrapping_add(1) }
+    }
+    "sync-counter-goes-on" {
+        fn sync_counter_at_start(&self, last: u8) -> u8 { last }
+    }
+    "sync-window-ignored" {
+        fn sync_window(&self, _configured: Duration) -> Duration { Duration::ZERO }
+    }
+    "sync-window-always" {
+        fn sync_window(&self, _configured: Duration) -> Duration { Duration::from_millis(2) }
+    }
+}
