@@ -235,4 +235,13 @@ mod tests {
         assert_eq!(ended.result, Ok(Vec::new()));
         assert!(load >= 0.95, "{load}");
     }
+
+    #[test]
+    fn a_block_upload_of_our_server_leaves_no_gap_on_the_wire() {
+        let data: Vec<u8> = (0..10_000).map(|place| (place % 251) as u8).collect();
+        let (client, request) = Client::upload_in_blocks(LARGE, LARGEST_BLOCK, 0);
+        let (load, ended) = load(client, request, &data);
+        assert_eq!(ended.result, Ok(data));
+        assert!(load >= 0.95, "{load}");
+    }
 }

@@ -7,8 +7,11 @@ mod state;
 mod step;
 mod upload;
 
+use std::time::Duration;
+
 use canopen::sdo::block::BlockSegment;
 use canopen::sdo::{Request, Response};
+use canopen::wire::{INTERMISSION_BITS, frame_bits};
 use canopen::{Frame, Instant, Outbox};
 
 use crate::stack::services::Services;
@@ -22,7 +25,14 @@ pub(crate) struct SdoServer {
     answers: u16,
     state: State,
     deadline: Option<Instant>,
+    /// When the wire is free for the next segment of a block upload.
+    next_segment: Instant,
 }
+
+/// What a block upload leaves of the wire between two segments, in bits. Without it no identifier
+/// above that of the segments would win the wire before the sub-block ends, and the abort of the
+/// client has one.
+const GAP_BITS: u64 = 2;
 
 impl SdoServer {
     /// A frame on the request identifier; answers have the identifier `answers`.
@@ -52,7 +62,7 @@ impl SdoServer {
         services: &mut Services,
         out: &mut Outbox,
     ) {
-        if self.state.due().is_some_and(|due| due <= now) {
+        if self.segment_due().is_some_and(|due| due <= now) {
             self.step(now, Input::Segment, services, out);
         }
         if self.deadline.is_some_and(|due| due <= now) {
@@ -67,18 +77,29 @@ impl SdoServer {
     }
 
     pub(crate) fn poll_at(&self) -> Option<Instant> {
-        earlier(self.deadline, self.state.due())
+        earlier(self.deadline, self.segment_due())
+    }
+
+    fn segment_due(&self) -> Option<Instant> {
+        self.state.in_upload_sub_block().then_some(self.next_segment)
     }
 
     /// The one place where an error becomes an abort and ends the transfer.
     fn step(&mut self, now: Instant, input: Input, services: &mut Services, out: &mut Outbox) {
         let state = std::mem::take(&mut self.state);
         let left_open = state.mux();
+        let in_sub_block = state.in_upload_sub_block();
         match state.step(input, now, services) {
             Ok((next, response)) => {
                 self.state = next.unwrap_or_default();
+                if !in_sub_block {
+                    self.next_segment = now;
+                }
                 if let Some(response) = response {
-                    out.push(Frame::new(self.answers, response.encode()));
+                    let frame = Frame::new(self.answers, response.encode());
+                    // From deadline to deadline, so that a device that wakes up late is no slower.
+                    self.next_segment += wire_time(&frame, services.base.settings.bit_rate);
+                    out.push(frame);
                 }
             }
             Err((mux, reason)) => {
@@ -107,6 +128,12 @@ impl SdoServer {
             self.deadline = None;
         }
     }
+}
+
+/// How long a segment keeps the wire.
+fn wire_time(frame: &Frame, bit_rate: u32) -> Duration {
+    let bits = frame_bits(frame) + INTERMISSION_BITS + GAP_BITS;
+    Duration::from_nanos(bits * 1_000_000_000 / u64::from(bit_rate))
 }
 
 #[cfg(test)]

@@ -53,8 +53,6 @@ pub struct NodeSettings {
 pub struct BlockTransfer {
     /// The segments it takes in a sub-block, 1 to 127.
     pub size: u8,
-    /// The pause before each segment it sends.
-    pub pause: Duration,
 }
 
 /// How a device supervises SYNC.
@@ -148,7 +146,7 @@ impl Default for NodeSettings {
 
 impl Default for BlockTransfer {
     fn default() -> Self {
-        Self { size: LARGEST_BLOCK, pause: Duration::from_micros(250) }
+        Self { size: LARGEST_BLOCK }
     }
 }
 

@@ -1,14 +1,11 @@
 //! Block uploads: the client reads in blocks (CiA 301, 7.2.4.3.12 to 7.2.4.3.15).
 
-use std::time::Duration;
-
 use canopen::sdo::Response;
 use canopen::sdo::block::{BlockAck, BlockEnd, BlockResponse, BlockSegment};
-use canopen::{Abort, Instant, Mux};
+use canopen::{Abort, Mux};
 
 use super::step::Step;
 use crate::stack::services::Services;
-use crate::stack::settings::BlockTransfer;
 
 /// A block upload.
 #[derive(Debug)]
@@ -25,8 +22,6 @@ pub(super) struct BlockUpload {
     first: u8,
     /// How many segments of this sub-block were sent.
     sent: u8,
-    /// Pause between two segments, so that an abort of the client finds a gap.
-    pause: Duration,
     phase: Phase,
 }
 
@@ -35,8 +30,8 @@ pub(super) struct BlockUpload {
 enum Phase {
     /// The client's start.
     Start,
-    /// The time of the next segment.
-    Segment(Instant),
+    /// The wire, for the next segment.
+    Segment,
     /// The confirmation of the sub-block.
     Ack,
     /// The confirmation of the end.
@@ -57,7 +52,6 @@ impl BlockUpload {
     /// the client allowed.
     pub(super) fn initiate(
         wanted: Wanted,
-        settings: BlockTransfer,
         services: &Services,
     ) -> Result<Option<(Self, Response)>, (Mux, Abort)> {
         let Wanted { mux, crc, size, threshold } = wanted;
@@ -86,41 +80,35 @@ impl BlockUpload {
             confirmed: 0,
             first: 1,
             sent: 0,
-            pause: settings.pause,
             phase: Phase::Start,
         };
         Ok(Some((open, Response::Block(answer))))
     }
 
-    /// When the next segment is to be sent.
-    pub(super) const fn due(&self) -> Option<Instant> {
-        match self.phase {
-            Phase::Segment(due) => Some(due),
-            _ => None,
-        }
+    /// Whether the next segment is to be sent.
+    pub(super) fn in_sub_block(&self) -> bool {
+        self.phase == Phase::Segment
     }
 
     /// Begins the first sub-block.
-    pub(super) fn start(mut self, now: Instant) -> Step<Self> {
+    pub(super) fn start(mut self) -> Step<Self> {
         if self.phase != Phase::Start {
             return Err((self.mux, Abort::COMMAND));
         }
-        self.phase = Phase::Segment(now + self.pause);
+        self.phase = Phase::Segment;
         Ok((Some(self), None))
     }
 
     /// Sends the next segment.
-    pub(super) fn send(mut self, now: Instant) -> Step<Self> {
+    pub(super) fn send(mut self) -> Step<Self> {
         let Some(segment) = BlockSegment::of(&self.data, self.confirmed, self.sent + 1) else {
             self.phase = Phase::Ack;
             return Ok((Some(self), None));
         };
         self.sent += 1;
-        // From deadline to deadline, so that a device that wakes up late is no slower.
-        let due = self.due().unwrap_or(now);
         self.phase = match segment.last || self.sent == self.block {
             true => Phase::Ack,
-            false => Phase::Segment(due + self.pause),
+            false => Phase::Segment,
         };
         let sequence = self.first + self.sent - 1;
         let segment = BlockSegment { sequence, ..segment };
@@ -128,15 +116,10 @@ impl BlockUpload {
     }
 
     /// Goes on behind what the client has received.
-    pub(super) fn acknowledged(
-        mut self,
-        ack: BlockAck,
-        now: Instant,
-        services: &Services,
-    ) -> Step<Self> {
+    pub(super) fn acknowledged(mut self, ack: BlockAck, services: &Services) -> Step<Self> {
         let rules = &services.base.rules;
         let mux = self.mux;
-        if !matches!(self.phase, Phase::Segment(_) | Phase::Ack) {
+        if !matches!(self.phase, Phase::Segment | Phase::Ack) {
             return Err((mux, Abort::COMMAND));
         }
         if !rules.block_size_valid(ack.size, false) {
@@ -158,7 +141,7 @@ impl BlockUpload {
         self.block = rules.next_block_size(self.block, ack.size).max(1);
         self.first = rules.first_sequence(good).min(127 - self.block.min(126));
         self.sent = 0;
-        self.phase = Phase::Segment(now + self.pause);
+        self.phase = Phase::Segment;
         Ok((Some(self), None))
     }
 
@@ -181,13 +164,13 @@ mod tests {
     const START: (&str, &str) = ("A300000000000000", "");
 
     #[test]
-    fn segments_come_one_by_one_and_the_end_has_the_checksum() {
+    fn segments_follow_at_once_and_the_end_has_the_checksum() {
         let mut rig = rig();
         talk(&mut rig, &[BEGIN, START]);
-        let block = [(1_250, "585#016669667465656E"), (1_500, "585#02206C6574746572")];
+        let block = [(1_000, "585#016669667465656E"), (1_115, "585#02206C6574746572")];
         assert_eq!(rig.until(10_000), sent(&block));
         talk(&mut rig, &[("A2027F0000000000", "")]);
-        assert_eq!(rig.until(20_000), sent(&[(10_250, "585#8173000000000000")]));
+        assert_eq!(rig.until(20_000), sent(&[(10_000, "585#8173000000000000")]));
         talk(
             &mut rig,
             &[
@@ -204,10 +187,10 @@ mod tests {
         talk(&mut rig, &[BEGIN, START]);
         assert_eq!(rig.until(10_000).len(), 2);
         talk(&mut rig, &[("A201030000000000", "")]);
-        let again = [(10_250, "585#01206C6574746572"), (10_500, "585#8273000000000000")];
+        let again = [(10_000, "585#01206C6574746572"), (10_116, "585#8273000000000000")];
         assert_eq!(rig.until(20_000), sent(&again));
         talk(&mut rig, &[("A200010000000000", "")]);
-        assert_eq!(rig.until(30_000), sent(&[(20_250, "585#01206C6574746572")]));
+        assert_eq!(rig.until(30_000), sent(&[(20_000, "585#01206C6574746572")]));
     }
 
     #[test]
@@ -245,7 +228,7 @@ mod tests {
     fn an_abort_stops_the_stream_and_a_new_transfer_replaces_it() {
         let mut rig = rig();
         talk(&mut rig, &[BEGIN, START]);
-        assert_eq!(rig.until(1_300).len(), 1);
+        assert_eq!(rig.until(1_100).len(), 1);
         talk(&mut rig, &[("8004200000000008", "")]);
         assert_eq!(rig.until(5_000), []);
         talk(&mut rig, &[BEGIN, START, BEGIN, ("4000200000000000", "4F00200011000000")]);
@@ -280,7 +263,7 @@ mod tests {
     fn nothing_is_one_empty_segment() {
         let mut rig = rig();
         talk(&mut rig, &[("A405200002000000", "C605200000000000"), START]);
-        assert_eq!(rig.until(10_000), sent(&[(1_250, "585#8100000000000000")]));
+        assert_eq!(rig.until(10_000), sent(&[(1_000, "585#8100000000000000")]));
         talk(&mut rig, &[("A2017F0000000000", "DD00000000000000")]);
     }
 }

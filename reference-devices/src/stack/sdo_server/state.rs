@@ -23,7 +23,7 @@ pub(super) enum State {
     Download(Download),
     /// The next segment of a sub-block, or the end of a block download.
     BlockDownload(BlockDownload),
-    /// What a block upload waits for: the client, or the time of its next segment.
+    /// What a block upload waits for: the client, or the wire for its next segment.
     BlockUpload(BlockUpload),
 }
 
@@ -31,7 +31,7 @@ pub(super) enum State {
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Input {
     Request(Request),
-    /// The time of the next segment of a block upload.
+    /// The wire is free for the next segment of a block upload.
     Segment,
     Timeout,
 }
@@ -42,9 +42,7 @@ impl State {
         let open = self.mux();
         match (input, self) {
             (Input::Request(request), state) => state.requested(request, now, services),
-            (Input::Segment, Self::BlockUpload(upload)) => {
-                next(Self::BlockUpload, upload.send(now))
-            }
+            (Input::Segment, Self::BlockUpload(upload)) => next(Self::BlockUpload, upload.send()),
             (Input::Segment, state) => Ok((Some(state), None)),
             (Input::Timeout, _) => open.map_or(Ok((None, None)), |mux| Err((mux, Abort::TIMEOUT))),
         }
@@ -94,7 +92,7 @@ impl State {
             }
             (_, BlockRequest::Upload { mux, crc, size, threshold }) => {
                 let wanted = Wanted { mux, crc, size, threshold };
-                match BlockUpload::initiate(wanted, settings, services)? {
+                match BlockUpload::initiate(wanted, services)? {
                     Some((begun, answer)) => Ok((Some(Self::BlockUpload(begun)), Some(answer))),
                     None => next(Self::Upload, Upload::initiate(mux, services)),
                 }
@@ -103,10 +101,10 @@ impl State {
                 next(Self::BlockDownload, download.end(end, now, services))
             }
             (Self::BlockUpload(upload), BlockRequest::UploadStart) => {
-                next(Self::BlockUpload, upload.start(now))
+                next(Self::BlockUpload, upload.start())
             }
             (Self::BlockUpload(upload), BlockRequest::UploadAck(ack)) => {
-                next(Self::BlockUpload, upload.acknowledged(ack, now, services))
+                next(Self::BlockUpload, upload.acknowledged(ack, services))
             }
             (Self::BlockUpload(upload), BlockRequest::UploadEnd) => {
                 next(Self::BlockUpload, upload.end())
@@ -131,12 +129,9 @@ impl State {
         }
     }
 
-    /// When the next segment of a block upload is to be sent.
-    pub(super) const fn due(&self) -> Option<Instant> {
-        match self {
-            Self::BlockUpload(upload) => upload.due(),
-            _ => None,
-        }
+    /// Whether the next segment of a block upload is to be sent.
+    pub(super) fn in_upload_sub_block(&self) -> bool {
+        matches!(self, Self::BlockUpload(upload) if upload.in_sub_block())
     }
 
     /// The object of the open transfer.
