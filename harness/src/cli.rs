@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
-use reports::Grade;
+use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
+use reports::{FORMATS, Format, Grade};
 
 use crate::suite::Folders;
 
@@ -113,9 +113,9 @@ pub struct RunArgs {
     /// What to run, against what.
     #[command(flatten)]
     pub selection: Selection,
-    /// Write a JUnit report
-    #[arg(long, value_name = "FILE")]
-    pub junit: Option<PathBuf>,
+    /// The reports to write.
+    #[command(flatten)]
+    pub reports: ReportArgs,
     /// Write the journal, from which every report can be made
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
@@ -146,6 +146,35 @@ pub struct RunArgs {
     /// No progress bar
     #[arg(long)]
     pub no_progress: bool,
+}
+
+/// The reports to write at the end, each with its file. Every row of [`FORMATS`] is a flag.
+#[derive(Debug, Clone, Default)]
+pub struct ReportArgs(pub Vec<(Format, PathBuf)>);
+
+impl Args for ReportArgs {
+    fn augment_args(command: clap::Command) -> clap::Command {
+        command.args(FORMATS.iter().map(|format| {
+            let file = Arg::new(format.flag).long(format.flag).value_name("FILE");
+            file.help(format.help).value_parser(clap::value_parser!(PathBuf))
+        }))
+    }
+
+    fn augment_args_for_update(command: clap::Command) -> clap::Command {
+        Self::augment_args(command)
+    }
+}
+
+impl FromArgMatches for ReportArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        let path = |format: &Format| matches.get_one::<PathBuf>(format.flag).cloned();
+        Ok(Self(FORMATS.iter().filter_map(|format| Some((*format, path(format)?))).collect()))
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        *self = Self::from_arg_matches(matches)?;
+        Ok(())
+    }
 }
 
 /// Arguments of `list`.

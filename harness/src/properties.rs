@@ -21,7 +21,7 @@ use canopen::timestamp::TimeOfDay;
 use canopen::wire::frame_bits;
 use canopen::{Data, Frame, Id, Malformed, Pattern, meaning};
 use reference_devices::devices::{self, ReferenceDevice};
-use reports::{Keep, Run, Style, journal, junit, terminal};
+use reports::{FORMATS, Keep, Run, Style, journal, terminal};
 
 use crate::dut::Dut;
 use crate::plan;
@@ -141,7 +141,7 @@ pub fn journal_read(bytes: &[u8]) {
         assert_eq!(again[0].as_ref(), Ok(&event), "{line}");
     }
     if let Ok(run) = Run::fold(text, Keep::All) {
-        _ = junit::write(&run);
+        FORMATS.iter().for_each(|format| _ = (format.write)(&run));
         let summary = terminal::summary(&run, Style { color: false }, terminal::Verbosity::Normal);
         assert!(!summary.contains('\u{1b}'), "a control character comes through: {summary:?}");
     }

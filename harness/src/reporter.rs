@@ -1,4 +1,4 @@
-//! Takes the events of a run to where the user wants them: terminal, journal, JUnit.
+//! Takes the events of a run to where the user wants them: terminal, journal and reports.
 
 use std::fs::File;
 use std::io::{BufWriter, IsTerminal, Write};
@@ -6,9 +6,9 @@ use std::path::PathBuf;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use reports::terminal::{Printer, Verbosity};
-use reports::{Event, Keep, Run, Style, github, journal, junit};
+use reports::{Event, Keep, Run, Style, github, journal};
 
-use crate::cli::{RunArgs, When};
+use crate::cli::{ReportArgs, RunArgs, When};
 use crate::exit::{Exit, Refused};
 
 /// Tells of a run while it runs, and writes its reports at the end.
@@ -18,7 +18,8 @@ pub struct Reporter {
     annotate: bool,
     bar: ProgressBar,
     journal: Option<(PathBuf, BufWriter<File>)>,
-    junit: Option<PathBuf>,
+    /// The reports to write at the end.
+    reports: ReportArgs,
     /// The first thing that went wrong while writing the journal.
     trouble: Option<String>,
 }
@@ -60,7 +61,7 @@ impl Reporter {
             Some(path) => Some((path.clone(), BufWriter::new(create(path)?))),
             None => None,
         };
-        if let Some(path) = &args.junit {
+        for (_, path) in &args.reports.0 {
             create(path)?;
         }
         Ok(Self {
@@ -69,7 +70,7 @@ impl Reporter {
             annotate: std::env::var_os("GITHUB_ACTIONS").is_some(),
             bar,
             journal,
-            junit: args.junit.clone(),
+            reports: args.reports.clone(),
             trouble: None,
         })
     }
@@ -101,11 +102,11 @@ impl Reporter {
             let text = format!("{}: {error}", path.display());
             self.trouble.get_or_insert(text);
         }
-        if let Some(path) = &self.junit
-            && let Err(error) = std::fs::write(path, junit::write(&self.run))
-        {
-            let text = format!("{}: {error}", path.display());
-            self.trouble.get_or_insert(text);
+        for (format, path) in &self.reports.0 {
+            if let Err(error) = std::fs::write(path, (format.write)(&self.run)) {
+                let text = format!("{}: {error}", path.display());
+                self.trouble.get_or_insert(text);
+            }
         }
         match &self.trouble {
             Some(trouble) => {

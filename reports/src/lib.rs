@@ -3,6 +3,7 @@
 //! function of its events.
 
 mod event;
+mod format;
 pub mod github;
 pub mod journal;
 pub mod junit;
@@ -16,6 +17,7 @@ pub use event::{
     CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
     RunStarted,
 };
+pub use format::{FORMATS, Format};
 pub use run::{CaseRun, Counts, DeviceRun, Keep, OutOfOrder, Run, SuiteRun};
 pub use style::Style;
 pub use verdict::{Grade, Outcome, Phase, Place, Problem, Verdict};

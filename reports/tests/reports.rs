@@ -6,8 +6,8 @@ use std::path::Path;
 use std::{env, fs};
 
 use reports::{
-    CaseEnded, Event, Grade, Keep, OutOfOrder, Outcome, Run, Style, Verdict, github, journal,
-    junit, terminal,
+    CaseEnded, Event, FORMATS, Grade, Keep, OutOfOrder, Outcome, Run, Style, Verdict, github,
+    journal, junit, terminal,
 };
 
 const PLAIN: Style = Style { color: false };
@@ -30,12 +30,12 @@ fn samples_are_fresh() {
     let events = fixture::events(Grade::Lenient);
     let journal = text(&events);
     let run = Run::fold(&journal, Keep::Unusual).expect("the journal is in order");
-    let samples = [
+    let mut samples = vec![
         ("journal.jsonl", journal.clone()),
         ("terminal.txt", terminal::report(&run, PLAIN)),
-        ("junit.xml", junit::write(&run)),
         ("annotations.txt", github::annotations(&run)),
     ];
+    samples.extend(FORMATS.iter().map(|format| (format.sample, (format.write)(&run))));
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples");
     for (name, text) in samples {
         let path = folder.join(name);

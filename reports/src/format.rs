@@ -1,0 +1,26 @@
+//! The reports that are written to a file when a run is over.
+
+use crate::junit;
+use crate::run::Run;
+
+/// A report. A row of [`FORMATS`] is all that a new one needs: the command line takes its flag
+/// from there, the runner writes it, and a test compares it with its sample.
+#[derive(Clone, Copy, Debug)]
+pub struct Format {
+    /// The flag of the command line that takes the file, without its dashes.
+    pub flag: &'static str,
+    /// What `--help` prints of it.
+    pub help: &'static str,
+    /// The file in `samples/`.
+    pub sample: &'static str,
+    /// The whole text.
+    pub write: fn(&Run) -> String,
+}
+
+/// Every report.
+pub const FORMATS: &[Format] = &[Format {
+    flag: "junit",
+    help: "Write a JUnit report",
+    sample: "junit.xml",
+    write: junit::write,
+}];
