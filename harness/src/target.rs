@@ -1,5 +1,6 @@
 //! Targets: what the user names, and the device and bus that are meant.
 
+mod address;
 mod can;
 mod compose;
 mod connection;
@@ -17,9 +18,10 @@ use reference_devices::devices;
 use crate::cli::Selection;
 use crate::exit::Refused;
 
+pub use address::Address;
 pub use can::{nobody, only};
 pub use compose::compose;
-pub use connection::{Place, Target, open_interface};
+pub use connection::{Connection, Target, open_interface};
 pub use reference::{mutant_of, reference_device};
 pub use scan::{Found, scan};
 pub use sheet::{models, read_eds};
@@ -39,16 +41,11 @@ pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Targ
                 true => Err(reference::unknown(selection.device.as_deref().unwrap_or_default())),
                 false => Ok(targets),
             }),
-        Some(text) => match text.strip_prefix("sim:") {
-            Some(text) => match text.split_once("?mutant=") {
-                Some((name, mutant)) => Ok(vec![sim::target(selection, name, Some(mutant))?]),
-                None => Ok(vec![sim::target(selection, text, None)?]),
-            },
-            None if can::is_interface_name(text) => can::targets(selection, text, stop),
-            None => Err(Refused::usage(format!(
-                "unknown target `{text}`: write `vcan0`, `can0`, `sim:drr460` or \
-                 `sim:drr460?mutant=NAME`"
-            ))),
+        Some(text) => match text.parse()? {
+            Address::Simulation { device, mutant } => {
+                Ok(vec![sim::target(selection, &device, mutant.as_deref())?])
+            }
+            Address::Interface(interface) => Ok(vec![can::target(selection, &interface, stop)?]),
         },
     }
 }

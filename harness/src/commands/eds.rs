@@ -11,7 +11,7 @@ use canopen::eds::{self, Severity};
 use crate::cli::{EdsCommand, ProbeArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::target::{self, compose, reference_device, scan};
+use crate::target::{self, Address, compose, reference_device, scan};
 
 /// Carries out a command about data sheets.
 ///
@@ -68,13 +68,13 @@ fn probe(args: &ProbeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
         bitrate: args.bitrate,
         ..Selection::of_target(Some(&args.target))
     };
-    let (mut bus, node) = match args.target.starts_with("sim:") {
-        true => {
+    let (mut bus, node) = match args.target.parse()? {
+        Address::Simulation { .. } => {
             let targets = target::resolve(&selection, stop)?;
             let target = targets.first().ok_or_else(|| target::nobody(&args.target, args.node))?;
             (target.open(stop)?, Some(target.dut.node))
         }
-        false => (target::open_interface(&args.target, stop)?, args.node),
+        Address::Interface(interface) => (target::open_interface(&interface, stop)?, args.node),
     };
     let found = target::only(scan(&mut *bus, node)?, &args.target, node)?;
     let (sheet, eds) = compose(&mut *bus, &found, args.bitrate)?;

@@ -21,7 +21,7 @@ use crate::plan::{Instance, Plan};
 use crate::reporter::say;
 use crate::run::{Ending, Policy, Session};
 use crate::suite::{Library, Suite};
-use crate::target::{self, Place, Target, reference_device};
+use crate::target::{self, Connection, Target, reference_device};
 
 /// Runs the qualification and prints the matrix.
 ///
@@ -121,7 +121,7 @@ impl Matrix {
 }
 
 fn row(library: &Library, plan: &Plan, clean: &Target, mutant: &Mutant) -> Result<Row, Refused> {
-    let Place::Simulation { device, .. } = &clean.place else {
+    let Connection::Simulation { device, .. } = &clean.connection else {
         return Err(Refused::usage("only a simulated device can be qualified"));
     };
     let (target, whole) = match mutant.is_of_data_sheet() {
@@ -134,9 +134,9 @@ fn row(library: &Library, plan: &Plan, clean: &Target, mutant: &Mutant) -> Resul
         }
         false => {
             let (device, mutant) = (Arc::clone(device), Some(Box::new(mutant.clone())));
-            let place = Place::Simulation { device, mutant, bit_rate: DEFAULT_BIT_RATE };
+            let connection = Connection::Simulation { device, mutant, bit_rate: DEFAULT_BIT_RATE };
             let dut = clean.dut.clone();
-            (Target { dut, place, rig: None, options: String::new() }, Cow::Borrowed(plan))
+            (Target { dut, connection, rig: None, options: String::new() }, Cow::Borrowed(plan))
         }
     };
     let meets = |instance: &&Instance| mutant.canary || broken(mutant, instance).next().is_some();

@@ -9,24 +9,26 @@ use reports::Identity;
 use crate::cli::{ScanArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::target::{self, Found, scan};
+use crate::target::{self, Address, Found, scan};
 
 /// Prints the nodes on a bus.
 ///
 /// # Errors
 /// When the bus cannot be used or nobody answers.
 pub(crate) fn run(args: &ScanArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
-    let found = if args.target.starts_with("sim:") {
-        let selection = Selection::of_target(Some(&args.target));
-        let mut found = Vec::new();
-        for target in target::resolve(&selection, stop)? {
-            let mut bus = target.open(stop)?;
-            found.extend(scan(&mut *bus, None)?);
+    let found = match args.target.parse()? {
+        Address::Simulation { .. } => {
+            let selection = Selection::of_target(Some(&args.target));
+            let mut found = Vec::new();
+            for target in target::resolve(&selection, stop)? {
+                let mut bus = target.open(stop)?;
+                found.extend(scan(&mut *bus, None)?);
+            }
+            found
         }
-        found
-    } else {
-        let mut bus = target::open_interface(&args.target, stop)?;
-        scan(&mut *bus, None)?
+        Address::Interface(interface) => {
+            scan(&mut *target::open_interface(&interface, stop)?, None)?
+        }
     };
     if found.is_empty() {
         return Err(target::nobody(&args.target, None));

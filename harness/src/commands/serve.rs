@@ -13,6 +13,7 @@ use canopen::{Bench, BenchError, BusError, Device, Instant, Outbox, Value, serve
 use reference_devices::mutant;
 use reference_devices::rules::Specification;
 
+use crate::bus::Interface;
 use crate::cli::ServeArgs;
 use crate::exit::{Exit, Refused};
 use crate::rig;
@@ -35,7 +36,10 @@ pub(super) fn run(args: &ServeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refu
             mutant::build(&device, node, &mutant).map_err(Refused::usage)?
         }
     };
-    let mut bus = open_interface(&args.target, stop)?;
+    let interface: Interface = args.target.parse().map_err(|_| {
+        Refused::usage(format!("no interface is called `{}`: write `vcan0` or `can0`", args.target))
+    })?;
+    let mut bus = open_interface(&interface, stop)?;
     let socket = args.bench_socket.as_deref().map(Socket::open).transpose()?;
     let deviation = args.mutant.as_ref().map(|name| format!(" with {name}")).unwrap_or_default();
     eprintln!("{}{deviation} is node {node} on {}; Ctrl-C ends it", args.device, args.target);

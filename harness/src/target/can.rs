@@ -3,11 +3,12 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use super::connection::{Place, Target, open_interface};
+use super::connection::{Connection, Target, open_interface};
 use super::options::{rig, say_the_rest, without};
 use super::reference::reference_device;
 use super::scan::{Found, scan};
 use super::sheet;
+use crate::bus::Interface;
 use crate::cli::Selection;
 use crate::dut::Dut;
 use crate::exit::Refused;
@@ -16,12 +17,13 @@ use crate::exit::Refused;
 ///
 /// # Errors
 /// When none does, several do, or it has no data sheet.
-pub(super) fn targets(
+pub(super) fn target(
     selection: &Selection,
-    name: &str,
+    interface: &Interface,
     stop: &Arc<AtomicBool>,
-) -> Result<Vec<Target>, Refused> {
-    let mut bus = open_interface(name, stop)?;
+) -> Result<Target, Refused> {
+    let mut bus = open_interface(interface, stop)?;
+    let name = &interface.to_string();
     let found = only(scan(&mut *bus, selection.node)?, name, selection.node)?;
     let (dut_name, (sheet, eds)) = sheet::of_found(selection, &found, &mut *bus)?;
     let mut options = format!("--target {name} --node {}", found.node);
@@ -30,7 +32,7 @@ pub(super) fn targets(
     let own = own.and_then(|name| reference_device(name).ok());
     let (rig, bench) = rig(selection, &mut options)?.unzip();
     let bench = bench.unwrap_or_default();
-    Ok(vec![Target {
+    Ok(Target {
         dut: Dut {
             name: dut_name,
             node: found.node,
@@ -42,9 +44,9 @@ pub(super) fn targets(
             told: found.recognised(),
         },
         rig,
-        place: Place::SocketCan(name.to_owned()),
+        connection: Connection::Interface(interface.clone()),
         options,
-    }])
+    })
 }
 
 /// The node that was found on a bus, when it is the only one.
@@ -71,11 +73,4 @@ pub fn nobody(interface: &str, node: Option<u8>) -> Refused {
          candump -e {interface},0:0,#FFFFFFFF\n  \
          harness serve drr460 --target {interface}"
     ))
-}
-
-/// Linux allows anything without blanks and slashes; what has a colon is meant for another backend.
-pub(super) fn is_interface_name(text: &str) -> bool {
-    !text.is_empty()
-        && text.len() < 16
-        && !text.contains(|c: char| c == '/' || c == ':' || c.is_whitespace())
 }

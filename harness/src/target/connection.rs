@@ -8,7 +8,7 @@ use reference_devices::devices::ReferenceDevice;
 use reference_devices::mutant;
 use reference_devices::rules::Specification;
 
-use crate::bus::socketcan::SocketCan;
+use crate::bus::Interface;
 use crate::dut::Dut;
 use crate::exit::Refused;
 use crate::rig::{Rig, WithRig};
@@ -18,7 +18,7 @@ pub struct Target {
     /// The device.
     pub dut: Dut,
     /// How to get at it.
-    pub place: Place,
+    pub connection: Connection,
     /// The bench around it, when it is not simulated.
     pub rig: Option<Arc<Mutex<Rig>>>,
     /// The options that name it again on a command line.
@@ -26,7 +26,7 @@ pub struct Target {
 }
 
 /// Where a device is.
-pub enum Place {
+pub enum Connection {
     /// In this process.
     Simulation {
         /// The reference device.
@@ -37,7 +37,7 @@ pub enum Place {
         bit_rate: u32,
     },
     /// On this interface.
-    SocketCan(String),
+    Interface(Interface),
 }
 
 impl Target {
@@ -46,8 +46,8 @@ impl Target {
     /// # Errors
     /// When the interface cannot be used, or the mutant cannot be built.
     pub fn open(&self, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>, Refused> {
-        let bus: Box<dyn Bus> = match &self.place {
-            Place::Simulation { device, mutant, bit_rate } => {
+        let bus: Box<dyn Bus> = match &self.connection {
+            Connection::Simulation { device, mutant, bit_rate } => {
                 let mut bus = VirtualBus::new(*bit_rate);
                 match mutant {
                     None => bus.attach(device.node(self.dut.node, Box::new(Specification))),
@@ -58,7 +58,7 @@ impl Target {
                 };
                 Box::new(bus)
             }
-            Place::SocketCan(name) => open_interface(name, stop)?,
+            Connection::Interface(interface) => open_interface(interface, stop)?,
         };
         Ok(match &self.rig {
             Some(rig) => Box::new(WithRig { bus, rig: Arc::clone(rig) }),
@@ -67,11 +67,13 @@ impl Target {
     }
 }
 
-/// Opens a SocketCAN interface.
+/// Opens a CAN interface.
 ///
 /// # Errors
 /// What stands in the way, and what to do about it.
-pub fn open_interface(name: &str, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>, Refused> {
-    let bus = SocketCan::open(name, Arc::clone(stop));
-    bus.map(|bus| Box::new(bus) as Box<dyn Bus>).map_err(|error| Refused::bus(error.to_string()))
+pub fn open_interface(
+    interface: &Interface,
+    stop: &Arc<AtomicBool>,
+) -> Result<Box<dyn Bus>, Refused> {
+    interface.open(stop).map_err(|error| Refused::bus(error.to_string()))
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use canopen::Device;
 use reference_devices::rules::Specification;
 
-use super::connection::{Place, Target};
+use super::connection::{Connection, Target};
 use super::options::{rig, say_the_rest, without};
 use super::reference::{mutant_of, reference_device};
 use super::scan::{Found, scan};
@@ -61,7 +61,7 @@ pub(super) fn target(
             told: None,
         },
         rig,
-        place: Place::Simulation { device, mutant, bit_rate },
+        connection: Connection::Simulation { device, mutant, bit_rate },
         options,
     };
     if selection.eds.is_some() {
