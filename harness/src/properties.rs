@@ -4,6 +4,7 @@
 //! `fuzz/` searches for bytes that break one, `tests/corpus.rs` tries those that were found or
 //! seeded before.
 
+mod devices;
 mod lss;
 mod session;
 mod transfers;
@@ -20,7 +21,6 @@ use canopen::sync::Sync;
 use canopen::timestamp::TimeOfDay;
 use canopen::wire::frame_bits;
 use canopen::{Data, Frame, Id, Malformed, Pattern, meaning};
-use reference_devices::devices::{self, ReferenceDevice};
 use reports::{FORMATS, Keep, Run, Style, journal, terminal};
 
 use crate::dut::Dut;
@@ -28,6 +28,8 @@ use crate::plan;
 use crate::source::{Complaint, Source};
 use crate::suite::Library;
 use crate::target;
+
+use devices::{DRR460, NODE};
 
 pub use lss::lss_session;
 pub use session::{sdo_server_session, virtual_bus};
@@ -147,17 +149,10 @@ pub fn journal_read(bytes: &[u8]) {
     }
 }
 
-/// The node that is spoken to.
-const NODE: u8 = 5;
-const DRR460: &str = "drr460";
-
-static DEVICE: LazyLock<ReferenceDevice> =
-    LazyLock::new(|| devices::device(DRR460).expect("it is part of the program"));
-
 static SHEET: LazyLock<Dut> = LazyLock::new(|| {
-    let eds: Eds = eds::read(DEVICE.eds_text().as_bytes()).eds;
+    let eds: Eds = eds::read(DRR460.eds_text().as_bytes()).eds;
     Dut {
-        name: DRR460.to_owned(),
+        name: "drr460".to_owned(),
         node: NODE,
         eds: Arc::new(eds),
         sheet: Arc::default(),

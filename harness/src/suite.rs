@@ -1,5 +1,6 @@
 //! Suites: the notation, the requirement register, and loading both.
 
+pub mod each;
 pub mod effect;
 mod folders;
 mod library;

@@ -201,7 +201,7 @@ fn prepare(socket: &CanSocket) -> io::Result<()> {
 /// Whether the kernel knows CAN at all.
 fn has_can() -> bool {
     let any_interface = CanSocket::open_iface(0);
-    any_interface.err().is_none_or(|why| errno(&why) != Errno::EAFNOSUPPORT)
+    any_interface.err().is_none_or(|why| fault::errno(&why) != Errno::EAFNOSUPPORT)
 }
 
 /// How many frames found this socket's receive queue full; 0 where the kernel does not say.
@@ -219,11 +219,7 @@ fn drop_count(socket: &CanSocket) -> u32 {
 
 fn is_queue_full(why: &io::Error) -> bool {
     // ENOBUFS: the interface's queue. EAGAIN: this socket's share of it.
-    matches!(errno(why), Errno::ENOBUFS | Errno::EAGAIN)
-}
-
-fn errno(why: &io::Error) -> Errno {
-    Errno::from_raw(why.raw_os_error().unwrap_or(0))
+    matches!(fault::errno(why), Errno::ENOBUFS | Errno::EAGAIN)
 }
 
 fn encode(frame: &Frame) -> CanFrame {

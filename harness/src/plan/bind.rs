@@ -13,8 +13,9 @@ use super::profile::{bind_names, of_another_profile, wrong_option};
 use super::scope::{Binding, Bound, Scope};
 use crate::dut::Dut;
 use crate::source::{At, Complaint};
+use crate::suite::each::{AccessName, Each, Has};
 use crate::suite::literal::{Amount, Literal, ObjectRef};
-use crate::suite::model::{AccessName, Case, Each, Has, Requires};
+use crate::suite::model::{Case, Requires};
 use crate::suite::profile::Capability;
 use crate::suite::{Library, Suite};
 

@@ -14,8 +14,9 @@ use super::scope::{Binding, Scope};
 use crate::dut::Dut;
 use crate::source::{At, Complaint, Place};
 use crate::suite::Suite;
+use crate::suite::each::Objects;
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, Refusal};
-use crate::suite::model::{Case, Objects};
+use crate::suite::model::Case;
 use crate::suite::step::{
     FastscanStep, LssStep, Measure, Observe, Produce, Read, Remap, Step, Until, Write,
 };

@@ -12,8 +12,8 @@ use super::scope::{Binding, Bound, Scope};
 use crate::dut::Dut;
 use crate::source::At;
 use crate::suite::Suite;
+use crate::suite::each::{AccessName, Each, Has, Objects};
 use crate::suite::literal::{Literal, ObjectRef};
-use crate::suite::model::{AccessName, Each, Has, Objects};
 
 /// The instances that `each` makes.
 ///

@@ -6,8 +6,8 @@ use canopen::{DataType, Mux};
 
 use super::scope::{Binding, Bound, Scope};
 use crate::dut::Dut;
+use crate::suite::each::{DirectionName, PdoHas, Pdos};
 use crate::suite::literal::Literal;
-use crate::suite::model::{DirectionName, PdoHas, Pdos};
 
 /// Each PDO that fits, with its names.
 pub(super) fn pdo_scopes(pdos: &Pdos, dut: &Dut) -> Vec<Bound> {

@@ -8,8 +8,9 @@ use crate::dut::Dut;
 use crate::nearest::did_you_mean;
 use crate::source::At;
 use crate::suite::Suite;
+use crate::suite::each::Blocks;
 use crate::suite::literal::Literal;
-use crate::suite::model::{Blocks, Requires};
+use crate::suite::model::Requires;
 use crate::suite::profile::{About, BlockNumber, CAPABILITIES, Capability};
 
 /// Why the suite is not about this device.

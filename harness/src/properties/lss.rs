@@ -1,6 +1,5 @@
 //! Sessions with an LSS slave.
 
-use std::sync::LazyLock;
 use std::time::Duration;
 
 use arbitrary::{Arbitrary, Unstructured};
@@ -8,9 +7,10 @@ use canopen::lss::{BIT_RATES, Mode, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Re
 use canopen::lss::{Part, UNCONFIGURED};
 use canopen::nmt::{Command, Service};
 use canopen::{Data, Device, Frame, Instant, Mux, Outbox, sdo};
-use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::rules::Specification;
 use reference_devices::stack::Node;
+
+use super::devices::{GENERIC, NODE};
 
 /// Whatever a master sends and whenever, a slave gives at most one answer to a request, one that
 /// fits it and has nothing in reserved places; it answers nothing but identification while it
@@ -75,7 +75,7 @@ struct Slave {
 
 impl Slave {
     fn new() -> Self {
-        let node = DEVICE.node(NODE, Box::new(Specification));
+        let node = GENERIC.node(NODE, Box::new(Specification));
         let out = Outbox::default();
         let mode = Some(Mode::WAITING);
         let mut slave = Self { node, now: Instant::ZERO, out, mode, moved: false };
@@ -229,8 +229,6 @@ fn fits(request: &Request, answer: &Response) -> bool {
     }
 }
 
-const NODE: u8 = 5;
-
 /// More than the device takes to boot.
 const BOOT: Duration = Duration::from_millis(20);
 
@@ -239,6 +237,3 @@ const SPECIFIERS: [u8; 21] = [
     0x04, 0x11, 0x13, 0x15, 0x17, 0x40, 0x41, 0x42, 0x43, 0x46, 0x47, 0x48, 0x49, 0x4A, 0x4B, 0x4C,
     0x51, 0x5A, 0x5B, 0x5D, 0x5E,
 ];
-
-static DEVICE: LazyLock<ReferenceDevice> =
-    LazyLock::new(|| devices::device("generic").expect("it is part of the program"));

@@ -1,7 +1,6 @@
 //! Sessions: bytes decoded to what happens on a bus.
 
 use std::collections::VecDeque;
-use std::sync::LazyLock;
 use std::time::Duration;
 
 use arbitrary::{Arbitrary, Unstructured};
@@ -12,11 +11,11 @@ use canopen::wire::{INTERMISSION_BITS, frame_bits};
 use canopen::{
     Abort, Bus, Data, Device, Frame, Id, Instant, Mux, NmtState, Outbox, VirtualBus, lss,
 };
-use reference_devices::devices::{self, ReferenceDevice};
+use reference_devices::devices::ReferenceDevice;
 use reference_devices::rules::Specification;
 use reference_devices::stack::Node;
 
-use super::{DEVICE, NODE};
+use super::devices::{DRR460, GENERIC, NODE};
 
 /// Whatever a client sends and whenever, the server of a reference device gives one answer to a
 /// request, one that fits it and has nothing in reserved places. No deadline of the device is in
@@ -24,7 +23,7 @@ use super::{DEVICE, NODE};
 ///
 /// The bytes are actions: a byte that chooses, as in [`Action`], and what the action needs.
 pub fn sdo_server_session(bytes: &[u8]) {
-    for device in [&DEVICE, &GENERIC] {
+    for device in [&DRR460, &GENERIC] {
         let mut bytes = Unstructured::new(bytes);
         let mut server = Server::new(device);
         while !bytes.is_empty() {
@@ -34,10 +33,6 @@ pub fn sdo_server_session(bytes: &[u8]) {
         server.recover();
     }
 }
-
-/// The device that has every service.
-pub(super) static GENERIC: LazyLock<ReferenceDevice> =
-    LazyLock::new(|| devices::device("generic").expect("it is part of the program"));
 
 /// Frames on the virtual bus do not overlap, come in the order in which each station sent them,
 /// and none is lost.

@@ -9,7 +9,7 @@ use canopen::{Data, Device, Frame, Instant, Mux, Outbox};
 use reference_devices::rules::Specification;
 use reference_devices::stack::Node;
 
-use super::session::GENERIC;
+use super::devices::{GENERIC, NODE};
 
 /// Whatever happens to the segments of a block transfer, it comes to an end; when the client says
 /// that it worked, every byte is in its place, and when nothing happened it works.
@@ -69,7 +69,6 @@ pub fn sdo_client_server(bytes: &[u8]) {
 
 const LARGE: Mux = Mux::new(0x2F20, 0);
 const MOST_BYTES: usize = 2_000;
-const NODE: u8 = 5;
 /// More steps than a transfer of that length takes, however many segments are sent again.
 const MOST_STEPS: usize = 20_000;
 /// Longer than between two segments of a server, shorter than it waits for its client.

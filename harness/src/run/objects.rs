@@ -13,8 +13,8 @@ use super::sdo::{self, Ended};
 use super::steps::Steps;
 use crate::plan::{Binding, fill, mapping_word, matching_entries, parse_bytes};
 use crate::source::At;
+use crate::suite::each::Objects;
 use crate::suite::literal::{Flow, Literal, show_time};
-use crate::suite::model::Objects;
 use crate::suite::step::{Read, Remap, Until, Write};
 
 const DEFAULT_POLL: Duration = Duration::from_millis(20);

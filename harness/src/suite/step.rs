@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::each::Objects;
 use super::literal::{Amount, Flow, FrameText, Literal, Name, ObjectRef, Refusal, Tolerance};
-use super::model::Objects;
 use super::profile::About;
 use crate::source::At;
 

@@ -7,8 +7,6 @@ use nix::errno::Errno;
 use socketcan::errors::ControllerProblems;
 use socketcan::{CanError, ErrorCause};
 
-use super::errno;
-
 /// Why the interface `name` cannot be opened. `has_can`: whether the kernel knows CAN.
 pub(super) fn open(name: &str, why: &io::Error, has_can: bool) -> BusError {
     let up = bring_up(name);
@@ -122,6 +120,11 @@ const CONTROLLER: [(ControllerProblems, &str); 4] = [
     (ControllerProblems::RX_OVERFLOW, "receive overflow (frames were lost)"),
     (ControllerProblems::TX_OVERFLOW, "transmit overflow (frames were lost)"),
 ];
+
+/// The error of the operating system; 0, which is none, when it comes from elsewhere.
+pub(super) fn errno(why: &io::Error) -> Errno {
+    Errno::from_raw(why.raw_os_error().unwrap_or(0))
+}
 
 #[cfg(test)]
 mod tests {

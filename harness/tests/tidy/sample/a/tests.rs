@@ -1,0 +1,3 @@
+//! Tests import as they like.
+
+use crate::c::C;

@@ -1,0 +1,6 @@
+//! A path through the parent, by its new name.
+
+// use crate::b::B;
+use super::a::another;
+
+pub struct C;

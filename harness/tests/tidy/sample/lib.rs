@@ -1,0 +1,5 @@
+//! A crate for the test of the scanner, which nobody compiles.
+
+mod a;
+mod b;
+mod c;
