@@ -73,6 +73,12 @@ impl EmcyCode {
     /// An RPDO missed its deadline.
     pub const RPDO_TIMEOUT: Self = Self(0x8250);
 
+    /// Whether CiA 301 has a name for this very code, not only for its class.
+    pub const fn is_named(self) -> bool {
+        let [class, detail] = self.0.to_be_bytes();
+        detail == 0 || matches!((class, detail), (0x81, 0x10..=0x50) | (0x82, 0x10..=0x50))
+    }
+
     /// What the code means, by its class when it is not known exactly (CiA 301, table 26).
     pub const fn meaning(self) -> &'static str {
         match self.0 {

@@ -2,6 +2,11 @@
 
 /// `; did you mean `known`?` when one of `known` is near enough to `wrong`, else nothing.
 pub fn did_you_mean<'k>(wrong: &str, known: impl Iterator<Item = &'k str>) -> String {
+    nearest(wrong, known).map_or_else(String::new, |known| format!("; did you mean `{known}`?"))
+}
+
+/// The one of `known` that was meant by `wrong`, when one is near enough.
+pub fn nearest<'k>(wrong: &str, known: impl Iterator<Item = &'k str>) -> Option<&'k str> {
     let most = (wrong.chars().count() / 3).max(2);
     // Who knows a part of the name means the shortest that has it.
     let far = |known: &str| match known.contains(wrong) && wrong.len() > 3 {
@@ -10,7 +15,7 @@ pub fn did_you_mean<'k>(wrong: &str, known: impl Iterator<Item = &'k str>) -> St
     };
     let nearest = known.map(|known| (far(known), known)).min();
     let near = nearest.filter(|((far, _), _)| *far <= most);
-    near.map_or_else(String::new, |(_, known)| format!("; did you mean `{known}`?"))
+    near.map(|(_, known)| known)
 }
 
 #[cfg(test)]

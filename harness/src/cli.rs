@@ -241,8 +241,8 @@ pub struct QualifyArgs {
 /// Arguments of `explain`.
 #[derive(Debug, Args)]
 pub struct ExplainArgs {
-    /// A case, a suite, a requirement, a decision, a mutant, an SDO abort code such as
-    /// 0x06020000, or an emergency error code such as 8130h
+    /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, an SDO abort
+    /// code such as 0x06020000, or an emergency error code such as 8130h
     pub name: String,
     /// Which suites.
     #[command(flatten)]
@@ -300,6 +300,9 @@ pub struct ProbeArgs {
     /// Node id of the device; a bus is scanned when absent
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
     pub node: Option<u8>,
+    /// File to write, which must not exist; printed when absent
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
     /// Bit rate of the bus in bit/s, which the data sheet then names
     #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]

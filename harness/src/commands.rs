@@ -18,6 +18,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use crate::cli::{Cli, Command};
 use crate::exit::{Exit, Refused};
 
+/// `1 case`, `2 cases`.
+fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
+}
+
 /// Carries out what the command line asks for.
 pub fn run(cli: Cli) -> Exit {
     let stop = Arc::new(AtomicBool::new(false));

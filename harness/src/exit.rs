@@ -1,6 +1,7 @@
-//! Exit codes. They are part of the interface; the highest that applies wins.
+//! Exit codes. They are part of the interface; the highest that applies wins. Of the verdicts, FAIL
+//! goes before ERROR: a run with both exits as 1, unless the device or the bus was lost.
 
-/// What the process says to its caller.
+/// The exit status of the process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub enum Exit {
@@ -14,7 +15,7 @@ pub enum Exit {
     File = 3,
     /// There was nothing to run.
     NothingRan = 4,
-    /// The bus or the bench failed, or nobody is on the bus.
+    /// The bus or the bench failed, no device answers, or a case is ERROR and none is FAIL.
     Bus = 6,
     /// The device stopped answering and did not come back.
     DeviceGone = 7,
@@ -29,9 +30,9 @@ pub enum Exit {
 /// Why a command could not be carried out: the exit code, and the sentence that helps.
 #[derive(Debug)]
 pub struct Refused {
-    /// What the process says to its caller.
+    /// The exit status of the process.
     pub exit: Exit,
-    /// What it says to the user; may have several lines.
+    /// What is printed for the user; may have several lines.
     pub message: String,
 }
 

@@ -24,7 +24,7 @@ pub use compose::compose;
 pub use connection::{Connection, Target, open_interface};
 pub use reference::{mutant_of, reference_device};
 pub use scan::{Found, scan};
-pub use sheet::{models, read_eds};
+pub use sheet::{dut_of_file, models, read_eds};
 
 /// The devices a selection means.
 ///
@@ -33,6 +33,10 @@ pub use sheet::{models, read_eds};
 pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Target>, Refused> {
     options::known(&selection.without)?;
     match selection.target.as_deref() {
+        None if selection.eds.is_some() => Err(Refused::usage(
+            "--eds is the data sheet of one device: --target names the interface it is on, such \
+             as `--target can0`; `harness list --eds FILE` shows what would run",
+        )),
         None => devices::names()
             .filter(|name| selection.device.as_ref().is_none_or(|device| device == name))
             .map(|name| sim::target(selection, name, None))

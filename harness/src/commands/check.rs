@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use reference_devices::devices;
 use reference_devices::mutant::{self, Mutant};
 
+use super::counted;
 use super::run::plan_all;
 use crate::cli::{CheckArgs, Selection};
 use crate::exit::{Exit, Refused};
@@ -46,10 +47,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
         (library.register.iter().count(), "requirement"),
         (mutants, "mutant"),
     ];
-    let counts = counts.map(|(count, noun)| match count {
-        1 => format!("1 {noun}"),
-        _ => format!("{count} {noun}s"),
-    });
+    let counts = counts.map(|(count, noun)| counted(count, noun));
     let [suites, cases, instances, devices, requirements, mutants] = counts;
     say(&format!(
         "{suites}, {cases}, {instances} on {devices}, {requirements}, {mutants}: no errors\n"

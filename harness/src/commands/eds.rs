@@ -1,7 +1,8 @@
 //! `harness eds`: lint data sheets, generate those of the reference devices.
 
-use std::fmt::Write;
+use std::fmt::Write as _;
 use std::fs;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -61,8 +62,11 @@ fn check(path: &Path) -> Result<Exit, Refused> {
     Ok(if errors > 0 { Exit::File } else { Exit::Green })
 }
 
-/// Prints the data sheet, for the user to redirect and complete.
+/// Writes the data sheet, for the user to complete.
 fn probe(args: &ProbeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
+    if let Some(path) = args.out.as_deref().filter(|path| path.exists()) {
+        return Err(exists(path));
+    }
     let selection = Selection {
         node: args.node,
         bitrate: args.bitrate,
@@ -78,13 +82,32 @@ fn probe(args: &ProbeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
     };
     let found = target::only(scan(&mut *bus, node)?, &args.target, node)?;
     let (sheet, eds) = compose(&mut *bus, &found, args.bitrate)?;
-    say(&sheet.source.text);
+    match &args.out {
+        Some(path) => create(path, &sheet.source.text)?,
+        None => say(&sheet.source.text),
+    }
     eprintln!("{} objects of node {} answered", eds.objects.len(), found.node);
     Ok(Exit::Green)
 }
 
+/// Writes a file that is not there yet: a data sheet of the vendor must not be lost.
+fn create(path: &Path, text: &str) -> Result<(), Refused> {
+    let mut file = fs::File::create_new(path).map_err(|error| match error.kind() {
+        std::io::ErrorKind::AlreadyExists => exists(path),
+        _ => file_error(path, &error),
+    })?;
+    file.write_all(text.as_bytes()).map_err(|error| file_error(path, &error))
+}
+
+fn exists(path: &Path) -> Refused {
+    Refused::usage(format!("{} exists and is not overwritten", path.display()))
+}
+
 fn write(name: &str, out: Option<PathBuf>) -> Result<Exit, Refused> {
     let device = reference_device(name)?;
+    if let Some(folder) = &out {
+        fs::create_dir_all(folder).map_err(|error| file_error(folder, &error))?;
+    }
     for (file, text) in device.generated_files() {
         let path = match &out {
             Some(folder) => folder.join(Path::new(&file).file_name().unwrap_or_default()),

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use canopen::catalogue::{Facts, Shape};
 use canopen::emcy::EmcyCode;
 use canopen::{Abort, catalogue};
 use reference_devices::devices;
@@ -16,8 +17,8 @@ use crate::suite::model::Case;
 use crate::suite::{Library, Requirement, Suite};
 use crate::target::reference_device;
 
-/// Explains a case, a suite, a requirement, a decision, a mutant, an abort code or an emergency
-/// error code.
+/// Explains a case, a suite, a requirement, a decision, a mutant, an object, an abort code or an
+/// emergency error code.
 ///
 /// # Errors
 /// When nothing has that name; what was meant, perhaps.
@@ -151,7 +152,10 @@ impl Book {
         let mut page = Page::new(format!("mutant {}", mutant.name));
         page.field("why", &mutant.why);
         if mutant.canary {
-            page.field("canary", "nobody can see it: it must survive, or the proof is broken");
+            page.field(
+                "canary",
+                "it changes nothing on the bus: it must survive, or the proof is broken",
+            );
         }
         for id in &mutant.breaks {
             if let Some(requirement) = self.library.register.find(id) {
@@ -194,7 +198,7 @@ impl Book {
                 );
                 Some(page.0)
             }
-            4 => {
+            4 if EmcyCode(code as u16).is_named() || object(code as u16).is_none() => {
                 let emcy = EmcyCode(code as u16);
                 let mut page = Page::new(format!("emergency error code {code:04X}h"));
                 page.field("meaning", emcy.meaning());
@@ -208,8 +212,10 @@ impl Book {
                     "demanded by",
                     cases.map(|(suite, case)| full_name(suite, case)).collect(),
                 );
-                Some(page.0)
+                let object = object(code as u16).map(|object| object + "\n").unwrap_or_default();
+                Some(object + &page.0)
             }
+            4 => object(code as u16),
             _ => None,
         }
     }
@@ -232,7 +238,7 @@ impl Book {
         names.extend(self.library.register.iter().map(|(id, _)| id.to_owned()));
         names.extend(self.mutants.iter().map(|(mutant, _)| mutant.name.clone()));
         names.extend(catalogue::profiles().iter().flat_map(|p| p.options.keys().cloned()));
-        let mut message = format!("there is no case, requirement, mutant or code `{name}`");
+        let mut message = format!("there is no case, requirement, mutant, object or code `{name}`");
         message.push_str(&did_you_mean(name, names.iter().map(String::as_str)));
         Refused::usage(message)
     }
@@ -246,6 +252,50 @@ fn option(name: &str) -> Option<String> {
     page.field("means", profile.options.get(name)?);
     page.field("without it", &format!("harness --without {name}"));
     Some(page.0)
+}
+
+/// What the profiles say about an object, each profile that has its index.
+fn object(index: u16) -> Option<String> {
+    let mut texts = Vec::new();
+    for profile in catalogue::profiles() {
+        let Some(facts) = profile.lookup(index) else { continue };
+        let mut page = Page::new(format!("object {index:04X}h of {}", profile.title()));
+        page.field("name", facts.name.as_deref().unwrap_or("none"));
+        match facts.object {
+            None | Some(Shape::Var | Shape::Domain) => {
+                describe(&mut page, "value", &facts.of_var())
+            }
+            Some(Shape::Array | Shape::Record) => {
+                let last = facts.subs.keys().next_back().copied().unwrap_or(1).max(1);
+                for sub in (0..=last).filter(|sub| facts.subs.contains_key(sub) || *sub == 1) {
+                    describe(&mut page, &format!("sub {sub}"), &facts.of_sub(sub));
+                }
+            }
+        }
+        if let Some(doc) = &facts.doc {
+            page.field("means", doc.trim());
+        }
+        if let Some(clause) = &facts.clause {
+            page.field("clause", clause);
+        }
+        texts.push(page.0);
+    }
+    (!texts.is_empty()).then(|| texts.join("\n"))
+}
+
+/// Type, access and unit of an entry.
+fn describe(page: &mut Page, label: &str, facts: &Facts) {
+    let words = [
+        facts.name.clone().filter(|_| label != "value"),
+        facts.data_type.map(|data_type| data_type.to_string()),
+        facts.access.map(|access| access.name().to_owned()),
+        facts.unit.as_ref().map(|unit| format!("in {unit}")),
+    ];
+    let words: Vec<String> = words.into_iter().flatten().collect();
+    page.field(label, &words.join(", "));
+    if let Some(doc) = facts.doc.as_ref().filter(|_| label != "value") {
+        page.more(doc.trim());
+    }
 }
 
 fn suite_text(suite: &Suite) -> String {

@@ -4,13 +4,16 @@ use std::fmt::Write;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use super::run::plan_all;
+use reference_devices::{devices, mutant};
+
+use super::counted;
+use super::run::{plan_all, plan_for};
 use super::select::select;
-use crate::cli::ListArgs;
+use crate::cli::{ListArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
 use crate::suite::Library;
-use crate::target;
+use crate::target::{self, reference_device};
 
 /// Lists what the arguments select.
 ///
@@ -18,8 +21,18 @@ use crate::target;
 /// What keeps a run from starting, too.
 pub(super) fn run(args: &ListArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
     let library = Library::load(&args.selection.folders)?;
-    let targets = target::resolve(&args.selection, stop)?;
-    let mut plans = plan_all(&library, &targets)?;
+    match args.selection.patterns.as_slice() {
+        [what] if what == "suites" => return suites(&library),
+        [what] if what == "mutants" => return mutants(&args.selection),
+        _ => {}
+    }
+    let mut plans = match (&args.selection.target, &args.selection.eds) {
+        (None, Some(path)) => {
+            let dut = target::dut_of_file(&args.selection, path)?;
+            plan_for(&library, &[&dut])?
+        }
+        _ => plan_all(&library, &target::resolve(&args.selection, stop)?)?,
+    };
     select(&mut plans, &args.selection.patterns)?;
     let instances = plans
         .iter()
@@ -58,6 +71,36 @@ pub(super) fn run(args: &ListArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refus
     for plan in &plans {
         if let Some(said) = plan.said_left_out() {
             _ = writeln!(text, "{}: {said}", plan.dut.name);
+        }
+    }
+    say(&text);
+    Ok(Exit::Green)
+}
+
+/// The suites, with what they are about.
+fn suites(library: &Library) -> Result<Exit, Refused> {
+    let mut text = String::new();
+    for suite in &library.suites {
+        let about = suite.file.about.as_deref().map(|about| format!("  {about}"));
+        let cases = counted(suite.file.cases.len(), "case");
+        // Writing to a string cannot fail.
+        _ = writeln!(text, "{}  {cases}{}", suite.name(), about.unwrap_or_default());
+    }
+    say(&text);
+    Ok(Exit::Green)
+}
+
+/// The mutants of each reference device; of a variant, those that its device does not have.
+fn mutants(selection: &Selection) -> Result<Exit, Refused> {
+    let chosen = selection.target.as_deref().and_then(|target| target.strip_prefix("sim:"));
+    let chosen = chosen.or(selection.device.as_deref());
+    let names: Vec<&str> = chosen.map_or_else(|| devices::names().collect(), |name| vec![name]);
+    let mut text = String::new();
+    for name in names {
+        let device = reference_device(name)?;
+        let mutants = mutant::of(&device);
+        for mutant in mutants.map_err(|message| Refused { exit: Exit::File, message })? {
+            _ = writeln!(text, "{name}  {}  {}", mutant.name, mutant.why);
         }
     }
     say(&text);

@@ -14,6 +14,7 @@ use reference_devices::devices;
 use reference_devices::mutant::{self, Mutant};
 use reports::{Event, Verdict};
 
+use super::counted;
 use super::run::plan_all;
 use crate::cli::{DEFAULT_BIT_RATE, QualifyArgs, Selection};
 use crate::exit::{Exit, Refused};
@@ -50,7 +51,7 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
         return Ok(Exit::Green);
     }
     holes.iter().for_each(|hole| eprintln!("hole: {hole}"));
-    eprintln!("{} holes", holes.len());
+    eprintln!("{}", counted(holes.len(), "hole"));
     Ok(Exit::Holes)
 }
 
@@ -79,7 +80,11 @@ impl Matrix {
         let device = reference_device(name)?;
         let mut mutants =
             mutant::of(&device).map_err(|message| Refused { exit: Exit::File, message })?;
-        mutants.retain(|mutant| !mutant.shared || name == devices::WITH_EVERYTHING);
+        mutants.retain(|mutant| {
+            let applies = |id: &String| !library.register.lacks_document_of(id);
+            (!mutant.shared || name == devices::WITH_EVERYTHING)
+                && (mutant.canary || mutant.breaks.iter().any(applies))
+        });
         let targets = target::resolve(
             &Selection::of_target(Some(&format!("sim:{name}"))),
             &Arc::new(AtomicBool::new(false)),
@@ -99,8 +104,8 @@ impl Matrix {
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "{}: {} mutants, {killed} killed, {canaries} canary; \
-             {} cases, {} of them proved able to fail",
+            "{}: {} mutants, {killed} killed, {canaries} canary; {} cases apply, {} of them killed a \
+             mutant of this device",
             self.device,
             self.rows.len(),
             self.clean.len(),
@@ -108,11 +113,12 @@ impl Matrix {
         );
         for row in self.rows.iter().filter(|_| verbose) {
             let mark = match (row.mutant.canary, row.kills.is_empty()) {
-                (true, true) => "alive, as a canary must be",
-                (_, true) => "SURVIVED",
-                (_, false) => "killed",
+                (true, true) => "survived, as a canary must".to_owned(),
+                (true, false) => "a canary that was KILLED".to_owned(),
+                (false, true) => format!("SURVIVED ({})", row.mutant.breaks.join(" ")),
+                (false, false) => format!("killed ({})", row.mutant.breaks.join(" ")),
             };
-            _ = writeln!(text, "  {}: {mark} ({})", row.mutant.name, row.mutant.breaks.join(" "));
+            _ = writeln!(text, "  {}: {mark}", row.mutant.name);
             for case in &row.kills {
                 _ = writeln!(text, "    {case}");
             }
@@ -227,7 +233,7 @@ fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
         matrices.iter().flat_map(|matrix| &matrix.rows).flat_map(|row| &row.proved).collect();
     let broken = matrices.iter().flat_map(|matrix| &matrix.rows).flat_map(|row| &row.mutant.breaks);
     for id in broken.collect::<BTreeSet<_>>() {
-        if !requirements.contains(id) {
+        if !requirements.contains(id) && !library.register.lacks_document_of(id) {
             holes
                 .push(format!("{id}: no mutant that breaks it is killed by a case that checks it"));
         }

@@ -9,12 +9,14 @@ use reports::{Event, RunEnded, RunStarted, Verdict};
 
 use super::select::select;
 use crate::cli::RunArgs;
+use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
+use crate::nearest::did_you_mean;
 use crate::plan::{self, Plan};
 use crate::reporter::Reporter;
 use crate::run::{Ending, Policy, Session};
 use crate::source::{At, Complaint};
-use crate::suite::{Library, Suite};
+use crate::suite::Library;
 use crate::target::{self, Target};
 
 /// Runs what the arguments select. The reports of what ran are written whatever happens.
@@ -88,9 +90,18 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
 /// # Errors
 /// Everything wrong with the suites for any of the devices.
 pub(super) fn plan_all(library: &Library, targets: &[Target]) -> Result<Vec<Plan>, Refused> {
-    let (mut plans, mut complaints) = (Vec::new(), suites_of_nobody(library));
-    for target in targets {
-        match plan::plan(library, &target.dut, &target::models(&target.dut.eds)) {
+    let duts: Vec<&Dut> = targets.iter().map(|target| &target.dut).collect();
+    plan_for(library, &duts)
+}
+
+/// A plan for each device.
+///
+/// # Errors
+/// As [`plan_all`].
+pub(super) fn plan_for(library: &Library, duts: &[&Dut]) -> Result<Vec<Plan>, Refused> {
+    let (mut plans, mut complaints) = (Vec::new(), suites_of_nobody(library, duts));
+    for dut in duts {
+        match plan::plan(library, dut, &target::models(&dut.eds)) {
             Ok(plan) => plans.push(plan),
             Err(mut wrong) => {
                 // What is wrong for one device is mostly wrong for the next one, too.
@@ -102,16 +113,30 @@ pub(super) fn plan_all(library: &Library, targets: &[Target]) -> Result<Vec<Plan
     if complaints.is_empty() { Ok(plans) } else { Err(complaints.into()) }
 }
 
-/// A suite for a device that there is not would silently never run.
-fn suites_of_nobody(library: &Library) -> Vec<Complaint> {
-    let named =
-        library.suites.iter().filter_map(|suite| Some((suite, suite.file.device.as_ref()?)));
-    let unknown = named.filter(|(_, device)| devices::names().all(|name| name != device.value));
-    let complain = |(suite, device): (&Arc<Suite>, &At<String>)| {
-        let message = format!("no reference device `{}`", device.value);
-        Complaint::at(&suite.source, device.place, message)
-    };
-    unknown.map(complain).collect()
+/// A suite for a device that is neither tested nor a reference device would silently never run: a
+/// name that resembles one is a mistake, any other is noted.
+fn suites_of_nobody(library: &Library, duts: &[&Dut]) -> Vec<Complaint> {
+    let mut complaints = Vec::new();
+    for suite in &library.suites {
+        let Some(At { value: device, place }) = &suite.file.device else { continue };
+        let tested = duts.iter().any(|dut| dut.name == *device);
+        if tested || devices::names().any(|name| name == device) {
+            continue;
+        }
+        let meant = did_you_mean(device, devices::names());
+        match meant.is_empty() {
+            true => eprintln!(
+                "note: suite {} is for the device `{device}` and is left out; `--device {device}` \
+                 names the device under test",
+                suite.name()
+            ),
+            false => {
+                let message = format!("no reference device `{device}`{meant}");
+                complaints.push(Complaint::at(&suite.source, *place, message));
+            }
+        }
+    }
+    complaints
 }
 
 fn after(ending: &Ending, target: &Target) -> (Exit, Option<String>) {
@@ -130,9 +155,14 @@ fn after(ending: &Ending, target: &Target) -> (Exit, Option<String>) {
     }
 }
 
+/// A case that failed is a statement about the device, which an ERROR in another case does not
+/// take back.
 fn of_verdicts(reporter: &Reporter) -> Exit {
     let run = reporter.run();
     let counts = run.counts();
+    if counts.of(Verdict::Fail) > 0 {
+        return Exit::Failed;
+    }
     if counts.of(Verdict::Error) > 0 {
         return Exit::Bus;
     }

@@ -1,8 +1,13 @@
 //! Which instances the patterns of a command line mean.
 
+use std::collections::{BTreeMap, BTreeSet};
+
+use clap::CommandFactory;
 use wildmatch::WildMatch;
 
+use crate::cli::Cli;
 use crate::exit::Refused;
+use crate::nearest::{did_you_mean, nearest};
 use crate::plan::{Instance, Plan};
 
 /// Keeps the instances that a pattern names: a glob over the full name, or the name of a suite, of
@@ -15,9 +20,7 @@ pub(super) fn select(plans: &mut [Plan], patterns: &[String]) -> Result<(), Refu
     for pattern in patterns {
         let mut all = plans.iter().flat_map(|plan| &plan.instances);
         if !all.any(|instance| names(pattern, instance)) {
-            return Err(Refused::usage(format!(
-                "`{pattern}` names no suite, no case and no command; `harness list` shows all names"
-            )));
+            return Err(nothing_named(pattern, plans));
         }
     }
     for plan in plans {
@@ -29,6 +32,41 @@ pub(super) fn select(plans: &mut [Plan], patterns: &[String]) -> Result<(), Refu
         }
     }
     Ok(())
+}
+
+/// The sentence for a pattern that matches nothing.
+fn nothing_named(pattern: &str, plans: &[Plan]) -> Refused {
+    if Cli::command().find_subcommand(pattern).is_some() {
+        return Refused::usage(format!(
+            "`{pattern}` is a command: write it before the options, `harness {pattern} ...`"
+        ));
+    }
+    let mut names = BTreeSet::new();
+    for instance in plans.iter().flat_map(|plan| &plan.instances) {
+        let (suite, case) = (instance.suite.name(), &instance.case().id.value);
+        names.insert(format!("{suite}/{case}"));
+        let folders = suite.match_indices('/').map(|(place, _)| &suite[..place]);
+        names.extend(folders.chain([suite]).map(str::to_owned));
+    }
+    let whole = did_you_mean(pattern, names.iter().map(String::as_str));
+    // `nmt/stp` leaves the folder out: what is near to its end is meant.
+    let parts = pattern.matches('/').count() + 1;
+    let end = |name: &str| {
+        let from = name.rmatch_indices('/').nth(parts - 1).map_or(0, |(place, _)| place + 1);
+        name[from..].to_owned()
+    };
+    let ends: BTreeMap<String, &String> = names.iter().map(|name| (end(name), name)).collect();
+    let of_end = || {
+        let near = nearest(pattern, ends.keys().map(String::as_str))?;
+        Some(format!("; did you mean `{}`?", ends.get(near)?))
+    };
+    let meant = match whole.is_empty() {
+        true => of_end().unwrap_or_default(),
+        false => whole,
+    };
+    Refused::usage(format!(
+        "`{pattern}` names no suite and no case; `harness list` shows all names{meant}"
+    ))
 }
 
 fn names(pattern: &str, instance: &Instance) -> bool {

@@ -6,6 +6,7 @@ use std::fmt::Write;
 
 use reference_devices::{devices, mutant};
 
+use super::counted;
 use crate::cli::{TraceArgs, TraceFormat};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
@@ -59,7 +60,7 @@ pub(super) fn run(args: &TraceArgs) -> Result<Exit, Refused> {
         return Ok(Exit::Green);
     }
     holes.iter().for_each(|hole| eprintln!("hole: {hole}"));
-    eprintln!("{} holes", holes.len());
+    eprintln!("{}", counted(holes.len(), "hole"));
     Ok(Exit::Holes)
 }
 
@@ -76,8 +77,12 @@ fn mutants(library: &Library) -> Result<(Breaks, Vec<String>), Refused> {
                 holes.insert(format!("mutant {} breaks no requirement", mutant.name));
             }
             for id in &mutant.breaks {
+                if library.register.lacks_document_of(id) {
+                    continue;
+                }
                 if library.register.find(id).is_none() {
-                    holes.insert(format!("mutant {} breaks {id}, which is not there", mutant.name));
+                    let name = &mutant.name;
+                    holes.insert(format!("mutant {name} breaks {id}, which the register lacks"));
                 }
                 breaks.entry(id.clone()).or_default().insert(mutant.name.clone());
             }
@@ -116,9 +121,10 @@ fn markdown(rows: &[Row]) -> String {
     let mut text = String::from("| requirement | clause | level | cases | mutants |\n");
     text.push_str("| --- | --- | --- | --- | --- |\n");
     for row in rows {
+        let cases: Vec<&str> = row.cases.iter().map(String::as_str).collect();
         let cases = match row.untestable {
             Some(reason) => format!("untestable: {reason}"),
-            None => row.cases.join("<br>"),
+            None => few(&cases),
         };
         let mutants: Vec<&str> = row.mutants.iter().map(String::as_str).collect();
         // Writing to a string cannot fail.
@@ -130,13 +136,25 @@ fn markdown(rows: &[Row]) -> String {
             row.document,
             row.clause,
             row.level,
-            mutants.join("<br>"),
+            few(&mutants),
         );
     }
     let untestable = rows.iter().filter(|row| row.untestable.is_some()).count();
-    _ = writeln!(text, "\n{} requirements, {untestable} of them untestable", rows.len());
+    let requirements = counted(rows.len(), "requirement");
+    _ = writeln!(text, "\n{requirements}, {untestable} of them untestable");
     text
 }
+
+/// The first names and how many follow: a row is read beside others. CSV and JSON have all.
+fn few(names: &[&str]) -> String {
+    match names.len() {
+        ..=FEW => names.join(", "),
+        many => format!("{} and {} more", names[..FEW - 1].join(", "), many - FEW + 1),
+    }
+}
+
+/// So many names have room in a row.
+const FEW: usize = 3;
 
 fn csv(rows: &[Row]) -> String {
     let quote = |field: &str| format!("\"{}\"", field.replace('"', "\"\""));

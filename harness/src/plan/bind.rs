@@ -19,8 +19,8 @@ use crate::suite::model::{Case, Requires};
 use crate::suite::profile::Capability;
 use crate::suite::{Library, Suite};
 
-/// Binds every suite that is for this device: those for any device, and those for the reference
-/// devices in `models`, which are of the same vendor and product.
+/// Binds every suite that is for this device: those for any device, those that name it, and those
+/// for the reference devices in `models`, which are of the same vendor and product.
 ///
 /// # Errors
 /// What the suites say that the device's data sheet contradicts: objects that are not there, values
@@ -36,6 +36,7 @@ pub fn plan(
             None => None,
             Some(device) => match models.get(&device.value) {
                 Some(model) => Some(model),
+                None if device.value == dut.name => Some(&*dut.eds),
                 None => continue,
             },
         };

@@ -124,6 +124,13 @@ impl Register {
         self.requirements.get(id)
     }
 
+    /// Whether a requirement of that id may be missing because its document is not loaded: none has
+    /// an id that begins alike.
+    pub fn lacks_document_of(&self, id: &str) -> bool {
+        let document = |id: &str| id.split('-').next().unwrap_or_default().to_owned();
+        self.requirements.keys().all(|known| document(known) != document(id))
+    }
+
     /// The decision with that id.
     pub fn decision(&self, id: &str) -> Option<&InterpretationEntry> {
         self.decisions.get(id)

@@ -24,8 +24,15 @@ impl FromStr for Address {
 
     fn from_str(text: &str) -> Result<Self, Refused> {
         if let Some(text) = text.strip_prefix("sim:") {
-            let (device, mutant) = match text.split_once("?mutant=") {
-                Some((device, mutant)) => (device, Some(mutant.to_owned())),
+            let (device, mutant) = match text.split_once('?') {
+                Some((device, option)) => match option.split_once('=') {
+                    Some(("mutant", mutant)) => (device, Some(mutant.to_owned())),
+                    _ => {
+                        return Err(Refused::usage(format!(
+                            "`?{option}` in `sim:{text}`: only `?mutant=NAME` is known"
+                        )));
+                    }
+                },
                 None => (text, None),
             };
             return Ok(Self::Simulation { device: device.to_owned(), mutant });

@@ -18,7 +18,7 @@ pub(super) fn known(names: &[String]) -> Result<(), Refused> {
         Some(name) => {
             let there_is = known().cloned().collect::<Vec<_>>().join(", ");
             let meant = did_you_mean(name, known().map(String::as_str));
-            let message = format!("no option `{name}` of any profile: there is {there_is}{meant}");
+            let message = format!("no option `{name}` of any profile: there are {there_is}{meant}");
             Err(Refused::usage(message))
         }
     }
@@ -40,6 +40,9 @@ pub(super) fn without(selection: &Selection, device: Option<&ReferenceDevice>) -
 pub(super) fn say_the_rest(selection: &Selection, options: &mut String) {
     if let Some(path) = &selection.eds {
         options.push_str(&format!(" --eds {}", path.display()));
+    }
+    if let (Some(_), Some(name)) = (&selection.target, &selection.device) {
+        options.push_str(&format!(" --device {name}"));
     }
     if selection.bitrate != DEFAULT_BIT_RATE {
         options.push_str(&format!(" --bitrate {}", selection.bitrate));

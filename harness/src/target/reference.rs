@@ -6,6 +6,7 @@ use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::mutant;
 
 use crate::exit::{Exit, Refused};
+use crate::nearest::did_you_mean;
 
 /// The in-tree device of that name.
 ///
@@ -20,14 +21,22 @@ pub fn reference_device(name: &str) -> Result<Arc<ReferenceDevice>, Refused> {
 /// # Errors
 /// When the device has none.
 pub fn mutant_of(device: &ReferenceDevice, name: &str) -> Result<mutant::Mutant, Refused> {
-    let mutants = mutant::of(device).map_err(|message| Refused { exit: Exit::File, message })?;
-    mutants.into_iter().find(|mutant| mutant.name == name).ok_or_else(|| {
-        Refused::usage(format!("no mutant `{name}`: `harness qualify -v` names all of them"))
-    })
+    let mut mutants =
+        mutant::of(device).map_err(|message| Refused { exit: Exit::File, message })?;
+    match mutants.iter().position(|mutant| mutant.name == name) {
+        Some(place) => Ok(mutants.swap_remove(place)),
+        None => {
+            let meant = did_you_mean(name, mutants.iter().map(|mutant| mutant.name.as_str()));
+            let message = format!("no mutant `{name}`; `harness list mutants` names all{meant}");
+            Err(Refused::usage(message))
+        }
+    }
 }
 
 /// The sentence for a name that no reference device has.
 pub(super) fn unknown(name: &str) -> Refused {
     let names: Vec<&str> = devices::names().collect();
-    Refused::usage(format!("no reference device `{name}`: there is {}", names.join(", ")))
+    let meant = did_you_mean(name, devices::names());
+    let names = names.join(", ");
+    Refused::usage(format!("no reference device `{name}`: there are {names}{meant}"))
 }

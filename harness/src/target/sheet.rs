@@ -1,9 +1,10 @@
-//! The data sheet of a target: the user's, one of ours, or one composed of what the device
-//! answers.
+//! The data sheet of a target: the user's, one of ours, or one generated from the answers of the
+//! device.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
+use std::sync::Arc;
 
 use canopen::Bus;
 use canopen::eds::{Eds, Severity};
@@ -14,7 +15,7 @@ use super::compose::compose;
 use super::reference::reference_device;
 use super::scan::Found;
 use crate::cli::Selection;
-use crate::dut::Sheet;
+use crate::dut::{Dut, Sheet};
 use crate::exit::{Exit, Refused};
 
 /// The data sheets of the reference devices of the same vendor and product, by the names by which
@@ -42,13 +43,37 @@ pub fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
     let (sheet, eds) = Sheet::read(path.display().to_string(), &bytes);
     if sheet.diagnostics.iter().any(|found| found.severity == Severity::Error) {
         let path = path.display();
-        eprintln!("warning: {path} has errors, which `harness eds check {path}` shows");
+        eprintln!("warning: {path} has errors; `harness eds check {path}` shows them");
     }
     if eds.objects.is_empty() {
-        let message = format!("error: {}: there is no object in this data sheet", path.display());
+        let message = format!("error: {}: this data sheet has no objects", path.display());
         return Err(Refused { exit: Exit::File, message });
     }
     Ok((sheet, eds))
+}
+
+/// The device that the data sheet of the user describes, without a bus; node 1 unless given.
+///
+/// # Errors
+/// As [`read_eds`].
+pub fn dut_of_file(selection: &Selection, path: &Path) -> Result<Dut, Refused> {
+    let (sheet, eds) = read_eds(path)?;
+    Ok(Dut {
+        name: name_of(selection, path),
+        node: selection.node.unwrap_or(1),
+        eds: Arc::new(eds),
+        sheet: Arc::new(sheet),
+        bench: Vec::new(),
+        bit_rate: selection.bitrate,
+        without: selection.without.clone(),
+        told: None,
+    })
+}
+
+/// What reports call the device with the data sheet at `path`.
+fn name_of(selection: &Selection, path: &Path) -> String {
+    let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
+    selection.device.clone().or(stem).unwrap_or_else(|| "device".to_owned())
 }
 
 /// The data sheet of a reference device, by its place in the project.
@@ -75,9 +100,7 @@ pub(super) fn of_found(
     bus: &mut dyn Bus,
 ) -> Result<(String, (Sheet, Eds)), Refused> {
     if let Some(path) = &selection.eds {
-        let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
-        let name = selection.device.clone().or(stem).unwrap_or_else(|| "device".to_owned());
-        return Ok((name, read_eds(path)?));
+        return Ok((name_of(selection, path), read_eds(path)?));
     }
     let name = match &selection.device {
         Some(name) => Some(name.clone()),
@@ -85,7 +108,10 @@ pub(super) fn of_found(
     };
     match name {
         Some(name) => {
-            let device = reference_device(&name)?;
+            let device = reference_device(&name).map_err(|refused| Refused {
+                message: format!("{}; for a device of your own, --eds FILE", refused.message),
+                ..refused
+            })?;
             let sheet = own_sheet(&device, None)?;
             Ok((name, sheet))
         }
@@ -93,8 +119,8 @@ pub(super) fn of_found(
             let what = found.follows().map(|follows| format!(", {follows},")).unwrap_or_default();
             let node = found.node;
             eprintln!(
-                "note: there is no data sheet of node {node}{what} in this program. One is \
-                 composed of what the device answers; --eds FILE names a better one."
+                "note: this program has no data sheet of node {node}{what}. One is generated from \
+                 the answers of the device; --eds FILE gives a better one."
             );
             let name = found.name.clone().filter(|name| !name.trim().is_empty());
             let composed = compose(bus, found, selection.bitrate)?;

@@ -51,7 +51,7 @@ pub(super) fn target(
     let without = without(selection, Some(&device));
     let mut target = Target {
         dut: Dut {
-            name: name.to_owned(),
+            name: own_name(selection).unwrap_or(name).to_owned(),
             node,
             eds: Arc::new(eds),
             sheet: Arc::new(sheet),
@@ -70,4 +70,9 @@ pub(super) fn target(
         target.dut.told = found.first().and_then(Found::recognised);
     }
     Ok(target)
+}
+
+/// What the user calls the device. Without a target, `--device` chooses a reference device.
+fn own_name(selection: &Selection) -> Option<&str> {
+    selection.target.as_ref().and(selection.device.as_deref())
 }
