@@ -3,7 +3,7 @@
 
 use canopen::eds::Direction;
 use canopen::pdo::{CobId, is_restricted};
-use canopen::{Abort, Dictionary, Mux};
+use canopen::{Abort, Dictionary, Mux, Value};
 
 use crate::stack::base::Base;
 
@@ -84,7 +84,10 @@ pub(crate) fn check_communication(
             !same
                 && (cob_id_refused(cob, new, kind, base)
                     || new.valid() && is_taken(mux.index, new, direction, base)
-                    || new.valid() && !cob.valid() && maps_nothing(mux.index, base))
+                    || new.valid()
+                        && !cob.valid()
+                        && maps_nothing(mux.index, base)
+                        && !boots_without_mapping(mux.index, base))
         }
         (TYPE, &[kind]) => {
             !rules.transmission_type_valid(direction, kind)
@@ -121,6 +124,15 @@ fn is_taken(index: u16, new: CobId, direction: Direction, base: &Base) -> bool {
 
 fn maps_nothing(index: u16, base: &Base) -> bool {
     base.rules.pdo_needs_mapping() && base.od.int(Mux::new(index | 0x0200, 0)) == Some(0)
+}
+
+/// Whether the PDO exists after power-on although it maps nothing. Such a device can be switched
+/// back to what it was: a master that saves the configuration it has read gets no refusal.
+fn boots_without_mapping(index: u16, base: &Base) -> bool {
+    let default = |mux| Some(base.od.entry(mux)?.default.as_ref()?.resolve(base.id));
+    let valid = |cob: Value| cob.as_int().is_some_and(|cob| CobId(cob as u32).valid());
+    default(Mux::new(index, COB_ID)).is_some_and(valid)
+        && default(Mux::new(index | 0x0200, 0)).and_then(|count| count.as_int()) == Some(0)
 }
 
 const fn asks_for_rtr(direction: Direction, kind: u8) -> bool {
@@ -180,9 +192,10 @@ mod tests {
 
     #[test]
     fn a_pdo_needs_a_mapping_and_a_tpdo_an_identifier_of_its_own() {
-        let mut rig = Rig::new(&eds(full()));
+        let mut rig = Rig::new(&eds(mapped()));
         for index in [0x1400, 0x1800] {
             rig.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
+            rig.write(mux(index | 0x200, 0), &[0]).unwrap();
             assert_eq!(rig.write(mux(index, 1), &[0x85, 1, 0, 0]), VALUE);
         }
         let mut rig = Rig::new(&eds(mapped()));
@@ -190,6 +203,21 @@ mod tests {
             let neighbour = rig.read(mux(index + 1, 1)).unwrap();
             rig.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
             assert_eq!(rig.write(mux(index, 1), &neighbour), result);
+        }
+    }
+
+    /// What a master does that saves the configuration it has read.
+    #[test]
+    fn a_pdo_that_boots_without_a_mapping_can_be_switched_off_and_on() {
+        let mut rig = Rig::new(&eds(full()));
+        for index in [0x1400, 0x1800] {
+            let booted = rig.read(mux(index, 1)).unwrap();
+            let off = [booted[0], booted[1], booted[2], booted[3] | 0x80];
+            assert_eq!(booted[3] & 0x80, 0, "valid at boot");
+            assert_eq!(rig.read(mux(index | 0x200, 0)), Ok(vec![0]), "and without a mapping");
+            for cob in [&off[..], &booted] {
+                assert_eq!(rig.write(mux(index, 1), cob), Ok(()));
+            }
         }
     }
 
@@ -234,8 +262,9 @@ mod tests {
         let mut rig = Rig::mutant(&eds(mapped()), "tpdo-identifier-used-twice");
         rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
         assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 2, 0, 0]), Ok(()));
-        let mut rig = Rig::mutant(&eds(full()), "pdo-without-mapping-exists");
+        let mut rig = Rig::mutant(&eds(mapped()), "pdo-without-mapping-exists");
         rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
+        rig.write(mux(0x1A00, 0), &[0]).unwrap();
         assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0]), Ok(()));
         let mut rig = Rig::mutant(&eds(mapped()), "pdo-restricted-id-accepted");
         assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]), Ok(()));
