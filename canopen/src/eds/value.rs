@@ -80,7 +80,8 @@ pub(super) fn typed<'a>(key: &Key<'a>, findings: &mut Findings) -> &'a str {
 /// The text of a value, as [`term`] reads it.
 pub(super) fn text(term: &Term, data_type: DataType, hex: bool) -> String {
     match &term.value {
-        Value::Int(0) if term.plus_node => "$NODEID".to_owned(),
+        // Alone, $NODEID is read as no value by some tools, python-canopen among them.
+        Value::Int(0) if term.plus_node => "$NODEID+0".to_owned(),
         Value::Int(number) if term.plus_node && *number < 0 => format!("$NODEID+{number}"),
         Value::Int(number) if term.plus_node => format!("$NODEID+0x{number:X}"),
         Value::Int(number) if hex && *number >= 0 => format!("0x{number:X}"),
