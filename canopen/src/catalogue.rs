@@ -5,29 +5,39 @@
 //! which everything may be left open.
 
 mod facts;
+mod file;
 mod scalar;
 
 use std::collections::BTreeMap;
-use std::fmt;
+use std::iter;
 use std::ops::RangeInclusive;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock};
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::mux::Mux;
+use crate::source::{Complaint, Source};
 
 pub use facts::{Category, Facts, Mapping, ObjectFacts, Shape};
+pub use file::{CatalogueFile, keyed};
 pub use scalar::Scalar;
 
-/// The objects of one profile, and what its suites need to know beyond them.
+/// The profiles that are known.
 #[derive(Debug)]
+pub struct Catalogue {
+    profiles: Vec<Profile>,
+}
+
+/// The objects of one profile, and what its suites need to know beyond them.
+#[derive(Clone, Debug)]
 pub struct Profile {
     /// Name, such as `cia301`.
     pub name: String,
     /// As it is written; empty where the name says enough.
     title: String,
     /// The profile it builds on, whose names and blocks are its own, too.
-    pub based_on: Option<String>,
+    base: Option<Arc<Self>>,
     /// How a device that follows it is told from others, where 1000h does not tell.
     pub recognised: Option<Recognition>,
     /// Bits and codes by the names under which suites of this profile use them.
@@ -40,11 +50,10 @@ pub struct Profile {
 }
 
 /// A value that tells a device of a profile from others.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Recognition {
     /// Where it stands.
-    #[serde(deserialize_with = "scalar::mux")]
     pub object: Mux,
     /// The bits that count.
     pub mask: u32,
@@ -56,7 +65,7 @@ pub struct Recognition {
 }
 
 /// The bits of a version.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Version {
     /// Those in front of the point.
@@ -79,7 +88,7 @@ impl Recognition {
 }
 
 /// Objects that belong together and stand in the dictionary several times, at equal distances.
-#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Block {
     /// How often.
@@ -87,7 +96,6 @@ pub struct Block {
     /// From the indices of one to those of the next.
     pub step: u16,
     /// The objects of the first one, by name.
-    #[serde(deserialize_with = "scalar::muxes")]
     pub objects: BTreeMap<String, Mux>,
 }
 
@@ -104,65 +112,57 @@ impl Block {
 /// An object as a profile describes it.
 pub type CatalogueObject = ObjectFacts;
 
-/// A catalogue file does not load.
-#[derive(Debug)]
-pub struct CatalogueError(String);
-
-/// The profile of that name, such as `cia301`; `None` when the catalogue has none.
+/// The profile of that name of the catalogue in this program, such as `cia301`.
 pub fn profile(name: &str) -> Option<&'static Profile> {
-    profiles().iter().find(|profile| profile.name == name)
+    Catalogue::built_in().profile(name)
 }
 
-/// Every profile of the catalogue.
-///
-/// # Panics
-/// When a file of the catalogue does not load: they are part of the program.
+/// Every profile of the catalogue in this program.
 pub fn profiles() -> &'static [Profile] {
-    &PROFILES
+    Catalogue::built_in().profiles()
 }
 
-/// What the first of `names` that knows the index says of it. Profiles other than CiA 301 share
-/// the indices from 6000h on, so the order matters.
+/// What the first of `names` that knows the index says of it, in the catalogue of this program.
 pub fn lookup(names: &[impl AsRef<str>], index: u16) -> Option<&'static CatalogueObject> {
-    names.iter().filter_map(|name| profile(name.as_ref())).find_map(|known| known.lookup(index))
+    Catalogue::built_in().lookup(names, index)
+}
+
+impl Catalogue {
+    /// The catalogue in this program.
+    ///
+    /// # Panics
+    /// When one of its files does not load: they are part of the program, and tests load them.
+    pub fn built_in() -> &'static Self {
+        &BUILT_IN
+    }
+
+    /// Reads the files of a catalogue.
+    ///
+    /// # Errors
+    /// Everything that is wrong with them.
+    pub fn read(sources: &[Arc<Source>]) -> Result<Self, Vec<Complaint>> {
+        file::read(sources).map(|profiles| Self { profiles })
+    }
+
+    /// The profile of that name, such as `cia301`; `None` when the catalogue has none.
+    pub fn profile(&self, name: &str) -> Option<&Profile> {
+        self.profiles.iter().find(|profile| profile.name == name)
+    }
+
+    /// Every profile.
+    pub fn profiles(&self) -> &[Profile] {
+        &self.profiles
+    }
+
+    /// What the first of `names` that knows the index says of it. Profiles other than CiA 301
+    /// share the indices from 6000h on, so the order matters.
+    pub fn lookup(&self, names: &[impl AsRef<str>], index: u16) -> Option<&CatalogueObject> {
+        let known = names.iter().filter_map(|name| self.profile(name.as_ref()));
+        known.into_iter().find_map(|profile| profile.lookup(index))
+    }
 }
 
 impl Profile {
-    /// Reads a file of the catalogue.
-    ///
-    /// # Errors
-    /// With line and column, when the text is not of the form; and when two keys overlap or are
-    /// no indices.
-    pub fn read(text: &str) -> Result<Self, CatalogueError> {
-        let file: File =
-            serde_yaml::from_str(text).map_err(|error| CatalogueError(error.to_string()))?;
-        let mut objects = Vec::with_capacity(file.objects.len());
-        for (key, object) in file.objects {
-            let keyed = keyed(&key, object).ok_or_else(|| {
-                let forms = "an index such as 1000, nor 1400..15FF, nor 6500..65F0/10";
-                CatalogueError(format!("{key:?} is neither {forms}"))
-            })?;
-            objects.extend(keyed);
-        }
-        objects.sort_by_key(|(indices, _)| *indices.start());
-        for pair in objects.windows(2) {
-            if pair[0].0.end() >= pair[1].0.start() {
-                let twice = pair[1].0.start();
-                return Err(CatalogueError(format!("{twice:04X} is described twice")));
-            }
-        }
-        Ok(Self {
-            name: file.profile,
-            title: file.title,
-            based_on: file.based_on,
-            recognised: file.recognised,
-            names: file.names,
-            blocks: file.blocks,
-            options: file.options,
-            objects,
-        })
-    }
-
     /// What a person calls it.
     pub fn title(&self) -> &str {
         if self.title.is_empty() { &self.name } else { &self.title }
@@ -180,7 +180,7 @@ impl Profile {
 
     /// This profile and those it builds on.
     pub fn chain(&self) -> impl Iterator<Item = &Self> {
-        std::iter::successors(Some(self), |this| profile(this.based_on.as_deref()?))
+        iter::successors(Some(self), |this| this.base.as_deref())
     }
 
     /// What the profile says of the object at `index`.
@@ -196,66 +196,6 @@ impl Profile {
     }
 }
 
-impl fmt::Display for CatalogueError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for CatalogueError {}
-
-#[derive(Deserialize)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
-struct File {
-    profile: String,
-    #[serde(default)]
-    title: String,
-    #[serde(default)]
-    based_on: Option<String>,
-    #[serde(default)]
-    recognised: Option<Recognition>,
-    #[serde(default)]
-    names: BTreeMap<String, i64>,
-    #[serde(default)]
-    blocks: BTreeMap<String, Block>,
-    #[serde(default)]
-    options: BTreeMap<String, String>,
-    objects: BTreeMap<String, ObjectFacts>,
-}
-
-/// The objects that a key of a description means: `1000`, `1400..15FF`, or every tenth (hex) as in
-/// `6500..65F0/10`, where `#` in the name is the number of the object. `None` when it is no key.
-pub fn keyed(key: &str, object: ObjectFacts) -> Option<Vec<(RangeInclusive<u16>, ObjectFacts)>> {
-    let index = |text: &str| match text.len() {
-        4 => u16::from_str_radix(text, 16).ok(),
-        _ => None,
-    };
-    let Some((first, last)) = key.split_once("..") else {
-        return index(key).map(|only| vec![(only..=only, object)]);
-    };
-    let (last, step) = match last.split_once('/') {
-        Some((last, step)) => (last, u16::from_str_radix(step, 16).ok().filter(|step| *step > 0)?),
-        None => (last, 0),
-    };
-    let (first, last) = (index(first)?, index(last)?);
-    match step {
-        _ if first > last => None,
-        0 => Some(vec![(first..=last, object)]),
-        _ => Some(
-            (first..=last)
-                .step_by(step.into())
-                .zip(1..)
-                .map(|(index, number): (u16, u16)| (index..=index, numbered(&object, number)))
-                .collect(),
-        ),
-    }
-}
-
-fn numbered(object: &ObjectFacts, number: u16) -> ObjectFacts {
-    let name = object.name.as_ref().map(|name| name.replace('#', &number.to_string()));
-    ObjectFacts { name, ..object.clone() }
-}
-
 const FILES: [(&str, &str); 4] = [
     ("cia301.yaml", include_str!("../catalogue/cia301.yaml")),
     ("cia401.yaml", include_str!("../catalogue/cia401.yaml")),
@@ -263,9 +203,14 @@ const FILES: [(&str, &str); 4] = [
     ("em66.yaml", include_str!("../catalogue/em66.yaml")),
 ];
 
-static PROFILES: LazyLock<Vec<Profile>> = LazyLock::new(|| {
-    let read = |(file, text)| Profile::read(text).unwrap_or_else(|e| panic!("{file}: {e}"));
-    FILES.map(read).into()
+static BUILT_IN: LazyLock<Catalogue> = LazyLock::new(|| {
+    let source = |(name, text): (&str, &str)| {
+        Arc::new(Source { name: format!("canopen/catalogue/{name}"), text: text.to_owned() })
+    };
+    Catalogue::read(&FILES.map(source)).unwrap_or_else(|complaints| {
+        let texts: Vec<String> = complaints.iter().map(ToString::to_string).collect();
+        panic!("{}", texts.join("\n\n"))
+    })
 });
 
 #[cfg(test)]
@@ -344,16 +289,5 @@ mod tests {
                 assert!(facts.access.is_some(), "{at}: no access");
             }
         }
-    }
-
-    #[test]
-    fn mistakes_are_told() {
-        let wrong = |objects: &str| {
-            Profile::read(&format!("profile: x\nobjects:\n{objects}")).unwrap_err().to_string()
-        };
-        assert!(wrong("  \"100\": {}").contains("neither an index"));
-        assert!(wrong("  \"1000..1010\": {}\n  \"1008\": {}").contains("1008 is described twice"));
-        assert!(wrong("  \"1000\": { type: unsigned7 }").contains("unsigned7"));
-        assert!(wrong("  \"1000\": { acess: ro }").contains("acess"));
     }
 }

@@ -1,7 +1,12 @@
 //! The address of a value in an object dictionary.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::str::FromStr;
+
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::Deserialize;
+use serde::de::{Deserializer, Error};
 
 /// Index and sub-index. Written `1017:00`, hexadecimal both.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -68,6 +73,25 @@ impl FromStr for Mux {
         let index = u16::from_str_radix(index, 16).map_err(|_| NoMux)?;
         let sub = u8::from_str_radix(sub, 16).map_err(|_| NoMux)?;
         Ok(Self { index, sub })
+    }
+}
+
+impl<'de> Deserialize<'de> for Mux {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
+    }
+}
+
+impl JsonSchema for Mux {
+    fn schema_name() -> Cow<'static, str> {
+        "Address".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "Index and sub-index, hexadecimal: `\"1017:00\"`.",
+            "type": "string",
+            "pattern": "^[0-9A-Fa-f]{4}:[0-9A-Fa-f]{2}$",
+        })
     }
 }
 

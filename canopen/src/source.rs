@@ -1,5 +1,7 @@
 //! Files we read, places in them, and errors that point at the place.
 
+mod outline;
+
 use std::fmt;
 use std::sync::Arc;
 
@@ -7,6 +9,8 @@ use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::{Deserialize, Deserializer};
 
 use crate::nearest::did_you_mean;
+
+pub use outline::Outline;
 
 /// A text with the name by which the user knows it.
 #[derive(Debug, Default)]

@@ -78,6 +78,11 @@ impl DataType {
         Self::ALL.iter().copied().find(|data_type| data_type.name() == Some(name))
     }
 
+    /// The names that [`named`](Self::named) knows.
+    pub fn names() -> impl Iterator<Item = &'static str> {
+        Self::ALL.iter().filter_map(|data_type| data_type.name())
+    }
+
     /// The length in bytes of every value of this type; `None` when values differ in length.
     pub const fn size(self) -> Option<usize> {
         match self.kind() {

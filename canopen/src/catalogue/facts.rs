@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::scalar::{self, Scalar};
@@ -10,7 +11,7 @@ use crate::value::DataType;
 
 /// What is known of an object. For arrays and records, `type` to `category` hold for every sub
 /// from 1 upwards that does not say otherwise.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ObjectFacts {
     /// Name of the object.
@@ -19,9 +20,11 @@ pub struct ObjectFacts {
     pub object: Option<Shape>,
     /// Data type.
     #[serde(rename = "type", deserialize_with = "scalar::data_type")]
+    #[schemars(schema_with = "scalar::data_type_schema")]
     pub data_type: Option<DataType>,
     /// Access over the network.
     #[serde(deserialize_with = "scalar::access")]
+    #[schemars(schema_with = "scalar::access_schema")]
     pub access: Option<Access>,
     /// Default value.
     pub value: Option<Scalar>,
@@ -54,16 +57,18 @@ pub struct ObjectFacts {
 }
 
 /// What is known of one value. A part that is `None` is left to whoever describes it next.
-#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Facts {
     /// Name.
     pub name: Option<String>,
     /// Data type.
     #[serde(rename = "type", deserialize_with = "scalar::data_type")]
+    #[schemars(schema_with = "scalar::data_type_schema")]
     pub data_type: Option<DataType>,
     /// Access over the network.
     #[serde(deserialize_with = "scalar::access")]
+    #[schemars(schema_with = "scalar::access_schema")]
     pub access: Option<Access>,
     /// Default value.
     pub value: Option<Scalar>,
@@ -86,7 +91,7 @@ pub struct Facts {
 }
 
 /// Object code, by name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Shape {
     /// A single value.
@@ -100,7 +105,7 @@ pub enum Shape {
 }
 
 /// The PDOs a value may be mapped into, seen from the device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mapping {
     /// None.
@@ -114,7 +119,7 @@ pub enum Mapping {
 }
 
 /// Whether a profile demands an object.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Category {
     /// Every device has it.

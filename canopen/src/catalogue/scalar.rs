@@ -1,13 +1,14 @@
 //! The single values of a description.
 
-use std::collections::BTreeMap;
+use std::borrow::Cow;
 use std::fmt;
 
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 use serde::de::{Deserializer, Error, Visitor};
 
 use crate::eds::{Access, Term};
-use crate::mux::{Mux, NoMux};
+use crate::nearest::did_you_mean;
 use crate::value::{DataType, Value};
 
 /// A default value or a limit as written, before its type is known.
@@ -74,19 +75,10 @@ where
 {
     let name = String::deserialize(deserializer)?;
     let known = DataType::named(&name);
-    known.map(Some).ok_or_else(|| D::Error::custom(format!("there is no data type {name:?}")))
-}
-
-pub(super) fn mux<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Mux, D::Error> {
-    String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
-}
-
-pub(super) fn muxes<'de, D: Deserializer<'de>>(
-    deserializer: D,
-) -> Result<BTreeMap<String, Mux>, D::Error> {
-    let texts = BTreeMap::<String, String>::deserialize(deserializer)?;
-    let parsed = texts.into_iter().map(|(name, text)| Ok((name, text.parse()?)));
-    parsed.collect::<Result<_, NoMux>>().map_err(D::Error::custom)
+    known.map(Some).ok_or_else(|| {
+        let meant = did_you_mean(&name, DataType::names());
+        D::Error::custom(format!("unknown data type `{name}`{meant}"))
+    })
 }
 
 pub(super) fn access<'de, D: Deserializer<'de>>(
@@ -95,11 +87,21 @@ pub(super) fn access<'de, D: Deserializer<'de>>(
     let name = String::deserialize(deserializer)?;
     Access::named(&name).map(Some).ok_or_else(|| {
         let names = Access::ALL.map(Access::name).join(", ");
-        D::Error::custom(format!("there is no access {name:?}, only {names}"))
+        D::Error::custom(format!("unknown access type `{name}`: there is {names}"))
     })
 }
 
-/// The `+0x180` behind `$NODEID`; nothing is 0.
+pub(super) fn data_type_schema(_: &mut SchemaGenerator) -> Schema {
+    let names: Vec<&str> = DataType::names().collect();
+    json_schema!({ "description": "Data type.", "type": "string", "enum": names })
+}
+
+pub(super) fn access_schema(_: &mut SchemaGenerator) -> Schema {
+    let names = Access::ALL.map(Access::name);
+    json_schema!({ "description": "Access over the network.", "type": "string", "enum": names })
+}
+
+/// The `+0x180` after `$NODEID`; nothing is 0.
 fn offset(text: &str) -> Option<i128> {
     let Some(number) = text.strip_prefix('+') else {
         return text.is_empty().then_some(0);
@@ -107,6 +109,18 @@ fn offset(text: &str) -> Option<i128> {
     match number.strip_prefix("0x") {
         Some(digits) => i128::from_str_radix(digits, 16).ok(),
         None => number.parse().ok(),
+    }
+}
+
+impl JsonSchema for Scalar {
+    fn schema_name() -> Cow<'static, str> {
+        "Scalar".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "A value of the type of the object; `$NODEID+0x180` depends on the node id.",
+            "type": ["boolean", "number", "string"],
+        })
     }
 }
 

@@ -1,0 +1,206 @@
+//! Where everything in a YAML text stands: the keys and items by which a value is reached, and
+//! the places of both. It is made only after something was found wrong in a text that reads well.
+
+use std::fmt;
+
+use serde::de::{MapAccess, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+
+use super::{At, Place, Source};
+
+/// A text as keys, items and their places.
+#[derive(Clone, Debug)]
+pub struct Outline(At<Node>);
+
+#[derive(Clone, Debug)]
+enum Node {
+    Map(Vec<(At<Word>, At<Self>)>),
+    List(Vec<At<Self>>),
+    Leaf,
+}
+
+/// A key as text, whatever YAML takes it for.
+#[derive(Clone, Debug)]
+struct Word(String);
+
+impl Outline {
+    /// The outline of a text; `None` when it is not YAML.
+    pub fn of(source: &Source) -> Option<Self> {
+        serde_yaml::from_str(&source.text).ok().map(Self)
+    }
+
+    /// Where the text starts.
+    pub const fn start(&self) -> Place {
+        self.0.place
+    }
+
+    /// The keys of the map that is reached by `path`, each with its place; none when it is not a
+    /// map.
+    pub fn keys(&self, path: &[&str]) -> impl Iterator<Item = (&str, Place)> {
+        let entries = match self.walk(path) {
+            Some((_, At { value: Node::Map(entries), .. })) => entries.as_slice(),
+            _ => &[],
+        };
+        entries.iter().map(|(key, _)| (key.value.0.as_str(), key.place))
+    }
+
+    /// Where the value stands that is reached by these keys; an item of a list by its number,
+    /// counted from 0.
+    pub fn value(&self, path: &[&str]) -> Option<Place> {
+        self.walk(path).map(|(_, value)| value.place)
+    }
+
+    /// Where the last of these keys stands; an item of a list where it starts.
+    pub fn key(&self, path: &[&str]) -> Option<Place> {
+        self.walk(path).map(|(key, _)| key)
+    }
+
+    /// The value that is reached by as many of these keys as there are.
+    pub fn nearest(&self, path: &[&str]) -> Place {
+        let found = (0..=path.len()).rev().find_map(|length| self.value(&path[..length]));
+        found.unwrap_or(self.0.place)
+    }
+
+    fn walk(&self, path: &[&str]) -> Option<(Place, &At<Node>)> {
+        path.iter().try_fold((self.0.place, &self.0), |(_, at), step| match &at.value {
+            Node::Map(entries) => {
+                let (key, value) = entries.iter().find(|(key, _)| key.value.0 == *step)?;
+                Some((key.place, value))
+            }
+            Node::List(items) => {
+                let item = items.get(step.parse::<usize>().ok()?)?;
+                Some((item.place, item))
+            }
+            Node::Leaf => None,
+        })
+    }
+}
+
+impl<'de> Deserialize<'de> for Outline {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        At::deserialize(deserializer).map(Self)
+    }
+}
+
+impl<'de> Deserialize<'de> for Node {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(NodeVisitor)
+    }
+}
+
+impl<'de> Deserialize<'de> for Word {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_any(WordVisitor)
+    }
+}
+
+struct NodeVisitor;
+
+impl<'de> Visitor<'de> for NodeVisitor {
+    type Value = Node;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("anything")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Node, A::Error> {
+        let mut entries = Vec::new();
+        while let Some(entry) = map.next_entry()? {
+            entries.push(entry);
+        }
+        Ok(Node::Map(entries))
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Node, A::Error> {
+        let mut items = Vec::new();
+        while let Some(item) = list.next_element()? {
+            items.push(item);
+        }
+        Ok(Node::List(items))
+    }
+
+    fn visit_bool<E>(self, _: bool) -> Result<Node, E> {
+        Ok(Node::Leaf)
+    }
+
+    fn visit_i64<E>(self, _: i64) -> Result<Node, E> {
+        Ok(Node::Leaf)
+    }
+
+    fn visit_u64<E>(self, _: u64) -> Result<Node, E> {
+        Ok(Node::Leaf)
+    }
+
+    fn visit_f64<E>(self, _: f64) -> Result<Node, E> {
+        Ok(Node::Leaf)
+    }
+
+    fn visit_str<E>(self, _: &str) -> Result<Node, E> {
+        Ok(Node::Leaf)
+    }
+
+    fn visit_unit<E>(self) -> Result<Node, E> {
+        Ok(Node::Leaf)
+    }
+
+    fn visit_none<E>(self) -> Result<Node, E> {
+        Ok(Node::Leaf)
+    }
+
+    fn visit_some<D: Deserializer<'de>>(self, deserializer: D) -> Result<Node, D::Error> {
+        Node::deserialize(deserializer)
+    }
+}
+
+struct WordVisitor;
+
+impl Visitor<'_> for WordVisitor {
+    type Value = Word;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a key")
+    }
+
+    fn visit_i64<E>(self, number: i64) -> Result<Word, E> {
+        Ok(Word(number.to_string()))
+    }
+
+    fn visit_u64<E>(self, number: u64) -> Result<Word, E> {
+        Ok(Word(number.to_string()))
+    }
+
+    fn visit_str<E>(self, text: &str) -> Result<Word, E> {
+        Ok(Word(text.to_owned()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_and_values_have_places() {
+        let text = "objects:\n  \"1017\": { value: 7 }\n  \"1018\":\n    subs: { 1: { low: 2 } }\n\
+                    list: [a, { b: c }]\n";
+        let source = Source { name: "x".into(), text: text.into() };
+        let outline = Outline::of(&source).unwrap();
+        let at = |place: Option<Place>| place.map(|place| (place.line, place.column));
+        assert_eq!(at(outline.key(&["objects", "1017"])), Some((2, 3)));
+        assert_eq!(at(outline.value(&["objects", "1017", "value"])), Some((2, 20)));
+        assert_eq!(at(outline.value(&["objects", "1018", "subs", "1", "low"])), Some((4, 23)));
+        assert_eq!(at(outline.key(&["objects", "1018", "subs", "1"])), Some((4, 13)));
+        assert_eq!(at(outline.value(&["list", "1", "b"])), Some((5, 16)));
+        assert_eq!(at(outline.value(&["list", "7"])), None);
+        let keys: Vec<&str> = outline.keys(&["objects"]).map(|(key, _)| key).collect();
+        assert_eq!(keys, ["1017", "1018"]);
+        assert_eq!(at(Some(outline.nearest(&["list", "7", "x"]))), Some((5, 7)));
+    }
+
+    #[test]
+    fn what_is_no_yaml_has_no_outline() {
+        for text in ["a: [", "a: b: c", "\t", "{{}: 1}"] {
+            let source = Source { name: "x".into(), text: text.into() };
+            _ = Outline::of(&source).map(|outline| outline.nearest(&["a"]));
+        }
+    }
+}
