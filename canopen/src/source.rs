@@ -35,6 +35,13 @@ impl Source {
     }
 }
 
+impl Source {
+    /// The place of a byte within the text that starts at `place`, with or without a quote.
+    pub fn inside(&self, place: Place, offset: usize) -> Place {
+        Place { column: place.column + quoted(self, place, offset), ..place }
+    }
+}
+
 /// A place in a file: line and column, counted from 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Place {
@@ -131,8 +138,7 @@ pub fn read_yaml<T: for<'de> Deserialize<'de>>(source: &Arc<Source>) -> Result<T
         // The location is shown below the message, once.
         let message = message.rsplit_once(" at line ").map_or(message.as_str(), |(text, _)| text);
         let (offset, message) = offset_of(message);
-        let place = place
-            .map(|place| Place { column: place.column + quoted(source, place, offset), ..place });
+        let place = place.map(|place| source.inside(place, offset));
         Complaint { source: Arc::clone(source), place, message: in_our_words(message) }
     })
 }
@@ -180,6 +186,9 @@ fn in_our_words(message: &str) -> String {
             .is_some_and(|bits| bits == "size" || bits.parse::<u8>().is_ok())
     };
     match message.strip_prefix("invalid ") {
+        Some("u8") => return "a whole number from 0 to 255 belongs here".to_owned(),
+        Some("u16") => return "a whole number from 0 to 65535 belongs here".to_owned(),
+        Some("u32" | "u64" | "usize") => return "a whole number from 0 on belongs here".to_owned(),
         Some(word) if integer(word) => return "a whole number belongs here".to_owned(),
         Some("f64" | "f32") => return "a number belongs here".to_owned(),
         Some("bool" | "boolean") => return "`true` or `false` belongs here".to_owned(),

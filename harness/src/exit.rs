@@ -48,6 +48,12 @@ impl Refused {
     }
 }
 
+impl From<crate::source::Complaint> for Refused {
+    fn from(complaint: crate::source::Complaint) -> Self {
+        vec![complaint].into()
+    }
+}
+
 impl From<Vec<crate::source::Complaint>> for Refused {
     fn from(complaints: Vec<crate::source::Complaint>) -> Self {
         let texts: Vec<String> = complaints.iter().map(ToString::to_string).collect();

@@ -3,22 +3,23 @@
 
 mod check;
 mod file;
+mod head;
 mod markdown;
 mod merge;
 mod node;
+mod wrong;
 
 use std::collections::BTreeMap;
-use std::fmt;
-use std::iter;
+use std::sync::Arc;
 
 use canopen::Mux;
-use canopen::catalogue::{Mapping, ObjectFacts, Scalar};
-use canopen::eds::Eds;
-use serde::de::DeserializeOwned;
+use canopen::catalogue::{Catalogue, Mapping, ObjectFacts, Scalar};
+use canopen::eds::{self, Eds};
+use canopen::source::{At, Complaint, Source, read_yaml};
 
 use crate::stack::NodeSettings;
 
-use file::{DeviceFile, VariantFile};
+pub use file::{DeviceFile, VariantFile};
 
 /// A device as its data describes it.
 #[derive(Clone, Debug)]
@@ -64,88 +65,109 @@ pub struct Note {
     pub clause: Option<String>,
 }
 
-/// The data of a device do not load, or do not make a device.
-#[derive(Debug)]
-pub struct DescribeError(String);
-
-/// The names of the devices that are part of the program, each followed by its variants.
-pub fn names() -> impl Iterator<Item = &'static str> {
-    DEVICES.iter().flat_map(Data::names)
-}
-
-/// The device of that name and its variants; nothing when it is none or is itself a variant.
-pub fn with_variants(name: &str) -> impl Iterator<Item = &'static str> {
-    DEVICES.iter().filter(move |device| device.name == name).flat_map(Data::names)
-}
-
-/// The device or variant of that name; `None` when there is none.
-///
-/// # Panics
-/// When its data do not load: they are part of the program.
-pub fn device(name: &str) -> Option<Description> {
-    DEVICES.iter().find_map(|device| {
-        let described = match device.variants.iter().find(|(variant, _)| *variant == name) {
-            Some((_, yaml)) => Description::read_variant(name, yaml, device.yaml),
-            None if device.name == name => Description::read(device.yaml),
-            None => return None,
-        };
-        Some(described.unwrap_or_else(|error| panic!("data of {name}: {error}")))
-    })
+/// What a description may refer to.
+#[derive(Clone, Copy, Debug)]
+pub struct Known<'k> {
+    /// The profiles.
+    pub catalogue: &'k Catalogue,
+    /// The modules that say what a device does.
+    pub behaviours: &'k [&'k str],
 }
 
 impl Description {
     /// Reads a `device.yaml` and merges it with the catalogue.
     ///
     /// # Errors
-    /// With line and column, when the text is not of the form; with the address, when an object
-    /// is not fully described, a value is not of its type or outside its limits, or the default
-    /// mapping of a PDO is not legal.
-    pub fn read(yaml: &str) -> Result<Self, DescribeError> {
-        Self::of_file(parse(yaml)?, None)
+    /// Everything that is wrong: a text that is not of the form, an object that is not fully
+    /// described, a value that is not of its type or outside its limits, a default mapping of a
+    /// PDO that is not legal.
+    pub fn read(device: &Arc<Source>, known: Known<'_>) -> Result<Self, Vec<Complaint>> {
+        let mut file: DeviceFile = read_yaml(device).map_err(one)?;
+        head::check(device, &file, known)?;
+        let objects = std::mem::take(&mut file.objects).by_index(device)?;
+        Self::of_file(file, objects, None, known, &[device])
     }
 
     /// Reads what a variant called `name` has otherwise than the device of this `device.yaml`.
     ///
     /// # Errors
     /// As [`read`](Self::read), and when the variant leaves out what is not there.
-    fn read_variant(name: &str, yaml: &str, device: &str) -> Result<Self, DescribeError> {
-        let (variant, device): (VariantFile, DeviceFile) = (parse(yaml)?, parse(device)?);
-        let base = device.device.clone();
-        Self::of_file(variant.apply(name, device)?, Some(base))
+    pub fn read_variant(
+        name: &str,
+        variant: &Arc<Source>,
+        device: &Arc<Source>,
+        known: Known<'_>,
+    ) -> Result<Self, Vec<Complaint>> {
+        let mut base: DeviceFile = read_yaml(device).map_err(one)?;
+        head::check(device, &base, known)?;
+        let mut objects = std::mem::take(&mut base.objects).by_index(device)?;
+        let file: VariantFile = read_yaml(variant).map_err(one)?;
+        head::check_variant(variant, &file, &base, known)?;
+        let variant_of = base.device.value.clone();
+        let mut file = file.apply(variant, base, &mut objects)?;
+        file.device = At::new(name.to_owned(), file.device.place);
+        Self::of_file(file, objects, Some(variant_of), known, &[variant, device])
     }
 
-    fn of_file(file: DeviceFile, variant_of: Option<String>) -> Result<Self, DescribeError> {
+    /// The device of these objects; complaints are about the first file that says what is wrong.
+    fn of_file(
+        file: DeviceFile,
+        objects: BTreeMap<u16, ObjectFacts>,
+        variant_of: Option<String>,
+        known: Known<'_>,
+        files: &[&Arc<Source>],
+    ) -> Result<Self, Vec<Complaint>> {
+        let values = |texts: Vec<At<String>>| texts.into_iter().map(|at| at.value).collect();
         let mut described = Self {
             eds: Eds {
                 file: file.file_info(),
                 device: file.device_info(),
                 dummies: file.dummy.clone(),
-                comments: vec![generated_by(&file.device), file.title.clone()],
+                comments: vec![generated_by(&file.device.value), file.title.value.clone()],
                 ..Eds::default()
             },
-            settings: node::settings(&file.node, file.emcy.as_ref())?,
-            device: file.device,
+            settings: node::settings(&file.node, file.emcy.as_ref()),
+            device: file.device.value,
             variant_of,
-            title: file.title,
+            title: file.title.value,
             document: file.document,
-            profiles: file.profiles,
-            behaviour: file.behaviour,
-            without: file.without,
-            default_node: file.default_node,
+            profiles: values(file.profiles),
+            behaviour: file.behaviour.value,
+            without: values(file.without),
+            default_node: file.default_node.value,
             notes: BTreeMap::new(),
             heads: BTreeMap::new(),
         };
         let identity = [file.vendor.number, file.product.number, file.revision, file.serial];
-        for (index, mut chosen) in file.objects {
+        let mut wrong = Vec::new();
+        for (index, mut chosen) in objects {
             if index == IDENTITY {
                 identify(&mut chosen, identity);
             }
-            merge::object(&mut described, index, &chosen)?;
+            wrong.extend(merge::object(&mut described, known.catalogue, index, &chosen).err());
         }
         described.count_pdos();
-        check::values(&described.eds)?;
-        check::mappings(&described.eds)?;
-        Ok(described)
+        if wrong.is_empty() {
+            check::values(&described.eds, &mut wrong);
+            check::mappings(&described.eds, &mut wrong);
+        }
+        let mut complaints: Vec<_> =
+            wrong.into_iter().map(|wrong| wrong.complaint(files)).collect();
+        if complaints.is_empty() {
+            let device = files[files.len() - 1];
+            complaints.extend(head::unknown_objects(device, &file.node, &described.eds));
+            complaints.extend(described.unreadable(device));
+        }
+        if complaints.is_empty() { Ok(described) } else { Err(complaints) }
+    }
+
+    /// What is wrong with the data sheet although each part of it seemed right.
+    fn unreadable(&self, source: &Arc<Source>) -> Option<Complaint> {
+        let reading = eds::read(eds::write(&self.eds, &self.generated_by()).as_bytes());
+        let error = |found: &&eds::Diagnostic| found.severity == eds::Severity::Error;
+        let found = reading.diagnostics.iter().find(error)?;
+        let message = format!("the data sheet of this device has an error: {}", found.message);
+        Some(Complaint { source: Arc::clone(source), place: None, message })
     }
 
     /// The folder of its data and the name of its generated files there, without their ending.
@@ -171,7 +193,7 @@ impl Description {
 
     fn count_pdos(&mut self) {
         let count = |first: u16, last: u16| {
-            let within = |object: &&canopen::eds::Object| (first..=last).contains(&object.index);
+            let within = |object: &&eds::Object| (first..=last).contains(&object.index);
             self.eds.objects.iter().filter(within).count() as u16
         };
         let (rpdos, tpdos) = (count(0x1400, 0x15FF), count(0x1800, 0x19FF));
@@ -179,14 +201,6 @@ impl Description {
         self.eds.device.tpdo_count = tpdos;
     }
 }
-
-impl fmt::Display for DescribeError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.0)
-    }
-}
-
-impl std::error::Error for DescribeError {}
 
 /// Gives 1018h the numbers from the head of the file where the object has no others.
 fn identify(object: &mut ObjectFacts, numbers: [u32; 4]) {
@@ -200,140 +214,159 @@ fn identify(object: &mut ObjectFacts, numbers: [u32; 4]) {
     }
 }
 
-fn parse<T: DeserializeOwned>(yaml: &str) -> Result<T, DescribeError> {
-    serde_yaml::from_str(yaml).map_err(|error| DescribeError(error.to_string()))
+fn one(complaint: Complaint) -> Vec<Complaint> {
+    vec![complaint]
 }
 
 fn generated_by(device: &str) -> String {
     format!("generated by `harness eds write {device}`")
 }
 
-/// A device and its variants, by name, as they are written.
-struct Data {
-    name: &'static str,
-    yaml: &'static str,
-    variants: &'static [(&'static str, &'static str)],
-}
-
-impl Data {
-    fn names(&self) -> impl Iterator<Item = &'static str> {
-        iter::once(self.name).chain(self.variants.iter().map(|(name, _)| *name))
-    }
-}
-
-const EM66_VARIANTS: &[(&str, &str)] = &[
-    ("em66-no-external-sensor", include_str!("../em66/variants/no-external-sensor.yaml")),
-    ("em66-no-suction", include_str!("../em66/variants/no-suction.yaml")),
-    ("em66-no-evacuation", include_str!("../em66/variants/no-evacuation.yaml")),
-    ("em66-no-cool-down", include_str!("../em66/variants/no-cool-down.yaml")),
-    ("em66-minimum", include_str!("../em66/variants/minimum.yaml")),
-];
-
-const DEVICES: &[Data] = &[
-    Data { name: "drr460", yaml: include_str!("../drr460/device.yaml"), variants: &[] },
-    Data { name: "em66", yaml: include_str!("../em66/device.yaml"), variants: EM66_VARIANTS },
-    Data { name: "generic", yaml: include_str!("../generic/device.yaml"), variants: &[] },
-];
 const IDENTITY: u16 = 0x1018;
 
 #[cfg(test)]
 mod tests {
-    use canopen::eds::{Access, ObjectKind};
-    use canopen::{DataType, Dictionary, Value};
+    use canopen::Value;
 
     use super::*;
 
     #[test]
-    fn every_device_loads_and_makes_a_dictionary() {
-        for name in names() {
-            let described = device(name).unwrap();
-            assert_eq!(described.device, name);
-            Dictionary::new(&described.eds, described.default_node).unwrap();
-        }
+    fn mistakes_have_places() {
+        let table = [
+            ("\"400\": {}", "17:3: `400` is neither an index"),
+            ("\"5000\": {}", "17:3: 5000: neither the device nor a profile gives its object code"),
+            ("\"5000\": { object: var, type: integer8 }", "17:3: 5000 has no name"),
+            ("\"5000\": { object: var, name: N, type: integer8 }", "17:3: 5000:00 has no access"),
+            ("\"1003\": {}", "17:3: 1003: neither `count` nor `subs`"),
+            ("\"1003\": { count: 1, subs: { 2: {} } }", "17:31: 1003:02 lies beyond `count: 1`"),
+            ("\"1017\": { value: 70000 }", "17:20: 70000 is not a value of type unsigned16"),
+            (
+                "\"1017\": { value: 9, low: 10 }",
+                "17:20: 1017:00: the default value 9 lies below 10",
+            ),
+            ("\"1017\": { access: ro, pdo: rpdo }", "17:30: 1017:00 has access ro"),
+            (
+                "\"1600\": { count: 1, subs: { 1: { value: 0x10170010 } } }",
+                "17:43: 1600:01 maps 1017:00, which does not exist",
+            ),
+            ("\"1017\": {}\n  \"1017..1018\": {}", "18:3: 1017 is described twice"),
+            (
+                "\"2000\": { object: var, name: N, type: unsigned8, access: ro, value: $NODEID+200 }",
+                "17:71: $NODEID+200 is not a value of type unsigned8",
+            ),
+        ];
+        let wrong = table.map(|(objects, expected)| (complaint(&with(objects)), expected));
+        let wrong: Vec<_> =
+            wrong.iter().filter(|(got, expected)| !got.starts_with(expected)).collect();
+        assert!(wrong.is_empty(), "{wrong:#?}");
     }
 
     #[test]
-    fn drr460_is_what_its_manual_says() {
-        let eds = device("drr460").unwrap().eds;
-        let parameters = eds.object(0x3000).unwrap();
-        assert_eq!(parameters.kind, ObjectKind::ARRAY);
-        assert_eq!(parameters.entries.len(), 1 + 143);
-        assert_eq!((eds.device.rpdo_count, eds.device.tpdo_count), (2, 4));
+    fn mistakes_of_the_head_have_places() {
         let table = [
-            (0x1000, 0, Access::Const, DataType::UNSIGNED32, Value::Int(0x000E_0191)),
-            (0x1003, 0, Access::Rw, DataType::UNSIGNED8, Value::Int(0)),
-            (0x1018, 0, Access::Ro, DataType::UNSIGNED8, Value::Int(4)),
-            (0x1018, 2, Access::Ro, DataType::UNSIGNED32, Value::Int(260)),
-            (0x1801, 1, Access::Rw, DataType::UNSIGNED32, Value::Int(0x285)),
-            (0x1801, 0, Access::Ro, DataType::UNSIGNED8, Value::Int(5)),
-            (0x1A00, 0, Access::Rw, DataType::UNSIGNED8, Value::Int(2)),
-            (0x3000, 0, Access::Ro, DataType::UNSIGNED8, Value::Int(143)),
-            (0x3000, 111, Access::Rw, DataType::INTEGER16, Value::Int(247)),
-            (0x6200, 1, Access::Rww, DataType::UNSIGNED8, Value::Int(0)),
-            (0x6424, 5, Access::Rw, DataType::INTEGER16, Value::Int(0)),
+            ("device: x", "device: X/Y", "1:9: `X/Y` is not a name"),
+            ("date: 01-01-2026", "date: 2026-01-01", "4:7: `2026-01-01` is not a date"),
+            (
+                "profiles: [cia301]",
+                "profiles: [cia310]",
+                "9:12: no profile `cia310` in the catalogue; did you mean `cia301`?",
+            ),
+            (
+                "behaviour: inert",
+                "behaviour: inrt",
+                "10:12: no behaviour `inrt`; did you mean `inert`?",
+            ),
+            (
+                "bit-rates: [125]",
+                "bit-rates: [125, 1001]",
+                "11:18: a bit rate is 10 to 1000 kbit/s",
+            ),
+            ("default-node: 1", "default-node: 128", "12:15: a node id is 1 to 127"),
+            ("title: X", "title: \"X\\nY\"", "2:8: this text does not fit on a line"),
+            ("lss: false", "lss: flase", "`true` or `false` belongs here"),
+            (
+                "lss: false",
+                "lss: false\nnode: { clock: \"2F30:01\" }",
+                "15:16: the device has no object 2F30:01",
+            ),
+            ("lss: false", "lss: false\nwithout: [suction]", "no option `suction`"),
         ];
-        for (index, sub, access, data_type, value) in table {
-            let entry = eds.entry(Mux::new(index, sub)).unwrap();
-            assert_eq!((entry.access, entry.data_type), (access, data_type), "{}", entry.mux);
-            assert_eq!(entry.default.as_ref().map(|term| term.resolve(5)), Some(value));
-        }
-        assert_eq!(eds.entry(Mux::new(0x1801, 4)), None);
-    }
-
-    #[test]
-    fn mistakes_are_told_with_their_address() {
-        let table = [
-            ("\"400\": {}", "\"400\" is no index"),
-            ("\"5000\": {}", "5000: neither the device nor a profile gives its object code"),
-            ("\"5000\": { object: var, type: integer8 }", "5000:00 has no name"),
-            ("\"1003\": {}", "1003: neither count nor subs"),
-            ("\"1003\": { count: 1, subs: { 2: {} } }", "1003:02 is beyond count 1"),
-            ("\"1017\": { value: 70000 }", "1017:00: 70000 is no value of type unsigned16"),
-            ("\"1017\": { value: 9, low: 10 }", "1017:00: default 9 lies below 10"),
-            ("\"1017\": { access: ro, pdo: rpdo }", "1017:00 is ro and cannot be mapped: rpdo"),
-            ("\"1600\": { count: 1, subs: { 1: { value: 0x10170010 } } }", "1600:01 maps 1017:00"),
-        ];
-        for (objects, message) in table {
-            let error = read_with(objects).unwrap_err().to_string();
-            assert!(error.contains(message), "{error:?} does not contain {message:?}");
-        }
+        let got = |good, bad| complaint(&with("\"1017\": {}").replace(good, bad));
+        let wrong = table.map(|(good, bad, expected)| (got(good, bad), expected));
+        let wrong: Vec<_> =
+            wrong.iter().filter(|(got, expected)| !got.contains(expected)).collect();
+        assert!(wrong.is_empty(), "{wrong:#?}");
     }
 
     #[test]
     fn a_variant_is_its_device_but_for_what_it_says() {
-        let device = with("\"1016\": { count: 1, value: 0 }\n  \"1017\": { value: 7, high: 9 }");
+        let device = source(
+            "device.yaml",
+            &with("\"1016\": { count: 1, value: 0 }\n  \"1017\": { value: 7, high: 9 }"),
+        );
         let read = |rest: &str| {
             let head = "title: Y\nproduct: { name: Q, number: 5, order-code: R }\n";
-            Description::read_variant("x-small", &format!("{head}{rest}"), &device)
+            let variant = source("variants/small.yaml", &format!("{head}{rest}"));
+            Description::read_variant("x-small", &variant, &device, known())
         };
         let small = read(
-            "without: [suction]\nleave-out: [\"1010..1016\"]\n\
+            "leave-out: [\"1010..1016\"]\n\
             objects: { \"1017\": { value: 8 }, \"1005\": { value: 128 } }",
         )
         .unwrap();
         assert_eq!(small.place(), ("x/variants".to_owned(), "small".to_owned()));
         assert_eq!((small.title.as_str(), small.eds.device.product_number), ("Y", 5));
-        assert_eq!((small.without, small.variant_of), (vec!["suction".into()], Some("x".into())));
+        assert_eq!(small.variant_of, Some("x".into()));
         let indices: Vec<u16> = small.eds.objects.iter().map(|object| object.index).collect();
-        assert_eq!(indices, [0x1005, 0x1017]);
+        assert_eq!(indices, [0x1000, 0x1001, 0x1005, 0x1017, 0x1018]);
         let period = small.eds.entry(Mux::new(0x1017, 0)).unwrap();
         let [value, high] = [&period.default, &period.high];
         assert_eq!(value.as_ref().map(|term| term.resolve(1)), Some(Value::Int(8)));
         assert_eq!(high.as_ref().map(|term| term.resolve(1)), Some(Value::Int(9)));
-        let wrong = read("leave-out: [\"3000\"]").unwrap_err().to_string();
-        assert!(wrong.contains("3000 is left out and was never there"), "{wrong}");
+        for (rest, file, expected) in [
+            ("leave-out: [\"3000\"]", "variants/small.yaml", "3:13: `3000` is left out, but"),
+            ("objects: { \"1017\": { high: 6 } }", "device.yaml", "18:20: 1017:00: the default"),
+            (
+                "objects: { \"1017\": { value: 10 } }",
+                "variants/small.yaml",
+                "3:29: 1017:00: the de",
+            ),
+            ("objects: { \"5000\": {} }", "variants/small.yaml", "3:12: 5000: neither the device"),
+        ] {
+            let wrong = read(rest).unwrap_err().remove(0);
+            assert_eq!(wrong.source.name, file);
+            assert!(shown(&wrong).starts_with(expected), "{}", shown(&wrong));
+        }
     }
 
-    fn read_with(objects: &str) -> Result<Description, DescribeError> {
-        Description::read(&with(objects))
+    fn complaint(yaml: &str) -> String {
+        match Description::read(&source("device.yaml", yaml), known()) {
+            Ok(_) => "nothing".to_owned(),
+            Err(complaints) => shown(&complaints[0]),
+        }
+    }
+
+    fn shown(complaint: &Complaint) -> String {
+        let at =
+            complaint.place.map_or_else(String::new, |at| format!("{}:{}", at.line, at.column));
+        format!("{at}: {}", complaint.message)
+    }
+
+    fn known() -> Known<'static> {
+        Known { catalogue: Catalogue::built_in(), behaviours: &["inert"] }
+    }
+
+    fn source(name: &str, text: &str) -> Arc<Source> {
+        Arc::new(Source { name: name.to_owned(), text: text.to_owned() })
     }
 
     /// A `device.yaml` with these objects.
     fn with(objects: &str) -> String {
         let head = "device: x\ntitle: X\ndocument: x\ndate: 01-01-2026\n\
             vendor: { name: V, number: 1 }\nproduct: { name: P, number: 2, order-code: O }\n\
-            revision: 3\nserial: 4\nprofiles: [cia301]\nbehaviour: x\nbit-rates: [125]\n\
+            revision: 3\nserial: 4\nprofiles: [cia301]\nbehaviour: inert\nbit-rates: [125]\n\
             default-node: 1\ngranularity: 8\nlss: false\ndummy: []\nobjects:\n";
-        format!("{head}  {objects}\n")
+        let rest = "\"1000\": { value: 0 }\n  \"1001\": {}\n  \"1018\": { count: 1 }\n";
+        format!("{head}  {objects}\n  {rest}")
     }
 }

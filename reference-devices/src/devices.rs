@@ -4,7 +4,12 @@ mod drr460;
 pub mod em66;
 mod generic;
 
-use crate::describe::{self, Description};
+use std::sync::{Arc, LazyLock};
+
+use canopen::catalogue::Catalogue;
+use canopen::source::{Complaint, Source};
+
+use crate::describe::{Description, Known};
 use crate::rules::Rules;
 use crate::stack::{Behaviour, Inert, Node, NodeSettings};
 
@@ -17,24 +22,73 @@ use generic::Generic;
 pub struct ReferenceDevice {
     /// Its data.
     pub description: Description,
+    /// The files they come from.
+    pub files: Arc<DeviceFiles>,
+}
+
+/// The files of a device and its variants.
+#[derive(Clone, Debug)]
+pub struct DeviceFiles {
+    /// `device.yaml`.
+    pub device: Arc<Source>,
+    /// The files of `variants/`, each with its name without ending.
+    pub variants: Vec<(String, Arc<Source>)>,
+    /// `mutants.yaml`, where there is one.
+    pub mutants: Option<Arc<Source>>,
 }
 
 /// The names of the reference devices, each followed by those of its variants.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    describe::names()
+    BUILT_IN
+        .iter()
+        .flat_map(|family| family.iter().map(|device| device.description.device.as_str()))
 }
 
 /// The device of that name and its variants; nothing when it is none or is itself a variant.
 pub fn with_variants(name: &str) -> impl Iterator<Item = &'static str> {
-    describe::with_variants(name)
+    BUILT_IN
+        .iter()
+        .filter(move |family| family[0].description.device == name)
+        .flat_map(|family| family.iter().map(|device| device.description.device.as_str()))
 }
 
 /// The device of that name; `None` when there is none.
 ///
 /// # Panics
-/// When its data do not load: they are part of the program.
+/// When the data of the devices do not load: they are part of the program.
 pub fn device(name: &str) -> Option<ReferenceDevice> {
-    Some(ReferenceDevice { description: describe::device(name)? })
+    let mut all = BUILT_IN.iter().flatten();
+    all.find(|device| device.description.device == name).cloned()
+}
+
+/// The modules that say what a device does, as `behaviour:` names them.
+pub const BEHAVIOURS: &[&str] = &["inert", DRR460, EM66, GENERIC];
+
+impl DeviceFiles {
+    /// The device and its variants, in this order.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the description of the device or of a variant.
+    pub fn family(self, catalogue: &Catalogue) -> Result<Vec<ReferenceDevice>, Vec<Complaint>> {
+        let files = Arc::new(self);
+        let known = Known { catalogue, behaviours: BEHAVIOURS };
+        let base = Description::read(&files.device, known)?;
+        let (mut family, mut complaints) = (Vec::new(), Vec::new());
+        for (variant, source) in &files.variants {
+            let name = format!("{}-{variant}", base.device);
+            match Description::read_variant(&name, source, &files.device, known) {
+                Ok(description) => {
+                    family.push(ReferenceDevice { description, files: Arc::clone(&files) });
+                }
+                Err(mut wrong) => complaints.append(&mut wrong),
+            }
+        }
+        if !complaints.is_empty() {
+            return Err(complaints);
+        }
+        family.insert(0, ReferenceDevice { description: base, files });
+        Ok(family)
+    }
 }
 
 impl ReferenceDevice {
@@ -95,14 +149,14 @@ impl ReferenceDevice {
         self.description.variant_of.as_ref().unwrap_or(&self.description.device)
     }
 
-    /// The mutants of the device and its variants, as they are written.
-    pub fn mutants_yaml(&self) -> &'static str {
-        match self.family() {
-            DRR460 => include_str!("../drr460/mutants.yaml"),
-            EM66 => include_str!("../em66/mutants.yaml"),
-            GENERIC => include_str!("../generic/mutants.yaml"),
-            _ => "[]",
-        }
+    /// The names of the device and its variants, whichever of them this is.
+    pub fn relatives(&self) -> impl Iterator<Item = String> {
+        let family = self.family().to_owned();
+        let variants = self.files.variants.iter().map({
+            let family = family.clone();
+            move |(variant, _)| format!("{family}-{variant}")
+        });
+        std::iter::once(family).chain(variants).collect::<Vec<_>>().into_iter()
     }
 
     /// The device, switched on at time 0, with this node id and these decisions of the stack.
@@ -119,16 +173,116 @@ impl ReferenceDevice {
 /// The device with every service, on which whatever is not of one device is proved.
 pub const WITH_EVERYTHING: &str = GENERIC;
 
+/// A device in this program: the folder of its data, and its files.
+struct Files {
+    folder: &'static str,
+    device: &'static str,
+    variants: &'static [(&'static str, &'static str)],
+    mutants: &'static str,
+}
+
+impl Files {
+    fn sources(&self) -> DeviceFiles {
+        let source = |file: &str, text: &str| {
+            let name = format!("reference-devices/{}/{file}", self.folder);
+            Arc::new(Source { name, text: text.to_owned() })
+        };
+        let variant = |(name, text): &(&str, &str)| {
+            ((*name).to_owned(), source(&format!("variants/{name}.yaml"), text))
+        };
+        DeviceFiles {
+            device: source("device.yaml", self.device),
+            variants: self.variants.iter().map(variant).collect(),
+            mutants: Some(source("mutants.yaml", self.mutants)),
+        }
+    }
+}
+
+static BUILT_IN: LazyLock<Vec<Vec<ReferenceDevice>>> = LazyLock::new(|| {
+    let family = |files: &Files| {
+        files.sources().family(Catalogue::built_in()).unwrap_or_else(|complaints| {
+            let texts: Vec<String> = complaints.iter().map(ToString::to_string).collect();
+            panic!("{}", texts.join("\n\n"))
+        })
+    };
+    FILES.iter().map(family).collect()
+});
+
+const FILES: &[Files] = &[
+    Files {
+        folder: "drr460",
+        device: include_str!("../drr460/device.yaml"),
+        variants: &[],
+        mutants: include_str!("../drr460/mutants.yaml"),
+    },
+    Files {
+        folder: "em66",
+        device: include_str!("../em66/device.yaml"),
+        variants: &[
+            ("no-external-sensor", include_str!("../em66/variants/no-external-sensor.yaml")),
+            ("no-suction", include_str!("../em66/variants/no-suction.yaml")),
+            ("no-evacuation", include_str!("../em66/variants/no-evacuation.yaml")),
+            ("no-cool-down", include_str!("../em66/variants/no-cool-down.yaml")),
+            ("minimum", include_str!("../em66/variants/minimum.yaml")),
+        ],
+        mutants: include_str!("../em66/mutants.yaml"),
+    },
+    Files {
+        folder: "generic",
+        device: include_str!("../generic/device.yaml"),
+        variants: &[],
+        mutants: include_str!("../generic/mutants.yaml"),
+    },
+];
+
 const DRR460: &str = "drr460";
 const EM66: &str = "em66";
 const GENERIC: &str = "generic";
 
 #[cfg(test)]
 mod tests {
-    use canopen::{Device, Outbox};
+    use canopen::eds::{Access, ObjectKind};
+    use canopen::{DataType, Device, Dictionary, Mux, Outbox, Value};
 
     use super::*;
     use crate::rules::Specification;
+
+    #[test]
+    fn every_device_loads_and_makes_a_dictionary() {
+        for name in names() {
+            let described = device(name).unwrap().description;
+            assert_eq!(described.device, name);
+            Dictionary::new(&described.eds, described.default_node).unwrap();
+        }
+    }
+
+    #[test]
+    fn drr460_is_what_its_manual_says() {
+        let eds = device("drr460").unwrap().description.eds;
+        let parameters = eds.object(0x3000).unwrap();
+        assert_eq!(parameters.kind, ObjectKind::ARRAY);
+        assert_eq!(parameters.entries.len(), 1 + 143);
+        assert_eq!((eds.device.rpdo_count, eds.device.tpdo_count), (2, 4));
+        let table = [
+            (0x1000, 0, Access::Const, DataType::UNSIGNED32, Value::Int(0x000E_0191)),
+            (0x1003, 0, Access::Rw, DataType::UNSIGNED8, Value::Int(0)),
+            (0x1018, 0, Access::Ro, DataType::UNSIGNED8, Value::Int(4)),
+            (0x1018, 2, Access::Ro, DataType::UNSIGNED32, Value::Int(260)),
+            (0x1801, 1, Access::Rw, DataType::UNSIGNED32, Value::Int(0x285)),
+            (0x1801, 0, Access::Ro, DataType::UNSIGNED8, Value::Int(5)),
+            (0x1A00, 0, Access::Rw, DataType::UNSIGNED8, Value::Int(2)),
+            (0x3000, 0, Access::Ro, DataType::UNSIGNED8, Value::Int(143)),
+            (0x3000, 111, Access::Rw, DataType::INTEGER16, Value::Int(247)),
+            (0x6200, 1, Access::Rww, DataType::UNSIGNED8, Value::Int(0)),
+            (0x6424, 5, Access::Rw, DataType::INTEGER16, Value::Int(0)),
+        ];
+        for (index, sub, access, data_type, value) in table {
+            let entry = eds.entry(Mux::new(index, sub)).unwrap();
+            assert_eq!((entry.access, entry.data_type), (access, data_type), "{}", entry.mux);
+            assert_eq!(entry.default.as_ref().map(|term| term.resolve(5)), Some(value));
+        }
+        assert_eq!(eds.entry(Mux::new(0x1801, 4)), None);
+    }
 
     #[test]
     fn generated_files_are_fresh() {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::scalar::{self, Scalar};
+use super::scalar::Scalar;
 use crate::eds::{Access, ObjectKind};
 use crate::value::DataType;
 
@@ -19,12 +19,9 @@ pub struct ObjectFacts {
     /// Object code.
     pub object: Option<Shape>,
     /// Data type.
-    #[serde(rename = "type", deserialize_with = "scalar::data_type")]
-    #[schemars(schema_with = "scalar::data_type_schema")]
+    #[serde(rename = "type")]
     pub data_type: Option<DataType>,
     /// Access over the network.
-    #[serde(deserialize_with = "scalar::access")]
-    #[schemars(schema_with = "scalar::access_schema")]
     pub access: Option<Access>,
     /// Default value.
     pub value: Option<Scalar>,
@@ -63,12 +60,9 @@ pub struct Facts {
     /// Name.
     pub name: Option<String>,
     /// Data type.
-    #[serde(rename = "type", deserialize_with = "scalar::data_type")]
-    #[schemars(schema_with = "scalar::data_type_schema")]
+    #[serde(rename = "type")]
     pub data_type: Option<DataType>,
     /// Access over the network.
-    #[serde(deserialize_with = "scalar::access")]
-    #[schemars(schema_with = "scalar::access_schema")]
     pub access: Option<Access>,
     /// Default value.
     pub value: Option<Scalar>,

@@ -69,36 +69,43 @@ impl<'de> Deserialize<'de> for Scalar {
     }
 }
 
-pub(super) fn data_type<'de, D>(deserializer: D) -> Result<Option<DataType>, D::Error>
-where
-    D: Deserializer<'de>,
-{
-    let name = String::deserialize(deserializer)?;
-    let known = DataType::named(&name);
-    known.map(Some).ok_or_else(|| {
-        let meant = did_you_mean(&name, DataType::names());
-        D::Error::custom(format!("unknown data type `{name}`{meant}"))
-    })
+impl<'de> Deserialize<'de> for DataType {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        Self::named(&name).ok_or_else(|| {
+            let meant = did_you_mean(&name, Self::names());
+            D::Error::custom(format!("unknown data type `{name}`{meant}"))
+        })
+    }
 }
 
-pub(super) fn access<'de, D: Deserializer<'de>>(
-    deserializer: D,
-) -> Result<Option<Access>, D::Error> {
-    let name = String::deserialize(deserializer)?;
-    Access::named(&name).map(Some).ok_or_else(|| {
-        let names = Access::ALL.map(Access::name).join(", ");
-        D::Error::custom(format!("unknown access type `{name}`: there is {names}"))
-    })
+impl<'de> Deserialize<'de> for Access {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let name = String::deserialize(deserializer)?;
+        Self::named(&name).ok_or_else(|| {
+            let names = Self::ALL.map(Self::name).join(", ");
+            D::Error::custom(format!("unknown access type `{name}`: there is {names}"))
+        })
+    }
 }
 
-pub(super) fn data_type_schema(_: &mut SchemaGenerator) -> Schema {
-    let names: Vec<&str> = DataType::names().collect();
-    json_schema!({ "description": "Data type.", "type": "string", "enum": names })
+impl JsonSchema for DataType {
+    fn schema_name() -> Cow<'static, str> {
+        "DataType".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let names: Vec<&str> = Self::names().collect();
+        json_schema!({ "type": "string", "enum": names })
+    }
 }
 
-pub(super) fn access_schema(_: &mut SchemaGenerator) -> Schema {
-    let names = Access::ALL.map(Access::name);
-    json_schema!({ "description": "Access over the network.", "type": "string", "enum": names })
+impl JsonSchema for Access {
+    fn schema_name() -> Cow<'static, str> {
+        "Access".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": "string", "enum": Self::ALL.map(Self::name) })
+    }
 }
 
 /// The `+0x180` after `$NODEID`; nothing is 0.

@@ -29,11 +29,10 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     let mut mutants = 0;
     for name in devices::names() {
         let device = target::reference_device(name)?;
-        let wrong = |message| Refused { exit: Exit::File, message };
-        let mutants_of_it = mutant::of(&device).map_err(wrong)?;
+        let mutants_of_it = mutant::of(&device)?;
         let proved_on_it = |mutant: &&Mutant| !mutant.shared || name == devices::WITH_EVERYTHING;
         for mutant in mutants_of_it.iter().filter(proved_on_it) {
-            mutant::build(&device, 1, mutant).map(drop).map_err(wrong)?;
+            mutant::build(&device, 1, mutant).map(drop)?;
             mutants += 1;
         }
     }

@@ -41,7 +41,7 @@ fn mutants() -> Result<Vec<(Mutant, Vec<&'static str>)>, Refused> {
     let mut all: Vec<(Mutant, Vec<&'static str>)> = Vec::new();
     for name in devices::names() {
         let own = mutant::of(&*reference_device(name)?);
-        for mutant in own.map_err(|message| Refused { exit: Exit::File, message })? {
+        for mutant in own? {
             match all.iter_mut().find(|(known, _)| known.name == mutant.name) {
                 // A variant that is named beside its device tells nobody anything.
                 Some(_) if devices::with_variants(name).next().is_none() => {}

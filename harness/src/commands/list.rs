@@ -99,7 +99,7 @@ fn mutants(selection: &Selection) -> Result<Exit, Refused> {
     for name in names {
         let device = reference_device(name)?;
         let mutants = mutant::of(&device);
-        for mutant in mutants.map_err(|message| Refused { exit: Exit::File, message })? {
+        for mutant in mutants? {
             _ = writeln!(text, "{name}  {}  {}", mutant.name, mutant.why);
         }
     }

@@ -78,8 +78,7 @@ type Verdicts = BTreeMap<String, BTreeSet<Verdict>>;
 impl Matrix {
     fn of(library: &Library, name: &str) -> Result<Self, Refused> {
         let device = reference_device(name)?;
-        let mut mutants =
-            mutant::of(&device).map_err(|message| Refused { exit: Exit::File, message })?;
+        let mut mutants = mutant::of(&device)?;
         mutants.retain(|mutant| {
             let applies = |id: &String| !library.register.lacks_document_of(id);
             (!mutant.shared || name == devices::WITH_EVERYTHING)

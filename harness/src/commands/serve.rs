@@ -33,7 +33,7 @@ pub(super) fn run(args: &ServeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refu
         None => Box::new(device.node(node, Box::new(Specification))),
         Some(name) => {
             let mutant = mutant_of(&device, name)?;
-            mutant::build(&device, node, &mutant).map_err(Refused::usage)?
+            mutant::build(&device, node, &mutant)?
         }
     };
     let interface: Interface = args.target.parse().map_err(|_| {

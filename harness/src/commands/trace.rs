@@ -72,7 +72,7 @@ fn mutants(library: &Library) -> Result<(Breaks, Vec<String>), Refused> {
     for name in devices::names() {
         let device = reference_device(name)?;
         let mutants = mutant::of(&device);
-        for mutant in mutants.map_err(|message| Refused { exit: Exit::File, message })? {
+        for mutant in mutants? {
             if mutant.breaks.is_empty() && !mutant.canary {
                 holes.insert(format!("mutant {} breaks no requirement", mutant.name));
             }

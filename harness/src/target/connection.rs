@@ -53,7 +53,7 @@ impl Target {
                     None => bus.attach(device.node(self.dut.node, Box::new(Specification))),
                     Some(mutant) => {
                         let built = mutant::build(device, self.dut.node, mutant);
-                        bus.attach(built.map_err(Refused::usage)?)
+                        bus.attach(built?)
                     }
                 };
                 Box::new(bus)

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::mutant;
 
-use crate::exit::{Exit, Refused};
+use crate::exit::Refused;
 use crate::nearest::did_you_mean;
 
 /// The in-tree device of that name.
@@ -21,8 +21,7 @@ pub fn reference_device(name: &str) -> Result<Arc<ReferenceDevice>, Refused> {
 /// # Errors
 /// When the device has none.
 pub fn mutant_of(device: &ReferenceDevice, name: &str) -> Result<mutant::Mutant, Refused> {
-    let mut mutants =
-        mutant::of(device).map_err(|message| Refused { exit: Exit::File, message })?;
+    let mut mutants = mutant::of(device)?;
     match mutants.iter().position(|mutant| mutant.name == name) {
         Some(place) => Ok(mutants.swap_remove(place)),
         None => {

@@ -82,7 +82,7 @@ pub(super) fn own_sheet(
     mutant: Option<&mutant::Mutant>,
 ) -> Result<(Sheet, Eds), Refused> {
     let text = match mutant {
-        Some(mutant) => mutant.data_sheet(device).map_err(Refused::usage)?,
+        Some(mutant) => mutant.data_sheet(device)?,
         None => device.eds_text(),
     };
     let (folder, file) = device.description.place();

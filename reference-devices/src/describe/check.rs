@@ -1,30 +1,34 @@
 //! What must hold of a sheet before a device can be made of it.
 
 use canopen::Mux;
-use canopen::eds::{Direction, Eds, Entry, Object};
+use canopen::eds::{Direction, Eds, Entry, Object, Term};
 
-use super::DescribeError;
+use super::wrong::Wrong;
 
 /// Every default value lies within the limits of its entry.
-pub(super) fn values(eds: &Eds) -> Result<(), DescribeError> {
+pub(super) fn values(eds: &Eds, wrong: &mut Vec<Wrong>) {
     for entry in eds.entries() {
-        let real = |term: &Option<canopen::eds::Term>| {
-            term.as_ref().and_then(|term| term.resolve(1).as_real())
-        };
-        let (Some(default), mux) = (real(&entry.default), entry.mux) else { continue };
-        if let Some(low) = real(&entry.low).filter(|low| default < *low) {
-            return Err(DescribeError(format!("{mux}: default {default} lies below {low}")));
-        }
-        if let Some(high) = real(&entry.high).filter(|high| default > *high) {
-            return Err(DescribeError(format!("{mux}: default {default} lies above {high}")));
+        let real =
+            |term: &Option<Term>, node| term.as_ref().and_then(|term| term.resolve(node).as_real());
+        let mux = entry.mux;
+        for node in [1, 127] {
+            let Some(default) = real(&entry.default, node) else { continue };
+            let low = real(&entry.low, node).filter(|low| default < *low);
+            let high = real(&entry.high, node).filter(|high| default > *high);
+            let message = match (low, high) {
+                (Some(low), _) => format!("{mux}: the default value {default} lies below {low}"),
+                (_, Some(high)) => format!("{mux}: the default value {default} lies above {high}"),
+                _ => continue,
+            };
+            wrong.push(Wrong::value(mux, "value", message));
+            break;
         }
     }
-    Ok(())
 }
 
 /// Every prepared mapping entry names a value that may be mapped that way with its own length,
 /// and those in use fit a frame.
-pub(super) fn mappings(eds: &Eds) -> Result<(), DescribeError> {
+pub(super) fn mappings(eds: &Eds, wrong: &mut Vec<Wrong>) {
     for object in &eds.objects {
         let direction = match object.index {
             0x1600..=0x17FF => Direction::Receive,
@@ -37,36 +41,38 @@ pub(super) fn mappings(eds: &Eds) -> Result<(), DescribeError> {
             if entry.mux.sub == 0 || number(entry) == 0 {
                 continue;
             }
-            let length = mapped(eds, entry, direction)?;
-            if i128::from(entry.mux.sub) <= in_use {
-                bits += length;
+            match mapped(eds, entry, direction) {
+                Ok(length) if i128::from(entry.mux.sub) <= in_use => bits += length,
+                Ok(_) => {}
+                Err(why) => wrong.push(why),
             }
         }
         if bits > 64 {
             let index = object.index;
-            return Err(DescribeError(format!("{index:04X} maps {bits} bits, a PDO has 64")));
+            let message = format!("{index:04X} maps {bits} bits, a PDO has 64");
+            wrong.push(Wrong::object(index, message));
         }
-        check_count(object, in_use)?;
+        wrong.extend(check_count(object, in_use).err());
     }
-    Ok(())
 }
 
-fn check_count(object: &Object, in_use: i128) -> Result<(), DescribeError> {
+fn check_count(object: &Object, in_use: i128) -> Result<(), Wrong> {
     let set = object.entries.iter().filter(|entry| entry.mux.sub != 0 && number(entry) != 0);
     if in_use > set.count() as i128 {
         let count = Mux::new(object.index, 0);
-        return Err(DescribeError(format!("{count} counts {in_use} entries, fewer are set")));
+        let message = format!("{count} counts {in_use} entries, fewer are set");
+        return Err(Wrong::value(count, "value", message));
     }
     Ok(())
 }
 
 /// The length in bits of what a mapping entry names.
-fn mapped(eds: &Eds, entry: &Entry, direction: Direction) -> Result<u32, DescribeError> {
+fn mapped(eds: &Eds, entry: &Entry, direction: Direction) -> Result<u32, Wrong> {
     let [bits, sub, low, high] = (number(entry) as u32).to_le_bytes();
     let target = Mux::new(u16::from_le_bytes([low, high]), sub);
     let wrong = |why: &str| {
         let mux = entry.mux;
-        DescribeError(format!("{mux} maps {target}, {why}"))
+        Wrong::value(mux, "value", format!("{mux} maps {target}, {why}"))
     };
     let found = eds.entry(target).ok_or_else(|| wrong("which does not exist"))?;
     if !found.maps_into(direction) {

@@ -1,88 +1,121 @@
 //! The form of `device.yaml`, and of the files that say what a variant has otherwise.
 
 use std::collections::BTreeMap;
+use std::fmt;
+use std::sync::Arc;
 
-use canopen::catalogue::{self, ObjectFacts};
+use canopen::catalogue::{ObjectFacts, keyed};
 use canopen::eds::{DeviceInfo, FileInfo};
-use serde::de::Error;
+use canopen::source::{At, Complaint, Source};
+use schemars::{JsonSchema, Schema, SchemaGenerator};
+use serde::de::{MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-use super::DescribeError;
 use super::node::{EmcyFacts, NodeFacts};
 
-/// A `device.yaml`.
-#[derive(Deserialize)]
+/// A `device.yaml`: what a device chose; the catalogue supplies what its profiles say already.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(super) struct DeviceFile {
-    pub device: String,
-    pub title: String,
-    pub document: String,
-    /// Of the data sheet, month-day-year.
-    pub date: String,
-    pub vendor: Vendor,
-    pub product: Product,
-    pub revision: u32,
-    pub serial: u32,
-    pub profiles: Vec<String>,
-    pub behaviour: String,
+pub struct DeviceFile {
+    /// Name, by which `sim:` and file names refer to the device: small letters, digits, `-`.
+    pub(super) device: At<String>,
+    /// What a person calls it.
+    pub(super) title: At<String>,
+    /// Key of the document that its clauses are of.
+    pub(super) document: String,
+    /// Date of the data sheet, month-day-year: `01-31-2026`.
+    pub(super) date: At<String>,
+    /// Who makes it.
+    pub(super) vendor: Vendor,
+    /// The product, as the head of the data sheet and 1018h identify it.
+    pub(super) product: Product,
+    /// Revision number of 1018h, sub-index 3.
+    pub(super) revision: u32,
+    /// Serial number of 1018h, sub-index 4.
+    pub(super) serial: u32,
+    /// Profiles of the catalogue that it follows; the first one that has an index describes it.
+    pub(super) profiles: Vec<At<String>>,
+    /// The module that says what it does: `inert`, `cia401`, or that of a device in the program.
+    pub(super) behaviour: At<String>,
     /// Options of its profiles that it does not have.
     #[serde(default)]
-    pub without: Vec<String>,
-    /// In kbit/s.
-    pub bit_rates: Vec<u32>,
-    pub default_node: u8,
-    pub granularity: u8,
-    pub lss: bool,
-    pub dummy: Vec<u16>,
+    pub(super) without: Vec<At<String>>,
+    /// Bit rates it can be set to, in kbit/s.
+    pub(super) bit_rates: Vec<At<u32>>,
+    /// Node id unless another one is given.
+    pub(super) default_node: At<u8>,
+    /// Bits in which PDO mapping counts, 8 for whole bytes.
+    pub(super) granularity: u8,
+    /// Whether it has layer setting services.
+    pub(super) lss: bool,
+    /// Data types that it takes as dummy entries of an RPDO mapping, by number.
+    pub(super) dummy: Vec<u16>,
+    /// What the stack has to know and a data sheet cannot say.
     #[serde(default)]
-    pub node: NodeFacts,
+    pub(super) node: NodeFacts,
+    /// The emergency messages it sends for errors of communication; those of CiA 301 when absent.
     #[serde(default)]
-    pub emcy: Option<EmcyFacts>,
-    #[serde(deserialize_with = "objects")]
-    pub objects: BTreeMap<u16, ObjectFacts>,
+    pub(super) emcy: Option<EmcyFacts>,
+    /// Its objects.
+    pub(super) objects: Objects,
 }
 
-#[derive(Deserialize)]
+/// Who makes a device.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Vendor {
-    name: String,
-    pub number: u32,
+    /// Name, for the data sheet.
+    name: At<String>,
+    /// Vendor-ID of 1018h, sub-index 1.
+    pub(super) number: u32,
 }
 
-#[derive(Deserialize)]
+/// What the product is called.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(super) struct Product {
-    name: String,
-    pub number: u32,
-    order_code: String,
+    /// Name, for the data sheet.
+    name: At<String>,
+    /// Product code of 1018h, sub-index 2.
+    pub(super) number: u32,
+    /// Order code, for the data sheet.
+    order_code: At<String>,
 }
 
+/// Objects by their keys, each of which means one index or several.
+pub(super) struct Objects(Vec<(At<String>, ObjectFacts)>);
+
 impl DeviceFile {
+    /// The texts that stand on a line of the data sheet each.
+    pub(super) fn texts(&self) -> [&At<String>; 4] {
+        [&self.title, &self.vendor.name, &self.product.name, &self.product.order_code]
+    }
+
     pub(super) fn file_info(&self) -> FileInfo {
         FileInfo {
-            name: format!("{}.eds", self.device),
+            name: format!("{}.eds", self.device.value),
             version: 1,
             revision: 0,
             eds_version: "4.0".into(),
-            description: self.title.clone(),
+            description: self.title.value.clone(),
             creation_time: MIDNIGHT.into(),
-            creation_date: self.date.clone(),
+            creation_date: self.date.value.clone(),
             created_by: "harness".into(),
             modification_time: MIDNIGHT.into(),
-            modification_date: self.date.clone(),
+            modification_date: self.date.value.clone(),
             modified_by: "harness".into(),
         }
     }
 
     pub(super) fn device_info(&self) -> DeviceInfo {
         DeviceInfo {
-            vendor_name: self.vendor.name.clone(),
+            vendor_name: self.vendor.name.value.clone(),
             vendor_number: self.vendor.number,
-            product_name: self.product.name.clone(),
+            product_name: self.product.name.value.clone(),
             product_number: self.product.number,
             revision_number: self.revision,
-            order_code: self.product.order_code.clone(),
-            bit_rates: self.bit_rates.clone(),
+            order_code: self.product.order_code.value.clone(),
+            bit_rates: self.bit_rates.iter().map(|rate| rate.value).collect(),
             boot_up_master: false,
             boot_up_slave: true,
             granularity: self.granularity,
@@ -94,78 +127,148 @@ impl DeviceFile {
     }
 }
 
-/// What a variant has otherwise than its device; the rest is the same.
-#[derive(Deserialize)]
+/// A file of `variants/`: what a variant has otherwise than its device; the rest is the same.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(super) struct VariantFile {
-    title: String,
+pub struct VariantFile {
+    /// What a person calls it.
+    title: At<String>,
+    /// The product, as the head of the data sheet and 1018h identify it.
     product: Product,
     /// Options of its profiles that it does not have, beside those its device lacks.
     #[serde(default)]
-    without: Vec<String>,
+    pub(super) without: Vec<At<String>>,
     /// Objects it does not have: indices or ranges of them, as the keys of `objects` are.
     #[serde(default)]
-    leave_out: Vec<String>,
+    leave_out: Vec<At<String>>,
     /// Objects that differ from those of its device or that it has on its own account.
-    #[serde(default, deserialize_with = "objects")]
-    objects: BTreeMap<u16, ObjectFacts>,
+    #[serde(default)]
+    objects: Objects,
 }
 
 impl VariantFile {
-    /// The device file that a variant called `name` would have.
+    /// The texts that stand on a line of the data sheet each.
+    pub(super) fn texts(&self) -> [&At<String>; 3] {
+        [&self.title, &self.product.name, &self.product.order_code]
+    }
+
+    /// Makes of a device file that of the variant, and of its objects those of the variant.
     ///
     /// # Errors
-    /// When it leaves out what the device does not have.
+    /// When it leaves out what the device does not have, or has keys that are not indices.
     pub(super) fn apply(
         self,
-        name: &str,
-        mut device: DeviceFile,
-    ) -> Result<DeviceFile, DescribeError> {
+        source: &Arc<Source>,
+        device: DeviceFile,
+        objects: &mut BTreeMap<u16, ObjectFacts>,
+    ) -> Result<DeviceFile, Vec<Complaint>> {
+        let mut complaints = Vec::new();
         for left_out in &self.leave_out {
-            let ranges = catalogue::keyed(left_out, ObjectFacts::default());
-            let ranges = ranges.ok_or_else(|| DescribeError(no_index(left_out)))?;
-            let before = device.objects.len();
-            device
-                .objects
-                .retain(|index, _| !ranges.iter().any(|(range, _)| range.contains(index)));
-            if device.objects.len() == before {
-                return Err(DescribeError(format!("{left_out} is left out and was never there")));
+            let complain = |message| Complaint::at(source, left_out.place, message);
+            let Some(ranges) = keyed(&left_out.value, ObjectFacts::default()) else {
+                complaints.push(complain(no_index(&left_out.value)));
+                continue;
+            };
+            let before = objects.len();
+            objects.retain(|index, _| !ranges.iter().any(|(range, _)| range.contains(index)));
+            if objects.len() == before {
+                let message =
+                    format!("`{}` is left out, but the device has no such object", left_out.value);
+                complaints.push(complain(message));
             }
         }
-        for (index, object) in self.objects {
-            let known = device.objects.remove(&index).unwrap_or_default();
-            device.objects.insert(index, object.or(&known));
-        }
-        device.without.extend(self.without);
-        Ok(DeviceFile {
-            device: name.to_owned(),
-            title: self.title,
-            product: self.product,
-            ..device
-        })
-    }
-}
-
-/// Objects by their indices, where a key means one index or several.
-fn objects<'d, D: Deserializer<'d>>(
-    deserializer: D,
-) -> Result<BTreeMap<u16, ObjectFacts>, D::Error> {
-    let mut objects = BTreeMap::new();
-    for (key, object) in BTreeMap::<String, ObjectFacts>::deserialize(deserializer)? {
-        let keyed = catalogue::keyed(&key, object).ok_or_else(|| Error::custom(no_index(&key)))?;
-        for (indices, object) in keyed {
-            for index in indices {
-                if objects.insert(index, object.clone()).is_some() {
-                    return Err(Error::custom(format!("{index:04X} is described twice")));
+        match self.objects.by_index(source) {
+            Err(mut wrong) => complaints.append(&mut wrong),
+            Ok(own) => {
+                for (index, object) in own {
+                    let known = objects.remove(&index).unwrap_or_default();
+                    objects.insert(index, object.or(&known));
                 }
             }
         }
+        if !complaints.is_empty() {
+            return Err(complaints);
+        }
+        let mut without = device.without;
+        without.extend(self.without);
+        Ok(DeviceFile { title: self.title, product: self.product, without, ..device })
     }
-    Ok(objects)
+}
+
+impl Objects {
+    /// The objects by index.
+    ///
+    /// # Errors
+    /// When a key is not an index, or two mean the same.
+    pub(super) fn by_index(
+        self,
+        source: &Arc<Source>,
+    ) -> Result<BTreeMap<u16, ObjectFacts>, Vec<Complaint>> {
+        let (mut objects, mut complaints) = (BTreeMap::new(), Vec::new());
+        for (key, object) in self.0 {
+            let Some(keyed) = keyed(&key.value, object) else {
+                complaints.push(Complaint::at(source, key.place, no_index(&key.value)));
+                continue;
+            };
+            for (index, object) in keyed
+                .into_iter()
+                .flat_map(|(indices, object)| indices.map(move |index| (index, object.clone())))
+            {
+                if objects.insert(index, object).is_some() {
+                    let message = format!("{index:04X} is described twice");
+                    complaints.push(Complaint::at(source, key.place, message));
+                    break;
+                }
+            }
+        }
+        if complaints.is_empty() { Ok(objects) } else { Err(complaints) }
+    }
+}
+
+impl Default for Objects {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<'de> Deserialize<'de> for Objects {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        deserializer.deserialize_map(ObjectsVisitor)
+    }
+}
+
+impl JsonSchema for Objects {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Objects".into()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        BTreeMap::<String, ObjectFacts>::json_schema(generator)
+    }
+}
+
+struct ObjectsVisitor;
+
+impl<'de> Visitor<'de> for ObjectsVisitor {
+    type Value = Objects;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("objects by index")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Objects, A::Error> {
+        let mut objects = Vec::new();
+        while let Some(entry) = map.next_entry()? {
+            objects.push(entry);
+        }
+        Ok(Objects(objects))
+    }
 }
 
 fn no_index(key: &str) -> String {
-    format!("{key:?} is no index such as 1017")
+    format!("`{key}` is neither an index such as 1017, nor 1400..15FF, nor 6500..65F0/10")
 }
 
 const MIDNIGHT: &str = "12:00AM";

@@ -174,7 +174,7 @@ mod tests {
     use canopen::Mux;
 
     use super::*;
-    use crate::describe::device;
+    use crate::devices::device;
 
     #[test]
     fn drr460_reads_as_a_table() {
@@ -196,7 +196,7 @@ mod tests {
 
     #[test]
     fn every_value_has_a_row_and_every_row_all_columns() {
-        let described = device("drr460").unwrap();
+        let described = device("drr460").unwrap().description;
         let text = described.markdown();
         for row in text.lines().filter(|row| row.starts_with("| ") && row.contains("h | ")) {
             assert_eq!(row.matches(" |").count(), COLUMNS.len(), "{row}");

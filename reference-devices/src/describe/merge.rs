@@ -1,25 +1,27 @@
 //! One object: what the device chose over what a profile says.
 
 use canopen::Mux;
-use canopen::catalogue::{self, Facts, Mapping, ObjectFacts, Scalar};
+use canopen::catalogue::{Catalogue, Facts, Mapping, ObjectFacts, Scalar};
 use canopen::eds::{Access, Entry, Object, Term};
 
-use super::{DescribeError, Description, Note};
+use super::wrong::Wrong;
+use super::{Description, Note};
 
 /// Adds the object at `index`, which must follow those that are there, with its notes.
 pub(super) fn object(
     described: &mut Description,
+    catalogue: &Catalogue,
     index: u16,
     chosen: &ObjectFacts,
-) -> Result<(), DescribeError> {
+) -> Result<(), Wrong> {
     let nothing = ObjectFacts::default();
-    let known = catalogue::lookup(&described.profiles, index).unwrap_or(&nothing);
+    let known = catalogue.lookup(&described.profiles, index).unwrap_or(&nothing);
     let shape = chosen.object.or(known.object).ok_or_else(|| {
         let why = "neither the device nor a profile gives its object code";
-        DescribeError(format!("{index:04X}: {why}"))
+        Wrong::object(index, format!("{index:04X}: {why}"))
     })?;
     let name = chosen.name.as_ref().or(known.name.as_ref()).cloned();
-    let name = name.ok_or_else(|| DescribeError(format!("{index:04X}:00 has no name")))?;
+    let name = name.ok_or_else(|| Wrong::object(index, format!("{index:04X} has no name")))?;
     let kind = shape.kind();
 
     let values = if kind.has_subs() {
@@ -41,22 +43,19 @@ pub(super) fn object(
 }
 
 /// The values of an array or record with all that is known of them, sub 0 first.
-fn subs(
-    index: u16,
-    chosen: &ObjectFacts,
-    known: &ObjectFacts,
-) -> Result<Vec<(u8, Facts)>, DescribeError> {
+fn subs(index: u16, chosen: &ObjectFacts, known: &ObjectFacts) -> Result<Vec<(u8, Facts)>, Wrong> {
     let mut present: Vec<u8> = match chosen.count.or(known.count) {
         Some(count) => (1..=count).collect(),
         None => chosen.subs.keys().copied().filter(|sub| *sub < STRUCTURE).collect(),
     };
     let Some(&highest) = present.last() else {
-        return Err(DescribeError(format!("{index:04X}: neither count nor subs say how many")));
+        let why = "neither `count` nor `subs` say how many sub-indices it has";
+        return Err(Wrong::object(index, format!("{index:04X}: {why}")));
     };
     present.extend(chosen.subs.contains_key(&STRUCTURE).then_some(STRUCTURE));
     if let Some(sub) = chosen.subs.keys().find(|sub| !present.contains(sub)) {
         let mux = Mux::new(index, *sub);
-        return Err(DescribeError(format!("{mux} is beyond count {highest}")));
+        return Err(Wrong::entry(mux, format!("{mux} lies beyond `count: {highest}`")));
     }
 
     let item = chosen.item.as_ref().or(known.item.as_ref());
@@ -76,19 +75,24 @@ fn subs(
     Ok(values)
 }
 
-fn entry(mux: Mux, facts: &Facts) -> Result<Entry, DescribeError> {
-    let missing = |what: &str| DescribeError(format!("{mux} has no {what}"));
+fn entry(mux: Mux, facts: &Facts) -> Result<Entry, Wrong> {
+    let missing = |what: &str| Wrong::entry(mux, format!("{mux} has no {what}"));
     let data_type = facts.data_type.ok_or_else(|| missing("type"))?;
     let chosen_access = facts.access.ok_or_else(|| missing("access"))?;
     let pdo = facts.pdo.unwrap_or(Mapping::No);
     let access = pdo.access(chosen_access).ok_or_else(|| {
         let (access, pdo) = (chosen_access.name(), pdo.name());
-        DescribeError(format!("{mux} is {access} and cannot be mapped: {pdo}"))
+        let message = format!("{mux} has access {access}, with which `pdo: {pdo}` is not possible");
+        Wrong::value(mux, "pdo", message)
     })?;
-    let term = |scalar: &Option<Scalar>| -> Result<Option<Term>, DescribeError> {
+    let term = |key, scalar: &Option<Scalar>| -> Result<Option<Term>, Wrong> {
         let Some(scalar) = scalar else { return Ok(None) };
-        let why = || DescribeError(format!("{mux}: {scalar} is no value of type {data_type}"));
-        scalar.term(data_type).map(Some).ok_or_else(why)
+        // A value that depends on the node id has to fit with the smallest and the largest one.
+        let fits = |term: &Term| {
+            [1, 127].iter().all(|node| data_type.encode(&term.resolve(*node)).is_ok())
+        };
+        let why = || Wrong::value(mux, key, format!("{scalar} is not a value of type {data_type}"));
+        scalar.term(data_type).filter(fits).map(Some).ok_or_else(why)
     };
     Ok(Entry {
         mux,
@@ -96,9 +100,9 @@ fn entry(mux: Mux, facts: &Facts) -> Result<Entry, DescribeError> {
         data_type,
         access,
         mappable: pdo != Mapping::No,
-        default: term(&facts.value)?,
-        low: term(&facts.low)?,
-        high: term(&facts.high)?,
+        default: term("value", &facts.value)?,
+        low: term("low", &facts.low)?,
+        high: term("high", &facts.high)?,
         line: 0,
     })
 }

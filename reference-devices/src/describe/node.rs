@@ -5,17 +5,21 @@ use std::time::Duration;
 
 use canopen::Mux;
 use canopen::emcy::EmcyCode;
+use canopen::nearest::did_you_mean;
+use canopen::source::At;
+use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::DescribeError;
 use crate::stack::{Byte, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};
 
 /// How the node starts, and what it supervises in a manner of its own.
-#[derive(Default, Deserialize)]
+#[derive(Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
 pub(super) struct NodeFacts {
+    /// The object that holds the time from power-on or a reset to the boot-up message.
     boot_up_time: Option<TimeObject>,
-    boot_up_state: Option<String>,
+    /// The object that holds the state in which the node starts.
+    boot_up_state: Option<At<Mux>>,
     /// Time from power-on or a reset to the boot-up message, where no object holds it.
     boot_up_ms: Option<u64>,
     /// How long the SDO server waits for the next request of a transfer.
@@ -27,123 +31,160 @@ pub(super) struct NodeFacts {
     /// The shortest period of SYNC, for a device that can produce it.
     sync_producer_us: Option<u64>,
     /// The object that shows the time of day.
-    clock: Option<String>,
+    clock: Option<At<Mux>>,
     /// The object that holds the interval at which TIME is produced.
-    time_interval: Option<String>,
+    time_interval: Option<At<Mux>>,
     /// Second addresses of an object, each with the address of its value.
-    aliases: BTreeMap<String, String>,
+    aliases: BTreeMap<Mux, At<Mux>>,
+    /// How the period of SYNC is supervised, where that differs from CiA 301.
     sync: Option<SyncFacts>,
     /// Whether the SDO server has block transfer; it has, unless said otherwise.
     block_transfer: Option<bool>,
 }
 
 /// An object that holds a time.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct TimeObject {
-    object: String,
+    /// The object.
+    object: At<Mux>,
+    /// What its value 1 means, in ms.
     unit_ms: u64,
 }
 
-#[derive(Deserialize)]
+/// The supervision of SYNC.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct SyncFacts {
+    /// How much longer than 1006h the period may be, in percent.
     percent: u32,
+    /// How finely it is measured, in ms.
     resolution_ms: u64,
 }
 
 /// The emergency messages; what is missing is not reported.
-#[derive(Deserialize)]
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(super) struct EmcyFacts {
+    /// SYNC does not come in time.
     sync_timeout: Option<FormFacts>,
+    /// SYNC has another length than 1019h says.
     sync_length: Option<FormFacts>,
+    /// Node guarding fails.
     guarding: Option<FormFacts>,
+    /// A heartbeat does not come in time.
     heartbeat: Option<FormFacts>,
+    /// An RPDO has fewer bytes than are mapped.
     rpdo_too_short: Option<FormFacts>,
+    /// An RPDO has more bytes than are mapped.
     rpdo_too_long: Option<FormFacts>,
+    /// The event timer of an RPDO runs out.
     rpdo_timeout: Option<FormFacts>,
+    /// Messages could not be sent.
     queue_overflow: Option<FormFacts>,
+    /// Whether clearing 1003h sends a message, too.
     #[serde(default)]
     tells_history_cleared: bool,
 }
 
-#[derive(Deserialize)]
+/// One emergency message.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct FormFacts {
+    /// Emergency error code.
     code: u16,
+    /// Error register, 1001h.
     register: u8,
     /// Five bytes: two hexadecimal digits each, or `subject`, `expected`, `actual`.
-    vendor: String,
+    vendor: VendorBytes,
+    /// Whether the end of the error is reported with the same code instead of 0000h.
     #[serde(default)]
     end_repeats: bool,
 }
 
+/// The vendor's bytes of an emergency message.
+#[derive(Deserialize, JsonSchema)]
+#[serde(try_from = "String")]
+#[schemars(with = "String")]
+struct VendorBytes([Byte; 5]);
+
+impl TryFrom<String> for VendorBytes {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        let bytes = text.split_whitespace().map(|word| match word {
+            "subject" => Ok(Byte::Subject),
+            "expected" => Ok(Byte::Expected),
+            "actual" => Ok(Byte::Actual),
+            digits => u8::from_str_radix(digits, 16).map(Byte::Is).map_err(|_| {
+                let meant = did_you_mean(word, ["subject", "expected", "actual"].into_iter());
+                format!("`{word}` is neither a byte such as 0F nor a known word{meant}")
+            }),
+        });
+        let bytes = bytes.collect::<Result<Vec<_>, _>>()?;
+        bytes.try_into().map(Self).map_err(|_| format!("`{text}` is not five bytes"))
+    }
+}
+
+impl NodeFacts {
+    /// The objects that it names.
+    pub(super) fn objects(&self) -> impl Iterator<Item = &At<Mux>> {
+        let single = [
+            self.boot_up_time.as_ref().map(|time| &time.object),
+            self.boot_up_state.as_ref(),
+            self.clock.as_ref(),
+            self.time_interval.as_ref(),
+        ];
+        single.into_iter().flatten().chain(self.aliases.values())
+    }
+}
+
 /// The settings of the node; an absent table of messages is that of the profile.
-pub(super) fn settings(
-    node: &NodeFacts,
-    emcy: Option<&EmcyFacts>,
-) -> Result<NodeSettings, DescribeError> {
+pub(super) fn settings(node: &NodeFacts, emcy: Option<&EmcyFacts>) -> NodeSettings {
     let usual = NodeSettings::default();
-    let boot_up_time_object = match &node.boot_up_time {
-        Some(time) => Some((mux(&time.object)?, Duration::from_millis(time.unit_ms))),
-        None => None,
-    };
-    let aliases = node.aliases.iter().map(|(second, first)| Ok((mux(second)?, mux(first)?)));
-    Ok(NodeSettings {
+    let value = |at: &Option<At<Mux>>| at.as_ref().map(|at| at.value);
+    NodeSettings {
         boot_up_time: node.boot_up_ms.map_or(usual.boot_up_time, Duration::from_millis),
-        boot_up_time_object,
-        boot_up_state_object: node.boot_up_state.as_deref().map(mux).transpose()?,
+        boot_up_time_object: node
+            .boot_up_time
+            .as_ref()
+            .map(|time| (time.object.value, Duration::from_millis(time.unit_ms))),
+        boot_up_state_object: value(&node.boot_up_state),
         sdo_timeout: node.sdo_timeout_ms.map_or(usual.sdo_timeout, Duration::from_millis),
         longest_value: node.longest_value.unwrap_or(usual.longest_value),
         save_time: node.save_ms.map_or(usual.save_time, Duration::from_millis),
         sync_producer: node.sync_producer_us.map(Duration::from_micros),
-        clock_object: node.clock.as_deref().map(mux).transpose()?,
-        time_interval_object: node.time_interval.as_deref().map(mux).transpose()?,
+        clock_object: value(&node.clock),
+        time_interval_object: value(&node.time_interval),
         sync_supervision: node.sync.as_ref().map_or(usual.sync_supervision, |sync| {
             let resolution = Duration::from_millis(sync.resolution_ms);
             Some(SyncSupervision { percent: sync.percent, resolution })
         }),
         block_transfer: usual.block_transfer.filter(|_| node.block_transfer != Some(false)),
-        emcy: emcy.map_or_else(|| Ok(usual.emcy.clone()), table)?,
-        aliases: aliases.collect::<Result<_, _>>()?,
+        emcy: emcy.map_or_else(|| usual.emcy.clone(), table),
+        aliases: node.aliases.iter().map(|(second, first)| (*second, first.value)).collect(),
         ..usual
-    })
+    }
 }
 
-fn table(facts: &EmcyFacts) -> Result<EmcyTable, DescribeError> {
-    let form = |facts: &Option<FormFacts>| facts.as_ref().map(form).transpose();
-    Ok(EmcyTable {
-        sync_timeout: form(&facts.sync_timeout)?,
-        sync_length: form(&facts.sync_length)?,
-        guarding: form(&facts.guarding)?,
-        heartbeat: form(&facts.heartbeat)?,
-        rpdo_too_short: form(&facts.rpdo_too_short)?,
-        rpdo_too_long: form(&facts.rpdo_too_long)?,
-        rpdo_timeout: form(&facts.rpdo_timeout)?,
-        queue_overflow: form(&facts.queue_overflow)?,
+fn table(facts: &EmcyFacts) -> EmcyTable {
+    let form = |facts: &Option<FormFacts>| facts.as_ref().map(form);
+    EmcyTable {
+        sync_timeout: form(&facts.sync_timeout),
+        sync_length: form(&facts.sync_length),
+        guarding: form(&facts.guarding),
+        heartbeat: form(&facts.heartbeat),
+        rpdo_too_short: form(&facts.rpdo_too_short),
+        rpdo_too_long: form(&facts.rpdo_too_long),
+        rpdo_timeout: form(&facts.rpdo_timeout),
+        queue_overflow: form(&facts.queue_overflow),
         tells_history_cleared: facts.tells_history_cleared,
-    })
+    }
 }
 
-fn form(facts: &FormFacts) -> Result<EmcyForm, DescribeError> {
-    let wrong = |why: &str| DescribeError(format!("emcy: vendor: {:?} {why}", facts.vendor));
-    let bytes = facts.vendor.split_whitespace().map(|word| match word {
-        "subject" => Ok(Byte::Subject),
-        "expected" => Ok(Byte::Expected),
-        "actual" => Ok(Byte::Actual),
-        digits => u8::from_str_radix(digits, 16).map(Byte::Is).map_err(|_| {
-            wrong("holds something other than bytes, `subject`, `expected` and `actual`")
-        }),
-    });
-    let bytes = bytes.collect::<Result<Vec<_>, _>>()?;
-    let vendor = bytes.try_into().map_err(|_| wrong("is not five bytes"))?;
+fn form(facts: &FormFacts) -> EmcyForm {
     let (code, register, end_repeats) = (EmcyCode(facts.code), facts.register, facts.end_repeats);
-    Ok(EmcyForm { code, register, vendor, end_repeats })
-}
-
-fn mux(text: &str) -> Result<Mux, DescribeError> {
-    text.parse().map_err(|error| DescribeError(format!("node: {text:?}: {error}")))
+    EmcyForm { code, register, vendor: facts.vendor.0, end_repeats }
 }
 
 #[cfg(test)]
@@ -156,7 +197,7 @@ mod tests {
             end-repeats: true }\n\
             rpdo-too-short: { code: 0x8210, register: 0x81, \
             vendor: 00 05 expected actual subject }";
-        let table = table(&serde_yaml::from_str(yaml).unwrap()).unwrap();
+        let table = table(&serde_yaml::from_str(yaml).unwrap());
         let heartbeat = table.heartbeat.unwrap();
         assert_eq!((heartbeat.code, heartbeat.register), (EmcyCode::HEARTBEAT, 0x11));
         let zero = Byte::Is(0);
@@ -169,12 +210,9 @@ mod tests {
 
     #[test]
     fn mistakes_are_told() {
-        let emcy = |vendor: &str| {
-            let yaml = format!("guarding: {{ code: 1, register: 1, vendor: {vendor} }}");
-            table(&serde_yaml::from_str(&yaml).unwrap()).unwrap_err().to_string()
-        };
+        let emcy = |vendor: &str| VendorBytes::try_from(vendor.to_owned()).map(|_| ()).unwrap_err();
         assert!(emcy("00 04 00 00").contains("is not five bytes"));
-        assert!(emcy("00 04 node 00 00").contains("holds something other"));
-        assert!(mux("1017").unwrap_err().to_string().contains("node: \"1017\": an object"));
+        assert!(emcy("00 04 node 00 00").contains("is neither a byte"));
+        assert!(emcy("00 04 subjct 00 00").contains("did you mean `subject`?"));
     }
 }

@@ -1,20 +1,24 @@
 //! Mutants as data.
 
+use std::sync::Arc;
+
+use canopen::source::{Complaint, Outline, Source};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::patch::Patch;
 use super::sheet::SheetPatch;
 
-/// A file of mutants.
-#[derive(Debug, Deserialize)]
+/// A file of mutants, `mutants.yaml`.
+#[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(super) struct MutantFile {
+pub struct MutantFile {
     /// The mutants.
-    pub mutants: Vec<Mutant>,
+    pub(super) mutants: Vec<Mutant>,
 }
 
 /// A deviation.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Mutant {
     /// Unique name.
@@ -35,10 +39,61 @@ pub struct Mutant {
     pub shared: bool,
     /// The deviation.
     pub(super) change: Change,
+    /// The file it stands in, and which of its mutants it is, counted from 0.
+    #[serde(skip)]
+    pub(super) origin: Option<(Arc<Source>, usize)>,
+}
+
+/// What is wrong with the change of a mutant: the keys that lead there, and why.
+#[derive(Debug, PartialEq)]
+pub(super) struct Misfit {
+    /// Below `change`, such as `frame` and `when`; an item of a list by its number.
+    pub path: Vec<String>,
+    /// The byte within the text that stands there.
+    pub offset: usize,
+    /// What is wrong.
+    pub message: String,
+}
+
+impl Misfit {
+    /// Something wrong at these keys.
+    pub(super) fn at(path: &[&str], message: impl Into<String>) -> Self {
+        let path = path.iter().map(|&key| key.to_owned()).collect();
+        Self { path, offset: 0, message: message.into() }
+    }
+
+    /// The same, below these keys.
+    pub(super) fn below(mut self, keys: &[&str]) -> Self {
+        self.path.splice(0..0, keys.iter().map(|&key| key.to_owned()));
+        self
+    }
+}
+
+impl Mutant {
+    /// What is wrong with the change, with its place.
+    pub(super) fn complaint(&self, misfit: &Misfit) -> Complaint {
+        let mut path = vec!["change"];
+        path.extend(misfit.path.iter().map(String::as_str));
+        self.complain(&path, misfit.offset, misfit.message.clone())
+    }
+
+    /// A complaint about what stands at these keys of the mutant, so many bytes after its start.
+    pub fn complain(&self, path: &[&str], offset: usize, message: impl Into<String>) -> Complaint {
+        let message = message.into();
+        let Some((source, number)) = &self.origin else {
+            let source = Arc::new(Source { name: self.name.clone(), ..Source::default() });
+            return Complaint { source, place: None, message };
+        };
+        let number = number.to_string();
+        let path = [&["mutants", &number], path].concat();
+        let outline = Outline::of(source);
+        let place = outline.map(|outline| source.inside(outline.nearest(&path), offset));
+        Complaint { source: Arc::clone(source), place, message }
+    }
 }
 
 /// Where the deviation sits.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Change {
     /// Between the device and the wire.
@@ -54,7 +109,7 @@ pub(super) enum Change {
 }
 
 /// What happens to frames that fit a pattern. Exactly one of `edit`, `drop`, `repeat`, `delay`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(super) struct FrameChange {
     /// Which frames the device sends.

@@ -4,9 +4,9 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use canopen::bench::POWER;
-use canopen::{BenchError, Device, Frame, Instant, Outbox, Pattern, Value};
+use canopen::{BenchError, Device, Frame, Instant, Outbox, Pattern, PatternError, Value};
 
-use super::data::FrameChange;
+use super::data::{FrameChange, Misfit};
 
 /// A device some of whose frames are not what it meant to send, or to receive.
 pub struct FrameMutant<D> {
@@ -35,11 +35,15 @@ impl<D: Device> FrameMutant<D> {
     pub(super) fn new(
         inner: D,
         change: &FrameChange,
-        bind: impl Fn(&str) -> Result<Pattern, String>,
-    ) -> Result<Self, String> {
+        bind: impl Fn(&str) -> Result<Pattern, PatternError>,
+    ) -> Result<Self, Misfit> {
+        let bind = |key: &str, text: &str| {
+            bind(text)
+                .map_err(|error| Misfit { offset: error.at, ..Misfit::at(&[key], error.message) })
+        };
         let mut whats = Vec::new();
         if let Some(edit) = &change.edit {
-            whats.push(What::Edit(bind(edit)?));
+            whats.push(What::Edit(bind("edit", edit)?));
         }
         if change.drop {
             whats.push(What::Drop);
@@ -52,14 +56,17 @@ impl<D: Device> FrameMutant<D> {
         }
         let what = match (whats.pop(), whats.is_empty()) {
             (Some(What::Delay(_)), true) if change.received => {
-                return Err("frames that are received cannot be delayed".to_owned());
+                return Err(Misfit::at(&["delay"], "frames that are received cannot be delayed"));
             }
             (Some(what), true) => what,
-            _ => return Err("exactly one of edit, drop, repeat and delay".to_owned()),
+            _ => {
+                let message = "exactly one of `edit`, `drop`, `repeat` and `delay` belongs here";
+                return Err(Misfit::at(&[], message));
+            }
         };
         Ok(Self {
             inner,
-            when: bind(&change.when)?,
+            when: bind("when", &change.when)?,
             received: change.received,
             what,
             skip: change.skip,
@@ -156,9 +163,11 @@ impl<D: Device> Device for FrameMutant<D> {
     }
 }
 
-fn milliseconds(text: &str) -> Result<Duration, String> {
+fn milliseconds(text: &str) -> Result<Duration, Misfit> {
     let number = text.strip_suffix("ms").and_then(|number| number.trim().parse().ok());
-    number.map(Duration::from_millis).ok_or_else(|| format!("`{text}`: write a delay as `20 ms`"))
+    number
+        .map(Duration::from_millis)
+        .ok_or_else(|| Misfit::at(&["delay"], format!("`{text}` is not a delay: write `20 ms`")))
 }
 
 #[cfg(test)]
@@ -181,7 +190,7 @@ mod tests {
     fn answers(yaml: &str, count: usize) -> Vec<String> {
         let change: FrameChange = serde_yaml::from_str(yaml).unwrap();
         let bind = |text: &str| {
-            let pattern: Pattern = text.parse().map_err(|error| format!("{error}"))?;
+            let pattern: Pattern = text.parse()?;
             Ok(pattern.bind(5, &|_| None))
         };
         let mut device = FrameMutant::new(Echo, &change, bind).unwrap();

@@ -2,17 +2,20 @@
 
 use canopen::eds::{Access, Eds, Entry, Object, ObjectKind, Term};
 use canopen::{DataType, Mux, Value};
+use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::data::Misfit;
+
 /// What is different at one address.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(super) struct Patch {
     /// The address, `"1017:00"`.
-    object: String,
+    object: Mux,
     /// It is there although the data sheet does not have it: a copy of what is at this address.
     #[serde(default)]
-    like: Option<String>,
+    like: Option<Mux>,
     /// So many of these copies, each an index further.
     #[serde(default)]
     copies: Option<u16>,
@@ -24,10 +27,10 @@ pub(super) struct Patch {
     text: Option<String>,
     /// Another access type.
     #[serde(default)]
-    access: Option<String>,
+    access: Option<Access>,
     /// Another data type, in CiA's name.
     #[serde(default, rename = "type")]
-    data_type: Option<String>,
+    data_type: Option<DataType>,
     /// Another lower limit.
     #[serde(default)]
     low: Option<i64>,
@@ -50,20 +53,22 @@ impl Patch {
     ///
     /// # Errors
     /// When the description has no such entry, or the patch makes no sense.
-    pub(super) fn apply(&self, eds: &mut Eds) -> Result<(), String> {
-        let address = |text: &str| -> Result<Mux, String> {
-            text.parse().map_err(|error| format!("`{text}`: {error}"))
-        };
-        let mux = address(&self.object)?;
-        if let Some(like) = &self.like {
-            for index in (mux.index..).take(self.copies.unwrap_or(1).into()) {
-                add(eds, Mux::new(index, mux.sub), address(like)?)?;
+    pub(super) fn apply(&self, eds: &mut Eds) -> Result<(), Misfit> {
+        let mux = self.object;
+        let missing = |key, mux: Mux| Misfit::at(&[key], format!("the device has no object {mux}"));
+        if let Some(like) = self.like {
+            let copies = self.copies.unwrap_or(1);
+            let Some(last) = mux.index.checked_add(copies.saturating_sub(1)) else {
+                return Err(Misfit::at(&["copies"], format!("{copies} copies go beyond FFFFh")));
+            };
+            for index in mux.index..=last {
+                add(eds, Mux::new(index, mux.sub), like).ok_or_else(|| missing("like", like))?;
             }
         }
         let object = eds.objects.iter_mut().find(|object| object.index == mux.index);
-        let object = object.ok_or_else(|| format!("no object {mux}"))?;
+        let object = object.ok_or_else(|| missing("object", mux))?;
         let place = object.entries.iter().position(|entry| entry.mux == mux);
-        let place = place.ok_or_else(|| format!("no object {mux}"))?;
+        let place = place.ok_or_else(|| missing("object", mux))?;
         if self.remove {
             object.entries.remove(place);
             eds.objects.retain(|object| !object.entries.is_empty());
@@ -71,12 +76,8 @@ impl Patch {
         }
         let entry = &mut object.entries[place];
         let fixed = |number: i64| Some(Term::fixed(Value::from(number)));
-        if let Some(name) = &self.data_type {
-            entry.data_type = DataType::named(name).ok_or_else(|| format!("no type {name}"))?;
-        }
-        if let Some(name) = &self.access {
-            entry.access = Access::named(name).ok_or_else(|| format!("no access type {name}"))?;
-        }
+        entry.data_type = self.data_type.unwrap_or(entry.data_type);
+        entry.access = self.access.unwrap_or(entry.access);
         if let Some(number) = self.value {
             entry.default = fixed(number);
         }
@@ -100,8 +101,8 @@ impl Patch {
 }
 
 /// Adds an entry that is like another one, with an object around it where there is none.
-fn add(eds: &mut Eds, mux: Mux, like: Mux) -> Result<(), String> {
-    let entry = eds.entry(like).ok_or_else(|| format!("no object {like}"))?;
+fn add(eds: &mut Eds, mux: Mux, like: Mux) -> Option<()> {
+    let entry = eds.entry(like)?;
     let entry = Entry { mux, ..entry.clone() };
     let place = eds.objects.partition_point(|object| object.index < mux.index);
     match eds.objects.get_mut(place).filter(|object| object.index == mux.index) {
@@ -116,7 +117,7 @@ fn add(eds: &mut Eds, mux: Mux, like: Mux) -> Result<(), String> {
             eds.objects.insert(place, object);
         }
     }
-    Ok(())
+    Some(())
 }
 
 #[cfg(test)]
@@ -125,7 +126,7 @@ mod tests {
 
     #[test]
     fn copies_are_objects_of_their_own_or_sub_indices() {
-        let mut eds = crate::describe::device("em66").unwrap().eds;
+        let mut eds = crate::devices::device("em66").unwrap().description.eds;
         let patch = |text: &str| serde_yaml::from_str::<Patch>(text).unwrap();
         let objects = eds.objects.len();
         patch("{ object: '2100:00', like: '2009:01', copies: 3 }").apply(&mut eds).unwrap();
@@ -137,6 +138,6 @@ mod tests {
         let second = eds.entry(Mux::new(0x2001, 2)).unwrap();
         assert_eq!(second.default.as_ref().map(|term| term.resolve(1)), Some(Value::Int(7)));
         let wrong = patch("{ object: '2001:03', like: '5000:00' }").apply(&mut eds);
-        assert_eq!(wrong, Err("no object 5000:00".to_owned()));
+        assert_eq!(wrong, Err(Misfit::at(&["like"], "the device has no object 5000:00")));
     }
 }

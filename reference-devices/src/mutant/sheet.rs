@@ -1,9 +1,13 @@
 //! A change of the data sheet that the device does not know of: the text that the harness is given.
 
+use canopen::nearest::did_you_mean;
+use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::data::Misfit;
+
 /// What is different in one section. Exactly one of `remove`, `title`, `value` and `text`.
-#[derive(Clone, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(super) struct SheetPatch {
     /// The section, as it is written between the brackets.
@@ -30,11 +34,15 @@ impl SheetPatch {
     ///
     /// # Errors
     /// When the sheet has no such section or key, or the patch makes no sense.
-    pub(super) fn apply(&self, sheet: &str) -> Result<String, String> {
+    pub(super) fn apply(&self, sheet: &str) -> Result<String, Misfit> {
         let mut lines: Vec<String> = sheet.split("\r\n").map(str::to_owned).collect();
         let head = format!("[{}]", self.section);
         let start = lines.iter().position(|line| line.eq_ignore_ascii_case(&head));
-        let start = start.ok_or_else(|| format!("no section {head}"))?;
+        let start = start.ok_or_else(|| {
+            let known = lines.iter().filter_map(|line| line.strip_prefix('[')?.strip_suffix(']'));
+            let meant = did_you_mean(&self.section, known);
+            Misfit::at(&["section"], format!("the data sheet has no section {head}{meant}"))
+        })?;
         let rest = &lines[start + 1..];
         let length = rest.iter().position(|line| line.is_empty() || line.starts_with('['));
         let end = start + 1 + length.unwrap_or(rest.len());
@@ -60,8 +68,21 @@ impl SheetPatch {
                     None => lines.insert(end, line),
                 }
             }
-            (Some(key), Some(None), ..) => return Err(format!("{head} has no key {key}")),
-            _ => return Err("exactly one of remove, title, value and text".to_owned()),
+            (Some(key), Some(None), ..) => {
+                let known = lines[start + 1..end].iter().filter_map(|line| line.split('=').next());
+                let meant = did_you_mean(key, known);
+                return Err(Misfit::at(&["key"], format!("{head} has no key `{key}`{meant}")));
+            }
+            (Some(_), _, _, _, _, Some(_)) => {
+                return Err(Misfit::at(&["text"], "`text` belongs to a section without `key`"));
+            }
+            (None, _, _, _, Some(_), _) => {
+                return Err(Misfit::at(&["value"], "`value` belongs to a `key`"));
+            }
+            _ => {
+                let message = "exactly one of `remove`, `title`, `value` and `text` belongs here";
+                return Err(Misfit::at(&[], message));
+            }
         }
         Ok(lines.join("\r\n"))
     }
@@ -85,13 +106,17 @@ mod tests {
                 "{ section: B, key: v, value: '9' }",
                 Ok("[A]\r\nx=1\r\ny=2\r\n\r\n[B]\r\nz=3\r\nv=9\r\n"),
             ),
-            ("{ section: C, remove: true }", Err("no section [C]")),
-            ("{ section: B, key: v, remove: true }", Err("[B] has no key v")),
-            ("{ section: B }", Err("exactly one of remove, title, value and text")),
+            ("{ section: C, remove: true }", Err("the data sheet has no section [C]")),
+            ("{ section: B, key: v, remove: true }", Err("[B] has no key `v`")),
+            (
+                "{ section: B }",
+                Err("exactly one of `remove`, `title`, `value` and `text` belongs here"),
+            ),
         ] {
             let parsed: SheetPatch = serde_yaml::from_str(patch).unwrap();
             let got = parsed.apply(sheet);
-            assert_eq!(got.as_deref().map_err(String::as_str), changed, "{patch}");
+            let got = got.as_deref().map_err(|misfit| misfit.message.as_str());
+            assert_eq!(got, changed, "{patch}");
         }
     }
 }

@@ -159,7 +159,7 @@ const COMPARES_PROCESS: std::ops::RangeInclusive<i64> = 1..=5;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::describe;
+    use crate::devices;
     use crate::devices::drr460::rules::Manual;
 
     /// Process values, and whether they are in alarm.
@@ -174,7 +174,7 @@ mod tests {
 
     impl Bench {
         fn new(set_point: i64, parameters: &[(u8, i64)]) -> Self {
-            let eds = describe::device("drr460").unwrap().eds;
+            let eds = devices::device("drr460").unwrap().description.eds;
             let mut od = Dictionary::new(&eds, 1).unwrap();
             od.set_int(Mux::new(0x4001, 0), set_point);
             od.set_int(Mux::new(0x3000, 58), 0);

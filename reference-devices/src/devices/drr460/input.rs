@@ -55,14 +55,14 @@ mod tests {
     use canopen::Mux;
 
     use super::*;
-    use crate::describe;
+    use crate::devices;
     use crate::devices::drr460::rules::Manual;
 
     type Parameters = &'static [(u8, i64)];
 
     #[test]
     fn calibration_and_unit() {
-        let eds = describe::device("drr460").unwrap().eds;
+        let eds = devices::device("drr460").unwrap().description.eds;
         let table: [(Parameters, f64, Result<i64, i64>); 7] = [
             (&[], 25.0, Ok(250)),
             (&[(UNIT, 1)], 25.0, Ok(770)),

@@ -82,10 +82,11 @@ mod tests {
     use canopen::Mux;
 
     use super::*;
-    use crate::describe;
+    use crate::devices;
 
     fn od(parameters: &[(u8, i64)]) -> Dictionary {
-        let mut od = Dictionary::new(&describe::device("drr460").unwrap().eds, 1).unwrap();
+        let mut od =
+            Dictionary::new(&devices::device("drr460").unwrap().description.eds, 1).unwrap();
         for (sub, number) in parameters {
             od.set_int(Mux::new(0x3000, *sub), *number);
         }

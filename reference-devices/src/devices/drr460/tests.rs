@@ -1,5 +1,5 @@
 use super::*;
-use crate::describe;
+use crate::devices;
 
 /// A DRR460 without a network.
 struct Bench {
@@ -11,7 +11,7 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let od = Dictionary::new(&describe::device("drr460").unwrap().eds, 1).unwrap();
+        let od = Dictionary::new(&devices::device("drr460").unwrap().description.eds, 1).unwrap();
         let (device, errors) = (Drr460::new(Box::new(Manual)), Errors::default());
         let mut bench = Self { device, od, errors, now: Instant::ZERO };
         bench.power_on();

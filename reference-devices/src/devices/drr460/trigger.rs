@@ -31,13 +31,13 @@ const RELEASE: Mux = Mux::new(0x6423, 0);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::describe;
+    use crate::devices;
     use crate::devices::drr460::rules::Manual;
 
     type Objects = &'static [(u16, i64)];
 
     fn verdict(objects: &[(u16, i64)], last: i16, now: i64) -> bool {
-        let eds = describe::device("drr460").unwrap().eds;
+        let eds = devices::device("drr460").unwrap().description.eds;
         let mut od = Dictionary::new(&eds, 1).unwrap();
         od.set(RELEASE, &[1]);
         for (index, number) in objects {

@@ -232,7 +232,7 @@ const PUMP: &str = "pump";
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::describe;
+    use crate::devices;
 
     fn text(text: &str) -> Value {
         Value::Text(text.to_owned())
@@ -240,7 +240,7 @@ mod tests {
 
     fn stimuli() -> Stimuli {
         let mut stimuli = Stimuli::default();
-        let od = Dictionary::new(&describe::device("em66").unwrap().eds, 1).unwrap();
+        let od = Dictionary::new(&devices::device("em66").unwrap().description.eds, 1).unwrap();
         stimuli.fit(&od);
         stimuli
     }

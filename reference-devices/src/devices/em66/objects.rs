@@ -88,7 +88,7 @@ mod tests {
 
     #[test]
     fn what_is_never_still_triggers_no_tpdo() {
-        let described = crate::describe::device("em66").unwrap();
+        let described = crate::devices::device("em66").unwrap().description;
         let mut od = Dictionary::new(&described.eds, described.default_node).unwrap();
         set(&mut od, MAIN_LINE, 850);
         set(&mut od, FLOW, 600);

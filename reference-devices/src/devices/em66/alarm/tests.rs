@@ -2,7 +2,7 @@ use canopen::Mux;
 use proptest::prelude::*;
 
 use super::*;
-use crate::describe;
+use crate::devices;
 use crate::devices::em66::rules::Profile;
 
 /// What is compared: input, alternate input, level, hysteresis, whether there was an alarm.
@@ -200,7 +200,7 @@ impl Bench {
 }
 
 fn dictionary() -> Dictionary {
-    Dictionary::new(&describe::device("em66").unwrap().eds, 66).unwrap()
+    Dictionary::new(&devices::device("em66").unwrap().description.eds, 66).unwrap()
 }
 
 #[test]

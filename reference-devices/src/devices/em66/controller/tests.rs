@@ -1,5 +1,5 @@
 use super::*;
-use crate::describe;
+use crate::devices;
 use crate::devices::em66::PERIOD;
 use crate::devices::em66::objects::{EFFECTIVE_SET_POINT, EFFECTIVE_VALUE};
 use crate::devices::em66::process::Process;
@@ -25,7 +25,7 @@ impl Plant {
         Self {
             controller: Controller::new(),
             process: Process::new(),
-            od: Dictionary::new(&describe::device("em66").unwrap().eds, 1).unwrap(),
+            od: Dictionary::new(&devices::device("em66").unwrap().description.eds, 1).unwrap(),
             rules,
             duty: Duty { on: true, ..Duty::default() },
             drive: Drive::default(),
@@ -197,7 +197,7 @@ fn units_and_digits_hold_one_value() {
 
 #[test]
 fn a_device_without_a_limit_of_cooling_cannot_cool() {
-    let mut eds = describe::device("em66").unwrap().eds;
+    let mut eds = devices::device("em66").unwrap().description.eds;
     eds.objects.retain(|object| !matches!(object.index, 0x6413 | 0x6414));
     let od = Dictionary::new(&eds, 1).unwrap();
     assert_eq!(limits(&od, &Profile), (0, 1000));

@@ -1,5 +1,5 @@
 use super::*;
-use crate::describe;
+use crate::devices;
 use crate::devices::em66::rules::Profile;
 
 type Cause = fn(&mut Table);
@@ -15,7 +15,7 @@ struct Table {
 
 impl Table {
     fn new() -> Self {
-        let od = Dictionary::new(&describe::device("em66").unwrap().eds, 1).unwrap();
+        let od = Dictionary::new(&devices::device("em66").unwrap().description.eds, 1).unwrap();
         let sensed =
             Sensed { medium_level: 700, external: External::Reads(250), ..Sensed::default() };
         let (faults, errors) = (Faults::default(), Errors::default());

@@ -1,7 +1,7 @@
 use canopen::{Instant, Value};
 
 use super::*;
-use crate::describe;
+use crate::devices;
 use crate::devices::em66::Em66;
 use crate::devices::em66::objects::{EFFECTIVE_VALUE, ERROR_STATUS, STATUS};
 use crate::devices::em66::rules::Profile;
@@ -18,7 +18,7 @@ impl Table {
     fn without(options: &[&str]) -> Self {
         let without: Vec<String> = options.iter().map(|name| (*name).to_owned()).collect();
         let device = Em66::new(Box::new(Profile), &without);
-        let eds = describe::device("em66").unwrap().eds;
+        let eds = devices::device("em66").unwrap().description.eds;
         let settings = NodeSettings::default();
         Self { rig: Rig::with(&eds, settings, Box::new(Specification), Box::new(device)) }
     }
