@@ -29,6 +29,37 @@ pub trait Bench {
     fn get(&mut self, name: &str) -> Result<Value, BenchError>;
 }
 
+/// Whether suites ask for stimuli and observations of that name; the numbered ones end in a dash
+/// and a number.
+pub fn is_known(name: &str) -> bool {
+    let numbered = |known: &str| name.strip_prefix(known).is_some_and(|n| n.parse::<u8>().is_ok());
+    NAMES.iter().any(|known| if known.ends_with('-') { numbered(known) } else { *known == name })
+}
+
+/// The names that suites ask for. Those that end in a dash are followed by a number.
+pub const NAMES: &[&str] = &[
+    POWER,
+    "digital-inputs-",
+    "digital-outputs-",
+    "analogue-input-",
+    "analogue-output-",
+    "output-fault",
+    "input-fault",
+    "main-line-temperature",
+    "return-line-temperature",
+    "external-temperature",
+    "external-sensor",
+    "flow",
+    "intake-pressure",
+    "medium-level",
+    "mould-contents",
+    "safety-limiter",
+    "machine-fault",
+    "heater",
+    "cooler",
+    "pump",
+];
+
 /// Why a bench could not do what it was asked for, in one sentence. Says nothing about the device.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BenchError(pub String);

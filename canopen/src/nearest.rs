@@ -20,6 +20,11 @@ pub fn nearest<'k>(wrong: &str, known: impl Iterator<Item = &'k str>) -> Option<
     near.map(|(_, known)| known)
 }
 
+/// Whether one letter is wrong, missing or too many, or two are swapped.
+pub fn is_slip(wrong: &str, known: &str) -> bool {
+    strsim::damerau_levenshtein(wrong, known) == 1
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

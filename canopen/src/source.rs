@@ -198,6 +198,14 @@ fn in_our_words(message: &str) -> String {
         "expected sequence start" => "a list belongs here: `[one, another]`".to_owned(),
         "expected mapping start" => "keys and values belong here: `{ key: value }`".to_owned(),
         "expected string scalar" => "a text belongs here".to_owned(),
+        "while parsing a flow mapping, did not find expected ',' or '}'" => {
+            "a `}` or `,` is missing before this".to_owned()
+        }
+        "while parsing a flow sequence, expected ',' or ']'" => {
+            "a `]` or `,` is missing before this".to_owned()
+        }
+        "unclosed bracket '{'" => "this `{` has no `}`".to_owned(),
+        "unclosed bracket '['" => "this `[` has no `]`".to_owned(),
         "unexpected end of input" => "the file is empty, or ends too early".to_owned(),
         "tabs disallowed within this context (block indentation)" => {
             "lines are indented by blanks, not by tabs".to_owned()

@@ -55,6 +55,7 @@ fn sdo_round_trips(bench: &mut Criterion) {
         eds: Arc::new(sheet),
         sheet: Arc::default(),
         bench: Vec::new(),
+        own_bench: false,
         bit_rate: 1_000_000,
         without: Vec::new(),
         told: None,

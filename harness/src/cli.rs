@@ -79,7 +79,8 @@ pub struct Selection {
     #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub bitrate: u32,
-    /// The bench around the device: `unix:PATH`, or a program that speaks lines of JSON
+    /// The bench around the device: `unix:PATH`, or a program with its arguments that answers lines
+    /// of JSON
     #[arg(long, value_name = "RIG")]
     pub bench: Option<String>,
     /// The device does not have this option of its profile, such as `suction`; may be repeated

@@ -24,6 +24,8 @@ pub struct Dut {
     pub sheet: Arc<Sheet>,
     /// What the bench around it can set and observe.
     pub bench: Vec<String>,
+    /// Whether that bench is the user's, not that of a simulation.
+    pub own_bench: bool,
     /// Bit rate of its bus, in bit/s.
     pub bit_rate: u32,
     /// Options of its profile that it does not have.

@@ -5,6 +5,7 @@ mod bytes;
 mod check;
 mod each;
 mod instance;
+mod kind;
 mod pdo;
 mod profile;
 mod scope;

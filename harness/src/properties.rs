@@ -157,6 +157,7 @@ static SHEET: LazyLock<Dut> = LazyLock::new(|| {
         eds: Arc::new(eds),
         sheet: Arc::default(),
         bench: Vec::new(),
+        own_bench: false,
         bit_rate: 1_000_000,
         without: Vec::new(),
         told: None,

@@ -1,4 +1,4 @@
-//! A bench in another process: lines of JSON, a request and an answer each.
+//! A bench in another process: lines of JSON, a request and its answer.
 //!
 //! `{"names":true}` gets `{"names":["power"]}`, `{"set":{"power":"off"}}` gets `{"ok":true}`,
 //! `{"get":"lamp"}` gets `{"value":5}`; what cannot be done gets `{"error":"..."}`.
@@ -6,6 +6,8 @@
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
+use std::os::unix::process::CommandExt;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
@@ -13,6 +15,8 @@ use std::thread;
 use std::time::Duration;
 
 use canopen::{Bench, BenchError, Bus, BusError, Frame, Instant, Stamped, Value};
+use nix::sys::signal::{Signal, killpg};
+use nix::unistd::Pid;
 use serde_json::{Value as Json, json};
 
 /// How long a rig may take to answer.
@@ -24,7 +28,7 @@ pub struct Rig {
     requests: Box<dyn Write + Send>,
     answers: Receiver<std::io::Result<String>>,
     end: End,
-    /// Why it cannot be asked any more.
+    /// Why it cannot be asked again.
     dead: Option<BenchError>,
 }
 
@@ -35,7 +39,7 @@ enum End {
 }
 
 impl Rig {
-    /// Opens `unix:PATH`, or starts the program of that name.
+    /// Opens `unix:PATH`, or starts a program with its arguments, which blanks separate.
     ///
     /// # Errors
     /// When there is no such thing.
@@ -47,13 +51,19 @@ impl Rig {
                 (socket.try_clone().map_err(failed)?, socket.try_clone().map_err(failed)?);
             return Ok(Self::new(text, Box::new(requests), answers, End::Socket(socket)));
         }
-        let mut program = Command::new(text)
+        // A path may have blanks.
+        let whole = Path::new(text).is_file();
+        let mut words = text.split_whitespace().filter(|_| !whole);
+        let mut program = Command::new(words.next().unwrap_or(text))
+            .args(words)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
+            // What it starts ends with it, and Ctrl-C is the harness's to handle.
+            .process_group(0)
             .spawn()
             .map_err(failed)?;
         let (Some(requests), Some(answers)) = (program.stdin.take(), program.stdout.take()) else {
-            return Err(BenchError(format!("the bench {text} cannot be talked to")));
+            return Err(BenchError(format!("the bench {text} has no standard input or output")));
         };
         Ok(Self::new(text, Box::new(requests), answers, End::Program(program)))
     }
@@ -85,14 +95,14 @@ impl Rig {
             self.dead.insert(dead).clone()
         })?;
         match answer.get("error").and_then(Json::as_str) {
-            Some(refusal) => Err(BenchError(format!("the bench says: {refusal}"))),
+            Some(refusal) => Err(BenchError(format!("the bench reports: {refusal}"))),
             None => Ok(answer),
         }
     }
 
     fn answer(&mut self, request: &Json) -> Result<Json, String> {
         let sent = writeln!(self.requests, "{request}").and_then(|()| self.requests.flush());
-        let gone = "has gone";
+        let gone = "has ended";
         sent.map_err(|_| gone)?;
         let line = match self.answers.recv_timeout(PATIENCE) {
             Ok(Ok(line)) => line,
@@ -103,7 +113,7 @@ impl Rig {
             Err(RecvTimeoutError::Disconnected) => return Err(gone.to_owned()),
         };
         let answer = serde_json::from_str::<Json>(&line).ok().filter(Json::is_object);
-        answer.ok_or_else(|| format!("answers `{line}`, which is no JSON object"))
+        answer.ok_or_else(|| format!("answers `{line}`, which is not a JSON object"))
     }
 
     /// The answer is none that this request can have.
@@ -119,7 +129,9 @@ impl Drop for Rig {
         match &mut self.end {
             End::Socket(socket) => _ = socket.shutdown(Shutdown::Both),
             End::Program(program) => {
-                _ = program.kill();
+                if let Ok(group) = i32::try_from(program.id()) {
+                    _ = killpg(Pid::from_raw(group), Signal::SIGKILL);
+                }
                 _ = program.wait();
             }
         }
@@ -155,7 +167,7 @@ impl Bench for Rig {
 /// The answer of `bench` to a request line.
 pub fn respond(bench: &mut dyn Bench, line: &str) -> String {
     let answered = serde_json::from_str::<Json>(line)
-        .map_err(|_| BenchError(format!("`{line}` is no JSON")))
+        .map_err(|_| BenchError(format!("`{line}` is not JSON")))
         .and_then(|request| carry_out(bench, &request));
     answered.unwrap_or_else(|error| json!({ "error": error.0 })).to_string()
 }
@@ -171,7 +183,7 @@ fn carry_out(bench: &mut dyn Bench, request: &Json) -> Result<Json, BenchError> 
         return Err(BenchError(format!("{request} is neither `names` nor `get` nor `set`")));
     };
     for (name, value) in stimuli {
-        let wrong = || BenchError(format!("{value} is no value"));
+        let wrong = || BenchError(format!("{value} is not a value"));
         bench.set(name, &from_json(value).ok_or_else(wrong)?)?;
     }
     Ok(json!({ "ok": true }))
@@ -276,9 +288,9 @@ mod tests {
             (r#"{"set":{"knob":true}}"#, r#"{"ok":true}"#),
             (r#"{"get":"knob"}"#, r#"{"value":true}"#),
             (r#"{"get":"lamp"}"#, r#"{"error":"the bench has no `lamp`"}"#),
-            (r#"{"set":{"knob":[]}}"#, r#"{"error":"[] is no value"}"#),
+            (r#"{"set":{"knob":[]}}"#, r#"{"error":"[] is not a value"}"#),
             (r#"{"put":5}"#, r#"{"error":"{\"put\":5} is neither `names` nor `get` nor `set`"}"#),
-            ("knob", r#"{"error":"`knob` is no JSON"}"#),
+            ("knob", r#"{"error":"`knob` is not JSON"}"#),
         ] {
             assert_eq!(respond(&mut table, request), answer, "{request}");
         }
@@ -301,9 +313,23 @@ mod tests {
         assert_eq!(rig.set("knob", &Value::Real(1.5)), Ok(()));
         assert_eq!(rig.get("knob"), Ok(Value::Real(1.5)));
         let refused = rig.get("lamp").unwrap_err();
-        assert_eq!(refused.0, "the bench says: the bench has no `lamp`");
+        assert_eq!(refused.0, "the bench reports: the bench has no `lamp`");
         assert_eq!(rig.get("knob"), Ok(Value::Real(1.5)), "a refusal is not the end");
         drop(rig);
         server.join().unwrap();
+    }
+
+    #[test]
+    fn what_a_rig_started_ends_with_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let (script, pipe) = (folder.path().join("rig.sh"), folder.path().join("pipe"));
+        nix::unistd::mkfifo(&pipe, nix::sys::stat::Mode::S_IRWXU).unwrap();
+        // The child holds the pipe open, and the rig waits for it and does not answer.
+        let text = format!("sleep 1000 > {} &\nwait\n", pipe.display());
+        std::fs::write(&script, text).unwrap();
+        let rig = Rig::open(&format!("sh {}", script.display())).unwrap();
+        let mut held = std::fs::File::open(&pipe).unwrap();
+        drop(rig);
+        assert_eq!(held.read(&mut [0]).unwrap(), 0, "the last writer has ended");
     }
 }

@@ -9,11 +9,11 @@ use canopen::{heartbeat, lss, sdo};
 use super::check::{self, no_object};
 use super::each::{each_scope, has_access};
 use super::instance::{Instance, Plan};
+use super::kind;
 use super::profile::{bind_names, of_another_profile, wrong_option};
 use super::scope::{Binding, Bound, Scope};
 use crate::dut::Dut;
 use crate::source::{At, Complaint};
-use crate::suite::each::{AccessName, Each, Has};
 use crate::suite::literal::{Amount, Literal, ObjectRef};
 use crate::suite::model::{Case, Requires};
 use crate::suite::profile::Capability;
@@ -81,7 +81,8 @@ fn bind_case(
             .map_err(|wrong| vec![Complaint::at(&suite.source, wrong.place, wrong.value)])?,
     };
     if scopes.is_empty() {
-        return Ok(vec![instance(None, Scope::default(), Some(nothing_of(case)))]);
+        let reason = case.each.as_ref().map(|each| kind::absent(&each.value));
+        return Ok(vec![instance(None, Scope::default(), reason)]);
     }
     for (name, values) in &case.matrix {
         scopes = cross(scopes, name, &values.value);
@@ -126,23 +127,6 @@ fn bind_bus(scope: &mut Scope, dut: &Dut) {
     scope.bind("other-answer", id(sdo::RESPONSE_COB_ID));
 }
 
-/// What the device does not have that a case is to be instantiated for. An entry that is there and
-/// has no limit in the data sheet can be given one by who wrote it.
-fn nothing_of(case: &Case) -> String {
-    if let Some(Each::Objects(objects)) = case.each.as_ref().map(|each| &each.value)
-        && let Some(range) = &objects.range
-    {
-        let limits = [(Has::Low, "lower"), (Has::High, "upper")];
-        let of = limits.iter().filter(|(has, _)| objects.has.contains(has));
-        let which: Vec<&str> = of.map(|(_, name)| *name).collect();
-        if !which.is_empty() {
-            let (which, range) = (which.join(" and "), &range.value);
-            return format!("the data sheet gives nothing in {range} that has a limit: {which}");
-        }
-    }
-    "the device has nothing of the kind this case is about".to_owned()
-}
-
 /// Why a case about the data sheet, or about what it lacks, says nothing where there is none.
 fn about_the_sheet(case: &Case) -> Option<String> {
     let reason = "there is no data sheet: what stands for it was composed of the device's answers";
@@ -178,19 +162,10 @@ fn lacks(requires: &Requires, dut: &Dut, suite: &Suite) -> Option<String> {
     match (dut.eds.entry(mux), requires.access) {
         (None, _) => Some(no_object(mux)),
         (Some(entry), Some(access)) if !has_access(entry, access) => {
-            let (has, wants) = (entry.access.name(), access_name(access));
+            let (has, wants) = (entry.access.name(), kind::name(access));
             Some(format!("object {mux} is {has}, the case is about {wants}"))
         }
         _ => None,
-    }
-}
-
-const fn access_name(access: AccessName) -> &'static str {
-    match access {
-        AccessName::Ro => "ro",
-        AccessName::Wo => "wo",
-        AccessName::Rw => "rw",
-        AccessName::Const => "const",
     }
 }
 

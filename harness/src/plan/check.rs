@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use canopen::Mux;
+use canopen::bench::{self, NAMES};
 use canopen::catalogue::{self, Profile, Shape};
 use canopen::eds::{CODES, Eds, Entry};
+use canopen::{Abort, Mux};
 
 use super::bytes::{mapping_word, parse_bytes};
 use super::each::{index_range, matching_entries};
@@ -12,6 +13,7 @@ use super::instance::Instance;
 use super::profile::check_capabilities;
 use super::scope::{Binding, Scope};
 use crate::dut::Dut;
+use crate::nearest::{did_you_mean, is_slip};
 use crate::source::{At, Complaint, Place};
 use crate::suite::Suite;
 use crate::suite::each::Objects;
@@ -84,6 +86,7 @@ pub(super) fn case(instance: &Instance, dut: &Dut, model: Option<&Eds>) -> Check
     };
     for step in case.all_steps() {
         checker.step(step);
+        checker.abort_codes(step);
     }
     for step in case.setup.iter().chain(&case.finally) {
         checker.no_way_out(step);
@@ -148,7 +151,7 @@ impl Checker<'_> {
             Step::Produce(produce) => self.produce(Some(produce)),
             Step::Bench(stimuli) => stimuli.iter().for_each(|(name, value)| {
                 self.bench_value(value);
-                self.bench_name(name);
+                self.bench_name(name, value.place);
             }),
             Step::Lss(LssStep::Fastscan(scan)) => self.fastscan(scan),
             Step::Eds(eds) => self.findings(eds.without.iter().chain(&eds.lenient)),
@@ -194,7 +197,7 @@ impl Checker<'_> {
             self.bench_value(value);
         }
         self.times(&observe.within);
-        self.bench_name(&observe.bench.value);
+        self.bench_name(&observe.bench.value, observe.bench.place);
     }
 
     fn bench_value(&mut self, literal: &At<Literal>) {
@@ -202,9 +205,67 @@ impl Checker<'_> {
         self.note(result.map(|_| ()), literal.place);
     }
 
-    fn bench_name(&mut self, name: &str) {
-        if !self.dut.bench.iter().any(|known| known == name) {
-            self.lacking.get_or_insert_with(|| format!("there is no bench with `{name}`"));
+    /// A name that suites ask for is skipped where the bench does not offer it. Any other name is
+    /// one of the user's bench: when that is there and does not offer it, the name is a mistake.
+    fn bench_name(&mut self, name: &str, place: Place) {
+        let offered = &self.dut.bench;
+        if offered.iter().any(|known| known == name) {
+            return;
+        }
+        let known = NAMES.iter().copied().filter(|known| !known.ends_with('-'));
+        let mut slips = known.clone().filter(|known| name.len() > 4 && is_slip(name, known));
+        let wrong = match (bench::is_known(name), self.dut.own_bench) {
+            (true, _) => None,
+            (false, true) => {
+                let meant = did_you_mean(name, offered.iter().map(String::as_str).chain(known));
+                let there = offered.join(", ");
+                Some(format!("the bench has no `{name}`: it offers {there}{meant}"))
+            }
+            (false, false) => {
+                slips.next().map(|known| format!("no bench has `{name}`; did you mean `{known}`?"))
+            }
+        };
+        if let Some(wrong) = wrong {
+            self.complain(place, wrong);
+            return;
+        }
+        self.lacking.get_or_insert_with(|| format!("the bench does not offer `{name}`"));
+    }
+
+    /// A code that CiA 301 does not have is a mistake, unless the suite is for one device, which may
+    /// have codes of its own.
+    fn abort_codes(&mut self, step: &At<Step>) {
+        if self.suite.file.device.is_some() {
+            return;
+        }
+        let refused = |refused: &Option<At<Refusal>>| {
+            refused
+                .iter()
+                .flat_map(|At { value, place }| {
+                    let codes = [value.code].into_iter().chain(value.lenient.iter().copied());
+                    codes.map(|code| (code, *place)).collect::<Vec<_>>()
+                })
+                .collect::<Vec<_>>()
+        };
+        let codes: Vec<(u32, Place)> = match &step.value {
+            Step::Read(read) => {
+                let lenient = read.lenient.iter().map(|code| (*code, step.place));
+                refused(&read.refused).into_iter().chain(lenient).collect()
+            }
+            Step::Write(write) => {
+                let or_refused = write.or_refused.iter().map(|code| (code.value, code.place));
+                refused(&write.refused).into_iter().chain(or_refused).collect()
+            }
+            Step::Remap(remap) => refused(&remap.refused),
+            _ => Vec::new(),
+        };
+        for (code, place) in codes.into_iter().filter(|(code, _)| Abort(*code).meaning().is_none())
+        {
+            let known: Vec<String> =
+                Abort::ALL.iter().map(|known| format!("0x{:08X}", known.0)).collect();
+            let code = format!("0x{code:08X}");
+            let meant = did_you_mean(&code, known.iter().map(String::as_str));
+            self.complain(place, format!("{code} is not an SDO abort code of CiA 301{meant}"));
         }
     }
 

@@ -141,10 +141,15 @@ impl Scope {
     /// When the value does not fit the entry's type.
     pub fn bytes(&self, literal: &Literal, entry: &Entry) -> Result<Vec<u8>, Wrong> {
         let encode = |value: &Value| {
-            entry
-                .data_type
-                .encode(value)
-                .map_err(|error| format!("{} is {}: {error}", entry.mux, entry.data_type))
+            entry.data_type.encode(value).map_err(|error| match literal {
+                Literal::Text(text) if text.starts_with(|first: char| first.is_ascii_digit()) => {
+                    format!(
+                        "`{text}` is neither a number nor a time such as `20 ms`; {} is {}",
+                        entry.mux, entry.data_type
+                    )
+                }
+                _ => format!("{} is {}: {error}", entry.mux, entry.data_type),
+            })
         };
         match literal {
             Literal::Int(number) => encode(&Value::Int(*number)),

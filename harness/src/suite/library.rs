@@ -8,6 +8,7 @@ use super::loaded::Suite;
 use super::model::{Case, SuiteFile};
 use super::register::Register;
 use super::test_map::{TestMapEntry, wrong_map};
+use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Source, read_yaml};
 
 /// Everything in `suites/`.
@@ -95,7 +96,10 @@ fn reused_ids(suites: &[Arc<Suite>]) -> Vec<Complaint> {
     for suite in suites {
         let name = &suite.file.suite;
         if let Some(first) = names.insert(name.value.as_str(), suite) {
-            let message = format!("suite {} stands in {} already", name.value, first.source.name);
+            let message = format!(
+                "the suite name `{}` is used twice: {} has it",
+                name.value, first.source.name
+            );
             complaints.push(Complaint::at(&suite.source, name.place, message));
         }
         if !suite.source.name.ends_with(&format!("{}.yaml", name.value)) {
@@ -107,8 +111,10 @@ fn reused_ids(suites: &[Arc<Suite>]) -> Vec<Complaint> {
         for case in &suite.file.cases {
             let id = &case.value.id;
             if let Some(first) = ids.insert(&id.value, case) {
-                let message =
-                    format!("case {} stands in line {} already", id.value, first.place.line);
+                let message = format!(
+                    "the id `{}` is used twice: the case in line {} has it",
+                    id.value, first.place.line
+                );
                 complaints.push(Complaint::at(&suite.source, id.place, message));
             }
         }
@@ -125,7 +131,9 @@ fn unknown_requirements(suites: &[Arc<Suite>], register: &Register) -> Vec<Compl
                 complaints.push(Complaint::at(&suite.source, case.value.id.place, message));
             }
             for id in case.value.checks.iter().filter(|id| register.find(&id.value).is_none()) {
-                let message = format!("no requirement {} in suites/requirements", id.value);
+                let ids = register.iter().map(|(id, _)| id);
+                let meant = did_you_mean(&id.value, ids);
+                let message = format!("no requirement `{}` in the register{meant}", id.value);
                 complaints.push(Complaint::at(&suite.source, id.place, message));
             }
         }

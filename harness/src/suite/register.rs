@@ -150,7 +150,7 @@ impl Register {
             if let Some(first) = self.requirements.get(&id.value) {
                 let line = first.entry.place.line;
                 let message = format!(
-                    "requirement {} stands in {}:{line} already",
+                    "the id `{}` is used twice: the requirement in {}:{line} has it",
                     id.value, first.source.name
                 );
                 complaints.push(Complaint::at(source, id.place, message));

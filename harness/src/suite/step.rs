@@ -1,9 +1,12 @@
 //! The notation of steps, as data. The JSON schema comes from the same types.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use schemars::JsonSchema;
-use serde::Deserialize;
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{self, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 
 use super::each::Objects;
 use super::literal::{Amount, Flow, FrameText, Literal, Name, ObjectRef, Refusal, Tolerance};
@@ -344,10 +347,60 @@ pub struct Measure {
     pub during: Option<Produce>,
 }
 
-/// Bounds of a measured time.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+/// Bounds of a measured time: `100 ms +/- 10 %`, or with what is accepted, too.
+#[derive(Debug, JsonSchema)]
+#[schemars(with = "OneOrTwoBounds")]
 pub struct Bounds {
+    /// What a conformant device keeps.
+    pub strict: At<Tolerance>,
+    /// What is accepted, too.
+    pub lenient: Option<At<Tolerance>>,
+}
+
+impl<'de> Deserialize<'de> for Bounds {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct TextOrMap;
+        impl<'de> Visitor<'de> for TextOrMap {
+            type Value = OneOrTwoBounds;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a bound such as `100 ms +/- 10 %`, or `strict` and `lenient`")
+            }
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<OneOrTwoBounds, E> {
+                text.parse().map(OneOrTwoBounds::One).map_err(E::custom)
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<OneOrTwoBounds, A::Error> {
+                let map = MapAccessDeserializer::new(map);
+                TwoBounds::deserialize(map).map(OneOrTwoBounds::Two)
+            }
+        }
+        struct Either(OneOrTwoBounds);
+        impl<'de> Deserialize<'de> for Either {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                deserializer.deserialize_any(TextOrMap).map(Self)
+            }
+        }
+        let At { value: Either(bounds), place } = At::deserialize(deserializer)?;
+        Ok(match bounds {
+            OneOrTwoBounds::One(strict) => Self { strict: At::new(strict, place), lenient: None },
+            OneOrTwoBounds::Two(TwoBounds { strict, lenient }) => Self { strict, lenient },
+        })
+    }
+}
+
+/// How bounds are written.
+#[derive(JsonSchema)]
+#[schemars(untagged)]
+enum OneOrTwoBounds {
+    /// What a conformant device keeps; nothing else is accepted.
+    One(Tolerance),
+    /// What a conformant device keeps, and what is accepted, too.
+    Two(TwoBounds),
+}
+
+/// See [`Bounds`].
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct TwoBounds {
     /// What a conformant device keeps: `100 ms +/- 10 %`, or `>= 100 ms`.
     pub strict: At<Tolerance>,
     /// What is accepted, too.

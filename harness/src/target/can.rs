@@ -39,6 +39,7 @@ pub(super) fn target(
             eds: Arc::new(eds),
             sheet: Arc::new(sheet),
             bench,
+            own_bench: selection.bench.is_some(),
             bit_rate: selection.bitrate,
             without: without(selection, own.as_deref()),
             told: found.recognised(),

@@ -61,7 +61,8 @@ pub(super) fn rig(
     options: &mut String,
 ) -> Result<Option<OwnBench>, Refused> {
     let Some(text) = &selection.bench else { return Ok(None) };
-    options.push_str(&format!(" --bench {text}"));
+    let quote = if text.contains(' ') { "'" } else { "" };
+    options.push_str(&format!(" --bench {quote}{text}{quote}"));
     let opened = Rig::open(text).and_then(|mut rig| Ok((rig.names()?, rig)));
     let (names, rig) = opened.map_err(|error| Refused::bus(error.to_string()))?;
     Ok(Some((Arc::new(Mutex::new(rig)), names)))

@@ -116,6 +116,7 @@ fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
         eds: Arc::new(Eds::default()),
         sheet: Arc::default(),
         bench: Vec::new(),
+        own_bench: false,
         bit_rate: DEFAULT_BIT_RATE,
         without: Vec::new(),
         told: None,

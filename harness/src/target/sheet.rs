@@ -64,6 +64,7 @@ pub fn dut_of_file(selection: &Selection, path: &Path) -> Result<Dut, Refused> {
         eds: Arc::new(eds),
         sheet: Arc::new(sheet),
         bench: Vec::new(),
+        own_bench: false,
         bit_rate: selection.bitrate,
         without: selection.without.clone(),
         told: None,

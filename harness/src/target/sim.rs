@@ -56,6 +56,7 @@ pub(super) fn target(
             eds: Arc::new(eds),
             sheet: Arc::new(sheet),
             bench,
+            own_bench: selection.bench.is_some(),
             bit_rate,
             without,
             told: None,
