@@ -117,9 +117,9 @@ impl ReferenceDevice {
     /// What the device does beside communicating.
     pub fn behaviour(&self) -> Box<dyn Behaviour> {
         match self.description.behaviour.as_str() {
-            DRR460 => Box::new(Drr460::new(Box::new(drr460::Manual))),
+            DRR460 => Box::new(Drr460::new(&self.description.eds)),
             EM66 => Box::new(Em66::new(Box::new(em66::Profile), &self.description.without)),
-            GENERIC => Box::new(Generic::new(Box::new(generic::Profile))),
+            GENERIC => Box::new(Generic::new(&self.description.eds)),
             _ => Box::new(Inert),
         }
     }
@@ -127,9 +127,9 @@ impl ReferenceDevice {
     /// The same with one decision taken otherwise; `None` when the device has none of that name.
     pub fn deviating_behaviour(&self, rule: &str) -> Option<Box<dyn Behaviour>> {
         match self.description.behaviour.as_str() {
-            DRR460 => Some(Box::new(Drr460::new(drr460::named(rule)?))),
+            DRR460 => Some(Box::new(Drr460::deviating(&self.description.eds, rule)?)),
             EM66 => Some(Box::new(Em66::new(em66::named(rule)?, &self.description.without))),
-            GENERIC => Some(Box::new(Generic::new(generic::named(rule)?))),
+            GENERIC => Some(Box::new(Generic::deviating(&self.description.eds, rule)?)),
             _ => None,
         }
     }
@@ -137,9 +137,9 @@ impl ReferenceDevice {
     /// The names that [`deviating_behaviour`](Self::deviating_behaviour) knows.
     pub fn behaviour_rule_names(&self) -> Vec<&'static str> {
         match self.description.behaviour.as_str() {
-            DRR460 => drr460::names().collect(),
+            DRR460 => Drr460::deviations().collect(),
             EM66 => em66::names().collect(),
-            GENERIC => generic::names().collect(),
+            GENERIC => Generic::deviations().collect(),
             _ => Vec::new(),
         }
     }

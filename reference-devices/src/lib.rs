@@ -8,5 +8,6 @@
 pub mod describe;
 pub mod devices;
 pub mod mutant;
+mod profiles;
 pub mod rules;
 pub mod stack;

@@ -22,33 +22,35 @@ mod alarm;
 mod control;
 mod delay;
 mod input;
+mod io;
 mod objects;
 mod plant;
 mod rules;
 mod soft_start;
-mod trigger;
 
 use std::time::Duration;
 
+use canopen::eds::Eds;
 use canopen::{Abort, Dictionary, Instant, Mux};
 
+use crate::profiles::cia401::IoBlock;
 use crate::stack::{Behaviour, Errors, Event};
 
 use alarm::{Alarm, Sight, is_closed};
 use control::{ACTION, Control, FULL_OUTPUT, Wiring};
+use io::ManualIo;
 use objects::{
-    ALARMS_RESET, ANALOGUE_ERROR_MODE, ANALOGUE_ERROR_VALUE, COLD_JUNCTION, ERROR_FLAGS, MANUAL,
-    MASTER_ANALOGUE, MASTER_OUTPUTS, OUTPUT, OUTPUT_ERROR_MODE, OUTPUT_ERROR_VALUE, OUTPUTS,
-    PROCESS_VALUE, REAL_SET_POINT, SET_POINT, START, TUNING, parameter, value,
+    ALARMS_RESET, COLD_JUNCTION, ERROR_FLAGS, MANUAL, MASTER_ANALOGUE, MASTER_OUTPUTS, OUTPUT,
+    OUTPUTS, REAL_SET_POINT, SET_POINT, START, TUNING, parameter, value,
 };
 use plant::{AMBIENT, Plant};
+use rules::{Drr460Rules, Manual};
 use soft_start::SoftStart;
-
-pub(crate) use rules::{Drr460Rules, Manual, named, names};
 
 /// The application of a DRR460.
 pub(crate) struct Drr460 {
     rules: Box<dyn Drr460Rules>,
+    io: IoBlock,
     plant: Plant,
     control: Control,
     soft_start: SoftStart,
@@ -74,10 +76,28 @@ struct Command {
 }
 
 impl Drr460 {
-    /// A controller at ambient temperature that decides in this manner.
-    pub(crate) fn new(rules: Box<dyn Drr460Rules>) -> Self {
+    /// A controller at ambient temperature that keeps to its manual.
+    pub(crate) fn new(eds: &Eds) -> Self {
+        Self::with(Box::new(Manual), IoBlock::new(eds, Box::new(ManualIo)))
+    }
+
+    /// The controller that takes the decision of that name otherwise; `None` when there is none.
+    pub(crate) fn deviating(eds: &Eds, name: &str) -> Option<Self> {
+        if let Some(rules) = rules::named(name) {
+            return Some(Self::with(rules, IoBlock::new(eds, Box::new(ManualIo))));
+        }
+        Some(Self::with(Box::new(Manual), IoBlock::new(eds, io::named(name)?)))
+    }
+
+    /// The names that [`deviating`](Self::deviating) knows.
+    pub(crate) fn deviations() -> impl Iterator<Item = &'static str> {
+        rules::names().chain(io::names())
+    }
+
+    fn with(rules: Box<dyn Drr460Rules>, io: IoBlock) -> Self {
         Self {
             rules,
+            io,
             plant: Plant::new(),
             control: Control::default(),
             soft_start: SoftStart::default(),
@@ -92,12 +112,13 @@ impl Drr460 {
         let measured = input::process_value(self.plant.celsius(), od, &*self.rules);
         let (Ok(process) | Err(process)) = measured;
         let sensor_error = measured.is_err();
-        od.set_int(PROCESS_VALUE, process);
+        self.io.measure(PROCESS_INPUT, process, od);
         od.set_int(ERROR_FLAGS, if sensor_error { SENSOR_ERROR } else { 0 });
         od.set_int(COLD_JUNCTION, (AMBIENT * 10.0) as i64);
 
         if self.is_expansion(od) {
-            let [q1, q2] = [1, 2].map(|bit| value(od, MASTER_OUTPUTS) & bit != 0);
+            self.io.drive(od);
+            let [q1, q2] = [1, 2].map(|bit| self.io.digital_output(0) & bit != 0);
             self.connect(od, Command { closed: q1, share: f64::from(u8::from(q1)) }, [q1, q2]);
         } else {
             let running = self.rules.controls(value(od, START) == 1);
@@ -203,7 +224,8 @@ impl Drr460 {
 }
 
 impl Behaviour for Drr460 {
-    fn reset(&mut self, _now: Instant, od: &mut Dictionary) {
+    fn reset(&mut self, now: Instant, od: &mut Dictionary) {
+        self.io.reset(now, od);
         let before = self.before_power_off;
         let started = self.rules.starts(parameter(od, INITIAL_STATE), before.started);
         od.set_int(START, started.into());
@@ -236,15 +258,10 @@ impl Behaviour for Drr460 {
         }
     }
 
-    fn event(&mut self, _now: Instant, event: Event, od: &mut Dictionary) {
-        if event == Event::CommunicationError && self.is_expansion(od) {
-            let change = self.rules.error_mode(value(od, OUTPUT_ERROR_MODE));
-            let (kept, set) = (value(od, MASTER_OUTPUTS) & !change, value(od, OUTPUT_ERROR_VALUE));
-            od.set_int(MASTER_OUTPUTS, kept | set & change);
-            if value(od, ANALOGUE_ERROR_MODE) == 1 {
-                let error_value = value(od, ANALOGUE_ERROR_VALUE);
-                od.set_int(MASTER_ANALOGUE, error_value);
-            }
+    fn event(&mut self, now: Instant, event: Event, od: &mut Dictionary) {
+        // Otherwise the outputs are the controller's own, and the network has no part in them.
+        if self.is_expansion(od) {
+            self.io.event(now, event, od);
         }
     }
 
@@ -261,10 +278,12 @@ impl Behaviour for Drr460 {
     }
 
     fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
-        mux.index != PROCESS_VALUE.index || trigger::triggers(mux, last, od, &*self.rules)
+        self.io.triggers(mux, last, od)
     }
 }
 
+/// The analogue input of the process value.
+const PROCESS_INPUT: usize = 0;
 /// Time from one sample to the next.
 const PERIOD: Duration = Duration::from_millis(20);
 

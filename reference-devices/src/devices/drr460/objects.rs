@@ -25,18 +25,8 @@ pub(super) const MANUAL: Mux = Mux::new(0x400F, 0);
 
 /// Digital outputs of the master (11.4.1).
 pub(super) const MASTER_OUTPUTS: Mux = Mux::new(0x6200, 1);
-/// Which of them change on a communication error (11.4.2).
-pub(super) const OUTPUT_ERROR_MODE: Mux = Mux::new(0x6206, 1);
-/// What they change to (11.4.3).
-pub(super) const OUTPUT_ERROR_VALUE: Mux = Mux::new(0x6207, 1);
-/// Process value, in digits (11.4.4).
-pub(super) const PROCESS_VALUE: Mux = Mux::new(0x6401, 1);
 /// Analogue output of the master (11.4.5).
 pub(super) const MASTER_ANALOGUE: Mux = Mux::new(0x6411, 1);
-/// Whether it changes on a communication error (11.4.13).
-pub(super) const ANALOGUE_ERROR_MODE: Mux = Mux::new(0x6443, 1);
-/// What it changes to (11.4.14).
-pub(super) const ANALOGUE_ERROR_VALUE: Mux = Mux::new(0x6444, 1);
 
 /// A parameter of 3000h by its number (11.3.2).
 pub(super) fn parameter(od: &Dictionary, sub: u8) -> i64 {

@@ -141,11 +141,6 @@ pub(crate) trait Drr460Rules: Send {
         configured == 1
     }
 
-    /// A communication error changes the outputs whose bit is set in 6206h (11.4.2).
-    fn error_mode(&self, configured: i64) -> i64 {
-        configured
-    }
-
     /// 400Eh takes what the kind of tuning, 3000h sub 31, has a meaning for (7.5, 11.3.17).
     ///
     /// # Errors
@@ -157,31 +152,6 @@ pub(crate) trait Drr460Rules: Send {
             (_, 4..) | (2, 2..) => Err(Abort::VALUE),
             _ => Ok(()),
         }
-    }
-
-    /// 6423h releases the transmission of analogue inputs (11.4.7).
-    fn interrupts(&self, released: bool) -> bool {
-        released
-    }
-
-    /// 6421h selects the conditions (11.4.6).
-    fn trigger_selection(&self, configured: i64) -> i64 {
-        configured
-    }
-
-    /// The limit of 6424h belongs to the values that trigger (11.4.8).
-    fn above_limit(&self, value: i64, limit: i64) -> bool {
-        value >= limit
-    }
-
-    /// The limit of 6425h belongs to the values that trigger (11.4.9).
-    fn below_limit(&self, value: i64, limit: i64) -> bool {
-        value <= limit
-    }
-
-    /// A change is more than the delta (11.4.10 to 11.4.12).
-    fn exceeds_delta(&self, change: i64, delta: i64) -> bool {
-        change > delta
     }
 }
 
@@ -316,9 +286,6 @@ mutants! {
     "expansion-ignored" {
         fn expansion(&self, _configured: i64) -> bool { false }
     }
-    "error-mode-ignored" {
-        fn error_mode(&self, _configured: i64) -> i64 { 0xFF }
-    }
     "tuning-takes-anything" {
         fn tuning_accepts(&self, _kind: i64, _value: u8) -> Result<(), Abort> { Ok(()) }
     }
@@ -326,24 +293,6 @@ mutants! {
         fn tuning_accepts(&self, kind: i64, value: u8) -> Result<(), Abort> {
             if value > 3 || kind == 2 && value > 1 { Err(Abort::VALUE) } else { Ok(()) }
         }
-    }
-    "interrupts-never-released" {
-        fn interrupts(&self, _released: bool) -> bool { false }
-    }
-    "interrupts-always-released" {
-        fn interrupts(&self, _released: bool) -> bool { true }
-    }
-    "trigger-selection-ignored" {
-        fn trigger_selection(&self, _configured: i64) -> i64 { 0x1F }
-    }
-    "upper-limit-ignored" {
-        fn above_limit(&self, _value: i64, _limit: i64) -> bool { false }
-    }
-    "lower-limit-ignored" {
-        fn below_limit(&self, _value: i64, _limit: i64) -> bool { false }
-    }
-    "delta-ignored" {
-        fn exceeds_delta(&self, change: i64, _delta: i64) -> bool { change > 0 }
     }
 }
 

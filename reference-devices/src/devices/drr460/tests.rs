@@ -11,8 +11,9 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let od = Dictionary::new(&devices::device("drr460").unwrap().description.eds, 1).unwrap();
-        let (device, errors) = (Drr460::new(Box::new(Manual)), Errors::default());
+        let eds = devices::device("drr460").unwrap().description.eds;
+        let od = Dictionary::new(&eds, 1).unwrap();
+        let (device, errors) = (Drr460::new(&eds), Errors::default());
         let mut bench = Self { device, od, errors, now: Instant::ZERO };
         bench.power_on();
         bench
@@ -43,6 +44,9 @@ impl Bench {
     }
 }
 
+const PROCESS_VALUE: Mux = Mux::new(0x6401, 1);
+const OUTPUT_ERROR_MODE: Mux = Mux::new(0x6206, 1);
+const ANALOGUE_ERROR_VALUE: Mux = Mux::new(0x6444, 1);
 const REMOTE_1: Mux = Mux::new(0x400C, 0);
 const REMOTE_2: Mux = Mux::new(0x400D, 0);
 

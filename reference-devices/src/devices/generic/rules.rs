@@ -1,15 +1,13 @@
 //! Every decision of the application that a test can tell, in one place, and the devices that take
 //! one of them otherwise.
 
-use canopen::{Abort, NmtState};
+use canopen::Abort;
 
-use crate::stack::Event;
-
-/// A device that keeps to its data sheet and to CiA 401.
+/// A device that keeps to its data sheet.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Profile;
+pub(crate) struct DataSheet;
 
-impl GenericRules for Profile {}
+impl GenericRules for DataSheet {}
 
 /// The decisions. The default methods are a summary of what the data sheet says.
 pub(crate) trait GenericRules: Send {
@@ -21,27 +19,6 @@ pub(crate) trait GenericRules: Send {
             2 => Err(Abort::DEVICE_STATE),
             _ => Ok(()),
         }
-    }
-
-    /// What CiA 401 has an object for is as that object says.
-    fn setting(&self, _index: u16, configured: i64) -> i64 {
-        configured
-    }
-
-    /// Outputs take their error values when the node is stopped and when a communication error
-    /// appears (6206h, 6443h).
-    fn fails(&self, event: Event) -> bool {
-        matches!(event, Event::Entered(NmtState::STOPPED) | Event::CommunicationError)
-    }
-
-    /// Reading 6422h takes its bits back.
-    fn reading_clears_source(&self) -> bool {
-        true
-    }
-
-    /// After a failure an output follows the next value that is written.
-    fn follows_after_failure(&self) -> bool {
-        true
     }
 }
 
@@ -70,188 +47,5 @@ macro_rules! mutants {
 mutants! {
     "parameter-always-changes" {
         fn parameter_change(&self, _mode: i64) -> Result<(), Abort> { Ok(()) }
-    }
-    "stop-is-no-failure" {
-        fn fails(&self, event: Event) -> bool { event == Event::CommunicationError }
-    }
-    "communication-error-is-no-failure" {
-        fn fails(&self, event: Event) -> bool { event == Event::Entered(NmtState::STOPPED) }
-    }
-    "input-polarity-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6002 { 0 } else { configured }
-        }
-    }
-    "input-filter-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6003 { 0 } else { configured }
-        }
-    }
-    "interrupts-always-enabled" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6005 { 1 } else { configured }
-        }
-    }
-    "interrupts-never-enabled" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6005 { 0 } else { configured }
-        }
-    }
-    "any-change-always" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6006 { 0xFF } else { configured }
-        }
-    }
-    "any-change-never" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6006 { 0 } else { configured }
-        }
-    }
-    "any-change-for-the-whole-block" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6006 { if configured == 0 { 0 } else { 0xFF } } else { configured }
-        }
-    }
-    "rising-edge-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6007 { 0 } else { configured }
-        }
-    }
-    "falling-edge-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6008 { 0 } else { configured }
-        }
-    }
-    "output-polarity-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6202 { 0 } else { configured }
-        }
-    }
-    "output-filter-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6208 { 0xFF } else { configured }
-        }
-    }
-    "output-error-mode-always" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6206 { 0xFF } else { configured }
-        }
-    }
-    "output-error-mode-never" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6206 { 0 } else { configured }
-        }
-    }
-    "output-error-mode-for-the-whole-block" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6206 { if configured == 0 { 0 } else { 0xFF } } else { configured }
-        }
-    }
-    "output-error-value-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6207 { 0 } else { configured }
-        }
-    }
-    "analogue-offset-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6431 { 0 } else { configured }
-        }
-    }
-    "analogue-scaling-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6432 { 1 } else { configured }
-        }
-    }
-    "analogue-interrupts-always" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6423 { 1 } else { configured }
-        }
-    }
-    "analogue-interrupts-never" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6423 { 0 } else { configured }
-        }
-    }
-    "trigger-selection-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6421 { 0x1F } else { configured }
-        }
-    }
-    "upper-limit-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6424 { i32::MAX.into() } else { configured }
-        }
-    }
-    "upper-limit-always-reached" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6424 { i32::MIN.into() } else { configured }
-        }
-    }
-    "lower-limit-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6425 { i32::MIN.into() } else { configured }
-        }
-    }
-    "lower-limit-always-reached" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6425 { i32::MAX.into() } else { configured }
-        }
-    }
-    "delta-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6426 { 0 } else { configured }
-        }
-    }
-    "delta-never-exceeded" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6426 { i32::MAX.into() } else { configured }
-        }
-    }
-    "negative-delta-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6427 { 0 } else { configured }
-        }
-    }
-    "positive-delta-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6428 { 0 } else { configured }
-        }
-    }
-    "analogue-output-offset-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6446 { 0 } else { configured }
-        }
-    }
-    "analogue-output-scaling-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6447 { 1 } else { configured }
-        }
-    }
-    "analogue-error-mode-always" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6443 { 1 } else { configured }
-        }
-    }
-    "analogue-error-mode-never" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6443 { 0 } else { configured }
-        }
-    }
-    "analogue-error-value-ignored" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            if index == 0x6444 { 0 } else { configured }
-        }
-    }
-    "edges-swapped" {
-        fn setting(&self, index: u16, configured: i64) -> i64 {
-            // The object that is asked for the rising edge has the mask of the falling one.
-            if matches!(index, 0x6007 | 0x6008) { configured ^ 1 } else { configured }
-        }
-    }
-    "interrupt-source-never-cleared" {
-        fn reading_clears_source(&self) -> bool { false }
-    }
-    "outputs-keep-their-error-value" {
-        fn follows_after_failure(&self) -> bool { false }
     }
 }

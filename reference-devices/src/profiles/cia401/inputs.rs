@@ -1,0 +1,116 @@
+//! From the terminal to the object, and which change of it is an event.
+
+use std::time::Duration;
+
+use canopen::{Dictionary, Instant};
+
+use super::channel::{Channel, Setting};
+use super::rules::Cia401Rules;
+
+/// A block of terminals. A change of a filtered one counts when it has held for a while.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct DigitalInput {
+    pub(super) channel: Channel,
+    /// Levels at the terminals.
+    pub(super) terminals: i64,
+    /// Levels after the filter.
+    levels: i64,
+    /// Levels that have to hold until then.
+    changing: Option<(i64, Instant)>,
+}
+
+impl DigitalInput {
+    pub(super) const fn new(channel: Channel) -> Self {
+        Self { channel, terminals: 0, levels: 0, changing: None }
+    }
+
+    /// Begins anew: what is there now is not a change.
+    pub(super) fn restart(&mut self) {
+        self.levels = self.terminals;
+        self.changing = None;
+    }
+
+    /// Takes over what is at the terminals, polarity included, into the object.
+    pub(super) fn sample(&mut self, now: Instant, od: &mut Dictionary, rules: &dyn Cia401Rules) {
+        let filtered = self.channel.setting(Setting::InputFilter, od, rules);
+        let polarity = self.channel.setting(Setting::InputPolarity, od, rules);
+        self.levels = self.terminals & !filtered | self.levels & filtered;
+        if self.levels == self.terminals {
+            self.changing = None;
+        } else if self.changing.is_none_or(|(levels, _)| levels != self.terminals) {
+            self.changing = Some((self.terminals, now + FILTER_TIME));
+        } else if let Some((levels, _)) = self.changing.take_if(|(_, due)| *due <= now) {
+            self.levels = levels;
+        }
+        od.set_int(self.channel.value, self.levels ^ polarity);
+    }
+
+    pub(super) fn poll_at(&self) -> Option<Instant> {
+        self.changing.map(|(_, due)| due)
+    }
+}
+
+/// A terminal with a field value.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct AnalogueInput {
+    pub(super) channel: Channel,
+    pub(super) field: i64,
+}
+
+impl AnalogueInput {
+    pub(super) const fn new(channel: Channel) -> Self {
+        Self { channel, field: 0 }
+    }
+
+    /// Converts the field value into the object, which takes the end of its range for what it
+    /// cannot hold.
+    pub(super) fn convert(&self, od: &mut Dictionary, rules: &dyn Cia401Rules) {
+        let scaling = self.channel.setting(Setting::InputScaling, od, rules);
+        let offset = self.channel.setting(Setting::InputOffset, od, rules);
+        let converted = self.field.saturating_mul(scaling).saturating_add(offset);
+        od.set_int(self.channel.value, self.channel.limited(converted));
+    }
+}
+
+/// Whether one of the edges from `last` to `now` counts.
+pub(super) fn edge(
+    channel: Channel,
+    last: i64,
+    now: i64,
+    od: &Dictionary,
+    rules: &dyn Cia401Rules,
+) -> bool {
+    let setting = |setting| channel.setting(setting, od, rules);
+    let (rising, falling) = (now & !last, last & !now);
+    let selected = (rising | falling) & setting(Setting::AnyChange)
+        | rising & setting(Setting::LowToHigh)
+        | falling & setting(Setting::HighToLow);
+    setting(Setting::InterruptEnable) != 0 && selected != 0
+}
+
+/// Whether one of the selected conditions holds; each is looked at only when the value is another
+/// one than the last.
+pub(super) fn threshold(
+    channel: Channel,
+    last: i64,
+    now: i64,
+    od: &Dictionary,
+    rules: &dyn Cia401Rules,
+) -> bool {
+    let setting = |setting| channel.setting(setting, od, rules);
+    if now == last || setting(Setting::AnalogueInterruptEnable) == 0 {
+        return false;
+    }
+    let conditions = [
+        now >= setting(Setting::UpperLimit),
+        rules.below_limit(now, setting(Setting::LowerLimit)),
+        (now - last).abs() > setting(Setting::Delta),
+        last - now > setting(Setting::NegativeDelta),
+        now - last > setting(Setting::PositiveDelta),
+    ];
+    let selected = setting(Setting::TriggerSelection);
+    (0..).zip(conditions).any(|(bit, met)| met && selected & 1 << bit != 0)
+}
+
+/// How long a filtered level has to hold. The profile leaves it to the device.
+const FILTER_TIME: Duration = Duration::from_millis(60);

@@ -1,0 +1,74 @@
+//! From the object to the terminal, and what a failure does to it.
+
+use canopen::{Dictionary, Mux};
+
+use super::channel::{Channel, Kind, Setting};
+use super::rules::Cia401Rules;
+
+/// A block of digital outputs, or an analogue output: what is at the terminals.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Output {
+    channel: Channel,
+    pub(super) terminal: i64,
+    /// The network failed, so the terminals keep what they have until it is back.
+    failed: bool,
+}
+
+impl Output {
+    pub(super) const fn new(channel: Channel) -> Self {
+        Self { channel, terminal: 0, failed: false }
+    }
+
+    /// Begins anew with everything off.
+    pub(super) fn restart(&mut self) {
+        *self = Self::new(self.channel);
+    }
+
+    /// Whether its value is at `mux`.
+    pub(super) fn is_at(&self, mux: Mux) -> bool {
+        self.channel.value == mux
+    }
+
+    /// The network can be relied upon again.
+    pub(super) fn recover(&mut self) {
+        self.failed = false;
+    }
+
+    /// Lets the terminals follow the object, a digital block where its filter mask lets them.
+    pub(super) fn drive(&mut self, od: &Dictionary, rules: &dyn Cia401Rules) {
+        if self.failed {
+            return;
+        }
+        let written = od.int(self.channel.value).unwrap_or(0);
+        let setting = |setting| self.channel.setting(setting, od, rules);
+        self.terminal = if self.channel.kind == Kind::AnalogueOutput {
+            let scaled = written.saturating_mul(setting(Setting::OutputScaling));
+            self.channel.limited(scaled.saturating_add(setting(Setting::OutputOffset)))
+        } else {
+            let wanted = written ^ setting(Setting::OutputPolarity);
+            self.blend(wanted, setting(Setting::OutputFilter))
+        };
+    }
+
+    /// Lets the terminals take their error values, as far as the error mode says so.
+    pub(super) fn fail(&mut self, od: &mut Dictionary, rules: &dyn Cia401Rules) {
+        let setting = |setting| self.channel.setting(setting, od, rules);
+        if self.channel.kind == Kind::AnalogueOutput {
+            if setting(Setting::AnalogueErrorMode) != 0 {
+                self.terminal = setting(Setting::AnalogueErrorValue);
+            }
+        } else {
+            let value = setting(Setting::OutputErrorValue);
+            self.terminal = self.blend(value, setting(Setting::OutputErrorMode));
+        }
+        self.failed = true;
+        if rules.failure_writes_objects() {
+            od.set_int(self.channel.value, self.terminal);
+        }
+    }
+
+    /// The terminals with those in `mask` taken from `new`.
+    const fn blend(&self, new: i64, mask: i64) -> i64 {
+        (new & mask | self.terminal & !mask) & self.channel.mask()
+    }
+}
