@@ -7,6 +7,7 @@
 //! process; the alarms look at the objects that come of it.
 
 mod alarm;
+mod alarm_kinds;
 mod bench;
 mod codes;
 mod controller;
@@ -29,10 +30,11 @@ use alarm::Alarms;
 use bench::Stimuli;
 use controller::Controller;
 use faults::Faults;
+use objects::{DIFFERENCE, EXTERNAL_SENSOR, FLOW, INTAKE_PRESSURE, MAIN_LINE, RETURN_LINE, set};
 use operation::Operation;
 use process::Process;
 
-pub use alarm::{AlarmType, Quantity, SetPoints, Wait};
+pub use alarm_kinds::{AlarmType, Quantity, SetPoints, Wait};
 pub use rules::{
     AlarmRules, ControlRules, Em66Rules, FaultRules, OperationRules, Profile, ValueRules, named,
     names,
@@ -79,6 +81,28 @@ struct Sensed {
     mould_contents: i64,
     limiter_tripped: bool,
     machine_fault: bool,
+}
+
+impl Sensed {
+    /// Shows what the sensors tell (3.4.9 to 3.4.15).
+    fn show(&self, od: &mut Dictionary, rules: &dyn Em66Rules) {
+        let (main, return_line) = rules.lines(self.main, self.return_line);
+        let difference = rules.difference(self.main, self.return_line);
+        let external = match self.external {
+            External::Reads(celsius) => rules.external_value(celsius),
+            External::Unplugged | External::Broken => rules.no_sensor(),
+        };
+        for (mux, tenths) in [
+            (MAIN_LINE, main),
+            (RETURN_LINE, return_line),
+            (DIFFERENCE, difference),
+            (EXTERNAL_SENSOR, external),
+            (FLOW, self.flow),
+            (INTAKE_PRESSURE, self.intake_pressure),
+        ] {
+            set(od, mux, rules.shown(mux, tenths));
+        }
+    }
 }
 
 /// The sensor in the mould.
@@ -172,7 +196,7 @@ impl Em66 {
         let blocked = self.faults.judge(&sensed, self.operation.mode(), od, errors, rules);
         let duty = self.operation.decide(&sensed, blocked, self.options, od, rules);
         self.drive = self.controller.drive(elapsed, &sensed, &duty, self.options, od, rules);
-        objects::show(&sensed, od, rules);
+        sensed.show(od, rules);
         self.alarms.watch(&duty, od, rules);
     }
 }

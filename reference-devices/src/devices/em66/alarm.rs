@@ -5,8 +5,6 @@
 //! is refused. So the order of the document leads through, and most others do, too. What is left
 //! of an earlier use does not stand in the way of it: a link takes what it has no use for away.
 
-mod kinds;
-
 use std::array;
 
 use canopen::catalogue::{self, Block};
@@ -14,14 +12,13 @@ use canopen::pdo::Mapping;
 use canopen::{Abort, Dictionary, Mux};
 
 use super::Duty;
+use super::alarm_kinds::{AlarmType, Quantity, SetPoints, Wait};
 use super::codes::CODES;
 use super::objects::{
     CONTROL_BYTE, DIFFERENCE, EFFECTIVE_SET_POINT, EFFECTIVE_VALUE, EXTERNAL_SENSOR, FLOW,
     INTAKE_PRESSURE, MAIN_LINE, RETURN_LINE, SECOND_SET_POINT, SET_POINT, value,
 };
 use super::rules::Em66Rules;
-
-pub use kinds::{AlarmType, Quantity, SetPoints, Wait};
 
 /// The alarm block.
 pub(super) struct Alarms {

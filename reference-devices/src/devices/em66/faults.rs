@@ -5,7 +5,10 @@
 use canopen::Dictionary;
 use canopen::emcy::EmcyCode;
 
-use super::objects::{CONTROL_ERRORS, CONTROL_WORD, ERROR_STATUS, set, value};
+use super::objects::{
+    CONTROL_ERRORS, CONTROL_WORD, ERROR_STATUS, GENERAL, LOW_LEVEL, SAFETY_LIMIT, SENSOR, set,
+    value,
+};
 use super::rules::Em66Rules;
 use super::{External, Mode, Sensed};
 use crate::stack::Errors;
@@ -69,12 +72,6 @@ fn causes(sensed: &Sensed, mode: Mode, control_errors: i64, rules: &dyn Em66Rule
     .filter(|(present, _)| *present)
     .fold(0, |bits, (_, bit)| bits | bit)
 }
-
-/// Bits of 2008h.
-pub(super) const LOW_LEVEL: u8 = 0x01;
-pub(super) const SAFETY_LIMIT: u8 = 0x02;
-pub(super) const SENSOR: u8 = 0x04;
-pub(super) const GENERAL: u8 = 0x80;
 
 /// The emergency message of each bit, with its bits of the error register: temperature for the
 /// limiter, of the profile for the rest.

@@ -2,9 +2,6 @@
 
 use canopen::{Dictionary, Mux};
 
-use super::rules::Em66Rules;
-use super::{External, Sensed};
-
 pub(super) const CONTROL_WORD: Mux = Mux::new(0x2001, 1);
 pub(super) const STATUS_INFORMATION: Mux = Mux::new(0x2002, 1);
 pub(super) const CONTROLLER_MODE: Mux = Mux::new(0x2003, 1);
@@ -36,6 +33,15 @@ pub(super) const SECOND_SET_POINT: Mux = Mux::new(0x7403, 1);
 /// What 3040h reads while no sensor is connected (3.4.12).
 pub(super) const NO_SENSOR: i64 = 9999;
 
+/// Bit 7 of 2001h (3.4.2).
+pub(super) const FAILURE_RESET: i64 = 0x80;
+
+/// Bits of 2008h.
+pub(super) const LOW_LEVEL: u8 = 0x01;
+pub(super) const SAFETY_LIMIT: u8 = 0x02;
+pub(super) const SENSOR: u8 = 0x04;
+pub(super) const GENERAL: u8 = 0x80;
+
 /// The number at that address; 0 where this device has no such object.
 pub(super) fn value(od: &Dictionary, mux: Mux) -> i64 {
     od.int(mux).unwrap_or(0)
@@ -45,26 +51,6 @@ pub(super) fn value(od: &Dictionary, mux: Mux) -> i64 {
 pub(super) fn set(od: &mut Dictionary, mux: Mux, number: i64) {
     if od.int(mux).is_some_and(|shown| shown != number) {
         od.set_int(mux, number);
-    }
-}
-
-/// Shows what the sensors tell (3.4.9 to 3.4.15).
-pub(super) fn show(sensed: &Sensed, od: &mut Dictionary, rules: &dyn Em66Rules) {
-    let (main, return_line) = rules.lines(sensed.main, sensed.return_line);
-    let difference = rules.difference(sensed.main, sensed.return_line);
-    let external = match sensed.external {
-        External::Reads(celsius) => rules.external_value(celsius),
-        External::Unplugged | External::Broken => rules.no_sensor(),
-    };
-    for (mux, tenths) in [
-        (MAIN_LINE, main),
-        (RETURN_LINE, return_line),
-        (DIFFERENCE, difference),
-        (EXTERNAL_SENSOR, external),
-        (FLOW, sensed.flow),
-        (INTAKE_PRESSURE, sensed.intake_pressure),
-    ] {
-        set(od, mux, rules.shown(mux, tenths));
     }
 }
 

@@ -5,8 +5,8 @@ use canopen::{Abort, Dictionary, Mux};
 use super::codes::CODES;
 use super::objects::{
     CONTROL_BYTE, CONTROL_ERRORS, CONTROL_WORD, CONTROLLER_MODE, CONTROLLER_MODE_DISPLAY,
-    EXTERNAL_SENSOR, RETURN_LINE, SECOND_SET_POINT, SET_POINT, STATUS_INFORMATION, SWITCH_OFF_MODE,
-    SWITCH_OFF_MODE_DISPLAY, SWITCH_OFF_STATUS, set, value,
+    EXTERNAL_SENSOR, FAILURE_RESET, RETURN_LINE, SECOND_SET_POINT, SET_POINT, STATUS_INFORMATION,
+    SWITCH_OFF_MODE, SWITCH_OFF_MODE_DISPLAY, SWITCH_OFF_STATUS, set, value,
 };
 use super::rules::Em66Rules;
 use super::suction::{Situation, Suction};
@@ -164,9 +164,6 @@ impl Sensed {
         }
     }
 }
-
-/// Bit 7 of 2001h (3.4.2).
-pub(super) const FAILURE_RESET: i64 = 0x80;
 
 #[cfg(test)]
 mod tests;

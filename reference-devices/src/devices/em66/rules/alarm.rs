@@ -3,7 +3,7 @@
 use canopen::Mux;
 
 use super::mutants;
-use crate::devices::em66::alarm::{AlarmType, Quantity, SetPoints, Wait};
+use crate::devices::em66::alarm_kinds::{AlarmType, Quantity, SetPoints, Wait};
 use crate::devices::em66::objects::{EFFECTIVE_SET_POINT, SET_POINT};
 
 /// The decisions about alarms. Levels and inputs are in the unit of the input. Steps are those of

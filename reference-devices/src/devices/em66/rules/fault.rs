@@ -1,9 +1,9 @@
 //! The decisions about errors and sensors (3.4.7, 3.4.9 to 3.4.15).
 
 use super::mutants;
-use crate::devices::em66::faults::{GENERAL, LOW_LEVEL, SAFETY_LIMIT, SENSOR};
-use crate::devices::em66::objects::NO_SENSOR;
-use crate::devices::em66::operation::FAILURE_RESET;
+use crate::devices::em66::objects::{
+    FAILURE_RESET, GENERAL, LOW_LEVEL, NO_SENSOR, SAFETY_LIMIT, SENSOR,
+};
 
 /// The decisions about errors and sensors (3.4.7, 3.4.9 to 3.4.15).
 pub trait FaultRules {
