@@ -2,11 +2,11 @@
 //!
 //! The stack asks and holds no deviation of its own. The default methods are a summary of CiA 301
 //! and CiA 305; clauses are those of CiA 301, version 4.2, unless a file names another document.
-//! Below the decisions of a service stand the devices that take one of them otherwise; [`named`]
-//! finds them by name.
+//! Below the decisions of a service stand its deviations, which take one of them otherwise.
+//! Deviations add up: [`deviating`] lays one on top of others.
 
 #[macro_use]
-mod mutants;
+mod deviations;
 
 mod access;
 mod emcy;
@@ -22,10 +22,10 @@ mod sync;
 mod time;
 
 pub use access::AccessRules;
+pub use deviations::{Layer, deviating, named, names};
 pub use emcy::EmcyRules;
 pub use error_control::ErrorControlRules;
 pub use lss::LssRules;
-pub use mutants::{named, names};
 pub use nmt::NmtRules;
 pub use pdo::PdoRules;
 pub use reset::{Change, Reset};
@@ -56,4 +56,5 @@ pub trait Rules:
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Specification;
 
-as_specified!(Specification);
+impl Layer for Specification {}
+as_beneath!(Specification);

@@ -2,10 +2,13 @@
 
 use canopen::Mux;
 
+use super::Layer;
 use super::pdo::is_mapping;
 
-/// The decisions on values that are written (CiA 301, 7.4).
-pub trait AccessRules {
+decisions! {
+    /// The decisions on values that are written (CiA 301, 7.4).
+    pub trait AccessRules: Layer;
+
     /// A value below or above the limits of its object is refused (7.2.4.3.17).
     fn range_checked(&self) -> bool {
         true
@@ -32,7 +35,7 @@ pub trait AccessRules {
     }
 }
 
-mutants! {
+deviations! {
     AccessRules;
 
     "range-unchecked" {

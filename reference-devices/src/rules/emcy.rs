@@ -4,8 +4,12 @@ use std::time::Duration;
 
 use canopen::NmtState;
 
-/// The decisions of the emergency producer (CiA 301, 7.2.7).
-pub trait EmcyRules {
+use super::Layer;
+
+decisions! {
+    /// The decisions of the emergency producer (CiA 301, 7.2.7).
+    pub trait EmcyRules: Layer;
+
     /// Emergency messages belong to PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
     fn emcy_sent_in(&self, state: NmtState) -> bool {
         matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
@@ -57,7 +61,7 @@ pub trait EmcyRules {
     }
 }
 
-mutants! {
+deviations! {
     EmcyRules;
 
     "emcy-sent-in-stopped" {

@@ -4,8 +4,12 @@ use std::time::Duration;
 
 use canopen::NmtState;
 
-/// The decisions of error control (CiA 301, 7.2.8.2, 7.2.8.3.2 and 7.5.2.32).
-pub trait ErrorControlRules {
+use super::Layer;
+
+decisions! {
+    /// The decisions of error control (CiA 301, 7.2.8.2, 7.2.8.3.2 and 7.5.2.32).
+    pub trait ErrorControlRules: Layer;
+
     /// The producer keeps the period of 1017h (7.5.2.20).
     fn heartbeat_period(&self, configured: Duration) -> Duration {
         configured
@@ -87,7 +91,7 @@ pub trait ErrorControlRules {
     }
 }
 
-mutants! {
+deviations! {
     ErrorControlRules;
 
     "heartbeat-period-drifts" {

@@ -5,8 +5,12 @@ use std::time::Duration;
 use canopen::lss::{BIT_RATES, Bound, Fastscan, Mode, Part, Request, UNCONFIGURED};
 use canopen::{Data, NmtState};
 
-/// The decisions of an LSS slave. Clauses are those of CiA 305.
-pub trait LssRules {
+use super::Layer;
+
+decisions! {
+    /// The decisions of an LSS slave. Clauses are those of CiA 305.
+    pub trait LssRules: Layer;
+
     /// A request has exactly eight bytes (6.1).
     fn lss_request(&self, data: &[u8]) -> Option<Request> {
         Request::decode(data).ok()
@@ -125,7 +129,7 @@ fn bit_rate(table: u8, index: u8, supported: &[u32]) -> Option<u32> {
     (table == 0 && supported.contains(&bit_rate)).then_some(bit_rate)
 }
 
-mutants! {
+deviations! {
     LssRules;
 
     "lss-short-frame-answered" {

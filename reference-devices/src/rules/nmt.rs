@@ -3,10 +3,13 @@
 use canopen::nmt::{Command, Service};
 use canopen::{Data, NmtState};
 
+use super::Layer;
 use super::reset::{Change, Reset};
 
-/// The decisions of an NMT slave (CiA 301, 7.2.8 and 7.3.2).
-pub trait NmtRules {
+decisions! {
+    /// The decisions of an NMT slave (CiA 301, 7.2.8 and 7.3.2).
+    pub trait NmtRules: Layer;
+
     /// A command has exactly two bytes (7.2.8.3.1).
     fn nmt_command(&self, data: &[u8]) -> Option<Command> {
         Command::decode(data).ok()
@@ -65,7 +68,7 @@ pub trait NmtRules {
     }
 }
 
-mutants! {
+deviations! {
     NmtRules;
 
     "no-boot-up" {

@@ -6,8 +6,12 @@ use canopen::eds::Direction;
 use canopen::pdo::CobId;
 use canopen::{Mux, NmtState};
 
-/// The decisions of RPDOs and TPDOs (CiA 301, 7.2.2 and 7.5.2.35 to 7.5.2.38).
-pub trait PdoRules {
+use super::Layer;
+
+decisions! {
+    /// The decisions of RPDOs and TPDOs (CiA 301, 7.2.2 and 7.5.2.35 to 7.5.2.38).
+    pub trait PdoRules: Layer;
+
     // PDO parameters, 7.5.2.35 to 7.5.2.38
 
     /// Inhibit time and SYNC start value do not change while the PDO exists.
@@ -142,7 +146,7 @@ pub(super) fn is_mapping(mux: Mux) -> bool {
     matches!(mux.index, 0x1600..=0x17FF | 0x1A00..=0x1BFF)
 }
 
-mutants! {
+deviations! {
     PdoRules;
 
     "tpdo-sent-in-pre-operational" {

@@ -5,10 +5,13 @@ use std::time::Duration;
 use canopen::sdo::Request;
 use canopen::{Abort, Data, Mux, NmtState};
 
+use super::Layer;
 use super::pdo::is_mapping;
 
-/// The decisions of SDO servers and clients (CiA 301, 7.2.4).
-pub trait SdoRules {
+decisions! {
+    /// The decisions of SDO servers and clients (CiA 301, 7.2.4).
+    pub trait SdoRules: Layer;
+
     /// SDOs are served in PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
     fn sdo_served_in(&self, state: NmtState) -> bool {
         matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
@@ -115,7 +118,7 @@ pub trait SdoRules {
     }
 }
 
-mutants! {
+deviations! {
     SdoRules;
 
     "sdo-served-in-stopped" {

@@ -2,8 +2,12 @@
 
 use canopen::sdo::block::{self, LARGEST_BLOCK};
 
-/// The decisions of an SDO server in a block transfer.
-pub trait SdoBlockRules {
+use super::Layer;
+
+decisions! {
+    /// The decisions of an SDO server in a block transfer.
+    pub trait SdoBlockRules: Layer;
+
     /// Inside a sub-block every frame is a segment, whatever command its first byte looks like;
     /// only 80h is an abort (7.2.4.3.10).
     fn command_in_sub_block(&self, first: u8) -> bool {
@@ -88,7 +92,7 @@ pub trait SdoBlockRules {
     }
 }
 
-mutants! {
+deviations! {
     SdoBlockRules;
 
     "block-command-in-sub-block" {

@@ -4,8 +4,12 @@ use std::ops::RangeInclusive;
 
 use canopen::Mux;
 
-/// The decisions of 1010h, 1011h and 1020h (CiA 301, 7.5.2.13, 7.5.2.14 and 7.5.2.23).
-pub trait StorageRules {
+use super::Layer;
+
+decisions! {
+    /// The decisions of 1010h, 1011h and 1020h (CiA 301, 7.5.2.13, 7.5.2.14 and 7.5.2.23).
+    pub trait StorageRules: Layer;
+
     /// Nothing is done without the signature.
     fn signature_valid(&self, expected: &[u8], got: &[u8]) -> bool {
         expected == got
@@ -42,7 +46,7 @@ pub trait StorageRules {
     }
 }
 
-mutants! {
+deviations! {
     StorageRules;
 
     "save-with-any-signature" {

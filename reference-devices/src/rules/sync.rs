@@ -4,8 +4,12 @@ use std::time::Duration;
 
 use canopen::NmtState;
 
-/// The decisions of SYNC (CiA 301, 7.2.5).
-pub trait SyncRules {
+use super::Layer;
+
+decisions! {
+    /// The decisions of SYNC (CiA 301, 7.2.5).
+    pub trait SyncRules: Layer;
+
     /// SYNC is used in PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
     fn sync_used_in(&self, state: NmtState) -> bool {
         matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
@@ -67,7 +71,7 @@ pub trait SyncRules {
     }
 }
 
-mutants! {
+deviations! {
     SyncRules;
 
     "sync-loss-not-told" {

@@ -3,8 +3,12 @@
 use canopen::timestamp::TimeOfDay;
 use canopen::{Data, NmtState};
 
-/// The decisions of TIME (CiA 301, 7.2.6).
-pub trait TimeRules {
+use super::Layer;
+
+decisions! {
+    /// The decisions of TIME (CiA 301, 7.2.6).
+    pub trait TimeRules: Layer;
+
     /// TIME belongs to PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
     fn time_used_in(&self, state: NmtState) -> bool {
         matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
@@ -16,7 +20,7 @@ pub trait TimeRules {
     }
 }
 
-mutants! {
+deviations! {
     TimeRules;
 
     "time-produced-in-stopped" {
