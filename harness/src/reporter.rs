@@ -1,15 +1,20 @@
 //! Takes the events of a run to where the user wants them: terminal, journal and reports.
 
+mod journal;
+
 use std::fs::File;
-use std::io::{BufWriter, IsTerminal, Write};
-use std::path::PathBuf;
+use std::io::{IsTerminal, Write};
+use std::path::Path;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use reports::terminal::{Printer, Verbosity};
-use reports::{Event, Keep, Run, Style, github, journal};
+use reports::{Event, Keep, Run, Style, github};
 
 use crate::cli::{ReportArgs, RunArgs, When};
 use crate::exit::{Exit, Refused};
+use crate::target::Address;
+
+use journal::JournalFile;
 
 /// Tells of a run while it runs, and writes its reports at the end.
 pub struct Reporter {
@@ -17,11 +22,9 @@ pub struct Reporter {
     printer: Printer,
     annotate: bool,
     bar: ProgressBar,
-    journal: Option<(PathBuf, BufWriter<File>)>,
+    journal: Option<JournalFile>,
     /// The reports to write at the end.
     reports: ReportArgs,
-    /// The first thing that went wrong while writing the journal.
-    trouble: Option<String>,
 }
 
 impl Reporter {
@@ -51,18 +54,19 @@ impl Reporter {
         if let Ok(style) = ProgressStyle::with_template("{bar:32} {pos}/{len} {wide_msg}") {
             bar.set_style(style);
         }
-        let create = |path: &PathBuf| {
-            File::create(path).map_err(|error| Refused {
-                exit: Exit::File,
-                message: format!("error: {}: {error}", path.display()),
-            })
+        let refused = |path: &Path, error| Refused {
+            exit: Exit::File,
+            message: format!("error: {}: {error}", path.display()),
         };
         let journal = match &args.journal {
-            Some(path) => Some((path.clone(), BufWriter::new(create(path)?))),
+            Some(path) => {
+                let journal = JournalFile::create(path, is_on_real_bus(args));
+                Some(journal.map_err(|error| refused(path, error))?)
+            }
             None => None,
         };
         for (_, path) in &args.reports.0 {
-            create(path)?;
+            File::create(path).map_err(|error| refused(path, error))?;
         }
         Ok(Self {
             run: Run::new(Keep::Unusual),
@@ -71,17 +75,13 @@ impl Reporter {
             bar,
             journal,
             reports: args.reports.clone(),
-            trouble: None,
         })
     }
 
     /// Takes an event.
     pub fn tell(&mut self, event: &Event) {
-        if let Some((path, file)) = &mut self.journal
-            && let Err(error) = file.write_all(journal::line(event).as_bytes())
-        {
-            let text = format!("{}: {error}", path.display());
-            self.trouble.get_or_insert(text);
+        if let Some(journal) = &mut self.journal {
+            journal.write(event);
         }
         // The order of events is the runner's business; out of order is a bug.
         self.run.apply(event).unwrap_or_else(|error| panic!("{error}"));
@@ -96,21 +96,15 @@ impl Reporter {
     pub fn finish(&mut self) -> Exit {
         self.bar.finish_and_clear();
         say(&self.printer.summary(&self.run));
-        if let Some((path, file)) = &mut self.journal
-            && let Err(error) = file.flush()
-        {
-            let text = format!("{}: {error}", path.display());
-            self.trouble.get_or_insert(text);
-        }
+        let mut failure = self.journal.as_mut().and_then(JournalFile::finish);
         for (format, path) in &self.reports.0 {
             if let Err(error) = std::fs::write(path, (format.write)(&self.run)) {
-                let text = format!("{}: {error}", path.display());
-                self.trouble.get_or_insert(text);
+                failure.get_or_insert_with(|| format!("{}: {error}", path.display()));
             }
         }
-        match &self.trouble {
-            Some(trouble) => {
-                eprintln!("error: {trouble}");
+        match failure {
+            Some(failure) => {
+                eprintln!("error: {failure}");
                 Exit::File
             }
             None => Exit::Green,
@@ -131,6 +125,13 @@ impl Reporter {
         }
         self.bar.suspend(|| say(&text));
     }
+}
+
+/// Whether the frames come from hardware. What the target is otherwise wrong with is found when it
+/// is resolved.
+fn is_on_real_bus(args: &RunArgs) -> bool {
+    let address = args.selection.target.as_deref().map(str::parse);
+    matches!(address, Some(Ok(Address::Interface(_))))
 }
 
 /// Prints to standard output. A reader that went away (`| head`) is no reason to stop the run,

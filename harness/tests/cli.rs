@@ -19,6 +19,7 @@ use std::sync::Mutex;
 use std::thread;
 
 use common::{harness, project};
+use reports::{Keep, Run, Verdict};
 
 #[test]
 fn every_folder() {
@@ -116,6 +117,55 @@ fn a_device_that_dies_in_the_middle_still_gives_reports() {
     assert!(journal.lines().last().unwrap().starts_with("{\"run-ended\":{\"exit\":7"));
     assert_eq!(fs::read_to_string(junit).unwrap().matches("<testcase").count(), 4);
 }
+
+/// The case sends frames for longer than anybody waits. SIGKILL leaves the program no time for
+/// reports, so what the journal has then was written while the case ran.
+#[test]
+fn a_run_that_is_killed_leaves_the_frames_of_its_open_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let suites = folder.path().join("suites");
+    fs::create_dir_all(suites.join("requirements")).unwrap();
+    let register = cli().join("run/failing/suites/requirements/demo.yaml");
+    fs::copy(register, suites.join("requirements/demo.yaml")).unwrap();
+    fs::write(suites.join("demo.yaml"), ENDLESS).unwrap();
+    let path = folder.path().join("journal");
+    let mut child = harness()
+        .args(["--target", "sim:generic", "--suites"])
+        .arg(&suites)
+        .arg("--journal")
+        .arg(&path)
+        .spawn()
+        .unwrap();
+    let mut journal = String::new();
+    while journal.matches("080#").count() < 100 {
+        assert_eq!(child.try_wait().unwrap(), None, "it ended by itself:\n{journal}");
+        thread::yield_now();
+        journal = fs::read_to_string(&path).unwrap_or_default();
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let run = Run::fold(&fs::read_to_string(&path).unwrap(), Keep::All).unwrap();
+    let cases: Vec<_> = run.devices[0].cases().collect();
+    let verdicts: Vec<Verdict> = cases.iter().map(|case| case.verdict()).collect();
+    assert_eq!(verdicts, [Verdict::Pass, Verdict::Error], "a case that did not end is an error");
+    assert!(cases[1].trace.len() >= 100, "{} frames", cases[1].trace.len());
+    assert!(run.ended.is_none());
+}
+
+const ENDLESS: &str = "\
+suite: demo
+cases:
+  - id: short
+    title: The device can be read.
+    checks: [DEMO-1]
+    steps:
+      - read: { object: '1000:00' }
+  - id: endless
+    title: The device bears SYNC messages.
+    checks: [DEMO-1]
+    steps:
+      - produce: { frame: '080#', count: 1000000000, every: 1 ms }
+";
 
 /// What `check` finds in each folder, in the order of the folders, on as many threads as the
 /// machine has processors. Most of the time of a case is that of the program it starts.

@@ -3,7 +3,7 @@
 use canopen::monitor::{self, Breach, Seen};
 use canopen::pdo::CobId;
 use canopen::{BusError, Instant, Mux, emcy};
-use reports::{Measured, Note, Outcome, Phase, Problem};
+use reports::{Event, Note, Outcome, Phase, Problem};
 
 use super::judge::{Difference, Trouble, report_place};
 use super::link::Link;
@@ -23,12 +23,6 @@ use crate::suite::step::Step;
 pub(super) struct Finished {
     /// The verdict and what led to it.
     pub outcome: Outcome,
-    /// Every frame, from settling to restoring.
-    pub trace: Vec<Seen>,
-    /// What was measured.
-    pub measured: Vec<Measured>,
-    /// Remarks.
-    pub notes: Vec<Note>,
     /// What the case means for those that follow.
     pub aftermath: Aftermath,
 }
@@ -52,18 +46,10 @@ pub(super) fn run(
     instance: &Instance,
     left: Left,
 ) -> Finished {
-    let mut run = CaseRun {
-        link,
-        policy,
-        dut,
-        instance,
-        notes: Vec::new(),
-        measured: Vec::new(),
-        stimuli: Stimuli::default(),
-    };
+    let mut run = CaseRun { link, policy, dut, instance, stimuli: Stimuli::default() };
     let (outcome, aftermath) = run.run(left);
-    let trace = run.link.take_trace();
-    Finished { outcome, trace, measured: run.measured, notes: run.notes, aftermath }
+    link.take_trace();
+    Finished { outcome, aftermath }
 }
 
 struct CaseRun<'r, 'b> {
@@ -71,8 +57,6 @@ struct CaseRun<'r, 'b> {
     policy: &'r Policy,
     dut: &'r Dut,
     instance: &'r Instance,
-    notes: Vec<Note>,
-    measured: Vec<Measured>,
     stimuli: Stimuli,
 }
 
@@ -137,13 +121,11 @@ impl CaseRun<'_, '_> {
             dut: self.dut,
             policy: self.policy,
             scope: self.instance.scope.clone(),
-            measured: Vec::new(),
             stimuli: &mut self.stimuli,
         };
         let mut alive = run_phase(&mut steps, &case.setup, Phase::Setup, &mut report)?;
         alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut report)?;
         run_phase(&mut steps, &case.finally, Phase::Finally, &mut report)?;
-        self.measured = steps.measured;
         if let Some(what) = report.declined.take() {
             self.note(format!("the device refused {what}, as it may: nothing follows from that"));
         }
@@ -213,7 +195,8 @@ impl CaseRun<'_, '_> {
     }
 
     fn note(&mut self, text: String) {
-        self.notes.push(Note { at: self.link.mark(), text });
+        let at = self.link.mark();
+        self.link.emit(Event::Note(Note { at, text }));
     }
 
     fn bus_failed(&self, failure: BusError) -> (Outcome, Aftermath) {

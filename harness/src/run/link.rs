@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use canopen::monitor::Seen;
 use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped};
+use reports::Event;
 
 /// The frames that wait for the wire at once. The transmit queue of a CAN interface is usually ten
 /// frames long, and one that is full costs a wait.
@@ -19,13 +20,35 @@ pub struct Link<'b> {
     trace: Vec<Seen>,
     cursor: usize,
     mark: Instant,
+    emit: Option<&'b mut dyn FnMut(Event)>,
+    /// Whether a case is open, to which the frames belong.
+    in_case: bool,
 }
 
 impl<'b> Link<'b> {
     /// A link that starts now.
     pub fn new(bus: &'b mut dyn Bus) -> Self {
         let mark = bus.now();
-        Self { bus, trace: Vec::new(), cursor: 0, mark }
+        Self { bus, trace: Vec::new(), cursor: 0, mark, emit: None, in_case: false }
+    }
+
+    /// The same, with a receiver of events: those of [`emit`](Self::emit), and every frame of a
+    /// case at the moment when it is seen. A run that is killed then leaves the frames of its last
+    /// case.
+    pub(super) fn reporting(bus: &'b mut dyn Bus, emit: &'b mut dyn FnMut(Event)) -> Self {
+        Self { emit: Some(emit), ..Self::new(bus) }
+    }
+
+    /// Reports an event.
+    pub(super) fn emit(&mut self, event: Event) {
+        match &event {
+            Event::CaseStarted(_) => self.in_case = true,
+            Event::CaseEnded(_) => self.in_case = false,
+            _ => {}
+        }
+        if let Some(emit) = &mut self.emit {
+            emit(event);
+        }
     }
 
     /// Where the next step starts.
@@ -182,6 +205,9 @@ impl<'b> Link<'b> {
     fn pull(&mut self, until: Instant) -> Result<Option<usize>, BusError> {
         let Some(stamped) = self.bus.recv(until)? else { return Ok(None) };
         self.trace.push(Seen { stamped, expected: false });
+        if self.in_case {
+            self.emit(Event::Frame(stamped));
+        }
         Ok(Some(self.trace.len() - 1))
     }
 }

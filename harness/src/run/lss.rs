@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::lss::{Fastscan, Part, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response};
 use canopen::{BusError, Id};
-use reports::Measured;
+use reports::{Event, Measured};
 
 use super::judge::{Difference, Judgement, Trouble, device};
 use super::steps::Steps;
@@ -48,7 +48,7 @@ impl Steps<'_, '_> {
             }
         }
         let span = self.link.mark().since(begin).as_nanos() as f64 / 1e6;
-        self.measured.push(Measured {
+        self.link.emit(Event::Measured(Measured {
             what: "fastscan".to_owned(),
             unit: "ms".to_owned(),
             count: 1,
@@ -57,7 +57,7 @@ impl Steps<'_, '_> {
             max: span,
             strict: None,
             lenient: None,
-        });
+        }));
         Ok(None)
     }
 

@@ -1,4 +1,4 @@
-//! A session: one device, its plan, case after case, told as events.
+//! A session: one device, its plan, case after case, reported as events.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -47,9 +47,9 @@ pub struct Session<'s> {
 }
 
 impl Session<'_> {
-    /// Runs the plan on `bus` and tells `tell` of it.
-    pub fn run(&self, bus: &mut dyn Bus, tell: &mut dyn FnMut(Event)) -> Ending {
-        let mut link = Link::new(bus);
+    /// Runs the plan on `bus` and passes every event to `emit` at the moment when it happens.
+    pub fn run(&self, bus: &mut dyn Bus, emit: &mut dyn FnMut(Event)) -> Ending {
+        let mut link = Link::reporting(bus, emit);
         let dut = &self.plan.dut;
         match settle::first_answer(&mut link, &self.policy, dut) {
             Ok(true) => {}
@@ -60,7 +60,7 @@ impl Session<'_> {
             Ok(identity) => identity,
             Err(error) => return Ending::Bus(error),
         };
-        tell(Event::DeviceStarted(DeviceStarted {
+        link.emit(Event::DeviceStarted(DeviceStarted {
             device: dut.name.clone(),
             node: dut.node,
             identity,
@@ -72,7 +72,7 @@ impl Session<'_> {
             Err(error) => return Ending::Bus(error),
         };
         link.take_trace();
-        self.cases(&mut link, blocks, tell)
+        self.cases(&mut link, blocks)
     }
 
     /// What readers of a report must know of how the device was tested.
@@ -101,33 +101,28 @@ impl Session<'_> {
         }
     }
 
-    fn cases(&self, link: &mut Link, blocks: bool, tell: &mut dyn FnMut(Event)) -> Ending {
+    fn cases(&self, link: &mut Link, blocks: bool) -> Ending {
         let (mut left, mut failed) = (Left::Calm, 0);
         for (place, instance) in self.plan.instances.iter().enumerate() {
             // A real bus notices while it waits; a simulated one never waits.
             if self.stop.swap(false, Ordering::SeqCst) {
                 return Ending::Bus(BusError::Interrupted);
             }
-            tell(self.started(link, instance));
+            link.emit(self.started(link, instance));
             let no_blocks = !blocks && instance.requires(&Capability::BlockTransfer);
             let no_blocks = no_blocks.then(|| "the device has no block transfer".to_owned());
             if let Some(reason) = instance.skip.clone().or(no_blocks) {
-                tell(ended(link, Outcome::Skip(reason)));
+                link.emit(ended(link, Outcome::Skip(reason)));
                 continue;
             }
             let finished = case::run(link, &self.policy, &self.plan.dut, instance, left);
-            for seen in &finished.trace {
-                tell(Event::Frame(seen.stamped));
-            }
-            finished.notes.into_iter().for_each(|note| tell(Event::Note(note)));
-            finished.measured.into_iter().for_each(|measured| tell(Event::Measured(measured)));
             failed += usize::from(matches!(finished.outcome, Outcome::Fail(_)));
-            tell(ended(link, finished.outcome));
+            link.emit(ended(link, finished.outcome));
             let rest = &self.plan.instances[place + 1..];
             match finished.aftermath {
                 Aftermath::Left(how) => left = how,
                 Aftermath::Gone(reason) => {
-                    self.not_run(link, rest, &reason, tell);
+                    self.not_run(link, rest, &reason);
                     return Ending::Gone(reason);
                 }
                 Aftermath::Stop(error) => return Ending::Bus(error),
@@ -140,10 +135,10 @@ impl Session<'_> {
     }
 
     /// Cases that cannot run any more are in the report all the same.
-    fn not_run(&self, link: &Link, rest: &[Instance], why: &str, tell: &mut dyn FnMut(Event)) {
+    fn not_run(&self, link: &mut Link, rest: &[Instance], why: &str) {
         for instance in rest {
-            tell(self.started(link, instance));
-            tell(ended(link, Outcome::not_run(why)));
+            link.emit(self.started(link, instance));
+            link.emit(ended(link, Outcome::not_run(why)));
         }
     }
 

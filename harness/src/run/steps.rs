@@ -5,7 +5,7 @@ use std::time::Duration;
 use canopen::nmt::{Command, Service};
 use canopen::pdo::CobId;
 use canopen::{Frame, Instant, Mux, Pattern, Stamped, sync};
-use reports::Measured;
+use reports::Event;
 
 use super::judge::{Difference, Judgement, Trouble, device};
 use super::limits::{Limits, mean, median};
@@ -30,8 +30,6 @@ pub(super) struct Steps<'s, 'b> {
     pub policy: &'s Policy,
     /// The names, those that steps save included.
     pub scope: Scope,
-    /// What was measured.
-    pub measured: Vec<Measured>,
     /// What was done to the device's physical side.
     pub stimuli: &'s mut Stimuli,
 }
@@ -251,7 +249,7 @@ impl Steps<'_, '_> {
         let mut lenient = None;
         for (limits, what, taken, judged) in table {
             let Some(limits) = limits else { continue };
-            self.measured.push(limits.figures(what.clone(), taken));
+            self.link.emit(Event::Measured(limits.figures(what.clone(), taken)));
             for time in judged {
                 lenient = lenient.or(limits.judge(*time, &what)?);
             }
