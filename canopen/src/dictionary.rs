@@ -1,6 +1,6 @@
 //! The object dictionary at work: the values of one device, and the rules of network access.
 
-mod places;
+mod addresses;
 
 use std::ops::RangeInclusive;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use crate::eds::{Eds, Entry};
 use crate::mux::Mux;
 use crate::value::{DataType, Value, ValueError};
 
-use places::Places;
+use addresses::Addresses;
 
 /// The values of one device's objects. [`read`](Self::read) and [`write`](Self::write) are the
 /// network's side, where the error is the SDO abort code; [`get`](Self::get) and
@@ -18,7 +18,7 @@ use places::Places;
 #[derive(Clone, Debug)]
 pub struct Dictionary {
     entries: Arc<[Entry]>,
-    places: Arc<Places>,
+    places: Arc<Addresses>,
     values: Vec<Vec<u8>>,
 }
 
@@ -33,7 +33,7 @@ impl Dictionary {
             .iter()
             .map(|entry| entry.default_bytes(node).map_err(|error| (entry.mux, error)))
             .collect::<Result<_, _>>()?;
-        let places = Arc::new(Places::new(entries.iter().map(|entry| entry.mux)));
+        let places = Arc::new(Addresses::new(entries.iter().map(|entry| entry.mux)));
         Ok(Self { entries, places, values })
     }
 

@@ -51,6 +51,18 @@ pub struct Place {
     pub column: usize,
 }
 
+impl Place {
+    /// A place.
+    pub const fn new(line: usize, column: usize) -> Self {
+        Self { line, column }
+    }
+
+    /// The start of a line, for what is known by its line alone.
+    pub const fn of_line(line: usize) -> Self {
+        Self { line, column: 1 }
+    }
+}
+
 /// A value with the place where it was written.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct At<T> {

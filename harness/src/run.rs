@@ -1,6 +1,7 @@
 //! Running a plan against a device: the loop over cases, and what it tells of them.
 
 mod bench;
+mod bench_snapshot;
 mod case;
 mod judge;
 mod limits;
@@ -15,7 +16,6 @@ mod sdo;
 mod session;
 mod settle;
 mod steps;
-mod stimuli;
 
 pub use link::Link;
 pub use policy::Policy;

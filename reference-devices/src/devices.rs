@@ -118,7 +118,7 @@ impl ReferenceDevice {
     pub fn behaviour(&self) -> Box<dyn Behaviour> {
         match self.description.behaviour.as_str() {
             DRR460 => Box::new(Drr460::new(&self.description.eds)),
-            EM66 => Box::new(Em66::new(Box::new(em66::Profile), &self.description.without)),
+            EM66 => Box::new(Em66::new(Box::new(em66::Conformant), &self.description.without)),
             GENERIC => Box::new(Generic::new(&self.description.eds)),
             _ => Box::new(Inert),
         }

@@ -36,7 +36,7 @@ mod time;
 mod time_stamp;
 mod tpdo;
 
-pub use behaviour::{Behaviour, Event, Inert};
+pub use behaviour::{Behaviour, CommunicationEvent, Inert};
 pub use errors::Errors;
 pub use node::Node;
 pub use sdo_client::SdoJob;

@@ -20,4 +20,4 @@ pub use event::{
 pub use format::{FORMATS, Format};
 pub use run::{CaseRun, Counts, DeviceRun, Keep, OutOfOrder, Run, SuiteRun};
 pub use style::Style;
-pub use verdict::{Grade, Outcome, Phase, Place, Problem, Verdict};
+pub use verdict::{Excerpt, Grade, Outcome, Phase, Problem, Verdict};

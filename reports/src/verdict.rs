@@ -120,7 +120,7 @@ pub struct Problem {
     /// In which part of the case.
     pub phase: Phase,
     /// The step in the suite file; for a monitor, the step during which it spoke.
-    pub place: Place,
+    pub place: Excerpt,
     /// What should have come.
     pub expected: String,
     /// What came instead, decoded.
@@ -130,7 +130,7 @@ pub struct Problem {
     pub raw: Option<Frame>,
     /// The line of the data sheet in question, when it is about what one says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub sheet: Option<Place>,
+    pub sheet: Option<Excerpt>,
     /// What else helps: interpretations of the register, later problems of the same case.
     pub notes: Vec<String>,
 }
@@ -155,7 +155,7 @@ pub enum Phase {
 /// in characters.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Place {
+pub struct Excerpt {
     /// The file, relative to the folder of the project or as the user named it, with `/`.
     pub file: String,
     /// The line.

@@ -3,9 +3,9 @@
 
 use crate::mux::Mux;
 
-/// The places of the entries of a data sheet.
+/// The addresses of a data sheet, and what place each has among its entries.
 #[derive(Debug)]
-pub(super) struct Places {
+pub(super) struct Addresses {
     /// The addresses as numbers, in ascending order.
     addresses: Vec<u32>,
     /// The page of the indices with this high byte.
@@ -15,7 +15,7 @@ pub(super) struct Places {
 /// For each low byte, where the first entry of the index stands; [`NOWHERE`] when there is none.
 type Page = Box<[u32; 256]>;
 
-impl Places {
+impl Addresses {
     /// The places of addresses in ascending order.
     pub(super) fn new(addresses: impl Iterator<Item = Mux>) -> Self {
         let addresses: Vec<u32> = addresses.map(ascending).collect();
@@ -68,7 +68,7 @@ mod tests {
             known in prop::collection::btree_set(address(), 0..40),
             asked in prop::collection::vec(address(), 0..40),
         ) {
-            let places = Places::new(known.iter().map(|(index, sub)| Mux::new(*index, *sub)));
+            let places = Addresses::new(known.iter().map(|(index, sub)| Mux::new(*index, *sub)));
             let sorted: Vec<_> = known.iter().copied().collect();
             for (index, sub) in known.iter().copied().chain(asked) {
                 let place = sorted.binary_search(&(index, sub)).ok();

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 use std::fmt;
 
 use super::codes::{Code, Severity};
+use crate::source::Place;
 
 /// One remark about a data sheet. `Display` is one line without the file's name.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -28,24 +29,6 @@ impl fmt::Display for Diagnostic {
     }
 }
 
-/// A position in the decoded text, both counted from 1.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Place {
-    pub(super) line: u32,
-    pub(super) column: u32,
-}
-
-impl Place {
-    pub(super) const fn new(line: u32, column: u32) -> Self {
-        Self { line, column }
-    }
-
-    /// The start of a line, for what is known by its line alone.
-    pub(super) fn line(line: usize) -> Self {
-        Self { line: u32::try_from(line).unwrap_or(u32::MAX), column: 1 }
-    }
-}
-
 /// Collects diagnostics.
 #[derive(Debug, Default)]
 pub(super) struct Findings {
@@ -65,8 +48,8 @@ impl Findings {
         self.list.push(Diagnostic {
             severity: code.severity,
             code: code.name,
-            line: at.line as usize,
-            column: at.column as usize,
+            line: at.line,
+            column: at.column,
             message: message.into(),
         });
     }
@@ -84,7 +67,7 @@ impl Findings {
         habit.more += 1;
         // Sections are read in the order of their objects, which need not be that of the file.
         let first = &mut self.list[habit.first];
-        let place = (at.line as usize, at.column as usize);
+        let place = (at.line, at.column);
         if place < (first.line, first.column) {
             (first.line, first.column) = place;
         }

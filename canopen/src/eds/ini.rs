@@ -4,7 +4,8 @@
 use std::collections::HashMap;
 
 use super::codes;
-use super::diagnostic::{Findings, Place};
+use super::diagnostic::Findings;
+use crate::source::Place;
 
 /// A section and its keys.
 #[derive(Debug)]
@@ -177,15 +178,15 @@ fn trim(line: &str) -> &str {
 #[derive(Default)]
 struct LineEnds {
     /// Lines before the one being seen.
-    lines: u32,
+    lines: usize,
     /// How many of them ended without CR, and the first that did.
-    bare: u32,
-    first: u32,
+    bare: usize,
+    first: usize,
     last_was_bare: bool,
 }
 
 impl LineEnds {
-    fn see(&mut self, number: u32, line: &str) {
+    fn see(&mut self, number: usize, line: &str) {
         // What stands behind the last line end is no line.
         if self.last_was_bare {
             self.bare += 1;
@@ -209,11 +210,11 @@ impl LineEnds {
 }
 
 /// The column of `part`, which is a piece of `line`.
-fn column(line: &str, part: &str) -> u32 {
+fn column(line: &str, part: &str) -> usize {
     let offset = part.as_ptr() as usize - line.as_ptr() as usize;
     let before = &line.as_bytes()[..offset];
     // Bytes that go on a character are not counted.
-    before.iter().filter(|&&byte| byte & 0xC0 != 0x80).count() as u32 + 1
+    before.iter().filter(|&&byte| byte & 0xC0 != 0x80).count() + 1
 }
 
 fn head<'a>(part: &'a str, at: Place, findings: &mut Findings) -> Section<'a> {
@@ -261,7 +262,7 @@ fn check_spelling(title: &str, name: Name, at: Place, findings: &mut Findings) {
     }
 }
 
-fn key<'a>(number: u32, line: &'a str, part: &'a str) -> Option<Key<'a>> {
+fn key<'a>(number: usize, line: &'a str, part: &'a str) -> Option<Key<'a>> {
     let (name, value) = part.split_at_checked(part.bytes().position(|byte| byte == b'=')?)?;
     let name = name.trim_ascii_end();
     let value = value[1..].trim_ascii_start();

@@ -4,10 +4,11 @@ mod object;
 mod pdo;
 
 use super::codes::{self, Code};
-use super::diagnostic::{Diagnostic, Findings, Place};
+use super::diagnostic::{Diagnostic, Findings};
 use super::ini::{List, Name, Part, Section};
 use super::model::{Eds, Entry, Object};
 use crate::mux::Mux;
+use crate::source::Place;
 use crate::value::Value;
 
 /// What is wrong with a description, whoever made it. [`read`](super::read) reports the same with
@@ -92,7 +93,7 @@ impl Lint<'_, '_, '_> {
 
     fn object_place(&self, object: &Object) -> Place {
         let head = self.place(Name::Object(object.index, Part::Head), None);
-        head.unwrap_or_else(|| Place::line(object.line))
+        head.unwrap_or_else(|| Place::of_line(object.line))
     }
 
     /// Where the sheet says `key` of an entry, or where it speaks of the entry at all.
@@ -105,7 +106,7 @@ impl Lint<'_, '_, '_> {
             .or_else(|| self.place(section, None))
             .or_else(|| self.place(short, Some(&sub.to_string())).filter(|_| key == DEFAULT))
             .or_else(|| self.place(head, Some(key)))
-            .unwrap_or_else(|| Place::line(entry.line))
+            .unwrap_or_else(|| Place::of_line(entry.line))
     }
 
     /// Where a section starts, or where the value of one of its keys does.

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use super::diagnostic::{Findings, Place};
+use super::diagnostic::Findings;
 use super::ini::{self, Name, Part};
 use crate::mux::Mux;
+use crate::source::Place;
 
 /// Where the sections of objects and their keys are, line and column counted from 1.
 #[derive(Debug, Default)]
@@ -32,19 +33,17 @@ impl Places {
 
     /// Where the sheet says `key` of an entry; when it does not, or without a key, where it speaks
     /// of the entry at all.
-    pub fn of_entry(&self, mux: Mux, key: Option<&str>) -> Option<(usize, usize)> {
+    pub fn of_entry(&self, mux: Mux, key: Option<&str>) -> Option<Place> {
         let sub = self.sections.get(&Name::Object(mux.index, Part::Sub(mux.sub)));
         let values = self.sections.get(&Name::Object(mux.index, Part::Values));
         let head = self.sections.get(&Name::Object(mux.index, Part::Head));
         let number = mux.sub.to_string();
         let short = values.filter(|_| key.is_none_or(|key| key == "DefaultValue"));
-        let place = key
-            .and_then(|key| sub.and_then(|sub| sub.key(key)))
+        key.and_then(|key| sub.and_then(|sub| sub.key(key)))
             .or_else(|| sub.map(|sub| sub.at))
             .or_else(|| short.and_then(|short| short.key(&number)))
             .or_else(|| key.and_then(|key| head.and_then(|head| head.key(key))))
-            .or_else(|| head.map(|head| head.at))?;
-        Some((place.line as usize, place.column as usize))
+            .or_else(|| head.map(|head| head.at))
     }
 }
 
@@ -77,7 +76,7 @@ mod tests {
         ] {
             assert_eq!(
                 places.of_entry(Mux::new(index, sub), key),
-                place,
+                place.map(|(line, column)| Place::new(line, column)),
                 "{index:X}:{sub} {key:?}"
             );
         }

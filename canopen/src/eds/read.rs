@@ -7,12 +7,13 @@ mod object;
 
 use super::codes;
 use super::codes::Severity;
-use super::diagnostic::{Diagnostic, Findings, Place};
+use super::diagnostic::{Diagnostic, Findings};
 use super::ini::{self, Key, List, Name, Part, Section};
 use super::lint;
 use super::model::{Eds, Term, UnknownSection};
 use super::text;
 use super::value;
+use crate::source::Place;
 use crate::value::DataType;
 
 /// What reading a data sheet gives: always a description, and what is to be said about it.

@@ -3,7 +3,8 @@
 use std::borrow::Cow;
 
 use super::codes;
-use super::diagnostic::{Findings, Place};
+use super::diagnostic::Findings;
+use crate::source::Place;
 
 /// The text of a data sheet, whatever its encoding: the lines and columns of diagnostics count in
 /// this text. Lines end with LF, or CR and LF.
@@ -45,8 +46,8 @@ fn bytes<'a>(bytes: &'a [u8], findings: &mut Findings) -> Cow<'a, str> {
     };
     let first = bytes.iter().position(|byte| !byte.is_ascii()).unwrap_or_default();
     let before = &bytes[..first];
-    let line = before.iter().filter(|&&byte| byte == b'\n').count() as u32 + 1;
-    let column = before.iter().rev().take_while(|&&byte| byte != b'\n').count() as u32 + 1;
+    let line = before.iter().filter(|&&byte| byte == b'\n').count() + 1;
+    let column = before.iter().rev().take_while(|&&byte| byte != b'\n').count() + 1;
     let message = format!("the file is not ASCII; it is read as {name}");
     findings.add(&codes::ENCODING, Place::new(line, column), message);
     text

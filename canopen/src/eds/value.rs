@@ -3,10 +3,11 @@
 use crate::value::{DataType, Value};
 
 use super::codes::{self, Code};
-use super::diagnostic::{Findings, Place};
+use super::diagnostic::Findings;
 use super::ini::Key;
 use super::model::Term;
 use super::number::{Number, Remark, Sum, without_comment};
+use crate::source::Place;
 
 /// The value of `key` in that type. `None` when it has none, or one that was reported and is
 /// better kept as text.

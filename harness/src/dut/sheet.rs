@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use canopen::Mux;
 use canopen::eds::{self, Diagnostic, Eds, Places};
 
-use crate::source::Source;
+use crate::source::{Place, Source};
 
 /// The first line of a sheet that was composed of what a device answered.
 pub const COMPOSED: &str = "composed by `harness eds probe` of what the device answered";
@@ -36,8 +36,8 @@ impl Sheet {
         (sheet, reading.eds)
     }
 
-    /// The line and column where it says `key` of an entry, or speaks of the entry at all.
-    pub fn place_of(&self, mux: Mux, key: Option<&str>) -> Option<(usize, usize)> {
+    /// Where it says `key` of an entry, or speaks of the entry at all.
+    pub fn place_of(&self, mux: Mux, key: Option<&str>) -> Option<Place> {
         self.places.get_or_init(|| Places::of(&self.source.text)).of_entry(mux, key)
     }
 }

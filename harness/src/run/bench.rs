@@ -6,9 +6,9 @@ use std::time::Duration;
 use canopen::Value;
 use canopen::bench::POWER;
 
+use super::bench_snapshot::{bench, failed};
 use super::judge::{Difference, Judgement, Trouble, device};
 use super::steps::Steps;
-use super::stimuli::{bench, failed};
 use crate::source::At;
 use crate::suite::literal::{Literal, show_time};
 use crate::suite::step::Observe;
@@ -19,9 +19,9 @@ const EVERY: Duration = Duration::from_millis(5);
 impl Steps<'_, '_> {
     pub(super) fn stimulate_bench(&mut self, stimuli: &BTreeMap<String, At<Literal>>) -> Judgement {
         for (name, literal) in stimuli {
-            let value = self.scope.value(&literal.value).map_err(Trouble::Bench)?;
+            let value = self.scope.value(&literal.value).map_err(Trouble::Impossible)?;
             let value = worded(name, value);
-            self.stimuli.set(self.link, name, &value)?;
+            self.bench_snapshot.set(self.link, name, &value)?;
         }
         Ok(None)
     }
@@ -33,7 +33,7 @@ impl Steps<'_, '_> {
             literal
                 .transpose()
                 .map(|value| value.map(|value| worded(name, value)))
-                .map_err(Trouble::Bench)
+                .map_err(Trouble::Impossible)
         };
         let wanted = [value(&observe.value)?, value(&observe.min)?, value(&observe.max)?];
         let within = self.optional_time(&observe.within, Duration::ZERO)?;

@@ -5,14 +5,14 @@ use canopen::pdo::CobId;
 use canopen::{BusError, Instant, Mux, emcy};
 use reports::{Event, Note, Outcome, Phase, Problem};
 
-use super::judge::{Difference, Trouble, report_place};
+use super::bench_snapshot::BenchSnapshot;
+use super::judge::{Difference, Trouble, excerpt};
 use super::link::Link;
 use super::policy::Policy;
 use super::promise;
 use super::restore::Snapshot;
 use super::settle::{self, Left, Unsettled};
 use super::steps::Steps;
-use super::stimuli::Stimuli;
 use crate::dut::Dut;
 use crate::plan::Instance;
 use crate::source::{At, Place, Source};
@@ -46,7 +46,7 @@ pub(super) fn run(
     instance: &Instance,
     left: Left,
 ) -> Finished {
-    let mut run = CaseRun { link, policy, dut, instance, stimuli: Stimuli::default() };
+    let mut run = CaseRun { link, policy, dut, instance, bench_snapshot: BenchSnapshot::default() };
     let (outcome, aftermath) = run.run(left);
     link.take_trace();
     Finished { outcome, aftermath }
@@ -57,7 +57,7 @@ struct CaseRun<'r, 'b> {
     policy: &'r Policy,
     dut: &'r Dut,
     instance: &'r Instance,
-    stimuli: Stimuli,
+    bench_snapshot: BenchSnapshot,
 }
 
 impl CaseRun<'_, '_> {
@@ -80,7 +80,7 @@ impl CaseRun<'_, '_> {
             Ok(outcome) => (self.with_way_out(outcome), None),
             Err(error) => (self.bus_failed(error.clone()).0, Some(error)),
         };
-        let still = !self.stimuli.any() && settle::is_still(self.link, self.dut);
+        let still = !self.bench_snapshot.any() && settle::is_still(self.link, self.dut);
         // A bus that failed may still carry what leaves the device as it was found.
         match (self.restore(&snapshot, still), stop) {
             (_, Some(error)) | (Err(error), None) if lasts(&error) => {
@@ -101,7 +101,7 @@ impl CaseRun<'_, '_> {
 
     /// Setup, steps, finally, and what the monitors say.
     fn steps(&mut self) -> Result<Outcome, BusError> {
-        let mut report = Report {
+        let mut result = CaseOutcome {
             source: &self.instance.suite.source,
             at: self.link.mark(),
             outcome: Outcome::Pass,
@@ -110,8 +110,8 @@ impl CaseRun<'_, '_> {
         if let Some(complaint) = &self.instance.unfit {
             let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
             let difference = promise::unfit(complaint, self.instance, self.dut);
-            report.fail(Phase::Step, place, difference);
-            return Ok(report.outcome);
+            result.fail(Phase::Step, place, difference);
+            return Ok(result.outcome);
         }
         settle::enter(self.link, self.policy, self.dut, self.instance.case().state)?;
         let watched_from = self.link.trace().len();
@@ -121,21 +121,21 @@ impl CaseRun<'_, '_> {
             dut: self.dut,
             policy: self.policy,
             scope: self.instance.scope.clone(),
-            stimuli: &mut self.stimuli,
+            bench_snapshot: &mut self.bench_snapshot,
         };
-        let mut alive = run_phase(&mut steps, &case.setup, Phase::Setup, &mut report)?;
-        alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut report)?;
-        run_phase(&mut steps, &case.finally, Phase::Finally, &mut report)?;
-        if let Some(what) = report.declined.take() {
+        let mut alive = run_phase(&mut steps, &case.setup, Phase::Setup, &mut result)?;
+        alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut result)?;
+        run_phase(&mut steps, &case.finally, Phase::Finally, &mut result)?;
+        if let Some(what) = result.declined.take() {
             self.note(format!("the device refused {what}, as it may: nothing follows from that"));
         }
         let last = case.steps.last().map_or(case.id.place, |step| step.place);
         if alive && let Some(breach) = self.watch(watched_from) {
             let difference =
                 Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
-            report.fail(Phase::Monitor, last, difference);
+            result.fail(Phase::Monitor, last, difference);
         }
-        Ok(report.outcome)
+        Ok(result.outcome)
     }
 
     /// An option that the device fails for and may not have, as nobody but its user can tell.
@@ -162,15 +162,15 @@ impl CaseRun<'_, '_> {
             |monitor| {
                 let seen = frames.iter().find_map(|seen| monitor.observe(&waited_for(seen)).err());
                 // Who has no supply owes nothing.
-                let silence = || (!self.stimuli.off).then(|| monitor.finish(now).err())?;
+                let silence = || (!self.bench_snapshot.off).then(|| monitor.finish(now).err())?;
                 seen.or_else(silence)
             },
         )
     }
 
     fn restore(&mut self, snapshot: &Snapshot, still: bool) -> Result<bool, BusError> {
-        let without_supply = self.stimuli.off;
-        match self.stimuli.undo(self.link) {
+        let without_supply = self.bench_snapshot.off;
+        match self.bench_snapshot.undo(self.link) {
             Ok(()) if without_supply => _ = settle::booted(self.link, self.policy, self.dut)?,
             Ok(()) => {}
             Err(error) if without_supply => {
@@ -213,7 +213,7 @@ fn run_phase(
     steps: &mut Steps,
     list: &[At<Step>],
     phase: Phase,
-    report: &mut Report,
+    result: &mut CaseOutcome,
 ) -> Result<bool, BusError> {
     for step in list {
         let promised = |difference: Difference, steps: &Steps| Difference {
@@ -227,25 +227,25 @@ fn run_phase(
             Err(Trouble::Device(difference)) => Err(Trouble::Device(promised(difference, steps))),
             other => other,
         };
-        report.at = steps.link.now();
+        result.at = steps.link.now();
         match judgement {
             Ok(None) => {}
-            Ok(Some(difference)) => report.lenient(phase, step.place, difference),
+            Ok(Some(difference)) => result.lenient(phase, step.place, difference),
             Err(Trouble::Bus(error)) => return Err(error),
             Err(Trouble::Device(difference)) if phase == Phase::Setup => {
-                report.setup_failed(step.place, difference);
+                result.setup_failed(step.place, difference);
                 return Ok(false);
             }
             Err(Trouble::Device(difference)) => {
-                report.fail(phase, step.place, difference);
+                result.fail(phase, step.place, difference);
                 return Ok(false);
             }
-            Err(Trouble::Bench(reason)) => {
-                report.error(reason);
+            Err(Trouble::Impossible(reason)) => {
+                result.error(reason);
                 return Ok(false);
             }
             Err(Trouble::Declined(what)) => {
-                report.declined = Some(what);
+                result.declined = Some(what);
                 return Ok(true);
             }
         }
@@ -254,7 +254,7 @@ fn run_phase(
 }
 
 /// The outcome as it takes shape: the first thing that weighs most stays, the rest become notes.
-struct Report<'r> {
+struct CaseOutcome<'r> {
     source: &'r Source,
     /// When the step ended that is being judged.
     at: Instant,
@@ -263,7 +263,7 @@ struct Report<'r> {
     declined: Option<String>,
 }
 
-impl Report<'_> {
+impl CaseOutcome<'_> {
     fn lenient(&mut self, phase: Phase, place: Place, difference: Difference) {
         let problem = self.problem(phase, place, difference);
         match &mut self.outcome {
@@ -294,7 +294,7 @@ impl Report<'_> {
 
     fn problem(&self, phase: Phase, place: Place, difference: Difference) -> Box<Problem> {
         let Difference { expected, actual, raw, sheet } = difference;
-        let place = report_place(self.source, place);
+        let place = excerpt(self.source, place);
         let notes = Vec::new();
         Box::new(Problem {
             at: self.at,

@@ -3,10 +3,10 @@
 use canopen::eds::Entry;
 use canopen::sdo::Failure;
 use canopen::{Abort, BusError, DataType, Frame};
-use reports::Place;
+use reports::Excerpt;
 
 use crate::plan::show_bytes;
-use crate::source::{self, Source};
+use crate::source::{Place, Source};
 use crate::suite::literal::Refusal;
 
 /// What was expected, and what came instead.
@@ -19,7 +19,7 @@ pub(super) struct Difference {
     /// The frame in question.
     pub raw: Option<Frame>,
     /// The line of the data sheet in question.
-    pub sheet: Option<Box<Place>>,
+    pub sheet: Option<Box<Excerpt>>,
 }
 
 impl Difference {
@@ -40,7 +40,7 @@ pub(super) enum Trouble {
     /// The device did something else.
     Device(Difference),
     /// The step could not be made; no statement about the device.
-    Bench(String),
+    Impossible(String),
     /// The bus failed.
     Bus(BusError),
     /// The device refused, as it may, so that there is nothing left to judge: what it refused.
@@ -187,10 +187,10 @@ fn masked(value: &[u8], mask: &[u8]) -> Vec<u8> {
 }
 
 /// A place as reports show it: the stretch is the rest of the line, without its comment.
-pub(super) fn report_place(source: &Source, place: source::Place) -> Place {
+pub(super) fn excerpt(source: &Source, place: Place) -> Excerpt {
     let line = source.line(place.line);
     let code = line.split(" #").next().unwrap_or(line).trim_end().chars().count();
-    Place {
+    Excerpt {
         file: source.name.clone(),
         line: place.line as u32,
         column: place.column as u32,

@@ -26,10 +26,10 @@ impl Limits {
     /// When the slack is more than the tolerance: such a bench cannot tell.
     pub(super) fn new(bounds: &Bounds, scope: &Scope, slack: Duration) -> Result<Self, Trouble> {
         let widened = |tolerance: &Tolerance| {
-            let (low, high) = scope.bounds(tolerance).map_err(Trouble::Bench)?;
+            let (low, high) = scope.bounds(tolerance).map_err(Trouble::Impossible)?;
             let tolerance = high.saturating_sub(low);
             if high != Duration::MAX && tolerance < slack {
-                return Err(Trouble::Bench(format!(
+                return Err(Trouble::Impossible(format!(
                     "one frame on this bus takes {}, which is more than the tolerance of {}",
                     show_time(slack),
                     show_time(tolerance)

@@ -34,7 +34,7 @@ impl Steps<'_, '_> {
         }
         let wanted = [&step.vendor, &step.product, &step.revision, &step.serial];
         for (part, wanted) in Part::ALL.into_iter().zip(wanted) {
-            let wanted = self.scope.int(&wanted.value).map_err(Trouble::Bench)?;
+            let wanted = self.scope.int(&wanted.value).map_err(Trouble::Impossible)?;
             let found = self.part(part, wanted, slot)?;
             let next = (part as u8 + 1) % Part::ALL.len() as u8;
             let last = Fastscan { number: found, bit: 0, part: part as u8, next };

@@ -24,7 +24,7 @@ impl Steps<'_, '_> {
         let mux = self.mux(&read.object)?;
         let entry = self.dut.eds.entry(mux).cloned();
         let block = match &read.block_size {
-            Some(size) => Some(self.scope.int(&size.value).map_err(Trouble::Bench)? as u8),
+            Some(size) => Some(self.scope.int(&size.value).map_err(Trouble::Impossible)? as u8),
             None => (read.transfer == Some(Flow::Block)).then_some(LARGEST_BLOCK),
         };
         let (policy, node) = (self.policy, self.dut.node);
@@ -87,7 +87,9 @@ impl Steps<'_, '_> {
         let data = match (&write.value, &write.bytes, &write.fill) {
             (Some(value), ..) => self.write_value(mux, &value.value)?,
             (_, Some(bytes), _) => parse_bytes(&bytes.value).unwrap_or_default(),
-            (.., Some(len)) => fill(self.scope.int(&len.value).map_err(Trouble::Bench)? as usize),
+            (.., Some(len)) => {
+                fill(self.scope.int(&len.value).map_err(Trouble::Impossible)? as usize)
+            }
             (None, None, None) => Vec::new(),
         };
         let flow = write.transfer.map_or_else(|| Transfer::usual(data.len()), Transfer::from);
@@ -112,7 +114,9 @@ impl Steps<'_, '_> {
         let cob_id = Mux::new(count.index & !0x0200, 1);
         let mut words = Vec::new();
         for object in &remap.objects {
-            words.push(mapping_word(&object.value, &self.scope, self.dut).map_err(Trouble::Bench)?);
+            words.push(
+                mapping_word(&object.value, &self.scope, self.dut).map_err(Trouble::Impossible)?,
+            );
         }
         let before = sdo::upload(self.link, self.policy, self.dut.node, cob_id)?;
         let before = match before.result.as_deref().map(<[u8]>::first_chunk::<4>) {
@@ -149,12 +153,12 @@ impl Steps<'_, '_> {
     }
 
     pub(super) fn defaults(&mut self, objects: &Objects) -> Judgement {
-        let entries =
-            matching_entries(objects, self.dut).map_err(|wrong| Trouble::Bench(wrong.value))?;
+        let entries = matching_entries(objects, self.dut)
+            .map_err(|wrong| Trouble::Impossible(wrong.value))?;
         for entry in entries.into_iter().cloned().collect::<Vec<_>>() {
             let default = entry.default_bytes(self.dut.node);
             let value =
-                default.map_err(|wrong| Trouble::Bench(format!("{}: {wrong}", entry.mux)))?;
+                default.map_err(|wrong| Trouble::Impossible(format!("{}: {wrong}", entry.mux)))?;
             let mut ended = sdo::upload(self.link, self.policy, self.dut.node, entry.mux)?;
             trim_unsized(&mut ended, Some(&entry));
             let judged = match &ended.result {
@@ -243,12 +247,14 @@ impl Steps<'_, '_> {
     ) -> Result<Condition, Trouble> {
         let of = |literal: &At<Literal>| {
             let bytes = entry.map(|entry| self.scope.bytes(&literal.value, entry));
-            bytes.transpose().map_err(Trouble::Bench)
+            bytes.transpose().map_err(Trouble::Impossible)
         };
         let bytes = |literal: &Option<At<Literal>>| literal.as_ref().map_or(Ok(None), of);
         let others = tolerated.iter().filter_map(|value| of(value).transpose());
         let length = match length {
-            Some(length) => Some(self.scope.int(&length.value).map_err(Trouble::Bench)? as usize),
+            Some(length) => {
+                Some(self.scope.int(&length.value).map_err(Trouble::Impossible)? as usize)
+            }
             None => None,
         };
         Ok(Condition {
@@ -269,14 +275,14 @@ impl Steps<'_, '_> {
             match self.scope.bytes(literal, entry) {
                 Ok(bytes) => return Ok(bytes),
                 Err(wrong) if entry.data_type.is_integer() => {
-                    let number = self.scope.int(literal).map_err(|_| Trouble::Bench(wrong))?;
+                    let number = self.scope.int(literal).map_err(|_| Trouble::Impossible(wrong))?;
                     let size = entry.data_type.size().unwrap_or(4);
                     return Ok(number.to_le_bytes()[..size].to_vec());
                 }
-                Err(wrong) => return Err(Trouble::Bench(wrong)),
+                Err(wrong) => return Err(Trouble::Impossible(wrong)),
             }
         }
-        let number = self.scope.int(literal).map_err(Trouble::Bench)?;
+        let number = self.scope.int(literal).map_err(Trouble::Impossible)?;
         let size = [1, 2, 4].into_iter().find(|size| number.unsigned_abs() >> (8 * size) == 0);
         Ok(number.to_le_bytes()[..size.unwrap_or(8)].to_vec())
     }

@@ -4,9 +4,9 @@
 use canopen::eds::{CODES, Diagnostic, Object};
 use canopen::sdo::{Failure, Initiate, Response};
 use canopen::{Abort, Frame, Mux};
-use reports::Place as ReportPlace;
+use reports::Excerpt;
 
-use super::judge::{Difference, Judgement, Trouble, device, report_place};
+use super::judge::{Difference, Judgement, Trouble, device, excerpt};
 use super::sdo;
 use super::steps::Steps;
 use crate::dut::Dut;
@@ -21,11 +21,10 @@ pub(super) fn promised(
     difference: &Difference,
     scope: &Scope,
     dut: &Dut,
-) -> Option<ReportPlace> {
+) -> Option<Excerpt> {
     let (mux, key) = claim(step, difference, scope, dut)?;
     dut.eds.entry(mux)?;
-    let (line, column) = dut.sheet.place_of(mux, key)?;
-    Some(report_place(&dut.sheet.source, Place { line, column }))
+    Some(excerpt(&dut.sheet.source, dut.sheet.place_of(mux, key)?))
 }
 
 /// A step that cannot be carried out because the data sheet says something else than it needs.
@@ -36,10 +35,8 @@ pub(super) fn unfit(complaint: &Complaint, instance: &Instance, dut: &Dut) -> Di
     let step = before.max_by_key(|step| step.place);
     let object = step.and_then(|step| Some(step.value.access()?.object));
     let mux = object.and_then(|object| instance.scope.mux(&object.value).ok());
-    let (line, column) =
-        mux.and_then(|mux| dut.sheet.place_of(mux, Some("DataType"))).unwrap_or_default();
-    let sheet =
-        (line > 0).then(|| Box::new(report_place(&dut.sheet.source, Place { line, column })));
+    let place = mux.and_then(|mux| dut.sheet.place_of(mux, Some("DataType")));
+    let sheet = place.map(|place| Box::new(excerpt(&dut.sheet.source, place)));
     let expected = "a data sheet by which the step can be carried out";
     Difference { sheet, ..Difference::new(expected, complaint.message.clone()) }
 }
@@ -121,9 +118,9 @@ fn key_of_name(literal: &Literal) -> Option<&'static str> {
 
 impl Steps<'_, '_> {
     /// The line of the data sheet with that key of an entry.
-    pub(super) fn line_of(&self, mux: Mux, key: &'static str) -> Option<Box<ReportPlace>> {
-        let (line, column) = self.dut.sheet.place_of(mux, Some(key))?;
-        Some(Box::new(report_place(&self.dut.sheet.source, Place { line, column })))
+    pub(super) fn line_of(&self, mux: Mux, key: &'static str) -> Option<Box<Excerpt>> {
+        let place = self.dut.sheet.place_of(mux, Some(key))?;
+        Some(Box::new(excerpt(&self.dut.sheet.source, place)))
     }
 
     /// Judges what was found while the data sheet was read.
@@ -152,14 +149,14 @@ impl Steps<'_, '_> {
             actual.push_str(&format!("\nand {more} more"));
         }
         let place = Place { line: first.line, column: first.column };
-        let sheet = Some(Box::new(report_place(&sheet.source, place)));
+        let sheet = Some(Box::new(excerpt(&sheet.source, place)));
         Some(Difference { sheet, ..Difference::new(expected, actual) })
     }
 
     /// Asks for objects, or sub-indices of objects, that the data sheet or the profile does not
     /// have.
     pub(super) fn undeclared(&mut self, step: &Undeclared) -> Judgement {
-        let range = index_range(&step.range.value).map_err(Trouble::Bench)?;
+        let range = index_range(&step.range.value).map_err(Trouble::Impossible)?;
         let eds = &self.dut.eds;
         let profile = step.profile.as_ref().and_then(|about| about.value.named());
         let whose = profile.map_or("the data sheet", |_| "the profile");

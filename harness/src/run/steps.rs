@@ -7,11 +7,11 @@ use canopen::pdo::CobId;
 use canopen::{Frame, Instant, Mux, Pattern, Stamped, sync};
 use reports::Event;
 
+use super::bench_snapshot::BenchSnapshot;
 use super::judge::{Difference, Judgement, Trouble, device};
 use super::limits::{Limits, mean, median};
 use super::link::Link;
 use super::policy::Policy;
-use super::stimuli::Stimuli;
 use crate::dut::Dut;
 use crate::plan::{Binding, Scope};
 use crate::source::At;
@@ -31,7 +31,7 @@ pub(super) struct Steps<'s, 'b> {
     /// The names, those that steps save included.
     pub scope: Scope,
     /// What was done to the device's physical side.
-    pub stimuli: &'s mut Stimuli,
+    pub bench_snapshot: &'s mut BenchSnapshot,
 }
 
 const DEFAULT_REPLY: Duration = Duration::from_secs(1);
@@ -128,7 +128,7 @@ impl Steps<'_, '_> {
             return if expect.optional { Ok(Some(missing)) } else { device(missing) };
         };
         if let Some(length) = &expect.length {
-            let length = self.scope.int(&length.value).map_err(Trouble::Bench)?;
+            let length = self.scope.int(&length.value).map_err(Trouble::Impossible)?;
             if length != got.frame.data.len() as i128 {
                 let actual = format!("{} bytes", got.frame.data.len());
                 let expected = format!("{strict} with {length} bytes");
@@ -266,7 +266,7 @@ impl Steps<'_, '_> {
 
     fn collect(&mut self, collect: &Collect) -> Judgement {
         let pattern = self.pattern(&collect.frame)?;
-        let wanted = self.scope.int(&collect.count.value).map_err(Trouble::Bench)?;
+        let wanted = self.scope.int(&collect.count.value).map_err(Trouble::Impossible)?;
         let time = self.time(&collect.time)?;
         let start = self.link.mark();
         self.stimulate(collect.during.as_ref())?;
@@ -326,19 +326,19 @@ impl Steps<'_, '_> {
         let pattern = self.pattern(text)?;
         pattern
             .frame()
-            .ok_or_else(|| Trouble::Bench(format!("{pattern} has holes and cannot be sent")))
+            .ok_or_else(|| Trouble::Impossible(format!("{pattern} has holes and cannot be sent")))
     }
 
     pub(super) fn pattern(&self, text: &At<FrameText>) -> Result<Pattern, Trouble> {
-        self.scope.pattern(&text.value, self.dut.node).map_err(Trouble::Bench)
+        self.scope.pattern(&text.value, self.dut.node).map_err(Trouble::Impossible)
     }
 
     pub(super) fn mux(&self, object: &At<ObjectRef>) -> Result<Mux, Trouble> {
-        self.scope.mux(&object.value).map_err(Trouble::Bench)
+        self.scope.mux(&object.value).map_err(Trouble::Impossible)
     }
 
     pub(super) fn time(&self, amount: &At<Amount>) -> Result<Duration, Trouble> {
-        self.scope.time(&amount.value).map_err(Trouble::Bench)
+        self.scope.time(&amount.value).map_err(Trouble::Impossible)
     }
 
     pub(super) fn optional_time(

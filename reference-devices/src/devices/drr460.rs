@@ -34,7 +34,7 @@ use canopen::eds::Eds;
 use canopen::{Abort, Dictionary, Instant, Mux};
 
 use crate::profiles::cia401::IoBlock;
-use crate::stack::{Behaviour, Errors, Event};
+use crate::stack::{Behaviour, CommunicationEvent, Errors};
 
 use alarm::{Alarm, Sight, is_closed};
 use control::{ACTION, Control, FULL_OUTPUT, Wiring};
@@ -258,7 +258,7 @@ impl Behaviour for Drr460 {
         }
     }
 
-    fn event(&mut self, now: Instant, event: Event, od: &mut Dictionary) {
+    fn event(&mut self, now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
         // Otherwise the outputs are the controller's own, and the network has no part in them.
         if self.is_expansion(od) {
             self.io.event(now, event, od);

@@ -36,7 +36,7 @@ use process::Process;
 
 pub use alarm_kinds::{AlarmType, Quantity, SetPoints, Wait};
 pub use rules::{
-    AlarmRules, ControlRules, Em66Rules, FaultRules, OperationRules, Profile, ValueRules, named,
+    AlarmRules, Conformant, ControlRules, Em66Rules, FaultRules, OperationRules, ValueRules, named,
     names,
 };
 

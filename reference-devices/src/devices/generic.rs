@@ -12,7 +12,7 @@ use canopen::emcy::EmcyCode;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
 use crate::profiles::cia401::{self, Cia401, IoBlock};
-use crate::stack::{Behaviour, Errors, Event, SdoJob};
+use crate::stack::{Behaviour, CommunicationEvent, Errors, SdoJob};
 
 use rules::{DataSheet, GenericRules};
 use sdo_client::ClientRecord;
@@ -132,8 +132,8 @@ impl Behaviour for Generic {
         self.io.uploaded(mux, od);
     }
 
-    fn event(&mut self, now: Instant, event: Event, od: &mut Dictionary) {
-        if let Event::Entered(state) = event {
+    fn event(&mut self, now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
+        if let CommunicationEvent::Entered(state) = event {
             self.state = state;
         }
         self.io.event(now, event, od);

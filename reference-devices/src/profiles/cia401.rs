@@ -16,7 +16,7 @@ mod tests;
 use canopen::eds::Eds;
 use canopen::{BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
-use crate::stack::{Behaviour, Errors, Event, earlier};
+use crate::stack::{Behaviour, CommunicationEvent, Errors, earlier};
 
 use channel::{Channel, Kind};
 use inputs::{AnalogueInput, DigitalInput};
@@ -109,14 +109,14 @@ impl Behaviour for IoBlock {
         }
     }
 
-    fn event(&mut self, _now: Instant, event: Event, od: &mut Dictionary) {
+    fn event(&mut self, _now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
         if self.rules.fails(event) {
             // What was written since the last run belongs to the levels that an output keeps.
             self.drive(od);
             for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {
                 output.fail(od, &*self.rules);
             }
-        } else if event == Event::Entered(NmtState::OPERATIONAL) {
+        } else if event == CommunicationEvent::Entered(NmtState::OPERATIONAL) {
             self.outputs().for_each(Output::recover);
         }
     }

@@ -32,7 +32,7 @@ pub trait Behaviour: Send {
     fn uploaded(&mut self, _mux: Mux, _od: &mut Dictionary) {}
 
     /// Something happened to the communication.
-    fn event(&mut self, _now: Instant, _event: Event, _od: &mut Dictionary) {}
+    fn event(&mut self, _now: Instant, _event: CommunicationEvent, _od: &mut Dictionary) {}
 
     /// Advances the model to `now`. Called when [`poll_at`](Self::poll_at) has come and after
     /// each call of the other methods that change something; it may raise and clear errors.
@@ -92,7 +92,7 @@ pub trait Behaviour: Send {
 
 /// What an application may want to know of the communication.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Event {
+pub enum CommunicationEvent {
     /// The node entered this NMT state.
     Entered(NmtState),
     /// A communication error appeared: heartbeat or life guarding was lost.

@@ -43,14 +43,14 @@ mod tests {
 
     use crate::rules::Specification;
     use crate::stack::testing::{Rig, eds, entry, full, mux};
-    use crate::stack::{Behaviour, Event, NodeSettings};
+    use crate::stack::{Behaviour, CommunicationEvent, NodeSettings};
 
     /// 2002h shows node and code of the last emergency message.
     struct Recorder;
 
     impl Behaviour for Recorder {
-        fn event(&mut self, _now: Instant, event: Event, od: &mut Dictionary) {
-            if let Event::Emergency { node, emcy } = event {
+        fn event(&mut self, _now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
+            if let CommunicationEvent::Emergency { node, emcy } = event {
                 assert_ne!(emcy.code, EmcyCode::RESET);
                 od.set_int(mux(0x2002, 0), i64::from(node) << 16 | i64::from(emcy.code.0));
             }

@@ -11,7 +11,7 @@ use canopen::{BenchError, Data, Instant, Mux, NmtState, Outbox, Value, heartbeat
 
 use crate::rules::Reset;
 use crate::stack::base::Base;
-use crate::stack::behaviour::{Behaviour, Event};
+use crate::stack::behaviour::{Behaviour, CommunicationEvent};
 use crate::stack::emcy::EmcyProducer;
 use crate::stack::emcy_consumer;
 use crate::stack::error_behaviour;
@@ -136,7 +136,7 @@ impl Services {
         self.base.state = state;
         self.sync_producer.enter(now, &self.base);
         self.time.enter(now, &self.base);
-        self.behaviour.event(now, Event::Entered(state), &mut self.base.od);
+        self.behaviour.event(now, CommunicationEvent::Entered(state), &mut self.base.od);
         self.touched = true;
         self.advance(now);
         if !used_in(state, &self.base) {
@@ -167,7 +167,11 @@ impl Services {
             let node = (id - heartbeat::COB_ID) as u8;
             self.consumer.handle_frame(now, node, &data, &mut self.base);
         } else if let Some((node, emcy)) = emcy_consumer::received(id, &data, &self.base) {
-            self.behaviour.event(now, Event::Emergency { node, emcy }, &mut self.base.od);
+            self.behaviour.event(
+                now,
+                CommunicationEvent::Emergency { node, emcy },
+                &mut self.base.od,
+            );
             self.touched = true;
         } else if self.sdo_clients.awaits(id, &self.base) {
             let ended = self.sdo_clients.handle_data(now, id, &data, &self.base, out);
@@ -246,7 +250,7 @@ impl Services {
     pub(crate) fn take_reaction(&mut self, now: Instant) -> Option<NmtState> {
         let sub = self.base.errors.take_reaction()?;
         if sub == COMMUNICATION_ERROR {
-            self.behaviour.event(now, Event::CommunicationError, &mut self.base.od);
+            self.behaviour.event(now, CommunicationEvent::CommunicationError, &mut self.base.od);
             self.touched = true;
         }
         error_behaviour::reaction(&self.base, sub)

@@ -8,7 +8,7 @@ use super::{one_line, plural};
 use crate::event::{Measured, Note};
 use crate::run::{CaseRun, DeviceRun};
 use crate::style::{Style, printable, shell_word};
-use crate::verdict::{Outcome, Phase, Place, Problem, Verdict};
+use crate::verdict::{Excerpt, Outcome, Phase, Problem, Verdict};
 
 /// The case and its sentence; the requirements; what was expected; what came; where in the suite
 /// file; the last frames; the command that runs the case again.
@@ -109,7 +109,7 @@ impl Block {
         }
     }
 
-    fn source(&mut self, place: &Place) {
+    fn source(&mut self, place: &Excerpt) {
         let number = place.line.to_string();
         let gutter = " ".repeat(number.len());
         let (source, caret) = (one_line(&place.source.replace('\t', " ")), caret(place));
@@ -219,7 +219,7 @@ fn relative(start: Instant, at: Instant) -> String {
 }
 
 /// The marks below the stretch, and the blanks before them.
-fn caret(place: &Place) -> String {
+fn caret(place: &Excerpt) -> String {
     let width = place.source.chars().count();
     let before = (place.column.max(1) as usize - 1).min(width);
     let length = (place.length as usize).min(width - before).max(1);
@@ -265,7 +265,7 @@ mod tests {
 
     #[test]
     fn the_marks_stay_within_the_line() {
-        let place = |column, length| Place {
+        let place = |column, length| Excerpt {
             file: "a.yaml".into(),
             line: 1,
             column,

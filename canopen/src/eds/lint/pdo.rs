@@ -4,11 +4,11 @@ use std::collections::HashMap;
 
 use super::{DEFAULT, Lint};
 use crate::eds::codes;
-use crate::eds::diagnostic::Place;
 use crate::eds::ini::Name;
 use crate::eds::model::{Direction, Entry, Object, Term};
 use crate::mux::Mux;
 use crate::pdo::{CobId, Mapping, is_restricted};
+use crate::source::Place;
 use crate::value::{DataType, Value};
 
 /// One direction of process data.

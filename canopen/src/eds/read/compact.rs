@@ -3,10 +3,10 @@
 use super::object::Parts;
 use super::{Kept, Reader, is_one_of};
 use crate::eds::codes;
-use crate::eds::diagnostic::Place;
 use crate::eds::ini::{Key, Name, Part, Section};
 use crate::eds::model::{Access, Entry, Object, ObjectKind, Term};
 use crate::mux::Mux;
+use crate::source::Place;
 use crate::value::{DataType, Value};
 
 impl Reader {
@@ -129,7 +129,7 @@ impl Reader {
 }
 
 fn communication(pdo: &str, index: u16, mask: u8, cob_id: Option<u32>, at: Place) -> Object {
-    let line = at.line as usize;
+    let line = at.line;
     let highest = 8 - mask.leading_zeros() as u8;
     let mut entries = vec![number_of_subs(Mux::new(index, 0), highest, line)];
     for (sub, (name, data_type)) in (1..).zip(COMMUNICATION) {
@@ -149,7 +149,7 @@ fn communication(pdo: &str, index: u16, mask: u8, cob_id: Option<u32>, at: Place
 
 /// A mapping parameter with as many entries as units of `granularity` bits fit a PDO.
 fn mapping(pdo: &str, index: u16, granularity: u8, at: Place) -> Object {
-    let line = at.line as usize;
+    let line = at.line;
     let mut count = number_of_subs(Mux::new(index, 0), 0, line);
     count.access = Access::Rw;
     let subs = (1..=64 / granularity).map(|sub| {

@@ -2,9 +2,9 @@
 
 use super::{Reader, is_one_of};
 use crate::eds::codes;
-use crate::eds::diagnostic::Place;
 use crate::eds::ini::{List, Name, Section};
 use crate::eds::value;
+use crate::source::Place;
 
 /// An object as a list names it.
 pub(super) struct Listed {
@@ -88,7 +88,7 @@ impl Reader {
             let needed = object.index >= 0x1000;
             if needed && listed.binary_search_by_key(&object.index, |entry| entry.index).is_err() {
                 let message = format!("{:04X}h is in none of the lists", object.index);
-                self.findings.add(&codes::NOT_LISTED, Place::line(object.line), message);
+                self.findings.add(&codes::NOT_LISTED, Place::of_line(object.line), message);
             }
         }
     }

@@ -2,11 +2,11 @@
 
 use super::{Kept, Reader, is_one_of};
 use crate::eds::codes;
-use crate::eds::diagnostic::Place;
 use crate::eds::ini::{Name, Part, Section};
 use crate::eds::model::{Access, Entry, Object, ObjectKind, Term};
 use crate::eds::value;
 use crate::mux::Mux;
+use crate::source::Place;
 use crate::value::DataType;
 
 /// What there is of an object.
@@ -59,7 +59,7 @@ impl Reader {
         };
         let index = parts.index;
         let (kind, role) = self.kind(parts);
-        let (name, line) = (String::new(), first.at.line as usize);
+        let (name, line) = (String::new(), first.at.line);
         let mut object = Object { index, name, kind, flags: 0, entries: Vec::new(), line };
         match parts.head {
             Some(head) => self.head(head, &role, parts, &mut object),
@@ -223,7 +223,7 @@ impl Reader {
             default: self.default(section, data_type, kept),
             low: self.limit(section, "LowLimit", data_type, kept),
             high: self.limit(section, "HighLimit", data_type, kept),
-            line: section.at.line as usize,
+            line: section.at.line,
         }
     }
 

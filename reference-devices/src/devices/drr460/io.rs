@@ -2,7 +2,7 @@
 //! that take one of these decisions otherwise.
 
 use crate::profiles::cia401::{Cia401Rules, EVERY_LEVEL, Setting};
-use crate::stack::Event;
+use crate::stack::CommunicationEvent;
 
 /// A controller that keeps to its manual.
 pub(super) struct ManualIo;
@@ -12,7 +12,7 @@ impl Cia401Rules for ManualIo {
         reaches_down(value, limit)
     }
 
-    fn fails(&self, event: Event) -> bool {
+    fn fails(&self, event: CommunicationEvent) -> bool {
         is_failure(event)
     }
 
@@ -27,8 +27,8 @@ const fn reaches_down(value: i64, limit: i64) -> bool {
 }
 
 /// Only a communication error sets the outputs; STOPPED does not (11.4.2).
-fn is_failure(event: Event) -> bool {
-    event == Event::CommunicationError
+fn is_failure(event: CommunicationEvent) -> bool {
+    event == CommunicationEvent::CommunicationError
 }
 
 /// The rules of the controller that is wrong in just the way `name` says; `None` when there is
@@ -60,7 +60,7 @@ macro_rules! mutants {
                 fn below_limit(&self, value: i64, limit: i64) -> bool {
                     reaches_down(value, limit)
                 }
-                fn fails(&self, event: Event) -> bool {
+                fn fails(&self, event: CommunicationEvent) -> bool {
                     is_failure(event)
                 }
                 fn failure_writes_objects(&self) -> bool {

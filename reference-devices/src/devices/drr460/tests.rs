@@ -183,7 +183,7 @@ fn the_master_has_the_outputs_in_expansion_mode() {
     bench.set(MASTER_OUTPUTS, 3);
     assert_eq!(bench.after(20, OUTPUTS), 3);
     bench.set(OUTPUT_ERROR_MODE, 1).set(ANALOGUE_ERROR_VALUE, 77);
-    bench.device.event(bench.now, Event::CommunicationError, &mut bench.od);
+    bench.device.event(bench.now, CommunicationEvent::CommunicationError, &mut bench.od);
     assert_eq!((bench.after(20, OUTPUTS), bench.after(0, MASTER_ANALOGUE)), (2, 77));
 }
 

@@ -21,14 +21,14 @@ pub trait Em66Rules:
 
 /// A device that keeps to the document.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Profile;
+pub struct Conformant;
 
-impl Em66Rules for Profile {}
-impl ControlRules for Profile {}
-impl AlarmRules for Profile {}
-impl OperationRules for Profile {}
-impl FaultRules for Profile {}
-impl ValueRules for Profile {}
+impl Em66Rules for Conformant {}
+impl ControlRules for Conformant {}
+impl AlarmRules for Conformant {}
+impl OperationRules for Conformant {}
+impl FaultRules for Conformant {}
+impl ValueRules for Conformant {}
 
 /// The names of the devices that break one decision.
 pub fn names() -> impl Iterator<Item = &'static str> {

@@ -58,7 +58,7 @@ impl Suction {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::em66::rules::Profile;
+    use crate::devices::em66::rules::Conformant;
 
     const EASY: Situation = Situation {
         requested: true,
@@ -71,7 +71,7 @@ mod tests {
     /// Active and error after a situation that nothing came before.
     fn outcome(situation: Situation) -> (bool, bool) {
         let mut suction = Suction::default();
-        suction.decide(&situation, &Profile);
+        suction.decide(&situation, &Conformant);
         (suction.is_active(), suction.is_error())
     }
 
@@ -102,7 +102,7 @@ mod tests {
     fn the_present_situation_counts() {
         let mut suction = Suction::default();
         let mut after = |situation: Situation| {
-            suction.decide(&situation, &Profile);
+            suction.decide(&situation, &Conformant);
             (suction.is_active(), suction.is_error())
         };
         assert_eq!(after(Situation { set_point: 901, ..EASY }), (false, true));

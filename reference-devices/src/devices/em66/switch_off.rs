@@ -111,7 +111,7 @@ const IMMEDIATELY: u8 = 1;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::em66::rules::Profile;
+    use crate::devices::em66::rules::Conformant;
 
     const WARM_AND_FULL: Sensed = Sensed { main: 800, mould_contents: 1000, ..SENSED };
     const COOL_AND_FULL: Sensed = Sensed { main: 400, mould_contents: 1000, ..SENSED };
@@ -132,8 +132,8 @@ mod tests {
     /// A controller that runs and will be switched off like that.
     fn running(mode: u8) -> SwitchOff {
         let mut switch_off = SwitchOff::default();
-        switch_off.choose(mode, &Profile);
-        switch_off.decide(true, &WARM_AND_FULL, &Profile);
+        switch_off.choose(mode, &Conformant);
+        switch_off.decide(true, &WARM_AND_FULL, &Conformant);
         assert!(switch_off.is_running());
         switch_off
     }
@@ -141,7 +141,7 @@ mod tests {
     fn states(mode: u8, sights: &[Sensed]) -> Vec<State> {
         let mut switch_off = running(mode);
         let mut state = |sensed| {
-            switch_off.decide(false, sensed, &Profile);
+            switch_off.decide(false, sensed, &Conformant);
             switch_off.state
         };
         sights.iter().map(&mut state).collect()
@@ -165,22 +165,22 @@ mod tests {
     #[test]
     fn a_running_switch_off_keeps_its_mode_and_shows_it() {
         let mut switch_off = running(2);
-        switch_off.decide(false, &WARM_AND_FULL, &Profile);
-        switch_off.choose(1, &Profile);
-        switch_off.decide(false, &WARM_AND_FULL, &Profile);
+        switch_off.decide(false, &WARM_AND_FULL, &Conformant);
+        switch_off.choose(1, &Conformant);
+        switch_off.decide(false, &WARM_AND_FULL, &Conformant);
         assert!(switch_off.is_cooling_down());
-        assert_eq!(switch_off.display(&Profile), 2);
-        switch_off.decide(false, &COOL_AND_FULL, &Profile);
+        assert_eq!(switch_off.display(&Conformant), 2);
+        switch_off.decide(false, &COOL_AND_FULL, &Conformant);
         assert!(!switch_off.is_busy());
-        assert_eq!(switch_off.display(&Profile), 1);
+        assert_eq!(switch_off.display(&Conformant), 1);
     }
 
     #[test]
     fn on_again_ends_the_actions() {
         let mut switch_off = running(3);
-        switch_off.decide(false, &WARM_AND_FULL, &Profile);
+        switch_off.decide(false, &WARM_AND_FULL, &Conformant);
         assert!(switch_off.is_evacuating());
-        switch_off.decide(true, &WARM_AND_FULL, &Profile);
+        switch_off.decide(true, &WARM_AND_FULL, &Conformant);
         assert!(switch_off.is_running() && !switch_off.is_busy());
     }
 }

@@ -3,7 +3,7 @@
 
 use canopen::NmtState;
 
-use crate::stack::Event;
+use crate::stack::CommunicationEvent;
 
 use super::channel::{EVERY_LEVEL, Setting};
 
@@ -26,8 +26,11 @@ pub(crate) trait Cia401Rules: Send {
 
     /// Outputs take their error values when the node is stopped and when a communication error
     /// appears (6206h, 6443h).
-    fn fails(&self, event: Event) -> bool {
-        matches!(event, Event::Entered(NmtState::STOPPED) | Event::CommunicationError)
+    fn fails(&self, event: CommunicationEvent) -> bool {
+        matches!(
+            event,
+            CommunicationEvent::Entered(NmtState::STOPPED) | CommunicationEvent::CommunicationError
+        )
     }
 
     /// The object of an output keeps what the network wrote, while the terminals have the error
@@ -122,10 +125,14 @@ macro_rules! mutants {
 
 mutants! {
     "stop-is-no-failure" {
-        fn fails(&self, event: Event) -> bool { event == Event::CommunicationError }
+        fn fails(&self, event: CommunicationEvent) -> bool {
+            event == CommunicationEvent::CommunicationError
+        }
     }
     "communication-error-is-no-failure" {
-        fn fails(&self, event: Event) -> bool { event == Event::Entered(NmtState::STOPPED) }
+        fn fails(&self, event: CommunicationEvent) -> bool {
+            event == CommunicationEvent::Entered(NmtState::STOPPED)
+        }
     }
     "any-change-for-the-whole-block" {
         fn setting(&self, setting: Setting, configured: i64) -> i64 {

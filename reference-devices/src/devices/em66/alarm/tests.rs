@@ -3,13 +3,13 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::devices;
-use crate::devices::em66::rules::Profile;
+use crate::devices::em66::rules::Conformant;
 
 /// What is compared: input, alternate input, level, hysteresis, whether there was an alarm.
 type Given = (i64, Option<i64>, i64, i64, bool);
 
 fn compared(kind: AlarmType, (input, alternate, level, hysteresis, before): Given) -> bool {
-    compare(kind, &Sides { input, alternate, level, hysteresis, before }, &Profile)
+    compare(kind, &Sides { input, alternate, level, hysteresis, before }, &Conformant)
 }
 
 #[test]
@@ -150,7 +150,7 @@ fn what_would_be_no_alarm_is_refused() {
         let (link, alternate, hysteresis, kind, action) = setup;
         let kind = AlarmType(kind);
         let made = Setup { link, alternate, level: 0, hysteresis, kind, action };
-        assert_eq!(made.is_possible(&od, &Profile), expected, "{made:X?}");
+        assert_eq!(made.is_possible(&od, &Conformant), expected, "{made:X?}");
     }
 }
 
@@ -164,7 +164,7 @@ struct Bench {
 impl Bench {
     fn new() -> Self {
         let mut bench = Self { od: dictionary(), alarms: Alarms::default(), duty: Duty::default() };
-        bench.alarms.reset(&mut bench.od, &Profile);
+        bench.alarms.reset(&mut bench.od, &Conformant);
         bench
     }
 
@@ -173,12 +173,12 @@ impl Bench {
         let mux = Mux::new(index, 1);
         let size = self.od.get(mux).unwrap().len();
         let bytes = number.to_le_bytes();
-        let taken = self.alarms.check(mux, &bytes[..size], &self.od, &Profile).is_ok();
+        let taken = self.alarms.check(mux, &bytes[..size], &self.od, &Conformant).is_ok();
         if taken {
             self.od.set_int(mux, number);
-            self.alarms.written(mux, &mut self.od, &Profile);
+            self.alarms.written(mux, &mut self.od, &Conformant);
         } else {
-            self.alarms.refused(mux, &bytes[..size], &mut self.od, &Profile);
+            self.alarms.refused(mux, &bytes[..size], &mut self.od, &Conformant);
         }
         self.look();
         taken
@@ -191,7 +191,7 @@ impl Bench {
     }
 
     fn look(&mut self) {
-        self.alarms.watch(&self.duty, &mut self.od, &Profile);
+        self.alarms.watch(&self.duty, &mut self.od, &Conformant);
     }
 
     fn value(&self, index: u16) -> i64 {
@@ -303,7 +303,7 @@ fn a_reset_keeps_what_the_objects_hold() {
     assert!(bench.write(0x6500, EFFECTIVE.into()) && bench.write(0x7502, 600));
     assert!(bench.write(0x6508, 2));
     assert_eq!(bench.value(0x6504), 1);
-    bench.alarms.reset(&mut bench.od, &Profile);
+    bench.alarms.reset(&mut bench.od, &Conformant);
     assert_eq!(bench.value(0x6504), 0);
     assert_eq!(bench.at(700), 1);
 }
@@ -354,7 +354,7 @@ proptest! {
             prop_assert!(matches!(bench.at(effective), 0 | 1));
             let alarm = &bench.alarms.alarms[0];
             prop_assert_eq!(alarm.setup, Setup::of(&alarm.objects, &bench.od));
-            prop_assert!(alarm.setup.is_possible(&bench.od, &Profile), "{:?}", alarm.setup);
+            prop_assert!(alarm.setup.is_possible(&bench.od, &Conformant), "{:?}", alarm.setup);
         }
     }
 }

@@ -3,7 +3,7 @@ use crate::devices;
 use crate::devices::em66::PERIOD;
 use crate::devices::em66::objects::{EFFECTIVE_SET_POINT, EFFECTIVE_VALUE};
 use crate::devices::em66::process::Process;
-use crate::devices::em66::rules::{Em66Rules, Profile, named};
+use crate::devices::em66::rules::{Conformant, Em66Rules, named};
 use crate::devices::em66::{External, Mode};
 
 /// A device with everything that the document leaves open.
@@ -33,7 +33,7 @@ impl Plant {
     }
 
     fn conformant() -> Self {
-        Self::new(Box::new(Profile))
+        Self::new(Box::new(Conformant))
     }
 
     fn set(&mut self, mux: Mux, number: i64) -> &mut Self {
@@ -103,7 +103,7 @@ fn a_sensor_that_tells_nothing_ends_heating() {
     plant.duty.mode = Mode::ExternalSensor;
     plant.set(SET_POINT, 800).after(2, |_| {});
     assert_eq!(plant.output(), 1000);
-    let (duty, rules) = (plant.duty, Profile);
+    let (duty, rules) = (plant.duty, Conformant);
     let sensed = Sensed { external: External::Broken, ..Sensed::default() };
     plant.controller.drive(PERIOD, &sensed, &duty, ALL, &mut plant.od, &rules);
     assert_eq!((plant.output(), plant.get(EFFECTIVE_VALUE)), (0, 9999));
@@ -188,11 +188,11 @@ fn units_and_digits_hold_one_value() {
         (0x6416, vec![1], vec![0]),
     ] {
         let mux = Mux::new(index, 1);
-        assert_eq!(Controller::check(mux, &same, &plant.od, &Profile), Ok(()));
-        let refused = Controller::check(mux, &other, &plant.od, &Profile);
+        assert_eq!(Controller::check(mux, &same, &plant.od, &Conformant), Ok(()));
+        let refused = Controller::check(mux, &other, &plant.od, &Conformant);
         assert_eq!(refused, Err(Abort::VALUE), "{mux}");
     }
-    assert_eq!(Controller::check(SET_POINT, &[0, 1], &plant.od, &Profile), Ok(()));
+    assert_eq!(Controller::check(SET_POINT, &[0, 1], &plant.od, &Conformant), Ok(()));
 }
 
 #[test]
@@ -200,7 +200,7 @@ fn a_device_without_a_limit_of_cooling_cannot_cool() {
     let mut eds = devices::device("em66").unwrap().description.eds;
     eds.objects.retain(|object| !matches!(object.index, 0x6413 | 0x6414));
     let od = Dictionary::new(&eds, 1).unwrap();
-    assert_eq!(limits(&od, &Profile), (0, 1000));
+    assert_eq!(limits(&od, &Conformant), (0, 1000));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What a case does to the physical side, and how it is undone.
+//! The bench as it was before a case, and its way back.
 
 use std::collections::BTreeMap;
 
@@ -8,16 +8,16 @@ use canopen::{BenchError, Value};
 use super::judge::Trouble;
 use super::link::Link;
 
-/// What the stimuli that a case set were before.
+/// The values that stimuli had before a case set them.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Stimuli {
+pub(super) struct BenchSnapshot {
     before: BTreeMap<String, Value>,
     /// Whether the device is without supply.
     pub off: bool,
 }
 
-impl Stimuli {
-    /// Whether the case set any.
+impl BenchSnapshot {
+    /// Whether the case changed any.
     pub(super) fn any(&self) -> bool {
         self.off || !self.before.is_empty()
     }
@@ -72,10 +72,10 @@ impl Stimuli {
 /// # Errors
 /// When there is none.
 pub(super) fn bench<'l>(link: &'l mut Link) -> Result<&'l mut dyn canopen::Bench, Trouble> {
-    link.bench().ok_or_else(|| Trouble::Bench("there is no bench".to_owned()))
+    link.bench().ok_or_else(|| Trouble::Impossible("there is no bench".to_owned()))
 }
 
 /// The bench did not do what it was asked.
 pub(super) fn failed(error: BenchError) -> Trouble {
-    Trouble::Bench(error.0)
+    Trouble::Impossible(error.0)
 }
