@@ -50,7 +50,7 @@ pub enum Command {
     /// Electronic data sheets
     #[command(subcommand)]
     Eds(EdsCommand),
-    /// Print the JSON schema of suite or register files
+    /// Print the JSON schema of suites, register, devices, mutants or catalogue
     Schema(SchemaArgs),
 }
 
@@ -60,7 +60,8 @@ pub struct Selection {
     /// Suites and cases: names or globs, such as `cia301/nmt` or `'*/heartbeat-*'`
     #[arg(value_name = "SUITE|CASE")]
     pub patterns: Vec<String>,
-    /// `vcan0`, `can0`, `sim:drr460`, `sim:drr460?mutant=NAME`; every reference device when absent
+    /// `vcan0`, `can0`, `sim:drr460`, `sim:drr460?mutant=NAME`, or `sim:PATH` for a device that is
+    /// described in a folder; every reference device when absent
     #[arg(long)]
     pub target: Option<String>,
     /// Node id of the device; a bus is scanned when absent
@@ -192,8 +193,12 @@ pub struct ListArgs {
 /// Arguments of `check`.
 #[derive(Debug, Args)]
 pub struct CheckArgs {
-    /// Suite files to check together with the register; all when absent
+    /// Suite files to check together with the register, or folders of devices to check with all
+    /// suites; all suites with all reference devices when absent
     pub files: Vec<PathBuf>,
+    /// Check the files of a catalogue of profiles instead
+    #[arg(long, value_name = "DIR", conflicts_with = "files")]
+    pub catalogue: Option<PathBuf>,
     /// Which suites.
     #[command(flatten)]
     pub folders: Folders,
@@ -202,7 +207,7 @@ pub struct CheckArgs {
 /// Arguments of `serve`.
 #[derive(Debug, Args)]
 pub struct ServeArgs {
-    /// The reference device
+    /// The reference device, or the folder of a device
     pub device: String,
     /// The interface, such as `vcan0`
     #[arg(long)]
@@ -229,7 +234,7 @@ pub struct ScanArgs {
 /// Arguments of `qualify`.
 #[derive(Debug, Args)]
 pub struct QualifyArgs {
-    /// The reference device; all when absent
+    /// The reference device, or the folder of a device; all reference devices when absent
     pub device: Option<String>,
     /// Which suites.
     #[command(flatten)]
@@ -284,7 +289,7 @@ pub enum EdsCommand {
     Probe(ProbeArgs),
     /// Generate `device.eds` and `device.md` of a reference device
     Write {
-        /// The reference device
+        /// The reference device, or the folder of a device
         device: String,
         /// Folder to write to; the device's folder in the project when absent
         #[arg(long, value_name = "DIR")]
@@ -325,6 +330,14 @@ pub enum SchemaName {
     Suite,
     /// Files of the requirement register
     Requirements,
+    /// Files `device.yaml`, which describe a device
+    Device,
+    /// Files of `variants/`, which describe a variant of a device
+    Variant,
+    /// Files `mutants.yaml`, which hold the mutants of a device
+    Mutants,
+    /// Files of the catalogue of profiles
+    Catalogue,
 }
 
 /// When to use colours.

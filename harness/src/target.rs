@@ -4,6 +4,7 @@ mod address;
 mod can;
 mod compose;
 mod connection;
+mod folder;
 mod options;
 mod reference;
 mod scan;
@@ -22,7 +23,7 @@ pub use address::Address;
 pub use can::{nobody, only};
 pub use compose::compose;
 pub use connection::{Connection, Target, open_interface};
-pub use reference::{mutant_of, reference_device};
+pub use reference::{holds_device, mutant_of, reference_device, with_variants};
 pub use scan::{Found, scan};
 pub use sheet::{dut_of_file, models, read_eds};
 

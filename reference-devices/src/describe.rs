@@ -170,17 +170,6 @@ impl Description {
         Some(Complaint { source: Arc::clone(source), place: None, message })
     }
 
-    /// The folder of its data and the name of its generated files there, without their ending.
-    pub fn place(&self) -> (String, String) {
-        match &self.variant_of {
-            None => (self.device.clone(), "device".to_owned()),
-            Some(base) => {
-                let own = self.device.strip_prefix(&format!("{base}-")).unwrap_or(&self.device);
-                (format!("{base}/variants"), own.to_owned())
-            }
-        }
-    }
-
     /// The object dictionary as tables for people, in Markdown.
     pub fn markdown(&self) -> String {
         markdown::write(self)
@@ -314,7 +303,6 @@ mod tests {
             objects: { \"1017\": { value: 8 }, \"1005\": { value: 128 } }",
         )
         .unwrap();
-        assert_eq!(small.place(), ("x/variants".to_owned(), "small".to_owned()));
         assert_eq!((small.title.as_str(), small.eds.device.product_number), ("Y", 5));
         assert_eq!(small.variant_of, Some("x".into()));
         let indices: Vec<u16> = small.eds.objects.iter().map(|object| object.index).collect();

@@ -22,7 +22,9 @@ use generic::Generic;
 pub struct ReferenceDevice {
     /// Its data.
     pub description: Description,
-    /// The files they come from.
+    /// The file that describes it: that of the variant, or `device.yaml`.
+    pub source: Arc<Source>,
+    /// All files of it and its relatives.
     pub files: Arc<DeviceFiles>,
 }
 
@@ -78,7 +80,8 @@ impl DeviceFiles {
             let name = format!("{}-{variant}", base.device);
             match Description::read_variant(&name, source, &files.device, known) {
                 Ok(description) => {
-                    family.push(ReferenceDevice { description, files: Arc::clone(&files) });
+                    let (source, files) = (Arc::clone(source), Arc::clone(&files));
+                    family.push(ReferenceDevice { description, source, files });
                 }
                 Err(mut wrong) => complaints.append(&mut wrong),
             }
@@ -86,7 +89,8 @@ impl DeviceFiles {
         if !complaints.is_empty() {
             return Err(complaints);
         }
-        family.insert(0, ReferenceDevice { description: base, files });
+        let source = Arc::clone(&files.device);
+        family.insert(0, ReferenceDevice { description: base, source, files });
         Ok(family)
     }
 }
@@ -102,11 +106,16 @@ impl ReferenceDevice {
         self.description.markdown()
     }
 
-    /// The generated files: path below `reference-devices/`, and text.
+    /// The generated files, beside the file that describes the device: path and text.
     pub fn generated_files(&self) -> [(String, String); 2] {
-        let (folder, name) = self.description.place();
         [("eds", self.eds_text()), ("md", self.markdown())]
-            .map(|(end, text)| (format!("{folder}/{name}.{end}"), text))
+            .map(|(end, text)| (self.beside(end), text))
+    }
+
+    /// The path of the file that describes the device, with another ending.
+    pub fn beside(&self, end: &str) -> String {
+        let path = &self.source.name;
+        format!("{}.{end}", path.strip_suffix(".yaml").unwrap_or(path))
     }
 
     /// What the stack has to know beyond the data sheet.
@@ -289,7 +298,7 @@ mod tests {
         for name in names() {
             let device = device(name).unwrap();
             for (file, fresh) in device.generated_files() {
-                let path = format!("{}/{file}", env!("CARGO_MANIFEST_DIR"));
+                let path = format!("{}/../{file}", env!("CARGO_MANIFEST_DIR"));
                 let committed = std::fs::read_to_string(&path).unwrap_or_default();
                 let how = format!("{path}: run `harness eds write {name}`");
                 assert!(committed == fresh, "{how}");

@@ -1,41 +1,64 @@
 //! `harness check`: load and lint everything, touch no bus.
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
-use reference_devices::devices;
+use canopen::catalogue::Catalogue;
+use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::mutant::{self, Mutant};
 
 use super::counted;
 use super::run::plan_all;
 use crate::cli::{CheckArgs, Selection};
 use crate::exit::{Exit, Refused};
+use crate::nearest::did_you_mean;
 use crate::reporter::say;
 use crate::source::{Complaint, Source};
-use crate::suite::{Folders, Library};
+use crate::suite::{Folders, Library, Register};
 use crate::target;
 
-/// Checks what the arguments name, for every reference device.
+/// Checks what the arguments name: suites for every reference device, devices against all suites,
+/// or a catalogue.
 ///
 /// # Errors
 /// Everything that is wrong.
 pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
-    let library = match args.files.as_slice() {
+    if let Some(folder) = &args.catalogue {
+        let catalogue = Catalogue::read(&read_folder(folder)?)?;
+        say(&format!("{}: no errors\n", counted(catalogue.profiles().len(), "profile")));
+        return Ok(Exit::Green);
+    }
+    let (devices, files): (Vec<_>, Vec<_>) =
+        args.files.iter().cloned().partition(|path| target::holds_device(path));
+    let library = match files.as_slice() {
         [] => Library::load(&args.folders)?,
         files => with_register(&args.folders, files)?,
     };
-    let targets = target::resolve(&Selection::of_target(None), &Arc::new(AtomicBool::new(false)))?;
-    let plans = plan_all(&library, &targets)?;
-    let mut mutants = 0;
-    for name in devices::names() {
-        let device = target::reference_device(name)?;
-        let mutants_of_it = mutant::of(&device)?;
-        let proved_on_it = |mutant: &&Mutant| !mutant.shared || name == devices::WITH_EVERYTHING;
-        for mutant in mutants_of_it.iter().filter(proved_on_it) {
-            mutant::build(&device, 1, mutant).map(drop)?;
-            mutants += 1;
+    let names = match devices.as_slice() {
+        [] => devices::names().map(str::to_owned).collect(),
+        paths => {
+            let family = |path: &PathBuf| target::with_variants(&path.to_string_lossy());
+            paths.iter().map(family).collect::<Result<Vec<_>, _>>()?.concat()
         }
+    };
+    let (mut targets, mut mutants, mut complaints) = (Vec::new(), 0, Vec::new());
+    for name in &names {
+        let device = target::reference_device(name)?;
+        match sound_mutants(&device, &library.register) {
+            Ok(sound) => mutants += sound.len(),
+            Err(mut wrong) => {
+                // What is wrong for one device is mostly wrong for its variants, too.
+                wrong.retain(|wrong| !complaints.iter().any(|told| wrong.is_about_place_of(told)));
+                complaints.append(&mut wrong);
+            }
+        }
+        let selection = Selection::of_target(Some(&format!("sim:{name}")));
+        targets.append(&mut target::resolve(&selection, &Arc::default())?);
     }
+    if !complaints.is_empty() {
+        return Err(complaints.into());
+    }
+    let plans = plan_all(&library, &targets)?;
     let cases: usize = library.suites.iter().map(|suite| suite.file.cases.len()).sum();
     let instances: usize = plans.iter().map(|plan| plan.instances.len()).sum();
     let counts = [
@@ -54,8 +77,54 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     Ok(Exit::Green)
 }
 
+/// The mutants that are proved on a device, each of which it can be.
+///
+/// # Errors
+/// Everything that is wrong with the files of mutants: also a requirement that the register does
+/// not have, unless its document is not loaded.
+pub(super) fn sound_mutants(
+    device: &ReferenceDevice,
+    register: &Register,
+) -> Result<Vec<Mutant>, Vec<Complaint>> {
+    let mut mutants = mutant::of(device)?;
+    let proves_shared = device.description.device == devices::WITH_EVERYTHING;
+    mutants.retain(|mutant| !mutant.shared || proves_shared);
+    let mut complaints = Vec::new();
+    for mutant in &mutants {
+        complaints.extend(mutant::build(device, 1, mutant).err());
+        complaints.extend(mutant.data_sheet(device).err());
+        for (number, id) in mutant.breaks.iter().enumerate() {
+            if register.find(id).is_none() && !register.lacks_document_of(id) {
+                let meant = did_you_mean(id, register.iter().map(|(id, _)| id));
+                let message = format!("the register has no requirement {id}{meant}");
+                complaints.push(mutant.complain(&["breaks", &number.to_string()], 0, message));
+            }
+        }
+    }
+    if complaints.is_empty() { Ok(mutants) } else { Err(complaints) }
+}
+
+/// The YAML files of a folder.
+fn read_folder(folder: &Path) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
+    let wrong = |path: &Path, error: std::io::Error| {
+        let name = path.display().to_string();
+        let source = Arc::new(Source { name, text: String::new() });
+        vec![Complaint { source, place: None, message: error.to_string() }]
+    };
+    let mut sources = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(|error| wrong(folder, error))? {
+        let path = entry.map_err(|error| wrong(folder, error))?.path();
+        if path.extension().is_some_and(|extension| extension == "yaml") {
+            let text = std::fs::read_to_string(&path).map_err(|error| wrong(&path, error))?;
+            sources.push(Arc::new(Source { name: path.display().to_string(), text }));
+        }
+    }
+    sources.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(sources)
+}
+
 /// Only these suites, with the whole register.
-fn with_register(folders: &Folders, files: &[std::path::PathBuf]) -> Result<Library, Refused> {
+fn with_register(folders: &Folders, files: &[PathBuf]) -> Result<Library, Refused> {
     let mut sources = Library::register_sources(folders)?;
     for path in files {
         let name = path.display().to_string();

@@ -111,7 +111,7 @@ fn write(name: &str, out: Option<PathBuf>) -> Result<Exit, Refused> {
     for (file, text) in device.generated_files() {
         let path = match &out {
             Some(folder) => folder.join(Path::new(&file).file_name().unwrap_or_default()),
-            None => Path::new("reference-devices").join(&file),
+            None => PathBuf::from(&file),
         };
         fs::write(&path, text).map_err(|error| file_error(&path, &error))?;
         say(&format!("{}\n", path.display()));

@@ -11,9 +11,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
 use reference_devices::devices;
-use reference_devices::mutant::{self, Mutant};
+use reference_devices::mutant::Mutant;
 use reports::{Event, Verdict};
 
+use super::check::sound_mutants;
 use super::counted;
 use super::run::plan_all;
 use crate::cli::{DEFAULT_BIT_RATE, QualifyArgs, Selection};
@@ -30,15 +31,12 @@ use crate::target::{self, Connection, Target, reference_device};
 /// When a file does not load or the device is unknown.
 pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     let library = Library::load(&args.folders)?;
-    let names: Vec<&str> = match &args.device {
-        Some(name) => match devices::with_variants(name).collect::<Vec<_>>() {
-            family if family.is_empty() => vec![name],
-            family => family,
-        },
-        None => devices::names().collect(),
+    let names = match &args.device {
+        Some(name) => target::with_variants(name)?,
+        None => devices::names().map(str::to_owned).collect(),
     };
     let mut matrices = Vec::new();
-    for name in names {
+    for name in &names {
         matrices.push(Matrix::of(&library, name)?);
     }
     let holes: Vec<String> = holes(&library, &matrices);
@@ -58,6 +56,8 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
 /// What each case makes of each mutant of one device.
 struct Matrix {
     device: String,
+    /// Whether it is a variant of another one.
+    is_variant: bool,
     /// What the clean device gets, by case.
     clean: BTreeMap<String, BTreeSet<Verdict>>,
     rows: Vec<Row>,
@@ -78,11 +78,10 @@ type Verdicts = BTreeMap<String, BTreeSet<Verdict>>;
 impl Matrix {
     fn of(library: &Library, name: &str) -> Result<Self, Refused> {
         let device = reference_device(name)?;
-        let mut mutants = mutant::of(&device)?;
+        let mut mutants = sound_mutants(&device, &library.register)?;
         mutants.retain(|mutant| {
             let applies = |id: &String| !library.register.lacks_document_of(id);
-            (!mutant.shared || name == devices::WITH_EVERYTHING)
-                && (mutant.canary || mutant.breaks.iter().any(applies))
+            mutant.canary || mutant.breaks.iter().any(applies)
         });
         let targets = target::resolve(
             &Selection::of_target(Some(&format!("sim:{name}"))),
@@ -92,8 +91,9 @@ impl Matrix {
         plan.leave_out_foreign();
         let target = &targets[0];
         let (clean, _) = verdicts(library, &plan, target)?;
-        let rows = in_parallel(&mutants, |mutant| row(library, &plan, target, mutant))?;
-        Ok(Self { device: name.to_owned(), clean, rows })
+        let rows = in_parallel(&mutants, |mutant| row(library, &plan, target, name, mutant))?;
+        let is_variant = device.description.variant_of.is_some();
+        Ok(Self { device: device.description.device.clone(), is_variant, clean, rows })
     }
 
     fn show(&self, text: &mut String, verbose: bool) {
@@ -125,14 +125,20 @@ impl Matrix {
     }
 }
 
-fn row(library: &Library, plan: &Plan, clean: &Target, mutant: &Mutant) -> Result<Row, Refused> {
+fn row(
+    library: &Library,
+    plan: &Plan,
+    clean: &Target,
+    name: &str,
+    mutant: &Mutant,
+) -> Result<Row, Refused> {
     let Connection::Simulation { device, .. } = &clean.connection else {
         return Err(Refused::usage("only a simulated device can be qualified"));
     };
     let (target, whole) = match mutant.is_of_data_sheet() {
         // Another sheet is another plan.
         true => {
-            let name = format!("sim:{}?mutant={}", clean.dut.name, mutant.name);
+            let name = format!("sim:{name}?mutant={}", mutant.name);
             let mut targets = target::resolve(&Selection::of_target(Some(&name)), &Arc::default())?;
             let plan = plan_all(library, &targets)?.remove(0);
             (targets.remove(0), Cow::Owned(plan))
@@ -223,8 +229,7 @@ fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
                 _ => {}
             }
         }
-        let is_variant = devices::with_variants(device).next().is_none();
-        if !is_variant && !matrix.rows.iter().any(|row| row.mutant.canary) {
+        if !matrix.is_variant && !matrix.rows.iter().any(|row| row.mutant.canary) {
             holes.push(format!("{device}: there is no canary"));
         }
     }

@@ -1,19 +1,46 @@
-//! The reference devices and their mutants, by name.
+//! The reference devices and their mutants: those in this program by name, others by their folder.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::mutant;
 
+use super::folder;
 use crate::exit::Refused;
 use crate::nearest::did_you_mean;
 
-/// The in-tree device of that name.
+/// The device of that name in this program, or else the one described at that path.
 ///
 /// # Errors
-/// When there is none.
+/// When there is none, or its files have mistakes.
 pub fn reference_device(name: &str) -> Result<Arc<ReferenceDevice>, Refused> {
-    devices::device(name).map(Arc::new).ok_or_else(|| unknown(name))
+    match devices::device(name) {
+        Some(device) => Ok(Arc::new(device)),
+        None if folder::is_path(name) => Ok(Arc::new(folder::device(Path::new(name))?)),
+        None => Err(unknown(name)),
+    }
+}
+
+/// What `reference_device` takes for a device and each of its variants; for a variant its own
+/// name or path alone.
+///
+/// # Errors
+/// When the device is at a path, and its files have mistakes.
+pub fn with_variants(name: &str) -> Result<Vec<String>, Refused> {
+    let family: Vec<String> = devices::with_variants(name).map(str::to_owned).collect();
+    match family.is_empty() {
+        false => Ok(family),
+        true if devices::device(name).is_none() && folder::is_path(name) => {
+            Ok(folder::members(Path::new(name))?)
+        }
+        true => Ok(vec![name.to_owned()]),
+    }
+}
+
+/// Whether a path names a device, and not a suite.
+pub fn holds_device(path: &Path) -> bool {
+    folder::holds_device(path)
 }
 
 /// The mutant of that name.
@@ -37,5 +64,7 @@ pub(super) fn unknown(name: &str) -> Refused {
     let names: Vec<&str> = devices::names().collect();
     let meant = did_you_mean(name, devices::names());
     let names = names.join(", ");
-    Refused::usage(format!("no reference device `{name}`: there are {names}{meant}"))
+    Refused::usage(format!(
+        "no reference device `{name}`: there are {names}, and folders with a `device.yaml`{meant}"
+    ))
 }

@@ -86,9 +86,7 @@ pub(super) fn own_sheet(
         Some(mutant) => mutant.data_sheet(device)?,
         None => device.eds_text(),
     };
-    let (folder, file) = device.description.place();
-    let name = format!("reference-devices/{folder}/{file}.eds");
-    let (mut sheet, eds) = Sheet::read(name, text.as_bytes());
+    let (mut sheet, eds) = Sheet::read(device.beside("eds"), text.as_bytes());
     sheet.trusted = !mutant.is_some_and(mutant::Mutant::is_of_data_sheet);
     Ok((sheet, eds))
 }

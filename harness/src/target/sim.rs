@@ -1,4 +1,4 @@
-//! Simulated devices: `sim:NAME` and `sim:NAME?mutant=NAME`.
+//! Simulated devices: `sim:NAME` and `sim:NAME?mutant=NAME`, or the path of a device for its name.
 
 use std::sync::Arc;
 
@@ -37,8 +37,10 @@ pub(super) fn target(
     };
     let node = selection.node.unwrap_or_else(|| device.description.default_node);
     let mut options = match &mutant {
-        None => format!("--target sim:{name}"),
-        Some(mutant) => format!("--target 'sim:{name}?mutant={}'", mutant.name),
+        None => format!("--target {}", quoted(&format!("sim:{name}"))),
+        Some(mutant) => {
+            format!("--target {}", quoted(&format!("sim:{name}?mutant={}", mutant.name)))
+        }
     };
     if let Some(node) = selection.node {
         options.push_str(&format!(" --node {node}"));
@@ -51,7 +53,7 @@ pub(super) fn target(
     let without = without(selection, Some(&device));
     let mut target = Target {
         dut: Dut {
-            name: own_name(selection).unwrap_or(name).to_owned(),
+            name: own_name(selection).unwrap_or(&device.description.device).to_owned(),
             node,
             eds: Arc::new(eds),
             sheet: Arc::new(sheet),
@@ -76,4 +78,13 @@ pub(super) fn target(
 /// What the user calls the device. Without a target, `--device` chooses a reference device.
 fn own_name(selection: &Selection) -> Option<&str> {
     selection.target.as_ref().and(selection.device.as_deref())
+}
+
+/// A word as a shell takes it: in quotes where it holds more than letters, digits and `:/.-_`.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || ":/.-_".contains(c);
+    match word.chars().all(plain) {
+        true => word.to_owned(),
+        false => format!("'{}'", word.replace('\'', r"'\''")),
+    }
 }
