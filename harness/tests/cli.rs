@@ -48,9 +48,16 @@ fn an_absent_interface_is_refused_with_what_helps() {
 
 #[test]
 fn the_committed_schemas_are_those_of_the_program() {
-    for (name, file) in [("suite", "suite"), ("requirements", "requirements")] {
+    for (name, file) in [
+        ("suite", "suites/suite"),
+        ("requirements", "suites/requirements"),
+        ("device", "reference-devices/device"),
+        ("variant", "reference-devices/variant"),
+        ("mutants", "reference-devices/mutants"),
+        ("catalogue", "canopen/catalogue/catalogue"),
+    ] {
         let output = harness().args(["schema", name]).output().unwrap();
-        let path = project().join("suites").join(file).with_extension("schema.json");
+        let path = project().join(file).with_extension("schema.json");
         let committed = fs::read_to_string(&path).unwrap();
         assert!(text(&output.stdout) == committed, "harness schema {name} > {}", path.display());
     }
@@ -67,7 +74,7 @@ fn the_committed_data_sheets_are_those_of_the_program() {
         for (file, _) in described.generated_files() {
             let name = Path::new(&file).file_name().unwrap();
             let written = fs::read(folder.path().join(name)).unwrap();
-            let committed = fs::read(project().join("reference-devices").join(&file)).unwrap();
+            let committed = fs::read(project().join(&file)).unwrap();
             assert!(written == committed, "{file}: harness eds write {device}");
         }
     }
