@@ -1,5 +1,6 @@
 //! The command line.
 
+use std::num::NonZero;
 use std::path::PathBuf;
 
 use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
@@ -136,6 +137,10 @@ pub struct RunArgs {
     /// Stop after so many failures
     #[arg(long, value_name = "N")]
     pub max_fail: Option<usize>,
+    /// Simulated devices that are tested at the same time; as many as there are processors when
+    /// absent
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<NonZero<usize>>,
     /// Print a line for each case and the figures that it measured; otherwise only what is not PASS
     #[arg(short, long)]
     pub verbose: bool,

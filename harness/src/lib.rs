@@ -9,6 +9,7 @@ pub mod cli;
 pub mod commands;
 pub mod dut;
 pub mod exit;
+pub mod parallel;
 pub mod plan;
 pub mod properties;
 pub mod reporter;

@@ -48,11 +48,17 @@ fn every_suite_passes_on_every_device_of_this_program() {
     assert_eq!(run.ended.expect("the run ended").exit, 0);
 }
 
+/// Whatever the number of devices that are tested at the same time, also the one of this machine.
 #[test]
-fn two_runs_write_the_same_journal_and_the_same_report() {
-    let (first, second) = (in_order(), Recorded::new());
-    assert!(first.journal == second.journal, "the journals differ");
-    assert!(first.junit == second.junit, "the reports differ");
+fn every_run_writes_the_same_journal_and_the_same_report() {
+    let usual = in_order();
+    for jobs in ["1", "2", "5"] {
+        let run = Recorded::new(&["--jobs", jobs]);
+        assert!(run.journal == usual.journal, "{jobs} jobs: the journals differ");
+        assert!(run.junit == usual.junit, "{jobs} jobs: the reports differ");
+        assert!(run.stdout == usual.stdout, "{jobs} jobs: the output differs");
+        assert_eq!((run.exit, run.stderr), (usual.exit, usual.stderr.clone()), "{jobs} jobs");
+    }
 }
 
 #[test]
@@ -151,11 +157,11 @@ struct Recorded {
 }
 
 impl Recorded {
-    fn new() -> Self {
+    fn new(options: &[&str]) -> Self {
         let folder = TempDir::new().unwrap();
         let [journal, junit] = ["journal", "junit"].map(|name| folder.path().join(name));
         let mut command = harness();
-        command.arg("--journal").arg(&journal).arg("--junit").arg(&junit);
+        command.args(options).arg("--journal").arg(&journal).arg("--junit").arg(&junit);
         let Output { status, stdout, stderr } = command.output().unwrap();
         let [journal, junit] = [journal, junit].map(|path| fs::read_to_string(path).unwrap());
         Self { journal, junit, exit: status.code(), stdout, stderr }
@@ -165,7 +171,7 @@ impl Recorded {
 /// The one that several tests look at.
 fn in_order() -> &'static Recorded {
     static RUN: OnceLock<Recorded> = OnceLock::new();
-    RUN.get_or_init(Recorded::new)
+    RUN.get_or_init(|| Recorded::new(&[]))
 }
 
 fn record_of_everything() -> &'static Run {

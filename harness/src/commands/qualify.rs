@@ -8,7 +8,7 @@ use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use reference_devices::devices;
 use reference_devices::mutant::Mutant;
@@ -19,6 +19,7 @@ use super::counted;
 use super::run::plan_all;
 use crate::cli::{DEFAULT_BIT_RATE, QualifyArgs, Selection};
 use crate::exit::{Exit, Refused};
+use crate::parallel::{self, processors};
 use crate::plan::{Instance, Plan};
 use crate::reporter::say;
 use crate::run::{Ending, Policy, Session};
@@ -91,7 +92,10 @@ impl Matrix {
         plan.leave_out_foreign();
         let target = &targets[0];
         let (clean, _) = verdicts(library, &plan, target)?;
-        let rows = in_parallel(&mutants, |mutant| row(library, &plan, target, name, mutant))?;
+        let rows = parallel::map(mutants.iter().collect(), processors(), |mutant| {
+            row(library, &plan, target, name, mutant)
+        });
+        let rows = rows.into_iter().collect::<Result<_, _>>()?;
         let is_variant = device.description.variant_of.is_some();
         Ok(Self { device: device.description.device.clone(), is_variant, clean, rows })
     }
@@ -264,32 +268,4 @@ fn home(suite: &Suite) -> &str {
     let profile = suite.file.profile.as_ref().and_then(|about| about.value.named());
     let of_profile = profile.and_then(|profile| devices::with_variants(&profile.name).next());
     device.or(of_profile).unwrap_or(devices::WITH_EVERYTHING)
-}
-
-/// Applies `work` to every item, on every processor; results in the order of the items.
-fn in_parallel<T: Sync, R: Send>(
-    items: &[T],
-    work: impl Fn(&T) -> Result<R, Refused> + Sync,
-) -> Result<Vec<R>, Refused> {
-    let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-    let next = AtomicUsize::new(0);
-    let take = || {
-        let mut done = Vec::new();
-        loop {
-            let place = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(place) else { return done };
-            done.push((place, work(item)));
-        }
-    };
-    let mut results: Vec<_> = std::thread::scope(|scope| {
-        let handles: Vec<_> = (0..workers).map(|_| scope.spawn(take)).collect();
-        handles
-            .into_iter()
-            .flat_map(|handle| {
-                handle.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
-            })
-            .collect()
-    });
-    results.sort_by_key(|(place, _)| *place);
-    results.into_iter().map(|(_, result)| result).collect()
 }

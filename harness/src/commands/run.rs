@@ -1,7 +1,7 @@
 //! `harness run`: suites against devices, and the reports of it.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use canopen::BusError;
 use reference_devices::devices;
@@ -12,6 +12,7 @@ use crate::cli::RunArgs;
 use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
+use crate::parallel::{self, InTurn, processors};
 use crate::plan::{self, Plan};
 use crate::reporter::Reporter;
 use crate::run::{Ending, Policy, Session};
@@ -48,33 +49,13 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
         seed: (args.shuffle || args.seed.is_some()).then(|| args.seed.unwrap_or(1)),
         grade: args.grade.into(),
     }));
+    let sessions = targets.into_iter().zip(plans).filter(|(_, plan)| !plan.instances.is_empty());
+    let events = InTurn::new(|event| reporter.tell(&event));
+    let endings = Sessions { args, library: &library, stop }.run(sessions.collect(), &events);
     let (mut stopped, mut reason) = (Exit::Green, None);
-    for (target, plan) in targets.iter().zip(&plans).filter(|(_, plan)| !plan.instances.is_empty())
-    {
-        let ending = match target.open(stop) {
-            Ok(mut bus) => {
-                let session = Session {
-                    plan,
-                    register: &library.register,
-                    policy: Policy {
-                        seed: args.seed.unwrap_or(1),
-                        every_index: args.every_index,
-                        ..Policy::at_bit_rate(args.selection.bitrate)
-                    },
-                    rerun: rerun(args, target),
-                    max_fail: args.max_fail,
-                    stop,
-                };
-                session.run(&mut *bus, &mut |event| reporter.tell(&event))
-            }
-            Err(refused) => Ending::Bus(BusError::Open(refused.message)),
-        };
-        let (exit, why) = after(&ending, target);
+    for (exit, why) in endings {
         stopped = stopped.max(exit);
         reason = reason.or(why);
-        if exit == Exit::Interrupted {
-            break;
-        }
     }
     let worst = stopped.max(of_verdicts(&reporter));
     // That enough failed is what the user asked for.
@@ -83,6 +64,68 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
     }
     reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason }));
     Ok(worst.max(reporter.finish()))
+}
+
+/// What every session of a run has in common.
+struct Sessions<'r> {
+    args: &'r RunArgs,
+    library: &'r Library,
+    stop: &'r Arc<AtomicBool>,
+}
+
+/// How a session ended, and why if not with its last case.
+type Ended = (Exit, Option<String>);
+
+impl Sessions<'_> {
+    /// Runs them, side by side where each device has a bus of its own. Nothing in the events shows
+    /// which it was.
+    fn run(
+        &self,
+        sessions: Vec<(Target, Plan)>,
+        events: &InTurn<impl FnMut(Event) + Send>,
+    ) -> Vec<Ended> {
+        let apart = sessions.iter().all(|(target, _)| target.is_simulation());
+        let workers = if apart { self.args.jobs.map_or_else(processors, Into::into) } else { 1 };
+        let sessions = sessions.into_iter().enumerate().collect();
+        let interrupted = AtomicBool::new(false);
+        let ended = parallel::map(sessions, workers, |(place, (target, plan))| {
+            let mut session = events.session(place);
+            let before = interrupted.load(Ordering::SeqCst);
+            let ended =
+                (!before).then(|| self.session(&target, &plan, |event| session.emit(event)));
+            session.end();
+            if ended.as_ref().is_some_and(|(exit, _)| *exit == Exit::Interrupted) {
+                interrupted.store(true, Ordering::SeqCst);
+                // This session took the flag back, and the others have not seen it.
+                self.stop.store(true, Ordering::SeqCst);
+            }
+            ended
+        });
+        ended.into_iter().flatten().collect()
+    }
+
+    fn session(&self, target: &Target, plan: &Plan, mut tell: impl FnMut(Event)) -> Ended {
+        let args = self.args;
+        let ending = match target.open(self.stop) {
+            Ok(mut bus) => {
+                let session = Session {
+                    plan,
+                    register: &self.library.register,
+                    policy: Policy {
+                        seed: args.seed.unwrap_or(1),
+                        every_index: args.every_index,
+                        ..Policy::at_bit_rate(args.selection.bitrate)
+                    },
+                    rerun: rerun(args, target),
+                    max_fail: args.max_fail,
+                    stop: self.stop,
+                };
+                session.run(&mut *bus, &mut tell)
+            }
+            Err(refused) => Ending::Bus(BusError::Open(refused.message)),
+        };
+        after(&ending, target)
+    }
 }
 
 /// A plan for each target.
@@ -100,8 +143,11 @@ pub(super) fn plan_all(library: &Library, targets: &[Target]) -> Result<Vec<Plan
 /// As [`plan_all`].
 pub(super) fn plan_for(library: &Library, duts: &[&Dut]) -> Result<Vec<Plan>, Refused> {
     let (mut plans, mut complaints) = (Vec::new(), suites_of_nobody(library, duts));
-    for dut in duts {
-        match plan::plan(library, dut, &target::models(&dut.eds)) {
+    let planned = parallel::map(duts.to_vec(), processors(), |dut| {
+        plan::plan(library, dut, &target::models(&dut.eds))
+    });
+    for plan in planned {
+        match plan {
             Ok(plan) => plans.push(plan),
             Err(mut wrong) => {
                 // What is wrong for one device is mostly wrong for the next one, too.
@@ -139,7 +185,7 @@ fn suites_of_nobody(library: &Library, duts: &[&Dut]) -> Vec<Complaint> {
     complaints
 }
 
-fn after(ending: &Ending, target: &Target) -> (Exit, Option<String>) {
+fn after(ending: &Ending, target: &Target) -> Ended {
     let name = &target.dut.name;
     match ending {
         Ending::Complete | Ending::Enough(0) => (Exit::Green, None),

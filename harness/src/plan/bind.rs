@@ -28,14 +28,14 @@ use crate::suite::{Library, Suite};
 pub fn plan(
     library: &Library,
     dut: &Dut,
-    models: &BTreeMap<String, Eds>,
+    models: &BTreeMap<&str, &Eds>,
 ) -> Result<Plan, Vec<Complaint>> {
     let (mut instances, mut complaints) = (Vec::new(), Vec::new());
     for suite in &library.suites {
         let model = match &suite.file.device {
             None => None,
-            Some(device) => match models.get(&device.value) {
-                Some(model) => Some(model),
+            Some(device) => match models.get(device.value.as_str()) {
+                Some(model) => Some(*model),
                 None if device.value == dut.name => Some(&*dut.eds),
                 None => continue,
             },

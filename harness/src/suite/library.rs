@@ -9,6 +9,7 @@ use super::model::{Case, SuiteFile};
 use super::register::Register;
 use super::test_map::{TestMapEntry, wrong_map};
 use crate::nearest::did_you_mean;
+use crate::parallel::{self, processors};
 use crate::source::{At, Complaint, Source, read_yaml};
 
 /// Everything in `suites/`.
@@ -62,8 +63,10 @@ impl Library {
         });
         let register_is_whole = complaints.is_empty();
         let mut loaded = Vec::new();
-        for source in suites {
-            match read_yaml::<SuiteFile>(&source) {
+        let files =
+            parallel::map(suites, processors(), |source| (read_yaml::<SuiteFile>(&source), source));
+        for (file, source) in files {
+            match file {
                 Ok(file) => loaded.push(Arc::new(Suite { source, file })),
                 Err(complaint) => complaints.push(complaint),
             }

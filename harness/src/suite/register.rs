@@ -6,6 +6,7 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use crate::parallel::{self, processors};
 use crate::source::{At, Complaint, Source, read_yaml};
 
 /// Every requirement by its id.
@@ -110,8 +111,11 @@ impl Register {
     /// What is wrong with the files: unreadable, or an id used twice.
     pub fn load(sources: &[Arc<Source>]) -> Result<Self, Vec<Complaint>> {
         let (mut register, mut complaints) = (Self::default(), Vec::new());
-        for source in sources {
-            match read_yaml::<RegisterFile>(source) {
+        let files = parallel::map(sources.iter().collect(), processors(), |source| {
+            (read_yaml::<RegisterFile>(source), source)
+        });
+        for (file, source) in files {
+            match file {
                 Ok(file) => register.add(source, file, &mut complaints),
                 Err(complaint) => complaints.push(complaint),
             }

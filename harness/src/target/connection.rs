@@ -41,6 +41,11 @@ pub enum Connection {
 }
 
 impl Target {
+    /// Whether device and bench are simulated, so that nothing outside this process takes part.
+    pub const fn is_simulation(&self) -> bool {
+        matches!(self.connection, Connection::Simulation { .. }) && self.rig.is_none()
+    }
+
     /// Opens the bus. A simulated device is switched on at that moment.
     ///
     /// # Errors

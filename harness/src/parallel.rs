@@ -1,0 +1,199 @@
+//! Work on several processors, with the outcome of one: results and events are in the order of
+//! the items, whoever is ready first.
+
+use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+
+use canopen::Stamped;
+use reports::Event;
+
+/// How many workers this machine has use for.
+pub fn processors() -> usize {
+    thread::available_parallelism().map_or(1, Into::into)
+}
+
+/// Applies `work` to every item on up to `workers` threads. Items are begun in their order, and the
+/// results are in it. One worker is the thread of the caller.
+pub fn map<T: Send, R: Send>(
+    items: Vec<T>,
+    workers: usize,
+    work: impl Fn(T) -> R + Sync,
+) -> Vec<R> {
+    let workers = workers.min(items.len());
+    if workers <= 1 {
+        return items.into_iter().map(work).collect();
+    }
+    let next = Mutex::new(items.into_iter().enumerate());
+    let take = || lock(&next).next();
+    let serve =
+        || std::iter::from_fn(take).map(|(place, item)| (place, work(item))).collect::<Vec<_>>();
+    let mut results: Vec<_> = thread::scope(|scope| {
+        let workers: Vec<_> = (0..workers).map(|_| scope.spawn(serve)).collect();
+        let join = |worker: thread::ScopedJoinHandle<Vec<(usize, R)>>| {
+            worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+        };
+        workers.into_iter().flat_map(join).collect()
+    });
+    results.sort_by_key(|(place, _)| *place);
+    results.into_iter().map(|(_, result)| result).collect()
+}
+
+/// Passes on the events of sessions that run side by side as if they ran one after the other.
+///
+/// The session whose turn it is passes its events on as they happen. Those of the sessions after
+/// it wait. As sessions begin in their order, that is about one session per worker.
+pub struct InTurn<F> {
+    /// The place of the session whose turn it is.
+    turn: AtomicUsize,
+    inner: Mutex<Inner<F>>,
+}
+
+struct Inner<F> {
+    pass_on: F,
+    /// The events of sessions that ended before their turn.
+    ended: BTreeMap<usize, Vec<Held>>,
+}
+
+/// The events of one session.
+pub struct Session<'t, F: FnMut(Event)> {
+    of: &'t InTurn<F>,
+    place: usize,
+    held: Vec<Held>,
+}
+
+/// An event that waits for its turn. Nearly all of them are frames, and a frame is a tenth of the
+/// largest event.
+enum Held {
+    Frame(Stamped),
+    Other(Box<Event>),
+}
+
+impl<F: FnMut(Event)> InTurn<F> {
+    /// Events go to `pass_on`, those of session 0 first.
+    pub const fn new(pass_on: F) -> Self {
+        let inner = Mutex::new(Inner { pass_on, ended: BTreeMap::new() });
+        Self { turn: AtomicUsize::new(0), inner }
+    }
+
+    /// The session at `place`. Every place up to the last has one session, and every session
+    /// [ends](Session::end).
+    pub const fn session(&self, place: usize) -> Session<'_, F> {
+        Session { of: self, place, held: Vec::new() }
+    }
+}
+
+impl<F: FnMut(Event)> Session<'_, F> {
+    /// Passes an event on, now or when it is the turn of this session.
+    pub fn emit(&mut self, event: Event) {
+        // Only the session whose turn it is moves the turn on, so that an outdated answer is too
+        // low, and the event waits for the next one.
+        if self.of.turn.load(Ordering::Acquire) < self.place {
+            self.held.push(Held::from(event));
+            return;
+        }
+        let mut inner = lock(&self.of.inner);
+        inner.pass_on_all(self.held.drain(..));
+        (inner.pass_on)(event);
+    }
+
+    /// The session is over.
+    pub fn end(self) {
+        let mut inner = lock(&self.of.inner);
+        inner.ended.insert(self.place, self.held);
+        let mut turn = self.of.turn.load(Ordering::Acquire);
+        while let Some(held) = inner.ended.remove(&turn) {
+            inner.pass_on_all(held.into_iter());
+            turn += 1;
+        }
+        self.of.turn.store(turn, Ordering::Release);
+    }
+}
+
+impl<F: FnMut(Event)> Inner<F> {
+    fn pass_on_all(&mut self, held: impl Iterator<Item = Held>) {
+        held.map(Event::from).for_each(&mut self.pass_on);
+    }
+}
+
+impl From<Event> for Held {
+    fn from(event: Event) -> Self {
+        match event {
+            Event::Frame(seen) => Self::Frame(seen),
+            other => Self::Other(Box::new(other)),
+        }
+    }
+}
+
+impl From<Held> for Event {
+    fn from(held: Held) -> Self {
+        match held {
+            Held::Frame(seen) => Self::Frame(seen),
+            Held::Other(event) => *event,
+        }
+    }
+}
+
+/// A worker that panicked ends the program when it is joined; until then the others go on.
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use canopen::Instant;
+    use reports::Note;
+
+    use super::*;
+
+    #[test]
+    fn results_are_in_the_order_of_the_items() {
+        for workers in [0, 1, 2, 5, 50] {
+            let squares = map((0..20).collect(), workers, |number: u32| number * number);
+            assert!(squares.into_iter().eq((0..20).map(|number| number * number)), "{workers}");
+        }
+    }
+
+    fn note(text: &str) -> Event {
+        Event::Note(Note { at: Instant::ZERO, text: text.to_owned() })
+    }
+
+    #[test]
+    fn events_come_session_by_session_and_at_once_from_the_one_whose_turn_it_is() {
+        let told = Mutex::new(Vec::new());
+        let pass_on = |event| match event {
+            Event::Note(note) => told.lock().unwrap().push(note.text),
+            other => panic!("{other:?}"),
+        };
+        let in_turn = InTurn::new(pass_on);
+        let [mut first, mut second, mut third] = [0, 1, 2].map(|place| in_turn.session(place));
+        third.emit(note("3a"));
+        first.emit(note("1a"));
+        second.emit(note("2a"));
+        assert_eq!(*told.lock().unwrap(), ["1a"]);
+        third.end();
+        first.emit(note("1b"));
+        first.end();
+        assert_eq!(*told.lock().unwrap(), ["1a", "1b"]);
+        second.emit(note("2b"));
+        assert_eq!(*told.lock().unwrap(), ["1a", "1b", "2a", "2b"]);
+        second.end();
+        assert_eq!(*told.lock().unwrap(), ["1a", "1b", "2a", "2b", "3a"]);
+    }
+
+    #[test]
+    fn events_of_many_workers_are_those_of_one() {
+        let told_by = |workers| {
+            let mut told = Vec::new();
+            let in_turn = InTurn::new(|event| told.push(event));
+            map((0..40).collect(), workers, |place: usize| {
+                let mut session = in_turn.session(place);
+                (0..place).for_each(|count| session.emit(note(&format!("{place}.{count}"))));
+                session.end();
+            });
+            told
+        };
+        assert_eq!(told_by(1), told_by(7));
+    }
+}
