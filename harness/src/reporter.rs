@@ -121,7 +121,8 @@ impl Reporter {
         let Some((device, case)) = self.run.latest() else { return };
         let mut text = self.printer.case(&self.run, device, case);
         if self.annotate {
-            text.extend(github::annotation(device, case));
+            let is_there = |file: &str| Path::new(file).is_file();
+            text.extend(github::annotation(device, case, is_there));
         }
         self.bar.suspend(|| say(&text));
     }

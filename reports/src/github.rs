@@ -4,15 +4,20 @@ use std::fmt::Write as _;
 
 use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::shell_word;
-use crate::verdict::{Outcome, Verdict};
+use crate::verdict::{Outcome, Place, Verdict};
 
-/// One line per case that failed or erred (`::error`) or was tolerated (`::warning`).
-pub fn annotations(run: &Run) -> String {
-    run.cases().filter_map(|(device, case)| annotation(device, case)).collect()
+/// One line per case that failed or erred (`::error`) or was tolerated (`::warning`). Only files for
+/// which `is_there` holds are named: GitHub shows an annotation at a line of the repository.
+pub fn annotations(run: &Run, is_there: impl Fn(&str) -> bool) -> String {
+    run.cases().filter_map(|(device, case)| annotation(device, case, &is_there)).collect()
 }
 
 /// The line of one case, its end included; `None` when there is nothing to say.
-pub fn annotation(device: &DeviceRun, case: &CaseRun) -> Option<String> {
+pub fn annotation(
+    device: &DeviceRun,
+    case: &CaseRun,
+    is_there: impl Fn(&str) -> bool,
+) -> Option<String> {
     let command = match case.verdict() {
         Verdict::Pass | Verdict::Skip => return None,
         Verdict::Lenient => "warning",
@@ -20,9 +25,12 @@ pub fn annotation(device: &DeviceRun, case: &CaseRun) -> Option<String> {
     };
     let info = &case.info;
     let problem = case.outcome.problem();
-    let (file, line, column) = problem.map_or((&info.file, info.line, info.column), |problem| {
-        (&problem.place.file, problem.place.line, problem.place.column)
-    });
+    let at = |place: &Place| (place.file.clone(), place.line, place.column);
+    let step = problem.map_or((info.file.clone(), info.line, info.column), |p| at(&p.place));
+    let sheet = problem.and_then(|problem| problem.sheet.as_ref()).map(at);
+    let place = [Some(step), sheet].into_iter().flatten().find(|(file, ..)| is_there(file));
+    let place = place
+        .map(|(file, line, column)| format!("file={},line={line},col={column},", property(&file)));
     let mut message = info.title.clone();
     if let Outcome::Error { reason, .. } = &case.outcome {
         let _ = write!(message, "\nno verdict: {reason}");
@@ -36,12 +44,8 @@ pub fn annotation(device: &DeviceRun, case: &CaseRun) -> Option<String> {
     let name = info.name();
     let _ = write!(message, "\nrun again: {} {}", device.info.rerun, shell_word(&name));
     let title = format!("{} {}: {name}", case.verdict(), device.info.device);
-    Some(format!(
-        "::{command} file={},line={line},col={column},title={}::{}\n",
-        property(file),
-        property(&title),
-        data(&message)
-    ))
+    let place = place.unwrap_or_default();
+    Some(format!("::{command} {place}title={}::{}\n", property(&title), data(&message)))
 }
 
 /// What the runner of GitHub would take for the end of a line.

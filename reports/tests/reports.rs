@@ -33,7 +33,7 @@ fn samples_are_fresh() {
     let mut samples = vec![
         ("journal.jsonl", journal.clone()),
         ("terminal.txt", terminal::report(&run, PLAIN)),
-        ("annotations.txt", github::annotations(&run)),
+        ("annotations.txt", github::annotations(&run, |_| true)),
     ];
     samples.extend(FORMATS.iter().map(|format| (format.sample, (format.write)(&run))));
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples");
@@ -97,6 +97,17 @@ fn the_strict_grade_explains_what_was_tolerated() {
         run.cases().find(|(_, case)| case.verdict() == Verdict::Lenient).expect("one is tolerated");
     assert!(terminal::wants_details(&run, Verdict::Lenient));
     insta::assert_snapshot!(terminal::details(device, case, PLAIN));
+}
+
+/// The suites in the program are no files of the user's repository.
+#[test]
+fn annotations_name_only_files_that_are_there() {
+    let run = fold(&fixture::events(Grade::Lenient), Keep::Unusual);
+    let text = github::annotations(&run, |file| file.ends_with("nmt.yaml"));
+    let (named, others): (Vec<_>, Vec<_>) = text.lines().partition(|line| line.contains(" file="));
+    assert!(!named.is_empty() && !others.is_empty(), "{text}");
+    assert!(named.iter().all(|line| line.contains("nmt.yaml,line=")), "{text}");
+    assert!(others.iter().all(|line| line.contains(" title=")), "{text}");
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! `harness eds`: lint data sheets, generate those of the reference devices.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
@@ -9,9 +10,12 @@ use std::sync::atomic::AtomicBool;
 
 use canopen::eds::{self, Severity};
 
+use super::counted;
 use crate::cli::{EdsCommand, ProbeArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
+use crate::suite::step::Step;
+use crate::suite::{Folders, Library};
 use crate::target::{self, Address, compose, reference_device, scan};
 
 /// Carries out a command about data sheets.
@@ -32,7 +36,7 @@ fn check(path: &Path) -> Result<Exit, Refused> {
     let diagnostics = reading.diagnostics;
     let text = eds::decode(&bytes);
     let lines: Vec<&str> = text.lines().collect();
-    let mut report = String::new();
+    let (mut report, judges, mut failing) = (String::new(), judges(), false);
     for diagnostic in &diagnostics {
         let (line, column) = (diagnostic.line, diagnostic.column);
         let severity = match diagnostic.severity {
@@ -43,23 +47,52 @@ fn check(path: &Path) -> Result<Exit, Refused> {
         // Writing to a string cannot fail.
         _ = writeln!(report, "{severity}[{}]: {}", diagnostic.code, diagnostic.message);
         _ = writeln!(report, " --> {}:{line}:{column}", path.display());
+        let gutter = line.to_string().len();
         if let Some(source) = line.checked_sub(1).and_then(|place| lines.get(place)) {
-            let gutter = line.to_string().len();
             _ = writeln!(report, "{line} | {source}");
             _ = writeln!(report, "{:gutter$} | {:>column$}", "", "^");
+        }
+        if let Some(case) = judges.get(diagnostic.code) {
+            failing = true;
+            _ = writeln!(report, "{:gutter$} = {case} fails on this", "");
         }
         report.push('\n');
     }
     let count = |severity| diagnostics.iter().filter(|d| d.severity == severity).count();
     let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
-    _ = writeln!(
-        report,
-        "{} objects, {errors} errors, {warnings} warnings, {} notes",
-        reading.eds.objects.len(),
-        count(Severity::Note)
-    );
+    let counts = [
+        counted(reading.eds.objects.len(), "object"),
+        counted(errors, "error"),
+        counted(warnings, "warning"),
+        counted(count(Severity::Note), "note"),
+    ];
+    _ = writeln!(report, "{}", counts.join(", "));
     say(&report);
-    Ok(if errors > 0 { Exit::File } else { Exit::Green })
+    Ok(match (errors, failing) {
+        (0, false) => Exit::Green,
+        (0, true) => Exit::Failed,
+        _ => Exit::File,
+    })
+}
+
+/// The case that fails on each finding: the suites judge data sheets, too.
+fn judges() -> BTreeMap<String, String> {
+    let mut judges = BTreeMap::new();
+    // Suites that do not load are for `harness check` to report.
+    let suites = Library::load(&Folders::default()).map(|library| library.suites);
+    for suite in suites.unwrap_or_default() {
+        for case in suite.file.cases.iter().map(|case| &case.value) {
+            let steps = case.all_steps().filter_map(|step| match &step.value {
+                Step::Eds(eds) => Some(eds),
+                _ => None,
+            });
+            for code in steps.flat_map(|eds| &eds.without) {
+                let name = format!("{}/{}", suite.name(), case.id.value);
+                judges.entry(code.value.clone()).or_insert(name);
+            }
+        }
+    }
+    judges
 }
 
 /// Writes the data sheet, for the user to complete.

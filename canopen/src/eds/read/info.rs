@@ -93,6 +93,13 @@ impl Reader {
             let message = format!("DeviceInfo lacks {}", missing.join(", "));
             self.findings.add(&codes::DEVICE_INFO, section.at, message);
         }
+        // An empty text says that there is none; an empty number stops some readers.
+        for key in DEVICE_INFO_NUMBERS.iter().filter_map(|name| section.key(name)) {
+            if key.value.is_empty() {
+                let message = format!("{} has no value", key.name);
+                self.findings.add(&codes::DEVICE_INFO, key.name_at, message);
+            }
+        }
     }
 
     fn bit_rates(&mut self, section: &Section<'_>) -> Vec<u32> {
@@ -247,6 +254,10 @@ const DEVICE_INFO: [&str; 14] = [
     "LSS_Supported",
     "CompactPDO",
 ];
+
+/// Those of them that are numbers.
+const DEVICE_INFO_NUMBERS: [&str; 6] =
+    ["VendorNumber", "ProductNumber", "RevisionNumber", "Granularity", "NrOfRXPDO", "NrOfTXPDO"];
 
 /// Order code and boot-up are told by few, and nothing depends on them.
 const DEVICE_INFO_NEEDS: [&str; 9] = [
