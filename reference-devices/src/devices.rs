@@ -1,5 +1,6 @@
 //! The reference devices, each put together from its data, its behaviour and the stack.
 
+mod applications;
 mod drr460;
 pub mod em66;
 mod generic;
@@ -11,11 +12,9 @@ use canopen::source::{Complaint, Source};
 
 use crate::describe::{Description, Known};
 use crate::rules::Rules;
-use crate::stack::{Behaviour, Inert, Node, NodeSettings};
+use crate::stack::{Behaviour, Node, NodeSettings};
 
-use drr460::Drr460;
-use em66::Em66;
-use generic::Generic;
+use applications::Application;
 
 /// A device that can be built.
 #[derive(Clone, Debug)]
@@ -63,9 +62,6 @@ pub fn device(name: &str) -> Option<ReferenceDevice> {
     all.find(|device| device.description.device == name).cloned()
 }
 
-/// The modules that say what a device does, as `behaviour:` names them.
-pub const BEHAVIOURS: &[&str] = &["inert", DRR460, EM66, GENERIC];
-
 impl DeviceFiles {
     /// The device and its variants, in this order.
     ///
@@ -73,7 +69,7 @@ impl DeviceFiles {
     /// Everything that is wrong with the description of the device or of a variant.
     pub fn family(self, catalogue: &Catalogue) -> Result<Vec<ReferenceDevice>, Vec<Complaint>> {
         let files = Arc::new(self);
-        let known = Known { catalogue, behaviours: BEHAVIOURS };
+        let known = Known { catalogue, behaviours: &applications::names() };
         let base = Description::read(&files.device, known)?;
         let (mut family, mut complaints) = (Vec::new(), Vec::new());
         for (variant, source) in &files.variants {
@@ -125,32 +121,22 @@ impl ReferenceDevice {
 
     /// What the device does beside communicating.
     pub fn behaviour(&self) -> Box<dyn Behaviour> {
-        match self.description.behaviour.as_str() {
-            DRR460 => Box::new(Drr460::new(&self.description.eds)),
-            EM66 => Box::new(Em66::new(Box::new(em66::Conformant), &self.description.without)),
-            GENERIC => Box::new(Generic::new(&self.description.eds)),
-            _ => Box::new(Inert),
-        }
+        (self.application().build)(&self.description)
     }
 
     /// The same with one decision taken otherwise; `None` when the device has none of that name.
     pub fn deviating_behaviour(&self, rule: &str) -> Option<Box<dyn Behaviour>> {
-        match self.description.behaviour.as_str() {
-            DRR460 => Some(Box::new(Drr460::deviating(&self.description.eds, rule)?)),
-            EM66 => Some(Box::new(Em66::new(em66::named(rule)?, &self.description.without))),
-            GENERIC => Some(Box::new(Generic::deviating(&self.description.eds, rule)?)),
-            _ => None,
-        }
+        (self.application().deviating)(&self.description, rule)
     }
 
     /// The names that [`deviating_behaviour`](Self::deviating_behaviour) knows.
     pub fn behaviour_rule_names(&self) -> Vec<&'static str> {
-        match self.description.behaviour.as_str() {
-            DRR460 => Drr460::deviations().collect(),
-            EM66 => em66::names().collect(),
-            GENERIC => Generic::deviations().collect(),
-            _ => Vec::new(),
-        }
+        (self.application().deviations)()
+    }
+
+    fn application(&self) -> &'static Application {
+        let name = &self.description.behaviour;
+        applications::named(name).expect("a description with another name does not load")
     }
 
     /// The name of the device that it is, or is a variant of.
@@ -180,7 +166,7 @@ impl ReferenceDevice {
 }
 
 /// The device with every service, on which whatever is not of one device is proved.
-pub const WITH_EVERYTHING: &str = GENERIC;
+pub const WITH_EVERYTHING: &str = "generic";
 
 /// A device in this program: the folder of its data, and its files.
 struct Files {
@@ -244,10 +230,6 @@ const FILES: &[Files] = &[
     },
 ];
 
-const DRR460: &str = "drr460";
-const EM66: &str = "em66";
-const GENERIC: &str = "generic";
-
 #[cfg(test)]
 mod tests {
     use canopen::eds::{Access, ObjectKind};
@@ -255,6 +237,32 @@ mod tests {
 
     use super::*;
     use crate::rules::Specification;
+
+    #[test]
+    fn every_folder_of_data_is_a_device_of_the_program() {
+        let folders = std::fs::read_dir(env!("CARGO_MANIFEST_DIR")).unwrap();
+        let folders = folders.map(|folder| folder.unwrap().path());
+        for folder in folders.filter(|folder| folder.join("device.yaml").exists()) {
+            let name = folder.file_name().unwrap().to_str().unwrap();
+            let files = FILES.iter().find(|files| files.folder == name);
+            let files = files.unwrap_or_else(|| panic!("{name} is not in FILES of devices.rs"));
+            let variants = std::fs::read_dir(folder.join("variants")).into_iter().flatten();
+            let mut found: Vec<_> = variants.map(|variant| variant.unwrap().path()).collect();
+            found.retain(|path| path.extension().is_some_and(|end| end == "yaml"));
+            assert_eq!(files.variants.len(), found.len(), "variants of {name} in FILES");
+        }
+    }
+
+    #[test]
+    fn each_deviation_of_an_application_has_one_name() {
+        for device in names().map(|name| device(name).unwrap()) {
+            let known = device.behaviour_rule_names();
+            assert!(known.iter().all(|name| device.deviating_behaviour(name).is_some()));
+            let unique: std::collections::BTreeSet<_> = known.iter().collect();
+            assert_eq!(unique.len(), known.len(), "{}", device.description.device);
+            assert!(device.deviating_behaviour("none-of-these").is_none());
+        }
+    }
 
     #[test]
     fn every_device_loads_and_makes_a_dictionary() {

@@ -34,14 +34,10 @@ use objects::{DIFFERENCE, EXTERNAL_SENSOR, FLOW, INTAKE_PRESSURE, MAIN_LINE, RET
 use operation::Operation;
 use process::Process;
 
-pub use alarm_kinds::{AlarmType, Quantity, SetPoints, Wait};
-pub use rules::{
-    AlarmRules, Conformant, ControlRules, Em66Rules, FaultRules, OperationRules, ValueRules, named,
-    names,
-};
+use rules::{Conformant, Em66Rules};
 
 /// The application of a heating/cooling device.
-pub struct Em66 {
+pub(super) struct Em66 {
     rules: Box<dyn Em66Rules>,
     options: Options,
     process: Process,
@@ -164,8 +160,22 @@ enum Pump {
 }
 
 impl Em66 {
-    /// A device at ambient temperature that decides in this manner and lacks these options.
-    pub fn new(rules: Box<dyn Em66Rules>, without: &[String]) -> Self {
+    /// A device at ambient temperature that keeps to the document and lacks these options.
+    pub(super) fn new(without: &[String]) -> Self {
+        Self::with(Box::new(Conformant), without)
+    }
+
+    /// The device that takes the decision of that name otherwise; `None` when there is none.
+    pub(super) fn deviating(without: &[String], name: &str) -> Option<Self> {
+        Some(Self::with(rules::named(name)?, without))
+    }
+
+    /// The names that [`deviating`](Self::deviating) knows.
+    pub(super) fn deviations() -> impl Iterator<Item = &'static str> {
+        rules::names()
+    }
+
+    fn with(rules: Box<dyn Em66Rules>, without: &[String]) -> Self {
         let has = |option: &str| !without.iter().any(|lacking| lacking == option);
         let options = Options {
             suction: has("suction"),

@@ -4,7 +4,7 @@ use std::fmt;
 
 /// What kind of value an object holds; only like can be compared with like.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
+pub(crate) enum Quantity {
     /// Tenths of a degree Celsius.
     Temperature,
     /// Tenths of a litre a minute.
@@ -15,47 +15,42 @@ pub enum Quantity {
 
 /// What an alarm looks for, as AL n type has it.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
-pub struct AlarmType(pub u8);
+pub(crate) struct AlarmType(pub(crate) u8);
 
 impl AlarmType {
     /// Nothing: the alarm is disabled.
-    pub const OFF: Self = Self(0);
+    pub(crate) const OFF: Self = Self(0);
     /// Input at or above its reference.
-    pub const ABOVE: Self = Self(2);
+    pub(crate) const ABOVE: Self = Self(2);
     /// Input below its reference.
-    pub const BELOW: Self = Self(3);
+    pub(crate) const BELOW: Self = Self(3);
     /// Input further from the alternate input than the level says.
-    pub const DIFFERENCE_ABOVE: Self = Self(4);
+    pub(crate) const DIFFERENCE_ABOVE: Self = Self(4);
     /// Input closer to the alternate input than the level says.
-    pub const DIFFERENCE_BELOW: Self = Self(5);
+    pub(crate) const DIFFERENCE_BELOW: Self = Self(5);
     /// Input in the window, its borders included.
-    pub const INSIDE: Self = Self(6);
+    pub(crate) const INSIDE: Self = Self(6);
     /// Input outside the window.
-    pub const OUTSIDE: Self = Self(7);
+    pub(crate) const OUTSIDE: Self = Self(7);
     const START: u8 = 0x10;
 
     /// The same without start condition.
-    pub const fn plain(self) -> Self {
+    pub(crate) const fn plain(self) -> Self {
         Self(self.0 & !Self::START)
     }
 
-    /// The same with start condition.
-    pub const fn with_start(self) -> Self {
-        Self(self.0 | Self::START)
-    }
-
     /// Whether the alarm waits for the set point.
-    pub const fn has_start(self) -> bool {
+    pub(crate) const fn has_start(self) -> bool {
         self.0 & Self::START != 0
     }
 
     /// Whether two objects are compared with each other.
-    pub fn is_difference(self) -> bool {
+    pub(crate) fn is_difference(self) -> bool {
         matches!(self.plain(), Self::DIFFERENCE_ABOVE | Self::DIFFERENCE_BELOW)
     }
 
     /// Whether the document knows it.
-    pub fn is_known(self) -> bool {
+    pub(crate) fn is_known(self) -> bool {
         self == Self::OFF || matches!(self.plain().0, 2..=7)
     }
 }
@@ -68,7 +63,7 @@ impl fmt::Debug for AlarmType {
 
 /// Why alarms with start condition wait for the set point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Wait {
+pub(crate) enum Wait {
     /// The controller was switched on.
     SwitchedOn,
     /// The set point in use is another one.
@@ -77,18 +72,18 @@ pub enum Wait {
 
 /// The set points, in tenths of a degree.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct SetPoints {
+pub(crate) struct SetPoints {
     /// 7402h.
-    pub first: i64,
+    pub(crate) first: i64,
     /// 7403h.
-    pub second: i64,
+    pub(crate) second: i64,
     /// Whether the second one is selected.
-    pub is_second: bool,
+    pub(crate) is_second: bool,
 }
 
 impl SetPoints {
     /// The one that the controller makes for.
-    pub const fn in_use(self) -> i64 {
+    pub(crate) const fn in_use(self) -> i64 {
         if self.is_second { self.second } else { self.first }
     }
 }

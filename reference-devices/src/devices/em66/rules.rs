@@ -7,21 +7,21 @@ mod fault;
 mod operation;
 mod value;
 
-pub use alarm::AlarmRules;
-pub use control::ControlRules;
-pub use fault::FaultRules;
-pub use operation::OperationRules;
-pub use value::ValueRules;
+pub(crate) use alarm::AlarmRules;
+pub(crate) use control::ControlRules;
+pub(crate) use fault::FaultRules;
+pub(crate) use operation::OperationRules;
+pub(crate) use value::ValueRules;
 
 /// The decisions, by chapter of EUROMAP 66-2.
-pub trait Em66Rules:
+pub(crate) trait Em66Rules:
     ControlRules + AlarmRules + OperationRules + FaultRules + ValueRules + Send
 {
 }
 
 /// A device that keeps to the document.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Conformant;
+pub(crate) struct Conformant;
 
 impl Em66Rules for Conformant {}
 impl ControlRules for Conformant {}
@@ -31,12 +31,12 @@ impl FaultRules for Conformant {}
 impl ValueRules for Conformant {}
 
 /// The names of the devices that break one decision.
-pub fn names() -> impl Iterator<Item = &'static str> {
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     all().map(|(name, _)| *name)
 }
 
 /// The device that breaks the decision of that name; `None` when there is none.
-pub fn named(name: &str) -> Option<Box<dyn Em66Rules>> {
+pub(crate) fn named(name: &str) -> Option<Box<dyn Em66Rules>> {
     all().find(|(mutant, _)| *mutant == name).map(|(_, build)| build())
 }
 

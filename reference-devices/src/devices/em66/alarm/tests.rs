@@ -24,7 +24,7 @@ fn every_type_has_its_side_of_the_level() {
     ];
     for (kind, level, hysteresis, inputs) in table {
         for (input, alarm) in inputs {
-            for kind in [AlarmType(kind), AlarmType(kind).with_start()] {
+            for kind in [AlarmType(kind), AlarmType(kind | 0x10)] {
                 let given = (*input, None, level, hysteresis, false);
                 assert_eq!(compared(kind, given), *alarm, "type {kind:?} at {input}");
                 // An alternate input goes before the level.
@@ -49,7 +49,7 @@ fn differences_have_no_sign_and_both_exclude_the_level() {
         (5, 600, 600, true),
     ];
     for (kind, input, other, alarm) in table {
-        for kind in [AlarmType(kind), AlarmType(kind).with_start()] {
+        for kind in [AlarmType(kind), AlarmType(kind | 0x10)] {
             let given = (input, Some(other), 100, 0, false);
             assert_eq!(compared(kind, given), alarm, "type {kind:?} of {input} and {other}");
         }

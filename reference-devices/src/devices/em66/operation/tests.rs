@@ -4,7 +4,6 @@ use super::*;
 use crate::devices;
 use crate::devices::em66::Em66;
 use crate::devices::em66::objects::{EFFECTIVE_VALUE, ERROR_STATUS, STATUS};
-use crate::devices::em66::rules::Conformant;
 use crate::rules::Specification;
 use crate::stack::NodeSettings;
 use crate::stack::testing::Rig;
@@ -17,7 +16,7 @@ struct Table {
 impl Table {
     fn without(options: &[&str]) -> Self {
         let without: Vec<String> = options.iter().map(|name| (*name).to_owned()).collect();
-        let device = Em66::new(Box::new(Conformant), &without);
+        let device = Em66::new(&without);
         let eds = devices::device("em66").unwrap().description.eds;
         let settings = NodeSettings::default();
         Self { rig: Rig::with(&eds, settings, Box::new(Specification), Box::new(device)) }

@@ -8,7 +8,7 @@ use crate::devices::em66::objects::{EFFECTIVE_SET_POINT, SET_POINT};
 
 /// The decisions about alarms. Levels and inputs are in the unit of the input. Steps are those of
 /// the order in which an alarm is parameterised (3.3).
-pub trait AlarmRules {
+pub(crate) trait AlarmRules {
     /// Step 1: what measures something can be monitored.
     fn alarm_monitors(&self, value: Option<Quantity>) -> bool {
         value.is_some()

@@ -6,7 +6,7 @@ use super::mutants;
 use crate::devices::em66::codes::CODES;
 
 /// The decisions of the controller block (3.2) and of the ramps (3.4.14).
-pub trait ControlRules {
+pub(crate) trait ControlRules {
     /// Temperatures are degrees Celsius with one digit, the output is a percentage with one digit;
     /// no other unit is taken (3.2).
     fn is_fixed(&self, _mux: Mux) -> bool {

@@ -6,7 +6,7 @@ use crate::devices::em66::objects::{
 };
 
 /// The decisions about errors and sensors (3.4.7, 3.4.9 to 3.4.15).
-pub trait FaultRules {
+pub(crate) trait FaultRules {
     /// There is too little fluid, in tenths of a percent of the tank (3.4.7).
     fn level_is_low(&self, level: i64) -> bool {
         level < LOWEST_LEVEL

@@ -3,7 +3,7 @@
 use super::mutants;
 
 /// The decisions of the control word, the modes and switching off (3.4.2 to 3.4.6).
-pub trait OperationRules {
+pub(crate) trait OperationRules {
     /// Bit 0 of the control word requests suction (3.4.2).
     fn suction_requested(&self, control_word: i64) -> bool {
         control_word & 1 != 0

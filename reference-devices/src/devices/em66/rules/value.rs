@@ -5,7 +5,7 @@ use canopen::Mux;
 use super::mutants;
 
 /// The decisions of the process values (2.3, 3.4.9 to 3.4.15).
-pub trait ValueRules {
+pub(crate) trait ValueRules {
     /// A value is what its sensor tells, in tenths (2.3).
     fn shown(&self, _of: Mux, tenths: i64) -> i64 {
         tenths
