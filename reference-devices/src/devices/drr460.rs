@@ -60,7 +60,7 @@ pub(crate) struct Drr460 {
     next_sample: Instant,
 }
 
-/// What the controller remembers without being told to store.
+/// What the controller keeps over a loss of supply without a store command.
 #[derive(Clone, Copy, Debug)]
 struct BeforePowerOff {
     started: bool,

@@ -52,7 +52,7 @@ pub(super) struct Em66 {
     touched: bool,
 }
 
-/// What this device has of what no dictionary can tell.
+/// The options of this device that a dictionary cannot express.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Options {
     suction: bool,
@@ -61,7 +61,7 @@ struct Options {
     self_optimisation: bool,
 }
 
-/// What the sensors tell. Temperatures in tenths of a degree Celsius.
+/// What the sensors measure. Temperatures in tenths of a degree Celsius.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Sensed {
     main: i64,
@@ -80,7 +80,7 @@ struct Sensed {
 }
 
 impl Sensed {
-    /// Shows what the sensors tell (3.4.9 to 3.4.15).
+    /// Shows what the sensors measure (3.4.9 to 3.4.15).
     fn show(&self, od: &mut Dictionary, rules: &dyn Em66Rules) {
         let (main, return_line) = rules.lines(self.main, self.return_line);
         let difference = rules.difference(self.main, self.return_line);
@@ -104,12 +104,12 @@ impl Sensed {
 /// The sensor in the mould.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum External {
-    /// It tells a temperature, in tenths of a degree Celsius.
+    /// It measures a temperature, in tenths of a degree Celsius.
     Reads(i64),
     /// Nothing is plugged in.
     #[default]
     Unplugged,
-    /// It is plugged in and tells nothing.
+    /// It is plugged in and gives no value.
     Broken,
 }
 

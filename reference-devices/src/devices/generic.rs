@@ -1,8 +1,9 @@
 //! What the generic device does: the small application that lets every service be tried.
 //!
-//! It has the I/O block of CiA 401. The manufacturer area makes visible what no profile has an object for: a value that is refused because of the state
-//! of the device (2F04h), an abort code of the application (2F05h) and errors that appear and go
-//! on demand (2F40h). Everything else in the data sheet is the business of the stack.
+//! It has the I/O block of CiA 401. The manufacturer area makes visible what no profile has an
+//! object for: a value that is refused because of the state of the device (2F04h), an abort code of
+//! the application (2F05h) and errors that appear and go on demand (2F40h). Everything else in the
+//! data sheet is the business of the stack.
 
 mod rules;
 mod sdo_client;
@@ -234,7 +235,7 @@ const REFUSED_WITH: Mux = Mux::new(0x2F05, 0);
 /// The codes of errors that are to be present.
 const SIMULATED_ERROR: u16 = 0x2F40;
 const SIMULATED: usize = 4;
-/// Where the numbers of broken terminals begin, behind those of simulated errors.
+/// The first number of broken terminals, above those of simulated errors.
 const FAULTS: u16 = 0x100;
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ decisions! {
         matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
     }
 
-    /// An error is told once, however often it is noticed (7.2.7.1).
+    /// An error is reported once, however often it is noticed (7.2.7.1).
     fn emcy_repeated(&self) -> bool {
         false
     }

@@ -35,8 +35,8 @@ decisions! {
         true
     }
 
-    /// Only the three states of a node that runs are a sign of life; a boot-up message tells of a
-    /// restart.
+    /// Only the three states of a node that runs are a sign of life; a boot-up message
+    /// indicates a restart.
     fn is_heartbeat(&self, state: NmtState) -> bool {
         matches!(state, NmtState::STOPPED | NmtState::OPERATIONAL | NmtState::PRE_OPERATIONAL)
     }

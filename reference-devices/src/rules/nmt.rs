@@ -57,7 +57,7 @@ decisions! {
         startup & 1 << 2 == 0
     }
 
-    /// This node is no NMT master, so the other bits are not for it.
+    /// This node is not an NMT master, so the other bits are not for it.
     fn startup_valid(&self, startup: u32) -> bool {
         startup & !(1 << 2) == 0
     }

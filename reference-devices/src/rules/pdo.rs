@@ -105,7 +105,7 @@ decisions! {
         actual >= mapped
     }
 
-    /// Both are told (7.2.7.1, 8210h and 8220h).
+    /// Both are reported (7.2.7.1, 8210h and 8220h).
     fn rpdo_length_told(&self) -> bool {
         true
     }

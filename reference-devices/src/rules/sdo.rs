@@ -17,7 +17,7 @@ decisions! {
         matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
     }
 
-    /// A request has exactly eight bytes; anything else is no request (7.2.4.3).
+    /// A request has exactly eight bytes; any other frame is ignored (7.2.4.3).
     fn sdo_request(&self, data: &[u8]) -> Option<Request> {
         Request::decode(data).ok()
     }
@@ -52,7 +52,7 @@ decisions! {
         requested
     }
 
-    /// A segmented download need not tell its size (7.2.4.3.3).
+    /// A segmented download need not indicate its size (7.2.4.3.3).
     fn size_may_be_missing(&self) -> bool {
         true
     }
@@ -62,12 +62,12 @@ decisions! {
         true
     }
 
-    /// A download that ends before the size it told is refused.
+    /// A download that ends before the size it indicated is refused.
     fn underflow_checked(&self) -> bool {
         true
     }
 
-    /// A download that exceeds the size it told, or that of its object, is refused.
+    /// A download that exceeds the size it indicated, or that of its object, is refused.
     fn overflow_checked(&self) -> bool {
         true
     }

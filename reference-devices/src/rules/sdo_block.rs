@@ -34,7 +34,7 @@ decisions! {
         true
     }
 
-    /// A download ends behind its last segment (7.2.4.3.11).
+    /// A download ends after its last segment (7.2.4.3.11).
     fn end_follows_last_segment(&self) -> bool {
         true
     }
@@ -44,7 +44,7 @@ decisions! {
         told == block::crc(data)
     }
 
-    /// And so is the one that the server tells.
+    /// And so is the one that the server sends.
     fn checksum(&self, data: &[u8], _unused: u8) -> u16 {
         block::crc(data)
     }

@@ -20,7 +20,7 @@ decisions! {
         configured
     }
 
-    /// A SYNC that does not come in time is told (7.2.7.1, 8100h).
+    /// A SYNC that does not come in time is reported (7.2.7.1, 8100h).
     fn sync_loss_told(&self) -> bool {
         true
     }
@@ -30,7 +30,7 @@ decisions! {
         expected == actual
     }
 
-    /// The counter ends at 2 to 240; 0 is no counter (7.5.2.22).
+    /// The counter ends at 2 to 240; 0 means no counter (7.5.2.22).
     fn sync_overflow_valid(&self, last: u8) -> bool {
         matches!(last, 0 | 2..=240)
     }

@@ -97,11 +97,11 @@ pub enum CommunicationEvent {
     Entered(NmtState),
     /// A communication error appeared: heartbeat or life guarding was lost.
     CommunicationError,
-    /// A node that 1028h names told an error.
+    /// A node that 1028h names sent an emergency message.
     Emergency {
         /// The sub-index of 1028h, which is the node id of the sender.
         node: u8,
-        /// What it told.
+        /// The message.
         emcy: Emcy,
     },
 }

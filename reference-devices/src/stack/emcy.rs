@@ -223,7 +223,7 @@ mod tests {
         Rig::with(&eds(entries), settings, rules, Box::new(Bits))
     }
 
-    /// Sets the errors and returns what is told at once.
+    /// Sets the errors and returns the messages that are sent at once.
     fn raise(rig: &mut Rig, bits: u8) -> Vec<String> {
         let answers = rig.ask(&format!("605#2F002000{bits:02X}000000"));
         answers.into_iter().filter(|frame| !frame.starts_with("585")).collect()

@@ -1,4 +1,4 @@
-//! The errors a device has at the moment, and what of them was not told yet.
+//! The errors that are present, and the messages about them that are not sent yet.
 
 use std::collections::VecDeque;
 
@@ -8,7 +8,7 @@ use crate::rules::Rules;
 use crate::stack::fault::{Fault, FaultKind};
 use crate::stack::settings::EmcyTable;
 
-/// The errors that are present. Each is told once when it appears and once when it goes.
+/// The errors that are present. Each is reported once when it appears and once when it ends.
 #[derive(Debug, Default)]
 pub struct Errors {
     active: Vec<Active>,
@@ -98,7 +98,7 @@ impl Errors {
         }
     }
 
-    /// Forgets the errors of the communication, or all of them; nothing is told.
+    /// Forgets the communication errors, or all errors, without a message.
     pub(crate) fn reset(&mut self, application_too: bool) {
         let stays = |active: &Active| active.kind == FaultKind::Application && !application_too;
         self.active.retain(stays);

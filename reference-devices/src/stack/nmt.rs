@@ -16,7 +16,7 @@ pub(crate) struct Nmt {
 }
 
 impl Nmt {
-    /// What a frame on identifier 0 tells this node to do.
+    /// The command to this node in a frame with identifier 0.
     pub(crate) fn command(&self, base: &Base, data: &[u8]) -> Option<Change> {
         let command = base.rules.nmt_command(data)?;
         if !base.rules.nmt_addressed(base.id, command.node)

@@ -145,7 +145,8 @@ impl Node {
         }
     }
 
-    /// Lets what happened take its course: errors are told before the device reacts to them.
+    /// Processes what happened. Emergency messages are sent before the reaction of 1029h, since
+    /// in STOPPED they would be lost.
     fn settle(&mut self, now: Instant, out: &mut Outbox) {
         self.services.settle(now, out);
         if let Some(state) = self.services.take_reaction(now) {

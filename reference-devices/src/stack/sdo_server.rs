@@ -86,6 +86,8 @@ impl SdoServer {
 
     /// The one place where an error becomes an abort and ends the transfer.
     fn step(&mut self, now: Instant, input: Input, services: &mut Services, out: &mut Outbox) {
+        // Taking the state leaves `Idle`: an abort below needs no line of its own to end the
+        // transfer.
         let state = std::mem::take(&mut self.state);
         let left_open = state.mux();
         let in_sub_block = state.in_upload_sub_block();

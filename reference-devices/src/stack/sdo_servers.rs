@@ -58,7 +58,7 @@ impl SdoServers {
     ) {
         self.default.handle_timeout(now, services, out);
         for (index, server) in &mut self.further {
-            // A channel that was switched off has nobody left to tell.
+            // A channel that was switched off has no identifier left for an abort.
             match identifiers(*index, &services.base) {
                 Some(_) => server.handle_timeout(now, services, out),
                 None => server.drop_transfer(),

@@ -107,6 +107,7 @@ impl Services {
         if base.rules.reset_ends_errors() {
             base.errors.reset(reset == Reset::Node);
         }
+        // The producer starts anew with the boot-up message, from which its period counts.
         self.heartbeat.stop();
         self.emcy.reset(base);
         self.guarding.reset(base);
@@ -164,6 +165,8 @@ impl Services {
         } else if self.time.id() == Some(id) {
             self.time.handle_frame(now, &data, &self.base);
         } else if let 0x701..=0x77F = id {
+            // Error control has identifiers of the predefined connection set that no object moves,
+            // so no RPDO can have one of them.
             let node = (id - heartbeat::COB_ID) as u8;
             self.consumer.handle_frame(now, node, &data, &mut self.base);
         } else if let Some((node, emcy)) = emcy_consumer::received(id, &data, &self.base) {
@@ -241,7 +244,7 @@ impl Services {
             for tpdo in &mut self.tpdos {
                 tpdo.compare(now, &self.base, &mut *self.behaviour, out);
             }
-            // What transmitted may be told by objects of the application.
+            // The application may show in its objects which of them triggered a TPDO.
             self.behaviour.run(now, &mut self.base.od, &mut self.base.errors);
         }
     }

@@ -83,7 +83,7 @@ pub struct EmcyTable {
     pub rpdo_timeout: Option<EmcyForm>,
     /// Takes the last place of a queue that overflows.
     pub queue_overflow: Option<EmcyForm>,
-    /// Whether clearing 1003h is told by a message with code 0000h and zeros.
+    /// Whether clearing 1003h sends a message with code 0000h and zeros.
     pub tells_history_cleared: bool,
 }
 
@@ -115,7 +115,7 @@ pub enum Byte {
 }
 
 impl NodeSettings {
-    /// The address that stands behind `mux`.
+    /// The address that an access to `mux` goes to.
     pub(crate) fn resolve(&self, mux: Mux) -> Mux {
         self.aliases.iter().find(|alias| alias.0 == mux).map_or(mux, |alias| alias.1)
     }

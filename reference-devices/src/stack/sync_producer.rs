@@ -9,7 +9,7 @@ use crate::stack::base::Base;
 use crate::stack::sync::{COB_ID, COUNTER_OVERFLOW, PERIOD};
 use crate::stack::time::next_beat;
 
-/// Sends SYNC, when the device can and 1005h tells it to.
+/// Sends SYNC, if the device can and bit 30 of 1005h is set.
 #[derive(Debug, Default)]
 pub(crate) struct SyncProducer {
     id: Option<u16>,

@@ -1,4 +1,4 @@
-//! TIME, produced and consumed (CiA 301, 7.2.6, object 1012h), and the clock behind it.
+//! TIME, produced and consumed (CiA 301, 7.2.6, object 1012h), and the clock that it sets.
 
 use std::time::Duration;
 
@@ -21,7 +21,7 @@ pub(crate) struct TimeStamp {
 }
 
 impl TimeStamp {
-    /// Takes the parameters. The clock goes on over resets, as it is no parameter.
+    /// Takes the parameters. The clock runs on over resets, since it is not a parameter.
     pub(crate) fn reset(&mut self, base: &Base) {
         self.next = None;
         self.take_parameters(base);

@@ -85,7 +85,8 @@ impl Tpdo {
         self.restart(now, base);
     }
 
-    /// The node entered a state. In OPERATIONAL, event-driven PDOs tell where they stand.
+    /// The node entered a state. In OPERATIONAL, event-driven PDOs transmit their present
+    /// values.
     pub(crate) fn enter(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
         let runs = base.rules.tpdo_sent_in(base.state);
         if runs == self.running {

@@ -148,7 +148,7 @@ pub(super) const fn is_closed(code: i64) -> bool {
 }
 
 const FIRST_PARAMETER: [u8; 2] = [56, 68];
-/// 400Ch, and 400Dh behind it.
+/// 400Ch, followed by 400Dh.
 const REMOTE: u16 = 0x400C;
 const OFF: i64 = 0;
 const WORKS_IN_STOP: i64 = 4;

@@ -1,5 +1,5 @@
-//! Every decision of the controller that a test can tell, in one place, and the devices that take
-//! one of them otherwise.
+//! Every decision of the controller that a test can observe, and the devices that take one of them
+//! otherwise.
 
 use canopen::{Abort, Mux};
 
@@ -26,7 +26,7 @@ pub(crate) trait Drr460Rules: Send {
         started
     }
 
-    /// What the outputs do in STOP is told by 3000h subs 21, 60 and 72 (11.3.2).
+    /// 3000h subs 21, 60 and 72 select what the outputs do in STOP (11.3.2).
     fn stop_state(&self, configured: i64) -> i64 {
         configured
     }

@@ -33,7 +33,7 @@ struct Alarm {
     setup: Setup,
     /// The type in force at the last sample: another one begins anew.
     kind: AlarmType,
-    /// What it tells.
+    /// The state it reports.
     on: bool,
 }
 
@@ -49,7 +49,7 @@ struct Objects {
     action: Mux,
 }
 
-/// What an alarm is told to do.
+/// What an alarm is set up to do.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Setup {
     link: u32,
@@ -98,10 +98,10 @@ impl Alarms {
         }
     }
 
-    /// Whether an alarm can be told that.
+    /// Whether an alarm can be set up like that.
     ///
     /// # Errors
-    /// [`Abort::VALUE`] when it would be told what the device cannot do.
+    /// [`Abort::VALUE`] for a set-up that the device cannot watch.
     pub(super) fn check(
         &self,
         mux: Mux,

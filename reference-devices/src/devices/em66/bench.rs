@@ -6,7 +6,7 @@ use super::objects::{EXTERNAL_SENSOR, FLOW, INTAKE_PRESSURE, RETURN_LINE};
 use super::process::Process;
 use super::{Drive, External, Pump, Sensed};
 
-/// What was set. What was not, the process tells.
+/// What the bench has set. Everything else comes from the process.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stimuli {
     /// What a sensor is made to see, in the order of [`SENSORS`].
@@ -45,7 +45,7 @@ impl Stimuli {
         self.has = objects.filter(|mux| od.entry(*mux).is_some()).collect();
     }
 
-    /// What the sensors tell, in tenths.
+    /// What the sensors measure, in tenths.
     pub(super) fn sense(&self, process: &Process) -> Sensed {
         let tenths = |place: usize| {
             let value = self.seen[place].unwrap_or_else(|| (SENSORS[place].process)(process));

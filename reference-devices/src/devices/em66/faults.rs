@@ -13,7 +13,7 @@ use super::rules::Em66Rules;
 use super::{External, Mode, Sensed};
 use crate::stack::Errors;
 
-/// The errors that are told.
+/// The errors that are reported.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Faults {
     told: u8,
@@ -24,7 +24,7 @@ pub(super) struct Faults {
 }
 
 impl Faults {
-    /// Shows the errors in 2008h and tells them; whether one forbids to heat and to cool.
+    /// Shows the errors in 2008h and reports them. Returns whether one forbids heating and cooling.
     pub(super) fn judge(
         &mut self,
         sensed: &Sensed,

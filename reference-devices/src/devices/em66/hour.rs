@@ -18,7 +18,7 @@ use super::objects::{
 use crate::devices::ReferenceDevice;
 use crate::rules::Specification;
 
-/// What the device told in its TPDOs at a time. Temperatures in tenths of a degree Celsius.
+/// What the TPDOs of the device reported at one time. Temperatures in tenths of a degree Celsius.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sample {
     /// Seconds since power-on.
@@ -129,7 +129,7 @@ const BELOW: u8 = 3;
 struct MachineControl {
     bus: VirtualBus<'static>,
     node: u8,
-    /// What the TPDOs told since the last SYNC.
+    /// What the TPDOs reported since the last SYNC.
     latest: Sample,
     samples: Vec<Sample>,
 }
@@ -221,7 +221,7 @@ impl MachineControl {
         }
     }
 
-    /// Takes what the TPDOs tell.
+    /// Takes the values of the TPDOs.
     fn hear(&mut self, frame: &Frame) {
         let Some(id) = frame.data_id() else { return };
         let words = frame.data.padded();

@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use super::{Drive, Pump};
 
-/// The plant behind a heating and cooling device.
+/// The plant that a heating and cooling device controls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Process {
     /// The medium in the unit, which is what enters the main line, in degrees Celsius.
@@ -35,7 +35,7 @@ impl Process {
         let seconds = elapsed.as_secs_f64();
         let carried = self.flow() / 60.0 * LITRE;
         let exchanged = self.exchange(carried) * (self.main - self.mould);
-        // What leaves the mould, so that the energy is the same before and behind it.
+        // What leaves the mould, so that the energy is the same before and after it.
         let leaving = if carried > 0.0 { self.main - exchanged / carried } else { self.back };
         let returned = carried * (leaving - self.back);
         let into_unit = carried * (self.back - self.main);

@@ -1,5 +1,5 @@
-//! Every decision of the application that a test can tell, in one place, and the devices that take
-//! one of them otherwise.
+//! Every decision of the application that a test can observe, and the devices that take one of
+//! them otherwise.
 
 mod alarm;
 mod control;

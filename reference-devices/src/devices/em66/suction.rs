@@ -21,7 +21,7 @@ pub(super) struct Situation {
     pub(super) supported: bool,
     /// The set point in force, whether or not a ramp has reached it.
     pub(super) set_point: i64,
-    /// `None` when the sensor tells nothing.
+    /// `None` if the sensor gives no value.
     pub(super) effective: Option<i64>,
     /// The controller is on and does not switch off.
     pub(super) running: bool,

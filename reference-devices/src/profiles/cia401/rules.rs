@@ -1,4 +1,4 @@
-//! Every decision of the profile that a test can tell, and the devices that take one of them
+//! Every decision of the profile that a test can observe, and the devices that take one of them
 //! otherwise.
 
 use canopen::NmtState;

@@ -13,7 +13,7 @@ use crate::stack::settings::BlockTransfer;
 pub(super) struct BlockDownload {
     pub(super) mux: Mux,
     data: Vec<u8>,
-    /// What the client told.
+    /// The size that the client indicated.
     size: Option<usize>,
     /// More than this is too much.
     limit: usize,
@@ -64,7 +64,8 @@ impl BlockDownload {
         if taken {
             self.good = sequence;
             self.data.extend_from_slice(&data);
-            // What fills up the last segment is not told from data before the end.
+            // Only the end of the transfer states how many bytes of the last segment are data, so
+            // until then up to six bytes too many are not an error.
             let room = self.limit.max(1).next_multiple_of(7);
             if self.data.len() > room {
                 if rules.overflow_checked() {

@@ -115,7 +115,7 @@ impl BlockUpload {
         Ok((Some(self), Some(Response::BlockSegment(segment))))
     }
 
-    /// Goes on behind what the client has received.
+    /// Continues after the last segment that the client received.
     pub(super) fn acknowledged(mut self, ack: BlockAck, services: &Services) -> Step<Self> {
         let rules = &services.base.rules;
         let mux = self.mux;

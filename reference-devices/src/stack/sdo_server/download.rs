@@ -11,7 +11,7 @@ use crate::stack::services::Services;
 pub(super) struct Download {
     pub(super) mux: Mux,
     data: Vec<u8>,
-    /// What the client told.
+    /// The size that the client indicated.
     size: Option<usize>,
     /// More than this is too much.
     limit: usize,

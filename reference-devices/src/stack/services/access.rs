@@ -138,7 +138,7 @@ impl Services {
         }
     }
 
-    /// A parameter that changes makes the configuration another one than 1020h tells of
+    /// A parameter that changes makes the configuration another one than 1020h identifies
     /// (CiA 301, 7.5.2.23). Process data are no parameters.
     fn notice_change(&mut self, mux: Mux, bytes: &[u8]) {
         let base = &mut self.base;

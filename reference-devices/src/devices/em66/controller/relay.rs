@@ -1,4 +1,4 @@
-//! Self-optimisation: a relay makes the process swing, and the swing tells the parameters.
+//! Self-optimisation: a relay makes the process swing, and the swing yields the parameters.
 //!
 //! The output changes between its limits whenever the value passes the set point (Astrom and
 //! Hagglund). The amplitude of the swing is the ultimate gain, its duration the ultimate period.

@@ -46,7 +46,7 @@ pub(crate) trait AlarmRules {
         Some(if plain { refused.plain() } else { AlarmType::OFF })
     }
 
-    /// Step 5: an alarm does nothing but tell its state.
+    /// Step 5: an alarm only reports its state.
     fn alarm_takes_action(&self, action: u8) -> bool {
         action == 0
     }
@@ -91,7 +91,7 @@ pub(crate) trait AlarmRules {
         kind
     }
 
-    /// What an alarm that is off tells.
+    /// The state of an alarm that is off.
     fn alarm_state_while_off(&self, _before: bool) -> bool {
         false
     }
@@ -161,7 +161,7 @@ pub(crate) trait AlarmRules {
         distance.abs() <= REACHED
     }
 
-    /// One arrival ends the wait; the value may leave again, which the alarm then tells.
+    /// One arrival ends the wait; if the value leaves again, the alarm reports it.
     fn alarm_waits_once(&self) -> bool {
         true
     }
@@ -171,7 +171,7 @@ pub(crate) trait AlarmRules {
         before.in_use() != now.in_use()
     }
 
-    /// How the state tells an alarm.
+    /// How the state reports an alarm.
     fn alarm_state(&self, alarm: bool) -> i64 {
         i64::from(alarm)
     }

@@ -33,7 +33,7 @@ pub(crate) trait FaultRules {
         now & !before & FAILURE_RESET != 0
     }
 
-    /// What a failure reset leaves of the errors that were told (3.4.7).
+    /// What a failure reset leaves of the errors that were reported (3.4.7).
     fn after_failure_reset(&self, told: u8, causes: u8) -> u8 {
         told & causes
     }

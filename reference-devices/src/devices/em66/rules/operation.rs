@@ -29,7 +29,7 @@ pub(crate) trait OperationRules {
         effective > SUCTION_LIMIT
     }
 
-    /// A delay is no error (3.4.2).
+    /// A delay is not an error (3.4.2).
     fn suction_delay_is_error(&self) -> bool {
         false
     }

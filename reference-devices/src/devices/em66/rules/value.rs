@@ -6,12 +6,12 @@ use super::mutants;
 
 /// The decisions of the process values (2.3, 3.4.9 to 3.4.15).
 pub(crate) trait ValueRules {
-    /// A value is what its sensor tells, in tenths (2.3).
+    /// A value is what its sensor measures, in tenths (2.3).
     fn shown(&self, _of: Mux, tenths: i64) -> i64 {
         tenths
     }
 
-    /// What is told of the main line (3.4.9) and of the return line (3.4.10).
+    /// The values of the main line (3.4.9) and of the return line (3.4.10).
     fn lines(&self, main: i64, return_line: i64) -> (i64, i64) {
         (main, return_line)
     }
