@@ -9,7 +9,7 @@ use canopen::catalogue::Profile;
 use canopen::eds::Eds;
 use canopen::pdo::Mapping;
 
-pub use sheet::{COMPOSED, Sheet};
+pub(crate) use sheet::{COMPOSED, Sheet};
 
 /// The device under test as the harness knows it: by name, node id and data sheet.
 #[derive(Clone, Debug)]

@@ -11,7 +11,8 @@ mod profile;
 mod scope;
 
 pub use bind::plan;
-pub use bytes::{fill, mapping_word, parse_bytes, show_bytes};
-pub use each::{index_range, matching_entries};
-pub use instance::{Instance, Plan};
-pub use scope::{Binding, Scope};
+pub(crate) use bytes::{fill, mapping_word, parse_bytes, show_bytes};
+pub(crate) use each::{index_range, matching_entries};
+pub(crate) use instance::Instance;
+pub use instance::Plan;
+pub(crate) use scope::{Binding, Scope};

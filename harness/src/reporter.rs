@@ -17,7 +17,7 @@ use crate::target::Address;
 use journal::JournalFile;
 
 /// Tells of a run while it runs, and writes its reports at the end.
-pub struct Reporter {
+pub(crate) struct Reporter {
     run: Run,
     printer: Printer,
     annotate: bool,
@@ -33,7 +33,7 @@ impl Reporter {
     ///
     /// # Errors
     /// When a file cannot be written.
-    pub fn new(args: &RunArgs, cases: usize) -> Result<Self, Refused> {
+    pub(crate) fn new(args: &RunArgs, cases: usize) -> Result<Self, Refused> {
         let on_terminal = std::io::stderr().is_terminal();
         let color = match args.color {
             When::Always => true,
@@ -79,7 +79,7 @@ impl Reporter {
     }
 
     /// Takes an event.
-    pub fn tell(&mut self, event: &Event) {
+    pub(crate) fn tell(&mut self, event: &Event) {
         if let Some(journal) = &mut self.journal {
             journal.write(event);
         }
@@ -93,7 +93,7 @@ impl Reporter {
     }
 
     /// Writes what is written at the end, and says what is to be said.
-    pub fn finish(&mut self) -> Exit {
+    pub(crate) fn finish(&mut self) -> Exit {
         self.bar.finish_and_clear();
         say(&self.printer.summary(&self.run));
         let mut failure = self.journal.as_mut().and_then(JournalFile::finish);
@@ -112,7 +112,7 @@ impl Reporter {
     }
 
     /// The run so far.
-    pub const fn run(&self) -> &Run {
+    pub(crate) const fn run(&self) -> &Run {
         &self.run
     }
 
@@ -137,6 +137,6 @@ fn is_on_real_bus(args: &RunArgs) -> bool {
 
 /// Prints to standard output. A reader that went away (`| head`) is no reason to stop the run,
 /// whose reports are still to be written.
-pub fn say(text: &str) {
+pub(crate) fn say(text: &str) {
     _ = std::io::stdout().write_all(text.as_bytes());
 }

@@ -165,7 +165,7 @@ impl Bench for Rig {
 }
 
 /// The answer of `bench` to a request line.
-pub fn respond(bench: &mut dyn Bench, line: &str) -> String {
+pub(crate) fn respond(bench: &mut dyn Bench, line: &str) -> String {
     let answered = serde_json::from_str::<Json>(line)
         .map_err(|_| BenchError(format!("`{line}` is not JSON")))
         .and_then(|request| carry_out(bench, &request));
@@ -215,7 +215,7 @@ fn from_json(json: &Json) -> Option<Value> {
 }
 
 /// A bus with a rig beside it.
-pub struct WithRig {
+pub(crate) struct WithRig {
     /// The wire.
     pub bus: Box<dyn Bus>,
     /// The bench, kept from one opening of the bus to the next.

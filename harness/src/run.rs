@@ -19,6 +19,7 @@ mod steps;
 
 pub use link::Link;
 pub use policy::Policy;
-pub use probe::{Lost, objects as probe};
+pub(crate) use probe::{Lost, objects as probe};
 pub use sdo::{Ended, transfer};
-pub use session::{Ending, Session, identity, read_number, read_text};
+pub(crate) use session::{Ending, read_number, read_text};
+pub use session::{Session, identity};

@@ -1,19 +1,19 @@
 //! Suites: the notation, the requirement register, and loading both.
 
-pub mod each;
-pub mod effect;
+pub(crate) mod each;
+pub(crate) mod effect;
 mod folders;
 mod library;
-pub mod literal;
+pub(crate) mod literal;
 mod loaded;
-pub mod model;
-pub mod profile;
+pub(crate) mod model;
+pub(crate) mod profile;
 mod register;
-pub mod step;
+pub(crate) mod step;
 mod test_map;
 
 pub use folders::Folders;
 pub use library::Library;
-pub use loaded::Suite;
-pub use register::{Register, RegisterFile, Requirement};
-pub use test_map::{CHECKS, TestMapEntry};
+pub(crate) use loaded::Suite;
+pub(crate) use register::{Register, RegisterFile, Requirement};
+pub(crate) use test_map::CHECKS;

@@ -19,13 +19,15 @@ use reference_devices::devices;
 use crate::cli::Selection;
 use crate::exit::Refused;
 
-pub use address::Address;
-pub use can::{nobody, only};
-pub use compose::compose;
-pub use connection::{Connection, Target, open_interface};
-pub use reference::{holds_device, mutant_of, reference_device, with_variants};
-pub use scan::{Found, scan};
-pub use sheet::{dut_of_file, models, read_eds};
+pub(crate) use address::Address;
+pub(crate) use can::{nobody, only};
+pub(crate) use compose::compose;
+pub use connection::Target;
+pub(crate) use connection::{Connection, open_interface};
+pub(crate) use reference::{holds_device, mutant_of, reference_device, with_variants};
+pub(crate) use scan::{Found, scan};
+pub(crate) use sheet::dut_of_file;
+pub use sheet::models;
 
 /// The devices a selection means.
 ///

@@ -8,7 +8,7 @@ use canopen::eds::{self, Diagnostic, Eds, Places};
 use crate::source::{Place, Source};
 
 /// The first line of a sheet that was composed of what a device answered.
-pub const COMPOSED: &str = "composed by `harness eds probe` of what the device answered";
+pub(crate) const COMPOSED: &str = "composed by `harness eds probe` of what the device answered";
 
 /// A data sheet.
 #[derive(Debug, Default)]

@@ -8,13 +8,13 @@ use crate::dut::Dut;
 use crate::suite::literal::Literal;
 
 /// So many bytes of text without a period that a segment or a block could hide behind.
-pub fn fill(len: usize) -> Vec<u8> {
+pub(crate) fn fill(len: usize) -> Vec<u8> {
     const LETTERS: usize = 73;
     (0..len).map(|place| b'0' + (place % LETTERS) as u8).collect()
 }
 
 /// The bytes of `01 02 0A`.
-pub fn parse_bytes(text: &str) -> Option<Vec<u8>> {
+pub(crate) fn parse_bytes(text: &str) -> Option<Vec<u8>> {
     let digits: String = text.split_whitespace().collect();
     if !digits.is_ascii() || !digits.len().is_multiple_of(2) {
         return None;
@@ -26,7 +26,7 @@ pub fn parse_bytes(text: &str) -> Option<Vec<u8>> {
 }
 
 /// The 32 bits that map an object: from its address with the length of its type, or as written.
-pub fn mapping_word(literal: &Literal, scope: &Scope, dut: &Dut) -> Result<u32, String> {
+pub(crate) fn mapping_word(literal: &Literal, scope: &Scope, dut: &Dut) -> Result<u32, String> {
     let mux: Mux = match literal {
         Literal::Text(text) => text.parse().map_err(|error: canopen::NoMux| error.to_string())?,
         Literal::Named(name, 0) => match scope.get(name)? {
@@ -61,7 +61,7 @@ fn word(literal: &Literal, scope: &Scope) -> Result<u32, String> {
 }
 
 /// Bytes for people: `E8 03`.
-pub fn show_bytes(bytes: &[u8]) -> String {
+pub(crate) fn show_bytes(bytes: &[u8]) -> String {
     let words: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
     words.join(" ")
 }

@@ -42,7 +42,10 @@ pub(super) fn each_scope(each: &Each, suite: &Suite, dut: &Dut) -> Result<Vec<Bo
 ///
 /// # Errors
 /// When a range or a data type is not written as one, and where.
-pub fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d Entry>, At<String>> {
+pub(crate) fn matching_entries<'d>(
+    objects: &Objects,
+    dut: &'d Dut,
+) -> Result<Vec<&'d Entry>, At<String>> {
     let range = match &objects.range {
         None => 0..=u16::MAX,
         Some(range) => index_range(&range.value).map_err(|wrong| At::new(wrong, range.place))?,
@@ -82,7 +85,7 @@ pub fn matching_entries<'d>(objects: &Objects, dut: &'d Dut) -> Result<Vec<&'d E
 ///
 /// # Errors
 /// When it is none.
-pub fn index_range(text: &str) -> Result<RangeInclusive<u16>, String> {
+pub(crate) fn index_range(text: &str) -> Result<RangeInclusive<u16>, String> {
     let hex = |text: &str| u16::from_str_radix(text.trim(), 16).ok();
     let bounds = text.split_once("..").and_then(|(a, b)| hex(a).zip(hex(b)));
     let bounds = bounds.ok_or_else(|| format!("`{text}`: write a range as `1000..1FFF`"))?;

@@ -185,7 +185,7 @@ pub fn identity(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Identity,
 }
 
 /// The number of 32 bits at `mux`, when there is one.
-pub fn read_number(
+pub(crate) fn read_number(
     link: &mut Link,
     policy: &Policy,
     node: u8,
@@ -197,7 +197,7 @@ pub fn read_number(
 }
 
 /// The text at `mux`, when there is one.
-pub fn read_text(
+pub(crate) fn read_text(
     link: &mut Link,
     policy: &Policy,
     node: u8,

@@ -321,7 +321,7 @@ impl fmt::Display for Literal {
 }
 
 /// A time in the largest unit that needs no more than three decimals.
-pub fn show_time(time: Duration) -> String {
+pub(crate) fn show_time(time: Duration) -> String {
     let nanos = time.as_nanos() as f64;
     let (number, unit) = match nanos {
         n if n >= 1e9 => (n / 1e9, "s"),

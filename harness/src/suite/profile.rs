@@ -132,7 +132,7 @@ impl JsonSchema for Capability {
 }
 
 /// The names of the capabilities that any device can have.
-pub const CAPABILITIES: [&str; 2] = [LSS, BLOCK_TRANSFER];
+pub(crate) const CAPABILITIES: [&str; 2] = [LSS, BLOCK_TRANSFER];
 const LSS: &str = "lss";
 const BLOCK_TRANSFER: &str = "block-transfer";
 

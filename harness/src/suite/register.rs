@@ -32,7 +32,7 @@ pub struct Requirement {
 /// A register file.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub struct RegisterFile {
+pub(crate) struct RegisterFile {
     /// The document's key, such as `cia301`.
     pub document: String,
     /// What the document calls itself.

@@ -7,7 +7,7 @@ use crate::exit::Refused;
 
 /// What `--target` names.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Address {
+pub(crate) enum Address {
     /// `sim:DEVICE` or `sim:DEVICE?mutant=NAME`.
     Simulation {
         /// The reference device.

@@ -54,7 +54,7 @@ pub(super) fn target(
 ///
 /// # Errors
 /// When there is none, or another one, too.
-pub fn only(mut found: Vec<Found>, name: &str, node: Option<u8>) -> Result<Found, Refused> {
+pub(crate) fn only(mut found: Vec<Found>, name: &str, node: Option<u8>) -> Result<Found, Refused> {
     if found.len() > 1 {
         let nodes: Vec<String> = found.iter().map(|found| found.node.to_string()).collect();
         return Err(Refused::usage(format!(
@@ -66,7 +66,7 @@ pub fn only(mut found: Vec<Found>, name: &str, node: Option<u8>) -> Result<Found
 }
 
 /// The sentence for a bus on which nobody, or not `node`, answers.
-pub fn nobody(interface: &str, node: Option<u8>) -> Refused {
+pub(crate) fn nobody(interface: &str, node: Option<u8>) -> Refused {
     let who = node
         .map_or_else(|| "nobody answers".to_owned(), |node| format!("node {node} does not answer"));
     Refused::bus(format!(

@@ -13,7 +13,11 @@ use crate::run::{Link, Lost, Policy, probe};
 ///
 /// # Errors
 /// When the device falls silent or the bus fails.
-pub fn compose(bus: &mut dyn Bus, found: &Found, bit_rate: u32) -> Result<(Sheet, Eds), Refused> {
+pub(crate) fn compose(
+    bus: &mut dyn Bus,
+    found: &Found,
+    bit_rate: u32,
+) -> Result<(Sheet, Eds), Refused> {
     let profiles = profiles_of(found);
     let constants = profiles.iter().filter_map(|profile| Some(profile.recognised?.object));
     let constants: Vec<Mux> = constants.collect();

@@ -76,7 +76,7 @@ impl Target {
 ///
 /// # Errors
 /// What stands in the way, and what to do about it.
-pub fn open_interface(
+pub(crate) fn open_interface(
     interface: &Interface,
     stop: &Arc<AtomicBool>,
 ) -> Result<Box<dyn Bus>, Refused> {

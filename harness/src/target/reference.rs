@@ -14,7 +14,7 @@ use crate::nearest::did_you_mean;
 ///
 /// # Errors
 /// When there is none, or its files have mistakes.
-pub fn reference_device(name: &str) -> Result<Arc<ReferenceDevice>, Refused> {
+pub(crate) fn reference_device(name: &str) -> Result<Arc<ReferenceDevice>, Refused> {
     match devices::device(name) {
         Some(device) => Ok(Arc::new(device)),
         None if folder::is_path(name) => Ok(Arc::new(folder::device(Path::new(name))?)),
@@ -27,7 +27,7 @@ pub fn reference_device(name: &str) -> Result<Arc<ReferenceDevice>, Refused> {
 ///
 /// # Errors
 /// When the device is at a path, and its files have mistakes.
-pub fn with_variants(name: &str) -> Result<Vec<String>, Refused> {
+pub(crate) fn with_variants(name: &str) -> Result<Vec<String>, Refused> {
     let family: Vec<String> = devices::with_variants(name).map(str::to_owned).collect();
     match family.is_empty() {
         false => Ok(family),
@@ -39,7 +39,7 @@ pub fn with_variants(name: &str) -> Result<Vec<String>, Refused> {
 }
 
 /// Whether a path names a device, and not a suite.
-pub fn holds_device(path: &Path) -> bool {
+pub(crate) fn holds_device(path: &Path) -> bool {
     folder::holds_device(path)
 }
 
@@ -47,7 +47,7 @@ pub fn holds_device(path: &Path) -> bool {
 ///
 /// # Errors
 /// When the device has none.
-pub fn mutant_of(device: &ReferenceDevice, name: &str) -> Result<mutant::Mutant, Refused> {
+pub(crate) fn mutant_of(device: &ReferenceDevice, name: &str) -> Result<mutant::Mutant, Refused> {
     let mut mutants = mutant::of(device)?;
     match mutants.iter().position(|mutant| mutant.name == name) {
         Some(place) => Ok(mutants.swap_remove(place)),

@@ -16,7 +16,7 @@ use crate::exit::{Exit, Refused};
 use crate::run::{Link, Policy, identity, read_number, read_text};
 
 /// A node that answers.
-pub struct Found {
+pub(crate) struct Found {
     /// Its node id.
     pub node: u8,
     /// What 1000h and 1018h say.
@@ -31,13 +31,13 @@ pub struct Found {
 
 impl Found {
     /// The profile of the catalogue that it says it follows.
-    pub fn recognised(&self) -> Option<&'static Profile> {
+    pub(crate) fn recognised(&self) -> Option<&'static Profile> {
         self.profile.as_ref().map(|(profile, _)| *profile)
     }
 
     /// What it is, by its profile: `EUROMAP 66 heating/cooling device 1.1` or `CiA 401`; `None`
     /// when it does not say.
-    pub fn follows(&self) -> Option<String> {
+    pub(crate) fn follows(&self) -> Option<String> {
         if let Some((profile, version)) = &self.profile {
             let version = version.as_ref().map(|version| format!(" {version}"));
             return Some(format!("{}{}", profile.title(), version.unwrap_or_default()));
@@ -51,7 +51,7 @@ impl Found {
 ///
 /// # Errors
 /// When the bus fails.
-pub fn scan(bus: &mut dyn Bus, node: Option<u8>) -> Result<Vec<Found>, Refused> {
+pub(crate) fn scan(bus: &mut dyn Bus, node: Option<u8>) -> Result<Vec<Found>, Refused> {
     let bus_failed = |error: BusError| match error {
         BusError::Interrupted => {
             Refused { exit: Exit::Interrupted, message: "interrupted".to_owned() }

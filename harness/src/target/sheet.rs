@@ -38,7 +38,7 @@ pub fn models(eds: &Eds) -> BTreeMap<&'static str, &'static Eds> {
 ///
 /// # Errors
 /// When it cannot be read at all.
-pub fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
+pub(crate) fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
     let bytes = fs::read(path).map_err(|error| Refused {
         exit: Exit::File,
         message: format!("error: {}: {error}", path.display()),
@@ -59,7 +59,7 @@ pub fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
 ///
 /// # Errors
 /// As [`read_eds`].
-pub fn dut_of_file(selection: &Selection, path: &Path) -> Result<Dut, Refused> {
+pub(crate) fn dut_of_file(selection: &Selection, path: &Path) -> Result<Dut, Refused> {
     let (sheet, eds) = read_eds(path)?;
     Ok(Dut {
         name: name_of(selection, path),
