@@ -115,22 +115,22 @@ impl ReferenceDevice {
     }
 
     /// What the stack has to know beyond the data sheet.
-    pub fn settings(&self) -> NodeSettings {
+    pub(crate) fn settings(&self) -> NodeSettings {
         self.description.settings.clone()
     }
 
     /// What the device does beside communicating.
-    pub fn behaviour(&self) -> Box<dyn Behaviour> {
+    pub(crate) fn behaviour(&self) -> Box<dyn Behaviour> {
         (self.application().build)(&self.description)
     }
 
     /// The same with one decision taken otherwise; `None` when the device has none of that name.
-    pub fn deviating_behaviour(&self, rule: &str) -> Option<Box<dyn Behaviour>> {
+    pub(crate) fn deviating_behaviour(&self, rule: &str) -> Option<Box<dyn Behaviour>> {
         (self.application().deviating)(&self.description, rule)
     }
 
     /// The names that [`deviating_behaviour`](Self::deviating_behaviour) knows.
-    pub fn behaviour_rule_names(&self) -> Vec<&'static str> {
+    pub(crate) fn behaviour_rule_names(&self) -> Vec<&'static str> {
         (self.application().deviations)()
     }
 

@@ -36,9 +36,10 @@ mod time;
 mod time_stamp;
 mod tpdo;
 
-pub use behaviour::{Behaviour, CommunicationEvent, Inert};
-pub use errors::Errors;
 pub use node::Node;
-pub use sdo_client::SdoJob;
 pub use settings::{BlockTransfer, Byte, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};
+
+pub(crate) use behaviour::{Behaviour, CommunicationEvent, Inert};
+pub(crate) use errors::Errors;
+pub(crate) use sdo_client::SdoJob;
 pub(crate) use time::earlier;

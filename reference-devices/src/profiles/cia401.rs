@@ -10,6 +10,7 @@ mod channel;
 mod inputs;
 mod outputs;
 mod rules;
+mod setting;
 #[cfg(test)]
 mod tests;
 
@@ -22,8 +23,8 @@ use channel::{Channel, Kind};
 use inputs::{AnalogueInput, DigitalInput};
 use outputs::Output;
 
-pub(crate) use channel::{EVERY_LEVEL, Setting};
 pub(crate) use rules::{Cia401, Cia401Rules, named, names};
+pub(crate) use setting::{EVERY_LEVEL, Setting};
 
 /// The inputs and outputs of a device. It is a complete application for a device that has nothing
 /// else.

@@ -9,7 +9,7 @@ use crate::stack::sdo_client::SdoJob;
 /// The application of a device. It sees its objects and the time, and no frames.
 ///
 /// Objects it changes are noticed by the TPDOs that map them.
-pub trait Behaviour: Send {
+pub(crate) trait Behaviour: Send {
     /// Starts anew after power-on or reset node; the objects hold their stored or default values.
     fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {}
 
@@ -92,7 +92,7 @@ pub trait Behaviour: Send {
 
 /// What an application may want to know of the communication.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum CommunicationEvent {
+pub(crate) enum CommunicationEvent {
     /// The node entered this NMT state.
     Entered(NmtState),
     /// A communication error appeared: heartbeat or life guarding was lost.
@@ -108,6 +108,6 @@ pub enum CommunicationEvent {
 
 /// A device without an application.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Inert;
+pub(crate) struct Inert;
 
 impl Behaviour for Inert {}

@@ -10,7 +10,7 @@ use crate::stack::settings::EmcyTable;
 
 /// The errors that are present. Each is reported once when it appears and once when it ends.
 #[derive(Debug, Default)]
-pub struct Errors {
+pub(crate) struct Errors {
     active: Vec<Active>,
     news: VecDeque<News>,
     reaction: Option<u8>,
@@ -37,7 +37,7 @@ impl Errors {
     /// An error of the application appeared. `error` is the application's own number for it;
     /// nothing happens while that one is present. Bit 0 of the register is set in any case
     /// (CiA 301, 7.5.2.2).
-    pub fn raise(&mut self, error: u16, code: EmcyCode, register: u8, vendor: [u8; 5]) {
+    pub(crate) fn raise(&mut self, error: u16, code: EmcyCode, register: u8, vendor: [u8; 5]) {
         let register = register | 1;
         let kind = FaultKind::Application;
         if !self.is_active(kind, error) {
@@ -48,17 +48,17 @@ impl Errors {
 
     /// An error of the application appeared that is of the class in 1029h `sub`: when the device is
     /// OPERATIONAL, that entry says what becomes of its state (CiA 301, 7.5.2.32).
-    pub fn react(&mut self, sub: u8) {
+    pub(crate) fn react(&mut self, sub: u8) {
         self.reaction = Some(sub);
     }
 
     /// The application's error `error` is gone. Nothing happens when it was not there.
-    pub fn clear(&mut self, error: u16) {
+    pub(crate) fn clear(&mut self, error: u16) {
         self.remove(FaultKind::Application, error);
     }
 
     /// The error register of what is present (CiA 301, 7.5.2.2).
-    pub fn register(&self) -> u8 {
+    pub(crate) fn register(&self) -> u8 {
         self.active.iter().fold(0, |bits, active| bits | active.register)
     }
 

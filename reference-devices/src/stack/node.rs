@@ -33,7 +33,7 @@ impl Node {
     ///
     /// # Errors
     /// The address of a default value that is not one of its entry's type, and why.
-    pub fn new(
+    pub(crate) fn new(
         eds: &Eds,
         node_id: u8,
         settings: NodeSettings,
@@ -66,7 +66,7 @@ impl Node {
 
     /// Switches the device off: from now on it sends nothing, hears nothing and has no deadline.
     /// What it was storing is cut short.
-    pub fn power_off(&mut self, now: Instant) {
+    pub(crate) fn power_off(&mut self, now: Instant) {
         self.on = false;
         self.services.cut(now);
     }

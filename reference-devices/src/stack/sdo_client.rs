@@ -8,13 +8,13 @@ use crate::stack::sdo_channels::{CLIENTS, channels, identifiers, used_in};
 
 /// A transfer that an application wants.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SdoJob {
+pub(crate) struct SdoJob {
     /// The client that makes it, counted from 1: 1 is the one of 1280h.
-    pub client: u8,
+    pub(crate) client: u8,
     /// The object of the other node.
-    pub mux: Mux,
+    pub(crate) mux: Mux,
     /// What to write there; `None` to read.
-    pub data: Option<Vec<u8>>,
+    pub(crate) data: Option<Vec<u8>>,
 }
 
 /// How a job ended: the client, and the data of an upload or why it failed.

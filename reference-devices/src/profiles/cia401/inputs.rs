@@ -4,8 +4,9 @@ use std::time::Duration;
 
 use canopen::{Dictionary, Instant};
 
-use super::channel::{Channel, Setting};
+use super::channel::Channel;
 use super::rules::Cia401Rules;
+use super::setting::Setting;
 
 /// A block of terminals. A change of a filtered one counts when it has held for a while.
 #[derive(Clone, Copy, Debug)]

@@ -2,8 +2,9 @@
 
 use canopen::{Dictionary, Mux};
 
-use super::channel::{Channel, Kind, Setting};
+use super::channel::{Channel, Kind};
 use super::rules::Cia401Rules;
+use super::setting::Setting;
 
 /// A block of digital outputs, or an analogue output: what is at the terminals.
 #[derive(Clone, Copy, Debug)]

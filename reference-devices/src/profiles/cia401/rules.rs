@@ -5,7 +5,7 @@ use canopen::NmtState;
 
 use crate::stack::CommunicationEvent;
 
-use super::channel::{EVERY_LEVEL, Setting};
+use super::setting::{EVERY_LEVEL, Setting};
 
 /// The decisions of CiA 401.
 pub(crate) trait Cia401Rules: Send {
