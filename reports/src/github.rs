@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::shell_word;
-use crate::verdict::{Outcome, Place, Verdict};
+use crate::verdict::{Excerpt, Outcome, Verdict};
 
 /// One line per case that failed or erred (`::error`) or was tolerated (`::warning`). Only files for
 /// which `is_there` holds are named: GitHub shows an annotation at a line of the repository.
@@ -25,7 +25,7 @@ pub fn annotation(
     };
     let info = &case.info;
     let problem = case.outcome.problem();
-    let at = |place: &Place| (place.file.clone(), place.line, place.column);
+    let at = |place: &Excerpt| (place.file.clone(), place.line, place.column);
     let step = problem.map_or((info.file.clone(), info.line, info.column), |p| at(&p.place));
     let sheet = problem.and_then(|problem| problem.sheet.as_ref()).map(at);
     let place = [Some(step), sheet].into_iter().flatten().find(|(file, ..)| is_there(file));
