@@ -38,11 +38,14 @@ pub struct DeviceFiles {
     pub mutants: Option<Arc<Source>>,
 }
 
+/// The reference devices, each followed by its variants.
+pub fn all() -> impl Iterator<Item = &'static ReferenceDevice> {
+    BUILT_IN.iter().flatten()
+}
+
 /// The names of the reference devices, each followed by those of its variants.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    BUILT_IN
-        .iter()
-        .flat_map(|family| family.iter().map(|device| device.description.device.as_str()))
+    all().map(|device| device.description.device.as_str())
 }
 
 /// The device of that name and its variants; nothing when it is none or is itself a variant.
@@ -58,8 +61,7 @@ pub fn with_variants(name: &str) -> impl Iterator<Item = &'static str> {
 /// # Panics
 /// When the data of the devices do not load: they are part of the program.
 pub fn device(name: &str) -> Option<ReferenceDevice> {
-    let mut all = BUILT_IN.iter().flatten();
-    all.find(|device| device.description.device == name).cloned()
+    all().find(|device| device.description.device == name).cloned()
 }
 
 impl DeviceFiles {

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread;
 
 use canopen::BusError;
 use reference_devices::devices;
@@ -25,7 +26,11 @@ use crate::target::{self, Target};
 /// # Errors
 /// What kept everything from running.
 pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
-    let library = Library::load(&args.selection.folders)?;
+    let library = thread::scope(|scope| {
+        // The reference devices are read once, which need not wait for the suites.
+        scope.spawn(|| devices::all().count());
+        Library::load(&args.selection.folders)
+    })?;
     let targets = target::resolve(&args.selection, stop)?;
     let mut plans = plan_all(&library, &targets)?;
     select(&mut plans, &args.selection.patterns)?;

@@ -177,7 +177,7 @@ fn cross(scopes: Vec<Bound>, name: &str, values: &[At<Literal>]) -> Vec<Bound> {
             Literal::Time(Amount::Fixed(time)) => Binding::Time(*time),
             other => Binding::Literal(other.clone()),
         };
-        scope.bind(name, binding);
+        scope.bind(name.to_owned(), binding);
         (labels, scope)
     };
     let pairs = scopes.iter().flat_map(|scope| values.iter().map(move |value| (scope, value)));

@@ -1,5 +1,6 @@
 //! Names and what they stand for, and the words of the notation resolved with them.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -31,7 +32,9 @@ pub enum Binding {
 /// The names of one instance.
 #[derive(Clone, Debug, Default)]
 pub struct Scope {
-    names: BTreeMap<String, Binding>,
+    /// Sorted by name. Most names are words of the notation, and an instance is offered many of
+    /// which it keeps few.
+    names: Vec<(Cow<'static, str>, Binding)>,
     /// The names that were asked for, when somebody wants to know.
     used: Option<Arc<Mutex<BTreeSet<String>>>>,
 }
@@ -44,8 +47,17 @@ pub(super) type Wrong = String;
 
 impl Scope {
     /// Binds a name.
-    pub fn bind(&mut self, name: impl Into<String>, binding: Binding) {
-        self.names.insert(name.into(), binding);
+    pub fn bind(&mut self, name: impl Into<Cow<'static, str>>, binding: Binding) {
+        let name = name.into();
+        match self.place(&name) {
+            Ok(place) => self.names[place].1 = binding,
+            Err(place) => self.names.insert(place, (name, binding)),
+        }
+    }
+
+    /// Where a name is, or belongs.
+    fn place(&self, name: &str) -> Result<usize, usize> {
+        self.names.binary_search_by(|(known, _)| (**known).cmp(name))
     }
 
     /// Notes from now on which names are asked for.
@@ -62,7 +74,8 @@ impl Scope {
     /// Forgets what no step asks for: of the many names that each instance is offered, a case
     /// uses few. What the case is about, `$mux`, stays for those who report.
     pub fn keep(&mut self, used: &BTreeSet<String>) {
-        self.names.retain(|name, _| name == "mux" || used.contains(name));
+        self.names.retain(|(name, _)| name == "mux" || used.contains(&**name));
+        self.names.shrink_to_fit();
     }
 
     /// What the name stands for.
@@ -71,10 +84,14 @@ impl Scope {
     /// When it stands for nothing.
     pub fn get(&self, name: &Name) -> Result<&Binding, Wrong> {
         if let Some(mut used) = self.used.as_ref().and_then(|used| used.lock().ok()) {
-            used.insert(name.0.clone());
+            if !used.contains(&name.0) {
+                used.insert(name.0.clone());
+            }
         }
-        self.names.get(&name.0).ok_or_else(|| {
-            let known: Vec<String> = self.names.keys().map(|name| format!("${name}")).collect();
+        let place = self.place(&name.0).ok();
+        place.map(|place| &self.names[place].1).ok_or_else(|| {
+            let known = self.names.iter().map(|(name, _)| format!("${name}"));
+            let known: Vec<String> = known.collect();
             let meant = did_you_mean(&name.to_string(), known.iter().map(String::as_str));
             match known.is_empty() {
                 true => format!("nothing is bound to {name}"),

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::sync::{Arc, LazyLock};
+use std::sync::Arc;
 
 use canopen::Bus;
 use canopen::eds::{Eds, Severity};
@@ -21,16 +21,12 @@ use crate::exit::{Exit, Refused};
 /// The data sheets of the reference devices of the same vendor and product, by the names by which
 /// suites ask for them.
 pub fn models(eds: &Eds) -> BTreeMap<&'static str, &'static Eds> {
-    // Each plan asks for them, and what is part of the program does not change.
-    static MODELS: LazyLock<Vec<(&str, Eds)>> = LazyLock::new(|| {
-        let model = |name| Some((name, devices::device(name)?.description.eds));
-        devices::names().filter_map(model).collect()
-    });
     let same = |model: &Eds| {
         let (ours, theirs) = (&model.device, &eds.device);
         (ours.vendor_number, ours.product_number) == (theirs.vendor_number, theirs.product_number)
     };
-    let models = MODELS.iter().map(|(name, model)| (*name, model));
+    let models = devices::all().map(|device| &device.description);
+    let models = models.map(|model| (model.device.as_str(), &model.eds));
     models.filter(|(_, model)| same(model)).collect()
 }
 
