@@ -1,6 +1,7 @@
 //! The commands, a file each.
 
 mod check;
+mod counted;
 mod eds;
 mod explain;
 mod list;
@@ -17,11 +18,6 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::cli::{Cli, Command};
 use crate::exit::{Exit, Refused};
-
-/// `1 case`, `2 cases`.
-fn counted(count: usize, noun: &str) -> String {
-    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
-}
 
 /// Carries out what the command line asks for.
 pub fn run(cli: Cli) -> Exit {

@@ -125,7 +125,8 @@ impl JsonSchema for Scalar {
     }
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         json_schema!({
-            "description": "A value of the type of the object; `$NODEID+0x180` depends on the node id.",
+            "description":
+                "A value of the type of the object; `$NODEID+0x180` depends on the node id.",
             "type": ["boolean", "number", "string"],
         })
     }

@@ -7,7 +7,7 @@ use canopen::catalogue::Catalogue;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::mutant::{self, Mutant};
 
-use super::counted;
+use super::counted::counted;
 use super::run::plan_all;
 use crate::cli::{CheckArgs, Selection};
 use crate::exit::{Exit, Refused};

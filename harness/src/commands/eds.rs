@@ -10,7 +10,7 @@ use std::sync::atomic::AtomicBool;
 
 use canopen::eds::{self, Severity};
 
-use super::counted;
+use super::counted::counted;
 use crate::cli::{EdsCommand, ProbeArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;

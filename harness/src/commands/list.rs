@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use reference_devices::{devices, mutant};
 
-use super::counted;
+use super::counted::counted;
 use super::run::{plan_all, plan_for};
 use super::select::select;
 use crate::cli::{ListArgs, Selection};

@@ -15,7 +15,7 @@ use reference_devices::mutant::Mutant;
 use reports::{Event, Verdict};
 
 use super::check::sound_mutants;
-use super::counted;
+use super::counted::counted;
 use super::run::plan_all;
 use crate::cli::{DEFAULT_BIT_RATE, QualifyArgs, Selection};
 use crate::exit::{Exit, Refused};
@@ -107,8 +107,8 @@ impl Matrix {
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "{}: {} mutants, {killed} killed, {canaries} canary; {} cases apply, {} of them killed a \
-             mutant of this device",
+            "{}: {} mutants, {killed} killed, {canaries} canary; {} cases apply, {} of them killed \
+             a mutant of this device",
             self.device,
             self.rows.len(),
             self.clean.len(),

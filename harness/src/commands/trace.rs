@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 use reference_devices::{devices, mutant};
 
-use super::counted;
+use super::counted::counted;
 use crate::cli::{TraceArgs, TraceFormat};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;

@@ -232,8 +232,8 @@ impl Checker<'_> {
         self.lacking.get_or_insert_with(|| format!("the bench does not offer `{name}`"));
     }
 
-    /// A code that CiA 301 does not have is a mistake, unless the suite is for one device, which may
-    /// have codes of its own.
+    /// A code that CiA 301 does not have is a mistake, unless the suite is for one device, which
+    /// may have codes of its own.
     fn abort_codes(&mut self, step: &At<Step>) {
         if self.suite.file.device.is_some() {
             return;
