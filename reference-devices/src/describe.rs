@@ -240,7 +240,8 @@ mod tests {
             ),
             ("\"1017\": {}\n  \"1017..1018\": {}", "18:3: 1017 is described twice"),
             (
-                "\"2000\": { object: var, name: N, type: unsigned8, access: ro, value: $NODEID+200 }",
+                "\"2000\": { object: var, name: N, type: unsigned8, access: ro, \
+                 value: $NODEID+200 }",
                 "17:71: $NODEID+200 is not a value of type unsigned8",
             ),
         ];

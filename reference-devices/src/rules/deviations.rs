@@ -62,7 +62,8 @@ macro_rules! decisions {
         $visibility:vis trait $trait:ident: $layer:path;
         $(
             $(#[$doc:meta])*
-            fn $name:ident(&$self:ident $(, $argument:ident: $type:ty)* $(,)?) -> $result:ty $body:block
+            fn $name:ident(&$self:ident $(, $argument:ident: $type:ty)* $(,)?) -> $result:ty
+                $body:block
         )*
     ) => {
         $(#[$about])*
