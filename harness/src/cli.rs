@@ -10,8 +10,8 @@ use crate::suite::Folders;
 
 /// Conformance tests for CANopen devices.
 ///
-/// Without a command, runs every suite that fits; without a target, against the reference devices
-/// in this program.
+/// Without a command, `run`: every suite that applies runs against the target, or without a target
+/// against the reference devices in this program.
 #[derive(Debug, Parser)]
 #[command(name = "harness", version, args_conflicts_with_subcommands = true)]
 #[command(after_help = EXIT_CODES)]
@@ -26,27 +26,27 @@ pub struct Cli {
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 green, 1 a case failed, 2 usage, 3 a file does not load, 4 nothing ran,
-6 bus or bench, 7 the device did not come back, 9 holes in qualification or trace,
-70 internal error, 130 interrupted. The highest that applies wins.";
+6 bus or bench, or a case is ERROR and none failed, 7 the device did not come back,
+9 holes in qualification or trace, 70 internal error, 130 interrupted. The highest applies.";
 
 /// The commands.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Run suites against a device under test
     Run(RunArgs),
-    /// Show what would run, and why the rest would not
+    /// List what would run and what would be skipped; `list suites`, `list mutants`
     List(ListArgs),
-    /// Load and lint suites, register and mutants; no bus
+    /// Check suites, register and mutants without a bus
     Check(CheckArgs),
-    /// Put a reference device on a real bus
+    /// Run a reference device on a CAN interface
     Serve(ServeArgs),
-    /// Show the nodes on a bus and which data sheet fits
+    /// List the nodes on a bus and the data sheets that match
     Scan(ScanArgs),
     /// Prove that every case can fail: the kill matrix of mutants and cases
     Qualify(QualifyArgs),
-    /// Show the requirement matrix; fails on holes
+    /// Print the requirement matrix; holes are an error
     Trace(TraceArgs),
-    /// Say what a case, requirement, mutant or code is about
+    /// Explain a case, requirement, mutant, object or error code
     Explain(ExplainArgs),
     /// Electronic data sheets
     #[command(subcommand)]
@@ -68,16 +68,16 @@ pub struct Selection {
     /// Node id of the device; a bus is scanned when absent
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
     pub node: Option<u8>,
-    /// Data sheet of the device; otherwise one in this program that fits its identity
+    /// Data sheet of the device; without it, one in this program that matches its identity
     #[arg(long, value_name = "FILE")]
     pub eds: Option<PathBuf>,
-    /// What reports call the device; of a reference device, its data sheet
+    /// Name of the device in reports and for the `device` key of suites
     #[arg(long, value_name = "NAME")]
     pub device: Option<String>,
     /// Which suites.
     #[command(flatten)]
     pub folders: Folders,
-    /// Bit rate of the bus in bit/s: that of the simulation; it says how exact a real bus can be
+    /// Bit rate of the bus in bit/s; on a real bus the tolerances of times depend on it
     #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub bitrate: u32,
@@ -85,7 +85,7 @@ pub struct Selection {
     /// of JSON
     #[arg(long, value_name = "RIG")]
     pub bench: Option<String>,
-    /// The device does not have this option of its profile, such as `suction`; may be repeated
+    /// Option of the profile that the device does not have, such as `suction`; may be repeated
     #[arg(long, value_name = "OPTION")]
     pub without: Vec<String>,
 }
@@ -119,22 +119,22 @@ pub struct RunArgs {
     /// The reports to write.
     #[command(flatten)]
     pub reports: ReportArgs,
-    /// Write the journal, from which every report can be made
+    /// Write the journal: all events, one JSON object per line
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
-    /// What counts as green
+    /// With `strict`, a LENIENT case counts as a failure
     #[arg(long, default_value = "lenient")]
     pub grade: GradeName,
-    /// Run the cases in a random order
+    /// Run the cases in random order
     #[arg(long)]
     pub shuffle: bool,
     /// Seed of the random order and of samples
     #[arg(long, value_name = "N")]
     pub seed: Option<u64>,
-    /// Ask for every index where a case asks for a sample of those that the data sheet lacks
+    /// Test every index that the data sheet does not have, instead of a sample
     #[arg(long)]
     pub every_index: bool,
-    /// Stop after so many failures
+    /// Stop after this number of failures
     #[arg(long, value_name = "N")]
     pub max_fail: Option<usize>,
     /// Simulated devices that are tested at the same time; as many as there are processors when
@@ -150,7 +150,7 @@ pub struct RunArgs {
     /// Colours
     #[arg(long, default_value = "auto")]
     pub color: When,
-    /// No progress bar
+    /// Show no progress bar
     #[arg(long)]
     pub no_progress: bool,
 }
@@ -220,10 +220,10 @@ pub struct ServeArgs {
     /// Its node id; the device's usual one when absent
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
     pub node: Option<u8>,
-    /// One named deviation
+    /// A mutant: the device with one deviation; `list mutants` names them
     #[arg(long, value_name = "NAME")]
     pub mutant: Option<String>,
-    /// Offer its physical side on this socket, for `run --bench unix:PATH`
+    /// Socket that offers the bench of the device, for `run --bench unix:PATH`
     #[arg(long, value_name = "PATH")]
     pub bench_socket: Option<PathBuf>,
 }
@@ -285,12 +285,12 @@ pub enum TraceFormat {
 /// Commands about data sheets.
 #[derive(Debug, Subcommand)]
 pub enum EdsCommand {
-    /// Lint a data sheet, with line numbers
+    /// Check a data sheet; findings have line numbers
     Check {
         /// The data sheet
         file: PathBuf,
     },
-    /// Compose a data sheet of what a device without one answers
+    /// Generate a data sheet from the answers of a device
     Probe(ProbeArgs),
     /// Generate `device.eds` and `device.md` of a reference device
     Write {
@@ -314,7 +314,7 @@ pub struct ProbeArgs {
     /// File to write, which must not exist; printed when absent
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
-    /// Bit rate of the bus in bit/s, which the data sheet then names
+    /// Bit rate of the bus in bit/s, for the data sheet
     #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub bitrate: u32,

@@ -57,7 +57,7 @@ pub(crate) fn run(args: &ScanArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refus
             found
                 .device
                 .as_deref()
-                .unwrap_or("none in this program: use --eds FILE, or one is composed"),
+                .unwrap_or("none in this program: use --eds FILE, or one is generated"),
         );
     }
     say(&text);

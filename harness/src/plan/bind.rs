@@ -129,7 +129,8 @@ fn bind_bus(scope: &mut Scope, dut: &Dut) {
 
 /// Why a case about the data sheet, or about what it lacks, says nothing where there is none.
 fn about_the_sheet(case: &Case) -> Option<String> {
-    let reason = "there is no data sheet: what stands for it was composed of the device's answers";
+    let reason =
+        "there is no data sheet; the one in use was generated from the answers of the device";
     case.all_steps().any(|step| step.value.judges_sheet()).then(|| reason.to_owned())
 }
 
@@ -145,10 +146,10 @@ fn lacks(requires: &Requires, dut: &Dut, suite: &Suite) -> Option<String> {
         capability.as_ref().is_some_and(|capability| capability.value == Capability::Lss)
     };
     if is_lss(&requires.supports) && !dut.eds.device.lss {
-        return Some("the data sheet says that there is no LSS".to_owned());
+        return Some("the data sheet declares no LSS".to_owned());
     }
     if is_lss(&requires.lacks) && dut.eds.device.lss {
-        return Some("the data sheet says that there is LSS".to_owned());
+        return Some("the data sheet declares LSS".to_owned());
     }
     if let Some(reason) = wrong_option(requires, dut, suite) {
         return Some(reason);
@@ -156,14 +157,14 @@ fn lacks(requires: &Requires, dut: &Dut, suite: &Suite) -> Option<String> {
     if let Some(At { value: ObjectRef::Fixed(mux), .. }) = requires.absent
         && dut.eds.entry(mux).is_some()
     {
-        return Some(format!("the data sheet has {mux}, the case is about a device without it"));
+        return Some(format!("the case applies to devices without {mux}"));
     }
     let ObjectRef::Fixed(mux) = requires.object.as_ref()?.value else { return None };
     match (dut.eds.entry(mux), requires.access) {
         (None, _) => Some(no_object(mux)),
         (Some(entry), Some(access)) if !has_access(entry, access) => {
             let (has, wants) = (entry.access.name(), kind::name(access));
-            Some(format!("object {mux} is {has}, the case is about {wants}"))
+            Some(format!("object {mux} is {has}, the case applies to {wants}"))
         }
         _ => None,
     }

@@ -53,7 +53,7 @@ pub(crate) fn matching_entries<'d>(
     let mut types = Vec::new();
     for name in &objects.types {
         let known = DataType::named(&name.value);
-        let wrong = || At::new(format!("`{}` is no data type", name.value), name.place);
+        let wrong = || At::new(format!("`{}` is not a data type", name.value), name.place);
         types.push(known.ok_or_else(wrong)?);
     }
     let except =

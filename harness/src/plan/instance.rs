@@ -58,7 +58,7 @@ impl Plan {
     pub fn said_left_out(&self) -> Option<String> {
         let each = self.left_out.iter().map(|(about, cases)| format!("{cases} cases ({about})"));
         let each = each.collect::<Vec<_>>().join(", ");
-        (!each.is_empty()).then(|| format!("left out, as they are for other profiles: {each}"))
+        (!each.is_empty()).then(|| format!("left out, for other profiles: {each}"))
     }
 }
 

@@ -25,9 +25,9 @@ pub(super) fn of_another_profile(suite: &Suite, dut: &Dut) -> Option<String> {
 fn of_another_number(about: u16, dut: &Dut) -> Option<String> {
     match dut.profile_number() {
         Some(profile) if profile == about => None,
-        Some(0) => Some(format!("the device follows no profile, the case is about CiA {about}")),
+        Some(0) => Some(format!("the device follows no profile, the case applies to CiA {about}")),
         Some(profile) => {
-            Some(format!("the device follows profile {profile}, the case is about CiA {about}"))
+            Some(format!("the device follows profile {profile}, the case applies to CiA {about}"))
         }
         None => Some(format!("the data sheet does not say whether it follows CiA {about}")),
     }
@@ -99,7 +99,7 @@ pub(super) fn wrong_option(requires: &Requires, dut: &Dut, suite: &Suite) -> Opt
         return Some(format!("the device is without {name}: {means}"));
     }
     let name = option(&requires.lacks).filter(|name| !dut.without.contains(name))?;
-    Some(format!("the case is about devices without {name}, as `--without {name}` says of one"))
+    Some(format!("the case applies to devices without {name}; `--without {name}` declares one"))
 }
 
 /// An instance for each of the blocks that the device has whole, among those asked for. The names

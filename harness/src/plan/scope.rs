@@ -111,7 +111,7 @@ impl Scope {
             ObjectRef::Fixed(mux) => Ok(*mux),
             ObjectRef::Named(name) => match self.get(name)? {
                 Binding::Mux(mux) => Ok(*mux),
-                _ => Err(format!("{name} is no object")),
+                _ => Err(format!("{name} is not an object")),
             },
         }
     }
@@ -126,7 +126,7 @@ impl Scope {
             Amount::Scaled(factor, name) => match self.get(name)? {
                 Binding::Time(time) => Ok(time.mul_f64(*factor)),
                 Binding::Literal(Literal::Time(amount)) => Ok(self.time(amount)?.mul_f64(*factor)),
-                _ => Err(format!("{name} is no time")),
+                _ => Err(format!("{name} is not a time")),
             },
         }
     }
@@ -189,8 +189,8 @@ impl Scope {
                 (Binding::Time(time), 0) => {
                     encode(&Value::Int(self.ticks(&Amount::Fixed(*time), entry)?))
                 }
-                (_, 0) => Err(format!("{name} is no value")),
-                (_, _) => Err(format!("{name} is no number, so nothing can be added to it")),
+                (_, 0) => Err(format!("{name} is not a value")),
+                (_, _) => Err(format!("{name} is not a number, so nothing can be added to it")),
             },
         }
     }
@@ -208,11 +208,11 @@ impl Scope {
                 Binding::Id(id) => Some(i128::from(*id) + offset),
                 _ => None,
             }
-            .ok_or_else(|| format!("{name} is no whole number")),
+            .ok_or_else(|| format!("{name} is not a whole number")),
             Literal::Sum(names, number) => names.iter().try_fold(*number, |sum, name| {
                 Ok(sum + self.int(&Literal::Named(name.clone(), 0))?)
             }),
-            other => Err(format!("`{other}` is no whole number")),
+            other => Err(format!("`{other}` is not a whole number")),
         }
     }
 
@@ -233,7 +233,7 @@ impl Scope {
                 }
                 (Binding::Value(value, _), 0) => Ok(value.clone()),
                 (Binding::Literal(literal), 0) => self.value(literal),
-                _ => Err(format!("{name} is no value for a bench")),
+                _ => Err(format!("{name} is not a value for a bench")),
             },
             Literal::Sum(..) => self.int(literal).map(Value::Int),
             Literal::Time(_) => Err(format!("`{literal}`: a bench knows no units")),
@@ -280,7 +280,10 @@ impl Scope {
             .ok_or_else(|| format!("{} has no unit of time: write a number", entry.mux))?;
         if time.as_nanos() % tick.as_nanos() != 0 {
             let (time, tick) = (show_time(time), show_time(tick));
-            return Err(format!("{} counts in {tick}, which {time} is no multiple of", entry.mux));
+            return Err(format!(
+                "{} counts in {tick}, of which {time} is not a multiple",
+                entry.mux
+            ));
         }
         Ok((time.as_nanos() / tick.as_nanos()) as i128)
     }

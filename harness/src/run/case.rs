@@ -127,7 +127,9 @@ impl CaseRun<'_, '_> {
         alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut result)?;
         run_phase(&mut steps, &case.finally, Phase::Finally, &mut result)?;
         if let Some(what) = result.declined.take() {
-            self.note(format!("the device refused {what}, as it may: nothing follows from that"));
+            self.note(format!(
+                "the device refused {what}, which is allowed; the remaining steps were skipped"
+            ));
         }
         let last = case.steps.last().map_or(case.id.place, |step| step.place);
         if alive && let Some(breach) = self.watch(watched_from) {

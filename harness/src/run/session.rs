@@ -80,8 +80,8 @@ impl Session<'_> {
         let sheet = &self.plan.dut.sheet;
         let composed = sheet.composed.then(|| {
             format!(
-                "{} was composed of what the device answered: objects of the manufacturer, limits \
-                 and the data sheet itself were not judged",
+                "{} was generated from the answers of the device: manufacturer's objects, limits \
+                 and the data sheet itself were not tested",
                 sheet.source.name
             )
         });

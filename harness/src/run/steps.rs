@@ -158,10 +158,13 @@ impl Steps<'_, '_> {
             .filter(|seen| !seen.own && seen.at > start && seen.frame.id == id);
         let (count, last) =
             others.fold((0, None), |(count, _), seen| (count + 1, Some(seen.frame)));
-        let nothing = format!("nothing of the kind within {}", show_time(within));
+        let nothing = format!("no matching frame within {}", show_time(within));
         let Some(last) = last else { return Difference::new(strict.to_string(), nothing) };
-        let frames = if count == 1 { "1 other frame" } else { "other frames" };
-        let actual = format!("{nothing}, but {frames} {id}, the last {}", canopen::meaning(&last));
+        let meaning = canopen::meaning(&last);
+        let actual = match count {
+            1 => format!("{nothing}; 1 other frame with identifier {id}: {meaning}"),
+            _ => format!("{nothing}; other frames with identifier {id}, the last: {meaning}"),
+        };
         Difference::new(strict.to_string(), actual).about(last)
     }
 

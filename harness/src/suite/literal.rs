@@ -143,7 +143,7 @@ impl FromStr for Name {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let wrong = || format!("`{text}` is no name: names are written `$period`");
+        let wrong = || format!("`{text}` is not a name: names are written `$period`");
         let name = text.strip_prefix('$').ok_or_else(wrong)?;
         let fits = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
         if name.is_empty() || !name.chars().all(fits) {
@@ -173,7 +173,7 @@ impl FromStr for Amount {
             "ms" => 1e6,
             "s" => 1e9,
             "min" => 60e9,
-            _ => return Err(format!("`{text}` is no time: write `500 us`, `20 ms`, `1 s`")),
+            _ => return Err(format!("`{text}` is not a time: write `500 us`, `20 ms`, `1 s`")),
         };
         let number = number.trim().parse::<f64>().ok().filter(|n| n.is_finite() && *n >= 0.0);
         let number = number.ok_or_else(|| format!("`{text}`: no number before the unit"))?;

@@ -43,7 +43,7 @@ pub(super) fn wrong_map(
             if let Some(line) = numbers.insert(&number.value, number.place.line) {
                 complain(
                     number.place,
-                    format!("number {} stands in line {line} already", number.value),
+                    format!("number {} is used twice: line {line} has it", number.value),
                 );
             }
             if entry.cases.is_empty() == entry.reason.is_none() {

@@ -67,10 +67,12 @@ pub(crate) fn only(mut found: Vec<Found>, name: &str, node: Option<u8>) -> Resul
 
 /// The sentence for a bus on which nobody, or not `node`, answers.
 pub(crate) fn nobody(interface: &str, node: Option<u8>) -> Refused {
-    let who = node
-        .map_or_else(|| "nobody answers".to_owned(), |node| format!("node {node} does not answer"));
+    let who = node.map_or_else(
+        || "no node answers".to_owned(),
+        |node| format!("node {node} does not answer"),
+    );
     Refused::bus(format!(
-        "{who} on {interface}. These two show what is there and put a device on it:\n  \
+        "{who} on {interface}. These commands show the frames on it and add a device:\n  \
          candump -e {interface},0:0,#FFFFFFFF\n  \
          harness serve drr460 --target {interface}"
     ))

@@ -78,7 +78,7 @@ fn describe(found: &Found, objects: Vec<eds::Object>, bit_rate: u32) -> Eds {
     });
     Eds {
         file: FileInfo {
-            name: "composed.eds".into(),
+            name: "generated.eds".into(),
             version: 1,
             revision: 0,
             eds_version: "4.0".into(),
@@ -112,7 +112,7 @@ fn describe(found: &Found, objects: Vec<eds::Object>, bit_rate: u32) -> Eds {
 }
 
 /// How reports call the sheet.
-const SHEET_NAME: &str = "composed.eds";
+const SHEET_NAME: &str = "generated.eds";
 /// A day is of no use here, and would make each sheet another one.
 const SOME_DAY: &str = "01-01-2000";
 const MIDNIGHT: &str = "12:00AM";
