@@ -1,5 +1,6 @@
 //! Running a plan against a device: the loop over cases, and what it tells of them.
 
+mod ask;
 mod bench;
 mod bench_snapshot;
 mod case;

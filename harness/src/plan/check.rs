@@ -20,7 +20,8 @@ use crate::suite::each::Objects;
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, Refusal};
 use crate::suite::model::Case;
 use crate::suite::step::{
-    FastscanStep, LssStep, Measure, Observe, Produce, Read, Remap, Step, Until, Write,
+    Ask, Bounds, FastscanStep, LssStep, Measure, Observe, Produce, Read, Remap, Reply, Step, Until,
+    Write,
 };
 
 /// Checks that what a case requires can exist at all.
@@ -37,19 +38,26 @@ pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Comp
             return Err(Complaint::at(&suite.source, *place, message));
         }
         for object in objects.into_iter().flatten() {
-            required_object(object, suite, dut)?;
+            required_object(object, requires.absent.is_some(), suite, dut)?;
         }
     }
     Ok(())
 }
 
-/// Checks that an object that must be there, or must not, can be.
-fn required_object(object: &At<ObjectRef>, suite: &Suite, dut: &Dut) -> Result<(), Complaint> {
+/// Checks that an object that must be there can be. One that must be absent may be one that no
+/// profile has, such as 1004h, which a later version of CiA 301 dropped.
+fn required_object(
+    object: &At<ObjectRef>,
+    absent: bool,
+    suite: &Suite,
+    dut: &Dut,
+) -> Result<(), Complaint> {
     let ObjectRef::Fixed(mux) = object.value else {
         let message = "what a case requires is an object such as \"1017:00\"";
         return Err(Complaint::at(&suite.source, object.place, message));
     };
-    let known = catalogue::lookup(&profiles_of(suite), mux.index).is_some()
+    let known = absent
+        || catalogue::lookup(&profiles_of(suite), mux.index).is_some()
         || dut.eds.object(mux.index).is_some();
     match known {
         true => Ok(()),
@@ -118,8 +126,10 @@ impl Checker<'_> {
             Step::Send(frame) => self.sendable(frame),
             Step::Reply(reply) => {
                 self.patterns(&reply.frame, &reply.lenient);
+                self.patterns(&reply.frame, &reply.or_else);
                 self.times(&reply.within);
             }
+            Step::Ask(ask) => self.ask(ask),
             Step::Expect(expect) => {
                 self.patterns(&expect.frame, &expect.lenient);
                 self.time(&expect.within);
@@ -130,7 +140,7 @@ impl Checker<'_> {
                 }
             }
             Step::Never(never) => {
-                self.patterns(&never.frame, &[]);
+                self.patterns(&never.frame, &never.lenient);
                 self.time(&never.time);
             }
             Step::Read(read) => self.read(read),
@@ -167,6 +177,22 @@ impl Checker<'_> {
             Step::Observe(observe) => self.observe(observe, step.place),
         }
         self.produce(step.value.during());
+    }
+
+    fn ask(&mut self, ask: &Ask) {
+        self.sendable(&ask.send);
+        self.patterns(&ask.reply, &ask.lenient);
+        self.patterns(&ask.reply, &ask.or_else);
+        self.times(&ask.within);
+        self.bounds(&ask.latency);
+    }
+
+    fn bounds(&mut self, bounds: &Option<Bounds>) {
+        let Some(bounds) = bounds else { return };
+        for tolerance in [Some(&bounds.strict), bounds.lenient.as_ref()].into_iter().flatten() {
+            let result = self.scope.bounds(&tolerance.value);
+            self.note(result.map(|_| ()), tolerance.place);
+        }
     }
 
     fn entries(&mut self, objects: &Objects) {
@@ -283,11 +309,8 @@ impl Checker<'_> {
             let message = "`measure` judges nothing: say `interval`, `mean`, `median` or `latency`";
             self.complain(place, message);
         }
-        for bounds in judged.into_iter().flatten().chain(&measure.latency) {
-            for tolerance in [Some(&bounds.strict), bounds.lenient.as_ref()].into_iter().flatten() {
-                let result = self.scope.bounds(&tolerance.value);
-                self.note(result.map(|_| ()), tolerance.place);
-            }
+        for bounds in judged.into_iter().chain([&measure.latency]) {
+            self.bounds(bounds);
         }
         self.times(&measure.within);
     }
@@ -356,10 +379,18 @@ impl Checker<'_> {
 
     /// Only steps can end early: what follows a setup rests on it.
     fn no_way_out(&mut self, step: &At<Step>) {
-        if let Step::Write(Write { or_refused, .. }) = &step.value
-            && let Some(code) = or_refused.first()
-        {
-            self.complain(code.place, "`or-refused` is for steps, not for what frames them");
+        let (word, place) = match &step.value {
+            Step::Write(Write { or_refused, .. }) => {
+                ("or-refused", or_refused.first().map(|code| code.place))
+            }
+            Step::Reply(Reply { or_else, or_silence, .. }) => {
+                ("or-else", way_out(or_else, *or_silence, step.place))
+            }
+            Step::Ask(ask) => ("or-else", way_out(&ask.or_else, ask.or_silence, step.place)),
+            _ => return,
+        };
+        if let Some(place) = place {
+            self.complain(place, format!("`{word}` is for steps, not for what frames them"));
         }
     }
 
@@ -514,3 +545,8 @@ fn in_profile(mux: Mux, profiles: &[&str]) -> bool {
 
 /// More than any object of a device is tried with.
 const MOST_FILL: i128 = 1 << 20;
+
+/// Where a step says that a device may decline.
+fn way_out(or_else: &[At<FrameText>], or_silence: bool, place: Place) -> Option<Place> {
+    or_else.first().map(|frame| frame.place).or(or_silence.then_some(place))
+}

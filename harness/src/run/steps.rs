@@ -34,7 +34,8 @@ pub(super) struct Steps<'s, 'b> {
     pub bench_snapshot: &'s mut BenchSnapshot,
 }
 
-const DEFAULT_REPLY: Duration = Duration::from_secs(1);
+/// How long an answer may take unless the step says otherwise.
+pub(super) const DEFAULT_REPLY: Duration = Duration::from_secs(1);
 const DEFAULT_SYNC_PERIOD: Duration = Duration::from_millis(10);
 /// How long a measurement waits for a frame that has no upper bound.
 const UNBOUNDED_PATIENCE: Duration = Duration::from_secs(10);
@@ -52,6 +53,7 @@ impl Steps<'_, '_> {
                 Ok(None)
             }
             Step::Reply(reply) => self.reply(reply),
+            Step::Ask(ask) => self.ask(ask),
             Step::Expect(expect) => self.expect(expect),
             Step::Never(never) => self.never(never),
             Step::Read(read) => self.read(read),
@@ -85,13 +87,38 @@ impl Steps<'_, '_> {
         let answer = self.link.find(until, |seen| !seen.own && seen.frame.id == id)?;
         let Some(answer) = answer else {
             let actual = format!("no frame {id} within {}", show_time(within));
-            return device(Difference::new(strict.to_string(), actual));
+            return match reply.or_silence {
+                true => Err(Trouble::Declined(format!("{strict}: {actual}"))),
+                false => device(Difference::new(strict.to_string(), actual)),
+            };
         };
+        self.may_decline(&strict, &reply.or_else, &answer)?;
         self.accept(&strict, &reply.lenient, &answer)
     }
 
+    /// Ends the steps when the answer is one that a device may give instead.
+    pub(super) fn may_decline(
+        &self,
+        strict: &Pattern,
+        or_else: &[At<FrameText>],
+        got: &Stamped,
+    ) -> Result<(), Trouble> {
+        for text in or_else {
+            if self.pattern(text)?.matches(&got.frame) {
+                let meaning = canopen::meaning(&got.frame);
+                return Err(Trouble::Declined(format!("{strict}: {meaning}")));
+            }
+        }
+        Ok(())
+    }
+
     /// Judges a frame against the strict pattern and the lenient ones.
-    fn accept(&mut self, strict: &Pattern, lenient: &[At<FrameText>], got: &Stamped) -> Judgement {
+    pub(super) fn accept(
+        &mut self,
+        strict: &Pattern,
+        lenient: &[At<FrameText>],
+        got: &Stamped,
+    ) -> Judgement {
         if strict.matches(&got.frame) {
             for (name, byte) in strict.captures(&got.frame) {
                 self.scope.bind(name, Binding::Literal(Literal::Int(byte.into())));
@@ -175,15 +202,25 @@ impl Steps<'_, '_> {
         self.stimulate(never.during.as_ref())?;
         let until = self.link.mark() + time;
         self.link_rewind(never.during.is_some(), start);
-        let got = self.link.find(until, |seen| !seen.own && pattern.matches(&seen.frame))?;
-        if let Some(got) = got {
+        let mut lenient = None;
+        while let Some(got) =
+            self.link.find(until, |seen| !seen.own && pattern.matches(&seen.frame))?
+        {
             let expected = format!("no {pattern} for {}", show_time(time));
             let meaning = canopen::meaning(&got.frame);
             let actual = format!("{meaning} after {}", show_time(got.at.since(start)));
-            return device(Difference::new(expected, actual).about(got.frame));
+            let difference = Difference::new(expected, actual).about(got.frame);
+            let mut accepted = false;
+            for text in &never.lenient {
+                accepted |= self.pattern(text)?.matches(&got.frame);
+            }
+            if !accepted {
+                return device(difference);
+            }
+            lenient.get_or_insert(difference);
         }
         self.link.skip_to(until);
-        Ok(None)
+        Ok(lenient)
     }
 
     fn nmt(&mut self, nmt: Nmt) -> Judgement {
@@ -325,7 +362,7 @@ impl Steps<'_, '_> {
         }
     }
 
-    fn frame(&self, text: &At<FrameText>) -> Result<Frame, Trouble> {
+    pub(super) fn frame(&self, text: &At<FrameText>) -> Result<Frame, Trouble> {
         let pattern = self.pattern(text)?;
         pattern
             .frame()

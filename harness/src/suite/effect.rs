@@ -40,6 +40,7 @@ impl Step {
                 [Written::Object(&remap.pdo)].into_iter().chain(mapped).collect()
             }
             Self::Send(frame) => vec![Written::Frame(frame)],
+            Self::Ask(ask) => vec![Written::Frame(&ask.send)],
             Self::Produce(produce) => vec![Written::Frame(&produce.frame)],
             Self::Expect(_) | Self::Never(_) | Self::Measure(_) | Self::Collect(_) => {
                 self.during().map(|produce| Written::Frame(&produce.frame)).into_iter().collect()
@@ -77,6 +78,7 @@ impl Step {
             Self::Remap(_)
             | Self::Send(_)
             | Self::Reply(_)
+            | Self::Ask(_)
             | Self::Expect(_)
             | Self::Never(_)
             | Self::Defaults(_)
@@ -103,6 +105,7 @@ impl Step {
             Self::Collect(collect) => collect.during.as_ref(),
             Self::Send(_)
             | Self::Reply(_)
+            | Self::Ask(_)
             | Self::Read(_)
             | Self::Write(_)
             | Self::Defaults(_)
@@ -128,6 +131,7 @@ impl Step {
             Self::Defaults(_)
             | Self::Send(_)
             | Self::Reply(_)
+            | Self::Ask(_)
             | Self::Expect(_)
             | Self::Never(_)
             | Self::Read(_)

@@ -21,6 +21,9 @@ pub enum Step {
     Send(At<FrameText>),
     /// Judges the next frame with that identifier: the answer of a confirmed service.
     Reply(Reply),
+    /// Sends a request and judges its answer, repeated if need be: one exchange after the other,
+    /// as a client of a confirmed service does.
+    Ask(Box<Ask>),
     /// Waits for a frame.
     Expect(Expect),
     /// Makes sure that a frame does not come.
@@ -145,9 +148,46 @@ pub struct Reply {
     /// Answers that are accepted, too; the reason is in the register.
     #[serde(default)]
     pub lenient: Vec<At<FrameText>>,
+    /// Answers that a device may give instead; the rest of the steps is then left out.
+    #[serde(default)]
+    pub or_else: Vec<At<FrameText>>,
+    /// The device may be silent as well; the rest of the steps is then left out.
+    #[serde(default)]
+    pub or_silence: bool,
     /// How long to wait; 1 s unless said otherwise.
     #[serde(default)]
     pub within: Option<At<Amount>>,
+}
+
+/// See [`Step::Ask`].
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Ask {
+    /// The request.
+    pub send: At<FrameText>,
+    /// The answer of a conformant device; the next frame with its identifier is judged.
+    pub reply: At<FrameText>,
+    /// Answers that are accepted, too; the reason is in the register.
+    #[serde(default)]
+    pub lenient: Vec<At<FrameText>>,
+    /// Answers that a device may give instead; the rest of the steps is then left out.
+    #[serde(default)]
+    pub or_else: Vec<At<FrameText>>,
+    /// The device may be silent as well; the rest of the steps is then left out.
+    #[serde(default)]
+    pub or_silence: bool,
+    /// How long to wait for each answer; 1 s unless said otherwise.
+    #[serde(default)]
+    pub within: Option<At<Amount>>,
+    /// How often to send the request until it is answered; once unless said otherwise.
+    #[serde(default)]
+    pub tries: Option<usize>,
+    /// How many exchanges, one after the other; one unless said otherwise.
+    #[serde(default)]
+    pub count: Option<usize>,
+    /// What the time from a request to its answer must be.
+    #[serde(default)]
+    pub latency: Option<Bounds>,
 }
 
 /// See [`Step::Expect`].
@@ -181,6 +221,9 @@ pub struct Expect {
 pub struct Never {
     /// The frame.
     pub frame: At<FrameText>,
+    /// Frames that are accepted nevertheless; the reason is in the register.
+    #[serde(default)]
+    pub lenient: Vec<At<FrameText>>,
     /// How long to watch.
     #[serde(rename = "for")]
     pub time: At<Amount>,
