@@ -105,6 +105,15 @@ fn the_rig_in_the_manual_is_the_one_that_is_tested() {
     assert!(manual.contains(&format!("```sh\n{rig}```\n")), "suites/README.md shows another rig");
 }
 
+#[test]
+fn the_failure_in_the_readme_is_the_one_that_is_printed() {
+    let target = "sim:drr460?mutant=stop-ignored";
+    let output = harness().args(["cia301/nmt/stop", "--target", target]).output().unwrap();
+    let block = text(&output.stdout).split("\n\n").next().unwrap();
+    let readme = fs::read_to_string(project().join("README.md")).unwrap();
+    assert!(readme.contains(block), "README.md shows another failure than\n{block}");
+}
+
 /// The texts of this run stand in `cli/run/dies-in-the-middle`.
 #[test]
 fn a_device_that_dies_in_the_middle_still_gives_reports() {

@@ -94,23 +94,23 @@ fn is_of_what_it_lacks(device: &DeviceStarted, reason: &str) -> bool {
     let everything = described.variant_of.is_none();
     let option = |start: &str| {
         let rest = reason.strip_prefix(start);
-        rest.and_then(|rest| rest.split([':', ',']).next()).map(str::to_owned)
+        rest.and_then(|rest| rest.split([':', ';']).next()).map(str::to_owned)
     };
-    if let Some(name) = option("the case is about devices without ") {
+    if let Some(object) = reason.strip_prefix("the case applies to devices without ")
+        && object.parse::<Mux>().is_ok()
+    {
+        return true;
+    }
+    if let Some(name) = option("the case applies to devices without ") {
         return !described.without.contains(&name);
     }
     if let Some(name) = option("the device is without ") {
         return described.without.contains(&name);
     }
-    if reason.ends_with(", the case is about a device without it") {
-        return true;
-    }
-    if reason == "the device has nothing of the kind this case is about" {
-        return !everything;
-    }
-    let object = reason.strip_prefix("the data sheet has no object ");
-    object.is_some_and(|mux| {
-        let mux: Mux = mux.parse().unwrap();
+    let Some(absent) = reason.strip_prefix("the data sheet has no ") else { return false };
+    let mux = absent.strip_prefix("object ").and_then(|mux| mux.parse::<Mux>().ok());
+    // Otherwise a kind of objects or PDOs.
+    mux.map_or(!everything, |mux| {
         let facts = catalogue::lookup(&["em66", "cia404", "cia301"], mux.index).unwrap();
         !everything && facts.category != Some(Category::Mandatory)
     })
@@ -129,7 +129,7 @@ fn what_a_device_answers_stands_in_for_its_data_sheet() {
         command.args(["--target", &target, "--journal"]).arg(&journal).arg("--eds").arg(&sheet);
         let output = command.output().unwrap();
         let said = String::from_utf8_lossy(&output.stdout);
-        assert!(said.contains("my.eds was composed of what the device answered"), "{said}");
+        assert!(said.contains("my.eds was generated from the answers of the device"), "{said}");
 
         let (run, known) = (record::read(&journal), record::verdicts(record_of_everything()));
         let mut ran = 0;

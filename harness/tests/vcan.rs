@@ -90,8 +90,11 @@ fn a_device_of_an_unknown_vendor_is_judged_by_its_profile() {
         harness().args(["--target", "vcan0"]).args(cases).args(files.options()).output().unwrap();
     let (said, noted) = (text(&output.stdout), text(&output.stderr));
     assert_eq!(output.status.code(), Some(0), "{said}{noted}");
-    assert!(noted.starts_with("note: there is no data sheet of node 66, EUROMAP 66"), "{noted}");
-    assert!(said.contains("composed.eds was composed of what the device answered"), "{said}");
+    assert!(
+        noted.starts_with("note: this program has no data sheet of node 66, EUROMAP 66"),
+        "{noted}"
+    );
+    assert!(said.contains("generated.eds was generated from the answers of the device"), "{said}");
     let run = files.run();
     let passed = |suite: &str| {
         let passed = |case: &CaseRun| case.verdict() == Verdict::Pass;
