@@ -221,8 +221,14 @@ pub struct ServeArgs {
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
     pub node: Option<u8>,
     /// A mutant: the device with one deviation; `list mutants` names them
-    #[arg(long, value_name = "NAME")]
+    #[arg(long, value_name = "NAME", group = "deviation")]
     pub mutant: Option<String>,
+    /// Freedoms of the documents that the device uses, separated by commas
+    #[arg(long, value_name = "NAMES", group = "deviation")]
+    pub freedom: Option<String>,
+    /// A personality: a kind of device that uses many freedoms at once
+    #[arg(long, value_name = "NAME", group = "deviation")]
+    pub personality: Option<String>,
     /// Socket that offers the bench of the device, for `run --bench unix:PATH`
     #[arg(long, value_name = "PATH")]
     pub bench_socket: Option<PathBuf>,
@@ -244,9 +250,15 @@ pub struct QualifyArgs {
     /// Which suites.
     #[command(flatten)]
     pub folders: Folders,
-    /// Show which cases kill each mutant
+    /// Show which cases kill each mutant, and how many instances each freedom changes
     #[arg(short, long)]
     pub verbose: bool,
+    /// How many random mixtures of freedoms are tried on each device
+    #[arg(long, value_name = "N", default_value_t = 1000)]
+    pub mixtures: usize,
+    /// What the mixtures are drawn by
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
 }
 
 /// Arguments of `explain`.
@@ -341,6 +353,10 @@ pub enum SchemaName {
     Variant,
     /// Files `mutants.yaml`, which hold the mutants of a device
     Mutants,
+    /// Files `freedoms.yaml`, which hold the freedoms of a device
+    Freedoms,
+    /// The file of the personalities
+    Personalities,
     /// Files of the catalogue of profiles
     Catalogue,
 }

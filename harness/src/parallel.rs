@@ -40,6 +40,17 @@ pub fn map<T: Send, R: Send>(
     results.into_iter().map(|(_, result)| result).collect()
 }
 
+/// Applies `work` to every item on every processor; the results are in the order of the items.
+///
+/// # Errors
+/// The first one in that order.
+pub fn try_map<T: Sync, R: Send, E: Send>(
+    items: &[T],
+    work: impl Fn(&T) -> Result<R, E> + Sync,
+) -> Result<Vec<R>, E> {
+    map(items.iter().collect(), processors(), work).into_iter().collect()
+}
+
 /// Passes on the events of sessions that run side by side as if they ran one after the other.
 ///
 /// The session whose turn it is passes its events on as they happen. Those of the sessions after

@@ -15,5 +15,5 @@ mod test_map;
 pub use folders::Folders;
 pub use library::Library;
 pub(crate) use loaded::Suite;
-pub(crate) use register::{Register, RegisterFile, Requirement};
+pub(crate) use register::{Level, Register, RegisterFile, Requirement};
 pub(crate) use test_map::CHECKS;

@@ -24,7 +24,7 @@ pub(crate) use can::{nobody, only};
 pub(crate) use compose::compose;
 pub use connection::Target;
 pub(crate) use connection::{Connection, open_interface};
-pub(crate) use reference::{holds_device, mutant_of, reference_device, with_variants};
+pub(crate) use reference::{Named, holds_device, reference_device, with_variants};
 pub(crate) use scan::{Found, scan};
 pub(crate) use sheet::dut_of_file;
 pub use sheet::models;
@@ -49,8 +49,8 @@ pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Targ
                 false => Ok(targets),
             }),
         Some(text) => match text.parse()? {
-            Address::Simulation { device, mutant } => {
-                Ok(vec![sim::target(selection, &device, mutant.as_deref())?])
+            Address::Simulation { device, deviation } => {
+                Ok(vec![sim::target(selection, &device, deviation.as_ref())?])
             }
             Address::Interface(interface) => Ok(vec![can::target(selection, &interface, stop)?]),
         },

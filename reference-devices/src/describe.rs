@@ -180,7 +180,8 @@ impl Description {
         generated_by(&self.device)
     }
 
-    fn count_pdos(&mut self) {
+    /// Counts the PDOs for the head of the data sheet.
+    pub(crate) fn count_pdos(&mut self) {
         let count = |first: u16, last: u16| {
             let within = |object: &&eds::Object| (first..=last).contains(&object.index);
             self.eds.objects.iter().filter(within).count() as u16

@@ -36,6 +36,8 @@ pub struct DeviceFiles {
     pub variants: Vec<(String, Arc<Source>)>,
     /// `mutants.yaml`, where there is one.
     pub mutants: Option<Arc<Source>>,
+    /// `freedoms.yaml`, where there is one.
+    pub freedoms: Option<Arc<Source>>,
 }
 
 /// The reference devices, each followed by its variants.
@@ -176,6 +178,7 @@ struct Files {
     device: &'static str,
     variants: &'static [(&'static str, &'static str)],
     mutants: &'static str,
+    freedoms: &'static str,
 }
 
 impl Files {
@@ -191,6 +194,7 @@ impl Files {
             device: source("device.yaml", self.device),
             variants: self.variants.iter().map(variant).collect(),
             mutants: Some(source("mutants.yaml", self.mutants)),
+            freedoms: Some(source("freedoms.yaml", self.freedoms)),
         }
     }
 }
@@ -211,6 +215,7 @@ const FILES: &[Files] = &[
         device: include_str!("../drr460/device.yaml"),
         variants: &[],
         mutants: include_str!("../drr460/mutants.yaml"),
+        freedoms: include_str!("../drr460/freedoms.yaml"),
     },
     Files {
         folder: "em66",
@@ -223,12 +228,14 @@ const FILES: &[Files] = &[
             ("minimum", include_str!("../em66/variants/minimum.yaml")),
         ],
         mutants: include_str!("../em66/mutants.yaml"),
+        freedoms: include_str!("../em66/freedoms.yaml"),
     },
     Files {
         folder: "generic",
         device: include_str!("../generic/device.yaml"),
         variants: &[],
         mutants: include_str!("../generic/mutants.yaml"),
+        freedoms: include_str!("../generic/freedoms.yaml"),
     },
 ];
 

@@ -118,6 +118,9 @@ pub struct Check {
     pub document: String,
     /// The clause of the document.
     pub clause: String,
+    /// How binding it is: `must`, `should` or `may`.
+    #[serde(default)]
+    pub level: String,
     /// What the document demands there.
     pub says: String,
 }

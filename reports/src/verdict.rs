@@ -93,6 +93,27 @@ impl Outcome {
         Self::Error { reason: format!("{NOT_RUN}{why}"), problem: None }
     }
 
+    /// The same for a case that checks no requirement which is a must: such a case does not fail.
+    #[must_use]
+    pub fn capped(self) -> Self {
+        match self {
+            Self::Fail(mut problem) => {
+                problem.capped = true;
+                Self::Lenient(problem)
+            }
+            other => other,
+        }
+    }
+
+    /// Whether the device did not do what the case says, whatever became of that by its level.
+    pub const fn holds_against_device(&self) -> bool {
+        match self {
+            Self::Fail(_) => true,
+            Self::Lenient(problem) => problem.capped,
+            Self::Pass | Self::Skip(_) | Self::Error { .. } => false,
+        }
+    }
+
     /// Whether the case was not run at all.
     pub fn is_not_run(&self) -> bool {
         matches!(self, Self::Error { reason, .. } if reason.starts_with(NOT_RUN))
@@ -133,6 +154,9 @@ pub struct Problem {
     pub sheet: Option<Excerpt>,
     /// What else helps: interpretations of the register, later problems of the same case.
     pub notes: Vec<String>,
+    /// Whether the case failed and is LENIENT because no requirement that it checks is a must.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub capped: bool,
 }
 
 /// The parts of a case, in the order in which they run.

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use canopen::catalogue::Catalogue;
 use reference_devices::devices::{self, ReferenceDevice};
+use reference_devices::freedom::{self, Freedom};
 use reference_devices::mutant::{self, Mutant};
 
 use super::counted::counted;
@@ -91,17 +92,48 @@ pub(super) fn sound_mutants(
     mutants.retain(|mutant| !mutant.shared || proves_shared);
     let mut complaints = Vec::new();
     for mutant in &mutants {
-        complaints.extend(mutant::build(device, 1, mutant).err());
-        complaints.extend(mutant.data_sheet(device).err());
+        complaints.extend(mutant.deviation().build(device, 1).err());
+        complaints.extend(mutant.deviation().data_sheet(device).err());
         for (number, id) in mutant.breaks.iter().enumerate() {
             if register.find(id).is_none() && !register.lacks_document_of(id) {
                 let meant = did_you_mean(id, register.iter().map(|(id, _)| id));
                 let message = format!("the register has no requirement {id}{meant}");
-                complaints.push(mutant.complain(&["breaks", &number.to_string()], 0, message));
+                complaints.push(mutant.complain(&["breaks", &number.to_string()], message));
             }
         }
     }
     if complaints.is_empty() { Ok(mutants) } else { Err(complaints) }
+}
+
+/// The freedoms that are tried on a device, each of which it can use.
+///
+/// # Errors
+/// Everything that is wrong with the files of freedoms: also what the register does not have,
+/// unless its document is not loaded.
+pub(super) fn sound_freedoms(
+    device: &ReferenceDevice,
+    register: &Register,
+) -> Result<Vec<Freedom>, Vec<Complaint>> {
+    let freedoms = freedom::of(device)?;
+    let mut complaints = Vec::new();
+    for freedom in &freedoms {
+        complaints.extend(freedom.deviation().build(device, 1).err());
+        complaints.extend(freedom.deviation().data_sheet(device).err());
+        if freedom.allowed_by.is_empty() {
+            let message = "no requirement or interpretation allows this freedom";
+            complaints.push(freedom.complain(&["allowed-by"], message));
+        }
+        for (number, id) in freedom.allowed_by.iter().enumerate() {
+            let known = register.find(id).is_some() || register.decision(id).is_some();
+            if !known && !register.lacks_document_of(id) {
+                let ids = register.iter().map(|(id, _)| id).chain(register.decision_ids());
+                let meant = did_you_mean(id, ids);
+                let message = format!("the register has no {id}{meant}");
+                complaints.push(freedom.complain(&["allowed-by", &number.to_string()], message));
+            }
+        }
+    }
+    if complaints.is_empty() { Ok(freedoms) } else { Err(complaints) }
 }
 
 /// The YAML files of a folder.

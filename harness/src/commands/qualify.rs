@@ -1,32 +1,24 @@
-//! `harness qualify`: the proof that every case can fail. Every mutant meets the cases of the
-//! requirements it breaks, in virtual time; what each of them makes of it is the kill matrix.
-//!
-//! Mutants that any device can be are proved on the device with everything, and so are the suites
-//! for any device; a device's own mutants and suites are proved on that device and its variants.
+//! `harness qualify`: the two proofs of the suites, in virtual time. Every case can fail: the kill
+//! matrix of mutants. No case is unjust: nothing is red on a device that uses the freedoms which the
+//! documents leave, one at a time, as a personality or mixed at random.
 
-use std::borrow::Cow;
-use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::Write;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+mod freedoms;
+mod matrix;
+mod trial;
 
 use reference_devices::devices;
-use reference_devices::mutant::Mutant;
-use reports::{Event, Verdict};
 
-use super::check::sound_mutants;
 use super::counted::counted;
-use super::run::plan_all;
-use crate::cli::{DEFAULT_BIT_RATE, QualifyArgs, Selection};
+use crate::cli::QualifyArgs;
 use crate::exit::{Exit, Refused};
-use crate::parallel::{self, processors};
-use crate::plan::{Instance, Plan};
 use crate::reporter::say;
-use crate::run::{Ending, Policy, Session};
-use crate::suite::{Library, Suite};
-use crate::target::{self, Connection, Target, reference_device};
+use crate::suite::Library;
+use crate::target;
 
-/// Runs the qualification and prints the matrix.
+use freedoms::Freedoms;
+use matrix::Matrix;
+
+/// Runs the qualification and prints the matrix and what the freedoms showed.
 ///
 /// # Errors
 /// When a file does not load or the device is unknown.
@@ -36,14 +28,17 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
         Some(name) => target::with_variants(name)?,
         None => devices::names().map(str::to_owned).collect(),
     };
-    let mut matrices = Vec::new();
+    let (mut matrices, mut freedoms) = (Vec::new(), Vec::new());
     for name in &names {
         matrices.push(Matrix::of(&library, name)?);
+        freedoms.push(Freedoms::of(&library, name, args)?);
     }
-    let holes: Vec<String> = holes(&library, &matrices);
+    let mut holes = matrix::holes(&library, &matrices);
+    holes.extend(freedoms.iter().flat_map(Freedoms::holes));
     let mut text = String::new();
-    for matrix in &matrices {
+    for (matrix, freedoms) in matrices.iter().zip(&freedoms) {
         matrix.show(&mut text, args.verbose);
+        freedoms.show(&mut text, args.verbose);
     }
     say(&text);
     if holes.is_empty() {
@@ -52,220 +47,4 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     holes.iter().for_each(|hole| eprintln!("hole: {hole}"));
     eprintln!("{}", counted(holes.len(), "hole"));
     Ok(Exit::Holes)
-}
-
-/// What each case makes of each mutant of one device.
-struct Matrix {
-    device: String,
-    /// Whether it is a variant of another one.
-    is_variant: bool,
-    /// What the clean device gets, by case.
-    clean: BTreeMap<String, BTreeSet<Verdict>>,
-    rows: Vec<Row>,
-}
-
-/// What happens to one mutant.
-struct Row {
-    mutant: Mutant,
-    /// The cases that fail.
-    kills: BTreeSet<String>,
-    /// The requirements that the mutant breaks and such a case checks.
-    proved: BTreeSet<String>,
-    ending: Ending,
-}
-
-type Verdicts = BTreeMap<String, BTreeSet<Verdict>>;
-
-impl Matrix {
-    fn of(library: &Library, name: &str) -> Result<Self, Refused> {
-        let device = reference_device(name)?;
-        let mut mutants = sound_mutants(&device, &library.register)?;
-        mutants.retain(|mutant| {
-            let applies = |id: &String| !library.register.lacks_document_of(id);
-            mutant.canary || mutant.breaks.iter().any(applies)
-        });
-        let targets = target::resolve(
-            &Selection::of_target(Some(&format!("sim:{name}"))),
-            &Arc::new(AtomicBool::new(false)),
-        )?;
-        let mut plan = plan_all(library, &targets)?.remove(0);
-        plan.leave_out_foreign();
-        let target = &targets[0];
-        let (clean, _) = verdicts(library, &plan, target)?;
-        let rows = parallel::map(mutants.iter().collect(), processors(), |mutant| {
-            row(library, &plan, target, name, mutant)
-        });
-        let rows = rows.into_iter().collect::<Result<_, _>>()?;
-        let is_variant = device.description.variant_of.is_some();
-        Ok(Self { device: device.description.device.clone(), is_variant, clean, rows })
-    }
-
-    fn show(&self, text: &mut String, verbose: bool) {
-        let killed = self.rows.iter().filter(|row| !row.kills.is_empty()).count();
-        let canaries = self.rows.iter().filter(|row| row.mutant.canary).count();
-        let proved: BTreeSet<&String> = self.rows.iter().flat_map(|row| &row.kills).collect();
-        // Writing to a string cannot fail.
-        _ = writeln!(
-            text,
-            "{}: {} mutants, {killed} killed, {canaries} canary; {} cases apply, {} of them killed \
-             a mutant of this device",
-            self.device,
-            self.rows.len(),
-            self.clean.len(),
-            proved.len(),
-        );
-        for row in self.rows.iter().filter(|_| verbose) {
-            let mark = match (row.mutant.canary, row.kills.is_empty()) {
-                (true, true) => "survived, as a canary must".to_owned(),
-                (true, false) => "a canary that was KILLED".to_owned(),
-                (false, true) => format!("SURVIVED ({})", row.mutant.breaks.join(" ")),
-                (false, false) => format!("killed ({})", row.mutant.breaks.join(" ")),
-            };
-            _ = writeln!(text, "  {}: {mark}", row.mutant.name);
-            for case in &row.kills {
-                _ = writeln!(text, "    {case}");
-            }
-        }
-    }
-}
-
-fn row(
-    library: &Library,
-    plan: &Plan,
-    clean: &Target,
-    name: &str,
-    mutant: &Mutant,
-) -> Result<Row, Refused> {
-    let Connection::Simulation { device, .. } = &clean.connection else {
-        return Err(Refused::usage("only a simulated device can be qualified"));
-    };
-    let (target, whole) = match mutant.is_of_data_sheet() {
-        // Another sheet is another plan.
-        true => {
-            let name = format!("sim:{name}?mutant={}", mutant.name);
-            let mut targets = target::resolve(&Selection::of_target(Some(&name)), &Arc::default())?;
-            let plan = plan_all(library, &targets)?.remove(0);
-            (targets.remove(0), Cow::Owned(plan))
-        }
-        false => {
-            let (device, mutant) = (Arc::clone(device), Some(Box::new(mutant.clone())));
-            let connection = Connection::Simulation { device, mutant, bit_rate: DEFAULT_BIT_RATE };
-            let dut = clean.dut.clone();
-            (Target { dut, connection, rig: None, options: String::new() }, Cow::Borrowed(plan))
-        }
-    };
-    let meets = |instance: &&Instance| mutant.canary || broken(mutant, instance).next().is_some();
-    let instances = whole.instances.iter().filter(meets).cloned().collect();
-    let plan = Plan { dut: whole.dut.clone(), instances, left_out: BTreeMap::new() };
-    let (verdicts, ending) = verdicts(library, &plan, &target)?;
-    let kills: BTreeSet<String> = verdicts
-        .into_iter()
-        .filter(|(_, verdicts)| verdicts.contains(&Verdict::Fail))
-        .map(|(case, _)| case)
-        .collect();
-    let killing = plan.instances.iter().filter(|instance| kills.contains(&case_name(instance)));
-    let proved = killing.flat_map(|instance| broken(mutant, instance)).cloned().collect();
-    Ok(Row { mutant: mutant.clone(), kills, proved, ending })
-}
-
-/// The requirements that the mutant breaks and the case checks.
-fn broken<'m>(mutant: &'m Mutant, instance: &Instance) -> impl Iterator<Item = &'m String> {
-    let checks: BTreeSet<&String> = instance.case().checks.iter().map(|id| &id.value).collect();
-    mutant.breaks.iter().filter(move |id| checks.contains(id))
-}
-
-/// The verdicts by case, over all its instances.
-fn verdicts(
-    library: &Library,
-    plan: &Plan,
-    target: &Target,
-) -> Result<(Verdicts, Ending), Refused> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let mut bus = target.open(&stop)?;
-    let session = Session {
-        plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
-        rerun: String::new(),
-        max_fail: None,
-        stop: &stop,
-    };
-    let (mut verdicts, mut current) = (Verdicts::new(), String::new());
-    let ending = session.run(&mut *bus, &mut |event| match event {
-        Event::CaseStarted(case) => current = format!("{}/{}", case.suite, case.case),
-        Event::CaseEnded(end) => {
-            verdicts.entry(current.clone()).or_default().insert(end.outcome.verdict());
-        }
-        _ => {}
-    });
-    Ok((verdicts, ending))
-}
-
-fn case_name(instance: &Instance) -> String {
-    format!("{}/{}", instance.suite.name(), instance.case().id.value)
-}
-
-fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
-    let mut holes = Vec::new();
-    let (mut ran, mut proved) = (BTreeSet::new(), BTreeSet::new());
-    for matrix in matrices {
-        let device = &matrix.device;
-        for (case, verdicts) in &matrix.clean {
-            for verdict in verdicts.iter().filter(|verdict| **verdict >= Verdict::Fail) {
-                holes
-                    .push(format!("{device}: {case} is {verdict} on the device without deviation"));
-            }
-            if verdicts.iter().any(|verdict| *verdict != Verdict::Skip) {
-                ran.insert(case.clone());
-            }
-        }
-        for row in &matrix.rows {
-            let name = &row.mutant.name;
-            proved.extend(row.kills.iter().cloned());
-            match (row.mutant.canary, row.kills.is_empty()) {
-                (true, false) => holes.push(format!(
-                    "{device}: the canary {name} was killed, so a case fails without a cause"
-                )),
-                (false, true) => holes.push(format!(
-                    "{device}: mutant {name} survived the cases of what it breaks ({:?})",
-                    row.ending
-                )),
-                _ => {}
-            }
-        }
-        if !matrix.is_variant && !matrix.rows.iter().any(|row| row.mutant.canary) {
-            holes.push(format!("{device}: there is no canary"));
-        }
-    }
-    let requirements: BTreeSet<&String> =
-        matrices.iter().flat_map(|matrix| &matrix.rows).flat_map(|row| &row.proved).collect();
-    let broken = matrices.iter().flat_map(|matrix| &matrix.rows).flat_map(|row| &row.mutant.breaks);
-    for id in broken.collect::<BTreeSet<_>>() {
-        if !requirements.contains(id) && !library.register.lacks_document_of(id) {
-            holes
-                .push(format!("{id}: no mutant that breaks it is killed by a case that checks it"));
-        }
-    }
-    let proving: BTreeSet<&str> = matrices.iter().map(|matrix| matrix.device.as_str()).collect();
-    for suite in &library.suites {
-        let device = home(suite);
-        for case in suite.file.cases.iter().filter(|_| proving.contains(device)) {
-            let name = format!("{}/{}", suite.name(), case.value.id.value);
-            if !ran.contains(&name) {
-                holes.push(format!("case {name} is skipped on {device}"));
-            } else if !proved.contains(&name) {
-                holes.push(format!("case {name} kills no mutant of a requirement it checks"));
-            }
-        }
-    }
-    holes
-}
-
-/// The device on which the cases of a suite are proved, with its variants: the one it is for, the
-/// one that bears the name of its profile, else the one with everything.
-fn home(suite: &Suite) -> &str {
-    let device = suite.file.device.as_ref().map(|device| device.value.as_str());
-    let profile = suite.file.profile.as_ref().and_then(|about| about.value.named());
-    let of_profile = profile.and_then(|profile| devices::with_variants(&profile.name).next());
-    device.or(of_profile).unwrap_or(devices::WITH_EVERYTHING)
 }

@@ -10,14 +10,13 @@ use std::thread;
 use std::time::Duration;
 
 use canopen::{Bench, BenchError, BusError, Device, Instant, Outbox, Value, serve};
-use reference_devices::mutant;
 use reference_devices::rules::Specification;
 
 use crate::bus::Interface;
 use crate::cli::ServeArgs;
 use crate::exit::{Exit, Refused};
 use crate::rig;
-use crate::target::{mutant_of, open_interface, reference_device};
+use crate::target::{Named, open_interface, reference_device};
 
 /// How long a request of a bench may wait.
 const SLICE: Duration = Duration::from_millis(1);
@@ -29,19 +28,20 @@ const SLICE: Duration = Duration::from_millis(1);
 pub(super) fn run(args: &ServeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
     let device = reference_device(&args.device)?;
     let node = args.node.unwrap_or_else(|| device.description.default_node);
-    let mut served: Box<dyn Device> = match &args.mutant {
+    let named = args.mutant.clone().map(Named::Mutant);
+    let named = named.or_else(|| args.freedom.clone().map(Named::Freedom));
+    let named = named.or_else(|| args.personality.clone().map(Named::Personality));
+    let deviation = named.map(|named| named.find(&device)).transpose()?;
+    let mut served: Box<dyn Device> = match &deviation {
         None => Box::new(device.node(node, Box::new(Specification))),
-        Some(name) => {
-            let mutant = mutant_of(&device, name)?;
-            mutant::build(&device, node, &mutant)?
-        }
+        Some(deviation) => deviation.build(&device, node)?,
     };
     let interface: Interface = args.target.parse().map_err(|_| {
         Refused::usage(format!("no interface is called `{}`: write `vcan0` or `can0`", args.target))
     })?;
     let mut bus = open_interface(&interface, stop)?;
     let socket = args.bench_socket.as_deref().map(Socket::open).transpose()?;
-    let deviation = args.mutant.as_ref().map(|name| format!(" with {name}")).unwrap_or_default();
+    let deviation = deviation.map(|with| format!(" with {}", with.query)).unwrap_or_default();
     eprintln!("{}{deviation} is node {node} on {}; Ctrl-C ends it", args.device, args.target);
     loop {
         let end = socket.as_ref().map_or(Instant::NEVER, |_| bus.now() + SLICE);

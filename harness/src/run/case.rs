@@ -307,6 +307,7 @@ impl CaseOutcome<'_> {
             raw,
             sheet: sheet.map(|sheet| *sheet),
             notes,
+            capped: false,
         })
     }
 }

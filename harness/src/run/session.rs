@@ -12,8 +12,9 @@ use super::sdo;
 use super::settle::{self, Left};
 use crate::dut::Dut;
 use crate::plan::{Instance, Plan};
-use crate::suite::Register;
+use crate::source::At;
 use crate::suite::profile::Capability;
+use crate::suite::{Level, Register};
 
 /// How a session ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -116,8 +117,12 @@ impl Session<'_> {
                 continue;
             }
             let finished = case::run(link, &self.policy, &self.plan.dut, instance, left);
-            failed += usize::from(matches!(finished.outcome, Outcome::Fail(_)));
-            link.emit(ended(link, finished.outcome));
+            let outcome = match self.is_binding(instance) {
+                true => finished.outcome,
+                false => finished.outcome.capped(),
+            };
+            failed += usize::from(matches!(outcome, Outcome::Fail(_)));
+            link.emit(ended(link, outcome));
             let rest = &self.plan.instances[place + 1..];
             match finished.aftermath {
                 Aftermath::Left(how) => left = how,
@@ -142,6 +147,15 @@ impl Session<'_> {
         }
     }
 
+    /// Whether a case checks a requirement that a conformant device must keep.
+    fn is_binding(&self, instance: &Instance) -> bool {
+        let must = |id: &At<String>| {
+            let requirement = self.register.find(&id.value);
+            requirement.is_none_or(|found| found.entry.value.level == Level::Must)
+        };
+        instance.case().checks.iter().any(must)
+    }
+
     fn started(&self, link: &Link, instance: &Instance) -> Event {
         let case = instance.case();
         let checks = case.checks.iter().filter_map(|id| {
@@ -151,6 +165,7 @@ impl Session<'_> {
                 id: id.value.clone(),
                 document: requirement.title.clone(),
                 clause: entry.clause.clone(),
+                level: entry.level.name().to_owned(),
                 says: entry.says.clone(),
             })
         });

@@ -140,6 +140,11 @@ impl Register {
         self.decisions.get(id)
     }
 
+    /// The ids of the decisions.
+    pub fn decision_ids(&self) -> impl Iterator<Item = &str> {
+        self.decisions.keys().map(String::as_str)
+    }
+
     /// Every requirement, by id.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Requirement)> {
         self.requirements.iter().map(|(id, requirement)| (id.as_str(), requirement))

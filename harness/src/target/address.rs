@@ -2,18 +2,19 @@
 
 use std::str::FromStr;
 
+use super::reference::Named;
 use crate::bus::Interface;
 use crate::exit::Refused;
 
 /// What `--target` names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Address {
-    /// `sim:DEVICE` or `sim:DEVICE?mutant=NAME`.
+    /// `sim:DEVICE`, or with a deviation `sim:DEVICE?mutant=NAME`.
     Simulation {
         /// The reference device.
         device: String,
         /// Its deviation.
-        mutant: Option<String>,
+        deviation: Option<Named>,
     },
     /// The name of a CAN interface.
     Interface(Interface),
@@ -24,18 +25,21 @@ impl FromStr for Address {
 
     fn from_str(text: &str) -> Result<Self, Refused> {
         if let Some(text) = text.strip_prefix("sim:") {
-            let (device, mutant) = match text.split_once('?') {
-                Some((device, option)) => match option.split_once('=') {
-                    Some(("mutant", mutant)) => (device, Some(mutant.to_owned())),
-                    _ => {
-                        return Err(Refused::usage(format!(
-                            "`?{option}` in `sim:{text}`: only `?mutant=NAME` is known"
-                        )));
-                    }
-                },
+            let (device, deviation) = match text.split_once('?') {
+                Some((device, option)) => {
+                    let named = option.split_once('=');
+                    let named = named.and_then(|(kind, name)| Named::new(kind, name));
+                    let named = named.ok_or_else(|| {
+                        Refused::usage(format!(
+                            "`?{option}` in `sim:{text}`: `?mutant=NAME`, `?freedom=NAME` and \
+                             `?personality=NAME` are known"
+                        ))
+                    })?;
+                    (device, Some(named))
+                }
                 None => (text, None),
             };
-            return Ok(Self::Simulation { device: device.to_owned(), mutant });
+            return Ok(Self::Simulation { device: device.to_owned(), deviation });
         }
         text.parse().map(Self::Interface).map_err(|_| {
             Refused::usage(format!(

@@ -4,8 +4,8 @@ use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use canopen::{Bus, VirtualBus};
+use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
-use reference_devices::mutant;
 use reference_devices::rules::Specification;
 
 use crate::bus::Interface;
@@ -32,7 +32,7 @@ pub enum Connection {
         /// The reference device.
         device: Arc<ReferenceDevice>,
         /// Its deviation.
-        mutant: Option<Box<mutant::Mutant>>,
+        deviation: Option<Box<Deviation>>,
         /// Bit rate of the virtual bus, in bit/s.
         bit_rate: u32,
     },
@@ -49,17 +49,14 @@ impl Target {
     /// Opens the bus. A simulated device is switched on at that moment.
     ///
     /// # Errors
-    /// When the interface cannot be used, or the mutant cannot be built.
+    /// When the interface cannot be used, or the deviation cannot be built.
     pub fn open(&self, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>, Refused> {
         let bus: Box<dyn Bus> = match &self.connection {
-            Connection::Simulation { device, mutant, bit_rate } => {
+            Connection::Simulation { device, deviation, bit_rate } => {
                 let mut bus = VirtualBus::new(*bit_rate);
-                match mutant {
+                match deviation {
                     None => bus.attach(device.node(self.dut.node, Box::new(Specification))),
-                    Some(mutant) => {
-                        let built = mutant::build(device, self.dut.node, mutant);
-                        bus.attach(built?)
-                    }
+                    Some(deviation) => bus.attach(deviation.build(device, self.dut.node)?),
                 };
                 Box::new(bus)
             }

@@ -1,5 +1,5 @@
-//! Devices as data on disk: a folder with `device.yaml`, and perhaps `variants/` and
-//! `mutants.yaml`.
+//! Devices as data on disk: a folder with `device.yaml`, and perhaps `variants/`,
+//! `mutants.yaml` and `freedoms.yaml`.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -63,6 +63,7 @@ fn family(folder: &Path) -> Result<Vec<ReferenceDevice>, Vec<Complaint>> {
         device,
         variants: variants(&folder.join(VARIANTS)).map_err(one)?,
         mutants: read(&folder.join("mutants.yaml")).map_err(one)?,
+        freedoms: read(&folder.join("freedoms.yaml")).map_err(one)?,
     };
     files.family(Catalogue::built_in())
 }

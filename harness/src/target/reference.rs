@@ -1,10 +1,11 @@
-//! The reference devices and their mutants: those in this program by name, others by their folder.
+//! The reference devices and their deviations: those in this program by name, others by their folder.
 
 use std::path::Path;
 use std::sync::Arc;
 
+use reference_devices::change::Deviation;
 use reference_devices::devices::{self, ReferenceDevice};
-use reference_devices::mutant;
+use reference_devices::{freedom, mutant};
 
 use super::folder;
 use crate::exit::Refused;
@@ -43,20 +44,65 @@ pub(crate) fn holds_device(path: &Path) -> bool {
     folder::holds_device(path)
 }
 
-/// The mutant of that name.
-///
-/// # Errors
-/// When the device has none.
-pub(crate) fn mutant_of(device: &ReferenceDevice, name: &str) -> Result<mutant::Mutant, Refused> {
-    let mut mutants = mutant::of(device)?;
-    match mutants.iter().position(|mutant| mutant.name == name) {
-        Some(place) => Ok(mutants.swap_remove(place)),
-        None => {
-            let meant = did_you_mean(name, mutants.iter().map(|mutant| mutant.name.as_str()));
-            let message = format!("no mutant `{name}`; `harness list mutants` names all{meant}");
-            Err(Refused::usage(message))
+/// A deviation, as a user names it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Named {
+    /// A mutant.
+    Mutant(String),
+    /// Freedoms, separated by commas.
+    Freedom(String),
+    /// A personality.
+    Personality(String),
+}
+
+impl Named {
+    /// The deviation `name` of a kind such as `mutant`; `None` when there is no such kind.
+    pub(crate) fn new(kind: &str, name: &str) -> Option<Self> {
+        let name = name.to_owned();
+        match kind {
+            "mutant" => Some(Self::Mutant(name)),
+            "freedom" => Some(Self::Freedom(name)),
+            "personality" => Some(Self::Personality(name)),
+            _ => None,
         }
     }
+
+    /// The deviation as changes of the device.
+    ///
+    /// # Errors
+    /// When the device has no deviation of that name.
+    pub(crate) fn find(&self, device: &ReferenceDevice) -> Result<Deviation, Refused> {
+        match self {
+            Self::Mutant(name) => {
+                let mutants = mutant::of(device)?;
+                let names = || mutants.iter().map(|mutant| mutant.name.as_str());
+                let mutant = mutants.iter().find(|mutant| mutant.name == *name);
+                Ok(mutant.ok_or_else(|| none("mutant", "mutants", name, names()))?.deviation())
+            }
+            Self::Freedom(list) => {
+                let freedoms = freedom::of(device)?;
+                let names = || freedoms.iter().map(|freedom| freedom.name.as_str());
+                let mut chosen = Vec::new();
+                for name in list.split(',') {
+                    let freedom = freedoms.iter().find(|freedom| freedom.name == name);
+                    chosen.push(freedom.ok_or_else(|| none("freedom", "freedoms", name, names()))?);
+                }
+                Ok(freedom::mixture(chosen))
+            }
+            Self::Personality(name) => {
+                let all = freedom::personalities(device)?;
+                let names = || all.iter().map(|personality| personality.name.as_str());
+                let personality = all.iter().find(|personality| personality.name == *name);
+                let missing = || none("personality", "personalities", name, names());
+                Ok(personality.ok_or_else(missing)?.deviation())
+            }
+        }
+    }
+}
+
+fn none<'n>(kind: &str, list: &str, name: &str, names: impl Iterator<Item = &'n str>) -> Refused {
+    let meant = did_you_mean(name, names);
+    Refused::usage(format!("no {kind} `{name}`; `harness list {list}` names all{meant}"))
 }
 
 /// The sentence for a name that no reference device has.

@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use canopen::Bus;
 use canopen::eds::{Eds, Severity};
+use reference_devices::change::Deviation;
 use reference_devices::devices::{self, ReferenceDevice};
-use reference_devices::mutant;
 
 use super::compose::compose;
 use super::reference::reference_device;
@@ -79,14 +79,14 @@ fn name_of(selection: &Selection, path: &Path) -> String {
 /// The data sheet of a reference device, by its place in the project.
 pub(super) fn own_sheet(
     device: &ReferenceDevice,
-    mutant: Option<&mutant::Mutant>,
+    deviation: Option<&Deviation>,
 ) -> Result<(Sheet, Eds), Refused> {
-    let text = match mutant {
-        Some(mutant) => mutant.data_sheet(device)?,
+    let text = match deviation {
+        Some(deviation) => deviation.data_sheet(device)?,
         None => device.eds_text(),
     };
     let (mut sheet, eds) = Sheet::read(device.beside("eds"), text.as_bytes());
-    sheet.trusted = !mutant.is_some_and(mutant::Mutant::is_of_data_sheet);
+    sheet.trusted = !deviation.is_some_and(Deviation::falsifies_data_sheet);
     Ok((sheet, eds))
 }
 

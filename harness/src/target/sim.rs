@@ -1,4 +1,4 @@
-//! Simulated devices: `sim:NAME` and `sim:NAME?mutant=NAME`, or the path of a device for its name.
+//! Simulated devices: `sim:NAME`, and with a deviation `sim:NAME?mutant=NAME`, or the path of a device for its name.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use reference_devices::rules::Specification;
 
 use super::connection::{Connection, Target};
 use super::options::{rig, say_the_rest, without};
-use super::reference::{mutant_of, reference_device};
+use super::reference::{Named, reference_device};
 use super::scan::{Found, scan};
 use super::sheet::{own_sheet, read_eds};
 use crate::cli::Selection;
@@ -17,29 +17,26 @@ use crate::exit::Refused;
 /// The reference device of that name, with that deviation.
 ///
 /// # Errors
-/// When there is no such device or mutant, or the data sheet or the bench cannot be used.
+/// When there is no such device or deviation, or the data sheet or the bench cannot be used.
 pub(super) fn target(
     selection: &Selection,
     name: &str,
-    mutant: Option<&str>,
+    deviation: Option<&Named>,
 ) -> Result<Target, Refused> {
     let bit_rate = selection.bitrate;
     let mut device = reference_device(name)?;
     Arc::make_mut(&mut device).description.settings.bit_rate = bit_rate;
-    let mutant = match mutant {
-        Some(mutant) => Some(Box::new(mutant_of(&device, mutant)?)),
-        None => None,
-    };
+    let deviation = deviation.map(|named| named.find(&device)).transpose()?.map(Box::new);
     // The harness knows a reference device as it knows any: by its data sheet.
     let (sheet, eds) = match &selection.eds {
         Some(path) => read_eds(path)?,
-        None => own_sheet(&device, mutant.as_deref())?,
+        None => own_sheet(&device, deviation.as_deref())?,
     };
     let node = selection.node.unwrap_or_else(|| device.description.default_node);
-    let mut options = match &mutant {
+    let mut options = match &deviation {
         None => format!("--target {}", quoted(&format!("sim:{name}"))),
-        Some(mutant) => {
-            format!("--target {}", quoted(&format!("sim:{name}?mutant={}", mutant.name)))
+        Some(deviation) => {
+            format!("--target {}", quoted(&format!("sim:{name}?{}", deviation.query)))
         }
     };
     if let Some(node) = selection.node {
@@ -64,7 +61,7 @@ pub(super) fn target(
             told: None,
         },
         rig,
-        connection: Connection::Simulation { device, mutant, bit_rate },
+        connection: Connection::Simulation { device, deviation, bit_rate },
         options,
     };
     if selection.eds.is_some() {

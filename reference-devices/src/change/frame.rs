@@ -9,7 +9,7 @@ use canopen::{BenchError, Device, Frame, Instant, Outbox, Pattern, PatternError,
 use super::data::{FrameChange, Misfit};
 
 /// A device some of whose frames are not what it meant to send, or to receive.
-pub struct FrameMutant<D> {
+pub struct DeviantWire<D> {
     inner: D,
     when: Pattern,
     received: bool,
@@ -27,7 +27,7 @@ enum What {
     Delay(Duration),
 }
 
-impl<D: Device> FrameMutant<D> {
+impl<D: Device> DeviantWire<D> {
     /// Puts the change between `inner` and the wire; `bind` makes patterns of texts.
     ///
     /// # Errors
@@ -106,7 +106,7 @@ impl<D: Device> FrameMutant<D> {
     }
 }
 
-impl<D: Device> Device for FrameMutant<D> {
+impl<D: Device> Device for DeviantWire<D> {
     fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
         if self.received && self.applies(frame) {
             match &self.what {
@@ -193,7 +193,7 @@ mod tests {
             let pattern: Pattern = text.parse()?;
             Ok(pattern.bind(5, &|_| None))
         };
-        let mut device = FrameMutant::new(Echo, &change, bind).unwrap();
+        let mut device = DeviantWire::new(Echo, &change, bind).unwrap();
         let mut out = Outbox::default();
         for place in 0..count {
             device.handle_frame(Instant(place as u64), &Frame::new(0x605, [1, 2]), &mut out);

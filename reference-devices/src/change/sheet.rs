@@ -9,7 +9,7 @@ use super::data::Misfit;
 /// What is different in one section. Exactly one of `remove`, `title`, `value` and `text`.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(super) struct SheetPatch {
+pub(crate) struct SheetPatch {
     /// The section, as it is written between the brackets.
     section: String,
     /// The key of it that is changed; without one, the section as a whole.

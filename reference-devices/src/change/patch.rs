@@ -1,4 +1,4 @@
-//! A change of the dictionary that the data sheet does not know of.
+//! A change of the dictionary.
 
 use canopen::eds::{Access, Eds, Entry, Object, ObjectKind, Term};
 use canopen::{DataType, Mux, Value};
@@ -10,10 +10,10 @@ use super::data::Misfit;
 /// What is different at one address.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(super) struct Patch {
+pub(crate) struct Patch {
     /// The address, `"1017:00"`.
     object: Mux,
-    /// It is there although the data sheet does not have it: a copy of what is at this address.
+    /// It is new: a copy of what is at this address.
     #[serde(default)]
     like: Option<Mux>,
     /// So many of these copies, each an index further.
@@ -46,6 +46,9 @@ pub(super) struct Patch {
     /// It is not there.
     #[serde(default)]
     remove: bool,
+    /// The object is not there, with all its sub-indices.
+    #[serde(default)]
+    remove_object: bool,
 }
 
 impl Patch {
@@ -67,6 +70,10 @@ impl Patch {
         }
         let object = eds.objects.iter_mut().find(|object| object.index == mux.index);
         let object = object.ok_or_else(|| missing("object", mux))?;
+        if self.remove_object {
+            eds.objects.retain(|object| object.index != mux.index);
+            return Ok(());
+        }
         let place = object.entries.iter().position(|entry| entry.mux == mux);
         let place = place.ok_or_else(|| missing("object", mux))?;
         if self.remove {

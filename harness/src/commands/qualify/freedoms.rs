@@ -1,0 +1,229 @@
+//! The proof that no case is unjust: every case on every freedom, every personality and random
+//! mixtures of freedoms.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+
+use fastrand::Rng;
+use reference_devices::change::Deviation;
+use reference_devices::freedom::{self, Freedom};
+use reports::Verdict;
+
+use super::trial::{self, Trial};
+use crate::cli::QualifyArgs;
+use crate::commands::check::sound_freedoms;
+use crate::commands::counted::counted;
+use crate::exit::Refused;
+use crate::parallel::try_map;
+use crate::plan::Plan;
+use crate::suite::Library;
+use crate::target::{Target, reference_device};
+
+/// How many freedoms a mixture has at most.
+const LARGEST_MIXTURE: usize = 6;
+
+/// What the freedoms of one device showed.
+pub(super) struct Freedoms {
+    device: String,
+    single: Vec<Tried>,
+    personalities: Vec<Tried>,
+    mixtures: usize,
+    red: Vec<Tried>,
+}
+
+/// One deviation that documents allow, on trial.
+struct Tried {
+    /// How a target has it, such as `freedom=slow-answers`.
+    query: String,
+    /// What was red: the instance, its verdict and the problem.
+    red: Vec<(String, Verdict, String)>,
+    /// The instances whose frames it changed.
+    affected: BTreeSet<String>,
+    /// Whether it changed a frame, or when one came.
+    noticed: bool,
+}
+
+/// The device without deviation, to compare with.
+struct Clean<'c> {
+    library: &'c Library,
+    name: &'c str,
+    target: &'c Target,
+    plan: &'c Plan,
+    trials: BTreeMap<String, Trial>,
+}
+
+impl Freedoms {
+    /// Tries the freedoms of a device.
+    ///
+    /// # Errors
+    /// When the data of the device or of a freedom do not load.
+    pub(super) fn of(library: &Library, name: &str, args: &QualifyArgs) -> Result<Self, Refused> {
+        let device = reference_device(name)?;
+        let freedoms = sound_freedoms(&device, &library.register)?;
+        let personalities = freedom::personalities(&device)?;
+        let (target, mut plan) = trial::with_own_sheet(library, &format!("sim:{name}"))?;
+        plan.leave_out_foreign();
+        let trials = match freedoms.is_empty() && personalities.is_empty() {
+            true => Vec::new(),
+            false => trial::run(library, &plan, &target)?.0,
+        };
+        let trials = trials.into_iter().map(|trial| (trial.name.clone(), trial)).collect();
+        let clean = Clean { library, name, target: &target, plan: &plan, trials };
+        let single = try_map(&freedoms, |freedom| clean.tried(freedom.deviation(), None))?;
+        let personalities =
+            try_map(&personalities, |personality| clean.tried(personality.deviation(), None))?;
+        let mixtures = mixtures(&freedoms, args);
+        let red = try_map(&mixtures, |mixture| {
+            let members: Vec<&Freedom> = mixture.iter().map(|&place| &freedoms[place]).collect();
+            let affected = touched(mixture.iter().map(|&place| &single[place]));
+            clean.smallest_red(members, &affected)
+        })?;
+        Ok(Self {
+            device: device.description.device.clone(),
+            single,
+            personalities,
+            mixtures: mixtures.len(),
+            red: red.into_iter().flatten().collect(),
+        })
+    }
+
+    /// Adds the summary, and with `verbose` a line for each freedom and personality.
+    pub(super) fn show(&self, text: &mut String, verbose: bool) {
+        if self.single.is_empty() {
+            return;
+        }
+        let red = |tried: &[Tried]| tried.iter().filter(|tried| !tried.red.is_empty()).count();
+        // Writing to a string cannot fail.
+        _ = writeln!(
+            text,
+            "{}: {} freedoms, {} personalities and {} mixtures, {} of them red",
+            self.device,
+            self.single.len(),
+            self.personalities.len(),
+            self.mixtures,
+            red(&self.single) + red(&self.personalities) + red(&self.red),
+        );
+        for tried in self.single.iter().chain(&self.personalities).filter(|_| verbose) {
+            let affected = counted(tried.affected.len(), "instance");
+            _ = writeln!(text, "  {}: changes {affected}", tried.query);
+        }
+    }
+
+    /// What is unjust, and what proves nothing.
+    pub(super) fn holes(&self) -> impl Iterator<Item = String> {
+        let device = &self.device;
+        let all = self.single.iter().chain(&self.personalities).chain(&self.red);
+        let unjust = all.flat_map(move |tried| {
+            tried.red.iter().map(move |(instance, verdict, problem)| {
+                format!("{device} with {}: {instance} is {verdict}: {problem}", tried.query)
+            })
+        });
+        let vain = self.single.iter().filter(|tried| !tried.noticed);
+        let vain =
+            vain.map(move |tried| format!("{device} with {}: no frame changes", tried.query));
+        unjust.chain(vain)
+    }
+}
+
+impl Clean<'_> {
+    /// Runs the instances on the device with a deviation: those that are named, or all.
+    fn tried(
+        &self,
+        deviation: Deviation,
+        only: Option<&BTreeSet<String>>,
+    ) -> Result<Tried, Refused> {
+        let query = deviation.query.clone();
+        let (target, plan) = match deviation.changes_data_sheet() {
+            true => {
+                let name = format!("sim:{}?{query}", self.name);
+                let (target, mut plan) = trial::with_own_sheet(self.library, &name)?;
+                plan.leave_out_foreign();
+                (target, Cow::Owned(plan))
+            }
+            false => (trial::with_same_sheet(self.target, deviation), Cow::Borrowed(self.plan)),
+        };
+        let plan = match only {
+            None => plan,
+            Some(names) => {
+                let mut plan = plan.into_owned();
+                plan.instances.retain(|instance| names.contains(&instance.name()));
+                Cow::Owned(plan)
+            }
+        };
+        let (trials, _) = trial::run(self.library, &plan, &target)?;
+        let mut tried = Tried { query, red: Vec::new(), affected: BTreeSet::new(), noticed: false };
+        for trial in trials {
+            let clean = self.trials.get(&trial.name);
+            if clean.is_none_or(|clean| clean.frames != trial.frames) {
+                tried.affected.insert(trial.name.clone());
+            }
+            tried.noticed |= clean.is_none_or(|clean| clean.timing != trial.timing);
+            if matches!(trial.verdict, Verdict::Fail | Verdict::Error) {
+                let problem = trial.problem.unwrap_or_default();
+                tried.red.push((trial.name, trial.verdict, problem));
+            }
+        }
+        Ok(tried)
+    }
+
+    /// The smallest part of a mixture on which one of these instances is red still; `None` when
+    /// nothing is red.
+    fn smallest_red(
+        &self,
+        mut members: Vec<&Freedom>,
+        instances: &BTreeSet<String>,
+    ) -> Result<Option<Tried>, Refused> {
+        let run = |members: &[&Freedom], names: &BTreeSet<String>| {
+            self.tried(freedom::mixture(members.iter().copied()), Some(names))
+        };
+        let mut smallest = run(&members, instances)?;
+        let Some((first, ..)) = smallest.red.first() else { return Ok(None) };
+        let first = BTreeSet::from([first.clone()]);
+        let mut place = 0;
+        while place < members.len() {
+            let mut fewer = members.clone();
+            fewer.remove(place);
+            let tried = run(&fewer, &first)?;
+            if tried.red.is_empty() {
+                place += 1;
+            } else {
+                (members, smallest) = (fewer, tried);
+            }
+        }
+        Ok(Some(smallest))
+    }
+}
+
+/// The instances that two members of a mixture or more have changed: where only one did, it was
+/// tried alone.
+fn touched<'t>(members: impl Iterator<Item = &'t Tried>) -> BTreeSet<String> {
+    let mut count = BTreeMap::<&String, usize>::new();
+    for name in members.flat_map(|tried| &tried.affected) {
+        *count.entry(name).or_default() += 1;
+    }
+    count.into_iter().filter(|(_, count)| *count > 1).map(|(name, _)| name.clone()).collect()
+}
+
+/// Random sets of freedoms that a device can use together, by their places.
+fn mixtures(freedoms: &[Freedom], args: &QualifyArgs) -> Vec<Vec<usize>> {
+    if freedoms.len() < 2 {
+        return Vec::new();
+    }
+    let mut rng = Rng::with_seed(args.seed);
+    let draw = |_| {
+        let wanted = rng.usize(2..=LARGEST_MIXTURE.min(freedoms.len()));
+        let mut mixture: Vec<usize> = Vec::new();
+        // A set that nothing can be added to stays smaller than wanted.
+        for _ in 0..4 * wanted {
+            let place = rng.usize(..freedoms.len());
+            let agrees = |&other: &usize| freedoms[place].agrees_with(&freedoms[other]);
+            if mixture.len() < wanted && mixture.iter().all(agrees) {
+                mixture.push(place);
+            }
+        }
+        mixture.sort_unstable();
+        mixture
+    };
+    (0..args.mixtures).map(draw).collect()
+}

@@ -1,0 +1,193 @@
+//! The kill matrix: every mutant meets the cases of the requirements it breaks.
+//!
+//! Mutants that any device can be are proved on the device with everything, and so are the suites
+//! for any device; a device's own mutants and suites are proved on that device and its variants.
+
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+
+use reference_devices::devices;
+use reference_devices::mutant::Mutant;
+use reports::Verdict;
+
+use super::trial;
+use crate::commands::check::sound_mutants;
+use crate::exit::Refused;
+use crate::parallel;
+use crate::plan::{Instance, Plan};
+use crate::run::Ending;
+use crate::suite::{Library, Suite};
+use crate::target::{Target, reference_device};
+
+/// What each case makes of each mutant of one device.
+pub(super) struct Matrix {
+    device: String,
+    /// Whether it is a variant of another one.
+    is_variant: bool,
+    /// What the clean device gets, by case.
+    clean: BTreeMap<String, BTreeSet<Verdict>>,
+    rows: Vec<Row>,
+}
+
+/// What happens to one mutant.
+struct Row {
+    mutant: Mutant,
+    /// The cases that fail.
+    kills: BTreeSet<String>,
+    /// The requirements that the mutant breaks and such a case checks.
+    proved: BTreeSet<String>,
+    ending: Ending,
+}
+
+impl Matrix {
+    /// # Errors
+    /// When the data of the device or of a mutant do not load.
+    pub(super) fn of(library: &Library, name: &str) -> Result<Self, Refused> {
+        let device = reference_device(name)?;
+        let mut mutants = sound_mutants(&device, &library.register)?;
+        mutants.retain(|mutant| {
+            let applies = |id: &String| !library.register.lacks_document_of(id);
+            mutant.canary || mutant.breaks.iter().any(applies)
+        });
+        let (target, mut plan) = trial::with_own_sheet(library, &format!("sim:{name}"))?;
+        plan.leave_out_foreign();
+        let mut clean = BTreeMap::<String, BTreeSet<Verdict>>::new();
+        for result in trial::run(library, &plan, &target)?.0 {
+            clean.entry(result.case).or_default().insert(result.verdict);
+        }
+        let rows =
+            parallel::try_map(&mutants, |mutant| row(library, &plan, &target, name, mutant))?;
+        let is_variant = device.description.variant_of.is_some();
+        Ok(Self { device: device.description.device.clone(), is_variant, clean, rows })
+    }
+
+    /// Adds the summary, and with `verbose` the rows.
+    pub(super) fn show(&self, text: &mut String, verbose: bool) {
+        let killed = self.rows.iter().filter(|row| !row.kills.is_empty()).count();
+        let canaries = self.rows.iter().filter(|row| row.mutant.canary).count();
+        let proved: BTreeSet<&String> = self.rows.iter().flat_map(|row| &row.kills).collect();
+        // Writing to a string cannot fail.
+        _ = writeln!(
+            text,
+            "{}: {} mutants, {killed} killed, {canaries} canary; {} cases apply, {} of them killed \
+             a mutant of this device",
+            self.device,
+            self.rows.len(),
+            self.clean.len(),
+            proved.len(),
+        );
+        for row in self.rows.iter().filter(|_| verbose) {
+            let mark = match (row.mutant.canary, row.kills.is_empty()) {
+                (true, true) => "survived, as a canary must".to_owned(),
+                (true, false) => "a canary that was KILLED".to_owned(),
+                (false, true) => format!("SURVIVED ({})", row.mutant.breaks.join(" ")),
+                (false, false) => format!("killed ({})", row.mutant.breaks.join(" ")),
+            };
+            _ = writeln!(text, "  {}: {mark}", row.mutant.name);
+            for case in &row.kills {
+                _ = writeln!(text, "    {case}");
+            }
+        }
+    }
+}
+
+fn row(
+    library: &Library,
+    plan: &Plan,
+    clean: &Target,
+    name: &str,
+    mutant: &Mutant,
+) -> Result<Row, Refused> {
+    let deviation = mutant.deviation();
+    let (target, whole) = match deviation.changes_data_sheet() {
+        true => {
+            let (target, plan) =
+                trial::with_own_sheet(library, &format!("sim:{name}?{}", deviation.query))?;
+            (target, Cow::Owned(plan))
+        }
+        false => (trial::with_same_sheet(clean, deviation), Cow::Borrowed(plan)),
+    };
+    let meets = |instance: &&Instance| mutant.canary || broken(mutant, instance).next().is_some();
+    let instances = whole.instances.iter().filter(meets).cloned().collect();
+    let plan = Plan { dut: whole.dut.clone(), instances, left_out: BTreeMap::new() };
+    let (results, ending) = trial::run(library, &plan, &target)?;
+    let kills: BTreeSet<String> =
+        results.into_iter().filter(|result| result.kills).map(|result| result.case).collect();
+    let killing =
+        plan.instances.iter().filter(|instance| kills.contains(&trial::case_name(instance)));
+    let proved = killing.flat_map(|instance| broken(mutant, instance)).cloned().collect();
+    Ok(Row { mutant: mutant.clone(), kills, proved, ending })
+}
+
+/// The requirements that the mutant breaks and the case checks.
+fn broken<'m>(mutant: &'m Mutant, instance: &Instance) -> impl Iterator<Item = &'m String> {
+    let checks: BTreeSet<&String> = instance.case().checks.iter().map(|id| &id.value).collect();
+    mutant.breaks.iter().filter(move |id| checks.contains(id))
+}
+
+/// What the matrices leave unproved.
+pub(super) fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
+    let mut holes = Vec::new();
+    let (mut ran, mut proved) = (BTreeSet::new(), BTreeSet::new());
+    for matrix in matrices {
+        let device = &matrix.device;
+        for (case, verdicts) in &matrix.clean {
+            for verdict in verdicts.iter().filter(|verdict| **verdict >= Verdict::Fail) {
+                holes
+                    .push(format!("{device}: {case} is {verdict} on the device without deviation"));
+            }
+            if verdicts.iter().any(|verdict| *verdict != Verdict::Skip) {
+                ran.insert(case.clone());
+            }
+        }
+        for row in &matrix.rows {
+            let name = &row.mutant.name;
+            proved.extend(row.kills.iter().cloned());
+            match (row.mutant.canary, row.kills.is_empty()) {
+                (true, false) => holes.push(format!(
+                    "{device}: the canary {name} was killed, so a case fails without a cause"
+                )),
+                (false, true) => holes.push(format!(
+                    "{device}: mutant {name} survived the cases of what it breaks ({:?})",
+                    row.ending
+                )),
+                _ => {}
+            }
+        }
+        if !matrix.is_variant && !matrix.rows.iter().any(|row| row.mutant.canary) {
+            holes.push(format!("{device}: there is no canary"));
+        }
+    }
+    let requirements: BTreeSet<&String> =
+        matrices.iter().flat_map(|matrix| &matrix.rows).flat_map(|row| &row.proved).collect();
+    let broken = matrices.iter().flat_map(|matrix| &matrix.rows).flat_map(|row| &row.mutant.breaks);
+    for id in broken.collect::<BTreeSet<_>>() {
+        if !requirements.contains(id) && !library.register.lacks_document_of(id) {
+            holes
+                .push(format!("{id}: no mutant that breaks it is killed by a case that checks it"));
+        }
+    }
+    let proving: BTreeSet<&str> = matrices.iter().map(|matrix| matrix.device.as_str()).collect();
+    for suite in &library.suites {
+        let device = home(suite);
+        for case in suite.file.cases.iter().filter(|_| proving.contains(device)) {
+            let name = format!("{}/{}", suite.name(), case.value.id.value);
+            if !ran.contains(&name) {
+                holes.push(format!("case {name} is skipped on {device}"));
+            } else if !proved.contains(&name) {
+                holes.push(format!("case {name} kills no mutant of a requirement it checks"));
+            }
+        }
+    }
+    holes
+}
+
+/// The device on which the cases of a suite are proved, with its variants: the one it is for, the
+/// one that bears the name of its profile, else the one with everything.
+fn home(suite: &Suite) -> &str {
+    let device = suite.file.device.as_ref().map(|device| device.value.as_str());
+    let profile = suite.file.profile.as_ref().and_then(|about| about.value.named());
+    let of_profile = profile.and_then(|profile| devices::with_variants(&profile.name).next());
+    device.or(of_profile).unwrap_or(devices::WITH_EVERYTHING)
+}

@@ -1,0 +1,146 @@
+//! The seams at which a device can deviate: frames on its wire, its dictionary, its data sheet, the
+//! decisions of the stack and those of its application. Mutants and freedoms are made of them.
+
+mod data;
+mod frame;
+mod origin;
+mod patch;
+mod sheet;
+
+use canopen::nearest::did_you_mean;
+use canopen::source::Complaint;
+use canopen::{Device, Pattern};
+
+use crate::devices::ReferenceDevice;
+use crate::rules::{self, Rules, Specification};
+use crate::stack::Node;
+
+pub use frame::DeviantWire;
+
+pub(crate) use data::Change;
+pub(crate) use origin::Origin;
+
+use data::Misfit;
+
+/// Changes of one device, in the order in which they are made.
+#[derive(Clone, Debug)]
+pub struct Deviation {
+    /// What a target says to have it, such as `mutant=no-boot-up`.
+    pub query: String,
+    parts: Vec<(Change, Origin)>,
+}
+
+impl Deviation {
+    pub(crate) const fn new(query: String) -> Self {
+        Self { query, parts: Vec::new() }
+    }
+
+    pub(crate) fn add(&mut self, change: Change, origin: Origin) {
+        self.parts.push((change, origin));
+    }
+
+    /// Adds the changes of another deviation.
+    pub(crate) fn append(&mut self, other: Self) {
+        self.parts.extend(other.parts);
+    }
+
+    /// Whether the data sheet is another one, and so is every plan made from it.
+    pub fn changes_data_sheet(&self) -> bool {
+        self.parts.iter().any(|(change, _)| matches!(change, Change::Eds(_) | Change::Object(_)))
+    }
+
+    /// Whether the data sheet can be wrong about the device.
+    pub fn falsifies_data_sheet(&self) -> bool {
+        self.parts.iter().any(|(change, _)| matches!(change, Change::Eds(_)))
+    }
+
+    /// The device as its own data sheet describes it.
+    ///
+    /// # Errors
+    /// When a change names an object that is not there.
+    pub fn described(&self, device: &ReferenceDevice) -> Result<ReferenceDevice, Complaint> {
+        let mut device = device.clone();
+        for (change, origin) in &self.parts {
+            if let Change::Object(patch) = change {
+                let applied = patch.apply(&mut device.description.eds);
+                applied.map_err(|wrong| origin.refuse(&wrong.below(&["object"])))?;
+            }
+        }
+        device.description.count_pdos();
+        Ok(device)
+    }
+
+    /// The data sheet that comes with the device.
+    ///
+    /// # Errors
+    /// When a change names something that the data sheet does not have.
+    pub fn data_sheet(&self, device: &ReferenceDevice) -> Result<String, Complaint> {
+        let mut text = self.described(device)?.eds_text();
+        for (change, origin) in &self.parts {
+            let Change::Eds(patches) = change else { continue };
+            for (number, patch) in patches.iter().enumerate() {
+                let patched = patch.apply(&text);
+                let path = ["eds", &number.to_string()];
+                text = patched.map_err(|wrong| origin.refuse(&wrong.below(&path)))?;
+            }
+        }
+        Ok(text)
+    }
+
+    /// The device with all changes, switched on at time 0.
+    ///
+    /// # Errors
+    /// When a change names something that is not there: a rule, an object, a pattern; or when two
+    /// changes are about the application, which takes one only.
+    pub fn build(&self, device: &ReferenceDevice, node: u8) -> Result<Box<dyn Device>, Complaint> {
+        let device = self.described(device)?;
+        let mut eds = device.description.eds.clone();
+        let mut rules: Box<dyn Rules> = Box::new(Specification);
+        let mut behaviour = None;
+        for (change, origin) in &self.parts {
+            let refuse = |misfit: Misfit| origin.refuse(&misfit);
+            match change {
+                Change::Rule(name) => rules = with_rule(name, rules).map_err(refuse)?,
+                Change::Behaviour(_) if behaviour.is_some() => {
+                    let message = "a device has one deviation of its application only";
+                    return Err(refuse(Misfit::at(&["behaviour"], message)));
+                }
+                Change::Behaviour(name) => behaviour = Some((name, origin)),
+                Change::Dictionary(patch) => {
+                    patch.apply(&mut eds).map_err(|wrong| refuse(wrong.below(&["dictionary"])))?;
+                }
+                Change::Object(_) | Change::Eds(_) | Change::Frame(_) => {}
+            }
+        }
+        let behaviour = match behaviour {
+            None => device.behaviour(),
+            Some((name, origin)) => device.deviating_behaviour(name).ok_or_else(|| {
+                let meant = did_you_mean(name, device.behaviour_rule_names().into_iter());
+                let of = &device.description.behaviour;
+                let message = format!("behaviour `{of}` has no rule `{name}`{meant}");
+                origin.refuse(&Misfit::at(&["behaviour"], message))
+            })?,
+        };
+        let node_of = Node::new(&eds, node, device.settings(), rules, behaviour);
+        let mut built: Box<dyn Device> = Box::new(node_of.map_err(|(mux, error)| {
+            let dictionary = |(change, _): &&(Change, _)| matches!(change, Change::Dictionary(_));
+            let part = self.parts.iter().find(dictionary).or(self.parts.first());
+            let origin = part.map(|(_, origin)| origin.clone()).unwrap_or_default();
+            origin.refuse(&Misfit::at(&["dictionary"], format!("{mux}: {error}")))
+        })?);
+        for (change, origin) in &self.parts {
+            let Change::Frame(change) = change else { continue };
+            let bind = |text: &str| Ok(text.parse::<Pattern>()?.bind(node, &|_| None));
+            let wire = DeviantWire::new(built, change, bind);
+            built = Box::new(wire.map_err(|wrong| origin.refuse(&wrong.below(&["frame"])))?);
+        }
+        Ok(built)
+    }
+}
+
+fn with_rule(name: &str, rules: Box<dyn Rules>) -> Result<Box<dyn Rules>, Misfit> {
+    rules::deviating(name, rules).ok_or_else(|| {
+        let meant = did_you_mean(name, rules::names());
+        Misfit::at(&["rule"], format!("the stack has no rule `{name}`{meant}"))
+    })
+}

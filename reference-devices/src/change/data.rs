@@ -1,0 +1,79 @@
+//! Changes as data.
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::patch::Patch;
+use super::sheet::SheetPatch;
+
+/// What is wrong with a change: the keys that lead there, and why.
+#[derive(Debug, PartialEq)]
+pub(super) struct Misfit {
+    /// Below the change, such as `frame` and `when`; an item of a list by its number.
+    pub path: Vec<String>,
+    /// The byte within the text that stands there.
+    pub offset: usize,
+    /// What is wrong.
+    pub message: String,
+}
+
+impl Misfit {
+    /// Something wrong at these keys.
+    pub(super) fn at(path: &[&str], message: impl Into<String>) -> Self {
+        let path = path.iter().map(|&key| key.to_owned()).collect();
+        Self { path, offset: 0, message: message.into() }
+    }
+
+    /// The same, below these keys.
+    pub(super) fn below(mut self, keys: &[&str]) -> Self {
+        self.path.splice(0..0, keys.iter().map(|&key| key.to_owned()));
+        self
+    }
+}
+
+/// Where the deviation sits.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum Change {
+    /// Between the device and the wire.
+    Frame(FrameChange),
+    /// In the dictionary, after the data sheet was made.
+    Dictionary(Patch),
+    /// In the dictionary and in the data sheet alike: another device, described as it is.
+    Object(Patch),
+    /// In a decision of the stack.
+    Rule(String),
+    /// In a decision of the device's application.
+    Behaviour(String),
+    /// In the data sheet, while the device is in order.
+    Eds(Vec<SheetPatch>),
+}
+
+/// What happens to frames that fit a pattern. Exactly one of `edit`, `drop`, `repeat`, `delay`.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub(crate) struct FrameChange {
+    /// Which frames the device sends.
+    pub when: String,
+    /// Frames it receives instead.
+    #[serde(default)]
+    pub received: bool,
+    /// What they become.
+    #[serde(default)]
+    pub edit: Option<String>,
+    /// They are lost.
+    #[serde(default)]
+    pub drop: bool,
+    /// They come so many times more.
+    #[serde(default)]
+    pub repeat: Option<u32>,
+    /// They come so much later, such as `20 ms`; only frames that are sent.
+    #[serde(default)]
+    pub delay: Option<String>,
+    /// The first so many are left alone.
+    #[serde(default)]
+    pub skip: u32,
+    /// At most so many are changed.
+    #[serde(default)]
+    pub most: Option<u32>,
+}

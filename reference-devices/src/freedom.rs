@@ -1,0 +1,140 @@
+//! Freedoms: reference devices with one named deviation each that a document allows. A case that
+//! one of them fails is unjust.
+
+mod data;
+
+use std::sync::{Arc, LazyLock};
+
+use canopen::nearest::did_you_mean;
+use canopen::source::{Complaint, Source, read_yaml};
+
+use crate::change::{Deviation, Origin};
+use crate::devices::{ReferenceDevice, WITH_EVERYTHING};
+
+pub use data::{Freedom, FreedomFile, Personality, PersonalityFile};
+
+/// Freedoms of the stack, which any device can use, by document.
+const COMMON: &[(&str, &str)] = &[
+    ("reference-devices/freedoms/cia301.yaml", include_str!("../freedoms/cia301.yaml")),
+    ("reference-devices/freedoms/cia305.yaml", include_str!("../freedoms/cia305.yaml")),
+    ("reference-devices/freedoms/cia306.yaml", include_str!("../freedoms/cia306.yaml")),
+    ("reference-devices/freedoms/cia401.yaml", include_str!("../freedoms/cia401.yaml")),
+];
+const PERSONALITIES: (&str, &str) = (
+    "reference-devices/freedoms/personalities.yaml",
+    include_str!("../freedoms/personalities.yaml"),
+);
+
+static COMMON_SOURCES: LazyLock<Vec<Arc<Source>>> =
+    LazyLock::new(|| COMMON.iter().copied().map(source).collect());
+static PERSONALITY_SOURCE: LazyLock<Arc<Source>> = LazyLock::new(|| source(PERSONALITIES));
+
+/// The files that hold the freedoms of a device: those that any device can use, then its own.
+pub fn sources(device: &ReferenceDevice) -> Vec<Arc<Source>> {
+    COMMON_SOURCES.iter().chain(&device.files.freedoms).cloned().collect()
+}
+
+/// The file of the personalities.
+pub fn personality_source() -> Arc<Source> {
+    Arc::clone(&PERSONALITY_SOURCE)
+}
+
+/// Reads a file of freedoms.
+///
+/// # Errors
+/// What is wrong with its text.
+pub fn read(source: &Arc<Source>) -> Result<Vec<Freedom>, Complaint> {
+    let mut freedoms = read_yaml::<FreedomFile>(source)?.freedoms;
+    for (number, freedom) in freedoms.iter_mut().enumerate() {
+        freedom.origin = Origin::item(source, "freedoms", number);
+    }
+    Ok(freedoms)
+}
+
+/// The freedoms of a device or variant. Those that any device can use are of the device with
+/// every service, on which suites for any device are proved.
+///
+/// # Errors
+/// Everything that is wrong with a file of freedoms: mistakes in the text, a name that is taken, a
+/// variant that the device does not have, no change.
+pub fn of(device: &ReferenceDevice) -> Result<Vec<Freedom>, Vec<Complaint>> {
+    let family = device.family();
+    let (mut freedoms, mut complaints) = (Vec::<Freedom>::new(), Vec::new());
+    for (place, source) in sources(device).iter().enumerate() {
+        let read = match read(source) {
+            Ok(read) => read,
+            Err(wrong) => {
+                complaints.push(wrong);
+                continue;
+            }
+        };
+        for mut freedom in read {
+            freedom.shared = place < COMMON.len();
+            if freedoms.iter().any(|other| other.name == freedom.name) {
+                let message = format!("a freedom {} stands there already", freedom.name);
+                complaints.push(freedom.complain(&["name"], message));
+            }
+            if freedom.changes.is_empty() {
+                complaints.push(freedom.complain(&["changes"], "a freedom without a change"));
+            }
+            if let Some(on) = freedom.on.as_ref()
+                && !freedom.shared
+                && device.relatives().all(|name| name != *on)
+            {
+                let names: Vec<String> = device.relatives().collect();
+                let meant = did_you_mean(on, names.iter().map(String::as_str));
+                let message = format!("`{on}` is not a variant of {family}{meant}");
+                complaints.push(freedom.complain(&["on"], message));
+            }
+            freedoms.push(freedom);
+        }
+    }
+    freedoms.retain(|freedom| {
+        let home = if freedom.shared { WITH_EVERYTHING } else { family };
+        freedom.on.as_deref().unwrap_or(home) == device.description.device
+    });
+    if complaints.is_empty() { Ok(freedoms) } else { Err(complaints) }
+}
+
+/// The personalities of a device.
+///
+/// # Errors
+/// What is wrong with their file, or with a file of the device's freedoms.
+pub fn personalities(device: &ReferenceDevice) -> Result<Vec<Personality>, Vec<Complaint>> {
+    let source = personality_source();
+    let file = read_yaml::<PersonalityFile>(&source).map_err(|wrong| vec![wrong])?;
+    let (freedoms, mut complaints, mut all) = (of(device)?, Vec::new(), Vec::new());
+    for (number, mut personality) in file.personalities.into_iter().enumerate() {
+        if personality.device() != device.description.device {
+            continue;
+        }
+        let origin = Origin::item(&source, "personalities", number);
+        for (place, name) in personality.freedoms.iter().enumerate() {
+            let Some(freedom) = freedoms.iter().find(|freedom| freedom.name == *name) else {
+                let meant = did_you_mean(name, freedoms.iter().map(|known| known.name.as_str()));
+                let message = format!("{} has no freedom `{name}`{meant}", personality.device());
+                let origin = origin.below(&["freedoms", &place.to_string()]);
+                complaints.push(origin.complaint(0, message));
+                continue;
+            };
+            personality.members.push(freedom.clone());
+        }
+        all.push(personality);
+    }
+    if complaints.is_empty() { Ok(all) } else { Err(complaints) }
+}
+
+fn source((name, text): (&str, &str)) -> Arc<Source> {
+    Arc::new(Source { name: name.to_owned(), text: text.to_owned() })
+}
+
+/// A device that uses all of these freedoms.
+pub fn mixture<'f>(freedoms: impl IntoIterator<Item = &'f Freedom>) -> Deviation {
+    let (mut names, mut mixture) = (Vec::new(), Deviation::new(String::new()));
+    for freedom in freedoms {
+        names.push(freedom.name.as_str());
+        mixture.append(freedom.deviation());
+    }
+    mixture.query = format!("freedom={}", names.join(","));
+    mixture
+}
