@@ -1,4 +1,5 @@
-//! Simulated devices: `sim:NAME`, and with a deviation `sim:NAME?mutant=NAME`, or the path of a device for its name.
+//! Simulated devices: `sim:NAME`, and with a deviation `sim:NAME?mutant=NAME`, or the path of a
+//! device for its name.
 
 use std::sync::Arc;
 
