@@ -10,6 +10,7 @@ use canopen::{Device, Instant, Outbox};
 use proptest::prelude::*;
 use reference_devices::describe::{DeviceFile, VariantFile};
 use reference_devices::devices::{DeviceFiles, ReferenceDevice};
+use reference_devices::freedom::{self, FreedomFile, PersonalityFile};
 use reference_devices::mutant::{self, MutantFile};
 use reference_devices::rules::Specification;
 use schemars::{JsonSchema, schema_for};
@@ -27,12 +28,17 @@ fn the_examples_of_the_readme_load() {
     for device in &family {
         let mutants = mutant::of(device).unwrap_or_else(|wrong| panic!("{}", wrong[0]));
         for mutant in mutants.iter().filter(|mutant| !mutant.shared) {
-            mutant::build(device, 5, mutant).map(drop).unwrap_or_else(|wrong| panic!("{wrong}"));
-            mutant.data_sheet(device).unwrap_or_else(|wrong| panic!("{wrong}"));
+            let deviation = mutant.deviation();
+            deviation.build(device, 5).map(drop).unwrap_or_else(|wrong| panic!("{wrong}"));
+            deviation.data_sheet(device).unwrap_or_else(|wrong| panic!("{wrong}"));
             own += 1;
         }
     }
     assert_eq!(own, 6);
+    let freedoms = freedom::of(&family[0]).unwrap_or_else(|wrong| panic!("{}", wrong[0]));
+    let freedom = freedoms.iter().find(|freedom| !freedom.shared).expect("it has one of its own");
+    let deviation = freedom::mixture([freedom]);
+    deviation.build(&family[0], 5).map(drop).unwrap_or_else(|wrong| panic!("{wrong}"));
     let catalogue = Catalogue::read(&[source("my-profile.yaml", &example("my-profile.yaml"))]);
     let catalogue = catalogue.unwrap_or_else(|wrong| panic!("{}", wrong[0]));
     assert!(catalogue.profile("my-profile").unwrap().lookup(0x6030).is_some());
@@ -44,6 +50,8 @@ fn the_readme_documents_every_key() {
     keys.extend(keys_of::<DeviceFile>());
     keys.extend(keys_of::<VariantFile>());
     keys.extend(keys_of::<MutantFile>());
+    keys.extend(keys_of::<FreedomFile>());
+    keys.extend(keys_of::<PersonalityFile>());
     keys.extend(keys_of::<CatalogueFile>());
     let shown = |key: &&String| {
         README.contains(&format!("`{key}`")) || README.contains(&format!(" {key}: "))
@@ -152,8 +160,9 @@ fn run(device: &ReferenceDevice) {
         node.handle_timeout(due, &mut out);
     }
     for mutant in mutant::of(device).unwrap_or_default().iter().filter(|mutant| !mutant.shared) {
-        _ = mutant::build(device, 5, mutant);
-        _ = mutant.data_sheet(device);
+        let deviation = mutant.deviation();
+        _ = deviation.build(device, 5);
+        _ = deviation.data_sheet(device);
     }
 }
 
@@ -162,6 +171,7 @@ fn files(device: &str, variant: &str, mutants: &str) -> DeviceFiles {
         device: source("my-device/device.yaml", device),
         variants: vec![("small".to_owned(), source("my-device/variants/small.yaml", variant))],
         mutants: Some(source("my-device/mutants.yaml", mutants)),
+        freedoms: Some(source("my-device/freedoms.yaml", &example("freedoms.yaml"))),
     }
 }
 
