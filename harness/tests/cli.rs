@@ -54,6 +54,7 @@ fn the_committed_schemas_are_those_of_the_program() {
         ("device", "reference-devices/device"),
         ("variant", "reference-devices/variant"),
         ("mutants", "reference-devices/mutants"),
+        ("freedoms", "reference-devices/freedoms"),
         ("catalogue", "canopen/catalogue/catalogue"),
     ] {
         let output = harness().args(["schema", name]).output().unwrap();
