@@ -211,7 +211,7 @@ mod tests {
             index: entry.mux.index,
             name: String::new(),
             kind: ObjectKind::VAR,
-            flags: 0,
+            flags: None,
             entries: vec![entry],
             line: 0,
         };

@@ -88,6 +88,10 @@ pub struct Selection {
     /// Option of the profile that the device does not have, such as `suction`; may be repeated
     #[arg(long, value_name = "OPTION")]
     pub without: Vec<String>,
+    /// Object, such as `2F20`, that may be written with any data although the data sheet does not
+    /// say so by `ObjFlags=0`; may be repeated
+    #[arg(long, value_name = "INDEX", value_parser = hex_index)]
+    pub free_to_write: Vec<u16>,
 }
 
 impl Selection {
@@ -103,8 +107,15 @@ impl Selection {
             bitrate: DEFAULT_BIT_RATE,
             bench: None,
             without: Vec::new(),
+            free_to_write: Vec::new(),
         }
     }
+}
+
+/// An index as data sheets write it, in hexadecimal.
+fn hex_index(text: &str) -> Result<u16, String> {
+    let digits = text.trim_start_matches("0x");
+    u16::from_str_radix(digits, 16).map_err(|_| "an index has up to four hex digits".to_owned())
 }
 
 /// Bit rate of the virtual bus unless something else is said, in bit/s.

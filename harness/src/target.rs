@@ -35,7 +35,7 @@ pub use sheet::models;
 /// When the target is not one we know, nobody answers, or no data sheet fits.
 pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Target>, Refused> {
     options::known(&selection.without)?;
-    match selection.target.as_deref() {
+    let mut targets = match selection.target.as_deref() {
         None if selection.eds.is_some() => Err(Refused::usage(
             "--eds is the data sheet of one device: --target names the interface it is on, such \
              as `--target can0`; `harness list --eds FILE` shows what would run",
@@ -54,5 +54,9 @@ pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Targ
             }
             Address::Interface(interface) => Ok(vec![can::target(selection, &interface, stop)?]),
         },
+    }?;
+    for target in &mut targets {
+        options::free_to_write(selection, &mut target.dut)?;
     }
+    Ok(targets)
 }

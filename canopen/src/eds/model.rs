@@ -92,8 +92,9 @@ pub struct Object {
     pub name: String,
     /// Object code.
     pub kind: ObjectKind,
-    /// `ObjFlags`: bit 0 refuse on write of a configuration, bit 1 refuse on scan.
-    pub flags: u32,
+    /// `ObjFlags`: bit 0 refuse on write of a configuration, bit 1 refuse on scan; `None` when the
+    /// sheet does not state them, which counts as 0.
+    pub flags: Option<u32>,
     /// Its values by ascending sub-index; a variable has just sub-index 0.
     pub entries: Vec<Entry>,
     /// Line of its section, counted from 1; 0 when it comes from no file.

@@ -171,8 +171,8 @@ impl<'e> Writer<'e> {
         } else if let Some(entry) = object.entries.first() {
             self.entry(entry);
         }
-        if object.flags != 0 {
-            self.key("ObjFlags", format_args!("0x{:X}", object.flags));
+        if let Some(flags) = object.flags {
+            self.key("ObjFlags", format_args!("0x{flags:X}"));
         }
         self.finish();
         if object.kind.has_subs() {

@@ -108,8 +108,9 @@ fn states(object: &Object, entry: &Entry, has: Has, node: u8) -> bool {
         Has::NotMappable => !entry.mappable,
         Has::NotRpdo => !entry.maps_into(Direction::Receive),
         Has::NotTpdo => !entry.maps_into(Direction::Transmit),
-        Has::Scan => object.flags & 2 == 0,
-        Has::Download => object.flags & 1 == 0,
+        Has::Scan => object.flags.unwrap_or_default() & 2 == 0,
+        Has::Download => object.flags.unwrap_or_default() & 1 == 0,
+        Has::Free => object.flags.is_some_and(|flags| flags & 1 == 0),
     }
 }
 

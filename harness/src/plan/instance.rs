@@ -8,7 +8,7 @@ use crate::dut::Dut;
 use crate::source::{At, Complaint};
 use crate::suite::Suite;
 use crate::suite::model::{Case, Requires};
-use crate::suite::profile::Capability;
+use crate::suite::profile::{BlockDirections, Capability};
 
 /// What runs against one device, in order.
 #[derive(Clone, Debug)]
@@ -68,12 +68,17 @@ impl Instance {
         &self.suite.file.cases[self.case].value
     }
 
-    /// Whether it is about something that only the device itself can tell it has.
-    pub fn requires(&self, capability: &Capability) -> bool {
-        let supports = |requires: &At<Requires>| {
-            requires.value.supports.as_ref().is_some_and(|supports| supports.value == *capability)
-        };
-        self.skip.is_none() && self.case().requires.iter().any(supports)
+    /// The directions of block transfer that it needs, which only the device itself can state.
+    pub fn blocks(&self) -> BlockDirections {
+        if self.skip.is_some() {
+            return BlockDirections::default();
+        }
+        let supports = |requires: &At<Requires>| requires.value.supports.as_ref()?.value.blocks();
+        let needed = self.case().requires.iter().filter_map(supports);
+        needed.fold(BlockDirections::default(), |all, each| BlockDirections {
+            upload: all.upload || each.upload,
+            download: all.download || each.download,
+        })
     }
 
     /// The options of the profile that the device must have for this, though nothing tells that it

@@ -80,6 +80,7 @@ const fn states(has: Has) -> &'static str {
         Has::NotTpdo => "that cannot be mapped into a TPDO",
         Has::Scan => "that may be read in a scan",
         Has::Download => "that may be written in a download",
+        Has::Free => "that may be written with any data (ObjFlags=0 or --free-to-write)",
     }
 }
 

@@ -65,7 +65,9 @@ pub(super) fn bind_names(scope: &mut Scope, suite: &Suite) {
 /// # Errors
 /// The name, and what there is instead.
 pub(super) fn check_capabilities(requires: &Requires, suite: &Suite) -> Result<(), At<String>> {
-    if let Some(At { value: Capability::BlockTransfer, place }) = &requires.lacks {
+    if let Some(At { value, place }) = &requires.lacks
+        && value.blocks().is_some()
+    {
         let wrong = "whether a device lacks block transfer is found out by trying it";
         return Err(At::new(wrong.to_owned(), *place));
     }

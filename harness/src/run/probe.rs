@@ -164,7 +164,7 @@ impl Probe<'_, '_> {
                 }
             }
         }
-        let flags = known.flags.unwrap_or(0);
+        let flags = known.flags;
         Ok(Some(Object { index, name, kind: shape.kind(), flags, entries, line: 0 }))
     }
 

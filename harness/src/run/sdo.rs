@@ -1,11 +1,14 @@
 //! SDO transfers over a link.
 
+use std::time::Duration;
+
 use canopen::sdo::block::{BlockResponse, LARGEST_BLOCK};
 use canopen::sdo::{Client, Failure, Initiate, Next, RESPONSE_COB_ID, Request, Response, Transfer};
 use canopen::{Abort, BusError, Frame, Mux, Stamped};
 
 use super::link::Link;
 use super::policy::Policy;
+use crate::suite::profile::BlockDirections;
 
 /// How a transfer ended.
 #[derive(Clone, Debug)]
@@ -72,14 +75,28 @@ pub(super) fn reads(
     Ok(transfer.finish(link, policy, node)?.result.is_ok_and(|now| now == value))
 }
 
-/// Whether the device has block transfer: whether it does not call it an unknown command.
+/// Which directions of block transfer the device has, of those that are asked for: it has those
+/// that it does not call an unknown command. The download is of an object that cannot be written.
 ///
 /// # Errors
 /// Whatever the bus reports.
-pub(super) fn knows_blocks(link: &mut Link, policy: &Policy, node: u8) -> Result<bool, BusError> {
+pub(super) fn knows_blocks(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    asked: BlockDirections,
+) -> Result<BlockDirections, BusError> {
     const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
-    let ended = upload_in_blocks(link, policy, node, DEVICE_TYPE, LARGEST_BLOCK)?;
-    Ok(ended.result != Err(Failure::Aborted(Abort::COMMAND)))
+    let known = |ended: Ended| ended.result != Err(Failure::Aborted(Abort::COMMAND));
+    let mut blocks = BlockDirections { upload: true, download: true };
+    if asked.upload {
+        blocks.upload = known(upload_in_blocks(link, policy, node, DEVICE_TYPE, LARGEST_BLOCK)?);
+    }
+    if asked.download {
+        let ended = download(link, policy, node, DEVICE_TYPE, &[0; 4], Transfer::Block)?;
+        blocks.download = known(ended);
+    }
+    Ok(blocks)
 }
 
 /// Writes an object.
@@ -95,8 +112,14 @@ pub(super) fn download(
     flow: Transfer,
 ) -> Result<Ended, BusError> {
     let (client, request) = Client::download(mux, data, flow);
+    // CiA 301 limits neither the time of a save nor that of a load.
+    let patient = Policy { sdo_timeout: policy.sdo_timeout.max(STORE_TIMEOUT), ..*policy };
+    let policy = if matches!(mux.index, 0x1010 | 0x1011) { &patient } else { policy };
     transfer(link, policy, node, client, request)
 }
+
+/// How long storing and restoring of parameters may take.
+const STORE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Plays a transfer to its end, which begins with `request`.
 ///

@@ -13,7 +13,7 @@ use super::settle::{self, Left};
 use crate::dut::Dut;
 use crate::plan::{Instance, Plan};
 use crate::source::At;
-use crate::suite::profile::Capability;
+use crate::suite::profile::BlockDirections;
 use crate::suite::{Level, Register};
 
 /// How a session ended.
@@ -93,16 +93,18 @@ impl Session<'_> {
         (!remarks.is_empty()).then(|| remarks.join("; "))
     }
 
-    /// Whether the device has block transfer, which no data sheet tells. Asked before the first
-    /// case, so that nothing that happens in one can be the reason to skip another.
-    fn knows_blocks(&self, link: &mut Link) -> Result<bool, BusError> {
-        match self.plan.instances.iter().any(|each| each.requires(&Capability::BlockTransfer)) {
-            true => sdo::knows_blocks(link, &self.policy, self.plan.dut.node),
-            false => Ok(true),
-        }
+    /// The directions of block transfer that the device has, which no data sheet states. Asked
+    /// before the first case, so that nothing that happens in one can be the reason to skip another.
+    fn knows_blocks(&self, link: &mut Link) -> Result<BlockDirections, BusError> {
+        let needed = self.plan.instances.iter().map(Instance::blocks);
+        let asked = needed.fold(BlockDirections::default(), |all, each| BlockDirections {
+            upload: all.upload || each.upload,
+            download: all.download || each.download,
+        });
+        sdo::knows_blocks(link, &self.policy, self.plan.dut.node, asked)
     }
 
-    fn cases(&self, link: &mut Link, blocks: bool) -> Ending {
+    fn cases(&self, link: &mut Link, blocks: BlockDirections) -> Ending {
         let (mut left, mut failed) = (Left::Calm, 0);
         for (place, instance) in self.plan.instances.iter().enumerate() {
             // A real bus notices while it waits; a simulated one never waits.
@@ -110,8 +112,13 @@ impl Session<'_> {
                 return Ending::Bus(BusError::Interrupted);
             }
             link.emit(self.started(link, instance));
-            let no_blocks = !blocks && instance.requires(&Capability::BlockTransfer);
-            let no_blocks = no_blocks.then(|| "the device has no block transfer".to_owned());
+            let needed = instance.blocks();
+            let no_blocks =
+                match (needed.upload && !blocks.upload, needed.download && !blocks.download) {
+                    (true, _) => Some("the device has no SDO block upload".to_owned()),
+                    (_, true) => Some("the device has no SDO block download".to_owned()),
+                    _ => None,
+                };
             if let Some(reason) = instance.skip.clone().or(no_blocks) {
                 link.emit(ended(link, Outcome::Skip(reason)));
                 continue;

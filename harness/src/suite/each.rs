@@ -104,6 +104,10 @@ pub enum Has {
     Scan,
     /// Nothing against being written in passing: bit 0 of `ObjFlags` is 0.
     Download,
+    /// The right to be written with anything: the data sheet states `ObjFlags` with bit 0 at 0, or
+    /// the user allows it with `--free-to-write`. A DOMAIN of a data sheet that states nothing may
+    /// be a firmware download.
+    Free,
 }
 
 /// Access types of a data sheet.

@@ -99,11 +99,37 @@ impl JsonSchema for About {
 pub enum Capability {
     /// Layer setting services, by its data sheet.
     Lss,
-    /// SDO block transfer; the device is asked once, at the start of a run.
+    /// SDO block transfer in both directions; the device is asked once, at the start of a run.
     BlockTransfer,
+    /// SDO block upload, asked likewise.
+    BlockUpload,
+    /// SDO block download, asked likewise.
+    BlockDownload,
     /// An option of the profile that the suite is about. No data sheet tells: a device has it
     /// unless `--without` says otherwise.
     Option(String),
+}
+
+impl Capability {
+    /// Whether it is block transfer, in whichever direction, and which it needs.
+    pub fn blocks(&self) -> Option<BlockDirections> {
+        let blocks = |upload, download| Some(BlockDirections { upload, download });
+        match self {
+            Self::BlockTransfer => blocks(true, true),
+            Self::BlockUpload => blocks(true, false),
+            Self::BlockDownload => blocks(false, true),
+            Self::Lss | Self::Option(_) => None,
+        }
+    }
+}
+
+/// Directions of SDO block transfer that a device has, or that a case needs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BlockDirections {
+    /// From the server.
+    pub upload: bool,
+    /// To the server.
+    pub download: bool,
 }
 
 impl<'de> Deserialize<'de> for Capability {
@@ -111,6 +137,8 @@ impl<'de> Deserialize<'de> for Capability {
         Ok(match Cow::<str>::deserialize(deserializer)? {
             name if name == LSS => Self::Lss,
             name if name == BLOCK_TRANSFER => Self::BlockTransfer,
+            name if name == BLOCK_UPLOAD => Self::BlockUpload,
+            name if name == BLOCK_DOWNLOAD => Self::BlockDownload,
             name => Self::Option(name.into_owned()),
         })
     }
@@ -126,15 +154,17 @@ impl JsonSchema for Capability {
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
         let options = catalogue::profiles().iter().flat_map(|profile| profile.options.keys());
         let names: Vec<&str> =
-            [LSS, BLOCK_TRANSFER].into_iter().chain(options.map(String::as_str)).collect();
+            CAPABILITIES.into_iter().chain(options.map(String::as_str)).collect();
         json_schema!({ "description": "A capability, or an option of the profile.", "enum": names })
     }
 }
 
 /// The names of the capabilities that any device can have.
-pub(crate) const CAPABILITIES: [&str; 2] = [LSS, BLOCK_TRANSFER];
+pub(crate) const CAPABILITIES: [&str; 4] = [LSS, BLOCK_TRANSFER, BLOCK_UPLOAD, BLOCK_DOWNLOAD];
 const LSS: &str = "lss";
 const BLOCK_TRANSFER: &str = "block-transfer";
+const BLOCK_UPLOAD: &str = "block-upload";
+const BLOCK_DOWNLOAD: &str = "block-download";
 
 /// The number of one of the blocks that a profile repeats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

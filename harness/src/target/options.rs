@@ -6,6 +6,7 @@ use canopen::{Bench, catalogue};
 use reference_devices::devices::ReferenceDevice;
 
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
+use crate::dut::Dut;
 use crate::exit::Refused;
 use crate::nearest::did_you_mean;
 use crate::rig::Rig;
@@ -36,6 +37,22 @@ pub(super) fn without(selection: &Selection, device: Option<&ReferenceDevice>) -
     without
 }
 
+/// Lets the objects that the user names be written with any data.
+///
+/// # Errors
+/// When the data sheet does not have one of them.
+pub(super) fn free_to_write(selection: &Selection, dut: &mut Dut) -> Result<(), Refused> {
+    for index in &selection.free_to_write {
+        let eds = Arc::make_mut(&mut dut.eds);
+        let object = eds.objects.iter_mut().find(|object| object.index == *index);
+        let Some(object) = object else {
+            return Err(Refused::usage(format!("{} has no object {index:04X}h", dut.name)));
+        };
+        object.flags = Some(object.flags.unwrap_or_default() & !1);
+    }
+    Ok(())
+}
+
 /// Adds what else a verdict depends on to the options that repeat a run.
 pub(super) fn say_the_rest(selection: &Selection, options: &mut String) {
     if let Some(path) = &selection.eds {
@@ -49,6 +66,9 @@ pub(super) fn say_the_rest(selection: &Selection, options: &mut String) {
     }
     for option in &selection.without {
         options.push_str(&format!(" --without {option}"));
+    }
+    for index in &selection.free_to_write {
+        options.push_str(&format!(" --free-to-write {index:04X}"));
     }
 }
 

@@ -120,7 +120,7 @@ fn add(eds: &mut Eds, mux: Mux, like: Mux) -> Option<()> {
         None => {
             let name = entry.name.clone();
             let (index, kind) = (mux.index, ObjectKind::VAR);
-            let object = Object { index, name, kind, flags: 0, entries: vec![entry], line: 0 };
+            let object = Object { index, name, kind, flags: None, entries: vec![entry], line: 0 };
             eds.objects.insert(place, object);
         }
     }

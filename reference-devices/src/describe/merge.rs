@@ -37,7 +37,7 @@ pub(super) fn object(
         entries.push(entry(mux, &facts)?);
         described.notes.insert(mux, note(&facts));
     }
-    let flags = chosen.flags.or(known.flags).unwrap_or(0);
+    let flags = chosen.flags.or(known.flags);
     described.eds.objects.push(Object { index, name, kind, flags, entries, line: 0 });
     Ok(())
 }

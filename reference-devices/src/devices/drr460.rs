@@ -252,9 +252,7 @@ impl Behaviour for Drr460 {
         }
     }
 
-    fn written(&mut self, now: Instant, mux: Mux, od: &mut Dictionary) {
-        // A value for an output ends what a communication error made of it.
-        self.io.written(now, mux, od);
+    fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
         if mux == ALARMS_RESET && value(od, ALARMS_RESET) == 0 {
             self.alarms.iter_mut().for_each(Alarm::reset);
         }

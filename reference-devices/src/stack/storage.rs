@@ -41,7 +41,7 @@ impl Storage {
     /// keeps out of a configuration (`ObjFlags` bit 0) and what is a command or a record of events.
     pub(crate) fn new(eds: &Eds, defaults: &Dictionary) -> Self {
         let configuration = eds.objects.iter().filter(|object| {
-            object.flags & REFUSED_ON_DOWNLOAD == 0
+            object.flags.unwrap_or_default() & REFUSED_ON_DOWNLOAD == 0
                 && !matches!(object.index, HISTORY | STORE | RESTORE)
         });
         let entries = configuration.flat_map(|object| &object.entries);

@@ -144,7 +144,7 @@ pub(crate) fn eds(entries: Vec<Entry>) -> Eds {
                 index,
                 name: String::new(),
                 kind: ObjectKind::VAR,
-                flags: 0,
+                flags: None,
                 entries: vec![entry],
                 line: 0,
             }),

@@ -144,7 +144,7 @@ fn communication(pdo: &str, index: u16, mask: u8, cob_id: Option<u32>, at: Place
         entries.push(made(Mux::new(index, sub), name.to_owned(), data_type, default, line));
     }
     let name = format!("{pdo} communication parameter");
-    Object { index, name, kind: ObjectKind::RECORD, flags: 0, entries, line }
+    Object { index, name, kind: ObjectKind::RECORD, flags: None, entries, line }
 }
 
 /// A mapping parameter with as many entries as units of `granularity` bits fit a PDO.
@@ -158,7 +158,7 @@ fn mapping(pdo: &str, index: u16, granularity: u8, at: Place) -> Object {
     });
     let entries = std::iter::once(count).chain(subs).collect();
     let name = format!("{pdo} mapping parameter");
-    Object { index, name, kind: ObjectKind::RECORD, flags: 0, entries, line }
+    Object { index, name, kind: ObjectKind::RECORD, flags: None, entries, line }
 }
 
 /// Sub 0 of an object in a short form.

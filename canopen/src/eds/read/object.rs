@@ -60,7 +60,7 @@ impl Reader {
         let index = parts.index;
         let (kind, role) = self.kind(parts);
         let (name, line) = (String::new(), first.at.line);
-        let mut object = Object { index, name, kind, flags: 0, entries: Vec::new(), line };
+        let mut object = Object { index, name, kind, flags: None, entries: Vec::new(), line };
         match parts.head {
             Some(head) => self.head(head, &role, parts, &mut object),
             None => {
@@ -139,7 +139,7 @@ impl Reader {
         object: &mut Object,
     ) {
         object.name = self.name(head);
-        object.flags = self.number(head, "ObjFlags", u32::MAX.into()).unwrap_or_default() as u32;
+        object.flags = self.number(head, "ObjFlags", u32::MAX.into()).map(|flags| flags as u32);
         let has_value = !matches!(role, Head::Object);
         let mut kept = self.others(head, |name| {
             is_one_of(name, &HEAD_KEYS) || has_value && is_one_of(name, &VALUE_KEYS)
@@ -175,8 +175,9 @@ impl Reader {
                 self.findings.habit(&codes::OBJECT_TYPE_MISSING, section.at, message);
             }
         }
-        object.flags |=
-            self.number(section, "ObjFlags", u32::MAX.into()).unwrap_or_default() as u32;
+        if let Some(flags) = self.number(section, "ObjFlags", u32::MAX.into()) {
+            object.flags = Some(object.flags.unwrap_or_default() | flags as u32);
+        }
         let mut entry = self.entry(section, Mux::new(index, sub), object.kind, &mut kept);
         entry.name = self.name(section);
         // The short form may have made one.
