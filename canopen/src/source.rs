@@ -143,6 +143,9 @@ impl fmt::Display for Complaint {
 /// Reads YAML, and makes of whatever is wrong with it a complaint.
 pub fn read_yaml<T: for<'de> Deserialize<'de>>(source: &Arc<Source>) -> Result<T, Complaint> {
     serde_yaml::from_str(&source.text).map_err(|error| {
+        // In a text that is not YAML, such as one that lacks a `}`, a value may be found that does
+        // not fit before the reason is.
+        let error = serde_yaml::from_str::<Outline>(&source.text).err().unwrap_or(error);
         let place = error
             .location()
             .map(|at| Place { line: at.line() as usize, column: at.column() as usize });

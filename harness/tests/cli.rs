@@ -54,6 +54,7 @@ fn the_committed_schemas_are_those_of_the_program() {
         ("device", "reference-devices/device"),
         ("variant", "reference-devices/variant"),
         ("mutants", "reference-devices/mutants"),
+        ("freedoms", "reference-devices/freedoms"),
         ("catalogue", "canopen/catalogue/catalogue"),
     ] {
         let output = harness().args(["schema", name]).output().unwrap();
@@ -78,6 +79,36 @@ fn the_committed_data_sheets_are_those_of_the_program() {
             assert!(written == committed, "{file}: harness eds write {device}");
         }
     }
+}
+
+/// The example of reference-devices/README.md, in a folder whose name has a blank.
+#[test]
+fn a_device_in_a_folder_is_run_like_one_in_the_program() {
+    let readme = fs::read_to_string(project().join("reference-devices/README.md")).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    for block in readme.split("```yaml\n# my-device/").skip(1) {
+        let (file, rest) = block.split_once('\n').unwrap();
+        let path = folder.path().join("a device").join(file);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, rest.split("```").next().unwrap()).unwrap();
+    }
+    let run = |args: &[&str]| harness().current_dir(folder.path()).args(args).output().unwrap();
+    for args in [
+        &["check", "a device"][..],
+        &["eds", "write", "a device"],
+        &["eds", "check", "a device/device.eds"],
+        &["--target", "sim:a device", "cia301/*", "cia306/*"],
+        &["--target", "sim:a device/variants/small.yaml", "cia301/sdo*"],
+        &["list", "--target", "sim:a device?mutant=boots-twice"],
+    ] {
+        let output = run(args);
+        let said = [text(&output.stdout), text(&output.stderr)].concat();
+        assert_eq!(output.status.code(), Some(0), "{args:?}\n{said}");
+    }
+    let output = run(&["--target", "sim:a device?mutant=boots-twice", "cia301/nmt*"]);
+    assert_eq!(output.status.code(), Some(1), "{}", text(&output.stdout));
+    let again = "--target 'sim:a device?mutant=boots-twice'";
+    assert!(text(&output.stdout).contains(again), "{}", text(&output.stdout));
 }
 
 #[test]

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use canopen::Mux;
 use canopen::catalogue::{Catalogue, Mapping, ObjectFacts, Scalar};
 use canopen::eds::{self, Eds};
-use canopen::source::{At, Complaint, Source, read_yaml};
+use canopen::source::{At, Complaint, Outline, Source, read_yaml};
 
 use crate::stack::NodeSettings;
 
@@ -167,7 +167,8 @@ impl Description {
         let error = |found: &&eds::Diagnostic| found.severity == eds::Severity::Error;
         let found = reading.diagnostics.iter().find(error)?;
         let message = format!("the data sheet of this device has an error: {}", found.message);
-        Some(Complaint { source: Arc::clone(source), place: None, message })
+        let place = Outline::of(source).and_then(|outline| outline.key(&["objects"]));
+        Some(Complaint { source: Arc::clone(source), place, message })
     }
 
     /// The object dictionary as tables for people, in Markdown.

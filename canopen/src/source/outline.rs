@@ -90,7 +90,8 @@ impl<'de> Deserialize<'de> for Node {
 
 impl<'de> Deserialize<'de> for Word {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(WordVisitor)
+        // As text: as anything, `on` would be `true`.
+        String::deserialize(deserializer).map(Self)
     }
 }
 
@@ -152,28 +153,6 @@ impl<'de> Visitor<'de> for NodeVisitor {
     }
 }
 
-struct WordVisitor;
-
-impl Visitor<'_> for WordVisitor {
-    type Value = Word;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a key")
-    }
-
-    fn visit_i64<E>(self, number: i64) -> Result<Word, E> {
-        Ok(Word(number.to_string()))
-    }
-
-    fn visit_u64<E>(self, number: u64) -> Result<Word, E> {
-        Ok(Word(number.to_string()))
-    }
-
-    fn visit_str<E>(self, text: &str) -> Result<Word, E> {
-        Ok(Word(text.to_owned()))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -181,7 +160,7 @@ mod tests {
     #[test]
     fn keys_and_values_have_places() {
         let text = "objects:\n  \"1017\": { value: 7 }\n  \"1018\":\n    subs: { 1: { low: 2 } }\n\
-                    list: [a, { b: c }]\n";
+                    list: [a, { b: c, on: d }]\n";
         let source = Source { name: "x".into(), text: text.into() };
         let outline = Outline::of(&source).unwrap();
         let at = |place: Option<Place>| place.map(|place| (place.line, place.column));
@@ -190,6 +169,7 @@ mod tests {
         assert_eq!(at(outline.value(&["objects", "1018", "subs", "1", "low"])), Some((4, 23)));
         assert_eq!(at(outline.key(&["objects", "1018", "subs", "1"])), Some((4, 13)));
         assert_eq!(at(outline.value(&["list", "1", "b"])), Some((5, 16)));
+        assert_eq!(at(outline.value(&["list", "1", "on"])), Some((5, 23)));
         assert_eq!(at(outline.value(&["list", "7"])), None);
         let keys: Vec<&str> = outline.keys(&["objects"]).map(|(key, _)| key).collect();
         assert_eq!(keys, ["1017", "1018"]);

@@ -2,8 +2,8 @@
 
 use canopen::heartbeat::{self, ErrorControl};
 use canopen::nmt::{Command, Service};
-use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID};
-use canopen::{BusError, Frame, Mux};
+use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request};
+use canopen::{Abort, BusError, Frame, Mux};
 
 use super::link::Link;
 use super::policy::Policy;
@@ -52,8 +52,15 @@ pub(super) fn settle(
     }
     reset(link, policy, dut)?;
     pre_operational(link, policy, dut)?;
+    if unrest(link, policy, dut)?.is_none() {
+        return Ok(Some("settled by reset node".to_owned()));
+    }
+    // A server may keep a transfer through the reset, and then answers the first request with the
+    // abort of that transfer or takes it for a part of it.
+    link.send(&Request::Abort(DEVICE_TYPE, Abort::GENERAL).frame(dut.node))?;
+    link.drain(policy.quiet)?;
     match unrest(link, policy, dut)? {
-        None => Ok(Some("settled by reset node".to_owned())),
+        None => Ok(Some("settled by reset node and an abort".to_owned())),
         Some(unrest) => Err(Unsettled::Device(unrest)),
     }
 }

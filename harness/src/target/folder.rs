@@ -9,6 +9,7 @@ use std::sync::Arc;
 use canopen::catalogue::Catalogue;
 use reference_devices::devices::{DeviceFiles, ReferenceDevice};
 
+use crate::nearest::did_you_mean;
 use crate::source::{Complaint, Source};
 
 /// Whether a word means a path and not the name of a device in this program.
@@ -28,7 +29,11 @@ pub(super) fn device(path: &Path) -> Result<ReferenceDevice, Vec<Complaint>> {
     let wanted = |device: &ReferenceDevice| device.source.name == shown(path);
     match family.iter().position(wanted) {
         Some(place) => Ok(family.swap_remove(place)),
-        None => Err(vec![missing(path, &format!("there is no variant {variant}"))]),
+        None => {
+            let files = &family[0].files.variants;
+            let meant = did_you_mean(&variant, files.iter().map(|(name, _)| name.as_str()));
+            Err(vec![missing(path, &format!("there is no variant `{variant}`{meant}"))])
+        }
     }
 }
 

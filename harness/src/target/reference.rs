@@ -1,4 +1,5 @@
-//! The reference devices and their deviations: those in this program by name, others by their folder.
+//! The reference devices and their deviations: those in this program by name, others by their
+//! folder.
 
 use std::path::Path;
 use std::sync::Arc;

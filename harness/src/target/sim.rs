@@ -1,4 +1,5 @@
-//! Simulated devices: `sim:NAME`, and with a deviation `sim:NAME?mutant=NAME`, or the path of a device for its name.
+//! Simulated devices: `sim:NAME`, and with a deviation `sim:NAME?mutant=NAME`, or the path of a
+//! device for its name.
 
 use std::sync::Arc;
 
@@ -33,6 +34,10 @@ pub(super) fn target(
         None => own_sheet(&device, deviation.as_deref())?,
     };
     let node = selection.node.unwrap_or_else(|| device.description.default_node);
+    if let Some(deviation) = &deviation {
+        // What cannot be built is a mistake in its file, which is reported before anything runs.
+        deviation.build(&device, node)?;
+    }
     let mut options = match &deviation {
         None => format!("--target {}", quoted(&format!("sim:{name}"))),
         Some(deviation) => {

@@ -252,7 +252,9 @@ impl Behaviour for Drr460 {
         }
     }
 
-    fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
+    fn written(&mut self, now: Instant, mux: Mux, od: &mut Dictionary) {
+        // A value for an output ends what a communication error made of it.
+        self.io.written(now, mux, od);
         if mux == ALARMS_RESET && value(od, ALARMS_RESET) == 0 {
             self.alarms.iter_mut().for_each(Alarm::reset);
         }
