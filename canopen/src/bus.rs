@@ -20,7 +20,7 @@ pub trait Bus {
     /// The next frame that is complete by `until`, or `None` when `until` has come.
     fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError>;
 
-    /// The bench around the device under test; `None` when nobody offers one.
+    /// The bench around the device under test; `None` if there is none.
     fn bench(&mut self) -> Option<&mut dyn Bench> {
         None
     }

@@ -38,7 +38,7 @@ pub struct Profile {
     title: String,
     /// The profile it builds on, whose names and blocks are its own, too.
     base: Option<Arc<Self>>,
-    /// How a device that follows it is told from others, where 1000h does not tell.
+    /// How a device that follows it is identified, if 1000h does not identify it.
     pub recognised: Option<Recognition>,
     /// Bits and codes by the names under which suites of this profile use them.
     pub names: BTreeMap<String, i64>,
@@ -49,7 +49,7 @@ pub struct Profile {
     objects: Vec<(RangeInclusive<u16>, CatalogueObject)>,
 }
 
-/// A value that tells a device of a profile from others.
+/// A value that identifies a device of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Recognition {
@@ -70,7 +70,7 @@ pub struct Recognition {
 pub struct Version {
     /// Those in front of the point.
     pub major: u32,
-    /// Those behind it.
+    /// Those after it.
     pub minor: u32,
 }
 
@@ -80,7 +80,7 @@ impl Recognition {
         value & self.mask == self.value
     }
 
-    /// The version of the profile, such as `1.1`; `None` when the value does not tell.
+    /// The version of the profile, such as `1.1`; `None` if the value does not contain it.
     pub fn version_in(self, value: u32) -> Option<String> {
         let bits = |mask: u32| (value & mask) >> mask.trailing_zeros().min(31);
         self.version.map(|version| format!("{}.{}", bits(version.major), bits(version.minor)))

@@ -105,7 +105,7 @@ impl Data {
         true
     }
 
-    /// All eight bytes; those behind the end are zero.
+    /// All eight bytes; those after the end are zero.
     pub const fn padded(&self) -> [u8; 8] {
         self.bytes
     }
@@ -230,7 +230,7 @@ impl Text {
     }
 }
 
-/// Why a text is no frame in candump form.
+/// Why a text is not a frame in candump form.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FrameError {
     /// There is no `#` between identifier and data.

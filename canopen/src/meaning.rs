@@ -95,7 +95,7 @@ fn emergency(f: &mut fmt::Formatter<'_>, node: u16, bytes: &[u8]) -> fmt::Result
 fn error_control(f: &mut fmt::Formatter<'_>, node: u16, bytes: &[u8]) -> fmt::Result {
     match ErrorControl::decode(bytes) {
         Ok(ErrorControl::BOOT_UP) => write!(f, "boot-up node {node}"),
-        // A guarding answer whose toggle bit is 0 cannot be told from a heartbeat.
+        // A guarding answer whose toggle bit is 0 looks like a heartbeat.
         Ok(ErrorControl { state, toggle: false }) => write!(f, "heartbeat node {node} {state}"),
         Ok(ErrorControl { state, toggle: true }) => {
             write!(f, "guarding answer node {node} {state}, toggle 1")
@@ -220,7 +220,7 @@ impl fmt::Display for Bad {
     }
 }
 
-/// The bits of an 11-bit identifier that tell the service, and those that tell the node.
+/// The bits of an 11-bit identifier that name the service, and those that name the node.
 const FUNCTION: u16 = 0x780;
 const NODE: u16 = 0x07F;
 

@@ -71,7 +71,7 @@ pub fn all(node: u8, known: Vec<u16>) -> Vec<Box<dyn Monitor>> {
     ]
 }
 
-/// No emergency message or boot-up that nobody waited for, and no second SDO answer.
+/// No unexpected emergency message or boot-up, and no second SDO answer.
 struct NoSurprise {
     node: u8,
     history_cleared: bool,
@@ -123,7 +123,7 @@ impl Monitor for NoSurprise {
             return Err(breach(seen, "no boot-up without a reset", got));
         }
         if id == sdo::RESPONSE_COB_ID + node && !asked {
-            let got = "an SDO answer that nobody asked for".to_owned();
+            let got = "an SDO answer without a request".to_owned();
             return Err(breach(seen, "at most one SDO answer to a request", got));
         }
         Ok(())
@@ -282,7 +282,7 @@ impl Monitor for SilentWhenStopped {
     }
 }
 
-/// The 11-bit identifier of a data frame that is no echo of ours.
+/// The 11-bit identifier of a data frame that is not our echo.
 fn incoming(seen: &Seen) -> Option<u16> {
     if seen.stamped.own { None } else { seen.stamped.frame.data_id() }
 }

@@ -204,7 +204,7 @@ impl fmt::Display for Byte {
     }
 }
 
-/// Why a text is no pattern.
+/// Why a text is not a pattern.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PatternError {
     /// Where, in bytes from the start of the text.

@@ -115,7 +115,7 @@ impl Unpacker {
         Self { word: u64::from_le_bytes(data.padded()), at: 0 }
     }
 
-    /// The next `bits` bits as little-endian bytes, zero behind the end of the frame.
+    /// The next `bits` bits as little-endian bytes, zero after the end of the frame.
     pub fn take(&mut self, bits: u8) -> [u8; 8] {
         let value = if self.at < 64 { self.word >> self.at & ones(bits) } else { 0 };
         self.at = self.at.saturating_add(u32::from(bits));

@@ -158,7 +158,7 @@ pub fn read_yaml<T: for<'de> Deserialize<'de>>(source: &Arc<Source>) -> Result<T
     })
 }
 
-/// A message about a place within a text: so many bytes behind its start. [`read_yaml`] puts the
+/// A message about a place within a text: so many bytes after its start. [`read_yaml`] puts the
 /// caret there.
 pub fn at_offset(offset: usize, message: &str) -> String {
     format!("{MARK}{offset}{MARK}{message}")

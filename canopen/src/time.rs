@@ -1,4 +1,4 @@
-//! Time as the bus tells it: nanoseconds since the bus was opened.
+//! Time of the bus: nanoseconds since the bus was opened.
 
 use std::fmt;
 use std::ops::{Add, AddAssign, Sub};

@@ -44,7 +44,7 @@ impl TimeOfDay {
         Frame::new(COB_ID, self.encode())
     }
 
-    /// The time so many milliseconds later; after the last day that can be told, the first.
+    /// The time so many milliseconds later; after the last day that can be expressed, the first.
     #[must_use]
     pub const fn after(self, milliseconds: u64) -> Self {
         let total = self.milliseconds as u64 + milliseconds;

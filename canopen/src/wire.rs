@@ -22,7 +22,7 @@ pub fn frame_bits(frame: &Frame) -> u64 {
 
 /// The part of the time from the start of the first frame to the end of the last in which the wire
 /// was taken at `bit_rate` bits per second. The intermission counts with the frame before it,
-/// because nobody can send in it. The frames are in the order of their stamps.
+/// because no station can send in it. The frames are in the order of their stamps.
 pub fn load(frames: &[Stamped], bit_rate: u32) -> f64 {
     let [first, .., last] = frames else { return 1.0 };
     let bits = |seen: &Stamped| (frame_bits(&seen.frame) + INTERMISSION_BITS) as f64;

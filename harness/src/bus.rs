@@ -23,7 +23,7 @@ impl Interface {
     /// Opens the interface. `stop` ends every wait on it.
     ///
     /// # Errors
-    /// [`BusError::Open`] with what stands in the way, and what to do about it.
+    /// [`BusError::Open`] with the reason, and what to do about it.
     pub fn open(&self, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>, BusError> {
         match self {
             Self::SocketCan(name) => Ok(Box::new(SocketCan::open(name, Arc::clone(stop))?)),

@@ -30,7 +30,7 @@ pub struct Dut {
     pub bit_rate: u32,
     /// Options of its profile that it does not have.
     pub without: Vec<String>,
-    /// The profile that it told of itself when it was asked, by an object that the catalogue names.
+    /// The profile that the device named when asked, by an object that the catalogue knows.
     pub told: Option<&'static Profile>,
 }
 

@@ -12,7 +12,7 @@ fn main() -> ExitCode {
     let exit = std::panic::catch_unwind(|| match Cli::try_parse() {
         Ok(cli) => commands::run(cli),
         Err(error) => {
-            // Nobody is left to tell when standard output is closed.
+            // When standard output is closed, no reader is left for the message.
             _ = error.print();
             if error.use_stderr() { Exit::Usage } else { Exit::Green }
         }

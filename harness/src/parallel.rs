@@ -1,5 +1,5 @@
 //! Work on several processors, with the outcome of one: results and events are in the order of
-//! the items, whoever is ready first.
+//! the items, not of their completion.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};

@@ -133,7 +133,7 @@ pub fn suite_load(bytes: &[u8]) {
 }
 
 /// A line of a journal that is an event is written as a line of the same event, and every report
-/// of what a journal tells can be made.
+/// of a journal can be made.
 pub fn journal_read(bytes: &[u8]) {
     let Ok(text) = str::from_utf8(bytes) else { return };
     for event in journal::read(text).filter_map(|(_, event)| event.ok()) {

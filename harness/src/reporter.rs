@@ -135,7 +135,7 @@ fn is_on_real_bus(args: &RunArgs) -> bool {
     matches!(address, Some(Ok(Address::Interface(_))))
 }
 
-/// Prints to standard output. A reader that went away (`| head`) is no reason to stop the run,
+/// Prints to standard output. A reader that went away (`| head`) does not stop the run,
 /// whose reports are still to be written.
 pub(crate) fn say(text: &str) {
     _ = std::io::stdout().write_all(text.as_bytes());

@@ -22,7 +22,7 @@ use serde_json::{Value as Json, json};
 /// How long a rig may take to answer.
 const PATIENCE: Duration = Duration::from_secs(5);
 
-/// A bench behind a socket, or a program of the user's.
+/// A bench at a socket, or a program of the user's.
 pub struct Rig {
     name: String,
     requests: Box<dyn Write + Send>,

@@ -1,4 +1,4 @@
-//! Running a plan against a device: the loop over cases, and what it tells of them.
+//! Running a plan against a device: the loop over cases, and the events it emits.
 
 mod ask;
 mod bench;

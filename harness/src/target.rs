@@ -32,7 +32,7 @@ pub use sheet::models;
 /// The devices a selection means.
 ///
 /// # Errors
-/// When the target is not one we know, nobody answers, or no data sheet fits.
+/// When the target is unknown, no node answers, or no data sheet fits.
 pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Target>, Refused> {
     options::known(&selection.without)?;
     let mut targets = match selection.target.as_deref() {

@@ -45,7 +45,7 @@ fn the_real_bus_gives_the_verdicts_of_the_virtual_one() {
         // What failed is looked at below.
         let on_the_real_bus = run(&["--target", "vcan0", "--bench", &bench], &[0, 1]);
         let mut differences = record::differences(&in_virtual_time, &on_the_real_bus);
-        // A machine that stalls for a moment is no difference: such a case is tried alone, once.
+        // A machine that stalls for a moment does not count: such a case is tried alone, once.
         let once_more = differing(&in_virtual_time, &on_the_real_bus);
         if (1..=MOST_STALLED).contains(&once_more.len()) {
             eprintln!("{device}: once more, alone: {}\n{differences}", once_more.join(" "));
@@ -74,7 +74,7 @@ fn a_scan_finds_the_device_that_is_served() {
     assert_eq!(served.0.wait().unwrap().code(), Some(0), "Ctrl-C is how serving ends");
 }
 
-/// The vendor is nobody's, so there is no data sheet, and 2000h is all that tells what it is.
+/// The vendor is unknown, so there is no data sheet, and only 2000h identifies the device.
 #[test]
 #[ignore = "needs vcan0: scripts/with-vcan"]
 fn a_device_of_an_unknown_vendor_is_judged_by_its_profile() {

@@ -1,8 +1,8 @@
-//! What a runner tells while it runs: the contract between it and every report.
+//! What a runner reports while it runs: the contract between it and every report.
 //!
 //! The order is: run started; then per device, device started and its cases, one after the
 //! other; run ended. A run that was cut off simply stops. Nothing in an event comes from a wall
-//! clock, a host name or an absolute path, so that a run in virtual time tells the same events
+//! clock, a host name or an absolute path, so that a run in virtual time emits the same events
 //! each time, byte for byte.
 
 use canopen::{Instant, Stamped};
@@ -93,8 +93,8 @@ pub struct CaseStarted {
     pub suite: String,
     /// The id of the case within its suite, such as `heartbeat-period`.
     pub case: String,
-    /// What tells this instance from the others of its case, such as `period=20 ms`; `None` when
-    /// the case is its only instance.
+    /// What distinguishes this instance from the others of its case, such as `period=20 ms`; `None`
+    /// when the case is its only instance.
     pub instance: Option<String>,
     /// The sentence that is true of a conformant device.
     pub title: String,

@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::event::Event;
 
-/// The line of `event`, its end included, so that one write never leaves half a line behind.
+/// The line of `event`, its end included, so that one write never leaves half a line.
 pub fn line(event: &Event) -> String {
     // Nearly every line is a frame, and most frames fit.
     let mut line = Vec::with_capacity(80);
@@ -16,7 +16,7 @@ pub fn line(event: &Event) -> String {
 /// The events of the journal `text`, in order. Empty lines do not count, and a last line that
 /// was cut off while it was written is left out.
 ///
-/// Each error tells its line; the iterator can go on behind it.
+/// Each error has its line; the iterator can go on after it.
 pub fn read(text: &str) -> impl Iterator<Item = (usize, Result<Event, JournalError>)> {
     text.split_inclusive('\n')
         .enumerate()
@@ -31,7 +31,7 @@ pub fn read(text: &str) -> impl Iterator<Item = (usize, Result<Event, JournalErr
         })
 }
 
-/// Why a text is no journal.
+/// Why a text is not a journal.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JournalError {
     /// The line, counted from 1.

@@ -82,10 +82,10 @@ impl Run {
         Self { keep, ..Self::default() }
     }
 
-    /// The run that a journal tells.
+    /// The run that a journal records.
     ///
     /// # Errors
-    /// The first line that is no event, or one that cannot follow those before it.
+    /// The first line that is not an event, or one that cannot follow those before it.
     pub fn fold(journal: &str, keep: Keep) -> Result<Self, JournalError> {
         let mut run = Self::new(keep);
         for (line, event) in journal::read(journal) {
@@ -98,7 +98,7 @@ impl Run {
         Ok(run)
     }
 
-    /// Adds what `event` tells. Frames and remarks between two cases belong to none and are left
+    /// Adds an event. Frames and remarks between two cases belong to none and are left
     /// to the journal.
     ///
     /// # Errors

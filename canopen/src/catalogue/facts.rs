@@ -53,7 +53,7 @@ pub struct ObjectFacts {
     pub subs: BTreeMap<u8, Facts>,
 }
 
-/// What is known of one value. A part that is `None` is left to whoever describes it next.
+/// What is known of one value. A part that is `None` is left to the next description.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Facts {

@@ -187,7 +187,7 @@ struct LineEnds {
 
 impl LineEnds {
     fn see(&mut self, number: usize, line: &str) {
-        // What stands behind the last line end is no line.
+        // The text after the last line end is not a line.
         if self.last_was_bare {
             self.bare += 1;
             if self.bare == 1 {
@@ -223,9 +223,9 @@ fn head<'a>(part: &'a str, at: Place, findings: &mut Findings) -> Section<'a> {
         Some((title, rest)) => {
             let rest = rest.trim_ascii_start();
             if rest.starts_with([';', '#']) {
-                findings.habit(&codes::COMMENT, at, "a comment behind a section head");
+                findings.habit(&codes::COMMENT, at, "a comment after a section head");
             } else if !rest.is_empty() {
-                let message = format!("{rest:?} behind a section head is skipped");
+                let message = format!("{rest:?} after a section head is skipped");
                 findings.add(&codes::SYNTAX, at, message);
             }
             title
@@ -270,7 +270,7 @@ fn key<'a>(number: usize, line: &'a str, part: &'a str) -> Option<Key<'a>> {
     (!name.is_empty()).then(|| Key { name, value, name_at: at(name), at: at(value) })
 }
 
-/// Sorts the sections and lets each stand once, the keys of a second one behind those of the first.
+/// Sorts the sections and lets each stand once, the keys of a second one after those of the first.
 fn unite<'a>(mut sections: Vec<Section<'a>>, findings: &mut Findings) -> Vec<Section<'a>> {
     sections.sort_by_key(|section| section.name);
     let mut united: Vec<Section<'a>> = Vec::with_capacity(sections.len());

@@ -18,7 +18,7 @@ pub(super) enum Remark {
     LeadingZero,
     /// `10h`, `0x10L`, `10u`.
     Spelling,
-    /// A decimal point and only zeros behind it.
+    /// A decimal point and only zeros after it.
     Point,
 }
 
@@ -118,7 +118,7 @@ impl Sum {
     }
 }
 
-/// `text` without a comment behind the value, for values that hold neither `#` nor `;`.
+/// `text` without a comment after the value, for values that hold neither `#` nor `;`.
 pub(super) fn without_comment(text: &str) -> &str {
     let comment = text.bytes().position(|byte| matches!(byte, b'#' | b';'));
     comment.map_or(text, |at| text[..at].trim_ascii_end())

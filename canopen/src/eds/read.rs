@@ -110,7 +110,7 @@ impl Reader {
         self.eds.unknown.push(UnknownSection { name, keys });
     }
 
-    /// Keeps keys of a section that has a place; none are no section.
+    /// Keeps the keys of a section that has a place; without keys there is no section.
     fn keep_keys(&mut self, name: Name, keys: Kept) {
         if !keys.is_empty()
             && let Some(name) = name.canonical()

@@ -60,7 +60,7 @@ fn one_to_one<'a>(bytes: &[u8], table: fn(u8) -> char) -> Cow<'a, str> {
 }
 
 /// Whether the letters make more sense in the code page of DOS than in that of Windows. Umlauts and
-/// accents are below A0h in the one and above BFh in the other, and the degree sign tells them
+/// accents are below A0h in the one and above BFh in the other, and the degree sign separates them
 /// apart where it stands before a unit.
 fn is_code_page_850(bytes: &[u8]) -> bool {
     let mut dos = 0;

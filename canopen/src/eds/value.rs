@@ -69,11 +69,11 @@ pub(super) fn flag(key: &Key<'_>, findings: &mut Findings) -> bool {
     value
 }
 
-/// The value of `key` without a comment behind it.
+/// The value of `key` without a comment after it.
 pub(super) fn typed<'a>(key: &Key<'a>, findings: &mut Findings) -> &'a str {
     let text = without_comment(key.value);
     if text.len() < key.value.len() {
-        findings.habit(&codes::COMMENT, key.at, "a comment behind a value is cut off");
+        findings.habit(&codes::COMMENT, key.at, "a comment after a value is cut off");
     }
     text
 }

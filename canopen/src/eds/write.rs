@@ -214,7 +214,7 @@ impl<'e> Writer<'e> {
     }
 }
 
-/// The list an object stands in.
+/// The list that contains an object.
 fn list_of(object: &Object) -> List {
     match object.index {
         index if MANDATORY.contains(&index) => List::Mandatory,

@@ -44,7 +44,7 @@ pub(super) fn response(f: &mut fmt::Formatter<'_>, node: u16, bytes: &[u8]) -> f
     reserved(f, *response.encode() == *bytes)
 }
 
-/// What is no command. A segment of a sub-block is not told from one by a single frame.
+/// A frame without a command. A single frame does not show whether it is a block segment.
 fn unknown_sdo(f: &mut fmt::Formatter<'_>, raw: &[u8]) -> fmt::Result {
     let specifier = raw.first().map_or(0, |command| command >> 5);
     write!(f, "unknown command specifier {specifier}: {}", Hex(raw))

@@ -16,7 +16,7 @@ pub enum BlockRequest {
     Download {
         /// Where to.
         mux: Mux,
-        /// Whether the client can tell a checksum at the end.
+        /// Whether the client can send a checksum at the end.
         crc: bool,
         /// The number of bytes in all, when it is given.
         size: Option<u32>,
@@ -62,7 +62,7 @@ pub enum BlockResponse {
     Upload {
         /// Where from.
         mux: Mux,
-        /// Whether the server tells a checksum at the end.
+        /// Whether the server sends a checksum at the end.
         crc: bool,
         /// The number of bytes in all, when it is given.
         size: Option<u32>,
@@ -83,7 +83,7 @@ pub struct BlockAck {
 /// The end of a block transfer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlockEnd {
-    /// How many bytes of the last segment are no data.
+    /// How many bytes of the last segment are not data.
     pub unused: u8,
     /// The checksum of the data, see [`crc`]; 0 when there is none.
     pub crc: u16,
@@ -96,7 +96,7 @@ pub struct BlockSegment {
     pub sequence: u8,
     /// Whether it is the last of the transfer.
     pub last: bool,
-    /// Seven bytes; the end of the transfer tells how many of the last segment's count.
+    /// Seven bytes; the end of the transfer states how many of the last segment count.
     pub data: [u8; 7],
 }
 
@@ -200,7 +200,7 @@ impl BlockSegment {
     }
 
     /// The segment with this number of the sub-block that begins `from` bytes into `data`; `None`
-    /// behind the last one. No data are one empty segment.
+    /// after the last one. Without data there is one empty segment.
     pub fn of(data: &[u8], from: usize, sequence: u8) -> Option<Self> {
         let start = from + 7 * usize::from(sequence.max(1) - 1);
         if start >= data.len().max(1) {

@@ -54,9 +54,9 @@ pub enum Next {
     /// Send these in order, if any, and wait for the next answer.
     Send(Client, Vec<Request>),
     /// Finished: the data of an upload, nothing for a download. When there is a request, send it
-    /// to tell the server.
+    /// to inform the server.
     Done(Vec<u8>, Option<Request>),
-    /// Failed. When there is a request, send it to tell the server.
+    /// Failed. If there is a request, send it to inform the server.
     Failed(Failure, Option<Request>),
 }
 

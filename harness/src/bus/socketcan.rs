@@ -1,5 +1,5 @@
 //! A real bus through Linux SocketCAN (`can0`, `vcan0`): frames carry the kernel's time stamps, and
-//! the echo of an own frame tells when it was complete on the wire.
+//! the echo of an own frame shows when it was complete on the wire.
 
 mod fault;
 mod stamp;
@@ -48,7 +48,7 @@ impl SocketCan {
     ///
     /// # Errors
     /// [`BusError::Open`] with what to do about it: there is no CAN in the kernel, no such
-    /// interface, it is down, or it is no CAN interface.
+    /// interface, it is down, or it is not a CAN interface.
     pub fn open(name: &str, stop: Arc<AtomicBool>) -> Result<Self, BusError> {
         let socket = CanSocket::open(name).map_err(|why| fault::open(name, &why, has_can()))?;
         prepare(&socket)
@@ -85,8 +85,8 @@ impl SocketCan {
 
     /// Whether the frame is the echo of one of ours, the frame, and the kernel's time stamp.
     ///
-    /// The kernel tells both about a frame in one answer, but no safe interface hands out both. So
-    /// the frame is looked at twice; nobody else reads from this socket in between.
+    /// The kernel returns both for a frame in one answer, but no safe interface hands out both. So
+    /// the frame is looked at twice; nothing else reads from this socket in between.
     fn read_raw(&self) -> io::Result<(bool, CanFrame, Option<SystemTime>)> {
         let raw_socket = self.socket.as_raw_socket();
         let (_, flags) = raw_socket.recv_vectored_with_flags(&mut [], libc::MSG_PEEK)?;
@@ -103,7 +103,7 @@ impl SocketCan {
         }
     }
 
-    /// A trace with a hole in it proves nothing, so a loss is an error, and told once.
+    /// A trace with a hole in it proves nothing, so a loss is an error, and reported once.
     fn check_for_losses(&mut self) -> Result<(), BusError> {
         let dropped = drop_count(&self.socket);
         let lost = dropped.wrapping_sub(self.dropped);

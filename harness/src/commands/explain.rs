@@ -43,7 +43,7 @@ fn mutants() -> Result<Vec<(Mutant, Vec<&'static str>)>, Refused> {
         let own = mutant::of(&*reference_device(name)?);
         for mutant in own? {
             match all.iter_mut().find(|(known, _)| known.name == mutant.name) {
-                // A variant that is named beside its device tells nobody anything.
+                // A variant beside its device adds nothing.
                 Some(_) if devices::with_variants(name).next().is_none() => {}
                 Some((_, devices)) => devices.push(name),
                 None => all.push((mutant, vec![name])),

@@ -14,7 +14,7 @@ use crate::target::{self, Address, Found, scan};
 /// Prints the nodes on a bus.
 ///
 /// # Errors
-/// When the bus cannot be used or nobody answers.
+/// When the bus cannot be used or no node answers.
 pub(crate) fn run(args: &ScanArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
     let found = match args.target.parse()? {
         Address::Simulation { .. } => {

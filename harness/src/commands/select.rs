@@ -12,7 +12,7 @@ use crate::plan::{Instance, Plan};
 
 /// Keeps the instances that a pattern names: a glob over the full name, or the name of a suite, of
 /// a folder of suites or of a case. Without patterns everything is kept but the suites of profiles
-/// that the device does not follow; who asks for them by name is told why they do not apply.
+/// that the device does not follow; asked for by name, they say why they do not apply.
 ///
 /// # Errors
 /// The pattern that names nothing on any device.

@@ -99,7 +99,7 @@ struct Socket {
 
 impl Socket {
     fn open(path: &Path) -> Result<Self, Refused> {
-        // What is left of a server that was killed is nobody's any more.
+        // The socket of a server that was killed belongs to no process.
         if UnixStream::connect(path)
             .is_err_and(|e| e.kind() == std::io::ErrorKind::ConnectionRefused)
         {

@@ -71,7 +71,7 @@ fn required_object(
 
 /// What can be said of an instance before it runs.
 pub(super) struct Checked {
-    /// Names that are not bound or not used, objects that nobody knows, values that do not fit.
+    /// Names that are not bound or not used, unknown objects, values that do not fit.
     pub complaints: Vec<Complaint>,
     /// What the case needs and the device, or the bench around it, does not have.
     pub lacking: Option<String>,

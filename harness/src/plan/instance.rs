@@ -29,7 +29,7 @@ pub struct Instance {
     pub suite: Arc<Suite>,
     /// The case's place in the suite.
     pub case: usize,
-    /// What tells it from the other instances of its case.
+    /// What distinguishes it from the other instances of its case.
     pub label: Option<String>,
     /// The names.
     pub scope: Scope,

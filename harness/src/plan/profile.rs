@@ -60,7 +60,7 @@ pub(super) fn bind_names(scope: &mut Scope, suite: &Suite) {
     }
 }
 
-/// Checks that what a case requires by name is something that can be told.
+/// Checks that a capability which a case requires is one that can be known.
 ///
 /// # Errors
 /// The name, and what there is instead.
@@ -105,7 +105,7 @@ pub(super) fn wrong_option(requires: &Requires, dut: &Dut, suite: &Suite) -> Opt
 }
 
 /// An instance for each of the blocks that the device has whole, among those asked for. The names
-/// of the next block are bound, too: the one behind it, of the last the first. Where a device has
+/// of the next block are bound, too: the one after it, of the last the first. Where a device has
 /// but one, they are those of objects that it lacks.
 ///
 /// # Errors

@@ -255,7 +255,7 @@ impl Scope {
             None => Ok(pattern),
             Some(name) => match self.get(name)? {
                 Binding::Id(id) => Ok(pattern.with_id(Id::standard(*id))),
-                _ => Err(format!("{name} is no CAN identifier")),
+                _ => Err(format!("{name} is not a CAN identifier")),
             },
         }
     }

@@ -143,7 +143,7 @@ impl Slave {
             self.moved |= answer == Response::ConfiguredBitTiming(Status::DONE);
         }
         match (request, answer) {
-            // Whether it heard that, a slave that is silent for a while does not tell.
+            // A slave that is silent for a while does not show whether it heard that.
             (Some(Request::SwitchGlobal(mode)), _) => {
                 self.mode = self.mode.filter(|before| *before == mode);
             }

@@ -13,7 +13,7 @@ use crate::source::At;
 use crate::suite::literal::{Literal, show_time};
 use crate::suite::step::Observe;
 
-/// How often a bench is asked: often for one in this process, bearable for one behind a socket.
+/// How often a bench is asked: often for one in this process, bearable for one at a socket.
 const EVERY: Duration = Duration::from_millis(5);
 
 impl Steps<'_, '_> {

@@ -140,7 +140,7 @@ impl CaseRun<'_, '_> {
         Ok(result.outcome)
     }
 
-    /// An option that the device fails for and may not have, as nobody but its user can tell.
+    /// An option that the device may lack, which only its user knows: how to say so.
     fn with_way_out(&self, mut outcome: Outcome) -> Outcome {
         if let Outcome::Fail(problem) = &mut outcome {
             problem.notes.extend(self.instance.options().map(|option| {
@@ -163,7 +163,7 @@ impl CaseRun<'_, '_> {
         monitor::all(self.dut.node, data_sheet_identifiers(self.dut)).iter_mut().find_map(
             |monitor| {
                 let seen = frames.iter().find_map(|seen| monitor.observe(&waited_for(seen)).err());
-                // Who has no supply owes nothing.
+                // Without power, silence is expected.
                 let silence = || (!self.bench_snapshot.off).then(|| monitor.finish(now).err())?;
                 seen.or_else(silence)
             },

@@ -23,7 +23,7 @@ impl Limits {
     /// on the wire.
     ///
     /// # Errors
-    /// When the slack is more than the tolerance: such a bench cannot tell.
+    /// When the slack is more than the tolerance: such a bench cannot judge.
     pub(super) fn new(bounds: &Bounds, scope: &Scope, slack: Duration) -> Result<Self, Trouble> {
         let widened = |tolerance: &Tolerance| {
             let (low, high) = scope.bounds(tolerance).map_err(Trouble::Impossible)?;

@@ -75,7 +75,7 @@ impl<'b> Link<'b> {
     /// Sends a frame and waits until it is complete on the wire. The next step starts there.
     ///
     /// # Errors
-    /// Whatever the bus reports; [`BusError::Io`] when nobody acknowledges the frame.
+    /// Whatever the bus reports; [`BusError::Io`] when no node acknowledges the frame.
     pub fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
         self.send_all([*frame])
     }

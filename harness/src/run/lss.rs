@@ -13,7 +13,7 @@ use crate::suite::step::{FastscanStep, LssStep};
 
 /// How long a question waits that a slave in order does not answer.
 const DEFAULT_SLOT: Duration = Duration::from_millis(10);
-/// How long one waits that it does: a host that is busy for a moment is no slave that is silent.
+/// How long one waits that it does: a busy host must not look like a silent slave.
 const PATIENCE: Duration = Duration::from_millis(200);
 
 impl Steps<'_, '_> {

@@ -60,7 +60,7 @@ pub(crate) fn objects(
 const PATIENCE: Duration = Duration::from_millis(300);
 /// After so many indices in a row that are absent, a range of equal objects has ended.
 const GAP: usize = 16;
-/// After so many requests in a row without an answer, nobody is there any more.
+/// After so many requests in a row without an answer, the device is gone.
 const SILENCE: u32 = 4;
 /// An index that no device can have: it is reserved (CiA 301, 7.4.1).
 const IMPOSSIBLE: Mux = Mux::new(0x0FFF, 0);
@@ -258,7 +258,7 @@ const fn comes_with_node_id(mux: Mux) -> bool {
 }
 
 /// Where the communication profile lets a device have a constant instead of a setting, and writing
-/// what is there is no command.
+/// the value is not a command.
 const fn may_be_fixed(mux: Mux) -> bool {
     matches!(
         mux.index,

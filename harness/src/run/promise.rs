@@ -62,14 +62,14 @@ fn claim(
         access.map_or((Vec::new(), None), |access| (access.literals, access.refused));
     let answered = answered(difference.raw, mux, dut);
     if refused.is_some() && matches!(answered, Some(Some(_))) {
-        // It refuses with another code, which no sheet can tell.
+        // It refuses with another code, which no data sheet states.
         return None;
     }
     let wanted = refused.and_then(|refused| key_of(Abort(refused.value.code)));
     let named = literals.into_iter().find_map(|literal| key_of_name(&literal.value));
     match answered.or_else(|| wanted.map(Some)) {
         Some(key) => Some((mux, key)),
-        // What a case knows by itself is no promise of the sheet.
+        // A value that the case itself states is not a promise of the sheet.
         None => (of_sheet == Some(mux)).then_some((mux, named)),
     }
 }
@@ -196,10 +196,10 @@ impl Steps<'_, '_> {
     }
 }
 
-/// How many findings of the same kind are told one by one.
+/// How many findings of the same kind are listed one by one.
 const MORE: usize = 5;
 
-/// The sub-indices up to the one behind the last, and FFh, that the object does not have.
+/// The sub-indices up to the one after the last, and FFh, that the object does not have.
 fn absent_subs(object: &Object) -> impl Iterator<Item = Mux> {
     let subs = object.entries.iter().map(|entry| entry.mux.sub).filter(|sub| *sub != 0xFF);
     let last = subs.max().unwrap_or(0).saturating_add(1);

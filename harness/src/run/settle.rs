@@ -76,7 +76,7 @@ pub(super) fn first_answer(link: &mut Link, policy: &Policy, dut: &Dut) -> Resul
         if sdo::upload(link, &eager, dut.node, DEVICE_TYPE)?.result.is_ok() {
             return Ok(true);
         }
-        // An answer that comes at once and is no good must not become a busy loop.
+        // A wrong answer that comes at once must not become a busy loop.
         let pause = link.mark() + policy.quiet;
         link.wait(pause)?;
     }

@@ -16,7 +16,7 @@ pub enum Each {
     /// whole number beside the default), `$size` (bytes), `$low`, `$high`, `$below`, `$above`,
     /// `$longer` and `$shorter` (the default value with a byte more or less), `$entry` (what maps
     /// it into a PDO), `$subs` (the number of sub-indices its object has beside 0), `$beyond` (the
-    /// address behind its last one) and `$kind` (the code of its object).
+    /// address after its last one) and `$kind` (the code of its object).
     Objects(Objects),
     /// ... PDO of the data sheet that fits. Binds `$pdo` (its CAN identifier), `$on` and `$off`
     /// (its COB-ID, valid and not), `$number`, the addresses `$parameters` (sub-index 0),

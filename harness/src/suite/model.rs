@@ -25,7 +25,7 @@ pub struct SuiteFile {
     #[serde(default)]
     pub device: Option<At<String>>,
     /// The device profile this suite is about, such as 401: the low 16 bits of 1000h; or one that
-    /// the catalogue has by name and tells how to recognise. On a device that follows another one
+    /// the catalogue has by name and can recognise. On a device that follows another one
     /// its cases are skipped. Names, blocks and options are those of the profile.
     #[serde(default)]
     pub profile: Option<At<About>>,

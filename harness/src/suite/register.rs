@@ -23,7 +23,7 @@ pub struct Requirement {
     pub document: String,
     /// What the document calls itself.
     pub title: String,
-    /// The file it stands in.
+    /// The file that contains it.
     pub source: Arc<Source>,
     /// The entry.
     pub entry: At<RequirementEntry>,
@@ -60,7 +60,7 @@ pub struct RequirementEntry {
     /// How an ambiguity was decided, or the id of the decision.
     #[serde(default)]
     pub interpretation: Option<String>,
-    /// Why no test can tell.
+    /// Why no test can check it.
     #[serde(default)]
     pub untestable: Option<String>,
 }

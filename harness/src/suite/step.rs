@@ -96,7 +96,7 @@ pub struct FastscanStep {
 pub struct EdsStep {
     /// The findings of `harness eds check` that must not be there, by their names.
     pub without: Vec<At<String>>,
-    /// Findings that are no violation and make the case LENIENT.
+    /// Findings that do not violate the requirement and make the case LENIENT.
     #[serde(default)]
     pub lenient: Vec<At<String>>,
 }
@@ -459,7 +459,7 @@ pub struct Collect {
     pub frame: At<FrameText>,
     /// How many must come.
     pub count: At<Literal>,
-    /// How long to watch; behind `during`, how long to go on watching.
+    /// How long to watch; with `during`, how long to go on watching after it.
     #[serde(rename = "for")]
     pub time: At<Amount>,
     /// What is sent meanwhile.

@@ -65,7 +65,7 @@ pub(crate) fn only(mut found: Vec<Found>, name: &str, node: Option<u8>) -> Resul
     found.pop().ok_or_else(|| nobody(name, node))
 }
 
-/// The sentence for a bus on which nobody, or not `node`, answers.
+/// The sentence for a bus on which no node, or not `node`, answers.
 pub(crate) fn nobody(interface: &str, node: Option<u8>) -> Refused {
     let who = node.map_or_else(
         || "no node answers".to_owned(),

@@ -72,7 +72,7 @@ impl Target {
 /// Opens a CAN interface.
 ///
 /// # Errors
-/// What stands in the way, and what to do about it.
+/// Why it cannot be opened, and what to do about it.
 pub(crate) fn open_interface(
     interface: &Interface,
     stop: &Arc<AtomicBool>,

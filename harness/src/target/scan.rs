@@ -134,7 +134,7 @@ fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
     Ok(Found { node, identity, name, device: device.map(str::to_owned), profile })
 }
 
-/// The profile of the catalogue that an object of the device tells, with its version.
+/// The profile of the catalogue that an object of the device names, with its version.
 fn recognise(
     link: &mut Link,
     policy: &Policy,

@@ -70,7 +70,7 @@ pub(super) fn target(
         options,
     };
     if selection.eds.is_some() {
-        // A data sheet of ours tells the profile; any other may leave it to the device.
+        // A data sheet of ours names the profile; another one may leave it to the device.
         let found = scan(&mut *target.open(&Arc::default())?, Some(node))?;
         target.dut.told = found.first().and_then(Found::recognised);
     }

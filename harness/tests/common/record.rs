@@ -6,12 +6,12 @@ use std::path::Path;
 
 use reports::{Keep, Run, Style, Verdict, terminal};
 
-/// The run that a journal tells of.
+/// The run that a journal records.
 pub(crate) fn read(journal: &Path) -> Run {
     fold(&fs::read_to_string(journal).expect("the run wrote its journal"))
 }
 
-/// The run that the text of a journal tells of.
+/// The run that the text of a journal records.
 pub(crate) fn fold(journal: &str) -> Run {
     Run::fold(journal, Keep::Unusual).expect("the journal reads")
 }

@@ -34,7 +34,7 @@ fn every_folder_at_the_top_says_what_lives_there() {
     assert!(folders.is_empty(), "no README.md in {folders:?}");
 }
 
-/// `expect` tells when the reason for it is gone.
+/// `expect` warns when the reason for it is gone.
 #[test]
 fn no_lint_is_allowed_where_it_could_be_expected() {
     let attributes = ["#[allow(", "#![allow("];

@@ -1,4 +1,4 @@
-//! A device behind a wire that drops, edits, repeats or delays some of its frames.
+//! A device at a wire that drops, edits, repeats or delays some of its frames.
 
 use std::collections::VecDeque;
 use std::time::Duration;

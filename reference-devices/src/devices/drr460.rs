@@ -15,7 +15,7 @@
 //! the valve (codes 2 and 3 of 3000h sub 16 drive nothing), manual reset of the command (sub 22,
 //! 400Ah), double action cooling (alarm kind 9, 4005h), the current transformer (alarm kind 10,
 //! subs 90 to 94), retransmission (subs 100 to 105, 4010h), silence (sub 115) and the error states
-//! of expansion mode (subs 123 to 131). 400Eh never turns to 4 or 5. A sensor error is told in
+//! of expansion mode (subs 123 to 131). 400Eh never turns to 4 or 5. A sensor error shows in
 //! 4007h only, since the manual has no emergency code for it.
 
 mod alarm;

@@ -28,7 +28,7 @@ pub struct Mutant {
     /// The variant of the device it lives on, where it is proved; the device itself, unless given.
     #[serde(default)]
     pub on: Option<String>,
-    /// Whether nobody can see the deviation: it must survive, or the proof itself is broken.
+    /// Whether the deviation cannot be seen: it must survive, or the proof itself is broken.
     #[serde(default)]
     pub canary: bool,
     /// Whether any device could have it: it is a deviation of the stack they share.

@@ -197,7 +197,7 @@ mod tests {
 
     type Results = Arc<Mutex<Vec<Finished>>>;
 
-    /// Wants what is written to 2000h: 1 reads 1008h, 2 writes it; tells how it ended.
+    /// Wants what is written to 2000h: 1 reads 1008h, 2 writes it; shows how it ended.
     struct Asker(Option<SdoJob>, Results);
 
     impl Behaviour for Asker {

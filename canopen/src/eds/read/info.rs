@@ -107,7 +107,7 @@ impl Reader {
         for key in &section.keys {
             let Some(rate) = numbered(key.name, BAUD_RATE) else { continue };
             if !BIT_RATES.contains(&rate) {
-                let message = format!("{rate} kbit/s is no bit rate of CiA 301");
+                let message = format!("{rate} kbit/s is not a bit rate of CiA 301");
                 self.findings.add(&codes::BIT_RATE, key.name_at, message);
             }
             if value::flag(key, &mut self.findings) {
@@ -202,7 +202,7 @@ fn dummy(name: &str) -> Option<u16> {
     (clean && hex).then(|| u16::from_str_radix(index, 16).ok()).flatten()
 }
 
-/// The number behind `word`.
+/// The number after `word`.
 fn numbered(name: &str, word: &str) -> Option<u32> {
     let (start, number) = name.split_at_checked(word.len())?;
     let digits = start.eq_ignore_ascii_case(word) && number.bytes().all(|b| b.is_ascii_digit());
@@ -259,7 +259,7 @@ const DEVICE_INFO: [&str; 14] = [
 const DEVICE_INFO_NUMBERS: [&str; 6] =
     ["VendorNumber", "ProductNumber", "RevisionNumber", "Granularity", "NrOfRXPDO", "NrOfTXPDO"];
 
-/// Order code and boot-up are told by few, and nothing depends on them.
+/// Few sheets have order code and boot-up, and nothing depends on them.
 const DEVICE_INFO_NEEDS: [&str; 9] = [
     "VendorName",
     "VendorNumber",

@@ -1,4 +1,4 @@
-//! The lists of objects, and whether they tell the truth.
+//! The lists of objects, and whether they are true.
 
 use super::{Reader, is_one_of};
 use crate::eds::codes;

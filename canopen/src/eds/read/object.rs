@@ -309,7 +309,7 @@ impl Reader {
             self.findings.habit(&codes::ACCESS_SPELLING, key.at, message);
             return access;
         }
-        let message = format!("{mux}: {text:?} is no access type; ro is taken");
+        let message = format!("{mux}: {text:?} is not an access type; ro is assumed");
         self.findings.add(&codes::ACCESS, key.at, message);
         Access::Ro
     }

@@ -56,7 +56,7 @@ pub(super) fn lost(name: &str, count: u32) -> BusError {
     ))
 }
 
-/// What an error frame says, or `None` when it is no cause for concern: arbitration was lost, the
+/// What an error frame reports, or `None` if that does not matter: arbitration was lost, the
 /// controller recovered, error counters as such.
 pub(super) fn controller(error: &CanError) -> Option<String> {
     let mut parts: Vec<String> = error.causes().filter_map(concern).collect();

@@ -335,7 +335,7 @@ fn compare(kind: AlarmType, sides: &Sides, rules: &dyn Em66Rules) -> bool {
 
 impl Start {
     fn watch(&mut self, duty: &Duty, od: &Dictionary, rules: &dyn Em66Rules) {
-        // On the way to off nobody makes for the set point.
+        // While switching off, the controller does not approach the set point.
         let on = duty.on && !duty.cooling_down && !duty.evacuating;
         let now = SetPoints {
             first: value(od, SET_POINT),

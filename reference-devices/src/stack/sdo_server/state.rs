@@ -37,7 +37,7 @@ pub(super) enum Input {
 }
 
 impl State {
-    /// Consumes the state: whoever forgets to return the next one ends the transfer.
+    /// Consumes the state: code that forgets to return the next one ends the transfer.
     pub(super) fn step(self, input: Input, now: Instant, services: &mut Services) -> Step<Self> {
         let open = self.mux();
         match (input, self) {

@@ -139,7 +139,7 @@ impl Services {
     }
 
     /// A parameter that changes makes the configuration another one than 1020h identifies
-    /// (CiA 301, 7.5.2.23). Process data are no parameters.
+    /// (CiA 301, 7.5.2.23). Process data are not parameters.
     fn notice_change(&mut self, mux: Mux, bytes: &[u8]) {
         let base = &mut self.base;
         let process_data = base.od.entry(mux).is_some_and(|entry| entry.mappable);

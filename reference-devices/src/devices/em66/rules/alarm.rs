@@ -40,7 +40,7 @@ pub(crate) trait AlarmRules {
         true
     }
 
-    /// Step 4: what the type reads after a refusal; `plain` tells whether the refused type without
+    /// Step 4: what the type reads after a refusal; `plain` states whether the refused type without
     /// start condition is supported. `None`: as before.
     fn alarm_type_after_refusal(&self, refused: AlarmType, plain: bool) -> Option<AlarmType> {
         Some(if plain { refused.plain() } else { AlarmType::OFF })
