@@ -105,7 +105,7 @@ pub enum Capability {
     BlockUpload,
     /// SDO block download, asked likewise.
     BlockDownload,
-    /// An option of the profile that the suite is about. No data sheet tells: a device has it
+    /// An option of the profile that the suite is about. No EDS expresses it: a device has it
     /// unless `--without` says otherwise.
     Option(String),
 }
