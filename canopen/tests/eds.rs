@@ -223,12 +223,14 @@ fn any_object() -> impl Strategy<Value = Object> {
         (ObjectKind(kind), subs.into_iter().map(entry).collect::<Vec<_>>())
     });
     let shape = prop_oneof![variable, structure];
-    (any_name(), any::<u32>(), shape).prop_map(|(name, flags, (kind, mut entries))| {
-        if !kind.has_subs() {
-            entries[0].name.clone_from(&name);
-        }
-        Object { index: 0, name, kind, flags, entries, line: 0 }
-    })
+    (any_name(), prop::option::of(any::<u32>()), shape).prop_map(
+        |(name, flags, (kind, mut entries))| {
+            if !kind.has_subs() {
+                entries[0].name.clone_from(&name);
+            }
+            Object { index: 0, name, kind, flags, entries, line: 0 }
+        },
+    )
 }
 
 fn any_entry() -> impl Strategy<Value = Entry> {
