@@ -91,6 +91,7 @@ impl Errors {
         let matches = |active: &Active| active.kind == kind && active.subject == subject;
         let Some(place) = self.active.iter().position(matches) else { return };
         let gone = self.active.remove(place);
+        // An error without a bit in 1001h was never reported, so its end is not reported either.
         if gone.register != 0 {
             let (vendor, register) = gone.end.unwrap_or_else(|| ([0; 5], self.register()));
             let message = Emcy { code: EmcyCode::RESET, register, vendor };

@@ -57,6 +57,7 @@ impl Guarding {
         out.push(report.frame(base.id));
         self.toggle = base.rules.guarding_toggle_after(self.toggle);
         base.errors.remove(FaultKind::Guarding, 0);
+        // The first request starts the life time: a node that no master guards cannot lose it.
         self.deadline = (!self.life_time.is_zero()).then(|| now + self.life_time);
     }
 

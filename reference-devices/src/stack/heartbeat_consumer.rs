@@ -85,6 +85,7 @@ impl HeartbeatConsumer {
 
 impl Watch {
     fn configure(&mut self, now: Instant, base: &mut Base) {
+        // The loss was about the node and the time of the old entry.
         if self.state == State::Lost {
             base.errors.remove(FaultKind::Heartbeat, self.node.into());
         }

@@ -27,6 +27,7 @@ impl HeartbeatProducer {
     pub(crate) fn start(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
         self.configure(now, base);
         if self.runs() {
+            // By specification none: the period counts from the boot-up message.
             for _ in 0..base.rules.heartbeats_at_boot_up() {
                 out.push(ErrorControl::heartbeat(base.state).frame(base.id));
             }

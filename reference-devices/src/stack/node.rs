@@ -134,6 +134,7 @@ impl Node {
     }
 
     fn enter(&mut self, now: Instant, state: NmtState, out: &mut Outbox) {
+        // A repeated command is obeyed by staying: timers and PDOs do not start anew.
         if state == self.state() {
             return;
         }
@@ -195,6 +196,7 @@ impl Device for Node {
         self.settle(now, out);
         if let Some(lss) = &mut self.lss {
             lss.handle_timeout(now);
+            // While the bit rate changes, a node neither sends nor receives (CiA 305, switch delay).
             if lss.is_off_the_bus(now) {
                 out.clear();
             }

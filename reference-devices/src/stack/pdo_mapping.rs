@@ -65,6 +65,7 @@ pub(crate) fn check(
                 return Err(Abort::ACCESS);
             }
             match u32::from_le_bytes([a, b, c, d]) {
+                // 0 takes an entry out of use, whatever it mapped.
                 0 => Ok(()),
                 word => check_entry(Mapping::decode(word), direction, base),
             }
@@ -81,6 +82,7 @@ fn check_count(index: u16, count: u8, direction: Direction, base: &Base) -> Resu
         (1..=count).map(|sub| entry(&base.od, index, sub)).collect();
     let mapped = entries.ok_or(Abort::PDO_LENGTH)?;
     for entry in &mapped {
+        // A gap has the index of a data type. An unused entry within the count maps nothing.
         if entry.encode() == 0 {
             return Err(Abort::VALUE);
         }

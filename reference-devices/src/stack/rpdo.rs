@@ -75,13 +75,16 @@ impl Rpdo {
             self.deadline = Some(now + self.longest_gap);
         }
         match self.kind {
+            // After the window of 1007h the actuation of this cycle is over (7.5.2.7).
             0..=240 if base.window_end.is_some_and(|end| end < now) => None,
             0..=240 if base.rules.synchronous_rpdo_waits() => {
+                // Only the last data before a SYNC take effect.
                 if self.waiting.is_none() || base.rules.synchronous_rpdo_replaced() {
                     self.waiting = Some(data);
                 }
                 None
             }
+            // Reserved types, and types that only TPDOs have.
             241..=253 => None,
             _ => Some(data),
         }
@@ -129,6 +132,8 @@ impl Rpdo {
             expected: expected as u8,
             actual: actual as u8,
         };
+        // Each of the two errors ends with a frame that does not have it, even if that frame has
+        // the other one.
         if actual >= expected {
             base.errors.remove(FaultKind::RpdoTooShort, self.number());
         }

@@ -101,6 +101,7 @@ impl SyncConsumer {
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     match (mux, bytes) {
         (COB_ID, &[a, b, c, d]) => {
+            // A master that restores what it has read must not be refused.
             let before = base.od.int(COB_ID).unwrap_or(0) as u32;
             let cob = u32::from_le_bytes([a, b, c, d]);
             return if before == cob { Ok(()) } else { check_cob_id(before, cob, base) };
@@ -108,6 +109,7 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
         (PERIOD, &[a, b, c, d]) => {
             let period = Duration::from_micros(u32::from_le_bytes([a, b, c, d]).into());
             let shortest = base.settings.sync_producer.unwrap_or_default();
+            // 0 ends the production, so no producer is too slow for it.
             if !period.is_zero() && period < shortest {
                 return Err(Abort::VALUE);
             }

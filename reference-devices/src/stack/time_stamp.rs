@@ -52,6 +52,7 @@ impl TimeStamp {
 
     /// A frame on that identifier.
     pub(crate) fn handle_frame(&mut self, now: Instant, data: &[u8], base: &Base) {
+        // A message of another length is not a time, and there is no error code for it.
         if let Some(time) = base.rules.time_stamp(data)
             && base.rules.time_used_in(base.state)
         {

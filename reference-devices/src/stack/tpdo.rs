@@ -108,6 +108,8 @@ impl Tpdo {
         out: &mut Outbox,
     ) {
         let by_change = self.is_event_driven() || self.kind == 0;
+        // A pending event transmits the values that hold when the inhibit time ends, so the last
+        // change within it is the one that is sent.
         if !self.is_active() || !by_change || self.pending {
             return;
         }
@@ -126,6 +128,7 @@ impl Tpdo {
             0 if self.pending => self.transmit(now, base, out),
             1..=240 => {
                 let starts = sync.counter.is_none_or(|counter| counter == self.sync_start);
+                // SYNC messages before the start value do not count (7.5.2.37, sub-index 6).
                 if self.syncs.is_none() && self.sync_start != 0 && !starts {
                     return;
                 }
@@ -136,6 +139,7 @@ impl Tpdo {
                     self.transmit(now, base, out);
                 }
             }
+            // A remote request is answered with the sample of the last SYNC, however old it is.
             252 => self.sampled = Some(self.mapping.pack(&base.od)),
             _ => {}
         }
@@ -158,6 +162,7 @@ impl Tpdo {
     pub(crate) fn handle_timeout(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
         if let Some(due) = self.due.filter(|due| *due <= now) {
             self.event(now, base, out);
+            // The inhibit time can delay the transmission, but never the next beat of the timer.
             self.due = Some(next_beat(due, self.period, now));
         }
         if self.waits_for_inhibit() && self.free_at <= now {
@@ -182,6 +187,7 @@ impl Tpdo {
         self.last = self.mapping.pack(&base.od);
         self.pending = false;
         out.push(Frame::new(self.cob.can_id(), self.last));
+        // The inhibit time does not bind PDOs that SYNC triggers.
         if self.is_event_driven() {
             self.free_at = now + self.inhibit;
             if base.rules.event_timer_restarts() {

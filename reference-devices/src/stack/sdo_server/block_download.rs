@@ -79,6 +79,7 @@ impl BlockDownload {
         }
         self.whole = taken && last;
         let ack = BlockAck { last_good: self.good, size: self.block };
+        // What is missing comes again in a new sub-block, which counts from 1.
         if last || sequence >= self.block {
             self.good = 0;
         }
