@@ -242,48 +242,48 @@ const FAULTS: u16 = 0x100;
 mod tests {
     use super::*;
     use crate::devices;
-    use crate::stack::testing::{Rig, mux};
+    use crate::stack::testing::{Fixture, mux};
 
-    fn rig() -> Rig {
+    fn fixture() -> Fixture {
         let device = devices::device("generic").unwrap();
-        let mut rig = Rig::with(
+        let mut fixture = Fixture::with(
             &device.description.eds,
             device.settings(),
             Box::new(crate::rules::Specification),
             device.behaviour(),
         );
-        rig.run_to(10_000);
-        rig
+        fixture.run_to(10_000);
+        fixture
     }
 
     #[test]
     fn the_panel_keeps_the_network_from_the_parameter() {
-        let mut rig = rig();
+        let mut fixture = fixture();
         let parameter = mux(0x2F04, 2);
         for (mode, answer) in
             [(1, Err(Abort::LOCAL_CONTROL.0)), (2, Err(Abort::DEVICE_STATE.0)), (0, Ok(()))]
         {
-            rig.write(mux(0x2F04, 1), &[mode]).unwrap();
-            assert_eq!(rig.write(parameter, &[7, 0]), answer);
+            fixture.write(mux(0x2F04, 1), &[mode]).unwrap();
+            assert_eq!(fixture.write(parameter, &[7, 0]), answer);
         }
-        assert_eq!(rig.read(parameter), Ok(vec![7, 0]));
+        assert_eq!(fixture.read(parameter), Ok(vec![7, 0]));
     }
 
     #[test]
     fn a_code_of_the_application_comes_back() {
-        let mut rig = rig();
-        assert_eq!(rig.write(mux(0x2F05, 0), &[1, 2, 3, 4]), Err(0x0403_0201));
-        assert_eq!(rig.write(mux(0x2F05, 0), &[0; 4]), Ok(()));
+        let mut fixture = fixture();
+        assert_eq!(fixture.write(mux(0x2F05, 0), &[1, 2, 3, 4]), Err(0x0403_0201));
+        assert_eq!(fixture.write(mux(0x2F05, 0), &[0; 4]), Ok(()));
     }
 
     #[test]
     fn simulated_errors_appear_change_and_go() {
-        let mut rig = rig();
+        let mut fixture = fixture();
         let mut told = |sub, code: u16| {
-            rig.until(rig.now.0 / 1000);
-            rig.write(mux(0x2F40, sub), &code.to_le_bytes()).unwrap();
-            let now = rig.now.0 / 1000;
-            rig.until(now).into_iter().map(|(_, frame)| frame).collect::<Vec<String>>()
+            fixture.until(fixture.now.0 / 1000);
+            fixture.write(mux(0x2F40, sub), &code.to_le_bytes()).unwrap();
+            let now = fixture.now.0 / 1000;
+            fixture.until(now).into_iter().map(|(_, frame)| frame).collect::<Vec<String>>()
         };
         assert_eq!(told(1, 0x4210), ["085#1042090100000000"]);
         assert_eq!(told(2, 0xFF01), ["085#01FF890200000000"]);

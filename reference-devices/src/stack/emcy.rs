@@ -190,7 +190,7 @@ const REGISTER: Mux = Mux::new(0x1001, 0);
 #[cfg(test)]
 mod tests {
     use crate::rules::Specification;
-    use crate::stack::testing::{Rig, eds, full, mux, sent, set};
+    use crate::stack::testing::{Fixture, eds, full, mux, sent, set};
     use crate::stack::{Behaviour, Byte, EmcyForm, EmcyTable, Errors, NodeSettings};
     use canopen::emcy::EmcyCode;
     use canopen::{Abort, Dictionary, Instant};
@@ -212,63 +212,63 @@ mod tests {
         }
     }
 
-    fn rig(rules: &str) -> Rig {
+    fn fixture(rules: &str) -> Fixture {
         with(rules, NodeSettings::default())
     }
 
-    fn with(rules: &str, settings: NodeSettings) -> Rig {
+    fn with(rules: &str, settings: NodeSettings) -> Fixture {
         let rules = crate::rules::named(rules).unwrap_or_else(|| Box::new(Specification));
         let mut entries = full();
         set(&mut entries, mux(0x2000, 0), 0);
-        Rig::with(&eds(entries), settings, rules, Box::new(Bits))
+        Fixture::with(&eds(entries), settings, rules, Box::new(Bits))
     }
 
     /// Sets the errors and returns the messages that are sent at once.
-    fn raise(rig: &mut Rig, bits: u8) -> Vec<String> {
-        let answers = rig.ask(&format!("605#2F002000{bits:02X}000000"));
+    fn raise(fixture: &mut Fixture, bits: u8) -> Vec<String> {
+        let answers = fixture.ask(&format!("605#2F002000{bits:02X}000000"));
         answers.into_iter().filter(|frame| !frame.starts_with("585")).collect()
     }
 
     #[test]
     fn an_error_is_told_when_it_appears_and_when_it_goes() {
-        let mut rig = rig("");
-        assert_eq!(raise(&mut rig, 1), ["085#00508100AA000000"]);
-        assert_eq!(raise(&mut rig, 3), ["085#01508101AA000000"]);
-        assert_eq!(raise(&mut rig, 2), ["085#0000810000000000"]);
-        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x81]));
-        assert_eq!(raise(&mut rig, 0), ["085#0000000000000000"]);
-        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+        let mut fixture = fixture("");
+        assert_eq!(raise(&mut fixture, 1), ["085#00508100AA000000"]);
+        assert_eq!(raise(&mut fixture, 3), ["085#01508101AA000000"]);
+        assert_eq!(raise(&mut fixture, 2), ["085#0000810000000000"]);
+        assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![0x81]));
+        assert_eq!(raise(&mut fixture, 0), ["085#0000000000000000"]);
+        assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![0]));
     }
 
     #[test]
     fn the_history_begins_with_the_newest_and_has_an_end() {
-        let mut rig = rig("");
-        let line = |rig: &mut Rig, sub| rig.read(mux(0x1003, sub));
-        assert_eq!(line(&mut rig, 1), Err(Abort::NO_DATA.0));
-        raise(&mut rig, 1);
-        raise(&mut rig, 3);
-        assert_eq!(line(&mut rig, 0), Ok(vec![2]));
-        assert_eq!(line(&mut rig, 1), Ok(vec![1, 0x50, 1, 0xAA]));
-        assert_eq!(line(&mut rig, 2), Ok(vec![0, 0x50, 0, 0xAA]));
-        assert_eq!(line(&mut rig, 3), Err(Abort::NO_DATA.0));
-        raise(&mut rig, 0x0F);
-        assert_eq!(line(&mut rig, 0), Ok(vec![3]));
-        assert_eq!(line(&mut rig, 3), Ok(vec![1, 0x50, 1, 0xAA]));
-        assert_eq!(rig.write(mux(0x1003, 0), &[1]), Err(Abort::VALUE.0));
-        assert_eq!(rig.write(mux(0x1003, 1), &[0; 4]), Err(Abort::READ_ONLY.0));
-        assert_eq!(rig.write(mux(0x1003, 0), &[0]), Ok(()));
-        assert_eq!(line(&mut rig, 0), Ok(vec![0]));
-        assert_eq!(line(&mut rig, 1), Err(Abort::NO_DATA.0));
+        let mut fixture = fixture("");
+        let line = |fixture: &mut Fixture, sub| fixture.read(mux(0x1003, sub));
+        assert_eq!(line(&mut fixture, 1), Err(Abort::NO_DATA.0));
+        raise(&mut fixture, 1);
+        raise(&mut fixture, 3);
+        assert_eq!(line(&mut fixture, 0), Ok(vec![2]));
+        assert_eq!(line(&mut fixture, 1), Ok(vec![1, 0x50, 1, 0xAA]));
+        assert_eq!(line(&mut fixture, 2), Ok(vec![0, 0x50, 0, 0xAA]));
+        assert_eq!(line(&mut fixture, 3), Err(Abort::NO_DATA.0));
+        raise(&mut fixture, 0x0F);
+        assert_eq!(line(&mut fixture, 0), Ok(vec![3]));
+        assert_eq!(line(&mut fixture, 3), Ok(vec![1, 0x50, 1, 0xAA]));
+        assert_eq!(fixture.write(mux(0x1003, 0), &[1]), Err(Abort::VALUE.0));
+        assert_eq!(fixture.write(mux(0x1003, 1), &[0; 4]), Err(Abort::READ_ONLY.0));
+        assert_eq!(fixture.write(mux(0x1003, 0), &[0]), Ok(()));
+        assert_eq!(line(&mut fixture, 0), Ok(vec![0]));
+        assert_eq!(line(&mut fixture, 1), Err(Abort::NO_DATA.0));
     }
 
     #[test]
     fn the_inhibit_time_keeps_messages_apart_and_loses_none() {
-        let mut rig = rig("");
-        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
-        assert_eq!(raise(&mut rig, 3), ["085#00508100AA000000"]);
-        assert!(raise(&mut rig, 0).is_empty());
+        let mut fixture = fixture("");
+        fixture.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        assert_eq!(raise(&mut fixture, 3), ["085#00508100AA000000"]);
+        assert!(raise(&mut fixture, 0).is_empty());
         assert_eq!(
-            rig.until(1_000_000),
+            fixture.until(1_000_000),
             sent(&[
                 (101_000, "085#01508101AA000000"),
                 (201_000, "085#0000810000000000"),
@@ -279,45 +279,45 @@ mod tests {
 
     #[test]
     fn a_stopped_node_is_silent_and_tells_later() {
-        let mut rig = rig("");
-        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
-        raise(&mut rig, 3);
-        rig.send("000#0205");
-        assert_eq!(rig.until(900_000), []);
-        assert_eq!(rig.ask("000#8005"), ["085#01508101AA000000"]);
-        raise(&mut rig, 0);
-        rig.send("000#8205");
-        rig.run_to(2_000_000);
-        assert_eq!(rig.read(mux(0x1003, 0)), Ok(vec![0]));
+        let mut fixture = fixture("");
+        fixture.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut fixture, 3);
+        fixture.send("000#0205");
+        assert_eq!(fixture.until(900_000), []);
+        assert_eq!(fixture.ask("000#8005"), ["085#01508101AA000000"]);
+        raise(&mut fixture, 0);
+        fixture.send("000#8205");
+        fixture.run_to(2_000_000);
+        assert_eq!(fixture.read(mux(0x1003, 0)), Ok(vec![0]));
     }
 
     #[test]
     fn reset_communication_forgets_messages_and_keeps_the_errors_of_the_application() {
-        let mut rig = rig("");
-        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
-        raise(&mut rig, 3);
-        rig.send("000#8205");
-        assert_eq!(rig.until(1_000_000), sent(&[(2_000, "705#00")]));
-        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x81]));
-        rig.send("000#8105");
-        rig.run_to(1_100_000);
-        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+        let mut fixture = fixture("");
+        fixture.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut fixture, 3);
+        fixture.send("000#8205");
+        assert_eq!(fixture.until(1_000_000), sent(&[(2_000, "705#00")]));
+        assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![0x81]));
+        fixture.send("000#8105");
+        fixture.run_to(1_100_000);
+        assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![0]));
     }
 
     #[test]
     fn the_identifier_is_judged_and_may_be_switched_off() {
-        let mut rig = rig("");
+        let mut fixture = fixture("");
         let cob = mux(0x1014, 0);
-        assert_eq!(rig.write(cob, &[0x86, 0, 0, 0]), Err(Abort::VALUE.0));
-        assert_eq!(rig.write(cob, &[0, 0, 0, 0]), Err(Abort::VALUE.0));
-        assert_eq!(rig.write(cob, &[0x85, 0, 0, 0x20]), Err(Abort::VALUE.0));
-        assert_eq!(rig.write(cob, &[0x85, 0, 0, 0]), Ok(()));
-        assert_eq!(rig.write(cob, &[0x85, 0, 0, 0x80]), Ok(()));
-        assert!(raise(&mut rig, 1).is_empty());
-        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x81]));
-        assert_eq!(rig.write(cob, &[1, 6, 0, 0]), Err(Abort::VALUE.0));
-        assert_eq!(rig.write(cob, &[0x90, 0, 0, 0]), Ok(()));
-        assert_eq!(raise(&mut rig, 0), ["090#0000000000000000"]);
+        assert_eq!(fixture.write(cob, &[0x86, 0, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(fixture.write(cob, &[0, 0, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(fixture.write(cob, &[0x85, 0, 0, 0x20]), Err(Abort::VALUE.0));
+        assert_eq!(fixture.write(cob, &[0x85, 0, 0, 0]), Ok(()));
+        assert_eq!(fixture.write(cob, &[0x85, 0, 0, 0x80]), Ok(()));
+        assert!(raise(&mut fixture, 1).is_empty());
+        assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![0x81]));
+        assert_eq!(fixture.write(cob, &[1, 6, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(fixture.write(cob, &[0x90, 0, 0, 0]), Ok(()));
+        assert_eq!(raise(&mut fixture, 0), ["090#0000000000000000"]);
     }
 
     #[test]
@@ -338,44 +338,44 @@ mod tests {
             ..EmcyTable::default()
         };
         let settings = NodeSettings { emcy, emcy_queue: 2, ..NodeSettings::default() };
-        let mut rig = with("", settings);
-        rig.write(mux(0x1016, 1), &[100, 0, 10, 0]).unwrap();
-        rig.send("70A#05");
-        assert_eq!(rig.until(500_000), sent(&[(101_000, "085#30811100050A0000")]));
-        assert_eq!(rig.ask("70A#05"), ["085#00001100050A0000"]);
-        rig.write(mux(0x1003, 0), &[0]).unwrap();
-        assert_eq!(rig.until(500_000), sent(&[(500_000, "085#0000000000000000")]));
-        rig.write(mux(0x1016, 1), &[0; 4]).unwrap();
-        rig.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
-        raise(&mut rig, 0x0F);
-        let rest = rig.until(2_000_000);
+        let mut fixture = with("", settings);
+        fixture.write(mux(0x1016, 1), &[100, 0, 10, 0]).unwrap();
+        fixture.send("70A#05");
+        assert_eq!(fixture.until(500_000), sent(&[(101_000, "085#30811100050A0000")]));
+        assert_eq!(fixture.ask("70A#05"), ["085#00001100050A0000"]);
+        fixture.write(mux(0x1003, 0), &[0]).unwrap();
+        assert_eq!(fixture.until(500_000), sent(&[(500_000, "085#0000000000000000")]));
+        fixture.write(mux(0x1016, 1), &[0; 4]).unwrap();
+        fixture.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
+        raise(&mut fixture, 0x0F);
+        let rest = fixture.until(2_000_000);
         assert_eq!(rest.last().unwrap().1, "085#0050810009000000");
     }
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut busy = rig("emcy-lost-when-busy");
+        let mut busy = fixture("emcy-lost-when-busy");
         busy.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
         assert_eq!(raise(&mut busy, 7).len(), 1);
         assert_eq!(busy.until(1_000_000), []);
-        let mut reversed = rig("history-order-reversed");
+        let mut reversed = fixture("history-order-reversed");
         raise(&mut reversed, 3);
         assert_eq!(reversed.read(mux(0x1003, 1)), Ok(vec![0, 0x50, 0, 0xAA]));
-        let mut stuck = rig("error-register-never-cleared");
+        let mut stuck = fixture("error-register-never-cleared");
         raise(&mut stuck, 1);
         raise(&mut stuck, 0);
         assert_eq!(stuck.read(mux(0x1001, 0)), Ok(vec![0x81]));
-        let mut any = rig("history-cleared-by-any-value");
+        let mut any = fixture("history-cleared-by-any-value");
         assert_eq!(any.write(mux(0x1003, 0), &[5]), Ok(()));
-        let mut stale = rig("emcy-kept-over-reset");
+        let mut stale = fixture("emcy-kept-over-reset");
         stale.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
         raise(&mut stale, 3);
         stale.send("000#8205");
         assert_eq!(stale.until(1_000_000).len(), 2);
-        let mut endless = rig("history-without-end");
+        let mut endless = fixture("history-without-end");
         raise(&mut endless, 0x0F);
         assert_eq!(endless.read(mux(0x1003, 0)), Ok(vec![4]));
-        let mut stopped = rig("emcy-sent-in-stopped");
+        let mut stopped = fixture("emcy-sent-in-stopped");
         stopped.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
         raise(&mut stopped, 3);
         stopped.send("000#0205");

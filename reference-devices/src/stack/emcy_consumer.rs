@@ -42,7 +42,7 @@ mod tests {
     use canopen::{Abort, DataType, Dictionary, Instant};
 
     use crate::rules::Specification;
-    use crate::stack::testing::{Rig, eds, entry, full, mux};
+    use crate::stack::testing::{Fixture, eds, entry, full, mux};
     use crate::stack::{Behaviour, CommunicationEvent, NodeSettings};
 
     /// 2002h shows node and code of the last emergency message.
@@ -57,7 +57,7 @@ mod tests {
         }
     }
 
-    fn rig() -> Rig {
+    fn fixture() -> Fixture {
         let mut entries = full();
         for (sub, data_type, value) in
             [(0, DataType::UNSIGNED8, 2), (1, DataType::UNSIGNED32, 1 << 31)]
@@ -65,30 +65,30 @@ mod tests {
             entries.push(entry(mux(0x1028, sub), data_type, Access::Rw, value));
         }
         let (settings, rules) = (NodeSettings::default(), Box::new(Specification));
-        Rig::with(&eds(entries), settings, rules, Box::new(Recorder))
+        Fixture::with(&eds(entries), settings, rules, Box::new(Recorder))
     }
 
     #[test]
     fn messages_of_a_named_producer_reach_the_application() {
-        let mut rig = rig();
-        rig.send("081#1082010000000000");
-        assert_eq!(rig.read(mux(0x2002, 0)), Ok(vec![0x11, 0x22, 0x33, 0x44]));
-        rig.write(mux(0x1028, 1), &[0x81, 0, 0, 0]).unwrap();
-        rig.send("081#10820100");
-        assert_eq!(rig.read(mux(0x2002, 0)), Ok(vec![0x11, 0x22, 0x33, 0x44]));
-        rig.send("081#1082010000000000");
-        assert_eq!(rig.read(mux(0x2002, 0)), Ok(vec![0x10, 0x82, 1, 0]));
+        let mut fixture = fixture();
+        fixture.send("081#1082010000000000");
+        assert_eq!(fixture.read(mux(0x2002, 0)), Ok(vec![0x11, 0x22, 0x33, 0x44]));
+        fixture.write(mux(0x1028, 1), &[0x81, 0, 0, 0]).unwrap();
+        fixture.send("081#10820100");
+        assert_eq!(fixture.read(mux(0x2002, 0)), Ok(vec![0x11, 0x22, 0x33, 0x44]));
+        fixture.send("081#1082010000000000");
+        assert_eq!(fixture.read(mux(0x2002, 0)), Ok(vec![0x10, 0x82, 1, 0]));
     }
 
     #[test]
     fn identifiers_are_judged_as_those_of_1014h() {
-        let mut rig = rig();
+        let mut fixture = fixture();
         let cob = mux(0x1028, 1);
-        assert_eq!(rig.write(cob, &[0x01, 6, 0, 0]), Err(Abort::VALUE.0));
-        assert_eq!(rig.write(cob, &[0x81, 0, 0, 0x20]), Err(Abort::VALUE.0));
-        assert_eq!(rig.write(cob, &[0x81, 0, 0, 0]), Ok(()));
-        assert_eq!(rig.write(cob, &[0x82, 0, 0, 0]), Err(Abort::VALUE.0));
-        assert_eq!(rig.write(cob, &[0x81, 0, 0, 0x80]), Ok(()));
-        assert_eq!(rig.write(cob, &[0x82, 0, 0, 0]), Ok(()));
+        assert_eq!(fixture.write(cob, &[0x01, 6, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(fixture.write(cob, &[0x81, 0, 0, 0x20]), Err(Abort::VALUE.0));
+        assert_eq!(fixture.write(cob, &[0x81, 0, 0, 0]), Ok(()));
+        assert_eq!(fixture.write(cob, &[0x82, 0, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(fixture.write(cob, &[0x81, 0, 0, 0x80]), Ok(()));
+        assert_eq!(fixture.write(cob, &[0x82, 0, 0, 0]), Ok(()));
     }
 }

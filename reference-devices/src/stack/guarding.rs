@@ -77,63 +77,63 @@ pub(crate) const LIFE_TIME_FACTOR: Mux = Mux::new(0x100D, 0);
 
 #[cfg(test)]
 mod tests {
-    use crate::stack::testing::{Rig, eds, full, mux, sent};
+    use crate::stack::testing::{Fixture, eds, full, mux, sent};
     use canopen::NmtState;
 
     #[test]
     fn answers_alternate_and_tell_the_state() {
-        let mut rig = Rig::new(&eds(full()));
-        assert_eq!(rig.ask("705#R1"), ["705#7F"]);
-        assert_eq!(rig.ask("705#R"), ["705#FF"]);
-        rig.send("000#0105");
-        assert_eq!(rig.ask("705#R1"), ["705#05"]);
-        rig.send("000#0205");
-        assert_eq!(rig.ask("705#R1"), ["705#84"]);
-        rig.send("000#8205");
-        rig.run_to(10_000);
-        assert_eq!(rig.ask("705#R1"), ["705#7F"]);
-        assert!(rig.ask("706#R1").is_empty());
+        let mut fixture = Fixture::new(&eds(full()));
+        assert_eq!(fixture.ask("705#R1"), ["705#7F"]);
+        assert_eq!(fixture.ask("705#R"), ["705#FF"]);
+        fixture.send("000#0105");
+        assert_eq!(fixture.ask("705#R1"), ["705#05"]);
+        fixture.send("000#0205");
+        assert_eq!(fixture.ask("705#R1"), ["705#84"]);
+        fixture.send("000#8205");
+        fixture.run_to(10_000);
+        assert_eq!(fixture.ask("705#R1"), ["705#7F"]);
+        assert!(fixture.ask("706#R1").is_empty());
     }
 
     #[test]
     fn heartbeat_goes_first() {
-        let mut rig = Rig::new(&eds(full()));
-        rig.write(mux(0x1017, 0), &[0, 1]).unwrap();
-        assert!(rig.ask("705#R1").is_empty());
-        rig.write(mux(0x1017, 0), &[0, 0]).unwrap();
-        assert_eq!(rig.ask("705#R1"), ["705#7F"]);
+        let mut fixture = Fixture::new(&eds(full()));
+        fixture.write(mux(0x1017, 0), &[0, 1]).unwrap();
+        assert!(fixture.ask("705#R1").is_empty());
+        fixture.write(mux(0x1017, 0), &[0, 0]).unwrap();
+        assert_eq!(fixture.ask("705#R1"), ["705#7F"]);
     }
 
     #[test]
     fn life_guarding_begins_with_the_first_question() {
-        let mut rig = Rig::new(&eds(full()));
-        rig.write(mux(0x100C, 0), &[100, 0]).unwrap();
-        rig.write(mux(0x100D, 0), &[3]).unwrap();
-        rig.send("000#0105");
-        assert_eq!(rig.until(1_000_000), []);
-        assert_eq!(rig.ask("705#R1"), ["705#05"]);
-        assert_eq!(rig.until(2_000_000), sent(&[(1_300_000, "085#3081110000000000")]));
-        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
-        assert_eq!(rig.ask("705#R1"), ["705#FF", "085#0000000000000000"]);
-        rig.write(mux(0x100D, 0), &[0]).unwrap();
-        assert_eq!(rig.until(9_000_000), []);
+        let mut fixture = Fixture::new(&eds(full()));
+        fixture.write(mux(0x100C, 0), &[100, 0]).unwrap();
+        fixture.write(mux(0x100D, 0), &[3]).unwrap();
+        fixture.send("000#0105");
+        assert_eq!(fixture.until(1_000_000), []);
+        assert_eq!(fixture.ask("705#R1"), ["705#05"]);
+        assert_eq!(fixture.until(2_000_000), sent(&[(1_300_000, "085#3081110000000000")]));
+        assert_eq!(fixture.node.state(), NmtState::PRE_OPERATIONAL);
+        assert_eq!(fixture.ask("705#R1"), ["705#FF", "085#0000000000000000"]);
+        fixture.write(mux(0x100D, 0), &[0]).unwrap();
+        assert_eq!(fixture.until(9_000_000), []);
     }
 
     #[test]
     fn a_device_without_the_objects_does_not_answer() {
-        let mut rig = Rig::new(&eds(crate::stack::testing::basic()));
-        assert!(rig.ask("705#R1").is_empty());
+        let mut fixture = Fixture::new(&eds(crate::stack::testing::basic()));
+        assert!(fixture.ask("705#R1").is_empty());
     }
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut rig = Rig::mutant(&eds(full()), "guarding-toggle-kept-over-reset");
-        assert_eq!(rig.ask("705#R1"), ["705#7F"]);
-        rig.send("000#8205");
-        rig.run_to(10_000);
-        assert_eq!(rig.ask("705#R1"), ["705#FF"]);
-        let mut rig = Rig::mutant(&eds(full()), "guarding-answered-beside-heartbeat");
-        rig.write(mux(0x1017, 0), &[0, 1]).unwrap();
-        assert_eq!(rig.ask("705#R1"), ["705#7F"]);
+        let mut fixture = Fixture::mutant(&eds(full()), "guarding-toggle-kept-over-reset");
+        assert_eq!(fixture.ask("705#R1"), ["705#7F"]);
+        fixture.send("000#8205");
+        fixture.run_to(10_000);
+        assert_eq!(fixture.ask("705#R1"), ["705#FF"]);
+        let mut fixture = Fixture::mutant(&eds(full()), "guarding-answered-beside-heartbeat");
+        fixture.write(mux(0x1017, 0), &[0, 1]).unwrap();
+        assert_eq!(fixture.ask("705#R1"), ["705#7F"]);
     }
 }

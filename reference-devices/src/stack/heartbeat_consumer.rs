@@ -139,110 +139,110 @@ pub(crate) const TIMES: u16 = 0x1016;
 
 #[cfg(test)]
 mod tests {
-    use crate::stack::testing::{Rig, eds, full, mux, sent};
+    use crate::stack::testing::{Fixture, eds, full, mux, sent};
     use canopen::{Abort, NmtState};
 
     /// Sub 1 watches node 10 for 100 ms, sub 2 node 11 for 150 ms.
-    fn watching(rules: &str) -> Rig {
-        let mut rig = match rules {
-            "" => Rig::new(&eds(full())),
-            rules => Rig::mutant(&eds(full()), rules),
+    fn watching(rules: &str) -> Fixture {
+        let mut fixture = match rules {
+            "" => Fixture::new(&eds(full())),
+            rules => Fixture::mutant(&eds(full()), rules),
         };
-        rig.write(mux(0x1016, 1), &[100, 0, 10, 0]).unwrap();
-        rig.write(mux(0x1016, 2), &[150, 0, 11, 0]).unwrap();
-        rig
+        fixture.write(mux(0x1016, 1), &[100, 0, 10, 0]).unwrap();
+        fixture.write(mux(0x1016, 2), &[150, 0, 11, 0]).unwrap();
+        fixture
     }
 
     #[test]
     fn a_watch_begins_with_the_first_heartbeat_and_ends_in_an_emergency() {
-        let mut rig = watching("");
-        assert_eq!(rig.until(1_000_000), []);
-        rig.send("70A#7F");
-        rig.send("70B#05");
-        rig.run_to(1_090_000);
-        rig.send("70A#7F");
-        rig.send("70B#05");
-        assert_eq!(rig.until(1_200_000), sent(&[(1_190_000, "085#3081110000000000")]));
-        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x11]));
-        rig.send("70B#05");
-        assert_eq!(rig.ask("70A#05"), ["085#0000000000000000"]);
-        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+        let mut fixture = watching("");
+        assert_eq!(fixture.until(1_000_000), []);
+        fixture.send("70A#7F");
+        fixture.send("70B#05");
+        fixture.run_to(1_090_000);
+        fixture.send("70A#7F");
+        fixture.send("70B#05");
+        assert_eq!(fixture.until(1_200_000), sent(&[(1_190_000, "085#3081110000000000")]));
+        assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![0x11]));
+        fixture.send("70B#05");
+        assert_eq!(fixture.ask("70A#05"), ["085#0000000000000000"]);
+        assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![0]));
         assert_eq!(
-            rig.until(2_000_000),
+            fixture.until(2_000_000),
             sent(&[(1_300_000, "085#3081110000000000"), (1_350_000, "085#3081110000000000")])
         );
     }
 
     #[test]
     fn what_is_no_heartbeat_does_not_count() {
-        let mut rig = watching("");
+        let mut fixture = watching("");
         for frame in ["70A#00", "70A#", "70A#0505", "70A#03", "70C#05", "70A#R1"] {
-            rig.send(frame);
+            fixture.send(frame);
         }
-        assert_eq!(rig.until(1_000_000), []);
+        assert_eq!(fixture.until(1_000_000), []);
     }
 
     #[test]
     fn a_node_is_watched_by_one_entry() {
-        let mut rig = watching("");
-        let twice = rig.write(mux(0x1016, 3), &[50, 0, 10, 0]);
+        let mut fixture = watching("");
+        let twice = fixture.write(mux(0x1016, 3), &[50, 0, 10, 0]);
         assert_eq!(twice, Err(Abort::INCOMPATIBLE.0));
         for entry in [[100, 0, 10, 0], [0, 0, 10, 0], [100, 0, 10, 0], [50, 0, 200, 0]] {
-            assert_eq!(rig.write(mux(0x1016, 1), &entry), Ok(()), "{entry:?}");
+            assert_eq!(fixture.write(mux(0x1016, 1), &entry), Ok(()), "{entry:?}");
         }
-        assert_eq!(rig.write(mux(0x1016, 3), &[0, 0, 11, 0]), Ok(()));
+        assert_eq!(fixture.write(mux(0x1016, 3), &[0, 0, 11, 0]), Ok(()));
     }
 
     #[test]
     fn an_entry_that_is_switched_off_takes_its_error_along() {
-        let mut rig = watching("");
-        rig.send("70A#7F");
-        rig.run_to(500_000);
-        rig.until(500_000);
-        rig.write(mux(0x1016, 1), &[0; 4]).unwrap();
-        assert_eq!(rig.until(500_000), sent(&[(500_000, "085#0000000000000000")]));
+        let mut fixture = watching("");
+        fixture.send("70A#7F");
+        fixture.run_to(500_000);
+        fixture.until(500_000);
+        fixture.write(mux(0x1016, 1), &[0; 4]).unwrap();
+        assert_eq!(fixture.until(500_000), sent(&[(500_000, "085#0000000000000000")]));
     }
 
     #[test]
     fn loss_leads_to_the_state_of_1029h_from_operational_only() {
         for (reaction, state) in [(0, 127), (1, 5), (2, 4)] {
-            let mut rig = watching("");
-            rig.write(mux(0x1029, 1), &[reaction]).unwrap();
-            rig.send("000#0105");
-            rig.send("70A#7F");
-            let told = rig.until(1_000_000);
+            let mut fixture = watching("");
+            fixture.write(mux(0x1029, 1), &[reaction]).unwrap();
+            fixture.send("000#0105");
+            fixture.send("70A#7F");
+            let told = fixture.until(1_000_000);
             assert_eq!(told.len(), 1, "{told:?}");
-            assert_eq!(rig.node.state(), NmtState(state));
+            assert_eq!(fixture.node.state(), NmtState(state));
         }
-        let mut rig = watching("");
-        rig.write(mux(0x1029, 1), &[2]).unwrap();
-        rig.send("70A#7F");
-        rig.run_to(1_000_000);
-        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
+        let mut fixture = watching("");
+        fixture.write(mux(0x1029, 1), &[2]).unwrap();
+        fixture.send("70A#7F");
+        fixture.run_to(1_000_000);
+        assert_eq!(fixture.node.state(), NmtState::PRE_OPERATIONAL);
     }
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut rig = watching("heartbeat-watched-before-first");
-        assert_eq!(rig.until(110_000), sent(&[(101_000, "085#3081110000000000")]));
-        let mut rig = watching("heartbeat-loss-never-recovers");
-        rig.send("70A#7F");
-        rig.run_to(400_000);
-        assert!(rig.ask("70A#7F").is_empty());
-        let mut rig = watching("heartbeat-node-watched-twice");
-        assert_eq!(rig.write(mux(0x1016, 3), &[50, 0, 10, 0]), Ok(()));
-        let mut rig = watching("heartbeat-consumer-time-doubled");
-        rig.send("70A#7F");
-        assert_eq!(rig.until(900_000), sent(&[(201_000, "085#3081110000000000")]));
-        let mut rig = watching("error-behaviour-ignored");
-        rig.send("000#0105");
-        rig.send("70A#7F");
-        rig.run_to(900_000);
-        assert_eq!(rig.node.state(), NmtState::OPERATIONAL);
-        let mut rig = watching("nmt-start-ignored-after-error");
-        rig.send("70A#7F");
-        rig.run_to(900_000);
-        rig.send("000#0105");
-        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
+        let mut fixture = watching("heartbeat-watched-before-first");
+        assert_eq!(fixture.until(110_000), sent(&[(101_000, "085#3081110000000000")]));
+        let mut fixture = watching("heartbeat-loss-never-recovers");
+        fixture.send("70A#7F");
+        fixture.run_to(400_000);
+        assert!(fixture.ask("70A#7F").is_empty());
+        let mut fixture = watching("heartbeat-node-watched-twice");
+        assert_eq!(fixture.write(mux(0x1016, 3), &[50, 0, 10, 0]), Ok(()));
+        let mut fixture = watching("heartbeat-consumer-time-doubled");
+        fixture.send("70A#7F");
+        assert_eq!(fixture.until(900_000), sent(&[(201_000, "085#3081110000000000")]));
+        let mut fixture = watching("error-behaviour-ignored");
+        fixture.send("000#0105");
+        fixture.send("70A#7F");
+        fixture.run_to(900_000);
+        assert_eq!(fixture.node.state(), NmtState::OPERATIONAL);
+        let mut fixture = watching("nmt-start-ignored-after-error");
+        fixture.send("70A#7F");
+        fixture.run_to(900_000);
+        fixture.send("000#0105");
+        assert_eq!(fixture.node.state(), NmtState::PRE_OPERATIONAL);
     }
 }

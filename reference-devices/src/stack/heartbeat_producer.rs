@@ -59,37 +59,37 @@ const PERIOD: Mux = Mux::new(0x1017, 0);
 
 #[cfg(test)]
 mod tests {
-    use crate::stack::testing::{Rig, basic, eds, mux, sent, set};
+    use crate::stack::testing::{Fixture, basic, eds, mux, sent, set};
 
     #[test]
     fn heartbeat_keeps_its_beat_and_tells_the_state() {
-        let mut rig = Rig::new(&eds(basic()));
-        rig.write(mux(0x1017, 0), &[100, 0]).unwrap();
-        assert_eq!(rig.until(201_000), sent(&[(101_000, "705#7F"), (201_000, "705#7F")]));
-        rig.send("000#0205");
-        assert_eq!(rig.until(301_000), sent(&[(301_000, "705#04")]));
-        rig.send("000#8005");
-        rig.write(mux(0x1017, 0), &[0, 0]).unwrap();
-        assert_eq!(rig.until(900_000), []);
+        let mut fixture = Fixture::new(&eds(basic()));
+        fixture.write(mux(0x1017, 0), &[100, 0]).unwrap();
+        assert_eq!(fixture.until(201_000), sent(&[(101_000, "705#7F"), (201_000, "705#7F")]));
+        fixture.send("000#0205");
+        assert_eq!(fixture.until(301_000), sent(&[(301_000, "705#04")]));
+        fixture.send("000#8005");
+        fixture.write(mux(0x1017, 0), &[0, 0]).unwrap();
+        assert_eq!(fixture.until(900_000), []);
     }
 
     #[test]
     fn boot_up_counts_as_the_first_heartbeat() {
         let mut entries = basic();
         set(&mut entries, mux(0x1017, 0), 100);
-        let mut rig = Rig::new(&eds(entries.clone()));
-        assert_eq!(rig.until(150_000), sent(&[(101_000, "705#7F")]));
-        rig.send("000#8205");
-        assert_eq!(rig.until(300_000), sent(&[(151_000, "705#00"), (251_000, "705#7F")]));
-        let mut rig = Rig::mutant(&eds(entries), "heartbeat-burst-at-boot-up");
-        rig.send("000#8205");
-        assert_eq!(rig.until(50_000).len(), 4);
+        let mut fixture = Fixture::new(&eds(entries.clone()));
+        assert_eq!(fixture.until(150_000), sent(&[(101_000, "705#7F")]));
+        fixture.send("000#8205");
+        assert_eq!(fixture.until(300_000), sent(&[(151_000, "705#00"), (251_000, "705#7F")]));
+        let mut fixture = Fixture::mutant(&eds(entries), "heartbeat-burst-at-boot-up");
+        fixture.send("000#8205");
+        assert_eq!(fixture.until(50_000).len(), 4);
     }
 
     #[test]
     fn a_drift_of_one_per_cent_is_a_drift() {
-        let mut rig = Rig::mutant(&eds(basic()), "heartbeat-period-drifts");
-        rig.write(mux(0x1017, 0), &[100, 0]).unwrap();
-        assert_eq!(rig.until(204_000), sent(&[(102_000, "705#7F"), (203_000, "705#7F")]));
+        let mut fixture = Fixture::mutant(&eds(basic()), "heartbeat-period-drifts");
+        fixture.write(mux(0x1017, 0), &[100, 0]).unwrap();
+        assert_eq!(fixture.until(204_000), sent(&[(102_000, "705#7F"), (203_000, "705#7F")]));
     }
 }

@@ -272,7 +272,7 @@ fn address(base: &Base, part: Part) -> u32 {
 mod tests {
     use super::*;
     use crate::rules::Specification;
-    use crate::stack::testing::{Rig, eds, full, mux, sent, set};
+    use crate::stack::testing::{Fixture, eds, full, mux, sent, set};
     use crate::stack::{Inert, NodeSettings};
     use canopen::DataType;
     use canopen::eds::Access;
@@ -282,11 +282,11 @@ mod tests {
     const REVISION: &str = "09000000";
     const SERIAL: &str = "0A0B0000";
 
-    fn rig(rules: &str) -> Rig {
+    fn fixture(rules: &str) -> Fixture {
         with(rules, NodeSettings::default())
     }
 
-    fn with(rules: &str, settings: NodeSettings) -> Rig {
+    fn with(rules: &str, settings: NodeSettings) -> Fixture {
         let rules = crate::rules::named(rules).unwrap_or_else(|| {
             assert_eq!(rules, "");
             Box::new(Specification)
@@ -305,208 +305,215 @@ mod tests {
         let mut eds = eds(entries);
         eds.device.lss = true;
         eds.device.bit_rates = vec![1000, 500, 125];
-        Rig::with(&eds, settings, rules, Box::new(Inert))
+        Fixture::with(&eds, settings, rules, Box::new(Inert))
     }
 
-    fn lss(rig: &mut Rig, head: &str) -> Vec<String> {
-        rig.ask(&format!("7E5#{head:0<16}"))
+    fn lss(fixture: &mut Fixture, head: &str) -> Vec<String> {
+        fixture.ask(&format!("7E5#{head:0<16}"))
     }
 
     fn answer(head: &str) -> Vec<String> {
         vec![format!("7E4#{head:0<16}")]
     }
 
-    fn select(rig: &mut Rig, parts: [&str; 4]) -> Vec<String> {
+    fn select(fixture: &mut Fixture, parts: [&str; 4]) -> Vec<String> {
         let mut answers = Vec::new();
         for (specifier, part) in ["40", "41", "42", "43"].into_iter().zip(parts) {
-            answers.extend(lss(rig, &format!("{specifier}{part}")));
+            answers.extend(lss(fixture, &format!("{specifier}{part}")));
         }
         answers
     }
 
-    fn later(rig: &mut Rig, milliseconds: u64) -> Vec<(u64, String)> {
-        let at = rig.now.0 / 1000;
-        rig.until(at + milliseconds * 1000)
+    fn later(fixture: &mut Fixture, milliseconds: u64) -> Vec<(u64, String)> {
+        let at = fixture.now.0 / 1000;
+        fixture
+            .until(at + milliseconds * 1000)
             .into_iter()
             .map(|(when, frame)| (when - at, frame))
             .collect()
     }
 
-    fn unconfigured(rules: &str) -> Rig {
-        let mut rig = rig(rules);
-        lss(&mut rig, "0401");
-        assert_eq!(lss(&mut rig, "11FF"), answer("1100"));
-        rig.send("000#8205");
-        assert_eq!(later(&mut rig, 50), []);
-        rig
+    fn unconfigured(rules: &str) -> Fixture {
+        let mut fixture = fixture(rules);
+        lss(&mut fixture, "0401");
+        assert_eq!(lss(&mut fixture, "11FF"), answer("1100"));
+        fixture.send("000#8205");
+        assert_eq!(later(&mut fixture, 50), []);
+        fixture
     }
 
     #[test]
     fn services_of_the_configuration_are_for_those_who_were_switched_to_it() {
-        let mut rig = rig("");
+        let mut fixture = fixture("");
         let asked = ["1101", "130000", "17", "5A", "5B", "5C", "5D", "5E"];
         for head in asked {
-            assert!(lss(&mut rig, head).is_empty(), "{head}");
+            assert!(lss(&mut fixture, head).is_empty(), "{head}");
         }
-        assert!(lss(&mut rig, "0401").is_empty());
-        assert_eq!(lss(&mut rig, "5A"), answer(&format!("5A{VENDOR}")));
-        assert_eq!(lss(&mut rig, "5B"), answer(&format!("5B{PRODUCT}")));
-        assert_eq!(lss(&mut rig, "5C"), answer(&format!("5C{REVISION}")));
-        assert_eq!(lss(&mut rig, "5D"), answer(&format!("5D{SERIAL}")));
-        assert_eq!(lss(&mut rig, "5E"), answer("5E05"));
-        assert!(lss(&mut rig, "0402").is_empty());
-        assert_eq!(lss(&mut rig, "5E"), answer("5E05"));
-        assert!(lss(&mut rig, "0400").is_empty());
-        assert!(lss(&mut rig, "5E").is_empty());
+        assert!(lss(&mut fixture, "0401").is_empty());
+        assert_eq!(lss(&mut fixture, "5A"), answer(&format!("5A{VENDOR}")));
+        assert_eq!(lss(&mut fixture, "5B"), answer(&format!("5B{PRODUCT}")));
+        assert_eq!(lss(&mut fixture, "5C"), answer(&format!("5C{REVISION}")));
+        assert_eq!(lss(&mut fixture, "5D"), answer(&format!("5D{SERIAL}")));
+        assert_eq!(lss(&mut fixture, "5E"), answer("5E05"));
+        assert!(lss(&mut fixture, "0402").is_empty());
+        assert_eq!(lss(&mut fixture, "5E"), answer("5E05"));
+        assert!(lss(&mut fixture, "0400").is_empty());
+        assert!(lss(&mut fixture, "5E").is_empty());
     }
 
     #[test]
     fn what_is_no_service_is_not_answered() {
-        let mut rig = rig("");
-        lss(&mut rig, "0401");
+        let mut fixture = fixture("");
+        lss(&mut fixture, "0401");
         for frame in ["7E5#5E", "7E5#5E000000000000", "7E5#", "7E5#R8", "000007E5#5E00000000000000"]
         {
-            assert!(rig.ask(frame).is_empty(), "{frame}");
+            assert!(fixture.ask(frame).is_empty(), "{frame}");
         }
-        assert!(lss(&mut rig, "6F").is_empty());
+        assert!(lss(&mut fixture, "6F").is_empty());
     }
 
     #[test]
     fn a_selective_switch_needs_all_four_parts_in_order() {
-        let mut rig = rig("");
+        let mut fixture = fixture("");
         let right = [VENDOR, PRODUCT, REVISION, SERIAL];
         for place in 0..4 {
             let mut parts = right;
             parts[place] = "FFFFFFFF";
-            assert!(select(&mut rig, parts).is_empty(), "{place}");
-            assert!(lss(&mut rig, "5E").is_empty());
+            assert!(select(&mut fixture, parts).is_empty(), "{place}");
+            assert!(lss(&mut fixture, "5E").is_empty());
         }
-        assert!(lss(&mut rig, &format!("43{SERIAL}")).is_empty());
-        assert_eq!(select(&mut rig, right), answer("44"));
-        assert_eq!(lss(&mut rig, "5E"), answer("5E05"));
-        assert!(select(&mut rig, right).is_empty());
+        assert!(lss(&mut fixture, &format!("43{SERIAL}")).is_empty());
+        assert_eq!(select(&mut fixture, right), answer("44"));
+        assert_eq!(lss(&mut fixture, "5E"), answer("5E05"));
+        assert!(select(&mut fixture, right).is_empty());
     }
 
     #[test]
     fn a_node_id_waits_for_reset_communication() {
-        let mut rig = rig("");
-        lss(&mut rig, "0401");
+        let mut fixture = fixture("");
+        lss(&mut fixture, "0401");
         for (node, how) in [("01", "00"), ("7F", "00"), ("FF", "00"), ("00", "01"), ("80", "01")] {
-            assert_eq!(lss(&mut rig, &format!("11{node}")), answer(&format!("11{how}")), "{node}");
+            assert_eq!(
+                lss(&mut fixture, &format!("11{node}")),
+                answer(&format!("11{how}")),
+                "{node}"
+            );
         }
-        assert_eq!(lss(&mut rig, "1106"), answer("1100"));
-        assert_eq!(lss(&mut rig, "5E"), answer("5E05"));
-        assert!(lss(&mut rig, "0400").is_empty());
-        assert_eq!(rig.read(mux(0x1000, 0)).unwrap()[0], 0x91);
-        rig.send("000#8205");
-        assert_eq!(later(&mut rig, 50), sent(&[(1000, "706#00")]));
-        assert_eq!(rig.ask("606#4014100000000000"), ["586#4314100086000000"]);
+        assert_eq!(lss(&mut fixture, "1106"), answer("1100"));
+        assert_eq!(lss(&mut fixture, "5E"), answer("5E05"));
+        assert!(lss(&mut fixture, "0400").is_empty());
+        assert_eq!(fixture.read(mux(0x1000, 0)).unwrap()[0], 0x91);
+        fixture.send("000#8205");
+        assert_eq!(later(&mut fixture, 50), sent(&[(1000, "706#00")]));
+        assert_eq!(fixture.ask("606#4014100000000000"), ["586#4314100086000000"]);
     }
 
     #[test]
     fn what_was_stored_is_there_after_power_on() {
-        let mut rig = rig("");
-        lss(&mut rig, "0401");
-        lss(&mut rig, "1106");
-        rig.node.power_on(rig.now);
-        assert_eq!(later(&mut rig, 50), sent(&[(1000, "705#00")]));
-        lss(&mut rig, "0401");
-        lss(&mut rig, "1106");
-        assert_eq!(lss(&mut rig, "17"), answer("1700"));
-        rig.node.power_on(rig.now);
-        assert_eq!(later(&mut rig, 50), sent(&[(1000, "706#00")]));
+        let mut fixture = fixture("");
+        lss(&mut fixture, "0401");
+        lss(&mut fixture, "1106");
+        fixture.node.power_on(fixture.now);
+        assert_eq!(later(&mut fixture, 50), sent(&[(1000, "705#00")]));
+        lss(&mut fixture, "0401");
+        lss(&mut fixture, "1106");
+        assert_eq!(lss(&mut fixture, "17"), answer("1700"));
+        fixture.node.power_on(fixture.now);
+        assert_eq!(later(&mut fixture, 50), sent(&[(1000, "706#00")]));
     }
 
     #[test]
     fn a_device_may_not_be_able_to_store() {
         for (status, answered) in [(Status::REFUSED, "1701"), (Status::MEDIUM, "1702")] {
             let settings = NodeSettings { lss_store: status, ..NodeSettings::default() };
-            let mut rig = with("", settings);
-            lss(&mut rig, "0401");
-            lss(&mut rig, "1106");
-            assert_eq!(lss(&mut rig, "17"), answer(answered));
-            rig.node.power_on(rig.now);
-            assert_eq!(later(&mut rig, 50), sent(&[(1000, "705#00")]));
+            let mut fixture = with("", settings);
+            lss(&mut fixture, "0401");
+            lss(&mut fixture, "1106");
+            assert_eq!(lss(&mut fixture, "17"), answer(answered));
+            fixture.node.power_on(fixture.now);
+            assert_eq!(later(&mut fixture, 50), sent(&[(1000, "705#00")]));
         }
     }
 
     #[test]
     fn bit_rates_are_those_of_the_table_and_the_data_sheet() {
-        let mut rig = rig("");
-        lss(&mut rig, "0401");
+        let mut fixture = fixture("");
+        lss(&mut fixture, "0401");
         for (index, how) in (0u8..=9).zip([0, 1, 0, 1, 0, 1, 1, 1, 1, 1]) {
-            let answered = lss(&mut rig, &format!("1300{index:02X}"));
+            let answered = lss(&mut fixture, &format!("1300{index:02X}"));
             assert_eq!(answered, answer(&format!("130{how}")[..]), "{index}");
         }
-        assert_eq!(lss(&mut rig, "130102"), answer("1301"));
+        assert_eq!(lss(&mut fixture, "130102"), answer("1301"));
     }
 
     #[test]
     fn a_node_is_silent_for_two_delays_and_then_speaks_at_the_new_rate() {
-        let mut rig = rig("");
-        rig.write(mux(0x1017, 0), &[10, 0]).unwrap();
-        lss(&mut rig, "0401");
-        lss(&mut rig, "151400");
-        assert_eq!(later(&mut rig, 39), []);
-        assert!(lss(&mut rig, "5E").is_empty());
-        assert_eq!(later(&mut rig, 21).len(), 3);
-        assert_eq!(lss(&mut rig, "5E"), answer("5E05"));
-        assert_eq!(lss(&mut rig, "130002"), answer("1300"));
-        lss(&mut rig, "150000");
-        assert_eq!(later(&mut rig, 100), [], "at 500 kbit/s on a bus of 1 Mbit/s");
-        assert!(lss(&mut rig, "5E").is_empty());
-        rig.node.power_on(rig.now);
-        assert_eq!(later(&mut rig, 50), sent(&[(1000, "705#00")]));
+        let mut fixture = fixture("");
+        fixture.write(mux(0x1017, 0), &[10, 0]).unwrap();
+        lss(&mut fixture, "0401");
+        lss(&mut fixture, "151400");
+        assert_eq!(later(&mut fixture, 39), []);
+        assert!(lss(&mut fixture, "5E").is_empty());
+        assert_eq!(later(&mut fixture, 21).len(), 3);
+        assert_eq!(lss(&mut fixture, "5E"), answer("5E05"));
+        assert_eq!(lss(&mut fixture, "130002"), answer("1300"));
+        lss(&mut fixture, "150000");
+        assert_eq!(later(&mut fixture, 100), [], "at 500 kbit/s on a bus of 1 Mbit/s");
+        assert!(lss(&mut fixture, "5E").is_empty());
+        fixture.node.power_on(fixture.now);
+        assert_eq!(later(&mut fixture, 50), sent(&[(1000, "705#00")]));
     }
 
     #[test]
     fn a_node_without_id_has_lss_and_nothing_else() {
-        let mut rig = unconfigured("");
+        let mut fixture = unconfigured("");
         for frame in ["000#8100", "000#0100", "605#4000100000000000", "67F#4000100000000000"] {
-            assert!(rig.ask(frame).is_empty(), "{frame}");
+            assert!(fixture.ask(frame).is_empty(), "{frame}");
         }
-        assert_eq!(later(&mut rig, 50), []);
-        assert_eq!(lss(&mut rig, "4C"), answer("50"));
-        lss(&mut rig, "0401");
-        assert_eq!(lss(&mut rig, "5E"), answer("5EFF"));
-        assert_eq!(lss(&mut rig, "1107"), answer("1100"));
-        assert!(lss(&mut rig, "0400").is_empty());
-        assert_eq!(later(&mut rig, 50), sent(&[(1000, "707#00")]));
-        assert!(lss(&mut rig, "4C").is_empty());
+        assert_eq!(later(&mut fixture, 50), []);
+        assert_eq!(lss(&mut fixture, "4C"), answer("50"));
+        lss(&mut fixture, "0401");
+        assert_eq!(lss(&mut fixture, "5E"), answer("5EFF"));
+        assert_eq!(lss(&mut fixture, "1107"), answer("1100"));
+        assert!(lss(&mut fixture, "0400").is_empty());
+        assert_eq!(later(&mut fixture, 50), sent(&[(1000, "707#00")]));
+        assert!(lss(&mut fixture, "4C").is_empty());
     }
 
     #[test]
     fn a_range_of_addresses_is_identified() {
-        let mut rig = rig("");
-        let ask = |rig: &mut Rig, bounds: [&str; 6]| {
+        let mut fixture = fixture("");
+        let ask = |fixture: &mut Fixture, bounds: [&str; 6]| {
             let heads = ["46", "47", "48", "49", "4A", "4B"].into_iter().zip(bounds);
-            heads.flat_map(|(head, bound)| lss(rig, &format!("{head}{bound}"))).collect::<Vec<_>>()
+            heads
+                .flat_map(|(head, bound)| lss(fixture, &format!("{head}{bound}")))
+                .collect::<Vec<_>>()
         };
         let (low, high) = ("00000000", "FFFFFFFF");
-        assert_eq!(ask(&mut rig, [VENDOR, PRODUCT, low, high, low, high]), answer("4F"));
+        assert_eq!(ask(&mut fixture, [VENDOR, PRODUCT, low, high, low, high]), answer("4F"));
         let exact = [VENDOR, PRODUCT, REVISION, REVISION, SERIAL, SERIAL];
-        assert_eq!(ask(&mut rig, exact), answer("4F"));
+        assert_eq!(ask(&mut fixture, exact), answer("4F"));
         for (place, wrong) in [high, high, high, low, high, low].into_iter().enumerate() {
             let mut bounds = exact;
             bounds[place] = wrong;
-            assert!(ask(&mut rig, bounds).is_empty(), "{place}");
+            assert!(ask(&mut fixture, bounds).is_empty(), "{place}");
         }
     }
 
     /// One walk through the address; whether everything was answered.
-    fn walk(rig: &mut Rig) -> bool {
+    fn walk(fixture: &mut Fixture) -> bool {
         let identity = [7u32, 8, 9, 0xB0A];
-        let mut all = lss(rig, "510000000080") == answer("4F");
+        let mut all = lss(fixture, "510000000080") == answer("4F");
         for (part, number) in identity.into_iter().enumerate() {
             let mut known = 0u32;
             for bit in (0..32).rev() {
                 let head = scan(known, bit, part, part);
-                if lss(rig, &head).is_empty() {
+                if lss(fixture, &head).is_empty() {
                     known |= 1 << bit;
                 }
             }
             all &= known == number;
-            all &= lss(rig, &scan(known, 0, part, (part + 1) % 4)) == answer("4F");
+            all &= lss(fixture, &scan(known, 0, part, (part + 1) % 4)) == answer("4F");
         }
         all
     }
@@ -518,27 +525,27 @@ mod tests {
 
     #[test]
     fn a_fastscan_finds_the_address_and_configures() {
-        let mut rig = unconfigured("");
-        assert!(walk(&mut rig));
-        assert_eq!(lss(&mut rig, "5E"), answer("5EFF"));
-        assert_eq!(lss(&mut rig, "1105"), answer("1100"));
-        assert!(lss(&mut rig, "510000000080").is_empty(), "it waits no more");
-        lss(&mut rig, "0400");
-        assert_eq!(later(&mut rig, 50).len(), 1);
-        assert!(lss(&mut rig, "510000000080").is_empty(), "it has a node id");
+        let mut fixture = unconfigured("");
+        assert!(walk(&mut fixture));
+        assert_eq!(lss(&mut fixture, "5E"), answer("5EFF"));
+        assert_eq!(lss(&mut fixture, "1105"), answer("1100"));
+        assert!(lss(&mut fixture, "510000000080").is_empty(), "it waits no more");
+        lss(&mut fixture, "0400");
+        assert_eq!(later(&mut fixture, 50).len(), 1);
+        assert!(lss(&mut fixture, "510000000080").is_empty(), "it has a node id");
     }
 
     #[test]
     fn a_fastscan_keeps_to_its_order() {
-        let mut rig = unconfigured("");
-        lss(&mut rig, "510000000080");
+        let mut fixture = unconfigured("");
+        lss(&mut fixture, "510000000080");
         for head in [scan(0, 32, 0, 0), scan(0, 31, 4, 0), scan(0, 31, 0, 4), scan(8, 0, 1, 2)] {
-            assert!(lss(&mut rig, &head).is_empty(), "{head}");
+            assert!(lss(&mut fixture, &head).is_empty(), "{head}");
         }
-        assert_eq!(lss(&mut rig, &scan(7, 0, 0, 1)), answer("4F"));
-        assert_eq!(lss(&mut rig, &scan(8, 0, 1, 0)), answer("4F"));
-        assert!(lss(&mut rig, "5E").is_empty(), "two parts are not four");
-        assert!(walk(&mut rig));
+        assert_eq!(lss(&mut fixture, &scan(7, 0, 0, 1)), answer("4F"));
+        assert_eq!(lss(&mut fixture, &scan(8, 0, 1, 0)), answer("4F"));
+        assert!(lss(&mut fixture, "5E").is_empty(), "two parts are not four");
+        assert!(walk(&mut fixture));
     }
 
     #[test]
@@ -554,8 +561,8 @@ mod tests {
 
     #[test]
     fn without_lss_in_the_data_sheet_there_is_none() {
-        let mut rig = Rig::new(&eds(full()));
-        lss(&mut rig, "0401");
-        assert!(lss(&mut rig, "5E").is_empty());
+        let mut fixture = Fixture::new(&eds(full()));
+        lss(&mut fixture, "0401");
+        assert!(lss(&mut fixture, "5E").is_empty());
     }
 }

@@ -96,53 +96,54 @@ mod tests {
     use canopen::NmtState;
 
     use crate::rules::Specification;
-    use crate::stack::testing::{Rig, basic, eds, mux, sent, set};
+    use crate::stack::testing::{Fixture, basic, eds, mux, sent, set};
     use crate::stack::{Inert, NodeSettings};
 
     #[test]
     fn boots_up_once_and_only_then_listens() {
         let settings =
             NodeSettings { boot_up_time: Duration::from_millis(10), ..NodeSettings::default() };
-        let mut rig = Rig::with(&eds(basic()), settings, Box::new(Specification), Box::new(Inert));
-        assert_eq!(rig.node.state(), NmtState::INITIALISING);
-        assert!(rig.ask("605#4000100000000000").is_empty());
-        rig.send("000#0105");
-        assert_eq!(rig.until(100_000), sent(&[(10_000, "705#00")]));
-        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
+        let mut fixture =
+            Fixture::with(&eds(basic()), settings, Box::new(Specification), Box::new(Inert));
+        assert_eq!(fixture.node.state(), NmtState::INITIALISING);
+        assert!(fixture.ask("605#4000100000000000").is_empty());
+        fixture.send("000#0105");
+        assert_eq!(fixture.until(100_000), sent(&[(10_000, "705#00")]));
+        assert_eq!(fixture.node.state(), NmtState::PRE_OPERATIONAL);
     }
 
     #[test]
     fn commands_lead_from_every_state_to_every_other() {
-        let mut rig = Rig::new(&eds(basic()));
+        let mut fixture = Fixture::new(&eds(basic()));
         for from in ["000#0105", "000#0205", "000#8005"] {
             for (to, state) in [("0105", 5), ("0205", 4), ("8005", 127), ("0100", 5)] {
-                rig.send(from);
-                rig.send(&format!("000#{to}"));
-                assert_eq!(rig.node.state(), NmtState(state), "{from} {to}");
+                fixture.send(from);
+                fixture.send(&format!("000#{to}"));
+                assert_eq!(fixture.node.state(), NmtState(state), "{from} {to}");
             }
         }
     }
 
     #[test]
     fn what_is_no_command_for_this_node_is_ignored() {
-        let mut rig = Rig::new(&eds(basic()));
+        let mut fixture = Fixture::new(&eds(basic()));
         for frame in ["000#0106", "000#01", "000#", "000#010500", "000#0305", "000#R2"] {
-            assert!(rig.ask(frame).is_empty(), "{frame}");
-            assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL, "{frame}");
+            assert!(fixture.ask(frame).is_empty(), "{frame}");
+            assert_eq!(fixture.node.state(), NmtState::PRE_OPERATIONAL, "{frame}");
         }
     }
 
     #[test]
     fn a_reset_takes_back_its_areas() {
-        let mut rig = Rig::new(&eds(basic()));
+        let mut fixture = Fixture::new(&eds(basic()));
         for (reset, area_2000) in [("000#8205", 0x77), ("000#8105", 0x11)] {
-            rig.write(mux(0x1017, 0), &[50, 0]).unwrap();
-            rig.write(mux(0x2000, 0), &[0x77]).unwrap();
-            rig.send(reset);
-            let at = rig.now.0 / 1000;
-            assert_eq!(rig.until(at + 100_000), sent(&[(at + 1000, "705#00")]));
-            assert_eq!(rig.read(mux(0x1017, 0)), Ok(vec![0, 0]));
-            assert_eq!(rig.read(mux(0x2000, 0)), Ok(vec![area_2000]));
+            fixture.write(mux(0x1017, 0), &[50, 0]).unwrap();
+            fixture.write(mux(0x2000, 0), &[0x77]).unwrap();
+            fixture.send(reset);
+            let at = fixture.now.0 / 1000;
+            assert_eq!(fixture.until(at + 100_000), sent(&[(at + 1000, "705#00")]));
+            assert_eq!(fixture.read(mux(0x1017, 0)), Ok(vec![0, 0]));
+            assert_eq!(fixture.read(mux(0x2000, 0)), Ok(vec![area_2000]));
         }
     }
 
@@ -155,9 +156,10 @@ mod tests {
         };
         let mut entries = basic();
         set(&mut entries, mux(0x2001, 0), 5);
-        let mut rig = Rig::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
-        assert_eq!(rig.until(300_000), sent(&[(170_000, "705#00")]));
-        assert_eq!(rig.node.state(), NmtState::OPERATIONAL);
+        let mut fixture =
+            Fixture::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
+        assert_eq!(fixture.until(300_000), sent(&[(170_000, "705#00")]));
+        assert_eq!(fixture.node.state(), NmtState::OPERATIONAL);
     }
 
     #[test]
@@ -170,10 +172,10 @@ mod tests {
             canopen::eds::Access::Rw,
             4,
         ));
-        let waits = Rig::new(&eds(entries.clone()));
+        let waits = Fixture::new(&eds(entries.clone()));
         assert_eq!(waits.node.state(), NmtState::PRE_OPERATIONAL);
         set(&mut entries, mux(0x1F80, 0), 0);
-        let mut alone = Rig::new(&eds(entries));
+        let mut alone = Fixture::new(&eds(entries));
         assert_eq!(alone.node.state(), NmtState::OPERATIONAL);
         for (value, refused) in [(0u32, false), (4, false), (1, true), (8, true), (1 << 31, true)] {
             let answer = alone.write(mux(0x1F80, 0), &value.to_le_bytes());
@@ -184,30 +186,30 @@ mod tests {
     #[test]
     fn mutants_break_what_they_say() {
         let booted = |rules: &str| {
-            let mut rig = Rig::mutant(&eds(basic()), rules);
-            rig.write(mux(0x2000, 0), &[0x77]).unwrap();
-            rig.write(mux(0x1017, 0), &[100, 0]).unwrap();
-            rig
+            let mut fixture = Fixture::mutant(&eds(basic()), rules);
+            fixture.write(mux(0x2000, 0), &[0x77]).unwrap();
+            fixture.write(mux(0x1017, 0), &[100, 0]).unwrap();
+            fixture
         };
         for (rules, boot_ups) in [("no-boot-up", 0), ("boot-up-twice", 2)] {
-            let mut rig = booted(rules);
-            rig.send("000#8205");
-            assert_eq!(rig.until(50_000).len(), boot_ups);
+            let mut fixture = booted(rules);
+            fixture.send("000#8205");
+            assert_eq!(fixture.until(50_000).len(), boot_ups);
         }
         for (rules, command) in
             [("nmt-short-command-acts", "000#01"), ("nmt-other-node-acts", "000#0106")]
         {
-            let mut rig = booted(rules);
-            rig.send(command);
-            assert_eq!(rig.node.state(), NmtState::OPERATIONAL, "{rules}");
+            let mut fixture = booted(rules);
+            fixture.send(command);
+            assert_eq!(fixture.node.state(), NmtState::OPERATIONAL, "{rules}");
         }
-        let mut rig = booted("nmt-unknown-command-acts");
-        rig.send("000#0105");
-        rig.send("000#4205");
-        assert_eq!(rig.node.state(), NmtState::PRE_OPERATIONAL);
-        let mut rig = booted("reset-communication-keeps-objects");
-        rig.send("000#8205");
-        rig.run_to(50_000);
-        assert_eq!(rig.read(mux(0x1017, 0)), Ok(vec![100, 0]));
+        let mut fixture = booted("nmt-unknown-command-acts");
+        fixture.send("000#0105");
+        fixture.send("000#4205");
+        assert_eq!(fixture.node.state(), NmtState::PRE_OPERATIONAL);
+        let mut fixture = booted("reset-communication-keeps-objects");
+        fixture.send("000#8205");
+        fixture.run_to(50_000);
+        assert_eq!(fixture.read(mux(0x1017, 0)), Ok(vec![100, 0]));
     }
 }

@@ -254,7 +254,7 @@ mod tests {
     use super::*;
     use crate::rules::Specification;
     use crate::stack::Inert;
-    use crate::stack::testing::{Rig, basic, eds, mux};
+    use crate::stack::testing::{Fixture, basic, eds, mux};
     use canopen::Abort;
     use std::time::Duration;
 
@@ -377,21 +377,21 @@ mod tests {
     fn without_supply_it_is_silent_and_forgets_what_it_did_not_store() {
         let mut entries = basic();
         crate::stack::testing::set(&mut entries, mux(0x1017, 0), 10);
-        let mut rig = Rig::new(&eds(entries));
-        let power = |rig: &mut Rig, word: &str| {
+        let mut fixture = Fixture::new(&eds(entries));
+        let power = |fixture: &mut Fixture, word: &str| {
             let word = Value::Text(word.to_owned());
-            rig.node.stimulate(rig.now, POWER, &word, &mut Outbox::default())
+            fixture.node.stimulate(fixture.now, POWER, &word, &mut Outbox::default())
         };
-        assert_eq!(rig.write(mux(0x2000, 0), &[7]), Ok(()));
-        assert_eq!(rig.node.observe(POWER), Some(Value::Text("on".to_owned())));
-        assert!(power(&mut rig, "dim").is_err());
-        power(&mut rig, "off").unwrap();
-        assert_eq!(rig.node.observe(POWER), Some(Value::Text("off".to_owned())));
-        assert!(rig.ask("605#4000100000000000").is_empty());
-        assert!(rig.until(500_000).is_empty());
-        power(&mut rig, "on").unwrap();
-        assert_eq!(rig.until(505_000).first().map(|(_, frame)| frame.as_str()), Some("705#00"));
-        assert_eq!(rig.read(mux(0x2000, 0)), Ok(vec![17]));
+        assert_eq!(fixture.write(mux(0x2000, 0), &[7]), Ok(()));
+        assert_eq!(fixture.node.observe(POWER), Some(Value::Text("on".to_owned())));
+        assert!(power(&mut fixture, "dim").is_err());
+        power(&mut fixture, "off").unwrap();
+        assert_eq!(fixture.node.observe(POWER), Some(Value::Text("off".to_owned())));
+        assert!(fixture.ask("605#4000100000000000").is_empty());
+        assert!(fixture.until(500_000).is_empty());
+        power(&mut fixture, "on").unwrap();
+        assert_eq!(fixture.until(505_000).first().map(|(_, frame)| frame.as_str()), Some("705#00"));
+        assert_eq!(fixture.read(mux(0x2000, 0)), Ok(vec![17]));
     }
 
     #[test]
@@ -412,15 +412,15 @@ mod tests {
                 od.set_int(mux(0x2002, 0), 2 * value);
             }
         }
-        let mut rig = Rig::with(
+        let mut fixture = Fixture::with(
             &eds(basic()),
             NodeSettings::default(),
             Box::new(Specification),
             Box::new(Doubler),
         );
-        assert_eq!(rig.read(mux(0x2002, 0)), Ok(vec![1, 0, 0, 0]));
-        assert_eq!(rig.write(mux(0x2000, 0), &[0xFF]), Err(Abort::LOCAL_CONTROL.0));
-        assert_eq!(rig.write(mux(0x2000, 0), &[21]), Ok(()));
-        assert_eq!(rig.read(mux(0x2002, 0)), Ok(vec![42, 0, 0, 0]));
+        assert_eq!(fixture.read(mux(0x2002, 0)), Ok(vec![1, 0, 0, 0]));
+        assert_eq!(fixture.write(mux(0x2000, 0), &[0xFF]), Err(Abort::LOCAL_CONTROL.0));
+        assert_eq!(fixture.write(mux(0x2000, 0), &[21]), Ok(()));
+        assert_eq!(fixture.read(mux(0x2002, 0)), Ok(vec![42, 0, 0, 0]));
     }
 }

@@ -152,7 +152,7 @@ pub(crate) const SYNC_START: u8 = 6;
 
 #[cfg(test)]
 mod tests {
-    use crate::stack::testing::{Rig, eds, full, mux, set};
+    use crate::stack::testing::{Fixture, eds, full, mux, set};
     use canopen::Abort;
     use canopen::eds::Entry;
 
@@ -169,105 +169,105 @@ mod tests {
     }
 
     /// Writes a COB-ID to the first RPDO and the first TPDO, which agree.
-    fn cob(rig: &mut Rig, cob: u32) -> Result<(), u32> {
-        let rpdo = rig.write(mux(0x1400, 1), &(cob + 0x80).to_le_bytes());
-        let tpdo = rig.write(mux(0x1800, 1), &cob.to_le_bytes());
+    fn cob(fixture: &mut Fixture, cob: u32) -> Result<(), u32> {
+        let rpdo = fixture.write(mux(0x1400, 1), &(cob + 0x80).to_le_bytes());
+        let tpdo = fixture.write(mux(0x1800, 1), &cob.to_le_bytes());
         assert_eq!(rpdo, tpdo);
         tpdo
     }
 
     #[test]
     fn an_identifier_moves_by_way_of_invalid() {
-        let mut rig = Rig::new(&eds(mapped()));
-        assert_eq!(cob(&mut rig, 0x185), Ok(()));
-        assert_eq!(cob(&mut rig, 0x186), VALUE);
-        assert_eq!(cob(&mut rig, 0x8000_0185), Ok(()));
-        assert_eq!(cob(&mut rig, 0x2000_0185), VALUE);
-        assert_eq!(cob(&mut rig, 0x8000_1185), VALUE);
-        assert_eq!(cob(&mut rig, 0x186), Ok(()));
-        assert_eq!(cob(&mut rig, 0x4000_0186), Ok(()));
-        assert_eq!(rig.write(mux(0x1800, 1), &[0x80, 0x05, 0, 0x80]), Ok(()));
-        assert_eq!(rig.write(mux(0x1800, 1), &[0x81, 0x05, 0, 0]), VALUE);
+        let mut fixture = Fixture::new(&eds(mapped()));
+        assert_eq!(cob(&mut fixture, 0x185), Ok(()));
+        assert_eq!(cob(&mut fixture, 0x186), VALUE);
+        assert_eq!(cob(&mut fixture, 0x8000_0185), Ok(()));
+        assert_eq!(cob(&mut fixture, 0x2000_0185), VALUE);
+        assert_eq!(cob(&mut fixture, 0x8000_1185), VALUE);
+        assert_eq!(cob(&mut fixture, 0x186), Ok(()));
+        assert_eq!(cob(&mut fixture, 0x4000_0186), Ok(()));
+        assert_eq!(fixture.write(mux(0x1800, 1), &[0x80, 0x05, 0, 0x80]), Ok(()));
+        assert_eq!(fixture.write(mux(0x1800, 1), &[0x81, 0x05, 0, 0]), VALUE);
     }
 
     #[test]
     fn a_pdo_needs_a_mapping_and_a_tpdo_an_identifier_of_its_own() {
-        let mut rig = Rig::new(&eds(mapped()));
+        let mut fixture = Fixture::new(&eds(mapped()));
         for index in [0x1400, 0x1800] {
-            rig.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
-            rig.write(mux(index | 0x200, 0), &[0]).unwrap();
-            assert_eq!(rig.write(mux(index, 1), &[0x85, 1, 0, 0]), VALUE);
+            fixture.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
+            fixture.write(mux(index | 0x200, 0), &[0]).unwrap();
+            assert_eq!(fixture.write(mux(index, 1), &[0x85, 1, 0, 0]), VALUE);
         }
-        let mut rig = Rig::new(&eds(mapped()));
+        let mut fixture = Fixture::new(&eds(mapped()));
         for (index, result) in [(0x1400, Ok(())), (0x1800, VALUE)] {
-            let neighbour = rig.read(mux(index + 1, 1)).unwrap();
-            rig.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
-            assert_eq!(rig.write(mux(index, 1), &neighbour), result);
+            let neighbour = fixture.read(mux(index + 1, 1)).unwrap();
+            fixture.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
+            assert_eq!(fixture.write(mux(index, 1), &neighbour), result);
         }
     }
 
     /// What a master does that saves the configuration it has read.
     #[test]
     fn a_pdo_that_boots_without_a_mapping_can_be_switched_off_and_on() {
-        let mut rig = Rig::new(&eds(full()));
+        let mut fixture = Fixture::new(&eds(full()));
         for index in [0x1400, 0x1800] {
-            let booted = rig.read(mux(index, 1)).unwrap();
+            let booted = fixture.read(mux(index, 1)).unwrap();
             let off = [booted[0], booted[1], booted[2], booted[3] | 0x80];
             assert_eq!(booted[3] & 0x80, 0, "valid at boot");
-            assert_eq!(rig.read(mux(index | 0x200, 0)), Ok(vec![0]), "and without a mapping");
+            assert_eq!(fixture.read(mux(index | 0x200, 0)), Ok(vec![0]), "and without a mapping");
             for cob in [&off[..], &booted] {
-                assert_eq!(rig.write(mux(index, 1), cob), Ok(()));
+                assert_eq!(fixture.write(mux(index, 1), cob), Ok(()));
             }
         }
     }
 
     #[test]
     fn types_that_the_direction_does_not_have_are_refused() {
-        let mut rig = Rig::new(&eds(mapped()));
+        let mut fixture = Fixture::new(&eds(mapped()));
         for kind in 0..=255 {
             let rpdo = matches!(kind, 0..=240 | 254..);
             let tpdo = matches!(kind, 0..=240 | 252..);
-            assert_eq!(rig.write(mux(0x1400, 2), &[kind]).is_ok(), rpdo, "{kind}");
-            assert_eq!(rig.write(mux(0x1800, 2), &[kind]).is_ok(), tpdo, "{kind}");
+            assert_eq!(fixture.write(mux(0x1400, 2), &[kind]).is_ok(), rpdo, "{kind}");
+            assert_eq!(fixture.write(mux(0x1800, 2), &[kind]).is_ok(), tpdo, "{kind}");
         }
-        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x40]), Ok(()));
-        assert_eq!(rig.write(mux(0x1800, 2), &[252]), VALUE);
-        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0]), Ok(()));
-        assert_eq!(rig.write(mux(0x1800, 2), &[252]), Ok(()));
-        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x40]), VALUE);
+        assert_eq!(fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0x40]), Ok(()));
+        assert_eq!(fixture.write(mux(0x1800, 2), &[252]), VALUE);
+        assert_eq!(fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0]), Ok(()));
+        assert_eq!(fixture.write(mux(0x1800, 2), &[252]), Ok(()));
+        assert_eq!(fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0x40]), VALUE);
     }
 
     #[test]
     fn inhibit_time_and_sync_start_are_fixed_while_the_pdo_exists() {
-        let mut rig = Rig::new(&eds(mapped()));
-        assert_eq!(rig.write(mux(0x1800, 3), &[0, 0]), Ok(()));
-        assert_eq!(rig.write(mux(0x1800, 3), &[1, 0]), VALUE);
-        assert_eq!(rig.write(mux(0x1800, 6), &[1]), VALUE);
-        assert_eq!(rig.write(mux(0x1800, 5), &[1, 0]), Ok(()));
-        assert_eq!(cob(&mut rig, 0x8000_0185), Ok(()));
-        assert_eq!(rig.write(mux(0x1800, 3), &[1, 0]), Ok(()));
-        assert_eq!(rig.write(mux(0x1800, 6), &[240]), Ok(()));
-        assert_eq!(rig.write(mux(0x1800, 6), &[241]), VALUE);
-        assert_eq!(rig.write(mux(0x1800, 4), &[0]), Err(Abort::NO_SUB_INDEX.0));
+        let mut fixture = Fixture::new(&eds(mapped()));
+        assert_eq!(fixture.write(mux(0x1800, 3), &[0, 0]), Ok(()));
+        assert_eq!(fixture.write(mux(0x1800, 3), &[1, 0]), VALUE);
+        assert_eq!(fixture.write(mux(0x1800, 6), &[1]), VALUE);
+        assert_eq!(fixture.write(mux(0x1800, 5), &[1, 0]), Ok(()));
+        assert_eq!(cob(&mut fixture, 0x8000_0185), Ok(()));
+        assert_eq!(fixture.write(mux(0x1800, 3), &[1, 0]), Ok(()));
+        assert_eq!(fixture.write(mux(0x1800, 6), &[240]), Ok(()));
+        assert_eq!(fixture.write(mux(0x1800, 6), &[241]), VALUE);
+        assert_eq!(fixture.write(mux(0x1800, 4), &[0]), Err(Abort::NO_SUB_INDEX.0));
     }
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut rig = Rig::mutant(&eds(mapped()), "pdo-cob-id-moves-while-valid");
-        assert_eq!(cob(&mut rig, 0x186), Ok(()));
-        let mut rig = Rig::mutant(&eds(mapped()), "pdo-reserved-type-accepted");
-        assert_eq!(rig.write(mux(0x1800, 2), &[245]), Ok(()));
-        let mut rig = Rig::mutant(&eds(mapped()), "pdo-inhibit-changes-while-valid");
-        assert_eq!(rig.write(mux(0x1800, 3), &[1, 0]), Ok(()));
-        let mut rig = Rig::mutant(&eds(mapped()), "tpdo-identifier-used-twice");
-        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
-        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 2, 0, 0]), Ok(()));
-        let mut rig = Rig::mutant(&eds(mapped()), "pdo-without-mapping-exists");
-        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
-        rig.write(mux(0x1A00, 0), &[0]).unwrap();
-        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0]), Ok(()));
-        let mut rig = Rig::mutant(&eds(mapped()), "pdo-restricted-id-accepted");
-        assert_eq!(rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]), Ok(()));
-        assert_eq!(rig.write(mux(0x1800, 1), &[1, 6, 0, 0]), Ok(()));
+        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-cob-id-moves-while-valid");
+        assert_eq!(cob(&mut fixture, 0x186), Ok(()));
+        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-reserved-type-accepted");
+        assert_eq!(fixture.write(mux(0x1800, 2), &[245]), Ok(()));
+        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-inhibit-changes-while-valid");
+        assert_eq!(fixture.write(mux(0x1800, 3), &[1, 0]), Ok(()));
+        let mut fixture = Fixture::mutant(&eds(mapped()), "tpdo-identifier-used-twice");
+        fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
+        assert_eq!(fixture.write(mux(0x1800, 1), &[0x85, 2, 0, 0]), Ok(()));
+        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-without-mapping-exists");
+        fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
+        fixture.write(mux(0x1A00, 0), &[0]).unwrap();
+        assert_eq!(fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0]), Ok(()));
+        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-restricted-id-accepted");
+        assert_eq!(fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]), Ok(()));
+        assert_eq!(fixture.write(mux(0x1800, 1), &[1, 6, 0, 0]), Ok(()));
     }
 }

@@ -158,31 +158,31 @@ const MULTIPLEXED: u8 = 0xFE;
 
 #[cfg(test)]
 mod tests {
-    use crate::stack::testing::{Rig, eds, full, mux};
+    use crate::stack::testing::{Fixture, eds, full, mux};
     use canopen::Abort;
 
     const SET_DUMMY: u32 = 0x0005_0008;
 
     /// The first PDOs switched off, mapping ready to be changed.
-    fn ready(rules: &str) -> Rig {
+    fn ready(rules: &str) -> Fixture {
         let mut sheet = eds(full());
         sheet.dummies = vec![5];
-        let mut rig = match rules {
-            "" => Rig::new(&sheet),
-            rules => Rig::mutant(&sheet, rules),
+        let mut fixture = match rules {
+            "" => Fixture::new(&sheet),
+            rules => Fixture::mutant(&sheet, rules),
         };
         for index in [0x1400, 0x1800] {
-            rig.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
+            fixture.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
         }
-        rig
+        fixture
     }
 
-    fn map(rig: &mut Rig, index: u16, sub: u8, entry: u32) -> Result<(), Abort> {
-        rig.write(mux(index, sub), &entry.to_le_bytes()).map_err(Abort)
+    fn map(fixture: &mut Fixture, index: u16, sub: u8, entry: u32) -> Result<(), Abort> {
+        fixture.write(mux(index, sub), &entry.to_le_bytes()).map_err(Abort)
     }
 
-    fn count(rig: &mut Rig, index: u16, count: u8) -> Result<(), Abort> {
-        rig.write(mux(index, 0), &[count]).map_err(Abort)
+    fn count(fixture: &mut Fixture, index: u16, count: u8) -> Result<(), Abort> {
+        fixture.write(mux(index, 0), &[count]).map_err(Abort)
     }
 
     #[test]
@@ -213,53 +213,53 @@ mod tests {
 
     #[test]
     fn changes_need_their_order() {
-        let mut rig = ready("");
-        map(&mut rig, 0x1A00, 1, 0x6401_0110).unwrap();
-        assert_eq!(count(&mut rig, 0x1A00, 1), Ok(()));
-        assert_eq!(map(&mut rig, 0x1A00, 1, 0x6000_0108), Err(Abort::ACCESS));
-        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0]).unwrap();
-        assert_eq!(count(&mut rig, 0x1A00, 0), Err(Abort::ACCESS));
-        assert_eq!(map(&mut rig, 0x1A00, 2, 0x6000_0108), Err(Abort::ACCESS));
-        assert_eq!(rig.read(mux(0x1A00, 0)), Ok(vec![1]));
+        let mut fixture = ready("");
+        map(&mut fixture, 0x1A00, 1, 0x6401_0110).unwrap();
+        assert_eq!(count(&mut fixture, 0x1A00, 1), Ok(()));
+        assert_eq!(map(&mut fixture, 0x1A00, 1, 0x6000_0108), Err(Abort::ACCESS));
+        fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0]).unwrap();
+        assert_eq!(count(&mut fixture, 0x1A00, 0), Err(Abort::ACCESS));
+        assert_eq!(map(&mut fixture, 0x1A00, 2, 0x6000_0108), Err(Abort::ACCESS));
+        assert_eq!(fixture.read(mux(0x1A00, 0)), Ok(vec![1]));
     }
 
     #[test]
     fn the_count_is_judged_with_all_that_it_covers() {
-        let mut rig = ready("");
+        let mut fixture = ready("");
         for sub in 1..=9 {
-            map(&mut rig, 0x1600, sub, SET_DUMMY).unwrap();
+            map(&mut fixture, 0x1600, sub, SET_DUMMY).unwrap();
         }
-        assert_eq!(count(&mut rig, 0x1600, 9), Err(Abort::PDO_LENGTH));
-        assert_eq!(count(&mut rig, 0x1600, 10), Err(Abort::PDO_LENGTH));
-        assert_eq!(count(&mut rig, 0x1600, 0xFE), Err(Abort::VALUE));
-        assert_eq!(count(&mut rig, 0x1600, 8), Ok(()));
-        assert_eq!(count(&mut rig, 0x1600, 0), Ok(()));
-        map(&mut rig, 0x1600, 2, 0).unwrap();
-        assert_eq!(count(&mut rig, 0x1600, 3), Err(Abort::VALUE));
-        assert_eq!(rig.read(mux(0x1600, 0)), Ok(vec![0]));
-        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+        assert_eq!(count(&mut fixture, 0x1600, 9), Err(Abort::PDO_LENGTH));
+        assert_eq!(count(&mut fixture, 0x1600, 10), Err(Abort::PDO_LENGTH));
+        assert_eq!(count(&mut fixture, 0x1600, 0xFE), Err(Abort::VALUE));
+        assert_eq!(count(&mut fixture, 0x1600, 8), Ok(()));
+        assert_eq!(count(&mut fixture, 0x1600, 0), Ok(()));
+        map(&mut fixture, 0x1600, 2, 0).unwrap();
+        assert_eq!(count(&mut fixture, 0x1600, 3), Err(Abort::VALUE));
+        assert_eq!(fixture.read(mux(0x1600, 0)), Ok(vec![0]));
+        assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![0]));
     }
 
     #[test]
     fn mutants_break_what_they_say() {
         let long = |rules| {
-            let mut rig = ready(rules);
+            let mut fixture = ready(rules);
             for sub in 1..=9 {
-                map(&mut rig, 0x1600, sub, SET_DUMMY).unwrap();
+                map(&mut fixture, 0x1600, sub, SET_DUMMY).unwrap();
             }
-            rig
+            fixture
         };
         assert_eq!(count(&mut long("mapping-length-unchecked"), 0x1600, 9), Ok(()));
         assert_eq!(count(&mut long("mapping-length-off-by-one"), 0x1600, 9), Ok(()));
-        let mut rig = long("mapping-refused-but-written");
-        assert_eq!(count(&mut rig, 0x1600, 9), Err(Abort::PDO_LENGTH));
-        assert_eq!(rig.read(mux(0x1600, 0)), Ok(vec![9]));
-        let mut rig = long("mapping-refused-sets-error-register");
-        assert_eq!(count(&mut rig, 0x1600, 9), Err(Abort::PDO_LENGTH));
-        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![1]));
-        let mut rig = ready("mapping-of-any-object");
-        assert_eq!(map(&mut rig, 0x1600, 1, 0x1017_0010), Ok(()));
-        let mut rig = ready("mapping-entry-length-unchecked");
-        assert_eq!(map(&mut rig, 0x1600, 1, 0x6200_0110), Ok(()));
+        let mut fixture = long("mapping-refused-but-written");
+        assert_eq!(count(&mut fixture, 0x1600, 9), Err(Abort::PDO_LENGTH));
+        assert_eq!(fixture.read(mux(0x1600, 0)), Ok(vec![9]));
+        let mut fixture = long("mapping-refused-sets-error-register");
+        assert_eq!(count(&mut fixture, 0x1600, 9), Err(Abort::PDO_LENGTH));
+        assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![1]));
+        let mut fixture = ready("mapping-of-any-object");
+        assert_eq!(map(&mut fixture, 0x1600, 1, 0x1017_0010), Ok(()));
+        let mut fixture = ready("mapping-entry-length-unchecked");
+        assert_eq!(map(&mut fixture, 0x1600, 1, 0x6200_0110), Ok(()));
     }
 }

@@ -158,10 +158,10 @@ impl Rpdo {
 
 #[cfg(test)]
 mod tests {
-    use crate::stack::testing::{Rig, eds, full, mux, sent, set};
+    use crate::stack::testing::{Fixture, eds, full, mux, sent, set};
 
     /// The first RPDO carries 6200:01, a gap of a byte, and 2001h.
-    fn rig(rules: &str, kind: u8) -> Rig {
+    fn fixture(rules: &str, kind: u8) -> Fixture {
         let mut entries = full();
         set(&mut entries, mux(0x1400, 2), kind.into());
         set(&mut entries, mux(0x1600, 0), 3);
@@ -171,133 +171,133 @@ mod tests {
         let mut sheet = eds(entries);
         sheet.dummies = vec![5];
         match rules {
-            "" => Rig::new(&sheet),
-            rules => Rig::mutant(&sheet, rules),
+            "" => Fixture::new(&sheet),
+            rules => Fixture::mutant(&sheet, rules),
         }
     }
 
-    fn values(rig: &mut Rig) -> (u8, u8) {
-        (rig.read(mux(0x6200, 1)).unwrap()[0], rig.read(mux(0x2001, 0)).unwrap()[0])
+    fn values(fixture: &mut Fixture) -> (u8, u8) {
+        (fixture.read(mux(0x6200, 1)).unwrap()[0], fixture.read(mux(0x2001, 0)).unwrap()[0])
     }
 
     #[test]
     fn takes_effect_at_once_in_operational_only() {
-        let mut rig = rig("", 255);
-        rig.send("205#01EE0200");
-        assert_eq!(values(&mut rig), (0, 0));
-        rig.send("000#0105");
+        let mut fixture = fixture("", 255);
+        fixture.send("205#01EE0200");
+        assert_eq!(values(&mut fixture), (0, 0));
+        fixture.send("000#0105");
         for ignored in ["205#R4", "00000205#01EE0200", "206#01EE0200"] {
-            rig.send(ignored);
-            assert_eq!(values(&mut rig), (0, 0));
+            fixture.send(ignored);
+            assert_eq!(values(&mut fixture), (0, 0));
         }
-        rig.send("205#01EE0200");
-        assert_eq!(values(&mut rig), (1, 2));
+        fixture.send("205#01EE0200");
+        assert_eq!(values(&mut fixture), (1, 2));
     }
 
     #[test]
     fn a_value_out_of_range_is_left_out() {
-        let mut rig = rig("", 255);
-        rig.send("000#0105");
-        rig.send("205#07EEFF7F");
-        assert_eq!(values(&mut rig), (7, 0));
+        let mut fixture = fixture("", 255);
+        fixture.send("000#0105");
+        fixture.send("205#07EEFF7F");
+        assert_eq!(values(&mut fixture), (7, 0));
     }
 
     #[test]
     fn the_last_synchronous_data_take_effect_with_sync() {
         for kind in [0, 1, 240] {
-            let mut rig = rig("", kind);
-            rig.send("000#0105");
-            rig.send("205#01000100");
-            rig.send("205#02000200");
-            assert_eq!(values(&mut rig), (0, 0));
-            rig.send("080#");
-            assert_eq!(values(&mut rig), (2, 2));
-            rig.send("205#03000300");
-            rig.send("000#8005");
-            rig.send("000#0105");
-            rig.send("080#");
-            assert_eq!(values(&mut rig), (2, 2));
+            let mut fixture = fixture("", kind);
+            fixture.send("000#0105");
+            fixture.send("205#01000100");
+            fixture.send("205#02000200");
+            assert_eq!(values(&mut fixture), (0, 0));
+            fixture.send("080#");
+            assert_eq!(values(&mut fixture), (2, 2));
+            fixture.send("205#03000300");
+            fixture.send("000#8005");
+            fixture.send("000#0105");
+            fixture.send("080#");
+            assert_eq!(values(&mut fixture), (2, 2));
         }
     }
 
     #[test]
     fn a_wrong_length_is_told_once_and_taken_back() {
-        let mut rig = rig("", 255);
-        rig.send("000#0105");
-        assert_eq!(rig.ask("205#010000"), ["085#1082110000000000"]);
-        assert!(rig.ask("205#010000").is_empty());
-        assert_eq!(values(&mut rig), (0, 0));
-        assert_eq!(rig.ask("205#0100010099"), ["085#0000000000000000", "085#2082110000000000"]);
-        assert_eq!(values(&mut rig), (1, 1));
-        assert_eq!(rig.ask("205#02000200"), ["085#0000000000000000"]);
-        assert_eq!(values(&mut rig), (2, 2));
+        let mut fixture = fixture("", 255);
+        fixture.send("000#0105");
+        assert_eq!(fixture.ask("205#010000"), ["085#1082110000000000"]);
+        assert!(fixture.ask("205#010000").is_empty());
+        assert_eq!(values(&mut fixture), (0, 0));
+        assert_eq!(fixture.ask("205#0100010099"), ["085#0000000000000000", "085#2082110000000000"]);
+        assert_eq!(values(&mut fixture), (1, 1));
+        assert_eq!(fixture.ask("205#02000200"), ["085#0000000000000000"]);
+        assert_eq!(values(&mut fixture), (2, 2));
     }
 
     #[test]
     fn new_parameters_end_an_error() {
-        let mut rig = rig("", 255);
-        rig.send("000#0105");
-        rig.send("205#01");
-        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0x11]));
-        rig.write(mux(0x1400, 1), &[5, 2, 0, 0x80]).unwrap();
-        assert_eq!(rig.read(mux(0x1001, 0)), Ok(vec![0]));
+        let mut fixture = fixture("", 255);
+        fixture.send("000#0105");
+        fixture.send("205#01");
+        assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![0x11]));
+        fixture.write(mux(0x1400, 1), &[5, 2, 0, 0x80]).unwrap();
+        assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![0]));
     }
 
     #[test]
     fn a_missed_deadline_is_told() {
-        let mut rig = rig("", 255);
-        rig.write(mux(0x1400, 5), &[50, 0]).unwrap();
-        rig.send("000#0105");
-        assert_eq!(rig.until(500_000), []);
-        rig.send("205#01000100");
-        assert_eq!(rig.until(900_000), sent(&[(550_000, "085#5082110000000000")]));
-        assert_eq!(rig.ask("205#01000100"), ["085#0000000000000000"]);
+        let mut fixture = fixture("", 255);
+        fixture.write(mux(0x1400, 5), &[50, 0]).unwrap();
+        fixture.send("000#0105");
+        assert_eq!(fixture.until(500_000), []);
+        fixture.send("205#01000100");
+        assert_eq!(fixture.until(900_000), sent(&[(550_000, "085#5082110000000000")]));
+        assert_eq!(fixture.ask("205#01000100"), ["085#0000000000000000"]);
     }
 
     #[test]
     fn a_pdo_that_does_not_exist_is_ignored() {
-        let mut rig = rig("", 255);
-        rig.send("000#0105");
-        rig.write(mux(0x1400, 1), &[5, 2, 0, 0x80]).unwrap();
-        rig.send("205#01000100");
-        assert_eq!(values(&mut rig), (0, 0));
-        assert!(rig.ask("305#0102").is_empty());
+        let mut fixture = fixture("", 255);
+        fixture.send("000#0105");
+        fixture.write(mux(0x1400, 1), &[5, 2, 0, 0x80]).unwrap();
+        fixture.send("205#01000100");
+        assert_eq!(values(&mut fixture), (0, 0));
+        assert!(fixture.ask("305#0102").is_empty());
     }
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut first = rig("rpdo-first-before-sync-wins", 1);
+        let mut first = fixture("rpdo-first-before-sync-wins", 1);
         first.send("000#0105");
         first.send("205#01000100");
         first.send("205#02000200");
         first.send("080#");
         assert_eq!(values(&mut first), (1, 1));
-        let mut again = rig("rpdo-acts-with-every-sync", 1);
+        let mut again = fixture("rpdo-acts-with-every-sync", 1);
         again.send("000#0105");
         again.send("205#01000100");
         again.send("080#");
         again.write(mux(0x6200, 1), &[9]).unwrap();
         again.send("080#");
         assert_eq!(values(&mut again), (1, 1));
-        let mut dense = rig("rpdo-gap-takes-no-room", 255);
+        let mut dense = fixture("rpdo-gap-takes-no-room", 255);
         dense.send("000#0105");
         dense.send("205#01020003");
         assert_eq!(values(&mut dense), (1, 2));
-        let mut eager = rig("rpdo-deadline-before-first", 255);
+        let mut eager = fixture("rpdo-deadline-before-first", 255);
         eager.write(mux(0x1400, 5), &[50, 0]).unwrap();
         eager.send("000#0105");
         assert_eq!(eager.until(500_000).len(), 1);
-        let mut early = rig("rpdo-used-in-pre-operational", 255);
+        let mut early = fixture("rpdo-used-in-pre-operational", 255);
         early.send("205#01000100");
         assert_eq!(values(&mut early), (1, 1));
-        let mut short = rig("rpdo-short-used", 255);
+        let mut short = fixture("rpdo-short-used", 255);
         short.send("000#0105");
         short.send("205#01");
         assert_eq!(values(&mut short), (1, 0));
-        let mut quiet = rig("rpdo-length-not-told", 255);
+        let mut quiet = fixture("rpdo-length-not-told", 255);
         quiet.send("000#0105");
         assert!(quiet.ask("205#01").is_empty());
-        let mut early = rig("rpdo-acts-before-sync", 1);
+        let mut early = fixture("rpdo-acts-before-sync", 1);
         early.send("000#0105");
         early.send("205#01000100");
         assert_eq!(values(&mut early), (1, 1));

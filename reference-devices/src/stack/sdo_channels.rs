@@ -71,7 +71,7 @@ mod tests {
     use canopen::DataType;
     use canopen::eds::{Access, Entry};
 
-    use crate::stack::testing::{Rig, basic, eds, entry, mux};
+    use crate::stack::testing::{Fixture, basic, eds, entry, mux};
 
     fn further() -> Vec<Entry> {
         let mut entries = basic();
@@ -86,45 +86,45 @@ mod tests {
         entries
     }
 
-    fn rig() -> Rig {
-        let mut rig = Rig::new(&eds(further()));
-        rig.write(mux(0x1201, 1), &[0x80, 0x06, 0, 0]).unwrap();
-        rig.write(mux(0x1201, 2), &[0x81, 0x06, 0, 0]).unwrap();
-        rig
+    fn fixture() -> Fixture {
+        let mut fixture = Fixture::new(&eds(further()));
+        fixture.write(mux(0x1201, 1), &[0x80, 0x06, 0, 0]).unwrap();
+        fixture.write(mux(0x1201, 2), &[0x81, 0x06, 0, 0]).unwrap();
+        fixture
     }
 
     #[test]
     fn a_further_server_serves_when_both_identifiers_are_valid() {
-        let mut rig = rig();
-        assert_eq!(rig.ask("680#4000100000000000"), ["681#4300100091010000"]);
-        rig.write(mux(0x1201, 2), &[0x81, 0x06, 0, 0x80]).unwrap();
-        assert!(rig.ask("680#4000100000000000").is_empty());
+        let mut fixture = fixture();
+        assert_eq!(fixture.ask("680#4000100000000000"), ["681#4300100091010000"]);
+        fixture.write(mux(0x1201, 2), &[0x81, 0x06, 0, 0x80]).unwrap();
+        assert!(fixture.ask("680#4000100000000000").is_empty());
     }
 
     #[test]
     fn transfers_of_two_servers_do_not_meet() {
-        let mut rig = rig();
-        assert_eq!(rig.ask("605#4004200000000000"), ["585#410420000F000000"]);
-        assert_eq!(rig.ask("680#2103200008000000"), ["681#6003200000000000"]);
-        assert_eq!(rig.ask("605#6000000000000000"), ["585#006669667465656E"]);
-        assert_eq!(rig.ask("680#000102030405060A"), ["681#2000000000000000"]);
-        assert_eq!(rig.ask("605#7000000000000000"), ["585#10206C6574746572"]);
-        let given_up = rig.until(3_000_000);
+        let mut fixture = fixture();
+        assert_eq!(fixture.ask("605#4004200000000000"), ["585#410420000F000000"]);
+        assert_eq!(fixture.ask("680#2103200008000000"), ["681#6003200000000000"]);
+        assert_eq!(fixture.ask("605#6000000000000000"), ["585#006669667465656E"]);
+        assert_eq!(fixture.ask("680#000102030405060A"), ["681#2000000000000000"]);
+        assert_eq!(fixture.ask("605#7000000000000000"), ["585#10206C6574746572"]);
+        let given_up = fixture.until(3_000_000);
         assert_eq!(given_up.len(), 2, "{given_up:?}");
         assert!(given_up.iter().any(|(_, frame)| frame == "681#8003200000000405"));
     }
 
     #[test]
     fn a_channel_that_is_switched_off_gives_up_in_silence() {
-        let mut rig = rig();
-        assert_eq!(rig.ask("680#4004200000000000"), ["681#410420000F000000"]);
-        rig.write(mux(0x1201, 1), &[0x80, 0x06, 0, 0x80]).unwrap();
-        assert_eq!(rig.until(5_000_000), []);
+        let mut fixture = fixture();
+        assert_eq!(fixture.ask("680#4004200000000000"), ["681#410420000F000000"]);
+        fixture.write(mux(0x1201, 1), &[0x80, 0x06, 0, 0x80]).unwrap();
+        assert_eq!(fixture.until(5_000_000), []);
     }
 
     #[test]
     fn parameters_refuse_what_cannot_be() {
-        let mut rig = rig();
+        let mut fixture = fixture();
         const VALUE: Result<(), u32> = Err(0x0609_0030);
         let refused = [
             (mux(0x1201, 1), [0x82, 0x06, 0, 0]),
@@ -133,13 +133,13 @@ mod tests {
             (mux(0x1280, 1), [0x80, 0x01, 0, 0]),
         ];
         for (mux, bytes) in refused {
-            assert_eq!(rig.write(mux, &bytes), VALUE, "{mux} {bytes:02X?}");
+            assert_eq!(fixture.write(mux, &bytes), VALUE, "{mux} {bytes:02X?}");
         }
-        rig.write(mux(0x1201, 1), &[0, 0, 0, 0x80]).unwrap();
-        assert_eq!(rig.write(mux(0x1201, 1), &[0x0A, 0x06, 0, 0]), VALUE);
-        assert_eq!(rig.write(mux(0x1280, 1), &[0x0A, 0x06, 0, 0]), Ok(()));
+        fixture.write(mux(0x1201, 1), &[0, 0, 0, 0x80]).unwrap();
+        assert_eq!(fixture.write(mux(0x1201, 1), &[0x0A, 0x06, 0, 0]), VALUE);
+        assert_eq!(fixture.write(mux(0x1280, 1), &[0x0A, 0x06, 0, 0]), Ok(()));
         for (node, answer) in [(0, VALUE), (1, Ok(())), (127, Ok(())), (128, VALUE)] {
-            assert_eq!(rig.write(mux(0x1201, 3), &[node]), answer, "{node}");
+            assert_eq!(fixture.write(mux(0x1201, 3), &[node]), answer, "{node}");
         }
     }
 }

@@ -192,7 +192,7 @@ mod tests {
 
     use super::*;
     use crate::rules::Specification;
-    use crate::stack::testing::{Rig, basic, eds, entry, mux};
+    use crate::stack::testing::{Fixture, basic, eds, entry, mux};
     use crate::stack::{Behaviour, NodeSettings};
 
     type Results = Arc<Mutex<Vec<Finished>>>;
@@ -223,7 +223,7 @@ mod tests {
         }
     }
 
-    fn rig() -> (Rig, Results) {
+    fn fixture() -> (Fixture, Results) {
         let mut entries = basic();
         entries.push(entry(mux(0x1280, 0), DataType::UNSIGNED8, Access::Ro, 3));
         entries.push(entry(mux(0x1280, 1), DataType::UNSIGNED32, Access::Rw, 0x609));
@@ -233,46 +233,46 @@ mod tests {
         let asker = Asker(None, Arc::clone(&results));
         let settings = NodeSettings::default();
         let rules = Box::new(Specification);
-        (Rig::with(&eds(entries), settings, rules, Box::new(asker)), results)
+        (Fixture::with(&eds(entries), settings, rules, Box::new(asker)), results)
     }
 
     /// The frame that the device sends to the server when asked to.
-    fn ask(rig: &mut Rig, what: u8) -> String {
-        let sent = rig.ask(&format!("605#2F002000{what:02X}000000"));
+    fn ask(fixture: &mut Fixture, what: u8) -> String {
+        let sent = fixture.ask(&format!("605#2F002000{what:02X}000000"));
         assert_eq!(sent.len(), 2, "{sent:?}");
         sent[1].clone()
     }
 
     #[test]
     fn an_upload_brings_every_byte() {
-        let (mut rig, results) = rig();
-        assert_eq!(ask(&mut rig, 1), "609#4008100000000000");
-        assert_eq!(rig.ask("589#4108100009000000"), ["609#6000000000000000"]);
-        assert_eq!(rig.ask("589#0031323334353637"), ["609#7000000000000000"]);
-        assert!(rig.ask("589#1B38390000000000").is_empty());
+        let (mut fixture, results) = fixture();
+        assert_eq!(ask(&mut fixture, 1), "609#4008100000000000");
+        assert_eq!(fixture.ask("589#4108100009000000"), ["609#6000000000000000"]);
+        assert_eq!(fixture.ask("589#0031323334353637"), ["609#7000000000000000"]);
+        assert!(fixture.ask("589#1B38390000000000").is_empty());
         assert_eq!(*results.lock().unwrap(), [(1, Ok(b"123456789".to_vec()))]);
     }
 
     #[test]
     fn a_download_sends_every_byte() {
-        let (mut rig, results) = rig();
-        assert_eq!(ask(&mut rig, 2), "609#210810000A000000");
-        assert_eq!(rig.ask("589#6008100000000000"), ["609#0061206E6577206E"]);
-        assert_eq!(rig.ask("589#2000000000000000"), ["609#19616D6500000000"]);
-        assert!(rig.ask("589#3000000000000000").is_empty());
+        let (mut fixture, results) = fixture();
+        assert_eq!(ask(&mut fixture, 2), "609#210810000A000000");
+        assert_eq!(fixture.ask("589#6008100000000000"), ["609#0061206E6577206E"]);
+        assert_eq!(fixture.ask("589#2000000000000000"), ["609#19616D6500000000"]);
+        assert!(fixture.ask("589#3000000000000000").is_empty());
         assert_eq!(*results.lock().unwrap(), [(1, Ok(Vec::new()))]);
     }
 
     #[test]
     fn silence_refusals_and_nonsense_have_their_codes() {
-        let (mut rig, results) = rig();
-        ask(&mut rig, 1);
+        let (mut fixture, results) = fixture();
+        ask(&mut fixture, 1);
         let given_up = (1_001_000, "609#8008100000000405".to_owned());
-        assert_eq!(rig.until(2_000_000), [given_up]);
-        ask(&mut rig, 1);
-        assert!(rig.ask("589#8008100000000206").is_empty());
-        ask(&mut rig, 1);
-        assert_eq!(rig.ask("589#6008100000000000"), ["609#8008100001000405"]);
+        assert_eq!(fixture.until(2_000_000), [given_up]);
+        ask(&mut fixture, 1);
+        assert!(fixture.ask("589#8008100000000206").is_empty());
+        ask(&mut fixture, 1);
+        assert_eq!(fixture.ask("589#6008100000000000"), ["609#8008100001000405"]);
         let codes = [Abort::TIMEOUT, Abort::NO_OBJECT, Abort::COMMAND];
         let ended = results.lock().unwrap().clone();
         assert_eq!(ended, codes.map(|code| (1, Err(code))));
@@ -280,16 +280,16 @@ mod tests {
 
     #[test]
     fn a_client_that_is_off_or_busy_or_stopped_says_so() {
-        let (mut rig, results) = rig();
-        ask(&mut rig, 1);
-        assert_eq!(rig.ask("605#2F00200001000000").len(), 1);
-        rig.send("000#0205");
-        rig.send("000#8005");
-        rig.write(mux(0x1280, 1), &[9, 6, 0, 0x80]).unwrap();
-        assert_eq!(rig.ask("605#2F00200001000000").len(), 1);
+        let (mut fixture, results) = fixture();
+        ask(&mut fixture, 1);
+        assert_eq!(fixture.ask("605#2F00200001000000").len(), 1);
+        fixture.send("000#0205");
+        fixture.send("000#8005");
+        fixture.write(mux(0x1280, 1), &[9, 6, 0, 0x80]).unwrap();
+        assert_eq!(fixture.ask("605#2F00200001000000").len(), 1);
         let ended = results.lock().unwrap().clone();
         let codes = [Abort::DEVICE_STATE, Abort::DEVICE_STATE, Abort::NO_CONNECTION];
         assert_eq!(ended, codes.map(|code| (1, Err(code))));
-        assert!(rig.ask("589#4308100031323334").is_empty());
+        assert!(fixture.ask("589#4308100031323334").is_empty());
     }
 }

@@ -141,32 +141,32 @@ fn wire_time(frame: &Frame, bit_rate: u32) -> Duration {
 #[cfg(test)]
 mod tests {
     use crate::rules::Specification;
-    use crate::stack::testing::{Rig, basic, eds, mux};
+    use crate::stack::testing::{Fixture, basic, eds, mux};
     use crate::stack::{Inert, NodeSettings};
 
-    pub(super) fn rig() -> Rig {
-        Rig::new(&eds(basic()))
+    pub(super) fn fixture() -> Fixture {
+        Fixture::new(&eds(basic()))
     }
 
-    fn mutant(name: &str) -> Rig {
-        Rig::mutant(&eds(basic()), name)
+    fn mutant(name: &str) -> Fixture {
+        Fixture::mutant(&eds(basic()), name)
     }
 
     /// Each request with its answer; "" is silence.
-    pub(super) fn talk(rig: &mut Rig, lines: &[(&str, &str)]) {
+    pub(super) fn talk(fixture: &mut Fixture, lines: &[(&str, &str)]) {
         for (request, answer) in lines {
             let expected: Vec<String> = match *answer {
                 "" => Vec::new(),
                 answer => vec![format!("585#{answer}")],
             };
-            assert_eq!(rig.ask(&format!("605#{request}")), expected, "{request}");
+            assert_eq!(fixture.ask(&format!("605#{request}")), expected, "{request}");
         }
     }
 
     #[test]
     fn expedited_uploads_carry_one_to_four_bytes() {
         talk(
-            &mut rig(),
+            &mut fixture(),
             &[
                 ("4000100000000000", "4300100091010000"),
                 ("4000200000000000", "4F00200011000000"),
@@ -182,7 +182,7 @@ mod tests {
     #[test]
     fn expedited_downloads_are_judged_by_access_length_and_range() {
         talk(
-            &mut rig(),
+            &mut fixture(),
             &[
                 ("2F00200022000000", "6000200000000000"),
                 ("2B00200022000000", "8000200012000706"),
@@ -199,7 +199,7 @@ mod tests {
     #[test]
     fn a_segmented_upload_ends_with_the_last_bytes() {
         talk(
-            &mut rig(),
+            &mut fixture(),
             &[
                 ("4004200000000000", "410420000F000000"),
                 ("6000000000000000", "006669667465656E"),
@@ -215,7 +215,7 @@ mod tests {
     #[test]
     fn a_segmented_download_is_stored_by_its_last_segment() {
         talk(
-            &mut rig(),
+            &mut fixture(),
             &[
                 ("2103200008000000", "6003200000000000"),
                 ("000102030405060A", "2000000000000000"),
@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn a_size_that_does_not_fit_is_refused_at_once() {
         talk(
-            &mut rig(),
+            &mut fixture(),
             &[
                 ("2103200009000000", "8003200012000706"),
                 ("2103200007000000", "8003200013000706"),
@@ -249,7 +249,7 @@ mod tests {
     #[test]
     fn more_or_fewer_bytes_than_told_abort_the_download() {
         talk(
-            &mut rig(),
+            &mut fixture(),
             &[
                 ("2104200003000000", "6004200000000000"),
                 ("0001020304050607", "8004200012000706"),
@@ -265,7 +265,7 @@ mod tests {
     #[test]
     fn a_wrong_toggle_ends_the_transfer() {
         talk(
-            &mut rig(),
+            &mut fixture(),
             &[
                 ("4004200000000000", "410420000F000000"),
                 ("7000000000000000", "8004200000000305"),
@@ -279,9 +279,9 @@ mod tests {
 
     #[test]
     fn unknown_commands_are_refused_and_other_frames_get_silence() {
-        let mut rig = rig();
+        let mut fixture = fixture();
         talk(
-            &mut rig,
+            &mut fixture,
             &[
                 ("E000200000000000", "8000200001000405"),
                 ("8000200000000008", ""),
@@ -289,9 +289,9 @@ mod tests {
                 ("", ""),
             ],
         );
-        assert!(rig.ask("605#R8").is_empty());
-        assert!(rig.ask("00000605#4000200000000000").is_empty());
-        assert!(rig.ask("606#4000200000000000").is_empty());
+        assert!(fixture.ask("605#R8").is_empty());
+        assert!(fixture.ask("00000605#4000200000000000").is_empty());
+        assert!(fixture.ask("606#4000200000000000").is_empty());
     }
 
     #[test]
@@ -299,7 +299,7 @@ mod tests {
         let settings = NodeSettings { block_transfer: None, ..NodeSettings::default() };
         let (rules, inert) = (Box::new(Specification), Box::new(Inert));
         talk(
-            &mut Rig::with(&eds(basic()), settings, rules, inert),
+            &mut Fixture::with(&eds(basic()), settings, rules, inert),
             &[("A400200010000000", "8000200001000405"), ("C200200000000000", "8000200001000405")],
         );
     }
@@ -307,7 +307,7 @@ mod tests {
     #[test]
     fn a_client_may_abort_or_start_anew_at_any_time() {
         talk(
-            &mut rig(),
+            &mut fixture(),
             &[
                 ("4004200000000000", "410420000F000000"),
                 ("8004200000000008", ""),
@@ -323,37 +323,37 @@ mod tests {
 
     #[test]
     fn a_transfer_that_is_not_continued_times_out() {
-        let mut rig = rig();
-        talk(&mut rig, &[("4004200000000000", "410420000F000000")]);
-        rig.run_to(900_000);
-        talk(&mut rig, &[("6000000000000000", "006669667465656E")]);
-        assert_eq!(rig.until(1_899_999), []);
-        assert_eq!(rig.until(5_000_000), [(1_900_000, "585#8004200000000405".to_owned())]);
-        talk(&mut rig, &[("7000000000000000", "8000000001000405")]);
+        let mut fixture = fixture();
+        talk(&mut fixture, &[("4004200000000000", "410420000F000000")]);
+        fixture.run_to(900_000);
+        talk(&mut fixture, &[("6000000000000000", "006669667465656E")]);
+        assert_eq!(fixture.until(1_899_999), []);
+        assert_eq!(fixture.until(5_000_000), [(1_900_000, "585#8004200000000405".to_owned())]);
+        talk(&mut fixture, &[("7000000000000000", "8000000001000405")]);
     }
 
     #[test]
     fn an_upload_is_a_snapshot() {
-        let mut rig = rig();
+        let mut fixture = fixture();
         talk(
-            &mut rig,
+            &mut fixture,
             &[("4004200000000000", "410420000F000000"), ("6000000000000000", "006669667465656E")],
         );
-        rig.node.services.write(rig.now, mux(0x2004, 0), b"x").unwrap();
+        fixture.node.services.write(fixture.now, mux(0x2004, 0), b"x").unwrap();
         talk(
-            &mut rig,
+            &mut fixture,
             &[("7000000000000000", "10206C6574746572"), ("4004200000000000", "4F04200078000000")],
         );
     }
 
     #[test]
     fn a_stopped_node_serves_none_and_forgets_what_was_open() {
-        let mut rig = rig();
-        talk(&mut rig, &[("4004200000000000", "410420000F000000")]);
-        rig.send("000#0205");
-        talk(&mut rig, &[("6000000000000000", ""), ("4000200000000000", "")]);
-        rig.send("000#8005");
-        talk(&mut rig, &[("6000000000000000", "8000000001000405")]);
+        let mut fixture = fixture();
+        talk(&mut fixture, &[("4004200000000000", "410420000F000000")]);
+        fixture.send("000#0205");
+        talk(&mut fixture, &[("6000000000000000", ""), ("4000200000000000", "")]);
+        fixture.send("000#8005");
+        talk(&mut fixture, &[("6000000000000000", "8000000001000405")]);
     }
 
     #[test]

@@ -189,7 +189,7 @@ mod tests {
     use std::time::Duration;
 
     use crate::rules::Specification;
-    use crate::stack::testing::{Rig, eds, full, mux, sent};
+    use crate::stack::testing::{Fixture, eds, full, mux, sent};
     use crate::stack::{Inert, NodeSettings};
     use canopen::{Abort, Mux};
 
@@ -197,123 +197,123 @@ mod tests {
     const OWN: Mux = mux(0x2000, 0);
 
     /// 1017h is 500 and 2000h is 7, neither stored.
-    fn changed(rules: &str) -> Rig {
-        let mut rig = match rules {
-            "" => Rig::new(&eds(full())),
-            rules => Rig::mutant(&eds(full()), rules),
+    fn changed(rules: &str) -> Fixture {
+        let mut fixture = match rules {
+            "" => Fixture::new(&eds(full())),
+            rules => Fixture::mutant(&eds(full()), rules),
         };
-        rig.write(PERIOD, &[0xF4, 1]).unwrap();
-        rig.write(OWN, &[7]).unwrap();
-        rig
+        fixture.write(PERIOD, &[0xF4, 1]).unwrap();
+        fixture.write(OWN, &[7]).unwrap();
+        fixture
     }
 
-    fn after_reset(rig: &mut Rig) -> (Vec<u8>, Vec<u8>) {
-        rig.send("000#8105");
-        rig.run_to(rig.now.0 / 1000 + 10_000);
-        (rig.read(PERIOD).unwrap(), rig.read(OWN).unwrap())
+    fn after_reset(fixture: &mut Fixture) -> (Vec<u8>, Vec<u8>) {
+        fixture.send("000#8105");
+        fixture.run_to(fixture.now.0 / 1000 + 10_000);
+        (fixture.read(PERIOD).unwrap(), fixture.read(OWN).unwrap())
     }
 
     #[test]
     fn what_is_stored_survives_reset_and_power_cycle() {
-        let mut rig = changed("");
-        rig.write(mux(0x1010, 1), b"save").unwrap();
-        assert_eq!(rig.read(mux(0x1010, 1)), Ok(vec![1, 0, 0, 0]));
-        rig.write(OWN, &[8]).unwrap();
-        assert_eq!(after_reset(&mut rig), (vec![0xF4, 1], vec![7]));
-        rig.node.power_on(rig.now);
-        rig.run_to(rig.now.0 / 1000 + 10_000);
-        assert_eq!(rig.read(OWN), Ok(vec![7]));
+        let mut fixture = changed("");
+        fixture.write(mux(0x1010, 1), b"save").unwrap();
+        assert_eq!(fixture.read(mux(0x1010, 1)), Ok(vec![1, 0, 0, 0]));
+        fixture.write(OWN, &[8]).unwrap();
+        assert_eq!(after_reset(&mut fixture), (vec![0xF4, 1], vec![7]));
+        fixture.node.power_on(fixture.now);
+        fixture.run_to(fixture.now.0 / 1000 + 10_000);
+        assert_eq!(fixture.read(OWN), Ok(vec![7]));
     }
 
-    fn slow(rules: &str) -> Rig {
+    fn slow(rules: &str) -> Fixture {
         let rules = crate::rules::named(rules).unwrap_or_else(|| Box::new(Specification));
         let save_time = Duration::from_millis(10);
         let settings = NodeSettings { save_time, ..NodeSettings::default() };
-        Rig::with(&eds(full()), settings, rules, Box::new(Inert))
+        Fixture::with(&eds(full()), settings, rules, Box::new(Inert))
     }
 
     const SAVE: &str = "605#2310100173617665";
 
     #[test]
     fn the_answer_comes_when_everything_is_stored() {
-        let mut rig = slow("");
-        let at = rig.now.0 / 1000;
-        assert!(rig.ask(SAVE).is_empty());
-        assert_eq!(rig.write(mux(0x1010, 1), b"save"), Err(Abort::DEVICE_STATE.0));
-        assert_eq!(rig.until(at + 50_000), sent(&[(at + 10_000, "585#6010100100000000")]));
+        let mut fixture = slow("");
+        let at = fixture.now.0 / 1000;
+        assert!(fixture.ask(SAVE).is_empty());
+        assert_eq!(fixture.write(mux(0x1010, 1), b"save"), Err(Abort::DEVICE_STATE.0));
+        assert_eq!(fixture.until(at + 50_000), sent(&[(at + 10_000, "585#6010100100000000")]));
     }
 
     #[test]
     fn a_node_that_is_stopped_meanwhile_does_not_answer() {
-        let mut rig = slow("");
-        rig.write(OWN, &[7]).unwrap();
-        rig.send(SAVE);
-        rig.send("000#0205");
-        assert_eq!(rig.until(rig.now.0 / 1000 + 50_000), []);
-        assert_eq!(after_reset(&mut rig).1, [7]);
+        let mut fixture = slow("");
+        fixture.write(OWN, &[7]).unwrap();
+        fixture.send(SAVE);
+        fixture.send("000#0205");
+        assert_eq!(fixture.until(fixture.now.0 / 1000 + 50_000), []);
+        assert_eq!(after_reset(&mut fixture).1, [7]);
     }
 
     #[test]
     fn a_save_that_is_cut_short_leaves_the_old_values() {
         for (rules, torn) in [("", false), ("save-completes-first", true)] {
-            let mut rig = slow(rules);
-            rig.write(PERIOD, &[0xF4, 1]).unwrap();
-            rig.write(OWN, &[7]).unwrap();
-            rig.send(SAVE);
-            rig.run_to(rig.now.0 / 1000 + 5_000);
-            rig.node.power_on(rig.now);
-            rig.run_to(rig.now.0 / 1000 + 5_000);
+            let mut fixture = slow(rules);
+            fixture.write(PERIOD, &[0xF4, 1]).unwrap();
+            fixture.write(OWN, &[7]).unwrap();
+            fixture.send(SAVE);
+            fixture.run_to(fixture.now.0 / 1000 + 5_000);
+            fixture.node.power_on(fixture.now);
+            fixture.run_to(fixture.now.0 / 1000 + 5_000);
             let period = if torn { vec![0xF4, 1] } else { vec![0, 0] };
-            assert_eq!(rig.read(PERIOD), Ok(period));
-            assert_eq!(rig.read(OWN), Ok(vec![0x11]));
-            rig.write(OWN, &[8]).unwrap();
-            rig.send(SAVE);
-            rig.run_to(rig.now.0 / 1000 + 50_000);
-            rig.node.power_on(rig.now);
-            rig.run_to(rig.now.0 / 1000 + 5_000);
-            assert_eq!(rig.read(OWN), Ok(vec![8]));
+            assert_eq!(fixture.read(PERIOD), Ok(period));
+            assert_eq!(fixture.read(OWN), Ok(vec![0x11]));
+            fixture.write(OWN, &[8]).unwrap();
+            fixture.send(SAVE);
+            fixture.run_to(fixture.now.0 / 1000 + 50_000);
+            fixture.node.power_on(fixture.now);
+            fixture.run_to(fixture.now.0 / 1000 + 5_000);
+            assert_eq!(fixture.read(OWN), Ok(vec![8]));
         }
     }
 
     #[test]
     fn a_sub_index_is_a_group_of_objects() {
         for (sub, period, own) in [(2, [0xF4, 1], 0x11), (3, [0, 0], 0x11), (4, [0, 0], 7)] {
-            let mut rig = changed("");
-            rig.write(mux(0x1010, sub), b"save").unwrap();
-            assert_eq!(after_reset(&mut rig), (period.to_vec(), vec![own]), "sub {sub}");
+            let mut fixture = changed("");
+            fixture.write(mux(0x1010, sub), b"save").unwrap();
+            assert_eq!(after_reset(&mut fixture), (period.to_vec(), vec![own]), "sub {sub}");
         }
     }
 
     #[test]
     fn restored_values_wait_for_the_reset() {
-        let mut rig = changed("");
-        rig.write(mux(0x1010, 1), b"save").unwrap();
-        rig.write(mux(0x1011, 1), b"load").unwrap();
-        assert_eq!(rig.read(OWN), Ok(vec![7]));
-        assert_eq!(after_reset(&mut rig), (vec![0, 0], vec![0x11]));
+        let mut fixture = changed("");
+        fixture.write(mux(0x1010, 1), b"save").unwrap();
+        fixture.write(mux(0x1011, 1), b"load").unwrap();
+        assert_eq!(fixture.read(OWN), Ok(vec![7]));
+        assert_eq!(after_reset(&mut fixture), (vec![0, 0], vec![0x11]));
     }
 
     #[test]
     fn nothing_is_stored_without_the_signature() {
-        let mut rig = changed("");
+        let mut fixture = changed("");
         for wrong in [b"SAVE", b"evas", b"load", b"\0\0\0\0"] {
-            assert_eq!(rig.write(mux(0x1010, 1), wrong), Err(Abort::STORE.0));
+            assert_eq!(fixture.write(mux(0x1010, 1), wrong), Err(Abort::STORE.0));
         }
-        assert_eq!(rig.write(mux(0x1011, 1), b"save"), Err(Abort::STORE.0));
-        assert_eq!(rig.write(mux(0x1010, 1), b"sa"), Err(Abort::TOO_SHORT.0));
-        assert_eq!(after_reset(&mut rig), (vec![0, 0], vec![0x11]));
+        assert_eq!(fixture.write(mux(0x1011, 1), b"save"), Err(Abort::STORE.0));
+        assert_eq!(fixture.write(mux(0x1010, 1), b"sa"), Err(Abort::TOO_SHORT.0));
+        assert_eq!(after_reset(&mut fixture), (vec![0, 0], vec![0x11]));
     }
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut rig = changed("save-stores-half");
-        rig.write(mux(0x1010, 1), b"save").unwrap();
-        assert_eq!(after_reset(&mut rig), (vec![0xF4, 1], vec![0x11]));
-        let mut rig = changed("load-at-once");
-        rig.write(mux(0x1011, 1), b"load").unwrap();
-        assert_eq!(rig.read(OWN), Ok(vec![0x11]));
-        let mut rig = changed("save-with-any-signature");
-        assert_eq!(rig.write(mux(0x1010, 1), b"evil"), Ok(()));
-        assert_eq!(rig.write(mux(0x1011, 1), b"evil"), Err(Abort::STORE.0));
+        let mut fixture = changed("save-stores-half");
+        fixture.write(mux(0x1010, 1), b"save").unwrap();
+        assert_eq!(after_reset(&mut fixture), (vec![0xF4, 1], vec![0x11]));
+        let mut fixture = changed("load-at-once");
+        fixture.write(mux(0x1011, 1), b"load").unwrap();
+        assert_eq!(fixture.read(OWN), Ok(vec![0x11]));
+        let mut fixture = changed("save-with-any-signature");
+        assert_eq!(fixture.write(mux(0x1010, 1), b"evil"), Ok(()));
+        assert_eq!(fixture.write(mux(0x1011, 1), b"evil"), Err(Abort::STORE.0));
     }
 }

@@ -153,34 +153,34 @@ pub(crate) const COUNTER_OVERFLOW: Mux = Mux::new(0x1019, 0);
 
 #[cfg(test)]
 mod tests {
-    use crate::stack::testing::{Rig, eds, entry, full, mux, sent, set};
+    use crate::stack::testing::{Fixture, eds, entry, full, mux, sent, set};
     use canopen::eds::Access;
     use canopen::{Abort, DataType};
 
     #[test]
     fn supervision_begins_with_the_first_sync_in_operational() {
-        let mut rig = Rig::new(&eds(full()));
-        rig.write(mux(0x1006, 0), &100_000u32.to_le_bytes()).unwrap();
-        rig.send("080#");
-        assert_eq!(rig.until(1_000_000), []);
-        rig.send("000#0105");
-        rig.send("080#");
-        assert_eq!(rig.until(2_000_000), sent(&[(1_150_000, "085#0081110000000000")]));
-        rig.send("000#8005");
-        assert!(rig.ask("080#").is_empty());
-        rig.send("000#0105");
-        assert_eq!(rig.ask("080#"), ["085#0000000000000000"]);
+        let mut fixture = Fixture::new(&eds(full()));
+        fixture.write(mux(0x1006, 0), &100_000u32.to_le_bytes()).unwrap();
+        fixture.send("080#");
+        assert_eq!(fixture.until(1_000_000), []);
+        fixture.send("000#0105");
+        fixture.send("080#");
+        assert_eq!(fixture.until(2_000_000), sent(&[(1_150_000, "085#0081110000000000")]));
+        fixture.send("000#8005");
+        assert!(fixture.ask("080#").is_empty());
+        fixture.send("000#0105");
+        assert_eq!(fixture.ask("080#"), ["085#0000000000000000"]);
     }
 
     #[test]
     fn a_sync_of_another_length_is_told_and_not_used() {
-        let mut rig = Rig::new(&eds(full()));
-        assert_eq!(rig.ask("080#01"), ["085#4082110000000000"]);
-        assert!(rig.ask("080#01").is_empty());
-        assert_eq!(rig.ask("080#"), ["085#0000000000000000"]);
-        rig.write(mux(0x1019, 0), &[10]).unwrap();
-        assert_eq!(rig.ask("080#"), ["085#4082110000000000"]);
-        assert_eq!(rig.ask("080#01"), ["085#0000000000000000"]);
+        let mut fixture = Fixture::new(&eds(full()));
+        assert_eq!(fixture.ask("080#01"), ["085#4082110000000000"]);
+        assert!(fixture.ask("080#01").is_empty());
+        assert_eq!(fixture.ask("080#"), ["085#0000000000000000"]);
+        fixture.write(mux(0x1019, 0), &[10]).unwrap();
+        assert_eq!(fixture.ask("080#"), ["085#4082110000000000"]);
+        assert_eq!(fixture.ask("080#01"), ["085#0000000000000000"]);
     }
 
     #[test]
@@ -190,39 +190,39 @@ mod tests {
         set(&mut entries, mux(0x1400, 2), 1);
         set(&mut entries, mux(0x1600, 0), 1);
         set(&mut entries, mux(0x1600, 1), 0x6200_0108);
-        let mut rig = Rig::new(&eds(entries));
-        let brought = |rig: &mut Rig, pause: u64, byte: u8| {
-            rig.send("080#");
-            rig.run_to(rig.now.0 / 1000 + pause);
-            rig.send(&format!("205#{byte:02X}"));
-            rig.send("080#");
-            rig.read(mux(0x6200, 1)).unwrap() == [byte]
+        let mut fixture = Fixture::new(&eds(entries));
+        let brought = |fixture: &mut Fixture, pause: u64, byte: u8| {
+            fixture.send("080#");
+            fixture.run_to(fixture.now.0 / 1000 + pause);
+            fixture.send(&format!("205#{byte:02X}"));
+            fixture.send("080#");
+            fixture.read(mux(0x6200, 1)).unwrap() == [byte]
         };
-        rig.send("000#0105");
-        assert!(brought(&mut rig, 50_000, 1));
-        rig.write(mux(0x1007, 0), &5_000u32.to_le_bytes()).unwrap();
-        assert!(brought(&mut rig, 5_000, 2));
-        assert!(!brought(&mut rig, 5_001, 3));
-        rig.run_to(rig.now.0 / 1000 + 50_000);
-        rig.write(mux(0x1007, 0), &[0; 4]).unwrap();
-        rig.send("205#04");
-        rig.send("080#");
-        assert_eq!(rig.read(mux(0x6200, 1)), Ok(vec![4]));
+        fixture.send("000#0105");
+        assert!(brought(&mut fixture, 50_000, 1));
+        fixture.write(mux(0x1007, 0), &5_000u32.to_le_bytes()).unwrap();
+        assert!(brought(&mut fixture, 5_000, 2));
+        assert!(!brought(&mut fixture, 5_001, 3));
+        fixture.run_to(fixture.now.0 / 1000 + 50_000);
+        fixture.write(mux(0x1007, 0), &[0; 4]).unwrap();
+        fixture.send("205#04");
+        fixture.send("080#");
+        assert_eq!(fixture.read(mux(0x6200, 1)), Ok(vec![4]));
     }
 
     #[test]
     fn parameters_are_judged() {
-        let mut rig = Rig::new(&eds(full()));
+        let mut fixture = Fixture::new(&eds(full()));
         for cob in [0x4000_0080u32, 0x2000_0080, 0x0000_0880, 0x0000_0000, 0x0000_0601] {
-            let refused = rig.write(mux(0x1005, 0), &cob.to_le_bytes());
+            let refused = fixture.write(mux(0x1005, 0), &cob.to_le_bytes());
             assert_eq!(refused, Err(Abort::VALUE.0), "{cob:08X}");
         }
-        assert_eq!(rig.write(mux(0x1005, 0), &[0x81, 0, 0, 0]), Ok(()));
+        assert_eq!(fixture.write(mux(0x1005, 0), &[0x81, 0, 0, 0]), Ok(()));
         for last in [1, 241, 255] {
-            assert_eq!(rig.write(mux(0x1019, 0), &[last]), Err(Abort::VALUE.0));
+            assert_eq!(fixture.write(mux(0x1019, 0), &[last]), Err(Abort::VALUE.0));
         }
-        assert_eq!(rig.write(mux(0x1019, 0), &[240]), Ok(()));
-        rig.write(mux(0x1006, 0), &[1, 0, 0, 0]).unwrap();
-        assert_eq!(rig.write(mux(0x1019, 0), &[0]), Err(Abort::DEVICE_STATE.0));
+        assert_eq!(fixture.write(mux(0x1019, 0), &[240]), Ok(()));
+        fixture.write(mux(0x1006, 0), &[1, 0, 0, 0]).unwrap();
+        assert_eq!(fixture.write(mux(0x1019, 0), &[0]), Err(Abort::DEVICE_STATE.0));
     }
 }

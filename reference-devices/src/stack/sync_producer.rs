@@ -87,78 +87,78 @@ mod tests {
     use canopen::{Abort, Mux};
 
     use crate::rules::Specification;
-    use crate::stack::testing::{Rig, eds, full, mux, sent, set};
+    use crate::stack::testing::{Fixture, eds, full, mux, sent, set};
     use crate::stack::{Inert, NodeSettings};
 
     const COB_ID: Mux = mux(0x1005, 0);
     const PERIOD: Mux = mux(0x1006, 0);
 
-    fn rig() -> Rig {
+    fn fixture() -> Fixture {
         let shortest = Some(Duration::from_millis(1));
         let settings = NodeSettings { sync_producer: shortest, ..NodeSettings::default() };
         let mut entries = full();
         set(&mut entries, mux(0x1800, 2), 1);
         set(&mut entries, mux(0x1A00, 0), 1);
         set(&mut entries, mux(0x1A00, 1), 0x6000_0108);
-        Rig::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert))
+        Fixture::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert))
     }
 
-    fn produce(rig: &mut Rig, period: u32) -> u64 {
-        rig.write(PERIOD, &period.to_le_bytes()).unwrap();
-        rig.write(COB_ID, &[0x80, 0, 0, 0x40]).unwrap();
-        rig.now.0 / 1000
+    fn produce(fixture: &mut Fixture, period: u32) -> u64 {
+        fixture.write(PERIOD, &period.to_le_bytes()).unwrap();
+        fixture.write(COB_ID, &[0x80, 0, 0, 0x40]).unwrap();
+        fixture.now.0 / 1000
     }
 
     #[test]
     fn sync_comes_with_its_period_and_stops_with_the_node() {
-        let mut rig = rig();
-        let at = produce(&mut rig, 10_000);
+        let mut fixture = fixture();
+        let at = produce(&mut fixture, 10_000);
         let frames = [(at + 10_000, "080#"), (at + 20_000, "080#"), (at + 30_000, "080#")];
-        assert_eq!(rig.until(at + 35_000), sent(&frames));
-        rig.send("000#0205");
-        assert_eq!(rig.until(at + 100_000), []);
-        rig.send("000#8005");
-        assert_eq!(rig.until(at + 110_000), sent(&[(at + 110_000, "080#")]));
-        rig.write(COB_ID, &[0x80, 0, 0, 0]).unwrap();
-        assert_eq!(rig.until(at + 200_000), []);
-        rig.write(COB_ID, &[0x80, 0, 0, 0x40]).unwrap();
-        rig.write(PERIOD, &[0; 4]).unwrap();
-        assert_eq!(rig.until(at + 300_000), []);
+        assert_eq!(fixture.until(at + 35_000), sent(&frames));
+        fixture.send("000#0205");
+        assert_eq!(fixture.until(at + 100_000), []);
+        fixture.send("000#8005");
+        assert_eq!(fixture.until(at + 110_000), sent(&[(at + 110_000, "080#")]));
+        fixture.write(COB_ID, &[0x80, 0, 0, 0]).unwrap();
+        assert_eq!(fixture.until(at + 200_000), []);
+        fixture.write(COB_ID, &[0x80, 0, 0, 0x40]).unwrap();
+        fixture.write(PERIOD, &[0; 4]).unwrap();
+        assert_eq!(fixture.until(at + 300_000), []);
     }
 
     #[test]
     fn the_counter_runs_from_1_to_its_overflow() {
-        let mut rig = rig();
-        rig.write(mux(0x1019, 0), &[3]).unwrap();
-        let at = produce(&mut rig, 10_000);
-        let frames = rig.until(at + 55_000);
+        let mut fixture = fixture();
+        fixture.write(mux(0x1019, 0), &[3]).unwrap();
+        let at = produce(&mut fixture, 10_000);
+        let frames = fixture.until(at + 55_000);
         let counters: Vec<&str> = frames.iter().map(|(_, frame)| frame.as_str()).collect();
         assert_eq!(counters, ["080#01", "080#02", "080#03", "080#01", "080#02"]);
-        rig.send("000#0205");
-        rig.send("000#8005");
-        assert_eq!(rig.until(at + 65_000), sent(&[(at + 65_000, "080#01")]));
+        fixture.send("000#0205");
+        fixture.send("000#8005");
+        assert_eq!(fixture.until(at + 65_000), sent(&[(at + 65_000, "080#01")]));
     }
 
     #[test]
     fn its_own_sync_moves_its_own_pdos() {
-        let mut rig = rig();
-        let at = produce(&mut rig, 10_000);
-        rig.send("000#0105");
-        rig.until(at + 9_000);
+        let mut fixture = fixture();
+        let at = produce(&mut fixture, 10_000);
+        fixture.send("000#0105");
+        fixture.until(at + 9_000);
         let frames = [(at + 10_000, "080#"), (at + 10_000, "185#00")];
-        assert_eq!(rig.until(at + 15_000), sent(&frames));
+        assert_eq!(fixture.until(at + 15_000), sent(&frames));
     }
 
     #[test]
     fn a_producer_keeps_its_identifier_and_its_limits() {
-        let mut rig = rig();
-        produce(&mut rig, 10_000);
-        assert_eq!(rig.write(COB_ID, &[0x81, 0, 0, 0x40]), Err(Abort::VALUE.0));
-        assert_eq!(rig.write(PERIOD, &[0xE7, 3, 0, 0]), Err(Abort::VALUE.0));
-        assert_eq!(rig.write(PERIOD, &[0xE8, 3, 0, 0]), Ok(()));
-        assert_eq!(rig.write(COB_ID, &[0x80, 0, 0, 0]), Ok(()));
-        assert_eq!(rig.write(COB_ID, &[0x81, 0, 0, 0]), Ok(()));
-        assert_eq!(rig.write(COB_ID, &[0x81, 0, 0, 0x40]), Ok(()));
-        assert_eq!(rig.write(COB_ID, &[0x81, 0, 0, 0x20]), Err(Abort::VALUE.0));
+        let mut fixture = fixture();
+        produce(&mut fixture, 10_000);
+        assert_eq!(fixture.write(COB_ID, &[0x81, 0, 0, 0x40]), Err(Abort::VALUE.0));
+        assert_eq!(fixture.write(PERIOD, &[0xE7, 3, 0, 0]), Err(Abort::VALUE.0));
+        assert_eq!(fixture.write(PERIOD, &[0xE8, 3, 0, 0]), Ok(()));
+        assert_eq!(fixture.write(COB_ID, &[0x80, 0, 0, 0]), Ok(()));
+        assert_eq!(fixture.write(COB_ID, &[0x81, 0, 0, 0]), Ok(()));
+        assert_eq!(fixture.write(COB_ID, &[0x81, 0, 0, 0x40]), Ok(()));
+        assert_eq!(fixture.write(COB_ID, &[0x81, 0, 0, 0x20]), Err(Abort::VALUE.0));
     }
 }

@@ -6,14 +6,14 @@ use canopen::{DataType, Device, Frame, Instant, Mux, Outbox, Value};
 use crate::rules::{Rules, Specification};
 use crate::stack::{Behaviour, Inert, Node, NodeSettings};
 
-pub(crate) struct Rig {
+pub(crate) struct Fixture {
     pub(crate) node: Node,
     pub(crate) now: Instant,
     sent: Vec<(u64, String)>,
     out: Outbox,
 }
 
-impl Rig {
+impl Fixture {
     /// Node 5 after boot-up, with default settings and no application.
     pub(crate) fn new(eds: &Eds) -> Self {
         Self::with(eds, NodeSettings::default(), Box::new(Specification), Box::new(Inert))
@@ -32,10 +32,11 @@ impl Rig {
         behaviour: Box<dyn Behaviour>,
     ) -> Self {
         let node = Node::new(eds, 5, settings, rules, behaviour).unwrap();
-        let mut rig = Self { node, now: Instant::ZERO, sent: Vec::new(), out: Outbox::default() };
-        rig.run_to(1000);
-        rig.sent.clear();
-        rig
+        let mut fixture =
+            Self { node, now: Instant::ZERO, sent: Vec::new(), out: Outbox::default() };
+        fixture.run_to(1000);
+        fixture.sent.clear();
+        fixture
     }
 
     /// Lets time pass until `at` microseconds.

@@ -120,13 +120,13 @@ mod tests {
 
     use super::*;
     use crate::rules::Specification;
-    use crate::stack::testing::{Rig, eds, entry, full, mux, sent};
+    use crate::stack::testing::{Fixture, eds, entry, full, mux, sent};
     use crate::stack::{Inert, NodeSettings};
 
     const CLOCK: Mux = mux(0x2F30, 1);
     const INTERVAL: Mux = mux(0x2F30, 2);
 
-    fn rig() -> Rig {
+    fn fixture() -> Fixture {
         let mut entries = full();
         entries.push(entry(COB_ID, DataType::UNSIGNED32, Access::Rw, 0x100));
         entries.push(entry(CLOCK, DataType::TIME_OF_DAY, Access::Ro, 0));
@@ -136,52 +136,52 @@ mod tests {
             time_interval_object: Some(INTERVAL),
             ..NodeSettings::default()
         };
-        Rig::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert))
+        Fixture::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert))
     }
 
-    fn clock(rig: &mut Rig) -> Vec<u8> {
-        rig.send("000#8005");
-        rig.node.dictionary().get(CLOCK).unwrap().to_vec()
+    fn clock(fixture: &mut Fixture) -> Vec<u8> {
+        fixture.send("000#8005");
+        fixture.node.dictionary().get(CLOCK).unwrap().to_vec()
     }
 
     #[test]
     fn the_clock_takes_the_time_and_goes_on() {
-        let mut rig = rig();
-        let before = clock(&mut rig);
-        rig.send("100#952CB302983A");
-        assert_eq!(clock(&mut rig), before, "the device does not consume TIME");
-        rig.write(COB_ID, &[0, 1, 0, 0x80]).unwrap();
+        let mut fixture = fixture();
+        let before = clock(&mut fixture);
+        fixture.send("100#952CB302983A");
+        assert_eq!(clock(&mut fixture), before, "the device does not consume TIME");
+        fixture.write(COB_ID, &[0, 1, 0, 0x80]).unwrap();
         for wrong in ["100#952CB30298", "100#952CB302983A00", "100#R6"] {
-            rig.send(wrong);
-            assert_eq!(clock(&mut rig), before, "{wrong}");
+            fixture.send(wrong);
+            assert_eq!(clock(&mut fixture), before, "{wrong}");
         }
-        rig.send("100#952CB3F2983A");
-        assert_eq!(clock(&mut rig), [0x95, 0x2C, 0xB3, 0x02, 0x98, 0x3A]);
-        rig.run_to(rig.now.0 / 1000 + 3_000);
-        assert_eq!(clock(&mut rig), [0x98, 0x2C, 0xB3, 0x02, 0x98, 0x3A]);
+        fixture.send("100#952CB3F2983A");
+        assert_eq!(clock(&mut fixture), [0x95, 0x2C, 0xB3, 0x02, 0x98, 0x3A]);
+        fixture.run_to(fixture.now.0 / 1000 + 3_000);
+        assert_eq!(clock(&mut fixture), [0x98, 0x2C, 0xB3, 0x02, 0x98, 0x3A]);
     }
 
     #[test]
     fn a_producer_tells_the_time_at_its_interval() {
-        let mut rig = rig();
-        rig.write(COB_ID, &[0, 1, 0, 0x80]).unwrap();
-        rig.send("100#00000000983A");
-        rig.write(COB_ID, &[0, 1, 0, 0x40]).unwrap();
-        let at = rig.now.0 / 1000;
+        let mut fixture = fixture();
+        fixture.write(COB_ID, &[0, 1, 0, 0x80]).unwrap();
+        fixture.send("100#00000000983A");
+        fixture.write(COB_ID, &[0, 1, 0, 0x40]).unwrap();
+        let at = fixture.now.0 / 1000;
         let frames = [(at + 20_000, "100#14000000983A"), (at + 40_000, "100#28000000983A")];
-        assert_eq!(rig.until(at + 45_000), sent(&frames));
-        rig.send("000#0205");
-        assert_eq!(rig.until(at + 100_000), []);
+        assert_eq!(fixture.until(at + 45_000), sent(&frames));
+        fixture.send("000#0205");
+        assert_eq!(fixture.until(at + 100_000), []);
     }
 
     #[test]
     fn the_identifier_is_judged() {
-        let mut rig = rig();
+        let mut fixture = fixture();
         for wrong in [[0, 1, 0, 0x20], [0, 9, 0, 0], [0x80, 1, 0, 0x80], [1, 7, 0, 0]] {
-            assert_eq!(rig.write(COB_ID, &wrong), Err(Abort::VALUE.0), "{wrong:02X?}");
+            assert_eq!(fixture.write(COB_ID, &wrong), Err(Abort::VALUE.0), "{wrong:02X?}");
         }
-        assert_eq!(rig.write(COB_ID, &[0x90, 0, 0, 0x80]), Ok(()));
-        assert_eq!(rig.write(COB_ID, &[0x91, 0, 0, 0x80]), Err(Abort::VALUE.0));
-        assert_eq!(rig.write(COB_ID, &[0, 1, 0, 0]), Ok(()));
+        assert_eq!(fixture.write(COB_ID, &[0x90, 0, 0, 0x80]), Ok(()));
+        assert_eq!(fixture.write(COB_ID, &[0x91, 0, 0, 0x80]), Err(Abort::VALUE.0));
+        assert_eq!(fixture.write(COB_ID, &[0, 1, 0, 0]), Ok(()));
     }
 }

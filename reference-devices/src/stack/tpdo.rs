@@ -239,13 +239,13 @@ impl Tpdo {
 #[cfg(test)]
 mod tests {
     use crate::rules::Specification;
-    use crate::stack::testing::{Rig, eds, entry, full, mux, sent, set};
+    use crate::stack::testing::{Fixture, eds, entry, full, mux, sent, set};
     use crate::stack::{Behaviour, NodeSettings};
     use canopen::eds::Access;
     use canopen::{DataType, Dictionary, Mux};
 
     /// The first TPDO carries 2000h and 2001h, in OPERATIONAL after `set`.
-    fn rig(rules: &str, parameters: &[(u8, i64)]) -> Rig {
+    fn fixture(rules: &str, parameters: &[(u8, i64)]) -> Fixture {
         let mut entries = full();
         set(&mut entries, mux(0x1A00, 0), 2);
         set(&mut entries, mux(0x1A00, 1), 0x2000_0008);
@@ -254,128 +254,128 @@ mod tests {
             set(&mut entries, mux(0x1800, *sub), *value);
         }
         match rules {
-            "" => Rig::new(&eds(entries)),
-            rules => Rig::mutant(&eds(entries), rules),
+            "" => Fixture::new(&eds(entries)),
+            rules => Fixture::mutant(&eds(entries), rules),
         }
     }
 
-    fn write(rig: &mut Rig, value: u8) -> Vec<String> {
-        let answers = rig.ask(&format!("605#2F002000{value:02X}000000"));
+    fn write(fixture: &mut Fixture, value: u8) -> Vec<String> {
+        let answers = fixture.ask(&format!("605#2F002000{value:02X}000000"));
         answers.into_iter().filter(|frame| !frame.starts_with("585")).collect()
     }
 
     #[test]
     fn an_event_driven_pdo_is_sent_at_the_start_and_with_each_change() {
         for kind in [254, 255] {
-            let mut rig = rig("", &[(2, kind)]);
-            assert!(write(&mut rig, 0x10).is_empty());
-            assert_eq!(rig.ask("000#0105"), ["185#100000"]);
-            assert!(rig.ask("000#0105").is_empty());
-            assert!(write(&mut rig, 0x10).is_empty());
-            assert_eq!(write(&mut rig, 0x12), ["185#120000"]);
-            rig.send("000#0205");
-            assert_eq!(rig.until(9_000_000), []);
+            let mut fixture = fixture("", &[(2, kind)]);
+            assert!(write(&mut fixture, 0x10).is_empty());
+            assert_eq!(fixture.ask("000#0105"), ["185#100000"]);
+            assert!(fixture.ask("000#0105").is_empty());
+            assert!(write(&mut fixture, 0x10).is_empty());
+            assert_eq!(write(&mut fixture, 0x12), ["185#120000"]);
+            fixture.send("000#0205");
+            assert_eq!(fixture.until(9_000_000), []);
         }
     }
 
     #[test]
     fn the_inhibit_time_joins_changes() {
-        let mut rig = rig("", &[(3, 1000)]);
-        assert_eq!(rig.ask("000#0105"), ["185#110000"]);
+        let mut fixture = fixture("", &[(3, 1000)]);
+        assert_eq!(fixture.ask("000#0105"), ["185#110000"]);
         for value in 0x20..0x30 {
-            rig.run_to(rig.now.0 / 1000 + 1_000);
-            assert!(write(&mut rig, value).is_empty());
+            fixture.run_to(fixture.now.0 / 1000 + 1_000);
+            assert!(write(&mut fixture, value).is_empty());
         }
-        assert_eq!(rig.until(900_000), sent(&[(101_000, "185#2F0000")]));
+        assert_eq!(fixture.until(900_000), sent(&[(101_000, "185#2F0000")]));
     }
 
     #[test]
     fn the_event_timer_starts_anew_with_each_transmission() {
-        let mut rig = rig("", &[(5, 100)]);
-        rig.send("000#0105");
-        rig.until(1_000);
+        let mut fixture = fixture("", &[(5, 100)]);
+        fixture.send("000#0105");
+        fixture.until(1_000);
         let twice = sent(&[(101_000, "185#110000"), (201_000, "185#110000")]);
-        assert_eq!(rig.until(250_000), twice);
-        assert_eq!(write(&mut rig, 1), ["185#010000"]);
-        assert_eq!(rig.until(400_000), sent(&[(350_000, "185#010000")]));
-        rig.write(mux(0x1800, 5), &[0, 0]).unwrap();
-        assert_eq!(rig.until(900_000), []);
+        assert_eq!(fixture.until(250_000), twice);
+        assert_eq!(write(&mut fixture, 1), ["185#010000"]);
+        assert_eq!(fixture.until(400_000), sent(&[(350_000, "185#010000")]));
+        fixture.write(mux(0x1800, 5), &[0, 0]).unwrap();
+        assert_eq!(fixture.until(900_000), []);
     }
 
     #[test]
     fn inhibit_time_goes_before_event_timer() {
-        let mut rig = rig("", &[(3, 2500), (5, 100)]);
-        rig.send("000#0105");
-        rig.until(1_000);
+        let mut fixture = fixture("", &[(3, 2500), (5, 100)]);
+        fixture.send("000#0105");
+        fixture.until(1_000);
         let spaced = sent(&[(251_000, "185#110000"), (501_000, "185#110000")]);
-        assert_eq!(rig.until(600_000), spaced);
+        assert_eq!(fixture.until(600_000), spaced);
     }
 
     #[test]
     fn a_cyclic_pdo_is_sent_with_every_nth_sync() {
         for kind in [1, 3, 240] {
-            let mut rig = rig("", &[(2, kind)]);
-            assert!(rig.ask("000#0105").is_empty());
-            assert!(write(&mut rig, 1).is_empty());
-            let sent: usize = (0..3 * kind).map(|_| rig.ask("080#").len()).sum();
+            let mut fixture = fixture("", &[(2, kind)]);
+            assert!(fixture.ask("000#0105").is_empty());
+            assert!(write(&mut fixture, 1).is_empty());
+            let sent: usize = (0..3 * kind).map(|_| fixture.ask("080#").len()).sum();
             assert_eq!(sent, 3);
         }
     }
 
     #[test]
     fn an_acyclic_pdo_needs_an_event_and_sync() {
-        let mut rig = rig("", &[(2, 0)]);
-        rig.send("000#0105");
-        assert!(rig.ask("080#").is_empty());
-        assert!(write(&mut rig, 1).is_empty());
-        assert_eq!(rig.ask("080#"), ["185#010000"]);
-        assert!(rig.ask("080#").is_empty());
+        let mut fixture = fixture("", &[(2, 0)]);
+        fixture.send("000#0105");
+        assert!(fixture.ask("080#").is_empty());
+        assert!(write(&mut fixture, 1).is_empty());
+        assert_eq!(fixture.ask("080#"), ["185#010000"]);
+        assert!(fixture.ask("080#").is_empty());
     }
 
     #[test]
     fn the_start_value_is_the_first_sync() {
-        let mut rig = rig("", &[(2, 2), (6, 4)]);
-        rig.write(mux(0x1019, 0), &[10]).unwrap();
-        rig.send("000#0105");
+        let mut fixture = fixture("", &[(2, 2), (6, 4)]);
+        fixture.write(mux(0x1019, 0), &[10]).unwrap();
+        fixture.send("000#0105");
         let sent: Vec<_> =
-            (1..=10).filter(|n| !rig.ask(&format!("080#{n:02X}")).is_empty()).collect();
+            (1..=10).filter(|n| !fixture.ask(&format!("080#{n:02X}")).is_empty()).collect();
         assert_eq!(sent, [5, 7, 9]);
     }
 
     #[test]
     fn remote_requests_are_answered_where_the_type_has_them() {
-        let mut asked = rig("", &[(2, 252)]);
+        let mut asked = fixture("", &[(2, 252)]);
         asked.send("000#0105");
         assert!(asked.ask("080#").is_empty());
         write(&mut asked, 1);
         assert_eq!(asked.ask("185#R3"), ["185#110000"]);
-        let mut asked = rig("", &[(2, 253)]);
+        let mut asked = fixture("", &[(2, 253)]);
         assert!(asked.ask("185#R3").is_empty());
         asked.send("000#0105");
         assert!(write(&mut asked, 1).is_empty());
         assert_eq!(asked.ask("185#R3"), ["185#010000"]);
-        let mut asked = rig("", &[(2, 255)]);
+        let mut asked = fixture("", &[(2, 255)]);
         asked.send("000#0105");
         assert_eq!(asked.ask("185#R3"), ["185#110000"]);
-        let mut asked = rig("", &[(1, 0x4000_0185)]);
+        let mut asked = fixture("", &[(1, 0x4000_0185)]);
         asked.send("000#0105");
         assert!(asked.ask("185#R3").is_empty());
-        let mut asked = rig("", &[(2, 1)]);
+        let mut asked = fixture("", &[(2, 1)]);
         asked.send("000#0105");
         assert!(asked.ask("185#R3").is_empty());
     }
 
     #[test]
     fn a_new_mapping_is_on_the_wire() {
-        let mut rig = rig("", &[]);
-        rig.send("000#0105");
-        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
-        rig.write(mux(0x1A00, 0), &[0]).unwrap();
-        rig.write(mux(0x1A00, 1), &0x2002_0020u32.to_le_bytes()).unwrap();
-        assert!(write(&mut rig, 1).is_empty());
-        rig.write(mux(0x1A00, 0), &[2]).unwrap();
-        rig.write(mux(0x1800, 1), &[0x85, 1, 0, 0]).unwrap();
-        assert_eq!(rig.ask("185#R6"), ["185#112233440000"]);
+        let mut fixture = fixture("", &[]);
+        fixture.send("000#0105");
+        fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
+        fixture.write(mux(0x1A00, 0), &[0]).unwrap();
+        fixture.write(mux(0x1A00, 1), &0x2002_0020u32.to_le_bytes()).unwrap();
+        assert!(write(&mut fixture, 1).is_empty());
+        fixture.write(mux(0x1A00, 0), &[2]).unwrap();
+        fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0]).unwrap();
+        assert_eq!(fixture.ask("185#R6"), ["185#112233440000"]);
     }
 
     #[test]
@@ -392,10 +392,10 @@ mod tests {
         set(&mut entries, mux(0x1A00, 1), 0x2000_0008);
         set(&mut entries, mux(0x1A00, 2), 0x6000_0108);
         let (rules, settings) = (Box::new(Specification), NodeSettings::default());
-        let mut rig = Rig::with(&eds(entries), settings, rules, Box::new(EvenOnly));
-        rig.send("000#0105");
-        assert!(write(&mut rig, 0x21).is_empty());
-        assert_eq!(write(&mut rig, 0x22), ["185#2200"]);
+        let mut fixture = Fixture::with(&eds(entries), settings, rules, Box::new(EvenOnly));
+        fixture.send("000#0105");
+        assert!(write(&mut fixture, 0x21).is_empty());
+        assert_eq!(write(&mut fixture, 0x22), ["185#2200"]);
     }
 
     #[test]
@@ -409,31 +409,31 @@ mod tests {
         set(&mut entries, mux(0x1A00, 0), 2);
         let mut sheet = eds(entries);
         sheet.device.granularity = 1;
-        let mut rig = Rig::new(&sheet);
-        assert_eq!(rig.ask("000#0105"), ["185#00"]);
-        assert_eq!(rig.ask("605#2F20600201000000"), ["585#6020600200000000", "185#02"]);
+        let mut fixture = Fixture::new(&sheet);
+        assert_eq!(fixture.ask("000#0105"), ["185#00"]);
+        assert_eq!(fixture.ask("605#2F20600201000000"), ["585#6020600200000000", "185#02"]);
     }
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut late = rig("tpdo-one-sync-late", &[(2, 1)]);
+        let mut late = fixture("tpdo-one-sync-late", &[(2, 1)]);
         late.send("000#0105");
         assert!(late.ask("080#").is_empty());
-        let mut stopped = rig("tpdo-sent-in-stopped", &[(5, 100)]);
+        let mut stopped = fixture("tpdo-sent-in-stopped", &[(5, 100)]);
         stopped.send("000#0205");
         assert_eq!(stopped.until(101_000).len(), 2);
-        let mut shy = rig("tpdo-not-sent-at-start", &[]);
+        let mut shy = fixture("tpdo-not-sent-at-start", &[]);
         assert!(shy.ask("000#0105").is_empty());
-        let mut slow = rig("tpdo-inhibit-in-milliseconds", &[(3, 100)]);
+        let mut slow = fixture("tpdo-inhibit-in-milliseconds", &[(3, 100)]);
         slow.send("000#0105");
         write(&mut slow, 1);
         assert_eq!(slow.until(900_000), sent(&[(101_000, "185#010000")]));
-        let mut stubborn = rig("tpdo-event-timer-not-restarted", &[(5, 100)]);
+        let mut stubborn = fixture("tpdo-event-timer-not-restarted", &[(5, 100)]);
         stubborn.send("000#0105");
         stubborn.run_to(50_000);
         write(&mut stubborn, 1);
         assert_eq!(stubborn.until(150_000), sent(&[(101_000, "185#010000")]));
-        let mut open = rig("tpdo-rtr-always-answered", &[(1, 0x4000_0185)]);
+        let mut open = fixture("tpdo-rtr-always-answered", &[(1, 0x4000_0185)]);
         open.send("000#0105");
         assert_eq!(open.ask("185#R3"), ["185#110000"]);
     }

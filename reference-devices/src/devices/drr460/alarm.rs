@@ -166,13 +166,13 @@ mod tests {
     type Steps = &'static [(i64, bool)];
 
     /// An alarm with these parameters, as offsets from 56, and this set point.
-    struct Bench {
+    struct Fixture {
         od: Dictionary,
         alarm: Alarm,
         sight: Sight,
     }
 
-    impl Bench {
+    impl Fixture {
         fn new(set_point: i64, parameters: &[(u8, i64)]) -> Self {
             let eds = devices::device("drr460").unwrap().description.eds;
             let mut od = Dictionary::new(&eds, 1).unwrap();
@@ -207,24 +207,24 @@ mod tests {
             (5, -100, &[(101, false), (100, true)]),
         ];
         for (kind, set_point, steps) in table {
-            let mut bench = Bench::new(set_point, &[(0, kind)]);
+            let mut fixture = Fixture::new(set_point, &[(0, kind)]);
             for (process, alarm) in steps {
-                assert_eq!(bench.at(*process), *alarm, "kind {kind} at {process}");
+                assert_eq!(fixture.at(*process), *alarm, "kind {kind} at {process}");
             }
         }
     }
 
     #[test]
     fn deviations_follow_the_set_point() {
-        let mut bench = Bench::new(100, &[(0, 4)]);
-        bench.sight.set_point = 500;
-        assert!(!bench.at(599));
-        assert!(bench.at(600));
-        let mut bench = Bench::new(100, &[(0, 6)]);
-        bench.sight.set_point = 99;
-        assert!(!bench.at(5000));
-        bench.sight.set_point = 100;
-        assert!(bench.at(0));
+        let mut fixture = Fixture::new(100, &[(0, 4)]);
+        fixture.sight.set_point = 500;
+        assert!(!fixture.at(599));
+        assert!(fixture.at(600));
+        let mut fixture = Fixture::new(100, &[(0, 6)]);
+        fixture.sight.set_point = 99;
+        assert!(!fixture.at(5000));
+        fixture.sight.set_point = 100;
+        assert!(fixture.at(0));
     }
 
     #[test]
@@ -236,67 +236,67 @@ mod tests {
             (2, -20, [(81, false), (80, true), (100, true), (101, false)]),
         ];
         for (kind, hysteresis, steps) in table {
-            let mut bench = Bench::new(100, &[(0, kind), (2, hysteresis)]);
+            let mut fixture = Fixture::new(100, &[(0, kind), (2, hysteresis)]);
             for (process, alarm) in steps {
-                assert_eq!(bench.at(process), alarm, "kind {kind}, {hysteresis}, at {process}");
+                assert_eq!(fixture.at(process), alarm, "kind {kind}, {hysteresis}, at {process}");
             }
         }
     }
 
     #[test]
     fn outputs_can_be_inverted_and_wait_for_the_first_good_value() {
-        let mut bench = Bench::new(100, &[(0, 1), (1, 1)]);
-        assert!(bench.at(0) && !bench.at(200));
-        let mut bench = Bench::new(100, &[(0, 1), (1, 2)]);
-        assert!(!bench.at(200) && !bench.at(0) && bench.at(200));
-        let mut bench = Bench::new(100, &[(0, 1), (1, 3)]);
-        assert!(bench.at(200) && bench.at(0) && !bench.at(200));
+        let mut fixture = Fixture::new(100, &[(0, 1), (1, 1)]);
+        assert!(fixture.at(0) && !fixture.at(200));
+        let mut fixture = Fixture::new(100, &[(0, 1), (1, 2)]);
+        assert!(!fixture.at(200) && !fixture.at(0) && fixture.at(200));
+        let mut fixture = Fixture::new(100, &[(0, 1), (1, 3)]);
+        assert!(fixture.at(200) && fixture.at(0) && !fixture.at(200));
     }
 
     #[test]
     fn a_manual_reset_works_when_the_condition_is_gone() {
-        let mut bench = Bench::new(100, &[(0, 1), (5, 1)]);
-        assert!(bench.at(100) && !bench.alarm.resettable());
-        bench.alarm.reset();
-        assert!(bench.at(100) && bench.at(0) && bench.alarm.resettable());
-        bench.alarm.reset();
-        assert!(!bench.at(0) && !bench.alarm.resettable());
+        let mut fixture = Fixture::new(100, &[(0, 1), (5, 1)]);
+        assert!(fixture.at(100) && !fixture.alarm.resettable());
+        fixture.alarm.reset();
+        assert!(fixture.at(100) && fixture.at(0) && fixture.alarm.resettable());
+        fixture.alarm.reset();
+        assert!(!fixture.at(0) && !fixture.alarm.resettable());
     }
 
     #[test]
     fn only_a_stored_latch_survives_a_restart() {
         for (reset, kept) in [(1, false), (2, true)] {
-            let mut bench = Bench::new(100, &[(0, 1), (5, reset)]);
-            assert!(bench.at(100));
-            let Bench { od, alarm, .. } = &mut bench;
+            let mut fixture = Fixture::new(100, &[(0, 1), (5, reset)]);
+            assert!(fixture.at(100));
+            let Fixture { od, alarm, .. } = &mut fixture;
             alarm.restart(0, od);
-            assert_eq!(bench.at(0), kept);
+            assert_eq!(fixture.at(0), kept);
         }
     }
 
     #[test]
     fn stop_and_errors_have_their_own_states() {
-        let mut bench = Bench::new(100, &[(0, 1), (3, 1), (4, 1)]);
-        bench.sight.running = false;
-        assert!(bench.at(0));
-        bench.sight = Sight { running: true, sensor_error: true, ..bench.sight };
-        assert!(bench.at(0));
-        let mut bench = Bench::new(100, &[(0, 1), (4, 4)]);
-        bench.sight.running = false;
-        assert!(bench.at(100) && !bench.at(0));
+        let mut fixture = Fixture::new(100, &[(0, 1), (3, 1), (4, 1)]);
+        fixture.sight.running = false;
+        assert!(fixture.at(0));
+        fixture.sight = Sight { running: true, sensor_error: true, ..fixture.sight };
+        assert!(fixture.at(0));
+        let mut fixture = Fixture::new(100, &[(0, 1), (4, 4)]);
+        fixture.sight.running = false;
+        assert!(fixture.at(100) && !fixture.at(0));
     }
 
     #[test]
     fn some_kinds_look_at_something_else() {
-        let mut bench = Bench::new(0, &[(0, 8)]);
-        assert!(bench.sample());
-        let mut bench = Bench::new(0, &[(0, 11)]);
-        assert!(!bench.sample());
-        bench.sight.sensor_error = true;
-        assert!(bench.sample());
-        let mut bench = Bench::new(0, &[(0, 12)]);
-        assert!(!bench.sample());
-        bench.od.set_int(Mux::new(0x400C, 0), 1);
-        assert!(bench.sample());
+        let mut fixture = Fixture::new(0, &[(0, 8)]);
+        assert!(fixture.sample());
+        let mut fixture = Fixture::new(0, &[(0, 11)]);
+        assert!(!fixture.sample());
+        fixture.sight.sensor_error = true;
+        assert!(fixture.sample());
+        let mut fixture = Fixture::new(0, &[(0, 12)]);
+        assert!(!fixture.sample());
+        fixture.od.set_int(Mux::new(0x400C, 0), 1);
+        assert!(fixture.sample());
     }
 }

@@ -5,51 +5,52 @@ use super::*;
 use crate::devices;
 use crate::rules::Specification;
 use crate::stack::NodeSettings;
-use crate::stack::testing::{Rig, eds, entry, full, mux};
+use crate::stack::testing::{Fixture, eds, entry, full, mux};
 
 /// A device that is a block of this data sheet and nothing else.
-fn block(eds: &Eds) -> Rig {
+fn block(eds: &Eds) -> Fixture {
     let io = IoBlock::new(eds, Box::new(Cia401));
-    let mut rig = Rig::with(eds, NodeSettings::default(), Box::new(Specification), Box::new(io));
-    rig.run_to(10_000);
-    rig
+    let mut fixture =
+        Fixture::with(eds, NodeSettings::default(), Box::new(Specification), Box::new(io));
+    fixture.run_to(10_000);
+    fixture
 }
 
 /// The channels of the generic device.
-fn rig() -> Rig {
+fn fixture() -> Fixture {
     block(&devices::device("generic").unwrap().description.eds)
 }
 
-fn set(rig: &mut Rig, name: &str, number: i128) {
+fn set(fixture: &mut Fixture, name: &str, number: i128) {
     let mut out = canopen::Outbox::default();
-    rig.node.stimulate(rig.now, name, &Value::Int(number), &mut out).unwrap();
+    fixture.node.stimulate(fixture.now, name, &Value::Int(number), &mut out).unwrap();
     while let Some(frame) = out.pop() {
-        rig.note(&frame.to_string());
+        fixture.note(&frame.to_string());
     }
 }
 
-fn seen(rig: &Rig, name: &str) -> i128 {
-    rig.node.observe(name).and_then(|value| value.as_int()).unwrap()
+fn seen(fixture: &Fixture, name: &str) -> i128 {
+    fixture.node.observe(name).and_then(|value| value.as_int()).unwrap()
 }
 
 #[test]
 fn digital_inputs_have_a_filter_and_a_polarity() {
-    let mut rig = rig();
-    set(&mut rig, "digital-inputs-1", 0x05);
-    assert_eq!(rig.read(mux(0x6000, 1)), Ok(vec![0x05]));
-    rig.write(mux(0x6002, 1), &[0x0F]).unwrap();
-    assert_eq!(rig.read(mux(0x6000, 1)), Ok(vec![0x0A]));
-    rig.write(mux(0x6002, 1), &[0]).unwrap();
-    rig.write(mux(0x6003, 1), &[0x04]).unwrap();
-    set(&mut rig, "digital-inputs-1", 0);
-    assert_eq!(rig.read(mux(0x6000, 1)), Ok(vec![0x04]));
-    rig.run_to(rig.now.0 / 1000 + 60_000);
-    assert_eq!(rig.read(mux(0x6000, 1)), Ok(vec![0]));
-    set(&mut rig, "digital-inputs-1", 0x04);
-    rig.run_to(rig.now.0 / 1000 + 59_000);
-    set(&mut rig, "digital-inputs-1", 0);
-    rig.run_to(rig.now.0 / 1000 + 100_000);
-    assert_eq!(rig.read(mux(0x6000, 1)), Ok(vec![0]));
+    let mut fixture = fixture();
+    set(&mut fixture, "digital-inputs-1", 0x05);
+    assert_eq!(fixture.read(mux(0x6000, 1)), Ok(vec![0x05]));
+    fixture.write(mux(0x6002, 1), &[0x0F]).unwrap();
+    assert_eq!(fixture.read(mux(0x6000, 1)), Ok(vec![0x0A]));
+    fixture.write(mux(0x6002, 1), &[0]).unwrap();
+    fixture.write(mux(0x6003, 1), &[0x04]).unwrap();
+    set(&mut fixture, "digital-inputs-1", 0);
+    assert_eq!(fixture.read(mux(0x6000, 1)), Ok(vec![0x04]));
+    fixture.run_to(fixture.now.0 / 1000 + 60_000);
+    assert_eq!(fixture.read(mux(0x6000, 1)), Ok(vec![0]));
+    set(&mut fixture, "digital-inputs-1", 0x04);
+    fixture.run_to(fixture.now.0 / 1000 + 59_000);
+    set(&mut fixture, "digital-inputs-1", 0);
+    fixture.run_to(fixture.now.0 / 1000 + 100_000);
+    assert_eq!(fixture.read(mux(0x6000, 1)), Ok(vec![0]));
 }
 
 #[test]
@@ -63,91 +64,91 @@ fn the_masks_choose_the_edges_that_are_events() {
         ([0, 0, 1], [0, 1], false),
     ];
     for (masks, [before, after], event) in table {
-        let mut rig = rig();
+        let mut fixture = fixture();
         for (index, mask) in (0x6006..).zip(masks) {
-            rig.write(mux(index, 1), &[mask]).unwrap();
+            fixture.write(mux(index, 1), &[mask]).unwrap();
         }
-        set(&mut rig, "digital-inputs-1", before.into());
-        rig.send("000#0105");
-        rig.until(rig.now.0 / 1000);
-        set(&mut rig, "digital-inputs-1", after.into());
-        let now = rig.now.0 / 1000;
-        assert_eq!(!rig.until(now).is_empty(), event, "{masks:?} {before} {after}");
+        set(&mut fixture, "digital-inputs-1", before.into());
+        fixture.send("000#0105");
+        fixture.until(fixture.now.0 / 1000);
+        set(&mut fixture, "digital-inputs-1", after.into());
+        let now = fixture.now.0 / 1000;
+        assert_eq!(!fixture.until(now).is_empty(), event, "{masks:?} {before} {after}");
     }
 }
 
 #[test]
 fn analogue_inputs_are_scaled_and_trigger_when_released() {
-    let mut rig = rig();
-    rig.write(mux(0x6432, 1), &[3, 0, 0, 0]).unwrap();
-    rig.write(mux(0x6431, 1), &[7, 0, 0, 0]).unwrap();
-    set(&mut rig, "analogue-input-1", -100);
-    assert_eq!(rig.read(mux(0x6401, 1)), Ok((-293i16).to_le_bytes().to_vec()));
-    set(&mut rig, "analogue-input-1", 32000);
-    assert_eq!(rig.read(mux(0x6401, 1)), Ok(i16::MAX.to_le_bytes().to_vec()));
-    set(&mut rig, "analogue-input-1", 100);
-    rig.write(mux(0x6421, 1), &[4]).unwrap();
-    rig.write(mux(0x6426, 1), &[9, 0, 0, 0]).unwrap();
-    rig.send("000#0105");
+    let mut fixture = fixture();
+    fixture.write(mux(0x6432, 1), &[3, 0, 0, 0]).unwrap();
+    fixture.write(mux(0x6431, 1), &[7, 0, 0, 0]).unwrap();
+    set(&mut fixture, "analogue-input-1", -100);
+    assert_eq!(fixture.read(mux(0x6401, 1)), Ok((-293i16).to_le_bytes().to_vec()));
+    set(&mut fixture, "analogue-input-1", 32000);
+    assert_eq!(fixture.read(mux(0x6401, 1)), Ok(i16::MAX.to_le_bytes().to_vec()));
+    set(&mut fixture, "analogue-input-1", 100);
+    fixture.write(mux(0x6421, 1), &[4]).unwrap();
+    fixture.write(mux(0x6426, 1), &[9, 0, 0, 0]).unwrap();
+    fixture.send("000#0105");
     let mut told = |released: u8, field| {
-        rig.write(mux(0x6423, 0), &[released]).unwrap();
-        let now = rig.now.0 / 1000;
-        rig.until(now);
-        set(&mut rig, "analogue-input-1", field);
-        rig.until(now).len()
+        fixture.write(mux(0x6423, 0), &[released]).unwrap();
+        let now = fixture.now.0 / 1000;
+        fixture.until(now);
+        set(&mut fixture, "analogue-input-1", field);
+        fixture.until(now).len()
     };
     assert_eq!((told(0, 200), told(1, 100), told(1, 102), told(1, 110)), (0, 1, 0, 1));
-    assert_eq!(rig.read(mux(0x6422, 1)), Ok(vec![1, 0, 0, 0]));
-    rig.send("123#");
-    assert_eq!(rig.read(mux(0x6422, 1)), Ok(vec![0; 4]));
+    assert_eq!(fixture.read(mux(0x6422, 1)), Ok(vec![1, 0, 0, 0]));
+    fixture.send("123#");
+    assert_eq!(fixture.read(mux(0x6422, 1)), Ok(vec![0; 4]));
 }
 
 #[test]
 fn outputs_follow_the_network_until_it_fails() {
-    let mut rig = rig();
-    rig.write(mux(0x6202, 1), &[0x0F]).unwrap();
-    rig.write(mux(0x6200, 1), &[0x3C]).unwrap();
-    assert_eq!(seen(&rig, "digital-outputs-1"), 0x33);
-    rig.write(mux(0x6208, 1), &[0xF0]).unwrap();
-    rig.write(mux(0x6200, 1), &[0xFF]).unwrap();
-    assert_eq!(seen(&rig, "digital-outputs-1"), 0xF3);
-    rig.write(mux(0x6206, 1), &[0x81]).unwrap();
-    rig.write(mux(0x6207, 1), &[0x0E]).unwrap();
-    rig.write(mux(0x6411, 1), &[10, 0]).unwrap();
-    rig.write(mux(0x6447, 1), &[2, 0, 0, 0]).unwrap();
-    rig.write(mux(0x6446, 1), &[1, 0, 0, 0]).unwrap();
-    rig.write(mux(0x6444, 1), &[0xFF, 0xFF, 0xFF, 0xFF]).unwrap();
-    rig.write(mux(0x6411, 2), &[10, 0]).unwrap();
-    rig.write(mux(0x6443, 2), &[0]).unwrap();
-    assert_eq!(seen(&rig, "analogue-output-1"), 21);
-    rig.send("000#0205");
-    assert_eq!(seen(&rig, "digital-outputs-1"), 0x72);
-    assert_eq!(seen(&rig, "analogue-output-1"), -1);
-    assert_eq!(seen(&rig, "analogue-output-2"), 10);
-    rig.send("000#0105");
-    assert_eq!(seen(&rig, "digital-outputs-1"), 0xF2);
-    assert_eq!(seen(&rig, "analogue-output-1"), 21);
+    let mut fixture = fixture();
+    fixture.write(mux(0x6202, 1), &[0x0F]).unwrap();
+    fixture.write(mux(0x6200, 1), &[0x3C]).unwrap();
+    assert_eq!(seen(&fixture, "digital-outputs-1"), 0x33);
+    fixture.write(mux(0x6208, 1), &[0xF0]).unwrap();
+    fixture.write(mux(0x6200, 1), &[0xFF]).unwrap();
+    assert_eq!(seen(&fixture, "digital-outputs-1"), 0xF3);
+    fixture.write(mux(0x6206, 1), &[0x81]).unwrap();
+    fixture.write(mux(0x6207, 1), &[0x0E]).unwrap();
+    fixture.write(mux(0x6411, 1), &[10, 0]).unwrap();
+    fixture.write(mux(0x6447, 1), &[2, 0, 0, 0]).unwrap();
+    fixture.write(mux(0x6446, 1), &[1, 0, 0, 0]).unwrap();
+    fixture.write(mux(0x6444, 1), &[0xFF, 0xFF, 0xFF, 0xFF]).unwrap();
+    fixture.write(mux(0x6411, 2), &[10, 0]).unwrap();
+    fixture.write(mux(0x6443, 2), &[0]).unwrap();
+    assert_eq!(seen(&fixture, "analogue-output-1"), 21);
+    fixture.send("000#0205");
+    assert_eq!(seen(&fixture, "digital-outputs-1"), 0x72);
+    assert_eq!(seen(&fixture, "analogue-output-1"), -1);
+    assert_eq!(seen(&fixture, "analogue-output-2"), 10);
+    fixture.send("000#0105");
+    assert_eq!(seen(&fixture, "digital-outputs-1"), 0xF2);
+    assert_eq!(seen(&fixture, "analogue-output-1"), 21);
 }
 
 #[test]
 fn a_lost_heartbeat_is_a_failure_that_the_next_value_ends() {
-    let mut rig = rig();
-    rig.write(mux(0x1029, 1), &[1]).unwrap();
-    rig.write(mux(0x1016, 1), &[20, 0, 10, 0]).unwrap();
-    rig.write(mux(0x6200, 1), &[0xFF]).unwrap();
-    rig.send("70A#05");
-    assert_eq!(seen(&rig, "digital-outputs-1"), 0xFF);
-    rig.run_to(rig.now.0 / 1000 + 30_000);
-    assert_eq!(seen(&rig, "digital-outputs-1"), 0);
-    assert_eq!(rig.read(mux(0x6200, 1)), Ok(vec![0xFF]));
-    rig.write(mux(0x6200, 1), &[0x0F]).unwrap();
-    assert_eq!(seen(&rig, "digital-outputs-1"), 0x0F);
+    let mut fixture = fixture();
+    fixture.write(mux(0x1029, 1), &[1]).unwrap();
+    fixture.write(mux(0x1016, 1), &[20, 0, 10, 0]).unwrap();
+    fixture.write(mux(0x6200, 1), &[0xFF]).unwrap();
+    fixture.send("70A#05");
+    assert_eq!(seen(&fixture, "digital-outputs-1"), 0xFF);
+    fixture.run_to(fixture.now.0 / 1000 + 30_000);
+    assert_eq!(seen(&fixture, "digital-outputs-1"), 0);
+    assert_eq!(fixture.read(mux(0x6200, 1)), Ok(vec![0xFF]));
+    fixture.write(mux(0x6200, 1), &[0x0F]).unwrap();
+    assert_eq!(seen(&fixture, "digital-outputs-1"), 0x0F);
 }
 
 #[test]
 fn the_bench_takes_what_terminals_can_carry() {
-    let mut rig = rig();
-    assert!(rig.node.bench_names().contains(&"analogue-output-2".to_owned()));
+    let mut fixture = fixture();
+    assert!(fixture.node.bench_names().contains(&"analogue-output-2".to_owned()));
     let mut out = canopen::Outbox::default();
     for (name, number) in [
         ("digital-inputs-1", 256),
@@ -156,7 +157,7 @@ fn the_bench_takes_what_terminals_can_carry() {
         ("digital-outputs-1", 1),
         ("nothing", 1),
     ] {
-        let taken = rig.node.stimulate(rig.now, name, &Value::Int(number), &mut out);
+        let taken = fixture.node.stimulate(fixture.now, name, &Value::Int(number), &mut out);
         assert!(taken.is_err(), "{name}");
     }
 }
@@ -173,23 +174,23 @@ fn a_block_is_as_wide_as_its_object_and_a_bit_has_settings_of_its_own() {
     }
     entries.push(entry(mux(0x6402, 1), DataType::INTEGER32, Access::Rw, 0));
     entries.sort_by_key(|entry| entry.mux);
-    let mut rig = block(&eds(entries));
+    let mut fixture = block(&eds(entries));
     let names = ["digital-inputs-1", "digital-inputs-2", "analogue-input-1", "digital-outputs-1"];
-    assert!(names.iter().all(|name| rig.node.bench_names().contains(&(*name).to_owned())));
-    set(&mut rig, "digital-inputs-1", 1);
-    set(&mut rig, "digital-inputs-2", 0x8001);
-    set(&mut rig, "analogue-input-1", -100_000);
-    rig.write(mux(0x6031, 1), &[1]).unwrap();
-    rig.write(mux(0x6102, 1), &[0, 0xFF]).unwrap();
-    assert_eq!(rig.read(mux(0x6021, 1)), Ok(vec![0]));
-    assert_eq!(rig.read(mux(0x6100, 1)), Ok(vec![0x01, 0x7F]));
-    assert_eq!(rig.read(mux(0x6402, 1)), Ok((-100_000i32).to_le_bytes().to_vec()));
-    rig.write(mux(0x6300, 1), &[0xFF, 0xFF]).unwrap();
-    rig.write(mux(0x6306, 1), &[0, 0xF0]).unwrap();
-    rig.write(mux(0x6307, 1), &[0, 0x10]).unwrap();
-    assert_eq!(seen(&rig, "digital-outputs-1"), 0xFFFF);
-    rig.send("000#0205");
-    assert_eq!(seen(&rig, "digital-outputs-1"), 0x1FFF);
+    assert!(names.iter().all(|name| fixture.node.bench_names().contains(&(*name).to_owned())));
+    set(&mut fixture, "digital-inputs-1", 1);
+    set(&mut fixture, "digital-inputs-2", 0x8001);
+    set(&mut fixture, "analogue-input-1", -100_000);
+    fixture.write(mux(0x6031, 1), &[1]).unwrap();
+    fixture.write(mux(0x6102, 1), &[0, 0xFF]).unwrap();
+    assert_eq!(fixture.read(mux(0x6021, 1)), Ok(vec![0]));
+    assert_eq!(fixture.read(mux(0x6100, 1)), Ok(vec![0x01, 0x7F]));
+    assert_eq!(fixture.read(mux(0x6402, 1)), Ok((-100_000i32).to_le_bytes().to_vec()));
+    fixture.write(mux(0x6300, 1), &[0xFF, 0xFF]).unwrap();
+    fixture.write(mux(0x6306, 1), &[0, 0xF0]).unwrap();
+    fixture.write(mux(0x6307, 1), &[0, 0x10]).unwrap();
+    assert_eq!(seen(&fixture, "digital-outputs-1"), 0xFFFF);
+    fixture.send("000#0205");
+    assert_eq!(seen(&fixture, "digital-outputs-1"), 0x1FFF);
 }
 
 #[test]
@@ -213,10 +214,13 @@ fn without_settings_each_change_is_an_event_and_a_failure_switches_off() {
     assert!(!io.triggers(mux(0x6000, 1), &[4], &od));
     assert!(io.triggers(mux(0x6401, 1), &[10, 0], &od));
     assert!(!io.triggers(mux(0x6401, 1), &[11, 0], &od));
-    let mut rig = block(&eds);
-    rig.write(mux(0x6200, 1), &[0xFF]).unwrap();
-    rig.write(mux(0x6411, 1), &[9, 0]).unwrap();
-    assert_eq!((seen(&rig, "digital-outputs-1"), seen(&rig, "analogue-output-1")), (0xFF, 9));
-    rig.send("000#0205");
-    assert_eq!((seen(&rig, "digital-outputs-1"), seen(&rig, "analogue-output-1")), (0, 0));
+    let mut fixture = block(&eds);
+    fixture.write(mux(0x6200, 1), &[0xFF]).unwrap();
+    fixture.write(mux(0x6411, 1), &[9, 0]).unwrap();
+    assert_eq!(
+        (seen(&fixture, "digital-outputs-1"), seen(&fixture, "analogue-output-1")),
+        (0xFF, 9)
+    );
+    fixture.send("000#0205");
+    assert_eq!((seen(&fixture, "digital-outputs-1"), seen(&fixture, "analogue-output-1")), (0, 0));
 }

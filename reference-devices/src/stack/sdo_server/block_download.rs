@@ -123,8 +123,8 @@ impl BlockDownload {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{rig, talk};
-    use crate::stack::testing::{Rig, mux};
+    use super::super::tests::{fixture, talk};
+    use crate::stack::testing::{Fixture, mux};
 
     /// 2004h holds a text; 15 bytes are three segments.
     const BEGIN: (&str, &str) = ("C60420000F000000", "A40420007F000000");
@@ -132,26 +132,26 @@ mod tests {
     const SECOND: (&str, &str) = ("0248494A4B4C4D4E", "");
     const THIRD: (&str, &str) = ("834F000000000000", "A2037F0000000000");
 
-    fn text(rig: &Rig) -> String {
-        let bytes = rig.node.services.read(mux(0x2004, 0)).unwrap();
+    fn text(fixture: &Fixture) -> String {
+        let bytes = fixture.node.services.read(mux(0x2004, 0)).unwrap();
         String::from_utf8(bytes.to_vec()).unwrap()
     }
 
     #[test]
     fn a_block_is_confirmed_once_and_stored_at_the_end() {
-        let mut rig = rig();
-        talk(&mut rig, &[BEGIN, FIRST, SECOND, THIRD]);
-        assert_eq!(text(&rig), "fifteen letters");
-        talk(&mut rig, &[("D970D80000000000", "A100000000000000")]);
-        assert_eq!(text(&rig), "ABCDEFGHIJKLMNO");
-        talk(&mut rig, &[("D970D80000000000", "8000000001000405")]);
+        let mut fixture = fixture();
+        talk(&mut fixture, &[BEGIN, FIRST, SECOND, THIRD]);
+        assert_eq!(text(&fixture), "fifteen letters");
+        talk(&mut fixture, &[("D970D80000000000", "A100000000000000")]);
+        assert_eq!(text(&fixture), "ABCDEFGHIJKLMNO");
+        talk(&mut fixture, &[("D970D80000000000", "8000000001000405")]);
     }
 
     #[test]
     fn what_is_lost_is_asked_for_again_from_1() {
-        let mut rig = rig();
+        let mut fixture = fixture();
         talk(
-            &mut rig,
+            &mut fixture,
             &[
                 BEGIN,
                 FIRST,
@@ -162,7 +162,7 @@ mod tests {
                 ("D970D80000000000", "A100000000000000"),
             ],
         );
-        assert_eq!(text(&rig), "ABCDEFGHIJKLMNO");
+        assert_eq!(text(&fixture), "ABCDEFGHIJKLMNO");
     }
 
     #[test]
@@ -174,21 +174,24 @@ mod tests {
             ("D570D80000000000", "8004200012000706"),
         ];
         for end in ends {
-            let mut rig = rig();
-            talk(&mut rig, &whole);
-            talk(&mut rig, &[end, ("6000000000000000", "8000000001000405")]);
-            assert_eq!(text(&rig), "fifteen letters");
+            let mut fixture = fixture();
+            talk(&mut fixture, &whole);
+            talk(&mut fixture, &[end, ("6000000000000000", "8000000001000405")]);
+            assert_eq!(text(&fixture), "fifteen letters");
         }
-        talk(&mut rig(), &[BEGIN, ("0000000000000000", "8004200003000405")]);
+        talk(&mut fixture(), &[BEGIN, ("0000000000000000", "8004200003000405")]);
         let short = ("C604200008000000", "A40420007F000000");
-        talk(&mut rig(), &[short, FIRST, SECOND, ("0300000000000000", "8004200012000706")]);
-        talk(&mut rig(), &[BEGIN, FIRST, SECOND, THIRD, ("A100000000000000", "8004200001000405")]);
+        talk(&mut fixture(), &[short, FIRST, SECOND, ("0300000000000000", "8004200012000706")]);
+        talk(
+            &mut fixture(),
+            &[BEGIN, FIRST, SECOND, THIRD, ("A100000000000000", "8004200001000405")],
+        );
     }
 
     #[test]
     fn what_cannot_be_written_is_refused_at_once() {
         talk(
-            &mut rig(),
+            &mut fixture(),
             &[
                 ("C600100004000000", "8000100002000106"),
                 ("C600300004000000", "8000300000000206"),
@@ -202,23 +205,23 @@ mod tests {
 
     #[test]
     fn in_a_sub_block_everything_is_data_but_an_abort() {
-        let mut rig = rig();
-        talk(&mut rig, &[("C404200000000000", "A40420007F000000")]);
+        let mut fixture = fixture();
+        talk(&mut fixture, &[("C404200000000000", "A40420007F000000")]);
         for sequence in 1..=0x41 {
-            talk(&mut rig, &[(&format!("{sequence:02X}41414141414141"), "")]);
+            talk(&mut fixture, &[(&format!("{sequence:02X}41414141414141"), "")]);
         }
-        talk(&mut rig, &[("8000000000000405", ""), ("4000200000000000", "4F00200011000000")]);
-        assert_eq!(text(&rig), "fifteen letters");
+        talk(&mut fixture, &[("8000000000000405", ""), ("4000200000000000", "4F00200011000000")]);
+        assert_eq!(text(&fixture), "fifteen letters");
     }
 
     #[test]
     fn silence_ends_it() {
-        let mut rig = rig();
-        talk(&mut rig, &[BEGIN, FIRST]);
+        let mut fixture = fixture();
+        talk(&mut fixture, &[BEGIN, FIRST]);
         let refused = (1_001_000, "585#8004200000000405".to_owned());
-        assert_eq!(rig.until(2_000_000), [refused]);
-        talk(&mut rig, &[BEGIN, FIRST, SECOND, THIRD]);
+        assert_eq!(fixture.until(2_000_000), [refused]);
+        talk(&mut fixture, &[BEGIN, FIRST, SECOND, THIRD]);
         let refused = (3_000_000, "585#8004200000000405".to_owned());
-        assert_eq!(rig.until(4_000_000), [refused]);
+        assert_eq!(fixture.until(4_000_000), [refused]);
     }
 }

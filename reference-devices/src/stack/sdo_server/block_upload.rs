@@ -156,7 +156,7 @@ impl BlockUpload {
 
 #[cfg(test)]
 mod tests {
-    use super::super::tests::{rig, talk};
+    use super::super::tests::{fixture, talk};
     use crate::stack::testing::sent;
 
     /// 2004h holds fifteen letters: three segments.
@@ -165,14 +165,14 @@ mod tests {
 
     #[test]
     fn segments_follow_at_once_and_the_end_has_the_checksum() {
-        let mut rig = rig();
-        talk(&mut rig, &[BEGIN, START]);
+        let mut fixture = fixture();
+        talk(&mut fixture, &[BEGIN, START]);
         let block = [(1_000, "585#016669667465656E"), (1_115, "585#02206C6574746572")];
-        assert_eq!(rig.until(10_000), sent(&block));
-        talk(&mut rig, &[("A2027F0000000000", "")]);
-        assert_eq!(rig.until(20_000), sent(&[(10_000, "585#8173000000000000")]));
+        assert_eq!(fixture.until(10_000), sent(&block));
+        talk(&mut fixture, &[("A2027F0000000000", "")]);
+        assert_eq!(fixture.until(20_000), sent(&[(10_000, "585#8173000000000000")]));
         talk(
-            &mut rig,
+            &mut fixture,
             &[
                 ("A2017F0000000000", "D97F990000000000"),
                 ("A100000000000000", ""),
@@ -183,39 +183,39 @@ mod tests {
 
     #[test]
     fn what_the_client_did_not_get_is_sent_again_from_1() {
-        let mut rig = rig();
-        talk(&mut rig, &[BEGIN, START]);
-        assert_eq!(rig.until(10_000).len(), 2);
-        talk(&mut rig, &[("A201030000000000", "")]);
+        let mut fixture = fixture();
+        talk(&mut fixture, &[BEGIN, START]);
+        assert_eq!(fixture.until(10_000).len(), 2);
+        talk(&mut fixture, &[("A201030000000000", "")]);
         let again = [(10_000, "585#01206C6574746572"), (10_116, "585#8273000000000000")];
-        assert_eq!(rig.until(20_000), sent(&again));
-        talk(&mut rig, &[("A200010000000000", "")]);
-        assert_eq!(rig.until(30_000), sent(&[(20_000, "585#01206C6574746572")]));
+        assert_eq!(fixture.until(20_000), sent(&again));
+        talk(&mut fixture, &[("A200010000000000", "")]);
+        assert_eq!(fixture.until(30_000), sent(&[(20_000, "585#01206C6574746572")]));
     }
 
     #[test]
     fn every_wrong_word_has_its_code() {
         for size in ["00", "80", "FF"] {
             let begin = format!("A4042000{size}000000");
-            talk(&mut rig(), &[(&begin, "8004200002000405")]);
-            let mut rig = rig();
-            talk(&mut rig, &[BEGIN, START]);
-            rig.until(10_000);
-            talk(&mut rig, &[(&format!("A201{size}0000000000"), "8004200002000405")]);
+            talk(&mut fixture(), &[(&begin, "8004200002000405")]);
+            let mut fixture = fixture();
+            talk(&mut fixture, &[BEGIN, START]);
+            fixture.until(10_000);
+            talk(&mut fixture, &[(&format!("A201{size}0000000000"), "8004200002000405")]);
         }
-        let mut early = rig();
+        let mut early = fixture();
         talk(&mut early, &[BEGIN, ("A2007F0000000000", "8004200001000405")]);
-        let mut twice = rig();
+        let mut twice = fixture();
         talk(&mut twice, &[BEGIN, START]);
         twice.until(10_000);
         talk(&mut twice, &[("A300000000000000", "8004200001000405")]);
-        let mut beyond = rig();
+        let mut beyond = fixture();
         talk(&mut beyond, &[BEGIN, START]);
         beyond.until(10_000);
         talk(&mut beyond, &[("A2037F0000000000", "8004200003000405")]);
-        talk(&mut rig(), &[BEGIN, ("A100000000000000", "8004200001000405")]);
+        talk(&mut fixture(), &[BEGIN, ("A100000000000000", "8004200001000405")]);
         talk(
-            &mut rig(),
+            &mut fixture(),
             &[
                 ("A406200002000000", "8006200001000106"),
                 ("A400300002000000", "8000300000000206"),
@@ -226,19 +226,19 @@ mod tests {
 
     #[test]
     fn an_abort_stops_the_stream_and_a_new_transfer_replaces_it() {
-        let mut rig = rig();
-        talk(&mut rig, &[BEGIN, START]);
-        assert_eq!(rig.until(1_100).len(), 1);
-        talk(&mut rig, &[("8004200000000008", "")]);
-        assert_eq!(rig.until(5_000), []);
-        talk(&mut rig, &[BEGIN, START, BEGIN, ("4000200000000000", "4F00200011000000")]);
-        assert_eq!(rig.until(2_000_000), []);
+        let mut fixture = fixture();
+        talk(&mut fixture, &[BEGIN, START]);
+        assert_eq!(fixture.until(1_100).len(), 1);
+        talk(&mut fixture, &[("8004200000000008", "")]);
+        assert_eq!(fixture.until(5_000), []);
+        talk(&mut fixture, &[BEGIN, START, BEGIN, ("4000200000000000", "4F00200011000000")]);
+        assert_eq!(fixture.until(2_000_000), []);
     }
 
     #[test]
     fn a_client_that_allows_it_gets_short_values_in_the_usual_way() {
         talk(
-            &mut rig(),
+            &mut fixture(),
             &[
                 ("A400200002010000", "4F00200011000000"),
                 ("A4042000020F0000", "410420000F000000"),
@@ -252,18 +252,18 @@ mod tests {
     #[test]
     fn silence_of_the_client_ends_it() {
         for words in [&[BEGIN][..], &[BEGIN, START][..]] {
-            let mut rig = rig();
-            talk(&mut rig, words);
-            let came = rig.until(3_000_000);
+            let mut fixture = fixture();
+            talk(&mut fixture, words);
+            let came = fixture.until(3_000_000);
             assert_eq!(came.last().unwrap().1, "585#8004200000000405");
         }
     }
 
     #[test]
     fn nothing_is_one_empty_segment() {
-        let mut rig = rig();
-        talk(&mut rig, &[("A405200002000000", "C605200000000000"), START]);
-        assert_eq!(rig.until(10_000), sent(&[(1_000, "585#8100000000000000")]));
-        talk(&mut rig, &[("A2017F0000000000", "DD00000000000000")]);
+        let mut fixture = fixture();
+        talk(&mut fixture, &[("A405200002000000", "C605200000000000"), START]);
+        assert_eq!(fixture.until(10_000), sent(&[(1_000, "585#8100000000000000")]));
+        talk(&mut fixture, &[("A2017F0000000000", "DD00000000000000")]);
     }
 }

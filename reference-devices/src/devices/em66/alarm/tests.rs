@@ -155,17 +155,18 @@ fn what_would_be_no_alarm_is_refused() {
 }
 
 /// Alarms of a device, their objects, and what the controller does.
-struct Bench {
+struct Fixture {
     od: Dictionary,
     alarms: Alarms,
     duty: Duty,
 }
 
-impl Bench {
+impl Fixture {
     fn new() -> Self {
-        let mut bench = Self { od: dictionary(), alarms: Alarms::default(), duty: Duty::default() };
-        bench.alarms.reset(&mut bench.od, &Conformant);
-        bench
+        let mut fixture =
+            Self { od: dictionary(), alarms: Alarms::default(), duty: Duty::default() };
+        fixture.alarms.reset(&mut fixture.od, &Conformant);
+        fixture
     }
 
     /// Writes as the network does, and looks.
@@ -205,16 +206,16 @@ fn dictionary() -> Dictionary {
 
 #[test]
 fn the_order_of_the_document_leads_to_an_alarm() {
-    let mut bench = Bench::new();
-    bench.at(700);
+    let mut fixture = Fixture::new();
+    fixture.at(700);
     for (index, number) in [(0x65F0, EFFECTIVE.into()), (0x75F2, 600), (0x75F3, 20)] {
-        assert!(bench.write(index, number));
-        assert_eq!(bench.value(0x65F4), 0, "after {index:04X}h");
+        assert!(fixture.write(index, number));
+        assert_eq!(fixture.value(0x65F4), 0, "after {index:04X}h");
     }
-    assert!(bench.write(0x65F8, 2));
-    assert_eq!(bench.value(0x65F4), 1);
-    assert!(bench.write(0x65F9, 0) && bench.write(0x75F2, 730));
-    assert_eq!(bench.value(0x65F4), 0);
+    assert!(fixture.write(0x65F8, 2));
+    assert_eq!(fixture.value(0x65F4), 1);
+    assert!(fixture.write(0x65F9, 0) && fixture.write(0x75F2, 730));
+    assert_eq!(fixture.value(0x65F4), 0);
 }
 
 #[test]
@@ -231,86 +232,86 @@ fn a_refused_type_gives_way_to_a_supported_one() {
         (0, 0x12, 0),
     ];
     for (link, refused, left) in table {
-        let mut bench = Bench::new();
-        assert!(bench.write(0x6500, link.into()));
-        assert!(!bench.write(0x6508, refused), "{refused:X}h on {link:08X}h");
-        assert_eq!(bench.value(0x6508), left, "{refused:X}h on {link:08X}h");
+        let mut fixture = Fixture::new();
+        assert!(fixture.write(0x6500, link.into()));
+        assert!(!fixture.write(0x6508, refused), "{refused:X}h on {link:08X}h");
+        assert_eq!(fixture.value(0x6508), left, "{refused:X}h on {link:08X}h");
     }
-    let mut bench = Bench::new();
-    assert!(!bench.write(0x6500, 0x5FFF_0110));
-    assert_eq!(bench.value(0x6500), 0);
+    let mut fixture = Fixture::new();
+    assert!(!fixture.write(0x6500, 0x5FFF_0110));
+    assert_eq!(fixture.value(0x6500), 0);
 }
 
 #[test]
 fn the_flow_has_a_hysteresis_of_its_own() {
-    let mut bench = Bench::new();
-    assert!(bench.write(0x6500, FLOW_LINK.into()) && bench.write(0x7502, 100));
-    assert!(!bench.write(0x7503, 7) && bench.write(0x6508, 3));
+    let mut fixture = Fixture::new();
+    assert!(fixture.write(0x6500, FLOW_LINK.into()) && fixture.write(0x7502, 100));
+    assert!(!fixture.write(0x7503, 7) && fixture.write(0x6508, 3));
     for (flow, alarm) in [(105, 0), (100, 0), (99, 1), (104, 1), (105, 0)] {
-        bench.od.set_int(FLOW, flow);
-        bench.look();
-        assert_eq!(bench.value(0x6504), alarm, "at {flow}");
+        fixture.od.set_int(FLOW, flow);
+        fixture.look();
+        assert_eq!(fixture.value(0x6504), alarm, "at {flow}");
     }
 }
 
 /// A device that is off, with alarm 1 of type 12h from 65.0 degrees on.
-fn waiting() -> Bench {
-    let mut bench = Bench::new();
-    bench.od.set_int(SET_POINT, 600);
-    bench.od.set_int(SECOND_SET_POINT, 600);
-    assert!(bench.write(0x6500, EFFECTIVE.into()));
-    assert!(bench.write(0x7502, 650) && bench.write(0x6508, 0x12));
-    bench
+fn waiting() -> Fixture {
+    let mut fixture = Fixture::new();
+    fixture.od.set_int(SET_POINT, 600);
+    fixture.od.set_int(SECOND_SET_POINT, 600);
+    assert!(fixture.write(0x6500, EFFECTIVE.into()));
+    assert!(fixture.write(0x7502, 650) && fixture.write(0x6508, 0x12));
+    fixture
 }
 
 #[test]
 fn a_start_condition_waits_for_the_set_point_once() {
-    let mut bench = waiting();
-    assert_eq!([bench.at(600), bench.at(700)], [0, 0], "off");
-    bench.duty.on = true;
-    assert_eq!([bench.at(700), bench.at(611)], [0, 0], "above the set point and beside it");
-    assert_eq!([bench.at(610), bench.at(650), bench.at(900)], [0, 1, 1], "reached");
-    assert_eq!([bench.at(649), bench.at(650)], [0, 1], "and left");
-    bench.duty.on = false;
-    assert_eq!([bench.at(700), bench.at(600)], [0, 0], "off again");
-    bench.duty.on = true;
-    assert_eq!(bench.at(590), 0);
-    assert_eq!(bench.at(700), 1, "one look at the set point is enough");
-    bench.duty.cooling_down = true;
-    assert_eq!(bench.at(700), 0, "on the way to off nobody makes for it");
+    let mut fixture = waiting();
+    assert_eq!([fixture.at(600), fixture.at(700)], [0, 0], "off");
+    fixture.duty.on = true;
+    assert_eq!([fixture.at(700), fixture.at(611)], [0, 0], "above the set point and beside it");
+    assert_eq!([fixture.at(610), fixture.at(650), fixture.at(900)], [0, 1, 1], "reached");
+    assert_eq!([fixture.at(649), fixture.at(650)], [0, 1], "and left");
+    fixture.duty.on = false;
+    assert_eq!([fixture.at(700), fixture.at(600)], [0, 0], "off again");
+    fixture.duty.on = true;
+    assert_eq!(fixture.at(590), 0);
+    assert_eq!(fixture.at(700), 1, "one look at the set point is enough");
+    fixture.duty.cooling_down = true;
+    assert_eq!(fixture.at(700), 0, "on the way to off nobody makes for it");
 }
 
 #[test]
 fn only_another_set_point_in_use_begins_the_wait_anew() {
-    let mut bench = waiting();
-    bench.duty.on = true;
-    assert_eq!([bench.at(600), bench.at(700)], [0, 1]);
-    bench.od.set_int(SECOND_SET_POINT, 400);
-    assert_eq!(bench.at(700), 1, "the one that is not in use");
-    bench.od.set_int(CONTROL_BYTE, 0x09);
-    assert_eq!(bench.at(700), 0, "selected");
-    assert_eq!([bench.at(400), bench.at(700)], [0, 1]);
-    bench.od.set_int(SECOND_SET_POINT, 410);
-    assert_eq!(bench.at(700), 0, "changed");
-    bench.od.set_int(CONTROL_BYTE, 0x01);
-    assert_eq!([bench.at(700), bench.at(600), bench.at(700)], [0, 0, 1], "and back");
+    let mut fixture = waiting();
+    fixture.duty.on = true;
+    assert_eq!([fixture.at(600), fixture.at(700)], [0, 1]);
+    fixture.od.set_int(SECOND_SET_POINT, 400);
+    assert_eq!(fixture.at(700), 1, "the one that is not in use");
+    fixture.od.set_int(CONTROL_BYTE, 0x09);
+    assert_eq!(fixture.at(700), 0, "selected");
+    assert_eq!([fixture.at(400), fixture.at(700)], [0, 1]);
+    fixture.od.set_int(SECOND_SET_POINT, 410);
+    assert_eq!(fixture.at(700), 0, "changed");
+    fixture.od.set_int(CONTROL_BYTE, 0x01);
+    assert_eq!([fixture.at(700), fixture.at(600), fixture.at(700)], [0, 0, 1], "and back");
 }
 
 #[test]
 fn a_reset_keeps_what_the_objects_hold() {
-    let mut bench = Bench::new();
-    bench.at(700);
-    assert!(bench.write(0x6500, EFFECTIVE.into()) && bench.write(0x7502, 600));
-    assert!(bench.write(0x6508, 2));
-    assert_eq!(bench.value(0x6504), 1);
-    bench.alarms.reset(&mut bench.od, &Conformant);
-    assert_eq!(bench.value(0x6504), 0);
-    assert_eq!(bench.at(700), 1);
+    let mut fixture = Fixture::new();
+    fixture.at(700);
+    assert!(fixture.write(0x6500, EFFECTIVE.into()) && fixture.write(0x7502, 600));
+    assert!(fixture.write(0x6508, 2));
+    assert_eq!(fixture.value(0x6504), 1);
+    fixture.alarms.reset(&mut fixture.od, &Conformant);
+    assert_eq!(fixture.value(0x6504), 0);
+    assert_eq!(fixture.at(700), 1);
 }
 
 #[test]
 fn what_is_left_of_an_earlier_use_does_not_stand_in_the_way() {
-    let mut bench = Bench::new();
+    let mut fixture = Fixture::new();
     let difference = [
         (0x6500, EFFECTIVE.into()),
         (0x6501, SET_POINT_IN_FORCE.into()),
@@ -319,15 +320,15 @@ fn what_is_left_of_an_earlier_use_does_not_stand_in_the_way() {
         (0x6508, 0x14),
     ];
     for (index, number) in difference {
-        assert!(bench.write(index, number), "{index:04X}h");
+        assert!(fixture.write(index, number), "{index:04X}h");
     }
-    assert!(!bench.write(0x6500, FLOW_LINK.into()), "while it is on");
-    assert_eq!(bench.value(0x6501), i64::from(SET_POINT_IN_FORCE));
-    assert!(bench.write(0x6508, 0) && bench.write(0x6500, MAIN.into()));
-    assert_eq!([0x6501, 0x7503].map(|index| bench.value(index)), [SET_POINT_IN_FORCE.into(), 10]);
-    assert!(bench.write(0x6500, FLOW_LINK.into()));
-    assert_eq!([0x6501, 0x7502, 0x7503].map(|index| bench.value(index)), [0, 50, 0]);
-    assert!(bench.write(0x6508, 3));
+    assert!(!fixture.write(0x6500, FLOW_LINK.into()), "while it is on");
+    assert_eq!(fixture.value(0x6501), i64::from(SET_POINT_IN_FORCE));
+    assert!(fixture.write(0x6508, 0) && fixture.write(0x6500, MAIN.into()));
+    assert_eq!([0x6501, 0x7503].map(|index| fixture.value(index)), [SET_POINT_IN_FORCE.into(), 10]);
+    assert!(fixture.write(0x6500, FLOW_LINK.into()));
+    assert_eq!([0x6501, 0x7502, 0x7503].map(|index| fixture.value(index)), [0, 50, 0]);
+    assert!(fixture.write(0x6508, 3));
 }
 
 /// An offset in the alarm block and a number that somebody writes there, mostly a sensible one.
@@ -348,13 +349,13 @@ proptest! {
     fn whatever_is_written_an_alarm_is_one_that_the_device_can_watch(
         writes in prop::collection::vec((writes(), -50..50i64), 1..40),
     ) {
-        let mut bench = Bench::new();
+        let mut fixture = Fixture::new();
         for ((index, number), effective) in writes {
-            bench.write(index, number);
-            prop_assert!(matches!(bench.at(effective), 0 | 1));
-            let alarm = &bench.alarms.alarms[0];
-            prop_assert_eq!(alarm.setup, Setup::of(&alarm.objects, &bench.od));
-            prop_assert!(alarm.setup.is_possible(&bench.od, &Conformant), "{:?}", alarm.setup);
+            fixture.write(index, number);
+            prop_assert!(matches!(fixture.at(effective), 0 | 1));
+            let alarm = &fixture.alarms.alarms[0];
+            prop_assert_eq!(alarm.setup, Setup::of(&alarm.objects, &fixture.od));
+            prop_assert!(alarm.setup.is_possible(&fixture.od, &Conformant), "{:?}", alarm.setup);
         }
     }
 }

@@ -6,11 +6,11 @@ use crate::devices::em66::Em66;
 use crate::devices::em66::objects::{EFFECTIVE_VALUE, ERROR_STATUS, STATUS};
 use crate::rules::Specification;
 use crate::stack::NodeSettings;
-use crate::stack::testing::Rig;
+use crate::stack::testing::Fixture;
 
 /// A heating/cooling device on a table, on node id 5.
 struct Table {
-    rig: Rig,
+    fixture: Fixture,
 }
 
 impl Table {
@@ -19,7 +19,7 @@ impl Table {
         let device = Em66::new(&without);
         let eds = devices::device("em66").unwrap().description.eds;
         let settings = NodeSettings::default();
-        Self { rig: Rig::with(&eds, settings, Box::new(Specification), Box::new(device)) }
+        Self { fixture: Fixture::with(&eds, settings, Box::new(Specification), Box::new(device)) }
     }
 
     fn new() -> Self {
@@ -27,17 +27,17 @@ impl Table {
     }
 
     fn bench(&mut self, name: &str, value: f64) -> &mut Self {
-        self.rig.stimulate(name, &Value::Real(value));
+        self.fixture.stimulate(name, &Value::Real(value));
         self
     }
 
     fn byte(&mut self, mux: Mux, byte: u8) -> &mut Self {
-        self.rig.write(mux, &[byte]).unwrap();
+        self.fixture.write(mux, &[byte]).unwrap();
         self
     }
 
     fn read(&mut self, mux: Mux) -> u8 {
-        self.rig.read(mux).unwrap()[0]
+        self.fixture.read(mux).unwrap()[0]
     }
 
     /// 2007h and the on/off bit of 6427h.
@@ -46,8 +46,8 @@ impl Table {
     }
 
     fn after(&mut self, milliseconds: u64) -> &mut Self {
-        let Instant(now) = self.rig.now;
-        self.rig.run_to(now / 1000 + milliseconds * 1000);
+        let Instant(now) = self.fixture.now;
+        self.fixture.run_to(now / 1000 + milliseconds * 1000);
         self
     }
 }
@@ -60,20 +60,20 @@ fn a_mode_is_shown_and_chooses_the_effective_value() {
     for (mode, expected) in [(1, 500u16), (2, 400), (3, 300)] {
         table.byte(CONTROLLER_MODE, mode);
         assert_eq!(table.read(CONTROLLER_MODE_DISPLAY), mode);
-        assert_eq!(table.rig.read(EFFECTIVE_VALUE).unwrap(), expected.to_le_bytes());
+        assert_eq!(table.fixture.read(EFFECTIVE_VALUE).unwrap(), expected.to_le_bytes());
     }
     for mode in [0, 4, 255] {
-        assert_eq!(table.rig.write(CONTROLLER_MODE, &[mode]), Err(0x0609_0030), "{mode}");
+        assert_eq!(table.fixture.write(CONTROLLER_MODE, &[mode]), Err(0x0609_0030), "{mode}");
     }
     assert_eq!(table.read(CONTROLLER_MODE_DISPLAY), 3);
-    assert_eq!(table.rig.read(CONTROLLER_MODE), Err(0x0601_0001));
+    assert_eq!(table.fixture.read(CONTROLLER_MODE), Err(0x0601_0001));
 }
 
 #[test]
 fn what_the_device_has_not_got_is_refused() {
     let refused = |without: &[&str]| {
         let mut table = Table::without(without);
-        let refuses = |mode: &u8| table.rig.write(SWITCH_OFF_MODE, &[*mode]).is_err();
+        let refuses = |mode: &u8| table.fixture.write(SWITCH_OFF_MODE, &[*mode]).is_err();
         (0..=6).filter(refuses).collect::<Vec<u8>>()
     };
     assert_eq!(refused(&[]), [5, 6]);
@@ -116,12 +116,12 @@ fn suction_waits_for_the_evacuation_and_for_the_controller() {
 fn an_error_is_an_emergency_message_too_and_a_reset_ends_it() {
     let mut table = Table::new();
     let sent = |table: &mut Table| {
-        let now = table.rig.now.0 / 1000;
-        table.rig.until(now).into_iter().map(|(_, frame)| frame).collect::<Vec<_>>()
+        let now = table.fixture.now.0 / 1000;
+        table.fixture.until(now).into_iter().map(|(_, frame)| frame).collect::<Vec<_>>()
     };
-    table.rig.stimulate("safety-limiter", &Value::Int(1));
+    table.fixture.stimulate("safety-limiter", &Value::Int(1));
     assert_eq!(sent(&mut table), ["085#0042090200000000"]);
-    table.rig.stimulate("safety-limiter", &Value::Int(0));
+    table.fixture.stimulate("safety-limiter", &Value::Int(0));
     assert_eq!(table.read(ERROR_STATUS), 2);
     assert!(sent(&mut table).is_empty());
     table.byte(CONTROL_WORD, 0x80);
