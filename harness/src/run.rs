@@ -1,10 +1,12 @@
 //! Running a plan against a device: the loop over cases, and the events it emits.
 
 mod ask;
+mod baseline;
 mod bench;
 mod bench_snapshot;
 mod case;
 mod judge;
+mod ladder;
 mod limits;
 mod link;
 mod lss;

@@ -9,6 +9,7 @@ use crate::source::{At, Complaint};
 use crate::suite::Suite;
 use crate::suite::model::{Case, Requires};
 use crate::suite::profile::{BlockDirections, Capability};
+use crate::suite::step::Step;
 
 /// What runs against one device, in order.
 #[derive(Clone, Debug)]
@@ -79,6 +80,11 @@ impl Instance {
             upload: all.upload || each.upload,
             download: all.download || each.download,
         })
+    }
+
+    /// Whether there must be a device: a case about nothing but the data sheet needs none.
+    pub fn needs_device(&self) -> bool {
+        !self.case().all_steps().all(|step| matches!(step.value, Step::Eds(_)))
     }
 
     /// The options of the profile that the device must have for this, though nothing tells that it

@@ -5,6 +5,7 @@ use canopen::pdo::CobId;
 use canopen::{BusError, Instant, Mux, emcy};
 use reports::{Event, Note, Outcome, Phase, Problem};
 
+use super::baseline::Baseline;
 use super::bench_snapshot::BenchSnapshot;
 use super::judge::{Difference, Trouble, excerpt};
 use super::link::Link;
@@ -43,10 +44,12 @@ pub(super) fn run(
     link: &mut Link,
     policy: &Policy,
     dut: &Dut,
+    baseline: &Baseline,
     instance: &Instance,
     left: Left,
 ) -> Finished {
-    let mut run = CaseRun { link, policy, dut, instance, bench_snapshot: BenchSnapshot::default() };
+    let bench_snapshot = BenchSnapshot::default();
+    let mut run = CaseRun { link, policy, dut, baseline, instance, bench_snapshot };
     let (outcome, aftermath) = run.run(left);
     link.take_trace();
     Finished { outcome, aftermath }
@@ -56,13 +59,20 @@ struct CaseRun<'r, 'b> {
     link: &'r mut Link<'b>,
     policy: &'r Policy,
     dut: &'r Dut,
+    baseline: &'r Baseline,
     instance: &'r Instance,
     bench_snapshot: BenchSnapshot,
 }
 
 impl CaseRun<'_, '_> {
     fn run(&mut self, left: Left) -> (Outcome, Aftermath) {
-        match settle::settle(self.link, self.policy, self.dut, left) {
+        if !self.instance.needs_device() {
+            return match self.steps() {
+                Ok(outcome) => (outcome, Aftermath::Left(left)),
+                Err(error) => self.bus_failed(error),
+            };
+        }
+        match settle::settle(self.link, self.policy, self.dut, self.baseline, left) {
             Ok(note) => note.into_iter().for_each(|text| self.note(text)),
             Err(Unsettled::Bus(error)) => return self.bus_failed(error),
             Err(Unsettled::Device(why)) => {
@@ -113,7 +123,9 @@ impl CaseRun<'_, '_> {
             result.fail(Phase::Step, place, difference);
             return Ok(result.outcome);
         }
-        settle::enter(self.link, self.policy, self.dut, self.instance.case().state)?;
+        if self.instance.needs_device() {
+            settle::enter(self.link, self.policy, self.dut, self.instance.case().state)?;
+        }
         let watched_from = self.link.trace().len();
         let case = self.instance.case();
         let mut steps = Steps {
@@ -173,7 +185,9 @@ impl CaseRun<'_, '_> {
     fn restore(&mut self, snapshot: &Snapshot, still: bool) -> Result<bool, BusError> {
         let without_supply = self.bench_snapshot.off;
         match self.bench_snapshot.undo(self.link) {
-            Ok(()) if without_supply => _ = settle::booted(self.link, self.policy, self.dut)?,
+            Ok(()) if without_supply => {
+                _ = settle::booted(self.link, self.policy, self.dut, self.baseline)?;
+            }
             Ok(()) => {}
             Err(error) if without_supply => {
                 let what = format!("the bench does not switch the supply on again: {error}");

@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use canopen::{Bus, BusError, DataType, Mux, Value};
 use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Outcome};
 
+use super::baseline::Baseline;
 use super::case::{self, Aftermath};
 use super::link::Link;
 use super::policy::Policy;
@@ -61,23 +62,36 @@ impl Session<'_> {
             Ok(identity) => identity,
             Err(error) => return Ending::Bus(error),
         };
+        let baseline = match self.baseline(&mut link, identity) {
+            Ok(baseline) => baseline,
+            Err(error) => return Ending::Bus(error),
+        };
         link.emit(Event::DeviceStarted(DeviceStarted {
             device: dut.name.clone(),
             node: dut.node,
             identity,
             rerun: self.rerun.clone(),
-            remark: self.remark(),
+            remark: self.remark(&baseline),
         }));
         let blocks = match self.knows_blocks(&mut link) {
             Ok(blocks) => blocks,
             Err(error) => return Ending::Bus(error),
         };
         link.take_trace();
-        self.cases(&mut link, blocks)
+        self.cases(&mut link, &baseline, blocks)
+    }
+
+    /// How the device is from the start. One that no case needs is left alone.
+    fn baseline(&self, link: &mut Link, identity: Identity) -> Result<Baseline, BusError> {
+        let needed = |each: &Instance| each.skip.is_none() && each.needs_device();
+        match self.plan.instances.iter().any(needed) {
+            true => Baseline::take(link, &self.policy, &self.plan.dut, identity),
+            false => Ok(Baseline::of(identity)),
+        }
     }
 
     /// What readers of a report must know of how the device was tested.
-    fn remark(&self) -> Option<String> {
+    fn remark(&self, baseline: &Baseline) -> Option<String> {
         let sheet = &self.plan.dut.sheet;
         let composed = sheet.composed.then(|| {
             format!(
@@ -89,7 +103,7 @@ impl Session<'_> {
         let without = &self.plan.dut.without;
         let options = (!without.is_empty()).then(|| format!("without {}", without.join(", ")));
         let remarks = composed.into_iter().chain(options).chain(self.plan.said_left_out());
-        let remarks: Vec<String> = remarks.collect();
+        let remarks: Vec<String> = remarks.chain(baseline.remarks()).collect();
         (!remarks.is_empty()).then(|| remarks.join("; "))
     }
 
@@ -104,8 +118,9 @@ impl Session<'_> {
         sdo::knows_blocks(link, &self.policy, self.plan.dut.node, asked)
     }
 
-    fn cases(&self, link: &mut Link, blocks: BlockDirections) -> Ending {
+    fn cases(&self, link: &mut Link, baseline: &Baseline, blocks: BlockDirections) -> Ending {
         let (mut left, mut failed) = (Left::Calm, 0);
+        let mut gone: Option<String> = None;
         for (place, instance) in self.plan.instances.iter().enumerate() {
             // A real bus notices while it waits; a simulated one never waits.
             if self.stop.swap(false, Ordering::SeqCst) {
@@ -123,7 +138,12 @@ impl Session<'_> {
                 link.emit(ended(link, Outcome::Skip(reason)));
                 continue;
             }
-            let finished = case::run(link, &self.policy, &self.plan.dut, instance, left);
+            if let Some(reason) = gone.as_ref().filter(|_| instance.needs_device()) {
+                link.emit(ended(link, Outcome::not_run(reason)));
+                continue;
+            }
+            let (policy, dut) = (&self.policy, &self.plan.dut);
+            let finished = case::run(link, policy, dut, baseline, instance, left);
             let outcome = match self.is_binding(instance) {
                 true => finished.outcome,
                 false => finished.outcome.capped(),
@@ -133,25 +153,15 @@ impl Session<'_> {
             let rest = &self.plan.instances[place + 1..];
             match finished.aftermath {
                 Aftermath::Left(how) => left = how,
-                Aftermath::Gone(reason) => {
-                    self.not_run(link, rest, &reason);
-                    return Ending::Gone(reason);
-                }
+                // What is about the data sheet needs no device.
+                Aftermath::Gone(reason) => gone = Some(reason),
                 Aftermath::Stop(error) => return Ending::Bus(error),
             }
             if self.max_fail.is_some_and(|most| failed >= most) {
                 return Ending::Enough(rest.len());
             }
         }
-        Ending::Complete
-    }
-
-    /// Cases that cannot run any more are in the report all the same.
-    fn not_run(&self, link: &mut Link, rest: &[Instance], why: &str) {
-        for instance in rest {
-            link.emit(self.started(link, instance));
-            link.emit(ended(link, Outcome::not_run(why)));
-        }
+        gone.map_or(Ending::Complete, Ending::Gone)
     }
 
     /// Whether a case checks a requirement that a conformant device must keep.

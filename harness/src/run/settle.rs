@@ -2,9 +2,11 @@
 
 use canopen::heartbeat::{self, ErrorControl};
 use canopen::nmt::{Command, Service};
-use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request};
-use canopen::{Abort, BusError, Frame, Mux};
+use canopen::sdo::{Failure, REQUEST_COB_ID, RESPONSE_COB_ID};
+use canopen::{BusError, Frame, Mux};
 
+use super::baseline::Baseline;
+use super::ladder::{LADDER, Rung};
 use super::link::Link;
 use super::policy::Policy;
 use super::sdo;
@@ -36,32 +38,68 @@ impl From<BusError> for Unsettled {
     }
 }
 
-/// Brings the device into PRE-OPERATIONAL without errors, by a reset when nothing else helps.
-/// Returns a remark when a reset was needed.
+/// Brings the device into PRE-OPERATIONAL without errors that did not stand from the start.
+/// Returns a remark when more was needed than a command.
 pub(super) fn settle(
     link: &mut Link,
     policy: &Policy,
     dut: &Dut,
+    baseline: &Baseline,
     left: Left,
 ) -> Result<Option<String>, Unsettled> {
     if left == Left::Calm {
         pre_operational(link, policy, dut)?;
     }
-    if left != Left::Dirty && unrest(link, policy, dut)?.is_none() {
-        return Ok(None);
+    let mut unrest = match left {
+        Left::Dirty => None,
+        Left::Still | Left::Calm => match look(link, policy, dut, baseline)? {
+            None => return Ok(None),
+            unrest => unrest,
+        },
+    };
+    // What answers, and has errors, needs no gentler way than the one that clears them.
+    let first = match &unrest {
+        Some(Unrest::Silent(_) | Unrest::Odd(_)) => 0,
+        Some(Unrest::Errors(..)) | None => RESET_NODE,
+    };
+    for (place, rung) in LADDER.into_iter().enumerate().skip(first) {
+        if !rung.climb(link, policy, dut, baseline)? {
+            continue;
+        }
+        unrest = look(link, policy, dut, baseline)?;
+        match &unrest {
+            None => return Ok(Some(format!("settled by {}", rung.name()))),
+            Some(Unrest::Errors(what, register)) if place >= RESET_NODE => {
+                baseline.accept(register.clone());
+                return Ok(Some(format!(
+                    "{what}, which {} does not clear; it counts as no error from now on",
+                    rung.name()
+                )));
+            }
+            Some(_) => {}
+        }
     }
-    reset(link, policy, dut)?;
-    pre_operational(link, policy, dut)?;
-    if unrest(link, policy, dut)?.is_none() {
-        return Ok(Some("settled by reset node".to_owned()));
+    match unrest {
+        // Who answers is there; what it answers is for the case to judge.
+        Some(Unrest::Odd(what) | Unrest::Errors(what, _)) => Ok(Some(what)),
+        Some(Unrest::Silent(what)) => Err(Unsettled::Device(lost(&what, dut))),
+        None => Err(Unsettled::Device(lost("nothing after a reset", dut))),
     }
-    // A server may keep a transfer through the reset, and then answers the first request with the
-    // abort of that transfer or takes it for a part of it.
-    link.send(&Request::Abort(DEVICE_TYPE, Abort::GENERAL).frame(dut.node))?;
-    link.drain(policy.quiet)?;
-    match unrest(link, policy, dut)? {
-        None => Ok(Some("settled by reset node and an abort".to_owned())),
-        Some(unrest) => Err(Unsettled::Device(unrest)),
+}
+
+const RESET_NODE: usize = 4;
+
+/// Why a device is given up, and what may help where it can lose its node id.
+fn lost(what: &str, dut: &Dut) -> String {
+    let tried = format!("{what}; resets, one of all nodes included, did not help");
+    match dut.eds.device.lss {
+        true => format!(
+            "{tried}, nor did LSS. If its node id is gone, these frames give it back: 7E5#0401, \
+             7E5#11{:02X}, 7E5#0400, each with zeros up to eight bytes, on a bus without other LSS \
+             slaves",
+            dut.node
+        ),
+        false => tried,
     }
 }
 
@@ -72,15 +110,18 @@ pub(super) fn settle(
 pub(super) fn first_answer(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
     let end = link.mark() + policy.boot_timeout;
     let eager = Policy { sdo_timeout: policy.sdo_timeout / 10, ..*policy };
+    let mut refused = false;
     while link.mark() < end {
-        if sdo::upload(link, &eager, dut.node, DEVICE_TYPE)?.result.is_ok() {
-            return Ok(true);
+        match sdo::upload(link, &eager, dut.node, DEVICE_TYPE)?.result {
+            Ok(_) => return Ok(true),
+            Err(failure) => refused = matches!(failure, Failure::Aborted(_)),
         }
         // A wrong answer that comes at once must not become a busy loop.
         let pause = link.mark() + policy.quiet;
         link.wait(pause)?;
     }
-    Ok(false)
+    // Who refuses this to the end answers as well.
+    Ok(refused)
 }
 
 /// Leads a settled device into the state a case starts in.
@@ -128,45 +169,94 @@ fn enter_pre_operational(dut: &Dut) -> Frame {
     Command { service: Service::ENTER_PRE_OPERATIONAL, node: dut.node }.frame()
 }
 
-/// What keeps the device from being answering and without error.
-fn unrest(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Option<String>, BusError> {
-    if let Err(failure) = sdo::upload(link, policy, dut.node, DEVICE_TYPE)?.result {
-        return Ok(Some(format!("upload of {DEVICE_TYPE}: {failure}")));
-    }
-    match sdo::upload(link, policy, dut.node, ERROR_REGISTER)?.result {
-        Ok(register) if register.iter().all(|byte| *byte == 0) => {}
-        Ok(register) => {
-            return Ok(Some(format!(
-                "the error register is {}",
-                crate::plan::show_bytes(&register)
-            )));
+/// What keeps a device from being ready for a case.
+enum Unrest {
+    /// It does not answer.
+    Silent(String),
+    /// What it answers belongs to another request, or to none.
+    Odd(String),
+    /// It shows errors: which, and what 1001h says.
+    Errors(String, Result<Vec<u8>, Failure>),
+}
+
+/// What keeps the device from being ready for a case.
+fn look(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    baseline: &Baseline,
+) -> Result<Option<Unrest>, BusError> {
+    let unrest = |mux: Mux, failure: &Failure| {
+        let what = format!("upload of {mux}: {failure}");
+        match failure {
+            Failure::Timeout => Some(Unrest::Silent(what)),
+            Failure::Violation { .. } => Some(Unrest::Odd(what)),
+            // A refusal is an answer in order.
+            Failure::Aborted(_) => None,
         }
-        Err(failure) => return Ok(Some(format!("upload of {ERROR_REGISTER}: {failure}"))),
+    };
+    let device_type = sdo::upload(link, policy, dut.node, DEVICE_TYPE)?.result;
+    if let Some(unrest) = device_type.err().and_then(|failure| unrest(DEVICE_TYPE, &failure)) {
+        return Ok(Some(unrest));
     }
-    Ok(None)
+    let register = sdo::upload(link, policy, dut.node, ERROR_REGISTER)?.result;
+    let errors = baseline.new_errors(&register);
+    let failed = register.as_ref().err().and_then(|failure| unrest(ERROR_REGISTER, failure));
+    Ok(errors.map(|what| failed.unwrap_or(Unrest::Errors(what, register))))
 }
 
-/// Resets the node and waits until it is back.
-fn reset(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<(), Unsettled> {
-    link.send(&Command { service: Service::RESET_NODE, node: dut.node }.frame())?;
-    if !booted(link, policy, dut)? {
-        let seconds = policy.boot_timeout.as_secs();
-        return Err(Unsettled::Device(format!(
-            "no boot-up and no SDO answer within {seconds} s of a reset"
-        )));
-    }
-    Ok(())
-}
-
-/// Waits until a device that starts is back; whether it is.
+/// Resets the node and waits until it is back; whether it is.
 ///
 /// # Errors
 /// Whatever the bus reports.
-pub(super) fn booted(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
+pub(super) fn reset_node(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    baseline: &Baseline,
+) -> Result<bool, BusError> {
+    Rung::ResetNode.climb(link, policy, dut, baseline)
+}
+
+/// Waits until a device that starts is back and at rest; whether it is back. A device without a
+/// boot-up message is still usable for what else there is to find out, and is waited for once.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(super) fn booted(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    baseline: &Baseline,
+) -> Result<bool, BusError> {
     let boot_up = ErrorControl::BOOT_UP.frame(dut.node);
     debug_assert_eq!(boot_up.id.raw(), u32::from(heartbeat::COB_ID) + u32::from(dut.node));
-    let until = link.mark() + policy.boot_timeout;
-    // A device without a boot-up message is still usable for what else there is to find out.
-    let booted = link.find(until, |seen| !seen.own && seen.frame == boot_up)?;
-    Ok(booted.is_some() || first_answer(link, policy, dut)?)
+    let back = match baseline.boots_up() {
+        true => {
+            let until = link.mark() + policy.boot_timeout;
+            let booted = link.find(until, |seen| !seen.own && seen.frame == boot_up)?.is_some();
+            if !booted {
+                link.skip_to(until);
+            }
+            booted || {
+                let answers = answers(link, policy, dut)?;
+                if answers {
+                    baseline.without_boot_up();
+                }
+                answers
+            }
+        }
+        false => {
+            link.drain(policy.quiet)?;
+            first_answer(link, policy, dut)?
+        }
+    };
+    link.drain(policy.quiet)?;
+    Ok(back)
+}
+
+/// Whether the device answers an upload of 1000h, whatever it answers.
+fn answers(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
+    let ended = sdo::upload(link, policy, dut.node, DEVICE_TYPE)?;
+    Ok(!matches!(ended.result, Err(Failure::Timeout)))
 }

@@ -1,0 +1,136 @@
+//! What stands from the start: a device with errors that no case caused is tested all the same.
+
+use std::cell::{Cell, RefCell};
+
+use canopen::heartbeat::ErrorControl;
+use canopen::nmt::NmtState;
+use canopen::sdo::Failure;
+use canopen::{BusError, Mux, Stamped, emcy};
+use reports::Identity;
+
+use super::link::Link;
+use super::policy::Policy;
+use super::sdo;
+use super::settle;
+use crate::dut::Dut;
+
+const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
+
+/// The device as it was before the first case, freshly started.
+#[derive(Clone, Debug)]
+pub(super) struct Baseline {
+    /// What 1000h and 1018h say.
+    pub identity: Identity,
+    /// The bits of the error register; why there are none to compare with.
+    register: RefCell<Result<Vec<u8>, Failure>>,
+    /// Whether a boot-up message follows a reset.
+    boots_up: Cell<bool>,
+    /// Whether it entered OPERATIONAL without a command.
+    starts: bool,
+    /// The error codes of the emergencies that it sent, without 0000h.
+    emergencies: Vec<u16>,
+}
+
+impl Baseline {
+    /// A device of which nothing stands from the start.
+    pub(super) fn of(identity: Identity) -> Self {
+        Self {
+            identity,
+            register: RefCell::new(Ok(Vec::new())),
+            boots_up: Cell::new(true),
+            starts: false,
+            emergencies: Vec::new(),
+        }
+    }
+
+    /// Looks at a device that has answered. One of which no boot-up message was seen so far is
+    /// reset once, to see whether it sends one.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub(super) fn take(
+        link: &mut Link,
+        policy: &Policy,
+        dut: &Dut,
+        identity: Identity,
+    ) -> Result<Self, BusError> {
+        let baseline = Self::of(identity);
+        let boot_up = ErrorControl::BOOT_UP.frame(dut.node);
+        if !link.trace().iter().any(|seen| !seen.stamped.own && seen.stamped.frame == boot_up) {
+            settle::reset_node(link, policy, dut, &baseline)?;
+        }
+        link.drain(policy.quiet)?;
+        let sent: Vec<Stamped> = link.trace().iter().map(|seen| seen.stamped).collect();
+        let sent = sent.iter().filter(|seen| !seen.own);
+        let emcy_id = Some(emcy::COB_ID + u16::from(dut.node));
+        let code = |seen: &Stamped| match (seen.frame.data_id() == emcy_id, &*seen.frame.data) {
+            (true, [low, high, ..]) => Some(u16::from_le_bytes([*low, *high])),
+            _ => None,
+        };
+        let mut emergencies: Vec<u16> = sent.clone().filter_map(code).collect();
+        emergencies.retain(|code| *code != 0);
+        emergencies.dedup();
+        let operational = ErrorControl::heartbeat(NmtState::OPERATIONAL).frame(dut.node);
+        let starts = sent.clone().any(|seen| seen.frame == operational);
+        let register = sdo::upload(link, policy, dut.node, ERROR_REGISTER)?.result;
+        Ok(Self { register: RefCell::new(register), starts, emergencies, ..baseline })
+    }
+
+    /// Whether the device sends a boot-up message.
+    pub(super) fn boots_up(&self) -> bool {
+        self.boots_up.get()
+    }
+
+    /// A boot-up message was waited for in vain.
+    pub(super) fn without_boot_up(&self) {
+        self.boots_up.set(false);
+    }
+
+    /// What the error register shows that did not stand from the start.
+    pub(super) fn new_errors(&self, now: &Result<Vec<u8>, Failure>) -> Option<String> {
+        let standing = self.register.borrow();
+        match (now, &*standing) {
+            (Ok(now), before) => {
+                let before = before.as_ref().map_or(&[][..], Vec::as_slice);
+                let stands = |place| before.get(place).copied().unwrap_or(0);
+                let new = now.iter().enumerate().any(|(place, bits)| bits & !stands(place) != 0);
+                new.then(|| format!("the error register is {}", crate::plan::show_bytes(now)))
+            }
+            (Err(_), Err(_)) => None,
+            (Err(failure), Ok(_)) => Some(format!("upload of {ERROR_REGISTER}: {failure}")),
+        }
+    }
+
+    /// Errors that a reset does not clear stand from now on.
+    pub(super) fn accept(&self, now: Result<Vec<u8>, Failure>) {
+        *self.register.borrow_mut() = now;
+    }
+
+    /// What readers of a report must know.
+    pub(super) fn remarks(&self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        match &*self.register.borrow() {
+            Ok(register) if register.iter().any(|bits| *bits != 0) => remarks.push(format!(
+                "the error register 1001h was {} before the first case; these bits count as no \
+                 error",
+                crate::plan::show_bytes(register)
+            )),
+            Ok(_) => {}
+            Err(failure) => {
+                remarks.push(format!("upload of {ERROR_REGISTER} before the first case: {failure}"))
+            }
+        }
+        if !self.emergencies.is_empty() {
+            let codes = self.emergencies.iter().map(|code| format!("{code:04X}h"));
+            let codes = codes.collect::<Vec<_>>().join(", ");
+            remarks.push(format!("it sent emergencies {codes} when it started"));
+        }
+        if !self.boots_up() {
+            remarks.push("it sends no boot-up message after a reset".to_owned());
+        }
+        if self.starts {
+            remarks.push("it enters OPERATIONAL without a command".to_owned());
+        }
+        remarks
+    }
+}
