@@ -6,6 +6,7 @@
 use std::fmt;
 use std::time::Duration;
 
+use crate::abort::Abort;
 use crate::bus::Stamped;
 use crate::emcy::{self, Emcy, EmcyCode};
 use crate::frame::Frame;
@@ -122,7 +123,10 @@ impl Monitor for NoSurprise {
             let got = "the node booted".to_owned();
             return Err(breach(seen, "no boot-up without a reset", got));
         }
-        if id == sdo::RESPONSE_COB_ID + node && !asked {
+        // A server may give an open transfer up at any time, and says so once.
+        let given_up =
+            matches!(Response::decode(&frame.data), Ok(Response::Abort(_, Abort::TIMEOUT)));
+        if id == sdo::RESPONSE_COB_ID + node && !asked && !given_up {
             let got = "an SDO answer without a request".to_owned();
             return Err(breach(seen, "at most one SDO answer to a request", got));
         }
@@ -326,6 +330,9 @@ mod tests {
         assert_eq!(breaches(&twice).len(), 1);
         assert_eq!(breaches(&["1 >000#8206", "2 705#00"]).len(), 1);
         assert_eq!(breaches(&["1 585#6017100000000000"]).len(), 1);
+        let given_up =
+            ["1 >605#4008100000000000", "2 585#410810000B000000", "9 585#8008100000000405"];
+        assert_eq!(breaches(&given_up), [""; 0]);
     }
 
     #[test]
