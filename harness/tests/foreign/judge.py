@@ -4,8 +4,9 @@
     judge.py --propose JOURNAL          print a waiver for each cause, without its reason
 
 A finding is an instance of a case that is not PASS and not SKIP. A waiver covers it when the globs
-of both `cases` and `cause` fit. The cause of a finding is its verdict, what it checks, what was
-expected and what came.
+of both `cases` and `cause` fit, in which * alone is special, and it is no worse than `verdict`. The
+cause of a finding is what its case checks, what was expected and what came. A waiver that covers
+nothing has vanished, unless it says that its cause is there `sometimes`.
 """
 
 import json
@@ -17,6 +18,8 @@ from pathlib import Path
 import yaml
 
 GREEN = ("pass", "skip")
+# From the mildest to the worst.
+VERDICTS = ("lenient", "fail", "error")
 
 
 class Finding:
@@ -66,7 +69,7 @@ def judge(waivers, journal):
         covering = [
             number
             for number, waiver in enumerate(waivers)
-            if finding.verdict == waiver["verdict"]
+            if VERDICTS.index(finding.verdict) <= VERDICTS.index(waiver["verdict"])
             and any(fits(glob, finding.case) for glob in cases(waiver))
             and fits(waiver["cause"], finding.cause)
         ]
