@@ -285,7 +285,7 @@ impl Files {
 }
 
 fn verdicts(run: &Run) -> Vec<(&str, Verdict)> {
-    run.cases().map(|(_, case)| (case.info.case.as_str(), case.verdict())).collect()
+    run.cases().map(|(_, case)| (&*case.info.case, case.verdict())).collect()
 }
 
 /// Returns when the device has confirmed the download to 1017h.

@@ -5,6 +5,8 @@
 //! clock, a host name or an absolute path, so that a run in virtual time emits the same events
 //! each time, byte for byte.
 
+use std::sync::Arc;
+
 use canopen::{Instant, Stamped};
 use serde::{Deserialize, Serialize};
 
@@ -82,7 +84,8 @@ pub struct Identity {
     pub serial: Option<u32>,
 }
 
-/// One instance of a case.
+/// One instance of a case. What it has in common with the other instances is shared with them,
+/// because a run has thousands.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaseStarted {
@@ -90,18 +93,18 @@ pub struct CaseStarted {
     #[serde(with = "wire::nanoseconds")]
     pub at: Instant,
     /// The suite, such as `cia301/heartbeat`.
-    pub suite: String,
+    pub suite: Arc<str>,
     /// The id of the case within its suite, such as `heartbeat-period`.
-    pub case: String,
+    pub case: Arc<str>,
     /// What distinguishes this instance from the others of its case, such as `period=20 ms`; `None`
     /// when the case is its only instance.
     pub instance: Option<String>,
     /// The sentence that is true of a conformant device.
-    pub title: String,
+    pub title: Arc<str>,
     /// The requirements it checks.
-    pub checks: Vec<Check>,
+    pub checks: Arc<[Check]>,
     /// The suite file, relative to the folder of the project, with `/`.
-    pub file: String,
+    pub file: Arc<str>,
     /// The line of the case, counted from 1.
     pub line: u32,
     /// The column of the case, counted from 1.
@@ -190,6 +193,6 @@ impl CaseStarted {
     pub fn short_name(&self) -> String {
         self.instance
             .as_ref()
-            .map_or_else(|| self.case.clone(), |instance| format!("{}[{instance}]", self.case))
+            .map_or_else(|| self.case.to_string(), |instance| format!("{}[{instance}]", self.case))
     }
 }

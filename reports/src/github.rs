@@ -26,12 +26,12 @@ pub fn annotation(
     let info = &case.info;
     let problem = case.outcome.problem();
     let at = |place: &Excerpt| (place.file.clone(), place.line, place.column);
-    let step = problem.map_or((info.file.clone(), info.line, info.column), |p| at(&p.place));
+    let step = problem.map_or((info.file.to_string(), info.line, info.column), |p| at(&p.place));
     let sheet = problem.and_then(|problem| problem.sheet.as_ref()).map(at);
     let place = [Some(step), sheet].into_iter().flatten().find(|(file, ..)| is_there(file));
     let place = place
         .map(|(file, line, column)| format!("file={},line={line},col={column},", property(&file)));
-    let mut message = info.title.clone();
+    let mut message = info.title.to_string();
     if let Outcome::Error { reason, .. } = &case.outcome {
         let _ = write!(message, "\nno verdict: {reason}");
     }

@@ -1,6 +1,7 @@
 //! A run as data: devices, their suites, their cases. What every report is a function of.
 
 use std::fmt;
+use std::sync::Arc;
 
 use canopen::{Instant, Stamped};
 
@@ -50,9 +51,9 @@ pub struct DeviceRun {
 #[derive(Clone, Debug)]
 pub struct SuiteRun {
     /// The suite, such as `cia301/heartbeat`.
-    pub name: String,
+    pub name: Arc<str>,
     /// Its file, relative to the folder of the project.
-    pub file: String,
+    pub file: Arc<str>,
     /// The instances of its cases, in the order in which they ran.
     pub cases: Vec<CaseRun>,
 }
@@ -186,7 +187,7 @@ impl Run {
         let suites = &mut device.suites;
         self.suite =
             suites.iter().position(|suite| suite.name == case.suite).unwrap_or_else(|| {
-                let (name, file) = (case.suite.clone(), case.file.clone());
+                let (name, file) = (Arc::clone(&case.suite), Arc::clone(&case.file));
                 suites.push(SuiteRun { name, file, cases: Vec::new() });
                 suites.len() - 1
             });

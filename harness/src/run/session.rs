@@ -1,8 +1,9 @@
 //! A session: one device, its plan, case after case, reported as events.
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use canopen::{Bus, BusError, DataType, Mux, Value};
+use canopen::{Bus, BusError, DataType, Instant, Mux, Value};
 use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Outcome};
 
 use super::baseline::Baseline;
@@ -15,7 +16,7 @@ use crate::dut::Dut;
 use crate::plan::{Instance, Plan};
 use crate::source::At;
 use crate::suite::profile::BlockDirections;
-use crate::suite::{Level, Register};
+use crate::suite::{Level, Register, Suite};
 
 /// How a session ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -119,6 +120,7 @@ impl Session<'_> {
     }
 
     fn cases(&self, link: &mut Link, baseline: &Baseline, blocks: BlockDirections) -> Ending {
+        let mut starts = Starts { register: self.register, last: None };
         let (mut left, mut failed) = (Left::Calm, 0);
         let mut gone: Option<String> = None;
         for (place, instance) in self.plan.instances.iter().enumerate() {
@@ -126,7 +128,7 @@ impl Session<'_> {
             if self.stop.swap(false, Ordering::SeqCst) {
                 return Ending::Bus(BusError::Interrupted);
             }
-            link.emit(self.started(link, instance));
+            link.emit(starts.of(instance, link.mark()));
             let needed = instance.blocks();
             let no_blocks =
                 match (needed.upload && !blocks.upload, needed.download && !blocks.download) {
@@ -172,8 +174,31 @@ impl Session<'_> {
         };
         instance.case().checks.iter().any(must)
     }
+}
 
-    fn started(&self, link: &Link, instance: &Instance) -> Event {
+/// The events that begin a case. Instances of a case mostly follow each other.
+struct Starts<'s> {
+    register: &'s Register,
+    last: Option<(Arc<Suite>, usize, CaseStarted)>,
+}
+
+impl Starts<'_> {
+    fn of(&mut self, instance: &Instance, at: Instant) -> Event {
+        let same = |(suite, case, _): &(Arc<Suite>, usize, CaseStarted)| {
+            Arc::ptr_eq(suite, &instance.suite) && *case == instance.case
+        };
+        let of_case = match self.last.take().filter(same) {
+            Some((.., started)) => started,
+            None => self.of_case(instance),
+        };
+        let instance_name = instance.label.clone();
+        let started = CaseStarted { at, instance: instance_name, ..of_case.clone() };
+        self.last = Some((Arc::clone(&instance.suite), instance.case, of_case));
+        Event::CaseStarted(started)
+    }
+
+    /// What is the same for every instance.
+    fn of_case(&self, instance: &Instance) -> CaseStarted {
         let case = instance.case();
         let checks = case.checks.iter().filter_map(|id| {
             let requirement = self.register.find(&id.value)?;
@@ -186,17 +211,17 @@ impl Session<'_> {
                 says: entry.says.clone(),
             })
         });
-        Event::CaseStarted(CaseStarted {
-            at: link.mark(),
-            suite: instance.suite.name().to_owned(),
-            case: case.id.value.clone(),
-            instance: instance.label.clone(),
-            title: case.title.clone(),
+        CaseStarted {
+            at: Instant::ZERO,
+            suite: instance.suite.name().into(),
+            case: case.id.value.as_str().into(),
+            instance: None,
+            title: case.title.as_str().into(),
             checks: checks.collect(),
-            file: instance.suite.source.name.clone(),
+            file: instance.suite.source.name.as_str().into(),
             line: case.id.place.line as u32,
             column: case.id.place.column as u32,
-        })
+        }
     }
 }
 

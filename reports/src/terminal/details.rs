@@ -75,7 +75,7 @@ impl Block {
     }
 
     fn requirements(&mut self, case: &CaseRun) {
-        for check in &case.info.checks {
+        for check in &*case.info.checks {
             let id = format!("{}, {} clause {}", check.id, check.document, check.clause);
             let level = if check.level.is_empty() { "" } else { ", level " };
             self.field("requires", &format!("{id}{level}{}\n{}", check.level, check.says));
