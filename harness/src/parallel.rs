@@ -3,7 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use canopen::Stamped;
@@ -54,11 +54,14 @@ pub fn try_map<T: Sync, R: Send, E: Send>(
 /// Passes on the events of sessions that run side by side as if they ran one after the other.
 ///
 /// The session whose turn it is passes its events on as they happen. Those of the sessions after
-/// it wait. As sessions begin in their order, that is about one session per worker.
+/// it wait, which takes memory, so that sessions far ahead of their turn do not begin.
 pub struct InTurn<F> {
     /// The place of the session whose turn it is.
     turn: AtomicUsize,
     inner: Mutex<Inner<F>>,
+    moved_on: Condvar,
+    /// How many sessions after the one whose turn it is may have begun.
+    most_ahead: usize,
 }
 
 struct Inner<F> {
@@ -67,7 +70,7 @@ struct Inner<F> {
     ended: BTreeMap<usize, Vec<Held>>,
 }
 
-/// The events of one session.
+/// The events of one session, which is over when this is dropped.
 pub struct Session<'t, F: FnMut(Event)> {
     of: &'t InTurn<F>,
     place: usize,
@@ -82,15 +85,21 @@ enum Held {
 }
 
 impl<F: FnMut(Event)> InTurn<F> {
-    /// Events go to `pass_on`, those of session 0 first.
-    pub const fn new(pass_on: F) -> Self {
+    /// Events go to `pass_on`, those of session 0 first. Up to `most_ahead` sessions begin before
+    /// their turn.
+    pub const fn new(pass_on: F, most_ahead: usize) -> Self {
         let inner = Mutex::new(Inner { pass_on, ended: BTreeMap::new() });
-        Self { turn: AtomicUsize::new(0), inner }
+        Self { turn: AtomicUsize::new(0), inner, moved_on: Condvar::new(), most_ahead }
     }
 
-    /// The session at `place`. Every place up to the last has one session, and every session
-    /// [ends](Session::end).
-    pub const fn session(&self, place: usize) -> Session<'_, F> {
+    /// Begins the session at `place`, once it is not too far ahead of its turn. Every place up to
+    /// the last has one session, and they begin in their order.
+    pub fn session(&self, place: usize) -> Session<'_, F> {
+        let far = |_: &mut Inner<F>| {
+            place.saturating_sub(self.turn.load(Ordering::Acquire)) > self.most_ahead
+        };
+        let inner = self.moved_on.wait_while(lock(&self.inner), far);
+        drop(inner.unwrap_or_else(PoisonError::into_inner));
         Session { of: self, place, held: Vec::new() }
     }
 }
@@ -108,17 +117,19 @@ impl<F: FnMut(Event)> Session<'_, F> {
         inner.pass_on_all(self.held.drain(..));
         (inner.pass_on)(event);
     }
+}
 
-    /// The session is over.
-    pub fn end(self) {
+impl<F: FnMut(Event)> Drop for Session<'_, F> {
+    fn drop(&mut self) {
         let mut inner = lock(&self.of.inner);
-        inner.ended.insert(self.place, self.held);
+        inner.ended.insert(self.place, std::mem::take(&mut self.held));
         let mut turn = self.of.turn.load(Ordering::Acquire);
         while let Some(held) = inner.ended.remove(&turn) {
             inner.pass_on_all(held.into_iter());
             turn += 1;
         }
         self.of.turn.store(turn, Ordering::Release);
+        self.of.moved_on.notify_all();
     }
 }
 
@@ -177,19 +188,19 @@ mod tests {
             Event::Note(note) => told.lock().unwrap().push(note.text),
             other => panic!("{other:?}"),
         };
-        let in_turn = InTurn::new(pass_on);
+        let in_turn = InTurn::new(pass_on, 2);
         let [mut first, mut second, mut third] = [0, 1, 2].map(|place| in_turn.session(place));
         third.emit(note("3a"));
         first.emit(note("1a"));
         second.emit(note("2a"));
         assert_eq!(*told.lock().unwrap(), ["1a"]);
-        third.end();
+        drop(third);
         first.emit(note("1b"));
-        first.end();
+        drop(first);
         assert_eq!(*told.lock().unwrap(), ["1a", "1b"]);
         second.emit(note("2b"));
         assert_eq!(*told.lock().unwrap(), ["1a", "1b", "2a", "2b"]);
-        second.end();
+        drop(second);
         assert_eq!(*told.lock().unwrap(), ["1a", "1b", "2a", "2b", "3a"]);
     }
 
@@ -197,11 +208,10 @@ mod tests {
     fn events_of_many_workers_are_those_of_one() {
         let told_by = |workers| {
             let mut told = Vec::new();
-            let in_turn = InTurn::new(|event| told.push(event));
+            let in_turn = InTurn::new(|event| told.push(event), workers);
             map((0..40).collect(), workers, |place: usize| {
                 let mut session = in_turn.session(place);
                 (0..place).for_each(|count| session.emit(note(&format!("{place}.{count}"))));
-                session.end();
             });
             told
         };

@@ -55,8 +55,8 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
         grade: args.grade.into(),
     }));
     let sessions = targets.into_iter().zip(plans).filter(|(_, plan)| !plan.instances.is_empty());
-    let events = InTurn::new(|event| reporter.tell(&event));
-    let endings = Sessions { args, library: &library, stop }.run(sessions.collect(), &events);
+    let all = Sessions { args, library: &library, stop };
+    let endings = all.run(sessions.collect(), |event| reporter.tell(&event));
     let (mut stopped, mut reason) = (Exit::Green, None);
     for (exit, why) in endings {
         stopped = stopped.max(exit);
@@ -84,21 +84,18 @@ type Ended = (Exit, Option<String>);
 impl Sessions<'_> {
     /// Runs them, side by side where each device has a bus of its own. Nothing in the events shows
     /// which it was.
-    fn run(
-        &self,
-        sessions: Vec<(Target, Plan)>,
-        events: &InTurn<impl FnMut(Event) + Send>,
-    ) -> Vec<Ended> {
+    fn run(&self, sessions: Vec<(Target, Plan)>, tell: impl FnMut(Event) + Send) -> Vec<Ended> {
         let apart = sessions.iter().all(|(target, _)| target.is_simulation());
         let workers = if apart { self.args.jobs.map_or_else(processors, Into::into) } else { 1 };
         let sessions = sessions.into_iter().enumerate().collect();
+        let events = InTurn::new(tell, 2 * workers);
         let interrupted = AtomicBool::new(false);
         let ended = parallel::map(sessions, workers, |(place, (target, plan))| {
             let mut session = events.session(place);
             let before = interrupted.load(Ordering::SeqCst);
             let ended =
                 (!before).then(|| self.session(&target, &plan, |event| session.emit(event)));
-            session.end();
+            drop(session);
             if ended.as_ref().is_some_and(|(exit, _)| *exit == Exit::Interrupted) {
                 interrupted.store(true, Ordering::SeqCst);
                 // This session took the flag back, and the others have not seen it.
