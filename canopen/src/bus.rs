@@ -20,6 +20,11 @@ pub trait Bus {
     /// The next frame that is complete by `until`, or `None` when `until` has come.
     fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError>;
 
+    /// Whether time passes by itself, so that whoever uses this bus can be late.
+    fn is_real(&self) -> bool {
+        false
+    }
+
     /// The bench around the device under test; `None` if there is none.
     fn bench(&mut self) -> Option<&mut dyn Bench> {
         None

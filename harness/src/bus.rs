@@ -20,6 +20,13 @@ pub enum Interface {
 }
 
 impl Interface {
+    /// Its bit rate in bit/s, when that can be found out; `usual` where nothing depends on it.
+    pub fn bit_rate(&self, usual: u32) -> Option<u32> {
+        match self {
+            Self::SocketCan(name) => SocketCan::bit_rate(name, usual),
+        }
+    }
+
     /// Opens the interface. `stop` ends every wait on it.
     ///
     /// # Errors

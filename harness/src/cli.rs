@@ -77,10 +77,11 @@ pub struct Selection {
     /// Which suites.
     #[command(flatten)]
     pub folders: Folders,
-    /// Bit rate of the bus in bit/s; on a real bus the tolerances of times depend on it
-    #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
+    /// Bit rate of the bus in bit/s, on which the tolerances of times depend; that of the interface
+    /// when absent
+    #[arg(long, value_name = "BITS")]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub bitrate: u32,
+    pub bitrate: Option<u32>,
     /// The bench around the device: `unix:PATH`, or a program with its arguments that answers lines
     /// of JSON
     #[arg(long, value_name = "RIG")]
@@ -104,7 +105,7 @@ impl Selection {
             eds: None,
             device: None,
             folders: Folders::default(),
-            bitrate: DEFAULT_BIT_RATE,
+            bitrate: None,
             bench: None,
             without: Vec::new(),
             free_to_write: Vec::new(),
@@ -118,7 +119,8 @@ fn hex_index(text: &str) -> Result<u16, String> {
     u16::from_str_radix(digits, 16).map_err(|_| "an index has up to four hex digits".to_owned())
 }
 
-/// Bit rate of the virtual bus unless something else is said, in bit/s.
+/// Bit rate of the virtual bus, and of one that nobody knows, unless something else is said, in
+/// bit/s.
 pub const DEFAULT_BIT_RATE: u32 = 1_000_000;
 
 /// Arguments of `run`.

@@ -26,8 +26,8 @@ pub struct Dut {
     pub bench: Vec<String>,
     /// Whether that bench is the user's, not that of a simulation.
     pub own_bench: bool,
-    /// Bit rate of its bus, in bit/s.
-    pub bit_rate: u32,
+    /// Bit rate of its bus in bit/s, when it is known.
+    pub bit_rate: Option<u32>,
     /// Options of its profile that it does not have.
     pub without: Vec<String>,
     /// The profile that the device named when asked, by an object that the catalogue knows.

@@ -158,7 +158,7 @@ static SHEET: LazyLock<Dut> = LazyLock::new(|| {
         sheet: Arc::default(),
         bench: Vec::new(),
         own_bench: false,
-        bit_rate: 1_000_000,
+        bit_rate: Some(1_000_000),
         without: Vec::new(),
         told: None,
     }

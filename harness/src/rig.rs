@@ -223,6 +223,9 @@ pub(crate) struct WithRig {
 }
 
 impl Bus for WithRig {
+    fn is_real(&self) -> bool {
+        self.bus.is_real()
+    }
     fn now(&mut self) -> Instant {
         self.bus.now()
     }

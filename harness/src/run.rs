@@ -19,6 +19,8 @@ mod sdo;
 mod session;
 mod settle;
 mod steps;
+#[cfg(test)]
+mod tests;
 
 pub use link::Link;
 pub use policy::Policy;

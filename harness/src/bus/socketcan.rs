@@ -17,7 +17,7 @@ use nix::libc;
 use nix::poll::{PollFd, PollFlags, ppoll};
 use nix::sys::time::TimeSpec;
 use socketcan::{
-    CanFrame, CanSocket, EmbeddedFrame, ExtendedId, Socket, SocketOptions, StandardId,
+    CanFrame, CanInterface, CanSocket, EmbeddedFrame, ExtendedId, Socket, SocketOptions, StandardId,
 };
 
 use stamp::Clock;
@@ -58,6 +58,16 @@ impl SocketCan {
         let dropped = drop_count(&socket);
         let (clock, held) = (Clock::start(), VecDeque::new());
         Ok(Self { name: name.to_owned(), socket, clock, held, dropped, stop })
+    }
+
+    /// The bit rate of the interface `name` in bit/s, when the kernel knows it. A virtual one has
+    /// no bits that could be too fast for anybody, and counts as one of `usual`.
+    pub fn bit_rate(name: &str, usual: u32) -> Option<u32> {
+        if ["vcan", "vxcan"].iter().any(|kind| name.starts_with(kind)) {
+            return Some(usual);
+        }
+        let known = CanInterface::open(name).and_then(|interface| interface.bit_rate());
+        known.ok().flatten().filter(|bit_rate| *bit_rate > 0)
     }
 
     /// The next frame that the kernel has, without waiting.
@@ -113,6 +123,10 @@ impl SocketCan {
 }
 
 impl Bus for SocketCan {
+    fn is_real(&self) -> bool {
+        true
+    }
+
     fn now(&mut self) -> Instant {
         self.clock.now()
     }

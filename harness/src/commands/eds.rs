@@ -102,7 +102,7 @@ fn probe(args: &ProbeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
     }
     let selection = Selection {
         node: args.node,
-        bitrate: args.bitrate,
+        bitrate: Some(args.bitrate),
         ..Selection::of_target(Some(&args.target))
     };
     let (mut bus, node) = match args.target.parse()? {

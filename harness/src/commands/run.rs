@@ -9,7 +9,7 @@ use reference_devices::devices;
 use reports::{Event, RunEnded, RunStarted, Verdict};
 
 use super::select::select;
-use crate::cli::RunArgs;
+use crate::cli::{DEFAULT_BIT_RATE, RunArgs};
 use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
@@ -116,7 +116,7 @@ impl Sessions<'_> {
                     policy: Policy {
                         seed: args.seed.unwrap_or(1),
                         every_index: args.every_index,
-                        ..Policy::at_bit_rate(args.selection.bitrate)
+                        ..Policy::at_bit_rate(target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE))
                     },
                     rerun: rerun(args, target),
                     max_fail: args.max_fail,

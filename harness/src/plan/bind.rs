@@ -99,7 +99,10 @@ fn bind_case(
     let mut complaints = Vec::new();
     for bound in &mut bound {
         let checked = check::case(bound, dut, model);
-        bound.skip = checked.lacking;
+        // A guess would move the device to a bit rate that the bus does not have.
+        let unknown = dut.bit_rate.is_none() && checked.used.contains(BIT_RATE);
+        let unknown = unknown.then(|| "the bit rate of the bus is unknown: --bitrate".to_owned());
+        bound.skip = checked.lacking.or(unknown);
         if checked.complaints.is_empty() {
             bound.scope.keep(&checked.used);
         }
@@ -112,16 +115,20 @@ fn bind_case(
     if complaints.is_empty() { Ok(bound) } else { Err(dedup(complaints)) }
 }
 
+/// The name that stands for the place of the bit rate in the table of CiA 305.
+const BIT_RATE: &str = "bit-rate";
+
 /// The node id, another one that it can be given, the identifiers that come with that, and the
 /// place of the bit rate in the table of CiA 305.
 fn bind_bus(scope: &mut Scope, dut: &Dut) {
     let (node, other) = (dut.node, dut.node % 127 + 1);
-    let place = lss::BIT_RATES.iter().position(|bit_rate| *bit_rate == Some(dut.bit_rate));
+    let place =
+        lss::BIT_RATES.iter().position(|listed| listed.is_some() && *listed == dut.bit_rate);
     let byte = |node: u8| Binding::Literal(Literal::Int(node.into()));
     let id = |base: u16| Binding::Id(base + u16::from(other));
     scope.bind("node", byte(node));
     scope.bind("other", byte(other));
-    scope.bind("bit-rate", byte(place.map_or(u8::MAX, |place| place as u8)));
+    scope.bind(BIT_RATE, byte(place.map_or(u8::MAX, |place| place as u8)));
     scope.bind("other-boot-up", id(heartbeat::COB_ID));
     scope.bind("other-request", id(sdo::REQUEST_COB_ID));
     scope.bind("other-answer", id(sdo::RESPONSE_COB_ID));

@@ -1,5 +1,7 @@
 //! One case: settle, steps, restore, judgement.
 
+use std::time::Duration;
+
 use canopen::monitor::{self, Breach, Seen};
 use canopen::pdo::CobId;
 use canopen::{BusError, Instant, Mux, emcy};
@@ -17,6 +19,7 @@ use super::steps::Steps;
 use crate::dut::Dut;
 use crate::plan::Instance;
 use crate::source::{At, Place, Source};
+use crate::suite::literal::show_time;
 use crate::suite::model::Tolerated;
 use crate::suite::step::Step;
 
@@ -48,12 +51,32 @@ pub(super) fn run(
     instance: &Instance,
     left: Left,
 ) -> Finished {
-    let bench_snapshot = BenchSnapshot::default();
-    let mut run = CaseRun { link, policy, dut, baseline, instance, bench_snapshot };
-    let (outcome, aftermath) = run.run(left);
-    link.take_trace();
-    Finished { outcome, aftermath }
+    let mut left = left;
+    let mut attempt = 0;
+    loop {
+        attempt += 1;
+        let (link, bench_snapshot) = (&mut *link, BenchSnapshot::default());
+        let mut run = CaseRun { link, policy, dut, baseline, instance, bench_snapshot, late: None };
+        let (outcome, aftermath) = run.run(left);
+        let late = run.late.map(|late| show_time(Duration::from_millis(late.as_millis() as u64)));
+        run.link.take_trace();
+        match (late, &aftermath) {
+            // The case says nothing about the device.
+            (Some(late), Aftermath::Left(how)) if attempt < ATTEMPTS => {
+                left = *how;
+                run.note(format!("the tester was late by {late}: the case is repeated"));
+            }
+            (Some(late), Aftermath::Left(_)) => {
+                let reason = format!("the tester was late by {late}, and in {attempt} attempts");
+                return Finished { outcome: error(reason), aftermath };
+            }
+            _ => return Finished { outcome, aftermath },
+        }
+    }
 }
+
+/// How often a case is run at most while the tester is late.
+const ATTEMPTS: u32 = 4;
 
 struct CaseRun<'r, 'b> {
     link: &'r mut Link<'b>,
@@ -62,6 +85,8 @@ struct CaseRun<'r, 'b> {
     baseline: &'r Baseline,
     instance: &'r Instance,
     bench_snapshot: BenchSnapshot,
+    /// How late the tester was, when that may be the reason of the outcome.
+    late: Option<Duration>,
 }
 
 impl CaseRun<'_, '_> {
@@ -116,6 +141,7 @@ impl CaseRun<'_, '_> {
             at: self.link.mark(),
             outcome: Outcome::Pass,
             declined: None,
+            late: None,
         };
         if let Some(complaint) = &self.instance.unfit {
             let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
@@ -126,6 +152,7 @@ impl CaseRun<'_, '_> {
         if self.instance.needs_device() {
             settle::enter(self.link, self.policy, self.dut, self.instance.case().state)?;
         }
+        self.link.forget_lateness();
         let watched_from = self.link.trace().len();
         let case = self.instance.case();
         let mut steps = Steps {
@@ -149,6 +176,7 @@ impl CaseRun<'_, '_> {
                 Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
             result.fail(Phase::Monitor, last, difference);
         }
+        self.late = result.late;
         Ok(result.outcome)
     }
 
@@ -244,6 +272,8 @@ fn run_phase(
             other => other,
         };
         result.at = steps.link.now();
+        let failed = matches!(judgement, Err(Trouble::Device(_)));
+        result.late = result.late.max(steps.late(&step.value, failed));
         match judgement {
             Ok(None) => {}
             Ok(Some(difference)) => result.lenient(phase, step.place, difference),
@@ -277,6 +307,8 @@ struct CaseOutcome<'r> {
     outcome: Outcome,
     /// What the device refused, as it may, so that the rest of the steps was left out.
     declined: Option<String>,
+    /// How late the tester was, when that may be the reason of the outcome.
+    late: Option<Duration>,
 }
 
 impl CaseOutcome<'_> {

@@ -23,13 +23,47 @@ pub struct Link<'b> {
     emit: Option<&'b mut dyn FnMut(Event)>,
     /// Whether a case is open, to which the frames belong.
     in_case: bool,
+    lateness: Lateness,
+}
+
+/// How late the tester was on a bus where it can be. In virtual time all of it stays zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lateness {
+    /// The longest time by which it missed a moment at which it meant to act, of those that were
+    /// more than the step bears.
+    pub missed: Duration,
+    /// The longest time that it took to notice a frame, or the end of a wait.
+    pub noticed: Duration,
+    /// The shortest.
+    pub soonest: Duration,
+    /// All of these times together.
+    pub sum: Duration,
+    /// How many there are.
+    pub count: u32,
+}
+
+impl Lateness {
+    fn notice(&mut self, late: Duration) {
+        self.noticed = self.noticed.max(late);
+        self.soonest = if self.count == 0 { late } else { self.soonest.min(late) };
+        self.sum += late;
+        self.count += 1;
+    }
 }
 
 impl<'b> Link<'b> {
     /// A link that starts now.
     pub fn new(bus: &'b mut dyn Bus) -> Self {
         let mark = bus.now();
-        Self { bus, trace: Vec::new(), cursor: 0, mark, emit: None, in_case: false }
+        Self {
+            bus,
+            trace: Vec::new(),
+            cursor: 0,
+            mark,
+            emit: None,
+            in_case: false,
+            lateness: Lateness::default(),
+        }
     }
 
     /// The same, with a receiver of events: those of [`emit`](Self::emit), and every frame of a
@@ -78,6 +112,48 @@ impl<'b> Link<'b> {
     /// Whatever the bus reports; [`BusError::Io`] when no node acknowledges the frame.
     pub fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
         self.send_all([*frame])
+    }
+
+    /// Sends a frame that was meant to leave at the moment `meant`, and can be as late as `bears`.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send).
+    pub fn send_at(
+        &mut self,
+        frame: &Frame,
+        meant: Instant,
+        bears: Duration,
+    ) -> Result<(), BusError> {
+        self.send(frame)?;
+        self.missed(self.mark.since(meant), bears);
+        Ok(())
+    }
+
+    /// Lets time pass until `until`, for what follows to happen then, or as much later as `bears`.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn wait_for(&mut self, until: Instant, bears: Duration) -> Result<(), BusError> {
+        self.wait(until)?;
+        let late = self.bus.now().since(until);
+        self.missed(late, bears);
+        Ok(())
+    }
+
+    fn missed(&mut self, late: Duration, bears: Duration) {
+        if self.bus.is_real() && late > bears {
+            self.lateness.missed = self.lateness.missed.max(late);
+        }
+    }
+
+    /// How late the tester was since this was last forgotten.
+    pub const fn lateness(&self) -> Lateness {
+        self.lateness
+    }
+
+    /// Begins to look anew at how late the tester is.
+    pub fn forget_lateness(&mut self) {
+        self.lateness = Lateness::default();
     }
 
     /// Sends frames without a gap between them and waits until the last is complete on the wire.
@@ -203,7 +279,15 @@ impl<'b> Link<'b> {
 
     /// One more frame into the trace; its place, or `None` when `until` has come.
     fn pull(&mut self, until: Instant) -> Result<Option<usize>, BusError> {
-        let Some(stamped) = self.bus.recv(until)? else { return Ok(None) };
+        let asked = self.bus.is_real().then(|| self.bus.now());
+        let got = self.bus.recv(until)?;
+        // What lay there before was not waited for.
+        let due = got.map_or(until, |stamped| stamped.at);
+        if asked.is_some_and(|asked| asked <= due) {
+            let late = self.bus.now().since(due);
+            self.lateness.notice(late);
+        }
+        let Some(stamped) = got else { return Ok(None) };
         self.trace.push(Seen { stamped, expected: false });
         if self.in_case {
             self.emit(Event::Frame(stamped));

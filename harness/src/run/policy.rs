@@ -39,4 +39,11 @@ impl Policy {
             every_index: false,
         }
     }
+
+    /// How late the tester may be for something that belongs to a window of that length.
+    pub fn bears(&self, window: Duration) -> Duration {
+        const ALWAYS: Duration = Duration::from_millis(5);
+        // The frame itself, and one in front of it.
+        self.bus_slack * 2 + ALWAYS.max(window / 10)
+    }
 }

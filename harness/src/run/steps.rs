@@ -4,13 +4,13 @@ use std::time::Duration;
 
 use canopen::nmt::{Command, Service};
 use canopen::pdo::CobId;
-use canopen::{Frame, Instant, Mux, Pattern, Stamped, sync};
-use reports::Event;
+use canopen::{BusError, Frame, Instant, Mux, Pattern, Stamped, lss, sdo, sync};
+use reports::{Event, Measured};
 
 use super::bench_snapshot::BenchSnapshot;
 use super::judge::{Difference, Judgement, Trouble, device};
 use super::limits::{Limits, mean, median};
-use super::link::Link;
+use super::link::{Lateness, Link};
 use super::policy::Policy;
 use crate::dut::Dut;
 use crate::plan::{Binding, Scope};
@@ -49,7 +49,7 @@ impl Steps<'_, '_> {
         match step {
             Step::Send(frame) => {
                 let frame = self.frame(frame)?;
-                self.link.send(&frame)?;
+                self.send_now(&frame)?;
                 Ok(None)
             }
             Step::Reply(reply) => self.reply(reply),
@@ -62,8 +62,9 @@ impl Steps<'_, '_> {
             Step::Defaults(objects) => self.defaults(objects),
             Step::Nmt(nmt) => self.nmt(*nmt),
             Step::Wait(time) => {
-                let until = self.link.mark() + self.time(time)?;
-                self.link.wait(until)?;
+                let time = self.time(time)?;
+                let until = self.link.mark() + time;
+                self.link.wait_for(until, self.policy.bears(time))?;
                 Ok(None)
             }
             Step::Until(until) => self.until(until),
@@ -231,7 +232,7 @@ impl Steps<'_, '_> {
             Nmt::ResetNode => Service::RESET_NODE,
             Nmt::ResetCommunication => Service::RESET_COMMUNICATION,
         };
-        self.link.send(&Command { service, node: self.dut.node }.frame())?;
+        self.send_now(&Command { service, node: self.dut.node }.frame())?;
         Ok(None)
     }
 
@@ -266,6 +267,7 @@ impl Steps<'_, '_> {
             };
             stamps.push(got.at);
         }
+        self.own_jitter();
         let intervals: Vec<Duration> =
             stamps.windows(2).map(|pair| pair[1].since(pair[0])).collect();
         let what = format!("interval of {}", pattern.id());
@@ -345,10 +347,83 @@ impl Steps<'_, '_> {
             if place > 0 {
                 self.link.wait(next)?;
             }
-            self.link.send(frame)?;
+            // The wire may be slower than frames are meant to follow each other.
+            let meant = next.max(self.link.mark());
+            self.link.send_at(frame, meant, self.policy.bears(every))?;
             next += every;
         }
         Ok(())
+    }
+
+    /// Sends a frame that is meant to leave when the last step ended. A request of a confirmed
+    /// service bears to be late.
+    fn send_now(&mut self, frame: &Frame) -> Result<(), BusError> {
+        let requests = [sdo::REQUEST_COB_ID + u16::from(self.dut.node), lss::REQUEST_COB_ID];
+        match frame.data_id().is_some_and(|id| requests.contains(&id)) {
+            true => self.link.send(frame),
+            false => {
+                let meant = self.link.mark();
+                self.link.send_at(frame, meant, self.policy.bears(Duration::ZERO))
+            }
+        }
+    }
+
+    /// How late the tester was, where that may be the reason why the step ended as it did.
+    pub(super) fn late(&self, step: &Step, failed: bool) -> Option<Duration> {
+        let Lateness { missed, noticed, .. } = self.link.lateness();
+        if missed > Duration::ZERO && (failed || matches!(step, Step::Never(_))) {
+            return Some(missed);
+        }
+        // Who shares the host with the tester is as late as the tester.
+        let window = self.window(step).filter(|_| failed)?;
+        (noticed > self.policy.bears(window)).then_some(noticed)
+    }
+
+    /// How long the device has for what the step judges; `None` when the step judges no time.
+    fn window(&self, step: &Step) -> Option<Duration> {
+        let time = match step {
+            Step::Expect(expect) => self.time(&expect.within),
+            Step::Never(never) => self.time(&never.time),
+            Step::Collect(collect) => self.time(&collect.time),
+            Step::Reply(reply) => self.optional_time(&reply.within, DEFAULT_REPLY),
+            Step::Ask(ask) if ask.latency.is_none() => {
+                self.optional_time(&ask.within, DEFAULT_REPLY)
+            }
+            Step::Ask(_) | Step::Measure(_) | Step::Lss(_) | Step::Until(_) => Ok(Duration::ZERO),
+            Step::Send(_)
+            | Step::Read(_)
+            | Step::Write(_)
+            | Step::Remap(_)
+            | Step::Defaults(_)
+            | Step::Nmt(_)
+            | Step::Wait(_)
+            | Step::Sync(_)
+            | Step::Produce(_)
+            | Step::Bench(_)
+            | Step::Observe(_)
+            | Step::Eds(_)
+            | Step::Undeclared(_) => return None,
+        };
+        time.ok()
+    }
+
+    /// The figures of the tester itself, which those of the device cannot be better than.
+    fn own_jitter(&mut self) {
+        let Lateness { noticed, soonest, sum, count, .. } = self.link.lateness();
+        if count == 0 {
+            return;
+        }
+        let ms = |time: Duration| time.as_nanos() as f64 / 1e6;
+        self.link.emit(Event::Measured(Measured {
+            what: "lateness of the tester".to_owned(),
+            unit: "ms".to_owned(),
+            count: count.into(),
+            min: ms(soonest),
+            mean: ms(sum / count),
+            max: ms(noticed),
+            strict: None,
+            lenient: None,
+        }));
     }
 
     fn stimulate(&mut self, during: Option<&Produce>) -> Result<(), Trouble> {

@@ -9,7 +9,7 @@ use super::reference::reference_device;
 use super::scan::{Found, scan};
 use super::sheet;
 use crate::bus::Interface;
-use crate::cli::Selection;
+use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::dut::Dut;
 use crate::exit::Refused;
 
@@ -23,9 +23,13 @@ pub(super) fn target(
     stop: &Arc<AtomicBool>,
 ) -> Result<Target, Refused> {
     let mut bus = open_interface(interface, stop)?;
+    let bit_rate = selection.bitrate.or_else(|| interface.bit_rate(DEFAULT_BIT_RATE));
     let name = &interface.to_string();
     let found = only(scan(&mut *bus, selection.node)?, name, selection.node)?;
-    let (dut_name, (sheet, eds)) = sheet::of_found(selection, &found, &mut *bus)?;
+    let (dut_name, (sheet, eds)) = {
+        let selection = Selection { bitrate: bit_rate, ..selection.clone() };
+        sheet::of_found(&selection, &found, &mut *bus)?
+    };
     let mut options = format!("--target {name} --node {}", found.node);
     say_the_rest(selection, &mut options);
     let own = selection.device.as_ref().or(found.device.as_ref());
@@ -40,7 +44,7 @@ pub(super) fn target(
             sheet: Arc::new(sheet),
             bench,
             own_bench: selection.bench.is_some(),
-            bit_rate: selection.bitrate,
+            bit_rate,
             without: without(selection, own.as_deref()),
             told: found.recognised(),
         },

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use canopen::{Bench, catalogue};
 use reference_devices::devices::ReferenceDevice;
 
-use crate::cli::{DEFAULT_BIT_RATE, Selection};
+use crate::cli::Selection;
 use crate::dut::Dut;
 use crate::exit::Refused;
 use crate::nearest::did_you_mean;
@@ -61,8 +61,8 @@ pub(super) fn say_the_rest(selection: &Selection, options: &mut String) {
     if let (Some(_), Some(name)) = (&selection.target, &selection.device) {
         options.push_str(&format!(" --device {name}"));
     }
-    if selection.bitrate != DEFAULT_BIT_RATE {
-        options.push_str(&format!(" --bitrate {}", selection.bitrate));
+    if let Some(bit_rate) = selection.bitrate {
+        options.push_str(&format!(" --bitrate {bit_rate}"));
     }
     for option in &selection.without {
         options.push_str(&format!(" --without {option}"));

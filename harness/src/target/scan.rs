@@ -117,7 +117,7 @@ fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
         sheet: Arc::default(),
         bench: Vec::new(),
         own_bench: false,
-        bit_rate: DEFAULT_BIT_RATE,
+        bit_rate: None,
         without: Vec::new(),
         told: None,
     };

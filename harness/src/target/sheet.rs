@@ -14,7 +14,7 @@ use reference_devices::devices::{self, ReferenceDevice};
 use super::compose::compose;
 use super::reference::reference_device;
 use super::scan::Found;
-use crate::cli::Selection;
+use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::dut::{Dut, Sheet};
 use crate::exit::{Exit, Refused};
 
@@ -64,7 +64,7 @@ pub(crate) fn dut_of_file(selection: &Selection, path: &Path) -> Result<Dut, Ref
         sheet: Arc::new(sheet),
         bench: Vec::new(),
         own_bench: false,
-        bit_rate: selection.bitrate,
+        bit_rate: selection.bitrate.or(Some(DEFAULT_BIT_RATE)),
         without: selection.without.clone(),
         told: None,
     })
@@ -121,7 +121,7 @@ pub(super) fn of_found(
                  the answers of the device; --eds FILE gives a better one."
             );
             let name = found.name.clone().filter(|name| !name.trim().is_empty());
-            let composed = compose(bus, found, selection.bitrate)?;
+            let composed = compose(bus, found, selection.bitrate.unwrap_or(DEFAULT_BIT_RATE))?;
             Ok((name.unwrap_or_else(|| format!("node-{node}")), composed))
         }
     }

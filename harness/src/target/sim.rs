@@ -11,7 +11,7 @@ use super::options::{rig, say_the_rest, without};
 use super::reference::{Named, reference_device};
 use super::scan::{Found, scan};
 use super::sheet::{own_sheet, read_eds};
-use crate::cli::Selection;
+use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::dut::Dut;
 use crate::exit::Refused;
 
@@ -24,7 +24,7 @@ pub(super) fn target(
     name: &str,
     deviation: Option<&Named>,
 ) -> Result<Target, Refused> {
-    let bit_rate = selection.bitrate;
+    let bit_rate = selection.bitrate.unwrap_or(DEFAULT_BIT_RATE);
     let mut device = reference_device(name)?;
     Arc::make_mut(&mut device).description.settings.bit_rate = bit_rate;
     let deviation = deviation.map(|named| named.find(&device)).transpose()?.map(Box::new);
@@ -61,7 +61,7 @@ pub(super) fn target(
             sheet: Arc::new(sheet),
             bench,
             own_bench: selection.bench.is_some(),
-            bit_rate,
+            bit_rate: Some(bit_rate),
             without,
             told: None,
         },

@@ -1,0 +1,255 @@
+//! Sessions on buses that make the tester late, and with devices that have peculiarities from the
+//! start.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use canopen::{Bus, BusError, Frame, Instant, Stamped, VirtualBus, eds};
+use reference_devices::devices;
+use reference_devices::rules::Specification;
+use reports::{Event, Outcome, Verdict};
+
+use super::{Ending, Policy, Session};
+use crate::dut::Dut;
+use crate::plan;
+use crate::source::Source;
+use crate::suite::Library;
+
+const BIT_RATE: u32 = 1_000_000;
+const NODE: u8 = 1;
+
+/// What happens to a frame on its way to the tester, who sent those before it.
+type Way = Box<dyn FnMut(&[Frame], Stamped) -> Option<Stamped>>;
+
+/// A bus with a device, and what is odd about it.
+struct Odd {
+    bus: VirtualBus<'static>,
+    real: bool,
+    /// How often a wait of [`WINDOW`] ends late.
+    stalls: u32,
+    held: VecDeque<Stamped>,
+    sent: Vec<Frame>,
+    way: Way,
+}
+
+/// The window that the cases have and nothing else.
+const WINDOW: Duration = Duration::from_millis(77);
+const STALL: Duration = Duration::from_millis(42);
+
+impl Bus for Odd {
+    fn is_real(&self) -> bool {
+        self.real
+    }
+
+    fn now(&mut self) -> Instant {
+        self.bus.now()
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        self.sent.push(*frame);
+        self.bus.send(frame)
+    }
+
+    fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+        loop {
+            if self.held.front().is_some_and(|held| held.at <= until) {
+                return Ok(self.held.pop_front());
+            }
+            let asked = self.bus.now();
+            match self.bus.recv(until)? {
+                Some(seen) if seen.own => return Ok(Some(seen)),
+                Some(seen) => {
+                    if let Some(seen) = (self.way)(&self.sent, seen) {
+                        return Ok(Some(seen));
+                    }
+                }
+                None => {
+                    if until.since(asked) == WINDOW && self.stalls > 0 {
+                        self.stalls -= 1;
+                        while let Some(seen) = self.bus.recv(until + STALL)? {
+                            self.held.push_back(seen);
+                        }
+                    }
+                    return Ok(None);
+                }
+            }
+        }
+    }
+}
+
+fn odd(way: Way) -> Odd {
+    let mut bus = VirtualBus::new(BIT_RATE);
+    bus.attach(devices::device("drr460").unwrap().node(NODE, Box::new(Specification)));
+    let (held, sent) = (VecDeque::new(), Vec::new());
+    Odd { bus, real: true, stalls: 0, held, sent, way }
+}
+
+fn stalled(stalls: u32) -> Odd {
+    Odd { stalls, ..odd(Box::new(|_, seen| Some(seen))) }
+}
+
+const REGISTER: &str = "\
+document: any
+title: Any document
+requirements:
+  - { id: ANY-01, clause: '1', level: must, says: Anything. }
+";
+
+/// How a session with these steps ended, the outcomes of its cases, its notes and its remark.
+struct Ran {
+    ending: Ending,
+    outcomes: Vec<Outcome>,
+    notes: Vec<String>,
+    remark: String,
+    took: Duration,
+}
+
+/// Runs as many cases with these steps.
+fn run(bus: &mut Odd, cases: usize, steps: &str) -> Ran {
+    let mut text = "suite: any\ncases:\n".to_owned();
+    for case in 0..cases {
+        text.push_str(&format!(
+            "  - id: case-{case}\n    title: Anything.\n    checks: [ANY-01]\n    steps: {steps}\n"
+        ));
+    }
+    let source =
+        |name: &str, text: &str| Arc::new(Source { name: name.to_owned(), text: text.to_owned() });
+    let sources =
+        [source("suites/requirements/any.yaml", REGISTER), source("suites/any.yaml", &text)];
+    let library = Library::from_sources(&sources).unwrap();
+    let eds = eds::read(devices::device("drr460").unwrap().eds_text().as_bytes()).eds;
+    let dut = Dut {
+        name: "drr460".to_owned(),
+        node: NODE,
+        eds: Arc::new(eds),
+        sheet: Arc::default(),
+        bench: Vec::new(),
+        own_bench: false,
+        bit_rate: Some(BIT_RATE),
+        without: Vec::new(),
+        told: None,
+    };
+    let plan = plan::plan(&library, &dut, &BTreeMap::new()).unwrap();
+    let stop = AtomicBool::new(false);
+    let session = Session {
+        plan: &plan,
+        register: &library.register,
+        policy: Policy::at_bit_rate(BIT_RATE),
+        rerun: String::new(),
+        max_fail: None,
+        stop: &stop,
+    };
+    let (mut outcomes, mut notes, mut remark) = (Vec::new(), Vec::new(), String::new());
+    let ending = session.run(bus, &mut |event| match event {
+        Event::DeviceStarted(device) => remark = device.remark.unwrap_or_default(),
+        Event::CaseEnded(end) => outcomes.push(end.outcome),
+        Event::Note(note) => notes.push(note.text),
+        _ => {}
+    });
+    Ran { ending, outcomes, notes, remark, took: bus.now().since(Instant::ZERO) }
+}
+
+fn verdicts(ran: &Ran) -> Vec<Verdict> {
+    ran.outcomes.iter().map(Outcome::verdict).collect()
+}
+
+const WAITS: &str = "[ wait: 77 ms, never: { frame: '080+n#...', for: 10 ms } ]";
+const EXPECTS: &str = "[ expect: { frame: '700+n#05', within: 77 ms } ]";
+
+#[test]
+fn a_case_in_which_the_tester_was_late_is_repeated() {
+    let ran = run(&mut stalled(2), 1, WAITS);
+    assert_eq!(verdicts(&ran), [Verdict::Pass]);
+    let note = "the tester was late by 42 ms: the case is repeated";
+    assert_eq!(ran.notes, [note, note]);
+}
+
+#[test]
+fn a_tester_that_is_always_late_neither_passes_nor_fails_a_case() {
+    for steps in [WAITS, EXPECTS] {
+        let ran = run(&mut stalled(u32::MAX), 1, steps);
+        let Outcome::Error { reason, .. } = &ran.outcomes[0] else { panic!("{:?}", ran.outcomes) };
+        assert_eq!(reason, "the tester was late by 42 ms, and in 4 attempts");
+        assert_eq!(ran.ending, Ending::Complete);
+    }
+}
+
+#[test]
+fn a_tester_in_time_judges_and_so_does_one_in_virtual_time() {
+    let late = |stalls, real| Odd { real, ..stalled(stalls) };
+    for mut bus in [late(0, true), late(u32::MAX, false)] {
+        assert_eq!(verdicts(&run(&mut bus, 1, EXPECTS)), [Verdict::Fail]);
+    }
+    for mut bus in [late(0, true), late(u32::MAX, false)] {
+        assert_eq!(verdicts(&run(&mut bus, 1, WAITS)), [Verdict::Pass]);
+    }
+}
+
+const READS: &str = "[ nmt: reset-node, wait: 3 s, read: { object: '1000:00' } ]";
+
+/// Whether the frame is the answer to an upload of 1001h.
+fn is_error_register(frame: &Frame) -> bool {
+    frame.to_string().starts_with("581#4F011000")
+}
+
+#[test]
+fn an_error_that_stands_from_the_start_is_reported_once_and_no_obstacle() {
+    let mut bus = odd(Box::new(|_, seen| {
+        let scarred = Frame::new(0x581, [0x4F, 0x01, 0x10, 0, 0x81, 0, 0, 0]);
+        let frame = if is_error_register(&seen.frame) { scarred } else { seen.frame };
+        Some(Stamped { frame, ..seen })
+    }));
+    let ran = run(&mut bus, 3, READS);
+    assert_eq!(verdicts(&ran), [Verdict::Pass; 3]);
+    assert!(ran.remark.contains("1001h was 81"), "{}", ran.remark);
+    assert_eq!(ran.notes, Vec::<String>::new());
+}
+
+#[test]
+fn an_error_register_that_cannot_be_read_is_no_obstacle() {
+    let mut bus = odd(Box::new(|_, seen| {
+        let refused = Frame::new(0x581, [0x80, 0x01, 0x10, 0, 0, 0, 0, 8]);
+        let frame = if is_error_register(&seen.frame) { refused } else { seen.frame };
+        Some(Stamped { frame, ..seen })
+    }));
+    let ran = run(&mut bus, 3, READS);
+    assert_eq!(verdicts(&ran), [Verdict::Pass; 3]);
+    assert!(ran.remark.contains("upload of 1001:00 before the first case"), "{}", ran.remark);
+}
+
+#[test]
+fn a_boot_up_message_that_never_comes_is_waited_for_once() {
+    let mut bus = odd(Box::new(|_, seen| (seen.frame != Frame::new(0x701, [0])).then_some(seen)));
+    let fails = "[ nmt: reset-node, wait: 3 s, read: { object: '1000:00', value: 0 } ]";
+    let ran = run(&mut bus, 10, fails);
+    assert_eq!(verdicts(&ran), [Verdict::Fail; 10]);
+    assert!(ran.remark.contains("no boot-up message"), "{}", ran.remark);
+    // Ten seconds once, three in each case, and its resets.
+    assert!(ran.took < Duration::from_secs(70), "{:?}", ran.took);
+}
+
+#[test]
+fn a_device_that_only_a_reset_of_all_nodes_brings_back_is_not_given_up() {
+    let all = Frame::new(0, [0x81, 0]);
+    let mut bus = odd(Box::new(move |sent, seen| {
+        // Deaf from the first STOP on.
+        let stopped = sent.iter().rposition(|sent| *sent == Frame::new(0, [2, NODE]));
+        let back = sent.iter().rposition(|sent| *sent == all);
+        (stopped <= back).then_some(seen)
+    }));
+    let steps = "[ nmt: stop, wait: 100 ms ]";
+    let ran = run(&mut bus, 2, steps);
+    assert_eq!(verdicts(&ran), [Verdict::Pass; 2]);
+    assert_eq!(ran.notes, ["settled by reset of all nodes"]);
+}
+
+#[test]
+fn a_device_that_no_reset_brings_back_is_given_up() {
+    let mut bus =
+        odd(Box::new(|sent, seen| (!sent.contains(&Frame::new(0, [2, NODE]))).then_some(seen)));
+    let ran = run(&mut bus, 3, "[ nmt: stop, wait: 100 ms ]");
+    assert!(matches!(&ran.ending, Ending::Gone(why) if why.contains("resets")), "{:?}", ran.ending);
+    assert_eq!(verdicts(&ran), [Verdict::Pass, Verdict::Error, Verdict::Error]);
+}
