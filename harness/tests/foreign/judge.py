@@ -40,7 +40,8 @@ def findings(journal):
         event = json.loads(line)
         started = event.get("case-started", started)
         outcome = event.get("case-ended", {}).get("outcome", "pass")
-        verdict, detail = next(iter(outcome.items())) if isinstance(outcome, dict) else (outcome, "")
+        outcome = outcome if isinstance(outcome, dict) else {outcome: ""}
+        verdict, detail = next(iter(outcome.items()))
         if verdict not in GREEN:
             instance = f"[{started['instance']}]" if started["instance"] else ""
             case = f"{started['suite']}/{started['case']}{instance}"

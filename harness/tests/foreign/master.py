@@ -4,8 +4,8 @@
 
 Each device is served on vcan0 and mastered with its own data sheet, as a machine builder would:
 every object is read, every PDO is read and saved, a TPDO is asked for by SYNC, values go by block
-transfer, a lost heartbeat is told as emergency, what was stored survives a reset, and LSS finds the
-device. Exit code 1 and a sentence when something does not hold.
+transfer, a lost heartbeat is reported as emergency, what was stored survives a reset, and LSS finds
+the device. Exit code 1 and a sentence when something does not hold.
 """
 
 import logging
@@ -79,7 +79,7 @@ class Session:
         self.saves_every_pdo()
         self.receives_a_tpdo()
         self.transfers_blocks()
-        self.is_told_of_a_lost_heartbeat()
+        self.hears_of_a_lost_heartbeat()
         self.stores_and_restores()
         self.is_found_by_lss()
         print(f"{self.name}: {', '.join(self.did)}")
@@ -157,7 +157,7 @@ class Session:
             check(came == data, f"{named(variable)} has {len(came)} bytes, {len(data)} written")
             self.did.append("block download")
 
-    def is_told_of_a_lost_heartbeat(self):
+    def hears_of_a_lost_heartbeat(self):
         if 0x1016 not in self.dictionary or 0x1014 not in self.dictionary:
             return
         entry = self.node.sdo[0x1016][1]
@@ -202,7 +202,7 @@ class Session:
         lss.configure_node_id(0xFF)
         lss.send_switch_state_global(lss.WAITING_STATE)
         self.node.nmt.state = "RESET COMMUNICATION"
-        # A node without an id tells nobody that it is back.
+        # A node without an id announces itself to nobody.
         time.sleep(0.2)
         lss.RESPONSE_TIMEOUT = 0.2
         found, scanned = lss.fast_scan()
@@ -220,7 +220,7 @@ def parameters(pdo):
 
 
 def served_as(process):
-    """The node id, which the first line of `harness serve` tells."""
+    """The node id, which the first line of `harness serve` says."""
     line = process.stderr.readline().split()
     return int(line[line.index("node") + 1])
 

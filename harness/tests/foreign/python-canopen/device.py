@@ -13,7 +13,7 @@ import canopen
 
 NODE_ID = 3
 INTERFACE = "vcan0"
-SHEET = Path(__file__).with_name("device.eds")
+SHEET = Path(__file__).with_name("sheet.eds")
 START, RESET_NODE, RESET_COMMUNICATION = 1, 129, 130
 PDO_PARAMETERS = range(0x1400, 0x1C00)
 

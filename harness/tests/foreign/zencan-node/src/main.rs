@@ -13,6 +13,7 @@ use zencan_node::common::NodeId;
 use zencan_node::common::messages::{CanId, CanMessage};
 use zencan_node::{Callbacks, Node};
 
+#[expect(unsafe_code, reason = "zencan-build generates it")]
 mod device {
     zencan_node::include_modules!(DEVICE);
 }
