@@ -56,7 +56,7 @@ fn sdo_round_trips(bench: &mut Criterion) {
         sheet: Arc::default(),
         bench: Vec::new(),
         own_bench: false,
-        bit_rate: 1_000_000,
+        bit_rate: Some(1_000_000),
         without: Vec::new(),
         told: None,
     };

@@ -124,7 +124,7 @@ impl Deviation {
         let node_of = Node::new(&eds, node, device.settings(), rules, behaviour);
         let mut built: Box<dyn Device> = Box::new(node_of.map_err(|(mux, error)| {
             let dictionary = |(change, _): &&(Change, _)| matches!(change, Change::Dictionary(_));
-            let part = self.parts.iter().find(dictionary).or(self.parts.first());
+            let part = self.parts.iter().find(dictionary).or_else(|| self.parts.first());
             let origin = part.map(|(_, origin)| origin.clone()).unwrap_or_default();
             origin.refuse(&Misfit::at(&["dictionary"], format!("{mux}: {error}")))
         })?);

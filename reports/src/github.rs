@@ -26,7 +26,8 @@ pub fn annotation(
     let info = &case.info;
     let problem = case.outcome.problem();
     let at = |place: &Excerpt| (place.file.clone(), place.line, place.column);
-    let step = problem.map_or((info.file.to_string(), info.line, info.column), |p| at(&p.place));
+    let own = || (info.file.to_string(), info.line, info.column);
+    let step = problem.map_or_else(own, |problem| at(&problem.place));
     let sheet = problem.and_then(|problem| problem.sheet.as_ref()).map(at);
     let place = [Some(step), sheet].into_iter().flatten().find(|(file, ..)| is_there(file));
     let place = place

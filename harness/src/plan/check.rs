@@ -548,5 +548,5 @@ const MOST_FILL: i128 = 1 << 20;
 
 /// Where a step says that a device may decline.
 fn way_out(or_else: &[At<FrameText>], or_silence: bool, place: Place) -> Option<Place> {
-    or_else.first().map(|frame| frame.place).or(or_silence.then_some(place))
+    or_else.first().map(|frame| frame.place).or_else(|| or_silence.then_some(place))
 }

@@ -83,10 +83,10 @@ impl Scope {
     /// # Errors
     /// When it stands for nothing.
     pub fn get(&self, name: &Name) -> Result<&Binding, Wrong> {
-        if let Some(mut used) = self.used.as_ref().and_then(|used| used.lock().ok()) {
-            if !used.contains(&name.0) {
-                used.insert(name.0.clone());
-            }
+        if let Some(mut used) = self.used.as_ref().and_then(|used| used.lock().ok())
+            && !used.contains(&name.0)
+        {
+            used.insert(name.0.clone());
         }
         let place = self.place(&name.0).ok();
         place.map(|place| &self.names[place].1).ok_or_else(|| {

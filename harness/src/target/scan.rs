@@ -10,7 +10,6 @@ use canopen::{Bus, BusError, Mux};
 use reference_devices::devices;
 use reports::Identity;
 
-use crate::cli::DEFAULT_BIT_RATE;
 use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
 use crate::run::{Link, Policy, identity, read_number, read_text};

@@ -61,7 +61,7 @@ pub struct DeviceFile {
 }
 
 /// Who makes a device.
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Vendor {
     /// Name, for the data sheet.
@@ -71,7 +71,7 @@ pub(super) struct Vendor {
 }
 
 /// What the product is called.
-#[derive(Deserialize, JsonSchema)]
+#[derive(Deserialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(super) struct Product {
     /// Name, for the data sheet.
@@ -83,6 +83,7 @@ pub(super) struct Product {
 }
 
 /// Objects by their keys, each of which means one index or several.
+#[derive(Default)]
 pub(super) struct Objects(Vec<(At<String>, ObjectFacts)>);
 
 impl DeviceFile {
@@ -222,12 +223,6 @@ impl Objects {
             }
         }
         if complaints.is_empty() { Ok(objects) } else { Err(complaints) }
-    }
-}
-
-impl Default for Objects {
-    fn default() -> Self {
-        Self(Vec::new())
     }
 }
 

@@ -85,10 +85,12 @@ impl Freedom {
         let applications = |freedom: &Self| {
             freedom.changes.iter().any(|change| matches!(change, Change::Behaviour(_)))
         };
-        self.name != other.name
-            && !self.excludes.contains(&other.name)
-            && !other.excludes.contains(&self.name)
-            && !(applications(self) && applications(other))
+        let excludes = |one: &Self, other: &Self| one.excludes.contains(&other.name);
+        let same = self.name == other.name;
+        !(same
+            || excludes(self, other)
+            || excludes(other, self)
+            || applications(self) && applications(other))
     }
 
     /// A complaint about what stands at these keys of the freedom.
