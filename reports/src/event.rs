@@ -10,6 +10,7 @@ use std::sync::Arc;
 use canopen::{Instant, Stamped};
 use serde::{Deserialize, Serialize};
 
+use crate::cause::Cause;
 use crate::verdict::{Grade, Outcome};
 use crate::wire;
 
@@ -170,6 +171,9 @@ pub struct CaseEnded {
     pub at: Instant,
     /// The verdict and what led to it.
     pub outcome: Outcome,
+    /// What it shares with the other instances that did not pass for the same reason.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cause: Option<Cause>,
 }
 
 /// How the run came out.
@@ -180,6 +184,14 @@ pub struct RunEnded {
     pub exit: u8,
     /// Why the run stopped before its end, when it did.
     pub reason: Option<String>,
+}
+
+impl CaseEnded {
+    /// The end of `case`, with its cause.
+    pub fn of(case: &CaseStarted, at: Instant, outcome: Outcome) -> Self {
+        let cause = Cause::of(case, &outcome);
+        Self { at, outcome, cause }
+    }
 }
 
 impl CaseStarted {

@@ -54,7 +54,7 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
             let mut test = TestCaseBuilder::failure(
                 &name,
                 time,
-                phase(problem.phase),
+                &kind_of(case, phase(problem.phase)),
                 &attribute(&difference(problem)),
             );
             test.set_trace(&text());
@@ -62,7 +62,8 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
         }
         Outcome::Error { reason, problem } => {
             let kind = problem.as_ref().map_or("error", |problem| phase(problem.phase));
-            let mut test = TestCaseBuilder::error(&name, time, kind, &attribute(reason));
+            let kind = kind_of(case, kind);
+            let mut test = TestCaseBuilder::error(&name, time, &kind, &attribute(reason));
             test.set_trace(&text());
             test
         }
@@ -77,6 +78,12 @@ fn difference(problem: &Problem) -> String {
     let says = sheet.map(|place| format!("; {}:{} says {}", place.file, place.line, place.source));
     let says = says.unwrap_or_default();
     format!("expected {}; came {}{says}", problem.expected, problem.actual)
+}
+
+/// The cause, by which servers group what failed.
+fn kind_of(case: &CaseRun, otherwise: &str) -> String {
+    let cause = case.cause.as_ref().map(|cause| attribute(&cause.to_string()));
+    cause.unwrap_or_else(|| otherwise.to_owned())
 }
 
 const fn phase(phase: Phase) -> &'static str {

@@ -2,6 +2,7 @@
 //! writers of reports. No I/O and no clock: every report is a function of a run, and a run is a
 //! function of its events.
 
+mod cause;
 mod event;
 mod format;
 pub mod github;
@@ -13,6 +14,7 @@ pub mod terminal;
 mod verdict;
 mod wire;
 
+pub use cause::Cause;
 pub use event::{
     CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
     RunStarted,

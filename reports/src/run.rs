@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use canopen::{Instant, Stamped};
 
+use crate::cause::Cause;
 use crate::event::{
     CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, RunEnded, RunStarted,
 };
@@ -65,6 +66,8 @@ pub struct CaseRun {
     pub info: CaseStarted,
     /// The verdict and what led to it; an error when the case did not come to its end.
     pub outcome: Outcome,
+    /// What it shares with the other instances that did not pass for the same reason.
+    pub cause: Option<Cause>,
     /// When it was over; the last that is known of it when it did not come to its end.
     pub ended: Instant,
     /// The figures it took.
@@ -195,6 +198,7 @@ impl Run {
             info: case.clone(),
             // Stands if nothing follows: a case that did not end is an error and not forgotten.
             outcome: Outcome::Error { reason: INTERRUPTED.into(), problem: None },
+            cause: None,
             ended: case.at,
             measured: Vec::new(),
             notes: Vec::new(),
@@ -210,6 +214,7 @@ impl Run {
         let case = self.open_case().ok_or(OutOfOrder("a case ends that did not start"))?;
         case.ended = end.at;
         case.outcome = end.outcome.clone();
+        case.cause = end.cause.clone();
         let usual = matches!(case.verdict(), Verdict::Pass | Verdict::Skip);
         if keep == Keep::Unusual && usual {
             let mut spare = std::mem::take(&mut case.trace);

@@ -3,10 +3,11 @@
 mod details;
 mod summary;
 
-use std::collections::BTreeMap;
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::time::Duration;
 
+use crate::cause::Cause;
 use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::{Style, printable};
 use crate::verdict::{Grade, Outcome, Problem, Verdict};
@@ -31,8 +32,8 @@ pub enum Verbosity {
 pub struct Printer {
     style: Style,
     verbosity: Verbosity,
-    /// How many blocks had this cause, by device.
-    causes: BTreeMap<(String, String), usize>,
+    /// The causes that were explained.
+    causes: BTreeSet<Cause>,
     last: Last,
 }
 
@@ -44,13 +45,10 @@ enum Last {
     Block,
 }
 
-/// So many cases of a device with the same cause are explained; of the others one line is printed.
-const ALIKE: usize = 3;
-
 impl Printer {
     /// Has printed nothing yet.
     pub const fn new(style: Style, verbosity: Verbosity) -> Self {
-        Self { style, verbosity, causes: BTreeMap::new(), last: Last::Nothing }
+        Self { style, verbosity, causes: BTreeSet::new(), last: Last::Nothing }
     }
 
     /// The text of a case that has ended; empty when nothing is to be printed.
@@ -64,7 +62,7 @@ impl Printer {
         {
             return String::new();
         }
-        let block = wants_details(run, verdict) && !self.is_one_of_many(device, case);
+        let block = wants_details(run, verdict) && !self.is_explained(case);
         let mut text = String::new();
         if self.last == Last::Block || block && self.last == Last::Line {
             text.push('\n');
@@ -91,15 +89,12 @@ impl Printer {
         }
     }
 
-    /// Counts the case with its cause. A device that does not send its boot-up message, say, fails
-    /// many cases, and the first few explain them all.
-    fn is_one_of_many(&mut self, device: &DeviceRun, case: &CaseRun) -> bool {
-        let place = |problem: &Problem| format!("{}:{}", problem.place.file, problem.place.line);
-        let place = || case.outcome.problem().map(place);
-        let Some(cause) = cause(case).map(str::to_owned).or_else(place) else { return false };
-        let alike = self.causes.entry((device.info.device.clone(), cause)).or_default();
-        *alike += 1;
-        *alike > ALIKE && self.verbosity < Verbosity::Verbose
+    /// Whether a case with the same cause was printed in full. A device that does not send its
+    /// boot-up message, say, fails many cases, and the first one explains them all.
+    fn is_explained(&mut self, case: &CaseRun) -> bool {
+        let Some(cause) = &case.cause else { return false };
+        let first = self.causes.insert(cause.clone());
+        !first && self.verbosity < Verbosity::Verbose
     }
 }
 
@@ -141,18 +136,6 @@ pub fn case_line(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
 fn came_instead(problem: &Problem) -> String {
     let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
     format!("expected {}, came {}", first(&problem.expected), first(&problem.actual))
-}
-
-/// Why a case failed or has no verdict, when that is a sentence. A value alone says nothing about
-/// another case.
-fn cause(case: &CaseRun) -> Option<&str> {
-    match (&case.outcome, case.outcome.problem()) {
-        (Outcome::Fail(_) | Outcome::Error { .. }, Some(problem)) => {
-            Some(problem.actual.as_str()).filter(|actual| actual.contains(' '))
-        }
-        (Outcome::Error { reason, .. }, None) => Some(reason),
-        _ => None,
-    }
 }
 
 /// Seconds from one second on, milliseconds below: an expedited transfer takes 0.3 ms.

@@ -155,7 +155,11 @@ fn every_order_that_cannot_be_is_refused() {
     let events = fixture::events(Grade::Lenient);
     let [start, device, case, end] =
         [&events[0], &events[1], &events[2], &events[events.len() - 1]];
-    let pass = Event::CaseEnded(CaseEnded { at: canopen::Instant::ZERO, outcome: Outcome::Pass });
+    let pass = Event::CaseEnded(CaseEnded {
+        at: canopen::Instant::ZERO,
+        outcome: Outcome::Pass,
+        cause: None,
+    });
     let refused = |order: &[&Event]| -> OutOfOrder {
         let mut run = Run::new(Keep::All);
         let (last, before) = order.split_last().expect("an event");

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use super::{ALIKE, Verbosity, cause, one_line, plural};
+use super::{Verbosity, one_line, plural, wants_details};
+use crate::cause::Cause;
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
 use crate::style::Style;
 use crate::verdict::{Outcome, Verdict};
@@ -16,13 +17,13 @@ pub fn summary(run: &Run, style: Style, verbosity: Verbosity) -> String {
         skipped(run, style, verbosity, &mut text);
     }
     not_passed(run, style, verbosity, &mut text);
-    alike(run, &mut text);
     if run.ended.is_none() {
         let _ = writeln!(text, "interrupted: the run did not come to its end\n");
     }
     if let Some(reason) = run.ended.as_ref().and_then(|end| end.reason.as_ref()) {
         let _ = writeln!(text, "stopped: {}\n", one_line(reason));
     }
+    grouped(run, &mut text);
     let counts = run.counts();
     let _ = match run.worst() {
         Some(worst) => writeln!(text, "{}", style.verdict(worst, counts)),
@@ -148,22 +149,24 @@ fn wrapped(line: &str) -> String {
     text
 }
 
-/// Verdict, device and name of what did not pass. Instances of a case share a line, and so do the
-/// devices on which the same case came out the same way.
+/// Verdict, device and name of what did not pass. Instances with one cause stand together below it,
+/// the cause of most instances first; the others, and those that were not run, follow.
 fn not_passed(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) {
+    let (shared, alone): (Vec<_>, Vec<_>) =
+        by_cause(run).into_iter().partition(|(cause, cases)| cause.is_some() && cases.len() > 1);
+    for (cause, cases) in &shared {
+        let cause = cause.map(ToString::to_string).unwrap_or_default();
+        let _ = writeln!(text, "{:>6}  {}", cases.len(), wrapped(&one_line(&cause)));
+        for row in rows(cases, verbosity) {
+            let _ = writeln!(text, "        {}", row.line(style));
+        }
+        text.push('\n');
+    }
     let before = text.len();
-    for row in rows(run, verbosity) {
-        let verdict = style.verdict(row.verdict, format_args!("{:<7}", row.verdict)).to_string();
-        let devices = row.devices.join(", ");
-        let devices = match row.devices.len() {
-            many if devices.chars().count() > NAMES => format!("{many} devices"),
-            _ => devices,
-        };
-        let (devices, name) = (one_line(&devices), one_line(&row.name));
-        let _ = match row.instances {
-            1 => writeln!(text, "{verdict}  {devices}  {name}"),
-            many => writeln!(text, "{verdict}  {devices}  {name} ({many} instances)"),
-        };
+    let mut alone: Vec<_> = alone.into_iter().flat_map(|(_, cases)| cases).collect();
+    alone.sort_by_key(|(place, ..)| *place);
+    for row in rows(&alone, verbosity) {
+        let _ = writeln!(text, "{}", row.line(style));
     }
     let not_run = run.cases().filter(|(_, case)| case.outcome.is_not_run()).count() as u64;
     if not_run > 0 {
@@ -171,6 +174,38 @@ fn not_passed(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) 
     }
     if text.len() > before {
         text.push('\n');
+    }
+}
+
+/// An instance with its device, and its place in the run.
+type Noticed<'r> = (usize, &'r DeviceRun, &'r CaseRun);
+
+/// What did not pass, by cause: first what makes the run red, of that the cause of most instances.
+fn by_cause(run: &Run) -> Vec<(Option<&Cause>, Vec<Noticed<'_>>)> {
+    let mut causes = BTreeMap::<_, Vec<Noticed>>::new();
+    for (place, (device, case)) in run.cases().enumerate() {
+        let usual = matches!(case.verdict(), Verdict::Pass | Verdict::Skip);
+        if !usual && !case.outcome.is_not_run() {
+            let red = wants_details(run, case.verdict());
+            causes.entry((red, case.cause.as_ref())).or_default().push((place, device, case));
+        }
+    }
+    let mut causes: Vec<_> = causes.into_iter().collect();
+    causes.sort_by_key(|((red, _), cases)| (!red, std::cmp::Reverse(cases.len()), cases[0].0));
+    causes.into_iter().map(|((_, cause), cases)| (cause, cases)).collect()
+}
+
+/// `35 causes, 206 instances` of what makes the run red, when there is anything to group.
+fn grouped(run: &Run, text: &mut String) {
+    let red = |(_, cases): &&(_, Vec<Noticed>)| {
+        cases.iter().all(|(.., case)| wants_details(run, case.verdict()))
+    };
+    let causes = by_cause(run);
+    let sizes: Vec<usize> = causes.iter().filter(red).map(|(_, cases)| cases.len()).collect();
+    let (causes, instances) = (sizes.len() as u64, sizes.iter().sum::<usize>() as u64);
+    if instances > 1 {
+        let (cause, instance) = (plural(causes, "cause"), plural(instances, "instance"));
+        let _ = writeln!(text, "{causes} {cause}, {instances} {instance}");
     }
 }
 
@@ -182,38 +217,36 @@ struct Row<'r> {
     instances: usize,
 }
 
-fn rows(run: &Run, verbosity: Verbosity) -> Vec<Row<'_>> {
-    let mut rows: Vec<Row> = Vec::new();
-    for device in &run.devices {
-        for row in rows_of(device, verbosity) {
-            let same = rows.iter_mut().find(|known| {
-                (known.verdict, &known.name, known.instances)
-                    == (row.verdict, &row.name, row.instances)
-                    && known.devices.last() != row.devices.first()
-            });
-            match same.filter(|_| verbosity < Verbosity::Verbose) {
-                Some(known) => known.devices.extend(row.devices),
-                None => rows.push(row),
-            }
+impl Row<'_> {
+    fn line(&self, style: Style) -> String {
+        let verdict = style.verdict(self.verdict, format_args!("{:<7}", self.verdict)).to_string();
+        let devices = self.devices.join(", ");
+        let devices = match self.devices.len() {
+            many if devices.chars().count() > NAMES => format!("{many} devices"),
+            _ => devices,
+        };
+        let (devices, name) = (one_line(&devices), one_line(&self.name));
+        match self.instances {
+            1 => format!("{verdict}  {devices}  {name}"),
+            many => format!("{verdict}  {devices}  {name} ({many} instances)"),
         }
     }
-    rows
 }
 
-/// A line for each instance; one for all instances of a case when there are many.
-fn rows_of(device: &DeviceRun, verbosity: Verbosity) -> Vec<Row<'_>> {
-    let noticed = |case: &&CaseRun| {
-        !case.outcome.is_not_run() && !matches!(case.verdict(), Verdict::Pass | Verdict::Skip)
+/// Many instances of a case share a line, and so do the devices on which the same case came out the
+/// same way.
+fn rows<'r>(cases: &[Noticed<'r>], verbosity: Verbosity) -> Vec<Row<'r>> {
+    let case_of = |device: &'r DeviceRun, case: &'r CaseRun| {
+        let info = &case.info;
+        (&device.info.device, case.verdict(), &info.suite, &info.case)
     };
-    let case_of =
-        |case: &CaseRun| (case.verdict(), case.info.suite.clone(), case.info.case.clone());
     let mut instances = BTreeMap::<_, usize>::new();
-    for case in device.cases().filter(noticed) {
-        *instances.entry(case_of(case)).or_default() += 1;
+    for (_, device, case) in cases {
+        *instances.entry(case_of(device, case)).or_default() += 1;
     }
-    let mut rows = Vec::new();
-    for case in device.cases().filter(noticed) {
-        let (instances, name) = match instances.get_mut(&case_of(case)) {
+    let mut rows: Vec<Row> = Vec::new();
+    for (_, device, case) in cases {
+        let (instances, name) = match instances.get_mut(&case_of(device, case)) {
             Some(many) if *many > ALIKE && verbosity < Verbosity::Verbose => {
                 (std::mem::take(many), format!("{}/{}", case.info.suite, case.info.case))
             }
@@ -221,33 +254,21 @@ fn rows_of(device: &DeviceRun, verbosity: Verbosity) -> Vec<Row<'_>> {
             Some(0) => continue,
             _ => (1, case.info.name()),
         };
-        let devices = vec![device.info.device.as_str()];
-        rows.push(Row { verdict: case.verdict(), devices, name, instances });
+        let (verdict, device) = (case.verdict(), device.info.device.as_str());
+        let same = rows.iter_mut().find(|known| {
+            (known.verdict, &known.name, known.instances) == (verdict, &name, instances)
+                && known.devices.last() != Some(&device)
+        });
+        match same.filter(|_| verbosity < Verbosity::Verbose) {
+            Some(known) => known.devices.push(device),
+            None => rows.push(Row { verdict, devices: vec![device], name, instances }),
+        }
     }
     rows
 }
 
-/// What came in several of the cases that failed or have no verdict: one fault of a device shows in
-/// many cases.
-fn alike(run: &Run, text: &mut String) {
-    let mut causes = BTreeMap::<&str, usize>::new();
-    for (_, case) in run.cases().filter(|(_, case)| !case.outcome.is_not_run()) {
-        if let Some(cause) = cause(case) {
-            *causes.entry(cause).or_default() += 1;
-        }
-    }
-    let mut causes: Vec<_> = causes.into_iter().filter(|(_, count)| *count > ALIKE).collect();
-    if causes.is_empty() {
-        return;
-    }
-    causes.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-    text.push_str("the same in several cases\n");
-    for (cause, count) in causes {
-        let _ = writeln!(text, "{count:>6}  {}", wrapped(&one_line(cause)));
-    }
-    text.push('\n');
-}
-
+/// From more instances than these on, a case has one line.
+const ALIKE: usize = 3;
 /// How many reasons are named.
 const REASONS: usize = 20;
 /// The width of a text beside its count.
