@@ -1,5 +1,6 @@
 //! Bus backends: the only places that touch hardware, and the only ones that read a clock.
 
+mod calendar;
 pub mod socketcan;
 
 use std::fmt;
@@ -10,6 +11,8 @@ use std::sync::atomic::AtomicBool;
 use canopen::{Bus, BusError};
 
 use socketcan::SocketCan;
+
+pub use calendar::unix_time;
 
 /// A CAN interface by the name that a user gives it. A new backend is a variant here: the compiler
 /// then asks how it is written and opened, and the test below how it is read.

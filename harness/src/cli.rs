@@ -7,6 +7,7 @@ use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum}
 use reports::{FORMATS, Format, Grade};
 
 use crate::suite::Folders;
+use crate::waivers::is_date;
 
 /// Conformance tests for CANopen devices.
 ///
@@ -26,7 +27,7 @@ pub struct Cli {
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 green, 1 a case failed, 2 usage, 3 a file does not load, 4 nothing ran,
-6 bus or bench, or a case is ERROR and none failed, 7 the device did not come back,
+5 waivers out of date, 6 bus or bench, or a case is ERROR and none failed, 7 the device did not come back,
 9 holes in qualification or trace, 70 internal error, 130 interrupted. The highest applies.";
 
 /// The commands.
@@ -51,7 +52,9 @@ pub enum Command {
     /// Electronic data sheets
     #[command(subcommand)]
     Eds(EdsCommand),
-    /// Print the JSON schema of suites, register, devices, mutants or catalogue
+    /// Write a first file of waivers from the journal of a run
+    Waive(WaiveArgs),
+    /// Print the JSON schema of suites, register, devices, mutants, waivers or catalogue
     Schema(SchemaArgs),
 }
 
@@ -138,6 +141,12 @@ pub struct RunArgs {
     /// With `strict`, a LENIENT case counts as a failure
     #[arg(long, default_value = "lenient")]
     pub grade: GradeName,
+    /// Waivers: causes that are known and do not make the run red
+    #[arg(long, value_name = "FILE")]
+    pub waivers: Option<PathBuf>,
+    /// The date on which waivers expire, instead of that of the clock
+    #[arg(long, value_name = "DATE", hide = true, value_parser = date)]
+    pub today: Option<String>,
     /// Run the cases in random order
     #[arg(long)]
     pub shuffle: bool,
@@ -345,6 +354,16 @@ pub struct ProbeArgs {
     pub bitrate: u32,
 }
 
+/// Arguments of `waive`.
+#[derive(Debug, Args)]
+pub struct WaiveArgs {
+    /// The journal of the run, as `run --journal` writes it
+    pub journal: PathBuf,
+    /// File to write, which must not exist; printed when absent
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+}
+
 /// Arguments of `schema`.
 #[derive(Debug, Args)]
 pub struct SchemaArgs {
@@ -370,6 +389,8 @@ pub enum SchemaName {
     Freedoms,
     /// The file of the personalities
     Personalities,
+    /// Files of waivers
+    Waivers,
     /// Files of the catalogue of profiles
     Catalogue,
 }
@@ -400,5 +421,13 @@ impl From<GradeName> for Grade {
             GradeName::Strict => Self::Strict,
             GradeName::Lenient => Self::Lenient,
         }
+    }
+}
+
+/// A date such as `2026-12-31`.
+fn date(text: &str) -> Result<String, String> {
+    match is_date(text) {
+        true => Ok(text.to_owned()),
+        false => Err("a date is written `2026-12-31`".to_owned()),
     }
 }

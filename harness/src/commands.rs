@@ -12,6 +12,7 @@ mod schema;
 mod select;
 mod serve;
 mod trace;
+mod waive;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -36,6 +37,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Trace(args)) => trace::run(&args),
         Some(Command::Explain(args)) => explain::run(&args),
         Some(Command::Eds(command)) => eds::run(&command, &stop),
+        Some(Command::Waive(args)) => waive::run(&args),
         Some(Command::Schema(args)) => schema::run(&args),
     };
     done.unwrap_or_else(|Refused { exit, message }| {

@@ -15,6 +15,8 @@ pub enum Exit {
     File = 3,
     /// There was nothing to run.
     NothingRan = 4,
+    /// A waiver names no case, has expired, or waives what does not occur any more.
+    Waivers = 5,
     /// The bus or the bench failed, no device answers, or a case is ERROR and none is FAIL.
     Bus = 6,
     /// The device stopped answering and did not come back.

@@ -17,5 +17,6 @@ mod rig;
 pub mod run;
 pub mod suite;
 pub mod target;
+pub mod waivers;
 
 use canopen::{nearest, source};

@@ -13,6 +13,6 @@ mod scope;
 pub use bind::plan;
 pub(crate) use bytes::{fill, mapping_word, parse_bytes, show_bytes};
 pub(crate) use each::{index_range, matching_entries};
-pub(crate) use instance::Instance;
 pub use instance::Plan;
+pub(crate) use instance::{Instance, is_named};
 pub(crate) use scope::{Binding, Scope};

@@ -14,6 +14,7 @@ mod objects;
 mod policy;
 mod probe;
 mod promise;
+mod reliance;
 mod restore;
 mod sdo;
 mod session;

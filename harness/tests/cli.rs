@@ -56,6 +56,7 @@ fn the_committed_schemas_are_those_of_the_program() {
         ("mutants", "reference-devices/mutants"),
         ("freedoms", "reference-devices/freedoms"),
         ("catalogue", "canopen/catalogue/catalogue"),
+        ("waivers", "suites/waivers"),
     ] {
         let output = harness().args(["schema", name]).output().unwrap();
         let path = project().join(file).with_extension("schema.json");

@@ -10,6 +10,7 @@ use harness::plan::{self, Plan};
 use harness::run::{Policy, Session};
 use harness::suite::{Folders, Library};
 use harness::target;
+use harness::waivers::Waivers;
 use reference_devices::devices;
 use reference_devices::rules::Specification;
 use reports::{Event, Verdict};
@@ -57,6 +58,7 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
         register: &library.register,
         policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
         rerun: String::new(),
+        waivers: &Waivers::default(),
         max_fail: None,
         stop: &stop,
     };

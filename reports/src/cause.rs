@@ -41,7 +41,8 @@ impl Cause {
             Self { requirement: ids.join(" "), ..Self::of_problem(problem) }
         };
         match outcome {
-            Outcome::Pass | Outcome::Skip(_) => None,
+            Outcome::Pass | Outcome::Skip(_) | Outcome::Blocked(_) => None,
+            Outcome::Waived { outcome, .. } => Self::of(case, outcome),
             Outcome::Lenient(problem) | Outcome::Fail(problem) => {
                 Some(match problem.phase == Phase::Monitor {
                     true => Self::of_problem(problem),

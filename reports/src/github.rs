@@ -6,7 +6,8 @@ use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::shell_word;
 use crate::verdict::{Excerpt, Outcome, Verdict};
 
-/// One line per case that failed or erred (`::error`) or was tolerated (`::warning`). Only files
+/// One line per case that failed or erred (`::error`), was tolerated (`::warning`) or is waived
+/// (`::notice`). Only files
 /// for which `is_there` holds are named: GitHub shows an annotation at a line of the repository.
 pub fn annotations(run: &Run, is_there: impl Fn(&str) -> bool) -> String {
     run.cases().filter_map(|(device, case)| annotation(device, case, &is_there)).collect()
@@ -19,7 +20,8 @@ pub fn annotation(
     is_there: impl Fn(&str) -> bool,
 ) -> Option<String> {
     let command = match case.verdict() {
-        Verdict::Pass | Verdict::Skip => return None,
+        Verdict::Pass | Verdict::Skip | Verdict::Blocked => return None,
+        Verdict::Waived => "notice",
         Verdict::Lenient => "warning",
         Verdict::Fail | Verdict::Error => "error",
     };
@@ -41,6 +43,9 @@ pub fn annotation(
         if let Some(sheet) = &problem.sheet {
             let _ = write!(message, "\n{}:{} says {}", sheet.file, sheet.line, sheet.source);
         }
+    }
+    if let Outcome::Waived { waiver, .. } = &case.outcome {
+        let _ = write!(message, "\nwaived: {waiver}");
     }
     let name = info.name();
     let _ = write!(message, "\nrun again: {} {}", device.info.rerun, shell_word(&name));

@@ -21,6 +21,16 @@ pub fn write(run: &Run) -> String {
     one_element_a_line(&String::from_utf8(bytes).expect("XML is written as UTF-8"))
 }
 
+/// The date of a moment in seconds since 1970, such as `2026-12-31`.
+pub fn date(unix_time: u64) -> String {
+    moment(unix_time).date().to_string()
+}
+
+fn moment(unix_time: u64) -> OffsetDateTime {
+    let seconds = i64::try_from(unix_time).unwrap_or_default();
+    OffsetDateTime::from_unix_timestamp(seconds).unwrap_or(OffsetDateTime::UNIX_EPOCH)
+}
+
 fn test_suite(device: &DeviceRun, suite: &SuiteRun) -> TestSuite {
     // Not by `TestSuite::new`, which reads the clock.
     TestSuite {
@@ -49,6 +59,15 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
         }
         Outcome::Skip(reason) => {
             TestCaseBuilder::skipped_with_cause(&name, "skip", &attribute(reason))
+        }
+        Outcome::Blocked(reason) => {
+            TestCaseBuilder::skipped_with_cause(&name, "blocked", &attribute(reason))
+        }
+        Outcome::Waived { outcome, waiver } => {
+            let was = format!("{} waived: {waiver}", outcome.verdict());
+            let mut test = TestCaseBuilder::skipped_with_cause(&name, "xfail", &attribute(&was));
+            test.set_system_out(&text());
+            test
         }
         Outcome::Fail(problem) => {
             let mut test = TestCaseBuilder::failure(

@@ -20,6 +20,7 @@ pub use event::{
     RunStarted,
 };
 pub use format::{FORMATS, Format};
+pub use junit::date;
 pub use run::{CaseRun, Counts, DeviceRun, Keep, OutOfOrder, Run, SuiteRun};
 pub use style::Style;
-pub use verdict::{Excerpt, Grade, Outcome, Phase, Problem, Verdict};
+pub use verdict::{Excerpt, Grade, Outcome, Phase, Problem, Verdict, Waiver};

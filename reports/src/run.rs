@@ -164,10 +164,17 @@ impl Run {
 
     /// Whether no verdict is worse than the grade of the run allows.
     pub fn is_green(&self) -> bool {
+        !self.cases().any(|(_, case)| self.is_red(case.verdict()))
+    }
+
+    /// Whether a verdict is worse than the grade of the run allows.
+    pub fn is_red(&self, verdict: Verdict) -> bool {
         let grade = self.started.as_ref().map_or_else(Grade::default, |run| run.grade);
-        let counts = self.counts();
-        counts.of(Verdict::Fail) + counts.of(Verdict::Error) == 0
-            && (grade == Grade::Lenient || counts.of(Verdict::Lenient) == 0)
+        match verdict {
+            Verdict::Pass | Verdict::Skip | Verdict::Blocked | Verdict::Waived => false,
+            Verdict::Lenient => grade == Grade::Strict,
+            Verdict::Fail | Verdict::Error => true,
+        }
     }
 
     fn start_run(&mut self, run: &RunStarted) -> Result<(), OutOfOrder> {
@@ -215,8 +222,7 @@ impl Run {
         case.ended = end.at;
         case.outcome = end.outcome.clone();
         case.cause = end.cause.clone();
-        let usual = matches!(case.verdict(), Verdict::Pass | Verdict::Skip);
-        if keep == Keep::Unusual && usual {
+        if keep == Keep::Unusual && case.verdict().is_usual() {
             let mut spare = std::mem::take(&mut case.trace);
             spare.clear();
             self.spare = spare;
@@ -299,7 +305,8 @@ impl FromIterator<Verdict> for Counts {
     }
 }
 
-/// `9 passed, 0 lenient, 1 failed, 0 errors, 2 skipped`.
+/// `9 passed, 0 lenient, 1 failed, 0 errors, 2 skipped, 3 blocked, 1 waived`; the last two when there
+/// are any.
 impl fmt::Display for Counts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let errors = self.of(Verdict::Error);
@@ -311,7 +318,14 @@ impl fmt::Display for Counts {
             self.of(Verdict::Fail),
             if errors == 1 { "" } else { "s" },
             self.of(Verdict::Skip),
-        )
+        )?;
+        for (verdict, word) in [(Verdict::Blocked, "blocked"), (Verdict::Waived, "waived")] {
+            match self.of(verdict) {
+                0 => {}
+                count => write!(f, ", {count} {word}")?,
+            }
+        }
+        Ok(())
     }
 }
 

@@ -19,7 +19,8 @@ impl Style {
             match verdict {
                 Verdict::Pass => "32",
                 Verdict::Lenient => "33",
-                Verdict::Skip => "36",
+                Verdict::Skip | Verdict::Blocked => "36",
+                Verdict::Waived => "35",
                 Verdict::Fail => "1;31",
                 Verdict::Error => "1;35",
             },

@@ -10,7 +10,7 @@ use std::time::Duration;
 use crate::cause::Cause;
 use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::{Style, printable};
-use crate::verdict::{Grade, Outcome, Problem, Verdict};
+use crate::verdict::{Outcome, Problem};
 
 pub use details::details;
 pub use summary::summary;
@@ -54,15 +54,14 @@ impl Printer {
     /// The text of a case that has ended; empty when nothing is to be printed.
     pub fn case(&mut self, run: &Run, device: &DeviceRun, case: &CaseRun) -> String {
         let verdict = case.verdict();
-        let usual = matches!(verdict, Verdict::Pass | Verdict::Skip);
         // The summary counts the cases that were not run.
         if case.outcome.is_not_run()
             || self.verbosity == Verbosity::Quiet
-            || usual && self.verbosity < Verbosity::Verbose
+            || verdict.is_usual() && self.verbosity < Verbosity::Verbose
         {
             return String::new();
         }
-        let block = wants_details(run, verdict) && !self.is_explained(case);
+        let block = run.is_red(verdict) && !self.is_explained(case);
         let mut text = String::new();
         if self.last == Last::Block || block && self.last == Last::Line {
             text.push('\n');
@@ -107,15 +106,6 @@ pub fn report(run: &Run, style: Style) -> String {
     text
 }
 
-/// Whether a case with this verdict is to be explained at the grade of `run`.
-pub fn wants_details(run: &Run, verdict: Verdict) -> bool {
-    match verdict {
-        Verdict::Pass | Verdict::Skip => false,
-        Verdict::Lenient => run.started.as_ref().is_some_and(|run| run.grade == Grade::Strict),
-        Verdict::Fail | Verdict::Error => true,
-    }
-}
-
 /// Verdict, device, name, and the time on the bus or what came instead of a PASS.
 pub fn case_line(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     let verdict = case.verdict();
@@ -127,7 +117,10 @@ pub fn case_line(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
         Outcome::Pass | Outcome::Lenient(_) => time(case.duration()),
         Outcome::Fail(problem) => came_instead(problem),
         Outcome::Error { problem: Some(problem), .. } => came_instead(problem),
-        Outcome::Skip(reason) | Outcome::Error { reason, .. } => reason.clone(),
+        Outcome::Skip(reason) | Outcome::Blocked(reason) | Outcome::Error { reason, .. } => {
+            reason.clone()
+        }
+        Outcome::Waived { waiver, .. } => waiver.to_string(),
     };
     let _ = writeln!(line, "{}", style.dim(one_line(&rest)));
     line

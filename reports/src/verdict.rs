@@ -16,6 +16,10 @@ pub enum Verdict {
     Lenient,
     /// Not applicable to this device or not possible on this bench.
     Skip,
+    /// Not run, or not to its end, because a requirement it relies on does not hold on this device.
+    Blocked,
+    /// FAIL, ERROR or LENIENT for a reason that its user knows and has waived.
+    Waived,
     /// Not conformant.
     Fail,
     /// No statement about the device: the bench or the harness could not do its part.
@@ -23,8 +27,21 @@ pub enum Verdict {
 }
 
 impl Verdict {
+    /// Whether it needs no explanation of its own: the device passed, or the case says nothing.
+    pub const fn is_usual(self) -> bool {
+        matches!(self, Self::Pass | Self::Skip | Self::Blocked)
+    }
+
     /// Every verdict, in ascending weight.
-    pub const ALL: [Self; 5] = [Self::Pass, Self::Lenient, Self::Skip, Self::Fail, Self::Error];
+    pub const ALL: [Self; 7] = [
+        Self::Pass,
+        Self::Lenient,
+        Self::Skip,
+        Self::Blocked,
+        Self::Waived,
+        Self::Fail,
+        Self::Error,
+    ];
 
     /// The verdict in capitals, as every report prints it.
     pub const fn name(self) -> &'static str {
@@ -32,6 +49,8 @@ impl Verdict {
             Self::Pass => "PASS",
             Self::Lenient => "LENIENT",
             Self::Skip => "SKIP",
+            Self::Blocked => "BLOCKED",
+            Self::Waived => "XFAIL",
             Self::Fail => "FAIL",
             Self::Error => "ERROR",
         }
@@ -65,8 +84,17 @@ pub enum Outcome {
     Lenient(Box<Problem>),
     /// Why the case does not apply.
     Skip(String),
+    /// Which requirement the case relies on does not hold, and how that showed.
+    Blocked(String),
     /// What the device did wrong.
     Fail(Box<Problem>),
+    /// What came of the case, and why that is accepted.
+    Waived {
+        /// FAIL, ERROR or LENIENT.
+        outcome: Box<Outcome>,
+        /// The waiver.
+        waiver: Waiver,
+    },
     /// Why there is no statement about the device.
     Error {
         /// In one sentence.
@@ -83,6 +111,8 @@ impl Outcome {
             Self::Pass => Verdict::Pass,
             Self::Lenient(_) => Verdict::Lenient,
             Self::Skip(_) => Verdict::Skip,
+            Self::Blocked(_) => Verdict::Blocked,
+            Self::Waived { .. } => Verdict::Waived,
             Self::Fail(_) => Verdict::Fail,
             Self::Error { .. } => Verdict::Error,
         }
@@ -106,11 +136,12 @@ impl Outcome {
     }
 
     /// Whether the device did not do what the case says, whatever became of that by its level.
-    pub const fn holds_against_device(&self) -> bool {
+    pub fn holds_against_device(&self) -> bool {
         match self {
             Self::Fail(_) => true,
             Self::Lenient(problem) => problem.capped,
-            Self::Pass | Self::Skip(_) | Self::Error { .. } => false,
+            Self::Waived { outcome, .. } => outcome.holds_against_device(),
+            Self::Pass | Self::Skip(_) | Self::Blocked(_) | Self::Error { .. } => false,
         }
     }
 
@@ -124,7 +155,35 @@ impl Outcome {
         match self {
             Self::Lenient(problem) | Self::Fail(problem) => Some(problem),
             Self::Error { problem, .. } => problem.as_deref(),
-            Self::Pass | Self::Skip(_) => None,
+            Self::Waived { outcome, .. } => outcome.problem(),
+            Self::Pass | Self::Skip(_) | Self::Blocked(_) => None,
+        }
+    }
+}
+
+/// Why something that is known does not make a run red.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Waiver {
+    /// Why it is accepted.
+    pub reason: String,
+    /// Who answers for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub owner: Option<String>,
+    /// The last day on which it holds, such as `2026-12-31`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub expires: Option<String>,
+}
+
+/// The reason, who answers for it and until when, in one line.
+impl fmt::Display for Waiver {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.reason)?;
+        match (&self.owner, &self.expires) {
+            (None, None) => Ok(()),
+            (Some(owner), None) => write!(f, " ({owner})"),
+            (None, Some(date)) => write!(f, " (until {date})"),
+            (Some(owner), Some(date)) => write!(f, " ({owner}, until {date})"),
         }
     }
 }

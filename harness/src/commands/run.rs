@@ -9,17 +9,19 @@ use reference_devices::devices;
 use reports::{Event, RunEnded, RunStarted, Verdict};
 
 use super::select::select;
+use crate::bus::unix_time;
 use crate::cli::{DEFAULT_BIT_RATE, RunArgs};
 use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
 use crate::parallel::{self, InTurn, processors};
-use crate::plan::{self, Plan};
+use crate::plan::{self, Instance, Plan};
 use crate::reporter::Reporter;
 use crate::run::{Ending, Policy, Session};
 use crate::source::{At, Complaint};
-use crate::suite::Library;
+use crate::suite::{Library, Register};
 use crate::target::{self, Target};
+use crate::waivers::Waivers;
 
 /// Runs what the arguments select. The reports of what ran are written whatever happens.
 ///
@@ -32,7 +34,9 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
         Library::load(&args.selection.folders)
     })?;
     let targets = target::resolve(&args.selection, stop)?;
+    let waivers = waivers_of(args, &library.register)?;
     let mut plans = plan_all(&library, &targets)?;
+    let names = names_of(&plans, args.waivers.is_some());
     select(&mut plans, &args.selection.patterns)?;
     if args.shuffle || args.seed.is_some() {
         let seed = args.seed.unwrap_or(1);
@@ -55,26 +59,46 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
         grade: args.grade.into(),
     }));
     let sessions = targets.into_iter().zip(plans).filter(|(_, plan)| !plan.instances.is_empty());
-    let all = Sessions { args, library: &library, stop };
+    let all = Sessions { args, library: &library, waivers: &waivers, stop };
     let endings = all.run(sessions.collect(), |event| reporter.tell(&event));
     let (mut stopped, mut reason) = (Exit::Green, None);
     for (exit, why) in endings {
         stopped = stopped.max(exit);
         reason = reason.or(why);
     }
-    let worst = stopped.max(of_verdicts(&reporter));
+    let outdated = waivers.out_of_date(reporter.run(), &names);
+    let of_waivers = if outdated.is_empty() { Exit::Green } else { Exit::Waivers };
+    let worst = stopped.max(of_verdicts(&reporter)).max(of_waivers);
     // That enough failed is what the user asked for.
     if let Some(reason) = reason.as_ref().filter(|_| stopped > Exit::Green) {
         eprintln!("error: {reason}");
     }
     reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason }));
-    Ok(worst.max(reporter.finish()))
+    let finished = reporter.finish();
+    for complaint in outdated {
+        eprintln!("{complaint}\n");
+    }
+    Ok(worst.max(finished))
+}
+
+/// What is waived, by the date of today.
+fn waivers_of(args: &RunArgs, register: &Register) -> Result<Waivers, Refused> {
+    let Some(path) = &args.waivers else { return Ok(Waivers::default()) };
+    let today = args.today.clone().unwrap_or_else(|| reports::date(unix_time()));
+    Ok(Waivers::load(path, &today, register)?)
+}
+
+/// The cases that there are, whatever is selected; when anybody asks.
+fn names_of(plans: &[Plan], asked: bool) -> Vec<String> {
+    let instances = plans.iter().filter(|_| asked).flat_map(|plan| &plan.instances);
+    instances.map(Instance::name).collect()
 }
 
 /// What every session of a run has in common.
 struct Sessions<'r> {
     args: &'r RunArgs,
     library: &'r Library,
+    waivers: &'r Waivers,
     stop: &'r Arc<AtomicBool>,
 }
 
@@ -119,6 +143,7 @@ impl Sessions<'_> {
                         ..Policy::at_bit_rate(target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE))
                     },
                     rerun: rerun(args, target),
+                    waivers: self.waivers,
                     max_fail: args.max_fail,
                     stop: self.stop,
                 };
@@ -217,7 +242,7 @@ fn of_verdicts(reporter: &Reporter) -> Exit {
     if !run.is_green() {
         return Exit::Failed;
     }
-    match counts.total() - counts.of(Verdict::Skip) {
+    match counts.total() - counts.of(Verdict::Skip) - counts.of(Verdict::Blocked) {
         0 => Exit::NothingRan,
         _ => Exit::Green,
     }

@@ -3,12 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clap::CommandFactory;
-use wildmatch::WildMatch;
 
 use crate::cli::Cli;
 use crate::exit::Refused;
 use crate::nearest::{did_you_mean, nearest};
-use crate::plan::{Instance, Plan};
+use crate::plan::{Instance, Plan, is_named};
 
 /// Keeps the instances that a pattern names: a glob over the full name, or the name of a suite, of
 /// a folder of suites or of a case. Without patterns everything is kept but the suites of profiles
@@ -70,8 +69,5 @@ fn nothing_named(pattern: &str, plans: &[Plan]) -> Refused {
 }
 
 fn names(pattern: &str, instance: &Instance) -> bool {
-    let name = instance.name();
-    let below = name.strip_prefix(pattern.trim_end_matches('/'));
-    let whole = below.is_some_and(|rest| rest.is_empty() || rest.starts_with(['/', '[']));
-    whole || WildMatch::new(pattern).matches(&name)
+    is_named(pattern, &instance.name())
 }

@@ -96,7 +96,7 @@ pub(super) fn case(instance: &Instance, dut: &Dut, model: Option<&Eds>) -> Check
         checker.step(step);
         checker.abort_codes(step);
     }
-    for step in case.setup.iter().chain(&case.finally) {
+    for step in &case.finally {
         checker.no_way_out(step);
     }
     checker.unused();
@@ -377,7 +377,7 @@ impl Checker<'_> {
         }
     }
 
-    /// Only steps can end early: what follows a setup rests on it.
+    /// What comes last has nothing to leave out.
     fn no_way_out(&mut self, step: &At<Step>) {
         let (word, place) = match &step.value {
             Step::Write(Write { or_refused, .. }) => {
@@ -390,7 +390,7 @@ impl Checker<'_> {
             _ => return,
         };
         if let Some(place) = place {
-            self.complain(place, format!("`{word}` is for steps, not for what frames them"));
+            self.complain(place, format!("`{word}` is for `setup` and `steps`, not for `finally`"));
         }
     }
 

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use wildmatch::WildMatch;
+
 use super::scope::Scope;
 use crate::dut::Dut;
 use crate::source::{At, Complaint};
@@ -98,6 +100,14 @@ impl Instance {
         })
     }
 
+    /// The requirements without which it says nothing, those that it checks itself left out.
+    pub fn relies_on(&self) -> impl Iterator<Item = &str> {
+        let case = self.case();
+        let all = case.relies_on.iter().chain(&self.suite.file.relies_on);
+        let own = |id: &&At<String>| case.checks.iter().any(|check| check.value == id.value);
+        all.filter(move |id| !own(id)).map(|id| id.value.as_str())
+    }
+
     /// The full name: `cia301/heartbeat/heartbeat-period[period=20 ms]`.
     pub fn name(&self) -> String {
         let (suite, case) = (self.suite.name(), &self.case().id.value);
@@ -106,4 +116,12 @@ impl Instance {
             None => format!("{suite}/{case}"),
         }
     }
+}
+
+/// Whether `pattern` means the instance of that name: a glob over the full name, or the name of its
+/// suite, of a folder of suites or of its case.
+pub(crate) fn is_named(pattern: &str, name: &str) -> bool {
+    let below = name.strip_prefix(pattern.trim_end_matches('/'));
+    let whole = below.is_some_and(|rest| rest.is_empty() || rest.starts_with(['/', '[']));
+    whole || WildMatch::new(pattern).matches(name)
 }

@@ -123,7 +123,11 @@ impl CaseRun<'_, '_> {
             }
             (Err(_), _) | (_, Some(_)) => (outcome, Aftermath::Left(Left::Dirty)),
             (Ok(whole), None) => {
-                let passed = outcome.problem().is_none() || matches!(outcome, Outcome::Lenient(_));
+                let passed = match &outcome {
+                    Outcome::Blocked(_) => false,
+                    Outcome::Lenient(_) => true,
+                    other => other.problem().is_none(),
+                };
                 let left = match (whole && passed, still) {
                     (false, _) => Left::Dirty,
                     (true, false) => Left::Calm,
@@ -142,6 +146,7 @@ impl CaseRun<'_, '_> {
             outcome: Outcome::Pass,
             declined: None,
             late: None,
+            relies_on: self.instance.relies_on().next(),
         };
         if let Some(complaint) = &self.instance.unfit {
             let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
@@ -290,6 +295,11 @@ fn run_phase(
                 result.error(reason);
                 return Ok(false);
             }
+            Err(Trouble::Declined(what)) if phase == Phase::Setup => {
+                result.outcome =
+                    Outcome::Skip(format!("the device refused {what}, which is allowed"));
+                return Ok(false);
+            }
             Err(Trouble::Declined(what)) => {
                 result.declined = Some(what);
                 return Ok(true);
@@ -305,6 +315,8 @@ struct CaseOutcome<'r> {
     /// When the step ended that is being judged.
     at: Instant,
     outcome: Outcome,
+    /// The first requirement without which the case says nothing.
+    relies_on: Option<&'r str>,
     /// What the device refused, as it may, so that the rest of the steps was left out.
     declined: Option<String>,
     /// How late the tester was, when that may be the reason of the outcome.
@@ -333,7 +345,10 @@ impl CaseOutcome<'_> {
     fn setup_failed(&mut self, place: Place, difference: Difference) {
         let problem = self.problem(Phase::Setup, place, difference);
         let reason = format!("the setup failed: {}", summary(&problem));
-        self.outcome = Outcome::Error { reason, problem: Some(problem) };
+        self.outcome = match self.relies_on {
+            Some(id) => Outcome::Blocked(format!("{id}: {reason}")),
+            None => Outcome::Error { reason, problem: Some(problem) },
+        };
     }
 
     fn error(&mut self, reason: String) {

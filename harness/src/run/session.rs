@@ -10,6 +10,7 @@ use super::baseline::Baseline;
 use super::case::{self, Aftermath};
 use super::link::Link;
 use super::policy::Policy;
+use super::reliance::Reliance;
 use super::sdo;
 use super::settle::{self, Left};
 use crate::dut::Dut;
@@ -17,6 +18,7 @@ use crate::plan::{Instance, Plan};
 use crate::source::At;
 use crate::suite::profile::BlockDirections;
 use crate::suite::{Level, Register, Suite};
+use crate::waivers::Waivers;
 
 /// How a session ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -43,6 +45,8 @@ pub struct Session<'s> {
     pub policy: Policy,
     /// The command that runs a case again, without its name.
     pub rerun: String,
+    /// What is known and accepted.
+    pub waivers: &'s Waivers,
     /// Stop after so many cases that failed.
     pub max_fail: Option<usize>,
     /// Set when the user wants the run to end.
@@ -123,12 +127,15 @@ impl Session<'_> {
         let mut starts = Starts { register: self.register, last: None };
         let (mut left, mut failed) = (Left::Calm, 0);
         let mut gone: Option<String> = None;
-        for (place, instance) in self.plan.instances.iter().enumerate() {
+        let mut reliance = Reliance::of(self.plan);
+        let instances = reliance.order(self.plan);
+        for (place, &instance) in instances.iter().enumerate() {
             // A real bus notices while it waits; a simulated one never waits.
             if self.stop.swap(false, Ordering::SeqCst) {
                 return Ending::Bus(BusError::Interrupted);
             }
-            link.emit(starts.of(instance, link.mark()));
+            let started = starts.of(instance, link.mark());
+            link.emit(Event::CaseStarted(started.clone()));
             let needed = instance.blocks();
             let no_blocks =
                 match (needed.upload && !blocks.upload, needed.download && !blocks.download) {
@@ -137,11 +144,17 @@ impl Session<'_> {
                     _ => None,
                 };
             if let Some(reason) = instance.skip.clone().or(no_blocks) {
-                link.emit(ended(link, Outcome::Skip(reason)));
+                link.emit(ended(link, &started, Outcome::Skip(reason)));
+                continue;
+            }
+            if let Some(reason) = reliance.blocks(instance) {
+                let outcome = Outcome::Blocked(reason);
+                reliance.learn(instance, &outcome);
+                link.emit(ended(link, &started, outcome));
                 continue;
             }
             if let Some(reason) = gone.as_ref().filter(|_| instance.needs_device()) {
-                link.emit(ended(link, Outcome::not_run(reason)));
+                link.emit(ended(link, &started, Outcome::not_run(reason)));
                 continue;
             }
             let (policy, dut) = (&self.policy, &self.plan.dut);
@@ -150,9 +163,11 @@ impl Session<'_> {
                 true => finished.outcome,
                 false => finished.outcome.capped(),
             };
+            reliance.learn(instance, &outcome);
+            let outcome = self.waivers.apply(&started, outcome);
             failed += usize::from(matches!(outcome, Outcome::Fail(_)));
-            link.emit(ended(link, outcome));
-            let rest = &self.plan.instances[place + 1..];
+            link.emit(ended(link, &started, outcome));
+            let rest = &instances[place + 1..];
             match finished.aftermath {
                 Aftermath::Left(how) => left = how,
                 // What is about the data sheet needs no device.
@@ -183,7 +198,7 @@ struct Starts<'s> {
 }
 
 impl Starts<'_> {
-    fn of(&mut self, instance: &Instance, at: Instant) -> Event {
+    fn of(&mut self, instance: &Instance, at: Instant) -> CaseStarted {
         let same = |(suite, case, _): &(Arc<Suite>, usize, CaseStarted)| {
             Arc::ptr_eq(suite, &instance.suite) && *case == instance.case
         };
@@ -194,7 +209,7 @@ impl Starts<'_> {
         let instance_name = instance.label.clone();
         let started = CaseStarted { at, instance: instance_name, ..of_case.clone() };
         self.last = Some((Arc::clone(&instance.suite), instance.case, of_case));
-        Event::CaseStarted(started)
+        started
     }
 
     /// What is the same for every instance.
@@ -225,8 +240,8 @@ impl Starts<'_> {
     }
 }
 
-fn ended(link: &Link, outcome: Outcome) -> Event {
-    Event::CaseEnded(CaseEnded { at: link.mark(), outcome })
+fn ended(link: &Link, case: &CaseStarted, outcome: Outcome) -> Event {
+    Event::CaseEnded(CaseEnded::of(case, link.mark(), outcome))
 }
 
 /// What 1000h and 1018h say.

@@ -138,6 +138,7 @@ fn run(bus: &mut Odd, cases: usize, steps: &str) -> Ran {
         register: &library.register,
         policy: Policy::at_bit_rate(BIT_RATE),
         rerun: String::new(),
+        waivers: &crate::waivers::Waivers::default(),
         max_fail: None,
         stop: &stop,
     };

@@ -1,6 +1,6 @@
 //! Loading suite and register files.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::folders::Folders;
@@ -74,6 +74,7 @@ impl Library {
         complaints.extend(reused_ids(&loaded));
         if register_is_whole {
             complaints.extend(unknown_requirements(&loaded, &register));
+            complaints.extend(unproved(&loaded, &register));
         }
         complaints.extend(wrong_map(&test_map, &loaded));
         let test_map = test_map.into_iter().flat_map(|(_, entries)| entries).collect();
@@ -139,6 +140,34 @@ fn unknown_requirements(suites: &[Arc<Suite>], register: &Register) -> Vec<Compl
                 let message = format!("no requirement `{}` in the register{meant}", id.value);
                 complaints.push(Complaint::at(&suite.source, id.place, message));
             }
+        }
+    }
+    complaints
+}
+
+/// What cases rely on is a requirement, and something else proves it.
+fn unproved(suites: &[Arc<Suite>], register: &Register) -> Vec<Complaint> {
+    let cases = || suites.iter().flat_map(|suite| suite.file.cases.iter());
+    let checked: BTreeSet<&str> =
+        cases().flat_map(|case| &case.value.checks).map(|id| id.value.as_str()).collect();
+    let mut complaints = Vec::new();
+    for suite in suites {
+        let of_cases = suite.file.cases.iter().flat_map(|case| &case.value.relies_on);
+        for id in suite.file.relies_on.iter().chain(of_cases) {
+            let known = register.find(&id.value).is_some();
+            if checked.contains(id.value.as_str())
+                || !known && register.lacks_document_of(&id.value)
+            {
+                continue;
+            }
+            let message = match known {
+                true => format!("no case checks `{}`, so nothing can tell that it holds", id.value),
+                false => {
+                    let meant = did_you_mean(&id.value, register.iter().map(|(id, _)| id));
+                    format!("no requirement `{}` in the register{meant}", id.value)
+                }
+            };
+            complaints.push(Complaint::at(&suite.source, id.place, message));
         }
     }
     complaints

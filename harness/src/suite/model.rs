@@ -29,6 +29,10 @@ pub struct SuiteFile {
     /// its cases are skipped. Names, blocks and options are those of the profile.
     #[serde(default)]
     pub profile: Option<At<About>>,
+    /// Requirements without which no case of this suite says anything about a device: where one is
+    /// broken, the cases are BLOCKED.
+    #[serde(default)]
+    pub relies_on: Vec<At<String>>,
     /// The cases.
     pub cases: Vec<At<Case>>,
 }
@@ -43,6 +47,10 @@ pub struct Case {
     pub title: String,
     /// The requirements it checks.
     pub checks: Vec<At<String>>,
+    /// Requirements without which the case says nothing about a device: where one is broken, it is
+    /// BLOCKED.
+    #[serde(default)]
+    pub relies_on: Vec<At<String>>,
     /// Makes one instance for each of something the device has.
     #[serde(default)]
     pub each: Option<At<Each>>,
@@ -58,7 +66,8 @@ pub struct Case {
     /// What the device may do meanwhile without a step that waits for it.
     #[serde(default)]
     pub tolerates: Vec<Tolerated>,
-    /// What must have been done before; a failure here is an ERROR, not a FAIL.
+    /// What must have been done before; a failure here is an ERROR, not a FAIL, or BLOCKED where the
+    /// case relies on something.
     #[serde(default)]
     pub setup: Vec<At<Step>>,
     /// What finds out.

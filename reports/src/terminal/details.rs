@@ -20,6 +20,8 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     match &case.outcome {
         Outcome::Error { reason, .. } => block.field("no verdict", reason),
         Outcome::Skip(reason) => block.field("skipped", reason),
+        Outcome::Blocked(reason) => block.field("blocked", reason),
+        Outcome::Waived { waiver, .. } => block.field("waived", &waiver.to_string()),
         Outcome::Pass | Outcome::Lenient(_) | Outcome::Fail(_) => {}
     }
     if let Some(problem) = problem {

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use super::{Verbosity, one_line, plural, wants_details};
+use super::{Verbosity, one_line, plural};
 use crate::cause::Cause;
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
 use crate::style::Style;
@@ -15,6 +15,7 @@ pub fn summary(run: &Run, style: Style, verbosity: Verbosity) -> String {
     devices(run, style, &mut text);
     if verbosity > Verbosity::Quiet {
         skipped(run, style, verbosity, &mut text);
+        blocked(run, style, &mut text);
     }
     not_passed(run, style, verbosity, &mut text);
     if run.ended.is_none() {
@@ -39,13 +40,22 @@ fn devices(run: &Run, style: Style, text: &mut String) {
     let width = run.devices.iter().map(|device| device.info.device.chars().count()).max();
     let width = width.unwrap_or_default().max("device".len());
     let mut head = format!("{:<width$}  node", "device");
-    for verdict in Verdict::ALL {
+    let shown = columns(run.counts());
+    for verdict in &shown {
         let _ = write!(head, "  {verdict:>7}");
     }
     let _ = writeln!(text, "{}", style.dim(head));
     for device in &run.devices {
         let _ = write!(text, "{:<width$}  {:>4}", one_line(&device.info.device), device.info.node);
-        columns(device.counts(), style, text);
+        for verdict in &shown {
+            let number = device.counts().of(*verdict);
+            let count = format!("{number:>7}");
+            let _ = match number {
+                0 => write!(text, "  {}", style.dim(count)),
+                _ => write!(text, "  {}", style.verdict(*verdict, count)),
+            };
+        }
+        text.push('\n');
     }
     for device in &run.devices {
         if let Some(remark) = &device.info.remark {
@@ -55,15 +65,11 @@ fn devices(run: &Run, style: Style, text: &mut String) {
     text.push('\n');
 }
 
-fn columns(counts: Counts, style: Style, text: &mut String) {
-    for verdict in Verdict::ALL {
-        let count = format!("{:>7}", counts.of(verdict));
-        let _ = match counts.of(verdict) {
-            0 => write!(text, "  {}", style.dim(count)),
-            _ => write!(text, "  {}", style.verdict(verdict, count)),
-        };
-    }
-    text.push('\n');
+/// The verdicts that have a column: BLOCKED and XFAIL when there are any.
+fn columns(counts: Counts) -> Vec<Verdict> {
+    let rare = |verdict: &Verdict| matches!(verdict, Verdict::Blocked | Verdict::Waived);
+    let shown = |verdict: &Verdict| !rare(verdict) || counts.of(*verdict) > 0;
+    Verdict::ALL.into_iter().filter(shown).collect()
 }
 
 /// The reasons, the most frequent first. Reasons that differ in the object or the name at their end
@@ -97,6 +103,24 @@ fn skipped(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) {
     if !rest.is_empty() {
         let cases: usize = rest.iter().map(|(_, about)| sum(about)).sum();
         let _ = writeln!(text, "{cases:>6}  {} further reasons, which -v names", rest.len());
+    }
+    text.push('\n');
+}
+
+/// Which requirements that cases rely on do not hold, with how many cases that blocks.
+fn blocked(run: &Run, style: Style, text: &mut String) {
+    let mut reasons = BTreeMap::<&str, usize>::new();
+    for (_, case) in run.cases() {
+        if let Outcome::Blocked(reason) = &case.outcome {
+            *reasons.entry(reason).or_default() += 1;
+        }
+    }
+    if reasons.is_empty() {
+        return;
+    }
+    let _ = writeln!(text, "{}", style.verdict(Verdict::Blocked, "blocked because"));
+    for (reason, count) in reasons {
+        let _ = writeln!(text, "{count:>6}  {}", wrapped(&one_line(reason)));
     }
     text.push('\n');
 }
@@ -184,9 +208,8 @@ type Noticed<'r> = (usize, &'r DeviceRun, &'r CaseRun);
 fn by_cause(run: &Run) -> Vec<(Option<&Cause>, Vec<Noticed<'_>>)> {
     let mut causes = BTreeMap::<_, Vec<Noticed>>::new();
     for (place, (device, case)) in run.cases().enumerate() {
-        let usual = matches!(case.verdict(), Verdict::Pass | Verdict::Skip);
-        if !usual && !case.outcome.is_not_run() {
-            let red = wants_details(run, case.verdict());
+        if !case.verdict().is_usual() && !case.outcome.is_not_run() {
+            let red = run.is_red(case.verdict());
             causes.entry((red, case.cause.as_ref())).or_default().push((place, device, case));
         }
     }
@@ -197,9 +220,8 @@ fn by_cause(run: &Run) -> Vec<(Option<&Cause>, Vec<Noticed<'_>>)> {
 
 /// `35 causes, 206 instances` of what makes the run red, when there is anything to group.
 fn grouped(run: &Run, text: &mut String) {
-    let red = |(_, cases): &&(_, Vec<Noticed>)| {
-        cases.iter().all(|(.., case)| wants_details(run, case.verdict()))
-    };
+    let red =
+        |(_, cases): &&(_, Vec<Noticed>)| cases.iter().all(|(.., case)| run.is_red(case.verdict()));
     let causes = by_cause(run);
     let sizes: Vec<usize> = causes.iter().filter(red).map(|(_, cases)| cases.len()).collect();
     let (causes, instances) = (sizes.len() as u64, sizes.iter().sum::<usize>() as u64);

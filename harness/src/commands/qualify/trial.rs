@@ -16,6 +16,7 @@ use crate::plan::{Instance, Plan};
 use crate::run::{Ending, Policy, Session};
 use crate::suite::Library;
 use crate::target::{self, Connection, Target};
+use crate::waivers::Waivers;
 
 /// What came of one instance.
 #[derive(Clone, Debug)]
@@ -71,6 +72,7 @@ pub(super) fn run(
         register: &library.register,
         policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
         rerun: String::new(),
+        waivers: &Waivers::default(),
         max_fail: None,
         stop: &stop,
     };
