@@ -277,7 +277,10 @@ fn run_phase(
             other => other,
         };
         result.at = steps.link.now();
-        let failed = matches!(judgement, Err(Trouble::Device(_)));
+        let failed = match &judgement {
+            Err(Trouble::Device(difference)) => Some(difference),
+            _ => None,
+        };
         result.late = result.late.max(steps.late(&step.value, failed));
         match judgement {
             Ok(None) => {}

@@ -277,16 +277,32 @@ impl<'b> Link<'b> {
         self.mark = self.mark.max(until);
     }
 
+    /// The next frame until `until`. It is waited for in short turns, since a host that stalls and
+    /// is awake again when a frame comes is noticed by nothing else.
+    fn watchful(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+        const TURN: Duration = Duration::from_millis(2);
+        loop {
+            let asked = self.bus.now();
+            let turn = until.min(asked + TURN);
+            let got = self.bus.recv(turn)?;
+            let due = got.map_or(turn, |stamped| stamped.at);
+            // What lay there before was not waited for.
+            if asked <= due {
+                let late = self.bus.now().since(due);
+                self.lateness.notice(late);
+            }
+            if got.is_some() || turn == until {
+                return Ok(got);
+            }
+        }
+    }
+
     /// One more frame into the trace; its place, or `None` when `until` has come.
     fn pull(&mut self, until: Instant) -> Result<Option<usize>, BusError> {
-        let asked = self.bus.is_real().then(|| self.bus.now());
-        let got = self.bus.recv(until)?;
-        // What lay there before was not waited for.
-        let due = got.map_or(until, |stamped| stamped.at);
-        if asked.is_some_and(|asked| asked <= due) {
-            let late = self.bus.now().since(due);
-            self.lateness.notice(late);
-        }
+        let got = match self.bus.is_real() {
+            true => self.watchful(until)?,
+            false => self.bus.recv(until)?,
+        };
         let Some(stamped) = got else { return Ok(None) };
         self.trace.push(Seen { stamped, expected: false });
         if self.in_case {

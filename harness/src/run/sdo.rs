@@ -91,6 +91,8 @@ pub(super) fn knows_blocks(
     let mut blocks = BlockDirections { upload: true, download: true };
     if asked.upload {
         blocks.upload = known(upload_in_blocks(link, policy, node, DEVICE_TYPE, LARGEST_BLOCK)?);
+        // A server that answers the abort of the client does not answer the next request by that.
+        link.drain(policy.quiet)?;
     }
     if asked.download {
         let ended = download(link, policy, node, DEVICE_TYPE, &[0; 4], Transfer::Block)?;

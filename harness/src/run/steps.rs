@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::nmt::{Command, Service};
 use canopen::pdo::CobId;
-use canopen::{BusError, Frame, Instant, Mux, Pattern, Stamped, lss, sdo, sync};
+use canopen::{Abort, BusError, Frame, Instant, Mux, Pattern, Stamped, lss, sdo, sync};
 use reports::{Event, Measured};
 
 use super::bench_snapshot::BenchSnapshot;
@@ -369,13 +369,17 @@ impl Steps<'_, '_> {
     }
 
     /// How late the tester was, where that may be the reason why the step ended as it did.
-    pub(super) fn late(&self, step: &Step, failed: bool) -> Option<Duration> {
+    pub(super) fn late(&self, step: &Step, failed: Option<&Difference>) -> Option<Duration> {
         let Lateness { missed, noticed, .. } = self.link.lateness();
-        if missed > Duration::ZERO && (failed || matches!(step, Step::Never(_))) {
+        if missed > Duration::ZERO && (failed.is_some() || matches!(step, Step::Never(_))) {
             return Some(missed);
         }
-        // Who shares the host with the tester is as late as the tester.
-        let window = self.window(step).filter(|_| failed)?;
+        // The client may have been too slow for a server. Who shares the host with the tester is
+        // as late as the tester.
+        let timed_out = failed?.raw.is_some_and(|raw| {
+            matches!(sdo::Response::decode(&raw.data), Ok(sdo::Response::Abort(_, Abort::TIMEOUT)))
+        });
+        let window = self.window(step).or_else(|| timed_out.then_some(Duration::ZERO))?;
         (noticed > self.policy.bears(window)).then_some(noticed)
     }
 

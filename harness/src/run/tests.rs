@@ -27,8 +27,10 @@ type Way = Box<dyn FnMut(&[Frame], Stamped) -> Option<Stamped>>;
 struct Odd {
     bus: VirtualBus<'static>,
     real: bool,
-    /// How often a wait of [`WINDOW`] ends late.
+    /// How often the host stalls when nothing came for [`WINDOW`] after a device was settled.
     stalls: u32,
+    /// When it was, when nothing came since.
+    last: Instant,
     held: VecDeque<Stamped>,
     sent: Vec<Frame>,
     way: Way,
@@ -57,17 +59,20 @@ impl Bus for Odd {
             if self.held.front().is_some_and(|held| held.at <= until) {
                 return Ok(self.held.pop_front());
             }
-            let asked = self.bus.now();
             match self.bus.recv(until)? {
-                Some(seen) if seen.own => return Ok(Some(seen)),
                 Some(seen) => {
-                    if let Some(seen) = (self.way)(&self.sent, seen) {
-                        return Ok(Some(seen));
+                    let settled = is_error_register(&seen.frame);
+                    self.last = if settled { seen.at } else { Instant::NEVER };
+                    let seen = if seen.own { Some(seen) } else { (self.way)(&self.sent, seen) };
+                    if seen.is_some() {
+                        return Ok(seen);
                     }
                 }
                 None => {
-                    if until.since(asked) == WINDOW && self.stalls > 0 {
+                    if until.since(self.last) >= WINDOW && self.stalls > 0 {
                         self.stalls -= 1;
+                        // Once after each frame.
+                        self.last = Instant::NEVER;
                         while let Some(seen) = self.bus.recv(until + STALL)? {
                             self.held.push_back(seen);
                         }
@@ -83,7 +88,7 @@ fn odd(way: Way) -> Odd {
     let mut bus = VirtualBus::new(BIT_RATE);
     bus.attach(devices::device("drr460").unwrap().node(NODE, Box::new(Specification)));
     let (held, sent) = (VecDeque::new(), Vec::new());
-    Odd { bus, real: true, stalls: 0, held, sent, way }
+    Odd { bus, real: true, stalls: 0, last: Instant::NEVER, held, sent, way }
 }
 
 fn stalled(stalls: u32) -> Odd {
