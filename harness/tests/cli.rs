@@ -55,6 +55,7 @@ fn the_committed_schemas_are_those_of_the_program() {
         ("variant", "reference-devices/variant"),
         ("mutants", "reference-devices/mutants"),
         ("freedoms", "reference-devices/freedoms"),
+        ("personalities", "reference-devices/personalities"),
         ("catalogue", "canopen/catalogue/catalogue"),
         ("waivers", "suites/waivers"),
     ] {

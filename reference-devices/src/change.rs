@@ -1,10 +1,12 @@
-//! The seams at which a device can deviate: frames on its wire, its dictionary, its data sheet, the
-//! decisions of the stack and those of its application. Mutants and freedoms are made of them.
+//! The seams at which a device can deviate: frames on its wire, its dictionary, its data sheet, its
+//! settings, the decisions of the stack and those of its application. Mutants and freedoms are made
+//! of them.
 
 mod data;
 mod frame;
 mod origin;
 mod patch;
+mod settings;
 mod sheet;
 
 use canopen::nearest::did_you_mean;
@@ -96,7 +98,7 @@ impl Deviation {
         let device = self.described(device)?;
         let mut eds = device.description.eds.clone();
         let mut rules: Box<dyn Rules> = Box::new(Specification);
-        let mut behaviour = None;
+        let (mut behaviour, mut settings) = (None, device.settings());
         for (change, origin) in &self.parts {
             let refuse = |misfit: Misfit| origin.refuse(&misfit);
             match change {
@@ -109,6 +111,7 @@ impl Deviation {
                 Change::Dictionary(patch) => {
                     patch.apply(&mut eds).map_err(|wrong| refuse(wrong.below(&["dictionary"])))?;
                 }
+                Change::Settings(patch) => patch.apply(&mut settings),
                 Change::Object(_) | Change::Eds(_) | Change::Frame(_) => {}
             }
         }
@@ -121,7 +124,7 @@ impl Deviation {
                 origin.refuse(&Misfit::at(&["behaviour"], message))
             })?,
         };
-        let node_of = Node::new(&eds, node, device.settings(), rules, behaviour);
+        let node_of = Node::new(&eds, node, settings, rules, behaviour);
         let mut built: Box<dyn Device> = Box::new(node_of.map_err(|(mux, error)| {
             let dictionary = |(change, _): &&(Change, _)| matches!(change, Change::Dictionary(_));
             let part = self.parts.iter().find(dictionary).or_else(|| self.parts.first());

@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::patch::Patch;
+use super::settings::SettingsPatch;
 use super::sheet::SheetPatch;
 
 /// What is wrong with a change: the keys that lead there, and why.
@@ -43,13 +44,16 @@ pub(crate) enum Change {
     Object(Patch),
     /// In a decision of the stack.
     Rule(String),
+    /// In what the device is and a data sheet does not state.
+    Settings(SettingsPatch),
     /// In a decision of the device's application.
     Behaviour(String),
     /// In the data sheet, while the device is in order.
     Eds(Vec<SheetPatch>),
 }
 
-/// What happens to frames that fit a pattern. Exactly one of `edit`, `drop`, `repeat`, `delay`.
+/// What happens to frames that fit a pattern. Exactly one of `edit`, `drop`, `repeat`, `delay`,
+/// `answer`.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(crate) struct FrameChange {
@@ -67,9 +71,12 @@ pub(crate) struct FrameChange {
     /// They come so many times more.
     #[serde(default)]
     pub repeat: Option<u32>,
-    /// They come so much later, such as `20 ms`; only frames that are sent.
+    /// They come so much later, such as `20 ms`.
     #[serde(default)]
     pub delay: Option<String>,
+    /// The device sends this instead of taking them; only frames that are received.
+    #[serde(default)]
+    pub answer: Option<String>,
     /// The first so many are left alone.
     #[serde(default)]
     pub skip: u32,

@@ -25,6 +25,7 @@ enum What {
     Drop,
     Repeat(u32),
     Delay(Duration),
+    Answer(Pattern),
 }
 
 impl<D: Device> DeviantWire<D> {
@@ -54,13 +55,17 @@ impl<D: Device> DeviantWire<D> {
         if let Some(delay) = &change.delay {
             whats.push(What::Delay(milliseconds(delay)?));
         }
+        if let Some(answer) = &change.answer {
+            whats.push(What::Answer(bind("answer", answer)?));
+        }
         let what = match (whats.pop(), whats.is_empty()) {
-            (Some(What::Delay(_)), true) if change.received => {
-                return Err(Misfit::at(&["delay"], "frames that are received cannot be delayed"));
+            (Some(What::Answer(_)), true) if !change.received => {
+                return Err(Misfit::at(&["answer"], "only frames that are received are answered"));
             }
             (Some(what), true) => what,
             _ => {
-                let message = "exactly one of `edit`, `drop`, `repeat` and `delay` belongs here";
+                let message =
+                    "exactly one of `edit`, `drop`, `repeat`, `delay` and `answer` belongs here";
                 return Err(Misfit::at(&[], message));
             }
         };
@@ -98,7 +103,7 @@ impl<D: Device> DeviantWire<D> {
             }
             match &self.what {
                 What::Edit(edit) => out.push(edit.edit(&frame)),
-                What::Drop => {}
+                What::Drop | What::Answer(_) => {}
                 What::Repeat(count) => (0..=*count).for_each(|_| out.push(frame)),
                 What::Delay(delay) => self.delayed.push_back((now + *delay, frame)),
             }
@@ -119,7 +124,9 @@ impl<D: Device> Device for DeviantWire<D> {
                         self.inner.handle_frame(now, frame, &mut self.scratch);
                     }
                 }
-                What::Drop | What::Delay(_) => {}
+                What::Answer(answer) => self.scratch.push(answer.edit(frame)),
+                What::Delay(delay) => self.delayed.push_back((now + *delay, *frame)),
+                What::Drop => {}
             }
         } else {
             self.inner.handle_frame(now, frame, &mut self.scratch);
@@ -129,7 +136,12 @@ impl<D: Device> Device for DeviantWire<D> {
 
     fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
         let due = self.delayed.partition_point(|(due, _)| *due <= now);
-        self.delayed.drain(..due).for_each(|(_, frame)| out.push(frame));
+        for (_, frame) in self.delayed.drain(..due) {
+            match self.received {
+                true => self.inner.handle_frame(now, &frame, &mut self.scratch),
+                false => out.push(frame),
+            }
+        }
         self.inner.handle_timeout(now, &mut self.scratch);
         self.forward(now, out);
     }
@@ -214,5 +226,9 @@ mod tests {
         assert_eq!(answers("{ when: '580+n#...', delay: 2 ms }", 1), ["7FF#", sent]);
         let received = "{ when: '600+n#...', received: true, edit: '600+n#= 07' }";
         assert_eq!(answers(received, 1), ["585#0107"]);
+        let late = "{ when: '600+n#...', received: true, delay: 2 ms }";
+        assert_eq!(answers(late, 1), ["7FF#", sent]);
+        let answered = "{ when: '600+n#01 ..', received: true, answer: '580+n#80 =' }";
+        assert_eq!(answers(answered, 1), ["585#8002"]);
     }
 }

@@ -1,0 +1,142 @@
+//! A change of what a device is and its data sheet does not state.
+
+use std::time::Duration;
+
+use canopen::lss::Status;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use crate::stack::{BlockTransfer, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};
+
+/// What is different; what is missing is as it was.
+#[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default, rename_all = "kebab-case")]
+pub(crate) struct SettingsPatch {
+    /// Time from power-on or a reset to the boot-up message.
+    boot_up_ms: Option<u64>,
+    /// How long the SDO server waits for the next request of a transfer.
+    sdo_timeout_ms: Option<u64>,
+    /// The longest value of an object of variable length, in bytes.
+    longest_value: Option<usize>,
+    /// How long it takes to store parameters.
+    save_ms: Option<u64>,
+    /// The segments that the SDO server takes in a sub-block; 0 is a server without block transfer.
+    block_size: Option<u8>,
+    /// The shortest period of SYNC; 0 is a device that cannot produce it.
+    sync_producer_us: Option<u64>,
+    /// The longest gap between two SYNC, in per cent of 1006h; 0 is a device that does not
+    /// supervise them.
+    sync_percent: Option<u32>,
+    /// How many emergency messages can wait.
+    emcy_queue: Option<usize>,
+    /// The error register of the messages about the communication.
+    emcy_register: Option<u8>,
+    /// Errors that are not reported.
+    silent: Vec<Error>,
+    /// Whether clearing 1003h sends a message, too.
+    tells_history_cleared: Option<bool>,
+    /// The error code with which storing the LSS configuration ends.
+    lss_store: Option<u8>,
+}
+
+/// An error of the communication.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+enum Error {
+    SyncTimeout,
+    SyncLength,
+    Guarding,
+    Heartbeat,
+    RpdoTooShort,
+    RpdoTooLong,
+    RpdoTimeout,
+}
+
+impl SettingsPatch {
+    /// Changes the settings.
+    pub(super) fn apply(&self, settings: &mut NodeSettings) {
+        let set = |time: &mut Duration, ms: Option<u64>| {
+            *time = ms.map_or(*time, Duration::from_millis);
+        };
+        set(&mut settings.boot_up_time, self.boot_up_ms);
+        set(&mut settings.sdo_timeout, self.sdo_timeout_ms);
+        set(&mut settings.save_time, self.save_ms);
+        settings.longest_value = self.longest_value.unwrap_or(settings.longest_value);
+        settings.emcy_queue = self.emcy_queue.unwrap_or(settings.emcy_queue);
+        if let Some(size) = self.block_size {
+            settings.block_transfer = (size > 0).then_some(BlockTransfer { size });
+        }
+        if let Some(shortest) = self.sync_producer_us {
+            settings.sync_producer = (shortest > 0).then(|| Duration::from_micros(shortest));
+        }
+        if let Some(percent) = self.sync_percent {
+            let resolution = SyncSupervision::default().resolution;
+            let supervision = SyncSupervision { percent, resolution };
+            settings.sync_supervision = (percent > 0).then_some(supervision);
+        }
+        if let Some(error) = self.lss_store {
+            settings.lss_store = Status { error, specific: 0 };
+        }
+        self.apply_to_messages(&mut settings.emcy);
+    }
+
+    fn apply_to_messages(&self, table: &mut EmcyTable) {
+        let history_cleared = &mut table.tells_history_cleared;
+        *history_cleared = self.tells_history_cleared.unwrap_or(*history_cleared);
+        for error in &self.silent {
+            *error.message(table) = None;
+        }
+        if let Some(register) = self.emcy_register {
+            for error in Error::ALL {
+                let message = error.message(table);
+                *message = message.map(|form| EmcyForm { register, ..form });
+            }
+        }
+    }
+}
+
+impl Error {
+    const ALL: [Self; 7] = [
+        Self::SyncTimeout,
+        Self::SyncLength,
+        Self::Guarding,
+        Self::Heartbeat,
+        Self::RpdoTooShort,
+        Self::RpdoTooLong,
+        Self::RpdoTimeout,
+    ];
+
+    const fn message(self, table: &mut EmcyTable) -> &mut Option<EmcyForm> {
+        match self {
+            Self::SyncTimeout => &mut table.sync_timeout,
+            Self::SyncLength => &mut table.sync_length,
+            Self::Guarding => &mut table.guarding,
+            Self::Heartbeat => &mut table.heartbeat,
+            Self::RpdoTooShort => &mut table.rpdo_too_short,
+            Self::RpdoTooLong => &mut table.rpdo_too_long,
+            Self::RpdoTimeout => &mut table.rpdo_timeout,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_missing_is_as_it_was() {
+        let patch = |text: &str| {
+            let mut settings = NodeSettings::default();
+            serde_yaml::from_str::<SettingsPatch>(text).unwrap().apply(&mut settings);
+            settings
+        };
+        let usual = NodeSettings::default();
+        let block = patch("{ block-size: 4, save-ms: 50 }");
+        assert_eq!(block.block_transfer, Some(BlockTransfer { size: 4 }));
+        assert_eq!((block.save_time, block.emcy), (Duration::from_millis(50), usual.emcy));
+        assert_eq!(patch("{ block-size: 0 }").block_transfer, None);
+        let quiet = patch("{ silent: [rpdo-too-long], emcy-register: 1 }").emcy;
+        assert_eq!(quiet.rpdo_too_long, None);
+        assert_eq!(quiet.heartbeat.map(|form| form.register), Some(1));
+    }
+}
