@@ -106,6 +106,9 @@ impl Behaviour for Generic {
                 0 => Ok(()),
                 code => Err(Abort(code)),
             },
+            (Mux { index: LARGE_DATA, .. }, _) if !self.rules.large_data_taken(bytes) => {
+                Err(Abort::VALUE)
+            }
             _ => ClientRecord::check(mux, od),
         }
     }
@@ -228,6 +231,8 @@ fn value(od: &Dictionary, mux: Mux) -> i64 {
 const STATUS: Mux = Mux::new(0x1002, 0);
 /// Whether the device is controlled from its own panel.
 const MODE: Mux = Mux::new(0x2F04, 1);
+/// Large data.
+const LARGE_DATA: u16 = 0x2F20;
 /// What does not change then.
 const PARAMETER: Mux = Mux::new(0x2F04, 2);
 /// Takes an abort code and answers with it.

@@ -41,6 +41,16 @@ decisions! {
         matches!(state, NmtState::STOPPED | NmtState::OPERATIONAL | NmtState::PRE_OPERATIONAL)
     }
 
+    /// Each node that is lost is reported.
+    fn each_lost_node_told(&self) -> bool {
+        true
+    }
+
+    /// An entry that no longer watches a node that was lost ends the error.
+    fn end_of_watch_ends_error(&self) -> bool {
+        true
+    }
+
     /// Two entries of 1016h do not name the same node (7.5.2.19).
     fn heartbeat_node_watched_once(&self) -> bool {
         true
@@ -116,6 +126,12 @@ deviations! {
     }
     "heartbeat-loss-never-recovers" {
         fn heartbeat_loss_recovers(&self) -> bool { false }
+    }
+    "heartbeat-error-outlives-its-entry" {
+        fn end_of_watch_ends_error(&self) -> bool { false }
+    }
+    "heartbeat-losses-told-once" {
+        fn each_lost_node_told(&self) -> bool { false }
     }
     "heartbeat-consumer-time-doubled" {
         fn heartbeat_consumer_time(&self, configured: Duration) -> Duration { configured * 2 }

@@ -142,6 +142,14 @@ deviations! {
             matches!(state, NmtState::PRE_OPERATIONAL | NmtState::INITIALISING)
         }
     }
+    "lss-not-in-operational" {
+        fn lss_served_in(&self, state: NmtState) -> bool { state != NmtState::OPERATIONAL }
+    }
+    "lss-some-bit-rates" {
+        fn lss_bit_rate(&self, table: u8, index: u8, supported: &[u32]) -> Option<u32> {
+            bit_rate(table, index, supported).filter(|rate| *rate >= 125_000)
+        }
+    }
     "lss-global-switch-answered" {
         fn lss_global_switch_answered(&self) -> bool { true }
     }

@@ -14,9 +14,10 @@ decisions! {
 
     // PDO parameters, 7.5.2.35 to 7.5.2.38
 
-    /// Inhibit time and SYNC start value do not change while the PDO exists.
-    fn pdo_parameter_fixed_while_valid(&self, _sub: u8) -> bool {
-        true
+    /// Inhibit time and SYNC start value do not change while the PDO exists; transmission type
+    /// and event timer may.
+    fn pdo_parameter_fixed_while_valid(&self, sub: u8) -> bool {
+        matches!(sub, 3 | 6)
     }
 
     /// Identifiers of other services are refused (7.3.5).
@@ -79,6 +80,12 @@ decisions! {
         true
     }
 
+    /// A SYNC with the counter value of the start value begins the count of a TPDO, and without
+    /// start value the first SYNC (7.5.2.37).
+    fn syncs_before_first(&self, _kind: u8) -> u8 {
+        0
+    }
+
     /// Of several frames before a SYNC the last one counts (7.2.2.2).
     fn synchronous_rpdo_replaced(&self) -> bool {
         true
@@ -107,6 +114,16 @@ decisions! {
 
     /// Both are reported (7.2.7.1, 8210h and 8220h).
     fn rpdo_length_told(&self) -> bool {
+        true
+    }
+
+    /// A value outside the limits of its object is not used (7.4.5).
+    fn rpdo_range_checked(&self) -> bool {
+        true
+    }
+
+    /// An RPDO of the right length ends the error with a message (7.2.7.1).
+    fn rpdo_length_end_told(&self) -> bool {
         true
     }
 
@@ -155,8 +172,34 @@ deviations! {
     "pdo-inhibit-changes-while-valid" {
         fn pdo_parameter_fixed_while_valid(&self, _sub: u8) -> bool { false }
     }
+    "pdo-parameters-fixed-while-valid" {
+        fn pdo_parameter_fixed_while_valid(&self, _sub: u8) -> bool { true }
+    }
+    "event-timer-fixed-while-valid" {
+        fn pdo_parameter_fixed_while_valid(&self, sub: u8) -> bool { matches!(sub, 3 | 5 | 6) }
+    }
     "pdo-restricted-id-accepted" {
         fn restricted_ids_refused(&self) -> bool { false }
+    }
+    "pdo-synchronous-types-0-and-1-only" {
+        fn transmission_type_valid(&self, direction: Direction, kind: u8) -> bool {
+            let rtr = direction == Direction::Transmit && matches!(kind, 252 | 253);
+            rtr || matches!(kind, 0 | 1 | 254 | 255)
+        }
+    }
+    "pdo-without-synchronous-types" {
+        fn transmission_type_valid(&self, _direction: Direction, kind: u8) -> bool { kind >= 254 }
+    }
+    "pdo-without-remote-types" {
+        fn transmission_type_valid(&self, _direction: Direction, kind: u8) -> bool {
+            matches!(kind, 0..=240 | 254..)
+        }
+    }
+    "pdo-with-type-255-only" {
+        fn transmission_type_valid(&self, direction: Direction, kind: u8) -> bool {
+            let rtr = direction == Direction::Transmit && matches!(kind, 252 | 253);
+            rtr || matches!(kind, 0..=240 | 255)
+        }
     }
     "pdo-reserved-type-accepted" {
         fn transmission_type_valid(&self, _direction: Direction, _kind: u8) -> bool { true }
@@ -194,6 +237,12 @@ deviations! {
     "rpdo-long-dropped" {
         fn rpdo_length_usable(&self, mapped: usize, actual: usize) -> bool { mapped == actual }
     }
+    "rpdo-range-unchecked" {
+        fn rpdo_range_checked(&self) -> bool { false }
+    }
+    "rpdo-length-end-not-told" {
+        fn rpdo_length_end_told(&self) -> bool { false }
+    }
     "rpdo-length-not-told" {
         fn rpdo_length_told(&self) -> bool { false }
     }
@@ -219,6 +268,9 @@ deviations! {
     }
     "tpdo-not-sent-at-start" {
         fn tpdo_sent_at_start(&self) -> bool { false }
+    }
+    "tpdo-counts-from-another-sync" {
+        fn syncs_before_first(&self, kind: u8) -> u8 { kind / 2 }
     }
     "tpdo-one-sync-late" {
         fn cyclic_tpdo_due(&self, syncs: u8, kind: u8) -> bool { syncs > kind }

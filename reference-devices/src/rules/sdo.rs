@@ -82,6 +82,17 @@ decisions! {
         true
     }
 
+    /// What is open ends without a message, as the client knows that it stops or resets the
+    /// server.
+    fn stop_aborts_sdo_transfers(&self) -> bool {
+        false
+    }
+
+    /// A value of up to four bytes may come in segments (7.2.4.3.3).
+    fn segmented_download_taken(&self, _longest: usize) -> bool {
+        true
+    }
+
     /// The segments of an upload are of one value.
     fn upload_is_snapshot(&self) -> bool {
         true
@@ -116,6 +127,20 @@ decisions! {
     fn request_restarts_sdo_timeout(&self, _first: bool) -> bool {
         true
     }
+}
+
+/// Whether the code is about the protocol, which a client answers by another protocol or again, or
+/// about the state of the device, which the application knows.
+fn is_specific(reason: Abort) -> bool {
+    matches!(reason.0 >> 16, 0x0503 | 0x0504)
+        || matches!(reason, Abort::INCOMPATIBLE | Abort::LOCAL_CONTROL | Abort::DEVICE_STATE)
+}
+
+/// Whether a parameter of a PDO is refused because the PDO is valid: a mapping, the inhibit time
+/// and the event timer have no value that is never valid.
+fn is_fixed_by_pdo(mux: Mux, reason: Abort) -> bool {
+    is_mapping(mux) && reason == Abort::ACCESS
+        || matches!((mux.index, mux.sub), (0x1400..=0x19FF, 3 | 5)) && reason == Abort::VALUE
 }
 
 deviations! {
@@ -164,6 +189,9 @@ deviations! {
     "sdo-timeout-early" {
         fn sdo_timeout(&self, configured: Duration) -> Duration { configured / 4 }
     }
+    "sdo-timeout-long" {
+        fn sdo_timeout(&self, configured: Duration) -> Duration { configured * 8 }
+    }
     "sdo-timeout-never" {
         fn sdo_timeout(&self, _configured: Duration) -> Duration { Duration::MAX }
     }
@@ -175,6 +203,18 @@ deviations! {
     }
     "sdo-transfer-survives-stop" {
         fn stop_ends_sdo_transfers(&self) -> bool { false }
+    }
+    "sdo-transfers-aborted-at-stop" {
+        fn stop_aborts_sdo_transfers(&self) -> bool { true }
+    }
+    "sdo-segments-for-long-objects-only" {
+        fn segmented_download_taken(&self, longest: usize) -> bool { longest > 4 }
+    }
+    "sdo-short-frame-aborted" {
+        fn sdo_request(&self, data: &[u8]) -> Option<Request> {
+            let short = || Request::Unknown(Data::new(data).padded());
+            (!data.is_empty()).then(|| Request::decode(data).unwrap_or_else(|_| short()))
+        }
     }
     "sdo-upload-of-changing-value" {
         fn upload_is_snapshot(&self) -> bool { false }
@@ -196,6 +236,45 @@ deviations! {
     }
     "abort-general" {
         fn abort_code(&self, _mux: Mux, _reason: Abort) -> Abort { Abort::GENERAL }
+    }
+    "abort-general-where-allowed" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            if is_specific(reason) { reason } else { Abort::GENERAL }
+        }
+    }
+    "abort-value-for-range" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            match reason {
+                Abort::TOO_HIGH | Abort::TOO_LOW => Abort::VALUE,
+                reason => reason,
+            }
+        }
+    }
+    "abort-length" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            match reason {
+                Abort::TOO_LONG | Abort::TOO_SHORT => Abort::LENGTH,
+                reason => reason,
+            }
+        }
+    }
+    "abort-access" {
+        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
+            match reason {
+                Abort::READ_ONLY | Abort::WRITE_ONLY => Abort::ACCESS,
+                reason => reason,
+            }
+        }
+    }
+    "abort-store-for-valid-pdo" {
+        fn abort_code(&self, mux: Mux, reason: Abort) -> Abort {
+            if is_fixed_by_pdo(mux, reason) { Abort::STORE } else { reason }
+        }
+    }
+    "abort-state-for-valid-pdo" {
+        fn abort_code(&self, mux: Mux, reason: Abort) -> Abort {
+            if is_fixed_by_pdo(mux, reason) { Abort::DEVICE_STATE } else { reason }
+        }
     }
     "abort-hardware-for-length" {
         fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {

@@ -19,6 +19,12 @@ decisions! {
         (1..=block).contains(&sequence)
     }
 
+    /// The server can lower or raise the size of the next block with each confirmation
+    /// (7.2.4.3.10).
+    fn block_size_after(&self, size: u8) -> u8 {
+        size
+    }
+
     /// Only the segment that follows the last good one is taken (7.2.4.3.10).
     fn segment_taken(&self, last_good: u8, sequence: u8) -> bool {
         sequence == last_good + 1
@@ -47,6 +53,11 @@ decisions! {
     /// And so is the one that the server sends.
     fn checksum(&self, data: &[u8], _unused: u8) -> u16 {
         block::crc(data)
+    }
+
+    /// A server can say that it knows the checksum (7.2.4.3.9, 7.2.4.3.13).
+    fn checksum_known(&self) -> bool {
+        true
     }
 
     /// A client asks for blocks of 1 to 127 segments, at first and with each confirmation
@@ -139,6 +150,12 @@ deviations! {
             block::crc(&padded)
         }
     }
+    "block-size-alternates" {
+        fn block_size_after(&self, size: u8) -> u8 { if size > 8 { 8 } else { 127 } }
+    }
+    "block-without-checksum" {
+        fn checksum_known(&self) -> bool { false }
+    }
     "block-size-unchecked" {
         fn block_size_valid(&self, _size: u8, first: bool) -> bool { !first }
     }
@@ -155,6 +172,9 @@ deviations! {
     }
     "block-protocol-changed-unasked" {
         fn changes_protocol(&self, len: usize, _threshold: u8) -> bool { len <= 4 }
+    }
+    "block-never-changes-protocol" {
+        fn changes_protocol(&self, _len: usize, _threshold: u8) -> bool { false }
     }
     "block-threshold-refused" {
         fn threshold_taken(&self, threshold: u8) -> bool { threshold == 0 }

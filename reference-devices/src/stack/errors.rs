@@ -99,6 +99,11 @@ impl Errors {
         }
     }
 
+    /// An error of the communication is gone, of which nobody is told.
+    pub(crate) fn forget(&mut self, kind: FaultKind, subject: u16) {
+        self.active.retain(|active| active.kind != kind || active.subject != subject);
+    }
+
     /// Forgets the communication errors, or all errors, without a message.
     pub(crate) fn reset(&mut self, application_too: bool) {
         let stays = |active: &Active| active.kind == FaultKind::Application && !application_too;

@@ -65,9 +65,15 @@ impl HeartbeatConsumer {
     }
 
     pub(crate) fn handle_timeout(&mut self, now: Instant, base: &mut Base) {
+        let mut told = !base.rules.each_lost_node_told()
+            && self.watches.iter().any(|watch| watch.state == State::Lost);
         for watch in &mut self.watches {
             if matches!(watch.state, State::Alive(due) if due <= now) {
                 watch.state = State::Lost;
+                if told {
+                    continue;
+                }
+                told = !base.rules.each_lost_node_told();
                 let fault = Fault::new(FaultKind::Heartbeat, watch.node.into());
                 base.raise(fault);
             }
@@ -86,7 +92,7 @@ impl HeartbeatConsumer {
 impl Watch {
     fn configure(&mut self, now: Instant, base: &mut Base) {
         // The loss was about the node and the time of the old entry.
-        if self.state == State::Lost {
+        if self.state == State::Lost && base.rules.end_of_watch_ends_error() {
             base.errors.remove(FaultKind::Heartbeat, self.node.into());
         }
         let (node, time) = entry(base.od.int(Mux::new(TIMES, self.sub)).unwrap_or(0) as u32);

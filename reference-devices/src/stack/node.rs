@@ -101,6 +101,9 @@ impl Node {
                 Some(Change::Reset(reset)) => {
                     // A controller that is initialised forgets what it was asked to send.
                     out.clear();
+                    if self.services.base.rules.stop_aborts_sdo_transfers() {
+                        self.sdo.abort_transfers(out);
+                    }
                     self.initialise(now, reset);
                 }
                 None => {}
@@ -141,6 +144,9 @@ impl Node {
         self.services.enter(now, state, out);
         let rules = &self.services.base.rules;
         if !rules.sdo_served_in(state) && rules.stop_ends_sdo_transfers() {
+            if rules.stop_aborts_sdo_transfers() {
+                self.sdo.abort_transfers(out);
+            }
             self.sdo.drop_transfers();
             self.held.clear();
         }

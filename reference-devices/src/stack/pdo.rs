@@ -90,10 +90,11 @@ pub(crate) fn check_communication(
                         && !boots_without_mapping(mux.index, base))
         }
         (TYPE, &[kind]) => {
-            !rules.transmission_type_valid(direction, kind)
+            fixed
+                || !rules.transmission_type_valid(direction, kind)
                 || asks_for_rtr(direction, kind) && !cob.rtr_allowed()
         }
-        (INHIBIT_TIME, _) => fixed,
+        (INHIBIT_TIME | EVENT_TIMER, _) => fixed,
         (SYNC_START, &[start]) => fixed || start > 240,
         _ => false,
     };

@@ -132,13 +132,18 @@ impl Rpdo {
             expected: expected as u8,
             actual: actual as u8,
         };
+        let told = base.rules.rpdo_length_end_told();
+        let mut end = |kind| match told {
+            true => base.errors.remove(kind, self.number()),
+            false => base.errors.forget(kind, self.number()),
+        };
         // Each of the two errors ends with a frame that does not have it, even if that frame has
         // the other one.
         if actual >= expected {
-            base.errors.remove(FaultKind::RpdoTooShort, self.number());
+            end(FaultKind::RpdoTooShort);
         }
         if actual <= expected {
-            base.errors.remove(FaultKind::RpdoTooLong, self.number());
+            end(FaultKind::RpdoTooLong);
         }
         if actual != expected && base.rules.rpdo_length_told() {
             let short = actual < expected;

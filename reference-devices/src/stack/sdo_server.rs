@@ -12,7 +12,7 @@ use std::time::Duration;
 use canopen::sdo::block::BlockSegment;
 use canopen::sdo::{Request, Response};
 use canopen::wire::{INTERMISSION_BITS, frame_bits};
-use canopen::{Frame, Instant, Outbox};
+use canopen::{Abort, Frame, Instant, Outbox};
 
 use crate::stack::services::Services;
 use crate::stack::time::earlier;
@@ -74,6 +74,14 @@ impl SdoServer {
     /// The node leaves the states in which SDOs are served: what is open is dropped in silence.
     pub(crate) fn drop_transfer(&mut self) {
         *self = Self::default();
+    }
+
+    /// The node says that it leaves these states.
+    pub(crate) fn abort_transfer(&mut self, out: &mut Outbox) {
+        if let Some(mux) = self.state.mux() {
+            out.push(Frame::new(self.answers, Response::Abort(mux, Abort::DEVICE_STATE).encode()));
+        }
+        self.drop_transfer();
     }
 
     pub(crate) fn poll_at(&self) -> Option<Instant> {

@@ -66,6 +66,12 @@ impl SdoServers {
         }
     }
 
+    /// Drops what is open, and says so.
+    pub(crate) fn abort_transfers(&mut self, out: &mut Outbox) {
+        self.default.abort_transfer(out);
+        self.further.iter_mut().for_each(|(_, server)| server.abort_transfer(out));
+    }
+
     /// Drops what is open, in silence.
     pub(crate) fn drop_transfers(&mut self) {
         self.default.drop_transfer();

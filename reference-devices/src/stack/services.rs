@@ -7,7 +7,7 @@ use std::cell::Cell;
 use canopen::eds::Eds;
 use canopen::pdo::Unpacker;
 use canopen::sync::Sync;
-use canopen::{BenchError, Data, Instant, Mux, NmtState, Outbox, Value, heartbeat};
+use canopen::{Abort, BenchError, Data, Instant, Mux, NmtState, Outbox, Value, heartbeat};
 
 use crate::rules::Reset;
 use crate::stack::base::Base;
@@ -352,7 +352,12 @@ impl Services {
             }
             let size = self.fixed_size(entry.mux).unwrap_or(0).min(8);
             // The sender gets no answer, so a refusal has nowhere to go.
-            let _ = self.write(now, entry.mux, &bytes[..size]);
+            let refused = self.write(now, entry.mux, &bytes[..size]).err();
+            let range = matches!(refused, Some(Abort::TOO_HIGH | Abort::TOO_LOW));
+            if range && !self.base.rules.rpdo_range_checked() {
+                self.base.od.set(entry.mux, &bytes[..size]);
+                self.written(now, entry.mux);
+            }
         }
     }
 }

@@ -132,7 +132,11 @@ impl Tpdo {
                 if self.syncs.is_none() && self.sync_start != 0 && !starts {
                     return;
                 }
-                let count = self.syncs.unwrap_or(0).saturating_add(1);
+                let first = || match self.sync_start {
+                    0 => base.rules.syncs_before_first(self.kind),
+                    _ => 0,
+                };
+                let count = self.syncs.unwrap_or_else(first).saturating_add(1);
                 self.syncs = Some(count);
                 if base.rules.cyclic_tpdo_due(count, self.kind) {
                     self.syncs = Some(0);

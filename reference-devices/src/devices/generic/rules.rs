@@ -20,6 +20,11 @@ pub(crate) trait GenericRules: Send {
             _ => Ok(()),
         }
     }
+
+    /// Large data are not looked at (2F20h).
+    fn large_data_taken(&self, _bytes: &[u8]) -> bool {
+        true
+    }
 }
 
 /// The names of the devices that break one decision.
@@ -45,6 +50,9 @@ macro_rules! mutants {
 }
 
 mutants! {
+    "large-data-of-one-format" {
+        fn large_data_taken(&self, bytes: &[u8]) -> bool { bytes.starts_with(b"\x7FELF") }
+    }
     "parameter-always-changes" {
         fn parameter_change(&self, _mode: i64) -> Result<(), Abort> { Ok(()) }
     }

@@ -42,7 +42,9 @@ impl BlockDownload {
         let longest = services.check_download(mux, checked).map_err(|abort| (mux, abort))?;
         let limit = size.unwrap_or(longest).min(services.base.settings.longest_value);
         let block = settings.size;
-        let answer = BlockResponse::Download { mux, crc: true, size: block };
+        let known = rules.checksum_known();
+        let answer = BlockResponse::Download { mux, crc: known, size: block };
+        let crc = crc && known;
         let open = Self { mux, data: Vec::new(), size, limit, crc, block, good: 0, whole: false };
         Ok((Some(open), Some(Response::Block(answer))))
     }
@@ -78,10 +80,12 @@ impl BlockDownload {
             return Ok((Some(self), None));
         }
         self.whole = taken && last;
-        let ack = BlockAck { last_good: self.good, size: self.block };
+        let mut ack = BlockAck { last_good: self.good, size: self.block };
         // What is missing comes again in a new sub-block, which counts from 1.
         if last || sequence >= self.block {
             self.good = 0;
+            self.block = rules.block_size_after(self.block);
+            ack.size = self.block;
         }
         if !self.whole && self.good == 0 && !rules.blocks_put_together() {
             self.data.clear();

@@ -49,6 +49,9 @@ impl Download {
         }
         let checked = size.filter(|_| rules.size_checked_at_initiate());
         let longest = services.check_download(mux, checked)?;
+        if !rules.segmented_download_taken(longest) {
+            return Err(Abort::COMMAND);
+        }
         let limit = size.unwrap_or(longest).min(services.base.settings.longest_value);
         Ok(Self { mux, data: Vec::new(), size, limit, toggle: false })
     }

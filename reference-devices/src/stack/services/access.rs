@@ -157,7 +157,7 @@ impl Services {
     }
 
     /// Lets the owners of an object take over its new value.
-    fn written(&mut self, now: Instant, mux: Mux) {
+    pub(super) fn written(&mut self, now: Instant, mux: Mux) {
         if is_communication(mux) {
             self.configure(now, mux);
         }
