@@ -89,6 +89,16 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Freedom>, Vec<Complaint>> {
             freedoms.push(freedom);
         }
     }
+    for freedom in &freedoms {
+        let names = || freedoms.iter().map(|known| known.name.as_str());
+        for (place, name) in freedom.excludes.iter().enumerate() {
+            if names().all(|known| known != name) {
+                let meant = did_you_mean(name, names());
+                let message = format!("there is no freedom `{name}`{meant}");
+                complaints.push(freedom.complain(&["excludes", &place.to_string()], message));
+            }
+        }
+    }
     freedoms.retain(|freedom| {
         let home = if freedom.shared { WITH_EVERYTHING } else { family };
         freedom.on.as_deref().unwrap_or(home) == device.description.device

@@ -7,6 +7,7 @@ use std::fmt::Write;
 
 use fastrand::Rng;
 use reference_devices::change::Deviation;
+use reference_devices::devices::ReferenceDevice;
 use reference_devices::freedom::{self, Freedom};
 use reports::Verdict;
 
@@ -40,7 +41,7 @@ struct Tried {
     red: Vec<(String, Verdict, String)>,
     /// The instances whose frames it changed.
     affected: BTreeSet<String>,
-    /// Whether it changed a frame, or when one came.
+    /// Whether it changed a frame, or when one came, or the data sheet, which cases read as well.
     noticed: bool,
 }
 
@@ -73,7 +74,7 @@ impl Freedoms {
         let single = try_map(&freedoms, |freedom| clean.tried(freedom.deviation(), None))?;
         let personalities =
             try_map(&personalities, |personality| clean.tried(personality.deviation(), None))?;
-        let mixtures = mixtures(&freedoms, args);
+        let mixtures = mixtures(&device, &freedoms, args);
         let red = try_map(&mixtures, |mixture| {
             let members: Vec<&Freedom> = mixture.iter().map(|&place| &freedoms[place]).collect();
             let affected = touched(mixture.iter().map(|&place| &single[place]));
@@ -134,6 +135,7 @@ impl Clean<'_> {
         only: Option<&BTreeSet<String>>,
     ) -> Result<Tried, Refused> {
         let query = deviation.query.clone();
+        let noticed = deviation.falsifies_data_sheet();
         let (target, plan) = match deviation.changes_data_sheet() {
             true => {
                 let name = format!("sim:{}?{query}", self.name);
@@ -152,7 +154,7 @@ impl Clean<'_> {
             }
         };
         let (trials, _) = trial::run(self.library, &plan, &target)?;
-        let mut tried = Tried { query, red: Vec::new(), affected: BTreeSet::new(), noticed: false };
+        let mut tried = Tried { query, red: Vec::new(), affected: BTreeSet::new(), noticed };
         for trial in trials {
             let clean = self.trials.get(&trial.name);
             if clean.is_none_or(|clean| clean.frames != trial.frames) {
@@ -195,6 +197,12 @@ impl Clean<'_> {
     }
 }
 
+/// Whether a device can be built with all of these freedoms.
+fn fits<'f>(device: &ReferenceDevice, freedoms: impl Iterator<Item = &'f Freedom>) -> bool {
+    let mixture = freedom::mixture(freedoms);
+    mixture.data_sheet(device).is_ok() && mixture.build(device, 1).is_ok()
+}
+
 /// The instances that two members of a mixture or more have changed: where only one did, it was
 /// tried alone.
 fn touched<'t>(members: impl Iterator<Item = &'t Tried>) -> BTreeSet<String> {
@@ -206,7 +214,7 @@ fn touched<'t>(members: impl Iterator<Item = &'t Tried>) -> BTreeSet<String> {
 }
 
 /// Random sets of freedoms that a device can use together, by their places.
-fn mixtures(freedoms: &[Freedom], args: &QualifyArgs) -> Vec<Vec<usize>> {
+fn mixtures(device: &ReferenceDevice, freedoms: &[Freedom], args: &QualifyArgs) -> Vec<Vec<usize>> {
     if freedoms.len() < 2 {
         return Vec::new();
     }
@@ -218,8 +226,13 @@ fn mixtures(freedoms: &[Freedom], args: &QualifyArgs) -> Vec<Vec<usize>> {
         for _ in 0..4 * wanted {
             let place = rng.usize(..freedoms.len());
             let agrees = |&other: &usize| freedoms[place].agrees_with(&freedoms[other]);
-            if mixture.len() < wanted && mixture.iter().all(agrees) {
-                mixture.push(place);
+            if mixture.len() == wanted || !mixture.iter().all(agrees) {
+                continue;
+            }
+            mixture.push(place);
+            // What one freedom removes, another cannot change.
+            if !fits(device, mixture.iter().map(|&place| &freedoms[place])) {
+                mixture.pop();
             }
         }
         mixture.sort_unstable();
