@@ -35,7 +35,8 @@ Exit codes: 0 green, 1 a case failed, 2 usage, 3 a file does not load, 4 nothing
 pub enum Command {
     /// Run suites against a device under test
     Run(RunArgs),
-    /// List what would run and what would be skipped; `list suites`, `list mutants`
+    /// List what would run and what would be skipped; `list suites`, `list mutants`, `list
+    /// freedoms`, `list personalities`
     List(ListArgs),
     /// Check suites, register and mutants without a bus
     Check(CheckArgs),
@@ -245,10 +246,12 @@ pub struct ServeArgs {
     /// A mutant: the device with one deviation; `list mutants` names them
     #[arg(long, value_name = "NAME", group = "deviation")]
     pub mutant: Option<String>,
-    /// Freedoms of the documents that the device uses, separated by commas
+    /// Freedoms of the documents that the device uses, separated by commas; `list freedoms` names
+    /// them
     #[arg(long, value_name = "NAMES", group = "deviation")]
     pub freedom: Option<String>,
-    /// A personality: a kind of device that uses many freedoms at once
+    /// A personality: a kind of device that uses many freedoms at once; `list personalities` names
+    /// them
     #[arg(long, value_name = "NAME", group = "deviation")]
     pub personality: Option<String>,
     /// Socket that offers the bench of the device, for `run --bench unix:PATH`

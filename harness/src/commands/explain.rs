@@ -6,6 +6,7 @@ use canopen::catalogue::{Facts, Shape};
 use canopen::emcy::EmcyCode;
 use canopen::{Abort, catalogue};
 use reference_devices::devices;
+use reference_devices::freedom::{self, Freedom, Personality};
 use reference_devices::mutant::{self, Mutant};
 
 use crate::cli::ExplainArgs;
@@ -17,14 +18,15 @@ use crate::suite::model::Case;
 use crate::suite::{Library, Requirement, Suite};
 use crate::target::reference_device;
 
-/// Explains a case, a suite, a requirement, a decision, a mutant, an object, an abort code or an
-/// emergency error code.
+/// Explains a case, a suite, a requirement, a decision, a mutant, a freedom, a personality, an
+/// object, an abort code or an emergency error code.
 ///
 /// # Errors
 /// When nothing has that name; what was meant, perhaps.
 pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
     let library = Library::load(&args.folders)?;
-    let book = Book { mutants: mutants()?, library };
+    let (freedoms, personalities) = freedoms()?;
+    let book = Book { mutants: mutants()?, freedoms, personalities, library };
     let text = book.explain(args.name.trim()).ok_or_else(|| book.unknown(&args.name))?;
     say(&text);
     Ok(Exit::Green)
@@ -35,6 +37,21 @@ struct Book {
     library: Library,
     /// Each once, with the devices that have it.
     mutants: Vec<(Mutant, Vec<&'static str>)>,
+    /// Each with the device on which it is tried.
+    freedoms: Vec<(Freedom, &'static str)>,
+    personalities: Vec<Personality>,
+}
+
+type Freedoms = (Vec<(Freedom, &'static str)>, Vec<Personality>);
+
+fn freedoms() -> Result<Freedoms, Refused> {
+    let (mut freedoms, mut personalities) = (Vec::new(), Vec::new());
+    for name in devices::names() {
+        let device = reference_device(name)?;
+        freedoms.extend(freedom::of(&device)?.into_iter().map(|freedom| (freedom, name)));
+        personalities.extend(freedom::personalities(&device)?);
+    }
+    Ok((freedoms, personalities))
 }
 
 fn mutants() -> Result<Vec<(Mutant, Vec<&'static str>)>, Refused> {
@@ -79,8 +96,17 @@ impl Book {
             page.field("because", &decision.reason);
             return Some(page.0);
         }
-        if let Some((mutant, devices)) = self.mutants.iter().find(|(known, _)| known.name == name) {
-            return Some(self.mutant(mutant, devices));
+        let mutants = self.mutants.iter().filter(|(known, _)| known.name == name);
+        let mutants = mutants.map(|(mutant, devices)| self.mutant(mutant, devices));
+        // What breaks a `should` is a mutant, and a freedom that may well have the same name.
+        let freedoms = self.freedoms.iter().filter(|(known, _)| known.name == name);
+        let freedoms = freedoms.map(|(freedom, device)| self.freedom(freedom, device));
+        let texts: Vec<String> = mutants.chain(freedoms).collect();
+        if !texts.is_empty() {
+            return Some(texts.join("\n"));
+        }
+        if let Some(personality) = self.personalities.iter().find(|known| known.name == name) {
+            return Some(self.personality(personality));
         }
         self.code(name)
     }
@@ -145,6 +171,10 @@ impl Book {
             self.mutants.iter().filter(|(mutant, _)| mutant.breaks.iter().any(|b| b == id));
         let why = breaks.map(|(mutant, _)| format!("{}: {}", mutant.name, mutant.why));
         page.list("broken by", why.collect());
+        let freedoms = self.freedoms.iter().map(|(freedom, _)| freedom);
+        let freedoms = freedoms.filter(|freedom| freedom.allowed_by.iter().any(|by| by == id));
+        let why = freedoms.map(|freedom| format!("{}: {}", freedom.name, freedom.why));
+        page.list("allows", why.collect());
         page.0
     }
 
@@ -167,6 +197,38 @@ impl Book {
         for device in devices {
             page.field("try", &format!("harness --target 'sim:{device}?mutant={}'", mutant.name));
         }
+        page.0
+    }
+
+    fn freedom(&self, freedom: &Freedom, device: &str) -> String {
+        let mut page = Page::new(format!("freedom {}", freedom.name));
+        page.field("why", &freedom.why);
+        for id in &freedom.allowed_by {
+            if let Some(requirement) = self.library.register.find(id) {
+                let entry = &requirement.entry.value;
+                page.field("allowed by", &format!("{id}, {}: {}", entry.level.name(), entry.says));
+            } else if let Some(decision) = self.library.register.decision(id) {
+                page.field("allowed by", &format!("{id}: {}", decision.decision));
+            }
+        }
+        page.list("not with", freedom.excludes.clone());
+        let used = self.personalities.iter().filter(|known| known.freedoms.contains(&freedom.name));
+        page.list("used by", used.map(|known| known.name.clone()).collect());
+        page.field("try", &format!("harness --target 'sim:{device}?freedom={}'", freedom.name));
+        page.0
+    }
+
+    fn personality(&self, personality: &Personality) -> String {
+        let mut page = Page::new(format!("personality {}", personality.name));
+        page.field("why", &personality.why);
+        let freedoms = personality.freedoms.iter().map(|name| {
+            let known = self.freedoms.iter().find(|(known, _)| known.name == *name);
+            let why = known.map(|(freedom, _)| freedom.why.as_str()).unwrap_or_default();
+            format!("{name}: {why}")
+        });
+        page.list("freedoms", freedoms.collect());
+        let (device, name) = (personality.device(), &personality.name);
+        page.field("try", &format!("harness --target 'sim:{device}?personality={name}'"));
         page.0
     }
 
@@ -237,6 +299,8 @@ impl Book {
         names.extend(self.library.suites.iter().map(|suite| suite.name().to_owned()));
         names.extend(self.library.register.iter().map(|(id, _)| id.to_owned()));
         names.extend(self.mutants.iter().map(|(mutant, _)| mutant.name.clone()));
+        names.extend(self.freedoms.iter().map(|(freedom, _)| freedom.name.clone()));
+        names.extend(self.personalities.iter().map(|known| known.name.clone()));
         names.extend(catalogue::profiles().iter().flat_map(|p| p.options.keys().cloned()));
         let mut message = format!("there is no case, requirement, mutant, object or code `{name}`");
         message.push_str(&did_you_mean(name, names.iter().map(String::as_str)));

@@ -4,7 +4,8 @@ use std::fmt::Write;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use reference_devices::{devices, mutant};
+use reference_devices::devices::ReferenceDevice;
+use reference_devices::{devices, freedom, mutant};
 
 use super::counted::counted;
 use super::run::{plan_all, plan_for};
@@ -23,7 +24,24 @@ pub(super) fn run(args: &ListArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refus
     let library = Library::load(&args.selection.folders)?;
     match args.selection.patterns.as_slice() {
         [what] if what == "suites" => return suites(&library),
-        [what] if what == "mutants" => return mutants(&args.selection),
+        [what] if what == "mutants" => {
+            return named(&args.selection, |device| {
+                let mutants = mutant::of(device)?;
+                Ok(mutants.into_iter().map(|mutant| (mutant.name, mutant.why)).collect())
+            });
+        }
+        [what] if what == "freedoms" => {
+            return named(&args.selection, |device| {
+                let freedoms = freedom::of(device)?;
+                Ok(freedoms.into_iter().map(|freedom| (freedom.name, freedom.why)).collect())
+            });
+        }
+        [what] if what == "personalities" => {
+            return named(&args.selection, |device| {
+                let all = freedom::personalities(device)?;
+                Ok(all.into_iter().map(|known| (known.name, known.why)).collect())
+            });
+        }
         _ => {}
     }
     let mut plans = match (&args.selection.target, &args.selection.eds) {
@@ -90,17 +108,20 @@ fn suites(library: &Library) -> Result<Exit, Refused> {
     Ok(Exit::Green)
 }
 
-/// The mutants of each reference device; of a variant, those that its device does not have.
-fn mutants(selection: &Selection) -> Result<Exit, Refused> {
+/// What each reference device has under a name and why, such as its mutants; of a variant, those
+/// that its device does not have.
+fn named(
+    selection: &Selection,
+    of: impl Fn(&ReferenceDevice) -> Result<Vec<(String, String)>, Refused>,
+) -> Result<Exit, Refused> {
     let chosen = selection.target.as_deref().and_then(|target| target.strip_prefix("sim:"));
     let chosen = chosen.or(selection.device.as_deref());
     let names: Vec<&str> = chosen.map_or_else(|| devices::names().collect(), |name| vec![name]);
     let mut text = String::new();
     for name in names {
         let device = reference_device(name)?;
-        let mutants = mutant::of(&device);
-        for mutant in mutants? {
-            _ = writeln!(text, "{name}  {}  {}", mutant.name, mutant.why);
+        for (known, why) in of(&device)? {
+            _ = writeln!(text, "{name}  {known}  {why}");
         }
     }
     say(&text);
