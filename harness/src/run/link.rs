@@ -29,9 +29,11 @@ pub struct Link<'b> {
 /// How late the tester was on a bus where it can be. In virtual time all of it stays zero.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lateness {
-    /// The longest time by which it missed a moment at which it meant to act, of those that were
-    /// more than the step bears.
+    /// The longest time by which a frame missed the moment at which it was meant to leave, of those
+    /// that were more than the step bears.
     pub missed: Duration,
+    /// The same of the ends of waits.
+    pub overslept: Duration,
     /// The longest time that it took to notice a frame, or the end of a wait.
     pub noticed: Duration,
     /// The shortest.
@@ -125,7 +127,10 @@ impl<'b> Link<'b> {
         bears: Duration,
     ) -> Result<(), BusError> {
         self.send(frame)?;
-        self.missed(self.mark.since(meant), bears);
+        let late = self.mark.since(meant);
+        if self.bus.is_real() && late > bears {
+            self.lateness.missed = self.lateness.missed.max(late);
+        }
         Ok(())
     }
 
@@ -136,14 +141,10 @@ impl<'b> Link<'b> {
     pub fn wait_for(&mut self, until: Instant, bears: Duration) -> Result<(), BusError> {
         self.wait(until)?;
         let late = self.bus.now().since(until);
-        self.missed(late, bears);
-        Ok(())
-    }
-
-    fn missed(&mut self, late: Duration, bears: Duration) {
         if self.bus.is_real() && late > bears {
-            self.lateness.missed = self.lateness.missed.max(late);
+            self.lateness.overslept = self.lateness.overslept.max(late);
         }
+        Ok(())
     }
 
     /// How late the tester was since this was last forgotten.

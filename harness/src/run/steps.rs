@@ -370,9 +370,11 @@ impl Steps<'_, '_> {
 
     /// How late the tester was, where that may be the reason why the step ended as it did.
     pub(super) fn late(&self, step: &Step, failed: Option<&Difference>) -> Option<Duration> {
-        let Lateness { missed, noticed, .. } = self.link.lateness();
-        if missed > Duration::ZERO && (failed.is_some() || matches!(step, Step::Never(_))) {
-            return Some(missed);
+        let Lateness { missed, overslept, noticed, .. } = self.link.lateness();
+        // A pause that was longer is no reason why a device kept silent.
+        let late = if failed.is_some() { missed.max(overslept) } else { missed };
+        if late > Duration::ZERO && (failed.is_some() || matches!(step, Step::Never(_))) {
+            return Some(late);
         }
         // The client may have been too slow for a server. Who shares the host with the tester is
         // as late as the tester.

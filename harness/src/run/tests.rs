@@ -161,7 +161,7 @@ fn verdicts(ran: &Ran) -> Vec<Verdict> {
     ran.outcomes.iter().map(Outcome::verdict).collect()
 }
 
-const WAITS: &str = "[ wait: 77 ms, never: { frame: '080+n#...', for: 10 ms } ]";
+const WAITS: &str = "[ wait: 77 ms, send: '080#', never: { frame: '080+n#...', for: 10 ms } ]";
 const EXPECTS: &str = "[ expect: { frame: '700+n#05', within: 77 ms } ]";
 
 #[test]
