@@ -50,6 +50,10 @@ pub struct RunStarted {
     pub seed: Option<u64>,
     /// The grade at which the run counts as green.
     pub grade: Grade,
+    /// When the run began, in seconds since 1970; of a run on a real bus only, as virtual time has
+    /// no date.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub began: Option<u64>,
 }
 
 /// The device under test.
@@ -62,6 +66,15 @@ pub struct DeviceStarted {
     pub node: u8,
     /// What it says of itself.
     pub identity: Identity,
+    /// What it says of its versions.
+    #[serde(default)]
+    pub versions: Versions,
+    /// The data sheet by which it was tested.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sheet: Option<SheetUsed>,
+    /// The bit rate of its bus in bit/s, when it is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bit_rate: Option<u32>,
     /// The command that runs cases against this device again; the name of a case is appended.
     pub rerun: String,
     /// What readers must know of how it was tested, such as where its data sheet came from.
@@ -83,6 +96,28 @@ pub struct Identity {
     pub revision: Option<u32>,
     /// Serial number, 1018h sub 4.
     pub serial: Option<u32>,
+}
+
+/// What 1008h, 1009h and 100Ah say. `None` is a text that the device does not have or did not give.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Versions {
+    /// Manufacturer device name, 1008h.
+    pub name: Option<String>,
+    /// Manufacturer hardware version, 1009h.
+    pub hardware: Option<String>,
+    /// Manufacturer software version, 100Ah.
+    pub software: Option<String>,
+}
+
+/// A data sheet.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SheetUsed {
+    /// The name of the file, as the user named it.
+    pub file: String,
+    /// Its SHA-256 in hexadecimal, as `sha256sum` prints it.
+    pub sha256: String,
 }
 
 /// One instance of a case. What it has in common with the other instances is shared with them,

@@ -1,24 +1,30 @@
 //! A run as JUnit XML, which every CI server reads.
 //!
-//! A test suite per device and suite file, a test case per instance. Times are bus time, and the
-//! time stamp that the format demands is a fixed one, so that equal runs give equal files.
+//! A test suite per device and suite file, a test case per instance. `properties` say what was
+//! tested, with what and how. Durations are bus time. The time stamp that the format demands is that
+//! of the first case on a real bus; in virtual time it is a fixed one, so that equal runs give equal
+//! files.
 
 use junit_report::{Duration, OffsetDateTime, ReportBuilder, TestCase, TestCaseBuilder, TestSuite};
 
+use crate::event::CaseStarted;
 use crate::run::{CaseRun, DeviceRun, Run, SuiteRun};
 use crate::style::Style;
 use crate::terminal::details;
-use crate::verdict::{Outcome, Phase, Problem};
+use crate::verdict::{Grade, Outcome, Phase, Problem};
 
 /// The whole file.
 pub fn write(run: &Run) -> String {
     let mut report = ReportBuilder::new();
     for device in &run.devices {
-        report.add_testsuites(device.suites.iter().map(|suite| test_suite(device, suite)));
+        report.add_testsuites(device.suites.iter().map(|suite| test_suite(run, device, suite)));
     }
+    let suites = run.devices.iter().flat_map(|device| device.suites.iter().map(move |_| device));
+    let properties: Vec<String> = suites.map(|device| properties(run, device)).collect();
     let mut bytes = Vec::new();
     report.build().write_xml(&mut bytes).expect("memory takes every byte");
-    one_element_a_line(&String::from_utf8(bytes).expect("XML is written as UTF-8"))
+    let xml = String::from_utf8(bytes).expect("XML is written as UTF-8");
+    one_element_a_line(&xml, &properties)
 }
 
 /// The date of a moment in seconds since 1970, such as `2026-12-31`.
@@ -31,12 +37,57 @@ fn moment(unix_time: u64) -> OffsetDateTime {
     OffsetDateTime::from_unix_timestamp(seconds).unwrap_or(OffsetDateTime::UNIX_EPOCH)
 }
 
-fn test_suite(device: &DeviceRun, suite: &SuiteRun) -> TestSuite {
+/// What was tested, with what and how.
+fn properties(run: &Run, device: &DeviceRun) -> String {
+    let info = &device.info;
+    let number = |number: Option<u32>| number.map(|number| format!("{number:08X}h"));
+    let started = run.started.as_ref();
+    let grade = started.map(|run| match run.grade {
+        Grade::Strict => "strict".to_owned(),
+        Grade::Lenient => "lenient".to_owned(),
+    });
+    let (identity, versions, sheet) = (&info.identity, &info.versions, info.sheet.as_ref());
+    let properties = [
+        ("harness", started.map(|run| run.harness.clone())),
+        ("target", started.map(|run| run.target.clone())),
+        ("grade", grade),
+        ("seed", started.and_then(|run| run.seed).map(|seed| seed.to_string())),
+        ("node", Some(info.node.to_string())),
+        ("bit-rate", info.bit_rate.map(|rate| rate.to_string())),
+        ("device-type", number(identity.device_type)),
+        ("vendor", number(identity.vendor)),
+        ("product", number(identity.product)),
+        ("revision", number(identity.revision)),
+        ("serial", number(identity.serial)),
+        ("device-name", versions.name.clone()),
+        ("hardware-version", versions.hardware.clone()),
+        ("software-version", versions.software.clone()),
+        ("data-sheet", sheet.map(|sheet| sheet.file.clone())),
+        ("data-sheet-sha256", sheet.map(|sheet| sheet.sha256.clone())),
+    ];
+    let mut text = String::from("<properties>\n");
+    for (name, value) in properties {
+        if let Some(value) = value {
+            let value = escape(&attribute(&value));
+            text.push_str(&format!("<property name=\"{name}\" value=\"{value}\"/>\n"));
+        }
+    }
+    text + "</properties>\n"
+}
+
+/// The crate writes no properties, so that these are the only marks that are escaped here.
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+fn test_suite(run: &Run, device: &DeviceRun, suite: &SuiteRun) -> TestSuite {
+    let began = run.started.as_ref().and_then(|run| run.began);
+    let first = suite.cases.first().map_or(0, |case| case.info.at.0 / 1_000_000_000);
     // Not by `TestSuite::new`, which reads the clock.
     TestSuite {
         name: attribute(&format!("{}.{}", device.info.device, suite.name)),
         package: attribute(&device.info.device),
-        timestamp: OffsetDateTime::UNIX_EPOCH,
+        timestamp: began.map_or(OffsetDateTime::UNIX_EPOCH, |began| moment(began + first)),
         hostname: "localhost".into(),
         testcases: suite.cases.iter().map(|case| test_case(device, case)).collect(),
         system_out: device.info.remark.as_deref().map(cdata),
@@ -51,7 +102,11 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
     let time = Duration::try_from(case.duration()).unwrap_or(Duration::MAX);
     let text = || cdata(&details(device, case, Style::default()));
     let mut test = match &case.outcome {
-        Outcome::Pass => TestCaseBuilder::success(&name, time),
+        Outcome::Pass => {
+            let mut test = TestCaseBuilder::success(&name, time);
+            test.set_system_out(&cdata(&sentence(info)));
+            test
+        }
         Outcome::Lenient(_) => {
             let mut test = TestCaseBuilder::success(&name, time);
             test.set_system_out(&text());
@@ -92,6 +147,12 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
     test.build()
 }
 
+/// What a case that passed has shown, and of which requirements.
+fn sentence(case: &CaseStarted) -> String {
+    let ids: Vec<&str> = case.checks.iter().map(|check| check.id.as_str()).collect();
+    format!("{}\nchecks {}\n", case.title, ids.join(", "))
+}
+
 fn difference(problem: &Problem) -> String {
     let sheet = problem.sheet.as_ref();
     let says = sheet.map(|place| format!("; {}:{} says {}", place.file, place.line, place.source));
@@ -116,12 +177,19 @@ const fn phase(phase: Phase) -> &'static str {
 }
 
 /// The crate writes one long line, in which no diff and no person finds anything.
-fn one_element_a_line(xml: &str) -> String {
+/// The properties of each test suite stand first in it.
+fn one_element_a_line(xml: &str, properties: &[String]) -> String {
+    let mut properties = properties.iter();
     let mut lines = String::with_capacity(xml.len() + xml.len() / 16);
     // CDATA sections hold the traces; those stay as they are. In attributes `>` is escaped.
     for part in xml.split_inclusive(CDATA_END) {
         let (markup, data) = part.split_at(part.find(CDATA_START).unwrap_or(part.len()));
-        lines.push_str(&markup.replace("><", ">\n<"));
+        for line in markup.replace("><", ">\n<").split_inclusive('\n') {
+            lines.push_str(line);
+            if line.starts_with("<testsuite ") {
+                properties.next().into_iter().for_each(|text| lines.push_str(text));
+            }
+        }
         lines.push_str(data);
     }
     lines.push('\n');
@@ -163,7 +231,10 @@ mod tests {
     #[test]
     fn line_ends_between_elements_only() {
         assert_eq!(
-            one_element_a_line("<a><b m=\"&gt;&lt;\"><![CDATA[><]]]]><![CDATA[>x><y]]></b></a>"),
+            one_element_a_line(
+                "<a><b m=\"&gt;&lt;\"><![CDATA[><]]]]><![CDATA[>x><y]]></b></a>",
+                &[]
+            ),
             "<a>\n<b m=\"&gt;&lt;\"><![CDATA[><]]]]><![CDATA[>x><y]]></b>\n</a>\n"
         );
     }

@@ -57,6 +57,7 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
         target: args.selection.target.clone().unwrap_or_else(|| "sim".to_owned()),
         seed: (args.shuffle || args.seed.is_some()).then(|| args.seed.unwrap_or(1)),
         grade: args.grade.into(),
+        began: targets.iter().any(|target| !target.is_simulation()).then(unix_time),
     }));
     let sessions = targets.into_iter().zip(plans).filter(|(_, plan)| !plan.instances.is_empty());
     let all = Sessions { args, library: &library, waivers: &waivers, stop };

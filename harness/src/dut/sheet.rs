@@ -4,6 +4,8 @@ use std::sync::OnceLock;
 
 use canopen::Mux;
 use canopen::eds::{self, Diagnostic, Eds, Places};
+use reports::SheetUsed;
+use sha2::{Digest, Sha256};
 
 use crate::source::{Place, Source};
 
@@ -21,6 +23,8 @@ pub struct Sheet {
     pub trusted: bool,
     /// Whether it was composed of what the device answered, and thus says nothing by itself.
     pub composed: bool,
+    /// SHA-256 of the file, in hexadecimal.
+    sha256: String,
     /// Found when somebody asks, which is when something is wrong.
     places: OnceLock<Places>,
 }
@@ -32,8 +36,15 @@ impl Sheet {
         let source = Source { name: name.into(), text: eds::decode(bytes).into_owned() };
         let diagnostics = reading.diagnostics;
         let composed = source.line(1).trim_start_matches([';', ' ']) == COMPOSED;
-        let sheet = Self { source, diagnostics, trusted: false, composed, places: OnceLock::new() };
+        let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let (trusted, places) = (false, OnceLock::new());
+        let sheet = Self { source, diagnostics, trusted, composed, sha256, places };
         (sheet, reading.eds)
+    }
+
+    /// The sheet as reports name it.
+    pub(crate) fn used(&self) -> SheetUsed {
+        SheetUsed { file: self.source.name.clone(), sha256: self.sha256.clone() }
     }
 
     /// Where it says `key` of an entry, or speaks of the entry at all.

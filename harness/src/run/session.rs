@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use canopen::{Bus, BusError, DataType, Instant, Mux, Value};
-use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Outcome};
+use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Outcome, Versions};
 
 use super::baseline::Baseline;
 use super::case::{self, Aftermath};
@@ -71,10 +71,17 @@ impl Session<'_> {
             Ok(baseline) => baseline,
             Err(error) => return Ending::Bus(error),
         };
+        let versions = match versions(&mut link, &self.policy, dut) {
+            Ok(versions) => versions,
+            Err(error) => return Ending::Bus(error),
+        };
         link.emit(Event::DeviceStarted(DeviceStarted {
             device: dut.name.clone(),
             node: dut.node,
             identity,
+            versions,
+            sheet: Some(dut.sheet.used()),
+            bit_rate: dut.bit_rate,
             rerun: self.rerun.clone(),
             remark: self.remark(&baseline),
         }));
@@ -254,6 +261,15 @@ pub fn identity(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Identity,
         revision: read(Mux::new(0x1018, 3))?,
         serial: read(Mux::new(0x1018, 4))?,
     })
+}
+
+/// What 1008h, 1009h and 100Ah say, as far as the data sheet has them.
+fn versions(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Versions, BusError> {
+    let mut read = |index| match dut.eds.object(index) {
+        Some(_) => read_text(link, policy, dut.node, Mux::new(index, 0)),
+        None => Ok(None),
+    };
+    Ok(Versions { name: read(0x1008)?, hardware: read(0x1009)?, software: read(0x100A)? })
 }
 
 /// The number of 32 bits at `mux`, when there is one.
