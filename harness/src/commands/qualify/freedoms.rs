@@ -61,7 +61,12 @@ impl Freedoms {
     /// When the data of the device or of a freedom do not load.
     pub(super) fn of(library: &Library, name: &str, args: &QualifyArgs) -> Result<Self, Refused> {
         let device = reference_device(name)?;
-        let freedoms = sound_freedoms(&device, &library.register)?;
+        let mut freedoms = sound_freedoms(&device, &library.register)?;
+        // Without the cases of a document nothing shows what it leaves open.
+        freedoms.retain(|freedom| {
+            let loaded = |id: &String| !library.register.lacks_document_of(id);
+            freedom.allowed_by.iter().any(loaded)
+        });
         let personalities = freedom::personalities(&device)?;
         let (target, mut plan) = trial::with_own_sheet(library, &format!("sim:{name}"))?;
         plan.leave_out_foreign();
