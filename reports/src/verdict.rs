@@ -91,7 +91,7 @@ pub enum Outcome {
     /// What came of the case, and why that is accepted.
     Waived {
         /// FAIL, ERROR or LENIENT.
-        outcome: Box<Outcome>,
+        outcome: Box<Self>,
         /// The waiver.
         waiver: Waiver,
     },

@@ -22,27 +22,10 @@ use crate::target::{self, reference_device};
 /// What keeps a run from starting, too.
 pub(super) fn run(args: &ListArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
     let library = Library::load(&args.selection.folders)?;
-    match args.selection.patterns.as_slice() {
-        [what] if what == "suites" => return suites(&library),
-        [what] if what == "mutants" => {
-            return named(&args.selection, |device| {
-                let mutants = mutant::of(device)?;
-                Ok(mutants.into_iter().map(|mutant| (mutant.name, mutant.why)).collect())
-            });
-        }
-        [what] if what == "freedoms" => {
-            return named(&args.selection, |device| {
-                let freedoms = freedom::of(device)?;
-                Ok(freedoms.into_iter().map(|freedom| (freedom.name, freedom.why)).collect())
-            });
-        }
-        [what] if what == "personalities" => {
-            return named(&args.selection, |device| {
-                let all = freedom::personalities(device)?;
-                Ok(all.into_iter().map(|known| (known.name, known.why)).collect())
-            });
-        }
-        _ => {}
+    if let [what] = args.selection.patterns.as_slice()
+        && let Some(listed) = list_of(what, &library, &args.selection)
+    {
+        return listed;
     }
     let mut plans = match (&args.selection.target, &args.selection.eds) {
         (None, Some(path)) => {
@@ -93,6 +76,26 @@ pub(super) fn run(args: &ListArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refus
     }
     say(&text);
     Ok(Exit::Green)
+}
+
+/// The list that a word means; `None` if it is the name of a suite or a case.
+fn list_of(what: &str, library: &Library, selection: &Selection) -> Option<Result<Exit, Refused>> {
+    match what {
+        "suites" => Some(suites(library)),
+        "mutants" => Some(named(selection, |device| {
+            let mutants = mutant::of(device)?;
+            Ok(mutants.into_iter().map(|mutant| (mutant.name, mutant.why)).collect())
+        })),
+        "freedoms" => Some(named(selection, |device| {
+            let freedoms = freedom::of(device)?;
+            Ok(freedoms.into_iter().map(|freedom| (freedom.name, freedom.why)).collect())
+        })),
+        "personalities" => Some(named(selection, |device| {
+            let all = freedom::personalities(device)?;
+            Ok(all.into_iter().map(|known| (known.name, known.why)).collect())
+        })),
+        _ => None,
+    }
 }
 
 /// The suites, with what they are about.
