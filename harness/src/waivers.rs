@@ -116,7 +116,7 @@ impl Waivers {
         if self.entries.is_empty() {
             return outcome;
         }
-        let Some(cause) = Cause::of(case, &outcome) else { return outcome };
+        let Some(cause) = Cause::of(&case.requirement_ids(), &outcome) else { return outcome };
         let (name, verdict) = (case.name(), outcome.verdict());
         let mut valid = self.entries.iter().map(|entry| &entry.value);
         let covering = valid.find(|waiver| {

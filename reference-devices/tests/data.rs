@@ -65,7 +65,10 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn no_text_makes_the_loader_panic(edits in proptest::collection::vec(edit(), 1..4), which in 0_usize..3) {
+    fn no_text_makes_the_loader_panic(
+        edits in proptest::collection::vec(edit(), 1..4),
+        which in 0_usize..3,
+    ) {
         let mut texts = [example("device.yaml"), example("small.yaml"), example("mutants.yaml")];
         for edit in &edits {
             texts[which] = edit.apply(&texts[which]);

@@ -11,7 +11,6 @@ use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response};
 use canopen::{Frame, Mux};
 use serde::{Deserialize, Serialize};
 
-use crate::event::CaseStarted;
 use crate::verdict::{Outcome, Phase, Problem};
 
 /// Why an instance did not pass, in the words that it shares with all others of the same cause.
@@ -31,18 +30,19 @@ pub struct Cause {
 }
 
 impl Cause {
-    /// The cause of an outcome; `None` of one that needs none, and of a case that was not run.
-    pub fn of(case: &CaseStarted, outcome: &Outcome) -> Option<Self> {
+    /// The cause of the outcome of a case that checks the requirements with these ids, blanks
+    /// between them; `None` of an outcome that needs none, and of a case that was not run.
+    pub fn of(requirement: &str, outcome: &Outcome) -> Option<Self> {
         if outcome.is_not_run() {
             return None;
         }
-        let of_requirement = |problem: &Problem| {
-            let ids: Vec<&str> = case.checks.iter().map(|check| check.id.as_str()).collect();
-            Self { requirement: ids.join(" "), ..Self::of_problem(problem) }
+        let of_requirement = |problem: &Problem| Self {
+            requirement: requirement.to_owned(),
+            ..Self::of_problem(problem)
         };
         match outcome {
             Outcome::Pass | Outcome::Skip(_) | Outcome::Blocked(_) => None,
-            Outcome::Waived { outcome, .. } => Self::of(case, outcome),
+            Outcome::Waived { outcome, .. } => Self::of(requirement, outcome),
             Outcome::Lenient(problem) | Outcome::Fail(problem) => {
                 Some(match problem.phase == Phase::Monitor {
                     true => Self::of_problem(problem),

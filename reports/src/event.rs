@@ -224,7 +224,7 @@ pub struct RunEnded {
 impl CaseEnded {
     /// The end of `case`, with its cause.
     pub fn of(case: &CaseStarted, at: Instant, outcome: Outcome) -> Self {
-        let cause = Cause::of(case, &outcome);
+        let cause = Cause::of(&case.requirement_ids(), &outcome);
         Self { at, outcome, cause }
     }
 }
@@ -234,6 +234,12 @@ impl CaseStarted {
     /// what reports print and what the command line takes.
     pub fn name(&self) -> String {
         format!("{}/{}", self.suite, self.short_name())
+    }
+
+    /// The ids of the requirements it checks, blanks between them.
+    pub fn requirement_ids(&self) -> String {
+        let ids: Vec<&str> = self.checks.iter().map(|check| check.id.as_str()).collect();
+        ids.join(" ")
     }
 
     /// The name of the instance within its suite, such as `heartbeat-period[period=20 ms]`.

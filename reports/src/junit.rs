@@ -1,9 +1,9 @@
 //! A run as JUnit XML, which every CI server reads.
 //!
 //! A test suite per device and suite file, a test case per instance. `properties` say what was
-//! tested, with what and how. Durations are bus time. The time stamp that the format demands is that
-//! of the first case on a real bus; in virtual time it is a fixed one, so that equal runs give equal
-//! files.
+//! tested, with what and how. Durations are bus time. The time stamp that the format demands is
+//! that of the first case on a real bus; in virtual time it is a fixed one, so that equal runs give
+//! equal files.
 
 use junit_report::{Duration, OffsetDateTime, ReportBuilder, TestCase, TestCaseBuilder, TestSuite};
 

@@ -305,7 +305,7 @@ impl FromIterator<Verdict> for Counts {
     }
 }
 
-/// `9 passed, 0 lenient, 1 failed, 0 errors, 2 skipped, 3 blocked, 1 waived`; the last two when there
+/// `9 passed, 0 lenient, 1 failed, 0 errors, 2 skipped, 3 blocked, 1 waived`; the last two if there
 /// are any.
 impl fmt::Display for Counts {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -120,7 +120,8 @@ impl Session<'_> {
     }
 
     /// The directions of block transfer that the device has, which no data sheet states. Asked
-    /// before the first case, so that nothing that happens in one can be the reason to skip another.
+    /// before the first case, so that nothing that happens in one can be the reason to skip
+    /// another.
     fn knows_blocks(&self, link: &mut Link) -> Result<BlockDirections, BusError> {
         let needed = self.plan.instances.iter().map(Instance::blocks);
         let asked = needed.fold(BlockDirections::default(), |all, each| BlockDirections {

@@ -66,7 +66,7 @@ pub struct Case {
     /// What the device may do meanwhile without a step that waits for it.
     #[serde(default)]
     pub tolerates: Vec<Tolerated>,
-    /// What must have been done before; a failure here is an ERROR, not a FAIL, or BLOCKED where the
+    /// What must have been done before; a failure here is an ERROR, not a FAIL, or BLOCKED if the
     /// case relies on something.
     #[serde(default)]
     pub setup: Vec<At<Step>>,

@@ -202,7 +202,7 @@ impl Device for Node {
         self.settle(now, out);
         if let Some(lss) = &mut self.lss {
             lss.handle_timeout(now);
-            // While the bit rate changes, a node neither sends nor receives (CiA 305, switch delay).
+            // While the bit rate changes, a node neither sends nor receives (CiA 305).
             if lss.is_off_the_bus(now) {
                 out.clear();
             }
