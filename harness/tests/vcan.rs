@@ -111,7 +111,7 @@ fn a_bus_with_nobody_is_refused_with_what_helps() {
         let output = harness().args(arguments).output().unwrap();
         assert_eq!(output.status.code(), Some(6));
         let said = text(&output.stderr);
-        assert!(said.starts_with("error: nobody answers on vcan0."), "{said}");
+        assert!(said.starts_with("error: no node answers on vcan0."), "{said}");
         assert!(said.contains("\n  candump "), "{said}");
         assert!(said.contains("\n  harness serve drr460 --target vcan0\n"), "{said}");
         assert_eq!(text(&output.stdout), "", "nothing ran");
@@ -172,7 +172,7 @@ fn a_bench_behind_a_socket_switches_the_supply() {
     let files = Files::new();
     let socket = files.path("bench");
     let mut served = Served::device("drr460", &["--bench-socket".as_ref(), socket.as_os_str()]);
-    let suites = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/cli/run/bench-power/suites");
+    let suites = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vcan/bench");
     let bench = format!("unix:{}", socket.display());
     let arguments = ["--target", "vcan0", "--only-suites", suites, "--bench", &bench, "demo/off"];
     let output = harness().args(arguments).output().unwrap();
