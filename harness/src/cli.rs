@@ -276,7 +276,7 @@ pub struct QualifyArgs {
     /// Which suites.
     #[command(flatten)]
     pub folders: Folders,
-    /// Show which cases kill each mutant, and how many instances each freedom changes
+    /// Show which cases kill each mutant, and whether a case fails on each freedom
     #[arg(short, long)]
     pub verbose: bool,
     /// How many random mixtures of freedoms are tried on each device
