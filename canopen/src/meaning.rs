@@ -298,11 +298,11 @@ mod tests {
             ("605#0D09000000000000", "SDO node 5: download segment = 09 (1 byte), toggle 0, last"),
             (
                 "585#8017100000000206",
-                "SDO node 5: abort 1017:00 0602 0000h (object does not exist)",
+                "SDO node 5: abort 1017:00: 0602 0000h (object does not exist)",
             ),
             (
                 "605#8017100000000405",
-                "SDO node 5: client abort 1017:00 0504 0000h (SDO protocol timed out)",
+                "SDO node 5: client abort 1017:00: 0504 0000h (SDO protocol timed out)",
             ),
         ]);
     }

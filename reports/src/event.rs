@@ -11,6 +11,7 @@ use canopen::{Instant, Stamped};
 use serde::{Deserialize, Serialize};
 
 use crate::cause::Cause;
+use crate::names::ObjectNames;
 use crate::verdict::{Grade, Outcome};
 use crate::wire;
 
@@ -72,6 +73,9 @@ pub struct DeviceStarted {
     /// The data sheet by which it was tested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheet: Option<SheetUsed>,
+    /// The names that the data sheet gives to its objects.
+    #[serde(default, skip_serializing_if = "no_names")]
+    pub objects: Arc<ObjectNames>,
     /// The bit rate of its bus in bit/s, when it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bit_rate: Option<u32>,
@@ -219,6 +223,10 @@ pub struct RunEnded {
     pub exit: u8,
     /// Why the run stopped before its end, when it did.
     pub reason: Option<String>,
+}
+
+fn no_names(names: &Arc<ObjectNames>) -> bool {
+    names.is_empty()
 }
 
 impl CaseEnded {

@@ -47,6 +47,7 @@ pub fn annotation(
     if let Outcome::Waived { waiver, .. } = &case.outcome {
         let _ = write!(message, "\nwaived: {waiver}");
     }
+    let mut message = device.info.objects.in_text(&message).into_owned();
     let name = info.name();
     let _ = write!(message, "\nrun again: {} {}", device.info.rerun, shell_word(&name));
     let title = format!("{} {}: {name}", case.verdict(), device.info.device);

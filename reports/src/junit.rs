@@ -96,7 +96,7 @@ fn test_suite(run: &Run, device: &DeviceRun, suite: &SuiteRun) -> TestSuite {
 }
 
 fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
-    let info = &case.info;
+    let (info, names) = (&case.info, &device.info.objects);
     let name = info.short_name();
     let name = attribute(&name);
     let time = Duration::try_from(case.duration()).unwrap_or(Duration::MAX);
@@ -129,7 +129,7 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
                 &name,
                 time,
                 &kind_of(case, phase(problem.phase)),
-                &attribute(&difference(problem)),
+                &attribute(&names.in_text(&difference(problem))),
             );
             test.set_trace(&text());
             test
@@ -137,7 +137,8 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
         Outcome::Error { reason, problem } => {
             let kind = problem.as_ref().map_or("error", |problem| phase(problem.phase));
             let kind = kind_of(case, kind);
-            let mut test = TestCaseBuilder::error(&name, time, &kind, &attribute(reason));
+            let reason = attribute(&names.in_text(reason));
+            let mut test = TestCaseBuilder::error(&name, time, &kind, &reason);
             test.set_trace(&text());
             test
         }

@@ -8,6 +8,7 @@ mod format;
 pub mod github;
 pub mod journal;
 pub mod junit;
+mod names;
 mod run;
 mod style;
 pub mod terminal;
@@ -21,6 +22,7 @@ pub use event::{
 };
 pub use format::{FORMATS, Format};
 pub use junit::date;
+pub use names::ObjectNames;
 pub use run::{CaseRun, Counts, DeviceRun, Keep, OutOfOrder, Run, SuiteRun};
 pub use style::Style;
 pub use verdict::{Excerpt, Grade, Outcome, Phase, Problem, Verdict, Waiver};

@@ -111,7 +111,8 @@ pub fn case_line(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     let verdict = case.verdict();
     let mut line = String::new();
     let padded = format_args!("{verdict:<7}");
-    let (device, name) = (one_line(&device.info.device), one_line(&case.info.name()));
+    let info = &device.info;
+    let (device, name) = (one_line(&info.device), one_line(&case.info.name()));
     let _ = write!(line, "{}  {device}  {name}  ", style.verdict(verdict, padded));
     let rest = match &case.outcome {
         Outcome::Pass | Outcome::Lenient(_) => time(case.duration()),
@@ -122,7 +123,7 @@ pub fn case_line(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
         }
         Outcome::Waived { waiver, .. } => waiver.to_string(),
     };
-    let _ = writeln!(line, "{}", style.dim(one_line(&rest)));
+    let _ = writeln!(line, "{}", style.dim(one_line(&info.objects.in_text(&rest))));
     line
 }
 

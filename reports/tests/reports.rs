@@ -3,8 +3,10 @@
 mod fixture;
 
 use std::path::Path;
+use std::sync::Arc;
 use std::{env, fs};
 
+use canopen::Mux;
 use reports::{
     CaseEnded, Event, FORMATS, Grade, Keep, OutOfOrder, Outcome, Run, Style, Verdict, github,
     journal, junit, terminal,
@@ -61,6 +63,10 @@ fn texts_of_a_device_break_neither_xml_nor_terminal() {
     let nasty = "\u{1b}[2J ]]> <a b=\"c\" d='e'> & \u{0} \u{FFFF} \u{1F980}\nnext";
     for event in &mut events {
         match event {
+            Event::DeviceStarted(device) => {
+                let names = [(Mux::new(0x1800, 1), nasty.to_owned())];
+                device.objects = Arc::new(names.into_iter().collect());
+            }
             Event::CaseStarted(case) => case.title = nasty.into(),
             Event::CaseEnded(end) => match &mut end.outcome {
                 Outcome::Fail(problem) => nasty.clone_into(&mut problem.actual),

@@ -17,7 +17,7 @@ pub(super) fn request(f: &mut fmt::Formatter<'_>, node: u16, bytes: &[u8]) -> fm
         Request::Download(mux, how) => write!(f, "download {mux}{}", Start(how)),
         Request::UploadSegment(toggle) => write!(f, "upload segment, toggle {}", u8::from(toggle)),
         Request::DownloadSegment(segment) => write!(f, "download segment{}", Part(segment)),
-        Request::Abort(mux, code) => write!(f, "client abort {mux} {code}"),
+        Request::Abort(mux, code) => write!(f, "client abort {mux}: {code}"),
         Request::Block(request) => block_request(f, request),
         Request::BlockSegment(_) | Request::Unknown(_) => unknown_sdo(f, bytes),
     }?;
@@ -37,7 +37,7 @@ pub(super) fn response(f: &mut fmt::Formatter<'_>, node: u16, bytes: &[u8]) -> f
         Response::DownloadSegment(toggle) => {
             write!(f, "downloaded segment, toggle {}", u8::from(toggle))
         }
-        Response::Abort(mux, code) => write!(f, "abort {mux} {code}"),
+        Response::Abort(mux, code) => write!(f, "abort {mux}: {code}"),
         Response::Block(response) => block_response(f, response),
         Response::BlockSegment(_) | Response::Unknown(_) => unknown_sdo(f, bytes),
     }?;

@@ -1,10 +1,10 @@
 //! Data sheets as files: what they say, where, and what is wrong with them.
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use canopen::Mux;
-use canopen::eds::{self, Diagnostic, Eds, Places};
-use reports::SheetUsed;
+use canopen::eds::{self, Diagnostic, Eds, Object, ObjectKind, Places};
+use reports::{ObjectNames, SheetUsed};
 use sha2::{Digest, Sha256};
 
 use crate::source::{Place, Source};
@@ -25,6 +25,8 @@ pub struct Sheet {
     pub composed: bool,
     /// SHA-256 of the file, in hexadecimal.
     sha256: String,
+    /// The names of its objects.
+    pub(crate) names: Arc<ObjectNames>,
     /// Found when somebody asks, which is when something is wrong.
     places: OnceLock<Places>,
 }
@@ -37,8 +39,9 @@ impl Sheet {
         let diagnostics = reading.diagnostics;
         let composed = source.line(1).trim_start_matches([';', ' ']) == COMPOSED;
         let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
+        let names = Arc::new(reading.eds.objects.iter().flat_map(names).collect());
         let (trusted, places) = (false, OnceLock::new());
-        let sheet = Self { source, diagnostics, trusted, composed, sha256, places };
+        let sheet = Self { source, diagnostics, trusted, composed, sha256, names, places };
         (sheet, reading.eds)
     }
 
@@ -51,4 +54,14 @@ impl Sheet {
     pub fn place_of(&self, mux: Mux, key: Option<&str>) -> Option<Place> {
         self.places.get_or_init(|| Places::of(&self.source.text)).of_entry(mux, key)
     }
+}
+
+/// The names of the values of an object. Those of an array are alike and mostly numbered only, so
+/// that the object says more; so it does of the number of values.
+fn names(object: &Object) -> impl Iterator<Item = (Mux, String)> + '_ {
+    object.entries.iter().map(|entry| {
+        let of_object = object.kind == ObjectKind::ARRAY || entry.mux.sub == 0;
+        let name = if of_object { &object.name } else { &entry.name };
+        (entry.mux, name.clone())
+    })
 }

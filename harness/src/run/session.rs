@@ -81,6 +81,7 @@ impl Session<'_> {
             identity,
             versions,
             sheet: Some(dut.sheet.used()),
+            objects: Arc::clone(&dut.sheet.names),
             bit_rate: dut.bit_rate,
             rerun: self.rerun.clone(),
             remark: self.remark(&baseline),

@@ -6,6 +6,7 @@ use canopen::{Frame, Instant, Stamped, meaning};
 
 use super::{one_line, plural};
 use crate::event::{Measured, Note};
+use crate::names::ObjectNames;
 use crate::run::{CaseRun, DeviceRun};
 use crate::style::{Style, printable, shell_word};
 use crate::verdict::{Excerpt, Outcome, Phase, Problem, Verdict};
@@ -13,12 +14,13 @@ use crate::verdict::{Excerpt, Outcome, Phase, Problem, Verdict};
 /// The case and its sentence; the requirements; what was expected; what came; where in the suite
 /// file; the last frames; the command that runs the case again.
 pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
-    let mut block = Block { text: String::new(), style, verdict: case.verdict() };
+    let (verdict, names) = (case.verdict(), &*device.info.objects);
+    let mut block = Block { text: String::new(), style, verdict, names };
     let problem = case.outcome.problem();
     block.head(&device.info.device, case);
     block.requirements(case);
     match &case.outcome {
-        Outcome::Error { reason, .. } => block.field("no verdict", reason),
+        Outcome::Error { reason, .. } => block.named("no verdict", reason),
         Outcome::Skip(reason) => block.field("skipped", reason),
         Outcome::Blocked(reason) => block.field("blocked", reason),
         Outcome::Waived { waiver, .. } => block.field("waived", &waiver.to_string()),
@@ -43,13 +45,14 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     block.text
 }
 
-struct Block {
+struct Block<'d> {
     text: String,
     style: Style,
     verdict: Verdict,
+    names: &'d ObjectNames,
 }
 
-impl Block {
+impl Block<'_> {
     fn line(&mut self, line: impl fmt::Display) {
         // Writing to a string does not fail.
         let _ = writeln!(self.text, "{line}");
@@ -65,6 +68,12 @@ impl Block {
         for line in lines {
             self.line(format_args!("  {:LABEL$}{line}", ""));
         }
+    }
+
+    /// A field whose text speaks of objects.
+    fn named(&mut self, label: &str, text: &str) {
+        let text = self.names.in_text(text);
+        self.field(label, &text);
     }
 
     fn head(&mut self, device: &str, case: &CaseRun) {
@@ -85,16 +94,16 @@ impl Block {
     }
 
     fn difference(&mut self, problem: &Problem) {
-        self.field("expected", &problem.expected);
-        self.field("came", &problem.actual);
+        self.named("expected", &problem.expected);
+        self.named("came", &problem.actual);
         if let Some(frame) = &problem.raw {
-            self.field("", &format!("{frame}  {}", meaning(frame)));
+            self.named("", &format!("{frame}  {}", meaning(frame)));
         }
         if problem.capped {
             self.field("level", "no requirement of this case is a must, so it does not fail");
         }
         for note in &problem.notes {
-            self.field("note", note);
+            self.named("note", note);
         }
     }
 
@@ -174,17 +183,22 @@ impl Block {
         let direction = if *own { "TX" } else { "RX" };
         let frame_text = frame.to_string();
         let time = format!("{:>STAMP$}", relative(start, *at));
+        let meaning = meaning(frame).to_string();
         let line = format!(
             "    {}  {direction}  {frame_text:<width$}  {}",
             self.style.dim(time),
-            meaning(frame)
+            one_line(&self.names.in_text(&meaning))
         );
         self.line(line);
     }
 
     fn note(&mut self, start: Instant, note: &Note) {
         let time = format!("{:>STAMP$}", relative(start, note.at));
-        let line = format!("    {}  --  {}", self.style.dim(time), one_line(&note.text));
+        let line = format!(
+            "    {}  --  {}",
+            self.style.dim(time),
+            one_line(&self.names.in_text(&note.text))
+        );
         self.line(line);
     }
 }

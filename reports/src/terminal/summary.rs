@@ -1,5 +1,6 @@
 //! What came of the whole run.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
@@ -179,7 +180,7 @@ fn not_passed(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) 
     let (shared, alone): (Vec<_>, Vec<_>) =
         by_cause(run).into_iter().partition(|(cause, cases)| cause.is_some() && cases.len() > 1);
     for (cause, cases) in &shared {
-        let cause = cause.map(ToString::to_string).unwrap_or_default();
+        let cause = cause.map(|cause| named(cause, cases)).unwrap_or_default();
         let _ = writeln!(text, "{:>6}  {}", cases.len(), wrapped(&one_line(&cause)));
         for row in rows(cases, verbosity) {
             let _ = writeln!(text, "        {}", row.line(style));
@@ -199,6 +200,14 @@ fn not_passed(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) 
     if text.len() > before {
         text.push('\n');
     }
+}
+
+/// A cause with the names of its objects, where the data sheets of its devices agree on them.
+fn named(cause: &Cause, cases: &[Noticed]) -> String {
+    let cause = cause.to_string();
+    let mut texts = cases.iter().map(|(_, device, _)| device.info.objects.in_text(&cause));
+    let first = texts.next().filter(|first| texts.all(|text| text == *first));
+    first.map_or_else(|| cause.clone(), Cow::into_owned)
 }
 
 /// An instance with its device, and its place in the run.
