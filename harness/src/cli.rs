@@ -7,7 +7,7 @@ use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum}
 use reports::{FORMATS, Format, Grade};
 
 use crate::suite::Folders;
-use crate::waivers::is_date;
+use crate::waivers::check_date;
 
 /// Conformance tests for CANopen devices.
 ///
@@ -430,8 +430,5 @@ impl From<GradeName> for Grade {
 
 /// A date such as `2026-12-31`.
 fn date(text: &str) -> Result<String, String> {
-    match is_date(text) {
-        true => Ok(text.to_owned()),
-        false => Err("a date is written `2026-12-31`".to_owned()),
-    }
+    check_date(text).map(|()| text.to_owned())
 }

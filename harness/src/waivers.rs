@@ -40,6 +40,9 @@ pub(crate) struct WaiverEntry {
     /// The cases: one glob or a list of globs over full names. The name of a suite or of a case
     /// stands for all its instances.
     cases: Globs,
+    /// The device as reports call it, a glob; every device when absent.
+    #[serde(default)]
+    device: Option<String>,
     /// Only what has this cause; without it, whatever the cases find.
     #[serde(default)]
     cause: Option<CauseEntry>,
@@ -112,7 +115,7 @@ impl Waivers {
     }
 
     /// The outcome of a case, waived when it has a cause that is known.
-    pub(crate) fn apply(&self, case: &CaseStarted, outcome: Outcome) -> Outcome {
+    pub(crate) fn apply(&self, device: &str, case: &CaseStarted, outcome: Outcome) -> Outcome {
         if self.entries.is_empty() {
             return outcome;
         }
@@ -120,7 +123,9 @@ impl Waivers {
         let (name, verdict) = (case.name(), outcome.verdict());
         let mut valid = self.entries.iter().map(|entry| &entry.value);
         let covering = valid.find(|waiver| {
-            !waiver.has_expired(&self.today) && waiver.covers(&name, verdict, &cause)
+            !waiver.has_expired(&self.today)
+                && waiver.concerns(device)
+                && waiver.covers(&name, verdict, &cause)
         });
         match covering {
             Some(waiver) => Outcome::Waived {
@@ -155,8 +160,9 @@ impl Waivers {
                 complain(glob.place, format!("no case is called `{}`{meant}", glob.value));
                 known = false;
             }
-            let ran = run.cases().map(|(_, case)| case).filter(|case| waiver.is_about(case));
-            let mut ran = ran.peekable();
+            let of_devices = run.cases().filter(|(device, _)| waiver.concerns(&device.info.device));
+            let cases = of_devices.map(|(_, case)| case);
+            let mut ran = cases.filter(|case| waiver.is_about(case)).peekable();
             if known
                 && !waiver.sometimes
                 && ran.peek().is_some()
@@ -178,8 +184,10 @@ impl WaiverEntry {
         if self.reason.value.trim().is_empty() {
             complain(self.reason.place, "a waiver needs a reason".to_owned());
         }
-        if let Some(date) = self.expires.as_ref().filter(|date| !is_date(&date.value)) {
-            complain(date.place, "a date is written `2026-12-31`".to_owned());
+        if let Some(At { value: date, place }) = &self.expires
+            && let Err(wrong) = check_date(date)
+        {
+            complain(*place, wrong);
         }
         let requirement = self.cause.as_ref().and_then(|cause| cause.requirement.as_ref());
         if let Some(At { value: ids, place }) = requirement {
@@ -197,6 +205,10 @@ impl WaiverEntry {
     fn has_expired(&self, today: &str) -> bool {
         // Dates of that form are in the order of their texts.
         self.expires.as_ref().is_some_and(|date| date.value.as_str() < today)
+    }
+
+    fn concerns(&self, device: &str) -> bool {
+        self.device.as_ref().is_none_or(|glob| WildMatch::new(glob).matches(device))
     }
 
     fn names(&self, name: &str) -> bool {
@@ -243,17 +255,36 @@ impl CauseEntry {
     }
 }
 
-/// Whether it is a date such as `2026-12-31`.
-pub(crate) fn is_date(text: &str) -> bool {
-    let parts: Vec<&str> = text.split('-').collect();
+/// Checks that `text` is a day of the calendar, such as `2026-12-31`.
+///
+/// # Errors
+/// What is wrong with it.
+pub(crate) fn check_date(text: &str) -> Result<(), String> {
     let number = |text: &str, digits: usize| {
         let whole = text.len() == digits && text.bytes().all(|byte| byte.is_ascii_digit());
         whole.then(|| text.parse::<u16>().ok()).flatten()
     };
-    let [year, month, day] = parts.as_slice() else { return false };
-    number(year, 4).is_some()
-        && number(month, 2).is_some_and(|month| (1..=12).contains(&month))
-        && number(day, 2).is_some_and(|day| (1..=31).contains(&day))
+    let parts: Vec<&str> = text.split('-').collect();
+    let numbers = match parts.as_slice() {
+        [year, month, day] => number(year, 4).zip(number(month, 2)).zip(number(day, 2)),
+        _ => None,
+    };
+    match numbers {
+        None => Err("a date is written `2026-12-31`".to_owned()),
+        Some(((year, month), day)) if (1..=days_of(year, month)).contains(&day) => Ok(()),
+        Some(_) => Err(format!("the calendar has no day {text}")),
+    }
+}
+
+/// The number of days of a month; 0 when the year has no such month.
+fn days_of(year: u16, month: u16) -> u16 {
+    let leap = year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);
+    match month {
+        2 => 28 + u16::from(leap),
+        4 | 6 | 9 | 11 => 30,
+        1..=12 => 31,
+        _ => 0,
+    }
 }
 
 impl<'de> Deserialize<'de> for Globs {
@@ -313,14 +344,14 @@ mod tests {
 
     #[test]
     fn dates() {
-        for (text, good) in [
-            ("2026-12-31", true),
-            ("2026-13-01", false),
-            ("2026-1-1", false),
-            ("31.12.2026", false),
-            ("tomorrow", false),
-        ] {
-            assert_eq!(is_date(text), good, "{text}");
+        for good in ["2026-12-31", "2024-02-29", "2000-02-29", "2026-04-30"] {
+            assert_eq!(check_date(good), Ok(()), "{good}");
+        }
+        for no_day in ["2026-13-01", "2026-00-01", "2026-02-29", "2100-02-29", "2026-04-31"] {
+            assert_eq!(check_date(no_day), Err(format!("the calendar has no day {no_day}")));
+        }
+        for no_date in ["2026-1-1", "31.12.2026", "tomorrow", "2026-12-31-1", ""] {
+            assert!(check_date(no_date).is_err_and(|wrong| wrong.contains("is written")));
         }
     }
 }

@@ -173,7 +173,7 @@ impl Session<'_> {
                 false => finished.outcome.capped(),
             };
             reliance.learn(instance, &outcome);
-            let outcome = self.waivers.apply(&started, outcome);
+            let outcome = self.waivers.apply(&self.plan.dut.name, &started, outcome);
             failed += usize::from(matches!(outcome, Outcome::Fail(_)));
             link.emit(ended(link, &started, outcome));
             let rest = &instances[place + 1..];
