@@ -158,6 +158,11 @@ pub struct RunArgs {
     /// Test every index that the data sheet does not have, instead of a sample
     #[arg(long)]
     pub every_index: bool,
+    /// Multiplies `within` of `until` and `observe` in suites of a profile, for a unit that fills
+    /// and vents before it heats; the documents of profiles limit no such time
+    #[arg(long, value_name = "FACTOR", default_value_t = 1)]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=100))]
+    pub patience: u32,
     /// Stop after this number of failures
     #[arg(long, value_name = "N")]
     pub max_fail: Option<usize>,

@@ -139,6 +139,7 @@ impl Sessions<'_> {
                     plan,
                     register: &self.library.register,
                     policy: Policy {
+                        patience: args.patience,
                         seed: args.seed.unwrap_or(1),
                         every_index: args.every_index,
                         ..Policy::at_bit_rate(target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE))
@@ -251,5 +252,9 @@ fn of_verdicts(reporter: &Reporter) -> Exit {
 
 /// The command that runs a case of this target again, without the name of the case.
 fn rerun(args: &RunArgs, target: &Target) -> String {
-    format!("harness {}{}", target.options, args.selection.folders.options())
+    let patience = match args.patience {
+        1 => String::new(),
+        factor => format!(" --patience {factor}"),
+    };
+    format!("harness {}{patience}{}", target.options, args.selection.folders.options())
 }

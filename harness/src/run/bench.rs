@@ -36,7 +36,7 @@ impl Steps<'_, '_> {
                 .map_err(Trouble::Impossible)
         };
         let wanted = [value(&observe.value)?, value(&observe.min)?, value(&observe.max)?];
-        let within = self.optional_time(&observe.within, Duration::ZERO)?;
+        let within = self.optional_time(&observe.within, Duration::ZERO)? * self.patience;
         let end = self.link.mark() + within;
         loop {
             let seen = bench(self.link)?.get(name).map_err(failed)?;

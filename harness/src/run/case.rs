@@ -159,12 +159,13 @@ impl CaseRun<'_, '_> {
         }
         self.link.forget_lateness();
         let watched_from = self.link.trace().len();
-        let case = self.instance.case();
+        let (case, patience) = (self.instance.case(), self.patience());
         let mut steps = Steps {
             link: &mut *self.link,
             dut: self.dut,
             policy: self.policy,
             scope: self.instance.scope.clone(),
+            patience,
             bench_snapshot: &mut self.bench_snapshot,
         };
         let mut alive = run_phase(&mut steps, &case.setup, Phase::Setup, &mut result)?;
@@ -183,6 +184,13 @@ impl CaseRun<'_, '_> {
         }
         self.late = result.late;
         Ok(result.outcome)
+    }
+
+    /// No document of a profile limits how long its application may take, while the times of
+    /// CiA 301 and of the data sheet are limits.
+    fn patience(&self) -> u32 {
+        let of_profile = self.instance.suite.file.profile.is_some();
+        if of_profile { self.policy.patience } else { 1 }
     }
 
     /// An option that the device may lack, which only its user knows: how to say so.

@@ -186,7 +186,7 @@ impl Steps<'_, '_> {
             &until.tolerated,
             None,
         )?;
-        let within = self.time(&until.within)?;
+        let within = self.time(&until.within)? * self.patience;
         let every = self.optional_time(&until.every, DEFAULT_POLL)?.max(Duration::from_millis(1));
         let end = self.link.mark() + within;
         loop {

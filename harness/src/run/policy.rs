@@ -16,6 +16,8 @@ pub struct Policy {
     pub quiet_after_start: Duration,
     /// How late a frame may be because another one is on the wire.
     pub bus_slack: Duration,
+    /// How many times as long as a suite of a profile says the application of the device may take.
+    pub patience: u32,
     /// What a sample of many is chosen by.
     pub seed: u64,
     /// Whether every index is asked for where otherwise a sample is.
@@ -35,6 +37,7 @@ impl Policy {
             bus_slack: Duration::from_nanos(
                 LONGEST_FRAME_BITS * 1_000_000_000 / u64::from(bit_rate),
             ),
+            patience: 1,
             seed: 1,
             every_index: false,
         }

@@ -115,7 +115,10 @@ impl Session<'_> {
         });
         let without = &self.plan.dut.without;
         let options = (!without.is_empty()).then(|| format!("without {}", without.join(", ")));
-        let remarks = composed.into_iter().chain(options).chain(self.plan.said_left_out());
+        let factor = self.policy.patience;
+        let patience = (factor > 1).then(|| format!("with `--patience {factor}`"));
+        let remarks = composed.into_iter().chain(options).chain(patience);
+        let remarks = remarks.chain(self.plan.said_left_out());
         let remarks: Vec<String> = remarks.chain(baseline.remarks()).collect();
         (!remarks.is_empty()).then(|| remarks.join("; "))
     }

@@ -30,6 +30,8 @@ pub(super) struct Steps<'s, 'b> {
     pub policy: &'s Policy,
     /// The names, those that steps save included.
     pub scope: Scope,
+    /// How many times as long as it says a step waits for the application of the device.
+    pub patience: u32,
     /// What was done to the device's physical side.
     pub bench_snapshot: &'s mut BenchSnapshot,
 }
