@@ -65,6 +65,10 @@ pub(super) fn run(
             (Some(late), Aftermath::Left(how)) if attempt < ATTEMPTS => {
                 left = *how;
                 run.note(format!("the tester was late by {late}: the case is repeated"));
+                if let Err(error) = run.link.calm() {
+                    let (outcome, aftermath) = run.bus_failed(error);
+                    return Finished { outcome, aftermath };
+                }
             }
             (Some(late), Aftermath::Left(_)) => {
                 let reason = format!("the tester was late by {late}, and in {attempt} attempts");

@@ -14,6 +14,9 @@ use reports::Event;
 /// frames long, and one that is full costs a wait.
 const MOST_AHEAD: usize = 8;
 
+/// A tester that is less late than this is in time.
+const IN_TIME: Duration = Duration::from_millis(2);
+
 /// A bus, what was seen on it since the case began, and how far the steps have looked.
 pub struct Link<'b> {
     bus: &'b mut dyn Bus,
@@ -155,6 +158,25 @@ impl<'b> Link<'b> {
     /// Begins to look anew at how late the tester is.
     pub fn forget_lateness(&mut self) {
         self.lateness = Lateness::default();
+    }
+
+    /// Lets time pass until the tester has been in time for a while, at most for ten seconds: what
+    /// stalls a host often lasts.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn calm(&mut self) -> Result<(), BusError> {
+        const WHILE: Duration = Duration::from_millis(200);
+        const MOST: u32 = 50;
+        for _ in 0..MOST {
+            self.forget_lateness();
+            let until = self.now() + WHILE;
+            self.wait(until)?;
+            if self.lateness.noticed < IN_TIME && self.now().since(until) < IN_TIME {
+                break;
+            }
+        }
+        Ok(())
     }
 
     /// Sends frames without a gap between them and waits until the last is complete on the wire.
