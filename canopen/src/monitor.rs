@@ -13,6 +13,7 @@ use crate::frame::Frame;
 use crate::heartbeat::{self, ErrorControl};
 use crate::mux::Mux;
 use crate::nmt::{self, NmtState, Service};
+use crate::sdo::block::BlockRequest;
 use crate::sdo::{self, Initiate, Request, Response};
 use crate::time::Instant;
 
@@ -62,10 +63,20 @@ pub trait Monitor {
 }
 
 /// The monitors that watch node `node` in every case. `known` are the identifiers it may use
-/// beside those of the predefined connection set.
-pub fn all(node: u8, known: Vec<u16>) -> Vec<Box<dyn Monitor>> {
+/// beside those of the predefined connection set, `standing` the errors that it had before the
+/// first case and reports whenever it starts.
+pub fn all(node: u8, known: Vec<u16>, standing: Vec<EmcyCode>) -> Vec<Box<dyn Monitor>> {
     vec![
-        Box::new(NoSurprise { node, history_cleared: false, asked: 0, resets: 0 }),
+        Box::new(NoSurprise {
+            node,
+            standing,
+            stands: false,
+            history_cleared: false,
+            asked: 0,
+            resets: 0,
+            open: None,
+            interrupted: None,
+        }),
         Box::new(KnownIdentifiers { node, known }),
         Box::new(HeartbeatAlive { node, asked: None, period: None, last: None }),
         Box::new(SilentWhenStopped { node, stopped: false, asked: false }),
@@ -75,28 +86,67 @@ pub fn all(node: u8, known: Vec<u16>) -> Vec<Box<dyn Monitor>> {
 /// No unexpected emergency message or boot-up, and no second SDO answer.
 struct NoSurprise {
     node: u8,
+    /// Errors that no case caused.
+    standing: Vec<EmcyCode>,
+    /// Whether one of them was reported.
+    stands: bool,
     history_cleared: bool,
     /// Commands that a boot-up may still be the answer to.
     resets: u32,
     /// Requests that have no answer yet: they may be sent faster than they are answered.
     asked: u32,
+    /// The object of the last transfer.
+    open: Option<Mux>,
+    /// The object of a transfer that a command of the NMT interrupted.
+    interrupted: Option<Mux>,
 }
 
 impl NoSurprise {
     const ERROR_COUNT: Mux = Mux::new(0x1003, 0);
+
+    /// Takes note of what the tester sent.
+    fn sent(&mut self, frame: &Frame) {
+        if frame.data_id() == Some(sdo::REQUEST_COB_ID + u16::from(self.node)) {
+            self.asked += 1;
+            let request = Request::decode(&frame.data);
+            self.history_cleared |= matches!(request, Ok(Request::Download(Self::ERROR_COUNT, _)));
+            self.open = request.ok().and_then(initiated).or(self.open);
+        }
+        if let Some(service) = commanded(frame, self.node) {
+            self.resets += u32::from(resets(service));
+            self.interrupted = self.open.take();
+        }
+    }
+
+    /// Whether a server may send this though nobody asked: it may give an open transfer up at any
+    /// time, and one that a command interrupts is not continued.
+    fn gives_up(&mut self, frame: &Frame) -> bool {
+        match Response::decode(&frame.data) {
+            Ok(Response::Abort(_, Abort::TIMEOUT)) => true,
+            Ok(Response::Abort(mux, _)) => self.interrupted.take_if(|open| *open == mux).is_some(),
+            _ => false,
+        }
+    }
+
+    /// Whether an emergency message has a cause: an error that stands, or its end, or that the
+    /// history was cleared, which may be reported as the reset of all errors.
+    fn is_explained(&mut self, frame: &Frame) -> bool {
+        let Ok(emcy) = Emcy::decode(&frame.data) else { return false };
+        if emcy.code == EmcyCode::RESET {
+            return std::mem::take(&mut self.stands) || emcy.register == 0 && self.history_cleared;
+        }
+        let stands = self.standing.contains(&emcy.code);
+        self.stands |= stands;
+        stands
+    }
 }
 
 impl Monitor for NoSurprise {
     fn observe(&mut self, seen: &Seen) -> Result<(), Breach> {
         let node = u16::from(self.node);
         let frame = &seen.stamped.frame;
-        if seen.stamped.own && frame.data_id() == Some(sdo::REQUEST_COB_ID + node) {
-            self.asked += 1;
-            let request = Request::decode(&frame.data);
-            self.history_cleared |= matches!(request, Ok(Request::Download(Self::ERROR_COUNT, _)));
-        }
-        if seen.stamped.own && is_reset(frame, self.node) {
-            self.resets += 1;
+        if seen.stamped.own {
+            self.sent(frame);
         }
         let booted = incoming(seen) == Some(heartbeat::COB_ID + node)
             && ErrorControl::decode(&frame.data) == Ok(ErrorControl::BOOT_UP);
@@ -109,10 +159,7 @@ impl Monitor for NoSurprise {
         self.asked -= u32::from(asked);
         let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
         if id == emcy::COB_ID + node {
-            // Clearing the history may be reported as the reset of all errors.
-            let reset = Emcy::decode(&frame.data)
-                .is_ok_and(|emcy| emcy.code == EmcyCode::RESET && emcy.register == 0);
-            if reset && self.history_cleared {
+            if self.is_explained(frame) {
                 return Ok(());
             }
             let got = Emcy::decode(&frame.data)
@@ -123,10 +170,7 @@ impl Monitor for NoSurprise {
             let got = "the node booted".to_owned();
             return Err(breach(seen, "no boot-up without a reset", got));
         }
-        // A server may give an open transfer up at any time, and says so once.
-        let given_up =
-            matches!(Response::decode(&frame.data), Ok(Response::Abort(_, Abort::TIMEOUT)));
-        if id == sdo::RESPONSE_COB_ID + node && !asked && !given_up {
+        if id == sdo::RESPONSE_COB_ID + node && !asked && !self.gives_up(frame) {
             let got = "an SDO answer without a request".to_owned();
             return Err(breach(seen, "at most one SDO answer to a request", got));
         }
@@ -134,11 +178,23 @@ impl Monitor for NoSurprise {
     }
 }
 
-/// Whether the frame commands this node to boot.
-fn is_reset(frame: &Frame, node: u8) -> bool {
-    let command = (frame.data_id() == Some(nmt::COB_ID)).then(|| nmt::Command::decode(&frame.data));
-    matches!(command, Some(Ok(command)) if (command.node == 0 || command.node == node)
-        && matches!(command.service, Service::RESET_NODE | Service::RESET_COMMUNICATION))
+/// What the frame commands this node to do.
+fn commanded(frame: &Frame, node: u8) -> Option<Service> {
+    frame.data_id().filter(|id| *id == nmt::COB_ID)?;
+    let command = nmt::Command::decode(&frame.data).ok()?;
+    [0, node].contains(&command.node).then_some(command.service)
+}
+
+/// The object of the transfer that a request initiates.
+fn initiated(request: Request) -> Option<Mux> {
+    match request {
+        Request::Upload(mux)
+        | Request::Download(mux, _)
+        | Request::Block(BlockRequest::Upload { mux, .. } | BlockRequest::Download { mux, .. }) => {
+            Some(mux)
+        }
+        _ => None,
+    }
 }
 
 /// No identifier but those the node owns, as far as no other node can be the sender.
@@ -306,7 +362,7 @@ mod tests {
 
     /// Feeds `ms frame` lines (`>` in front of own ones, `!` of expected ones) to every monitor.
     fn breaches(lines: &[&str]) -> Vec<String> {
-        let mut monitors = all(5, vec![0x333]);
+        let mut monitors = all(5, vec![0x333], vec![EmcyCode(0x5030)]);
         let mut found = Vec::new();
         for line in lines {
             let (ms, text) = line.split_once(' ').unwrap();
@@ -333,6 +389,27 @@ mod tests {
         let given_up =
             ["1 >605#4008100000000000", "2 585#410810000B000000", "9 585#8008100000000405"];
         assert_eq!(breaches(&given_up), [""; 0]);
+    }
+
+    #[test]
+    fn a_transfer_that_a_command_interrupts() {
+        let open = ["1 >605#4008100000000000", "2 585#410810000B000000"];
+        let stopped = |lines: &[&str]| breaches(&[&open[..], lines].concat()).len();
+        assert_eq!(stopped(&["3 >000#0205", "4 585#8008100022000008"]), 0);
+        assert_eq!(stopped(&["3 >000#8205", "4 585#8008100001000405"]), 0);
+        let twice = ["3 >000#0205", "4 585#8008100022000008", "5 585#8008100022000008"];
+        assert_eq!(stopped(&twice), 1);
+        assert_eq!(stopped(&["3 >000#0205", "4 585#8009100022000008"]), 1);
+        assert_eq!(stopped(&["3 >000#0206", "4 585#8008100022000008"]), 1);
+    }
+
+    #[test]
+    fn what_stands_from_the_start() {
+        let [error, end] = ["2 085#3050010000000000", "3 085#0000000000000000"];
+        assert_eq!(breaches(&[error, end]), [""; 0]);
+        assert_eq!(breaches(&[end, error]).len(), 1);
+        assert_eq!(breaches(&[error, end, end]).len(), 1);
+        assert_eq!(breaches(&["2 085#3081110000000000"]).len(), 1);
     }
 
     #[test]

@@ -84,6 +84,21 @@ impl Instance {
         })
     }
 
+    /// Why it says nothing about a device that enters OPERATIONAL by itself, or about one that does
+    /// not.
+    pub fn unfit_for_start(&self, starts: bool) -> Option<String> {
+        let named = |capability: &Option<At<Capability>>| {
+            capability.as_ref().is_some_and(|named| named.value == Capability::SelfStart)
+        };
+        self.case().requires.iter().find_map(|requires| {
+            if starts && named(&requires.value.lacks) {
+                return Some("the device enters OPERATIONAL by itself".to_owned());
+            }
+            let reason = "the device enters OPERATIONAL by a command only";
+            (!starts && named(&requires.value.supports)).then(|| reason.to_owned())
+        })
+    }
+
     /// Whether there must be a device: a case about nothing but the data sheet needs none.
     pub fn needs_device(&self) -> bool {
         !self.case().all_steps().all(|step| matches!(step.value, Step::Eds(_)))

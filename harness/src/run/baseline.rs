@@ -1,7 +1,9 @@
 //! What stands from the start: a device with errors that no case caused is tested all the same.
 
 use std::cell::{Cell, RefCell};
+use std::time::Duration;
 
+use canopen::emcy::EmcyCode;
 use canopen::heartbeat::ErrorControl;
 use canopen::nmt::NmtState;
 use canopen::sdo::Failure;
@@ -15,6 +17,11 @@ use super::settle;
 use crate::dut::Dut;
 
 const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
+const START_UP: Mux = Mux::new(0x1F80, 0);
+/// Bit 2 of 1F80h: the node does not enter OPERATIONAL by itself (CiA 302-2).
+const WAITS: u8 = 1 << 2;
+/// How long a device may take to report an error after its boot-up message.
+const FIRST_EMERGENCIES: Duration = Duration::from_millis(100);
 
 /// The device as it was before the first case, freshly started.
 #[derive(Clone, Debug)]
@@ -28,7 +35,7 @@ pub(super) struct Baseline {
     /// Whether it entered OPERATIONAL without a command.
     starts: bool,
     /// The error codes of the emergencies that it sent, without 0000h.
-    emergencies: Vec<u16>,
+    emergencies: Vec<EmcyCode>,
 }
 
 impl Baseline {
@@ -59,19 +66,20 @@ impl Baseline {
         if !link.trace().iter().any(|seen| !seen.stamped.own && seen.stamped.frame == boot_up) {
             settle::reset_node(link, policy, dut, &baseline)?;
         }
-        link.drain(policy.quiet)?;
+        link.drain(policy.quiet.max(FIRST_EMERGENCIES))?;
         let sent: Vec<Stamped> = link.trace().iter().map(|seen| seen.stamped).collect();
         let sent = sent.iter().filter(|seen| !seen.own);
         let emcy_id = Some(emcy::COB_ID + u16::from(dut.node));
         let code = |seen: &Stamped| match (seen.frame.data_id() == emcy_id, &*seen.frame.data) {
-            (true, [low, high, ..]) => Some(u16::from_le_bytes([*low, *high])),
+            (true, [low, high, ..]) => Some(EmcyCode(u16::from_le_bytes([*low, *high]))),
             _ => None,
         };
-        let mut emergencies: Vec<u16> = sent.clone().filter_map(code).collect();
-        emergencies.retain(|code| *code != 0);
+        let mut emergencies: Vec<EmcyCode> = sent.clone().filter_map(code).collect();
+        emergencies.retain(|code| *code != EmcyCode::RESET);
         emergencies.dedup();
         let operational = ErrorControl::heartbeat(NmtState::OPERATIONAL).frame(dut.node);
-        let starts = sent.clone().any(|seen| seen.frame == operational);
+        let seen = sent.clone().any(|seen| seen.frame == operational);
+        let starts = seen || starts_by_1f80(link, policy, dut)?;
         let register = sdo::upload(link, policy, dut.node, ERROR_REGISTER)?.result;
         Ok(Self { register: RefCell::new(register), starts, emergencies, ..baseline })
     }
@@ -79,6 +87,16 @@ impl Baseline {
     /// Whether the device sends a boot-up message.
     pub(super) fn boots_up(&self) -> bool {
         self.boots_up.get()
+    }
+
+    /// Whether it enters OPERATIONAL without a command.
+    pub(super) fn starts(&self) -> bool {
+        self.starts
+    }
+
+    /// The errors that it reports whenever it starts.
+    pub(super) fn emergencies(&self) -> Vec<EmcyCode> {
+        self.emergencies.clone()
     }
 
     /// A boot-up message was waited for in vain.
@@ -121,7 +139,7 @@ impl Baseline {
             }
         }
         if !self.emergencies.is_empty() {
-            let codes = self.emergencies.iter().map(|code| format!("{code:04X}h"));
+            let codes = self.emergencies.iter().map(|code| format!("{:04X}h", code.0));
             let codes = codes.collect::<Vec<_>>().join(", ");
             remarks.push(format!("it sent emergencies {codes} when it started"));
         }
@@ -133,4 +151,13 @@ impl Baseline {
         }
         remarks
     }
+}
+
+/// Whether 1F80h of a device that has it says that the node starts by itself.
+fn starts_by_1f80(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
+    if dut.eds.entry(START_UP).is_none() {
+        return Ok(false);
+    }
+    let value = sdo::upload(link, policy, dut.node, START_UP)?.result;
+    Ok(value.is_ok_and(|bytes| bytes.first().is_some_and(|low| low & WAITS == 0)))
 }

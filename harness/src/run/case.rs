@@ -217,14 +217,14 @@ impl CaseRun<'_, '_> {
         };
         let frames = &self.link.trace()[from..];
         let now = self.link.mark();
-        monitor::all(self.dut.node, data_sheet_identifiers(self.dut)).iter_mut().find_map(
-            |monitor| {
-                let seen = frames.iter().find_map(|seen| monitor.observe(&waited_for(seen)).err());
-                // Without power, silence is expected.
-                let silence = || (!self.bench_snapshot.off).then(|| monitor.finish(now).err())?;
-                seen.or_else(silence)
-            },
-        )
+        let known = data_sheet_identifiers(self.dut);
+        let mut monitors = monitor::all(self.dut.node, known, self.baseline.emergencies());
+        monitors.iter_mut().find_map(|monitor| {
+            let seen = frames.iter().find_map(|seen| monitor.observe(&waited_for(seen)).err());
+            // Without power, silence is expected.
+            let silence = || (!self.bench_snapshot.off).then(|| monitor.finish(now).err())?;
+            seen.or_else(silence)
+        })
     }
 
     fn restore(&mut self, snapshot: &Snapshot, still: bool) -> Result<bool, BusError> {

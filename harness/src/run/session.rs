@@ -155,7 +155,8 @@ impl Session<'_> {
                     (_, true) => Some("the device has no SDO block download".to_owned()),
                     _ => None,
                 };
-            if let Some(reason) = instance.skip.clone().or(no_blocks) {
+            let unfit = || instance.unfit_for_start(baseline.starts());
+            if let Some(reason) = instance.skip.clone().or(no_blocks).or_else(unfit) {
                 link.emit(ended(link, &started, Outcome::Skip(reason)));
                 continue;
             }

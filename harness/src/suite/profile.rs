@@ -105,6 +105,9 @@ pub enum Capability {
     BlockUpload,
     /// SDO block download, asked likewise.
     BlockDownload,
+    /// It enters OPERATIONAL without a command, which 1F80h or the device itself shows at the start
+    /// of a run.
+    SelfStart,
     /// An option of the profile that the suite is about. No EDS expresses it: a device has it
     /// unless `--without` says otherwise.
     Option(String),
@@ -118,7 +121,7 @@ impl Capability {
             Self::BlockTransfer => blocks(true, true),
             Self::BlockUpload => blocks(true, false),
             Self::BlockDownload => blocks(false, true),
-            Self::Lss | Self::Option(_) => None,
+            Self::Lss | Self::SelfStart | Self::Option(_) => None,
         }
     }
 }
@@ -139,6 +142,7 @@ impl<'de> Deserialize<'de> for Capability {
             name if name == BLOCK_TRANSFER => Self::BlockTransfer,
             name if name == BLOCK_UPLOAD => Self::BlockUpload,
             name if name == BLOCK_DOWNLOAD => Self::BlockDownload,
+            name if name == SELF_START => Self::SelfStart,
             name => Self::Option(name.into_owned()),
         })
     }
@@ -160,11 +164,13 @@ impl JsonSchema for Capability {
 }
 
 /// The names of the capabilities that any device can have.
-pub(crate) const CAPABILITIES: [&str; 4] = [LSS, BLOCK_TRANSFER, BLOCK_UPLOAD, BLOCK_DOWNLOAD];
+pub(crate) const CAPABILITIES: [&str; 5] =
+    [LSS, BLOCK_TRANSFER, BLOCK_UPLOAD, BLOCK_DOWNLOAD, SELF_START];
 const LSS: &str = "lss";
 const BLOCK_TRANSFER: &str = "block-transfer";
 const BLOCK_UPLOAD: &str = "block-upload";
 const BLOCK_DOWNLOAD: &str = "block-download";
+const SELF_START: &str = "self-start";
 
 /// The number of one of the blocks that a profile repeats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
