@@ -39,7 +39,7 @@ mod tpdo;
 pub use node::Node;
 pub use settings::{BlockTransfer, Byte, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};
 
-pub(crate) use behaviour::{Behaviour, CommunicationEvent, Inert};
+pub(crate) use behaviour::{Attachment, Behaviour, CommunicationEvent, Inert};
 pub(crate) use errors::Errors;
 pub(crate) use sdo_client::SdoJob;
 pub(crate) use time::earlier;

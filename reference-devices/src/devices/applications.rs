@@ -7,6 +7,7 @@ use crate::stack::{Behaviour, Inert};
 use super::drr460::Drr460;
 use super::em66::Em66;
 use super::generic::Generic;
+use super::mcm260x::Mcm260x;
 
 /// An application, and what can be deviated from in it.
 pub(super) struct Application {
@@ -41,7 +42,10 @@ const APPLICATIONS: &[Application] = &[
     Application {
         name: "cia401",
         build: |device| Box::new(IoBlock::new(&device.eds, Box::new(Cia401))),
-        deviating: |device, name| Some(Box::new(IoBlock::new(&device.eds, cia401::named(name)?))),
+        deviating: |device, name| {
+            let rules = cia401::deviation(name)?.of(Box::new(Cia401));
+            Some(Box::new(IoBlock::new(&device.eds, rules)))
+        },
         deviations: || cia401::names().collect(),
     },
     Application {
@@ -55,6 +59,12 @@ const APPLICATIONS: &[Application] = &[
         build: |device| Box::new(Em66::new(&device.without)),
         deviating: |device, name| Some(Box::new(Em66::deviating(&device.without, name)?)),
         deviations: || Em66::deviations().collect(),
+    },
+    Application {
+        name: "mcm260x",
+        build: |device| Box::new(Mcm260x::new(&device.eds)),
+        deviating: |device, name| Some(Box::new(Mcm260x::deviating(&device.eds, name)?)),
+        deviations: || Mcm260x::deviations().collect(),
     },
     Application {
         name: "generic",

@@ -22,7 +22,6 @@ mod alarm;
 mod control;
 mod delay;
 mod input;
-mod io;
 mod objects;
 mod plant;
 mod rules;
@@ -33,12 +32,13 @@ use std::time::Duration;
 use canopen::eds::Eds;
 use canopen::{Abort, Dictionary, Instant, Mux};
 
-use crate::profiles::cia401::IoBlock;
+use crate::profiles::cia401::{self, IoBlock};
 use crate::stack::{Behaviour, CommunicationEvent, Errors};
+
+use super::pixsys::PixsysIo;
 
 use alarm::{Alarm, Sight, is_closed};
 use control::{ACTION, Control, FULL_OUTPUT, Wiring};
-use io::ManualIo;
 use objects::{
     ALARMS_RESET, COLD_JUNCTION, ERROR_FLAGS, MANUAL, MASTER_ANALOGUE, MASTER_OUTPUTS, OUTPUT,
     OUTPUTS, REAL_SET_POINT, SET_POINT, START, TUNING, parameter, value,
@@ -78,20 +78,21 @@ struct Command {
 impl Drr460 {
     /// A controller at ambient temperature that keeps to its manual.
     pub(crate) fn new(eds: &Eds) -> Self {
-        Self::with(Box::new(Manual), IoBlock::new(eds, Box::new(ManualIo)))
+        Self::with(Box::new(Manual), IoBlock::new(eds, Box::new(PixsysIo::default())))
     }
 
     /// The controller that takes the decision of that name otherwise; `None` when there is none.
     pub(crate) fn deviating(eds: &Eds, name: &str) -> Option<Self> {
         if let Some(rules) = rules::named(name) {
-            return Some(Self::with(rules, IoBlock::new(eds, Box::new(ManualIo))));
+            return Some(Self::with(rules, IoBlock::new(eds, Box::new(PixsysIo::default()))));
         }
-        Some(Self::with(Box::new(Manual), IoBlock::new(eds, io::named(name)?)))
+        let io = cia401::deviation(name)?.of(Box::new(PixsysIo::default()));
+        Some(Self::with(Box::new(Manual), IoBlock::new(eds, io)))
     }
 
     /// The names that [`deviating`](Self::deviating) knows.
     pub(crate) fn deviations() -> impl Iterator<Item = &'static str> {
-        rules::names().chain(io::names())
+        rules::names().chain(cia401::names())
     }
 
     fn with(rules: Box<dyn Drr460Rules>, io: IoBlock) -> Self {
@@ -243,6 +244,10 @@ impl Behaviour for Drr460 {
             alarm.restart(number, od);
         }
         self.sample(od);
+    }
+
+    fn supply_lost(&mut self) {
+        self.io.supply_lost();
     }
 
     fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {

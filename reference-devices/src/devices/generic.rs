@@ -51,7 +51,8 @@ impl Generic {
         if let Some(rules) = rules::named(name) {
             return Some(Self::with(rules, IoBlock::new(eds, Box::new(Cia401))));
         }
-        Some(Self::with(Box::new(DataSheet), IoBlock::new(eds, cia401::named(name)?)))
+        let io = IoBlock::new(eds, cia401::deviation(name)?.of(Box::new(Cia401)));
+        Some(Self::with(Box::new(DataSheet), io))
     }
 
     /// The names that [`deviating`](Self::deviating) knows.
@@ -97,6 +98,10 @@ impl Behaviour for Generic {
         self.simulated = [0; SIMULATED];
         self.faults.iter_mut().for_each(|fault| fault.present = false);
         self.io.reset(now, od);
+    }
+
+    fn supply_lost(&mut self) {
+        self.io.supply_lost();
     }
 
     fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {

@@ -23,7 +23,7 @@ use channel::{Channel, Kind};
 use inputs::{AnalogueInput, DigitalInput};
 use outputs::Output;
 
-pub(crate) use rules::{Cia401, Cia401Rules, named, names};
+pub(crate) use rules::{Cia401, Cia401Rules, Deviation, deviation, names};
 pub(crate) use setting::{EVERY_LEVEL, Setting};
 
 /// The inputs and outputs of a device. It is a complete application for a device that has nothing
@@ -76,6 +76,29 @@ impl IoBlock {
         self.digital_outputs.get(place).map_or(0, |output| output.terminal)
     }
 
+    /// The value at the terminal of an analogue output, counted from 0; `None` if there is none.
+    pub(crate) fn analogue_output(&self, place: usize) -> Option<i64> {
+        self.analogue_outputs.get(place).map(|output| output.terminal)
+    }
+
+    /// Drives terminals of a block of digital inputs, counted from 0, high from inside, for a
+    /// device of which they are outputs as well.
+    pub(crate) fn drive_inputs(&mut self, place: usize, levels: i64) {
+        if let Some(input) = self.digital_inputs.get_mut(place) {
+            input.driven = levels & input.channel.mask();
+        }
+    }
+
+    /// How many channels there are: digital inputs and outputs in blocks, analogue ones.
+    pub(crate) const fn counts(&self) -> Counts {
+        Counts {
+            digital_inputs: self.digital_inputs.len(),
+            digital_outputs: self.digital_outputs.len(),
+            analogue_inputs: self.analogue_inputs.len(),
+            analogue_outputs: self.analogue_outputs.len(),
+        }
+    }
+
     fn outputs(&mut self) -> impl Iterator<Item = &mut Output> {
         self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs)
     }
@@ -91,6 +114,10 @@ impl Behaviour for IoBlock {
     fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {
         self.sources.fill(0);
         self.digital_inputs.iter_mut().for_each(DigitalInput::restart);
+        self.outputs().for_each(Output::restart);
+    }
+
+    fn supply_lost(&mut self) {
         self.outputs().for_each(Output::restart);
     }
 
@@ -204,6 +231,19 @@ impl Behaviour for IoBlock {
             Kind::DigitalOutput | Kind::AnalogueOutput => true,
         }
     }
+}
+
+/// How many channels of each kind a block has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Counts {
+    /// Blocks of digital inputs.
+    pub(crate) digital_inputs: usize,
+    /// Blocks of digital outputs.
+    pub(crate) digital_outputs: usize,
+    /// Analogue inputs.
+    pub(crate) analogue_inputs: usize,
+    /// Analogue outputs.
+    pub(crate) analogue_outputs: usize,
 }
 
 /// The place of what is called `prefix` and a number from 1 on.

@@ -13,6 +13,23 @@ pub(crate) trait Behaviour: Send {
     /// Starts anew after power-on or reset node; the objects hold their stored or default values.
     fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {}
 
+    /// The supply is gone: whatever the device drove is dark now.
+    fn supply_lost(&mut self) {}
+
+    /// How the device is on the bus after power-on or reset node, where its own parameters say so.
+    fn attachment(&self, _od: &Dictionary) -> Attachment {
+        Attachment::AsIs
+    }
+
+    /// Whether the device starts anew because of what a bench has just done.
+    fn takes_restart(&mut self) -> bool {
+        false
+    }
+
+    /// Lets objects show what time alone has made of them, such as a count. Called before
+    /// something looks at the objects; cheap, and no event.
+    fn show(&mut self, _now: Instant, _od: &mut Dictionary) {}
+
     /// The application's own refusals, after those of the data sheet and before anything changes.
     ///
     /// # Errors
@@ -88,6 +105,17 @@ pub(crate) trait Behaviour: Send {
     fn triggers(&mut self, _mux: Mux, _last: &[u8], _od: &Dictionary) -> bool {
         true
     }
+}
+
+/// How a device is on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Attachment {
+    /// With the node id that it was given.
+    AsIs,
+    /// With the node id of a parameter.
+    Node(u8),
+    /// Not at all: it uses another interface, or another bit rate.
+    Off,
 }
 
 /// What an application may want to know of the communication.

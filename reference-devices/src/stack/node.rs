@@ -9,7 +9,7 @@ use canopen::{
 
 use crate::rules::{Change, Reset, Rules};
 use crate::stack::base::Base;
-use crate::stack::behaviour::Behaviour;
+use crate::stack::behaviour::{Attachment, Behaviour};
 use crate::stack::lss::Lss;
 use crate::stack::nmt::Nmt;
 use crate::stack::sdo_servers::SdoServers;
@@ -20,6 +20,8 @@ use crate::stack::settings::NodeSettings;
 pub struct Node {
     /// Whether it has supply.
     on: bool,
+    /// Whether its parameters let it use this bus.
+    attached: bool,
     nmt: Nmt,
     sdo: SdoServers,
     lss: Option<Lss>,
@@ -44,6 +46,7 @@ impl Node {
         let base = Base::new(eds, node_id, settings, rules)?;
         let mut node = Self {
             on: true,
+            attached: true,
             nmt: Nmt::default(),
             sdo: SdoServers::new(&base.od),
             lss,
@@ -91,7 +94,22 @@ impl Node {
             self.services.take_node_id(id);
         }
         self.services.reset(now, reset);
+        if reset == Reset::Node {
+            self.attach(now);
+        }
         self.nmt.initialise(now, &mut self.services.base);
+    }
+
+    /// Goes on the bus as the parameters that a reset has loaded say.
+    fn attach(&mut self, now: Instant) {
+        let attachment = self.services.attachment();
+        self.attached = attachment != Attachment::Off;
+        if let Attachment::Node(id) = attachment
+            && id != self.services.base.id
+        {
+            self.services.take_node_id(id);
+            self.services.reset(now, Reset::Node);
+        }
     }
 
     fn handle_data(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) {
@@ -165,7 +183,10 @@ impl Node {
 
 impl Device for Node {
     fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
-        if !self.on || self.lss.as_ref().is_some_and(|lss| lss.is_off_the_bus(now)) {
+        if !self.on
+            || !self.attached
+            || self.lss.as_ref().is_some_and(|lss| lss.is_off_the_bus(now))
+        {
             return;
         }
         if frame.data_id() == Some(lss::REQUEST_COB_ID) {
@@ -191,6 +212,7 @@ impl Device for Node {
         if !self.on {
             return;
         }
+        self.services.show_time(now);
         if let Some(state) = self.nmt.handle_timeout(now, &self.services.base, out) {
             self.services.start(now, state, out);
         }
@@ -206,6 +228,9 @@ impl Device for Node {
             if lss.is_off_the_bus(now) {
                 out.clear();
             }
+        }
+        if !self.attached {
+            out.clear();
         }
     }
 
@@ -235,8 +260,14 @@ impl Device for Node {
             return Ok(());
         }
         self.services.stimulate(now, name, value)?;
+        if self.services.takes_restart() && self.on {
+            self.initialise(now, Reset::Node);
+        }
         if self.on {
             self.settle(now, out);
+        }
+        if !self.attached {
+            out.clear();
         }
         Ok(())
     }

@@ -11,7 +11,7 @@ use canopen::{Abort, BenchError, Data, Instant, Mux, NmtState, Outbox, Value, he
 
 use crate::rules::Reset;
 use crate::stack::base::Base;
-use crate::stack::behaviour::{Behaviour, CommunicationEvent};
+use crate::stack::behaviour::{Attachment, Behaviour, CommunicationEvent};
 use crate::stack::emcy::EmcyProducer;
 use crate::stack::emcy_consumer;
 use crate::stack::error_behaviour;
@@ -95,6 +95,17 @@ impl Services {
     /// The supply is gone.
     pub(crate) fn cut(&mut self, now: Instant) {
         self.storage.cut(now, &self.base);
+        self.behaviour.supply_lost();
+    }
+
+    /// Whether the device starts anew because of what a bench has just done.
+    pub(crate) fn takes_restart(&mut self) -> bool {
+        self.behaviour.takes_restart()
+    }
+
+    /// How the parameters of the device want it to be on the bus.
+    pub(crate) fn attachment(&self) -> Attachment {
+        self.behaviour.attachment(&self.base.od)
     }
 
     /// Gives the objects of a reset their stored or default values and starts the services anew.
@@ -315,6 +326,7 @@ impl Services {
     /// Lets objects that change with the time show it.
     pub(crate) fn show_time(&mut self, now: Instant) {
         self.time.show(now, &mut self.base);
+        self.behaviour.show(now, &mut self.base.od);
     }
 
     /// Lets the application see what happened.

@@ -1,7 +1,5 @@
 //! From the terminal to the object, and which change of it is an event.
 
-use std::time::Duration;
-
 use canopen::{Dictionary, Instant};
 
 use super::channel::Channel;
@@ -9,45 +7,58 @@ use super::rules::Cia401Rules;
 use super::setting::Setting;
 
 /// A block of terminals. A change of a filtered one counts when it has held for a while.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct DigitalInput {
     pub(super) channel: Channel,
-    /// Levels at the terminals.
+    /// Levels that the bench puts on the terminals.
     pub(super) terminals: i64,
+    /// Terminals that the device itself drives high, and that are inputs all the same.
+    pub(super) driven: i64,
     /// Levels after the filter.
     levels: i64,
-    /// Levels that have to hold until then.
-    changing: Option<(i64, Instant)>,
+    /// When the level of a terminal that changed has held long enough, terminal by terminal.
+    due: Vec<Option<Instant>>,
 }
 
 impl DigitalInput {
-    pub(super) const fn new(channel: Channel) -> Self {
-        Self { channel, terminals: 0, levels: 0, changing: None }
+    pub(super) fn new(channel: Channel) -> Self {
+        let due = vec![None; channel.bits as usize];
+        Self { channel, terminals: 0, driven: 0, levels: 0, due }
     }
 
     /// Begins anew: what is there now is not a change.
     pub(super) fn restart(&mut self) {
-        self.levels = self.terminals;
-        self.changing = None;
+        self.levels = self.present();
+        self.due.fill(None);
     }
 
     /// Takes over what is at the terminals, polarity included, into the object.
     pub(super) fn sample(&mut self, now: Instant, od: &mut Dictionary, rules: &dyn Cia401Rules) {
         let filtered = self.channel.setting(Setting::InputFilter, od, rules);
         let polarity = self.channel.setting(Setting::InputPolarity, od, rules);
-        self.levels = self.terminals & !filtered | self.levels & filtered;
-        if self.levels == self.terminals {
-            self.changing = None;
-        } else if self.changing.is_none_or(|(levels, _)| levels != self.terminals) {
-            self.changing = Some((self.terminals, now + FILTER_TIME));
-        } else if let Some((levels, _)) = self.changing.take_if(|(_, due)| *due <= now) {
-            self.levels = levels;
+        let time = rules.filter_time(od);
+        let present = self.present();
+        for (place, due) in self.due.iter_mut().enumerate() {
+            let bit = 1 << place;
+            if (present ^ self.levels) & bit == 0 {
+                *due = None;
+                continue;
+            }
+            let waits = filtered & bit != 0 && !time.is_zero();
+            if !waits || *due.get_or_insert(now + time) <= now {
+                self.levels ^= bit;
+                *due = None;
+            }
         }
         od.set_int(self.channel.value, self.levels ^ polarity);
     }
 
     pub(super) fn poll_at(&self) -> Option<Instant> {
-        self.changing.map(|(_, due)| due)
+        self.due.iter().flatten().min().copied()
+    }
+
+    const fn present(&self) -> i64 {
+        self.terminals | self.driven
     }
 }
 
@@ -112,6 +123,3 @@ pub(super) fn threshold(
     let selected = setting(Setting::TriggerSelection);
     (0..).zip(conditions).any(|(bit, met)| met && selected & 1 << bit != 0)
 }
-
-/// How long a filtered level has to hold. The profile leaves it to the device.
-const FILTER_TIME: Duration = Duration::from_millis(60);

@@ -1,7 +1,9 @@
 //! Every decision of the profile that a test can observe, and the devices that take one of them
 //! otherwise.
 
-use canopen::NmtState;
+use std::time::Duration;
+
+use canopen::{Dictionary, NmtState};
 
 use crate::stack::CommunicationEvent;
 
@@ -12,6 +14,12 @@ pub(crate) trait Cia401Rules: Send {
     /// What the profile has an object for is as that object says.
     fn setting(&self, _setting: Setting, configured: i64) -> i64 {
         configured
+    }
+
+    /// How long a filtered level has to hold (6003h). The profile leaves it to the device, which
+    /// may have an object for it.
+    fn filter_time(&self, _od: &Dictionary) -> Duration {
+        Duration::from_millis(60)
     }
 
     /// A value is below a limit that it does not reach (6425h).
@@ -51,116 +59,154 @@ pub(crate) struct Cia401;
 
 impl Cia401Rules for Cia401 {}
 
-/// The names of the devices that break one decision.
-pub(crate) fn names() -> impl Iterator<Item = &'static str> {
-    let fixed = FIXED.iter().map(|(name, ..)| *name);
-    fixed.chain(MUTANTS.iter().map(|(name, _)| *name))
+/// One decision that is taken otherwise than a device with these inputs and outputs takes it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Deviation {
+    /// A setting is always the same, whatever its object says.
+    Fixed(Setting, i64),
+    /// Settings are not as their objects say.
+    Settings(fn(Setting, i64) -> i64),
+    /// Only this of what happens to the communication sets the outputs.
+    FailsOnlyAt(CommunicationEvent),
+    /// A filtered level has to hold for so long, whatever an object says.
+    FilterTime(Duration),
+    /// Reading 6422h leaves its bits.
+    SourceStays,
+    /// After a failure an output stays as it is until the device is OPERATIONAL again.
+    KeepsErrorValue,
 }
 
-/// The device that breaks the decision of that name; `None` when there is none.
-pub(crate) fn named(name: &str) -> Option<Box<dyn Cia401Rules>> {
-    if let Some((_, setting, value)) = FIXED.iter().find(|(fixed, ..)| *fixed == name) {
-        return Some(Box::new(Fixed { setting: *setting, value: *value }));
-    }
-    MUTANTS.iter().find(|(mutant, _)| *mutant == name).map(|(_, build)| build())
+/// A device with one deviation from its own decisions.
+struct Deviating {
+    base: Box<dyn Cia401Rules>,
+    deviation: Deviation,
 }
 
-/// A device that takes one setting for always the same, whatever its object says.
-struct Fixed {
-    setting: Setting,
-    value: i64,
-}
-
-impl Cia401Rules for Fixed {
+impl Cia401Rules for Deviating {
     fn setting(&self, setting: Setting, configured: i64) -> i64 {
-        if setting == self.setting { self.value } else { configured }
+        let configured = self.base.setting(setting, configured);
+        match self.deviation {
+            Deviation::Fixed(fixed, value) if fixed == setting => value,
+            Deviation::Settings(of) => of(setting, configured),
+            _ => configured,
+        }
+    }
+
+    fn filter_time(&self, od: &Dictionary) -> Duration {
+        match self.deviation {
+            Deviation::FilterTime(time) => time,
+            _ => self.base.filter_time(od),
+        }
+    }
+
+    fn below_limit(&self, value: i64, limit: i64) -> bool {
+        self.base.below_limit(value, limit)
+    }
+
+    fn reading_clears_source(&self) -> bool {
+        !matches!(self.deviation, Deviation::SourceStays) && self.base.reading_clears_source()
+    }
+
+    fn fails(&self, event: CommunicationEvent) -> bool {
+        match self.deviation {
+            Deviation::FailsOnlyAt(failure) => event == failure,
+            _ => self.base.fails(event),
+        }
+    }
+
+    fn failure_writes_objects(&self) -> bool {
+        self.base.failure_writes_objects()
+    }
+
+    fn follows_after_failure(&self) -> bool {
+        !matches!(self.deviation, Deviation::KeepsErrorValue) && self.base.follows_after_failure()
     }
 }
 
-const FIXED: &[(&str, Setting, i64)] = &[
-    ("input-polarity-ignored", Setting::InputPolarity, 0),
-    ("input-filter-ignored", Setting::InputFilter, 0),
-    ("interrupts-always-enabled", Setting::InterruptEnable, 1),
-    ("interrupts-never-enabled", Setting::InterruptEnable, 0),
-    ("any-change-always", Setting::AnyChange, EVERY_LEVEL),
-    ("any-change-never", Setting::AnyChange, 0),
-    ("rising-edge-ignored", Setting::LowToHigh, 0),
-    ("falling-edge-ignored", Setting::HighToLow, 0),
-    ("output-polarity-ignored", Setting::OutputPolarity, 0),
-    ("output-filter-ignored", Setting::OutputFilter, EVERY_LEVEL),
-    ("output-error-mode-always", Setting::OutputErrorMode, EVERY_LEVEL),
-    ("output-error-mode-never", Setting::OutputErrorMode, 0),
-    ("output-error-value-ignored", Setting::OutputErrorValue, 0),
-    ("analogue-offset-ignored", Setting::InputOffset, 0),
-    ("analogue-scaling-ignored", Setting::InputScaling, 1),
-    ("analogue-interrupts-always", Setting::AnalogueInterruptEnable, 1),
-    ("analogue-interrupts-never", Setting::AnalogueInterruptEnable, 0),
-    ("trigger-selection-ignored", Setting::TriggerSelection, 0x1F),
-    ("upper-limit-ignored", Setting::UpperLimit, i64::MAX),
-    ("upper-limit-always-reached", Setting::UpperLimit, i64::MIN),
-    ("lower-limit-ignored", Setting::LowerLimit, i64::MIN),
-    ("lower-limit-always-reached", Setting::LowerLimit, i64::MAX),
-    ("delta-ignored", Setting::Delta, 0),
-    ("delta-never-exceeded", Setting::Delta, i64::MAX),
-    ("negative-delta-ignored", Setting::NegativeDelta, 0),
-    ("positive-delta-ignored", Setting::PositiveDelta, 0),
-    ("analogue-output-offset-ignored", Setting::OutputOffset, 0),
-    ("analogue-output-scaling-ignored", Setting::OutputScaling, 1),
-    ("analogue-error-mode-always", Setting::AnalogueErrorMode, 1),
-    ("analogue-error-mode-never", Setting::AnalogueErrorMode, 0),
-    ("analogue-error-value-ignored", Setting::AnalogueErrorValue, 0),
+impl Deviation {
+    /// The rules that take the decisions of `base` except for this one.
+    pub(crate) fn of(self, base: Box<dyn Cia401Rules>) -> Box<dyn Cia401Rules> {
+        Box::new(Deviating { base, deviation: self })
+    }
+}
+
+/// The names of the deviations that any device with inputs and outputs can have.
+pub(crate) fn names() -> impl Iterator<Item = &'static str> {
+    DEVIATIONS.iter().map(|(name, _)| *name)
+}
+
+/// The deviation of that name; `None` when there is none.
+pub(crate) fn deviation(name: &str) -> Option<Deviation> {
+    DEVIATIONS.iter().find(|(known, _)| *known == name).map(|(_, deviation)| *deviation)
+}
+
+const DEVIATIONS: &[(&str, Deviation)] = &[
+    ("input-polarity-ignored", Deviation::Fixed(Setting::InputPolarity, 0)),
+    ("input-filter-ignored", Deviation::Fixed(Setting::InputFilter, 0)),
+    ("interrupts-always-enabled", Deviation::Fixed(Setting::InterruptEnable, 1)),
+    ("interrupts-never-enabled", Deviation::Fixed(Setting::InterruptEnable, 0)),
+    ("any-change-always", Deviation::Fixed(Setting::AnyChange, EVERY_LEVEL)),
+    ("any-change-never", Deviation::Fixed(Setting::AnyChange, 0)),
+    ("rising-edge-ignored", Deviation::Fixed(Setting::LowToHigh, 0)),
+    ("falling-edge-ignored", Deviation::Fixed(Setting::HighToLow, 0)),
+    ("output-polarity-ignored", Deviation::Fixed(Setting::OutputPolarity, 0)),
+    ("output-filter-ignored", Deviation::Fixed(Setting::OutputFilter, EVERY_LEVEL)),
+    ("output-error-mode-always", Deviation::Fixed(Setting::OutputErrorMode, EVERY_LEVEL)),
+    ("output-error-mode-never", Deviation::Fixed(Setting::OutputErrorMode, 0)),
+    ("output-error-value-ignored", Deviation::Fixed(Setting::OutputErrorValue, 0)),
+    ("analogue-offset-ignored", Deviation::Fixed(Setting::InputOffset, 0)),
+    ("analogue-scaling-ignored", Deviation::Fixed(Setting::InputScaling, 1)),
+    ("analogue-interrupts-always", Deviation::Fixed(Setting::AnalogueInterruptEnable, 1)),
+    ("analogue-interrupts-never", Deviation::Fixed(Setting::AnalogueInterruptEnable, 0)),
+    ("trigger-selection-ignored", Deviation::Fixed(Setting::TriggerSelection, 0x1F)),
+    ("upper-limit-ignored", Deviation::Fixed(Setting::UpperLimit, i64::MAX)),
+    ("upper-limit-always-reached", Deviation::Fixed(Setting::UpperLimit, i64::MIN)),
+    ("lower-limit-ignored", Deviation::Fixed(Setting::LowerLimit, i64::MIN)),
+    ("lower-limit-always-reached", Deviation::Fixed(Setting::LowerLimit, i64::MAX)),
+    ("delta-ignored", Deviation::Fixed(Setting::Delta, 0)),
+    ("delta-never-exceeded", Deviation::Fixed(Setting::Delta, i64::MAX)),
+    ("negative-delta-ignored", Deviation::Fixed(Setting::NegativeDelta, 0)),
+    ("positive-delta-ignored", Deviation::Fixed(Setting::PositiveDelta, 0)),
+    ("analogue-output-offset-ignored", Deviation::Fixed(Setting::OutputOffset, 0)),
+    ("analogue-output-scaling-ignored", Deviation::Fixed(Setting::OutputScaling, 1)),
+    ("analogue-error-mode-always", Deviation::Fixed(Setting::AnalogueErrorMode, 1)),
+    ("analogue-error-mode-never", Deviation::Fixed(Setting::AnalogueErrorMode, 0)),
+    ("analogue-error-value-ignored", Deviation::Fixed(Setting::AnalogueErrorValue, 0)),
+    ("stop-is-no-failure", Deviation::FailsOnlyAt(CommunicationEvent::CommunicationError)),
+    (
+        "communication-error-is-no-failure",
+        Deviation::FailsOnlyAt(CommunicationEvent::Entered(NmtState::STOPPED)),
+    ),
+    (
+        "any-change-for-the-whole-block",
+        Deviation::Settings(|setting, configured| match (setting, configured) {
+            (Setting::AnyChange, 1..) => EVERY_LEVEL,
+            _ => configured,
+        }),
+    ),
+    (
+        "output-error-mode-for-the-whole-block",
+        Deviation::Settings(|setting, configured| match (setting, configured) {
+            (Setting::OutputErrorMode, 1..) => EVERY_LEVEL,
+            _ => configured,
+        }),
+    ),
+    (
+        "edges-swapped",
+        // The object that is asked for the rising edge has the mask of the falling one.
+        Deviation::Settings(|setting, configured| match setting {
+            Setting::LowToHigh | Setting::HighToLow => configured ^ 1,
+            _ => configured,
+        }),
+    ),
+    (
+        "deltas-ignored",
+        Deviation::Settings(|setting, configured| match setting {
+            Setting::Delta | Setting::NegativeDelta | Setting::PositiveDelta => 0,
+            _ => configured,
+        }),
+    ),
+    ("input-filter-shorter", Deviation::FilterTime(Duration::ZERO)),
+    ("interrupt-source-never-cleared", Deviation::SourceStays),
+    ("outputs-keep-their-error-value", Deviation::KeepsErrorValue),
 ];
-
-type Mutant = (&'static str, fn() -> Box<dyn Cia401Rules>);
-
-macro_rules! mutants {
-    ($($name:literal { $($method:tt)* })*) => {
-        const MUTANTS: &[Mutant] = &[$(($name, || {
-            struct Mutant;
-            impl Cia401Rules for Mutant { $($method)* }
-            Box::new(Mutant)
-        })),*];
-    };
-}
-
-mutants! {
-    "stop-is-no-failure" {
-        fn fails(&self, event: CommunicationEvent) -> bool {
-            event == CommunicationEvent::CommunicationError
-        }
-    }
-    "communication-error-is-no-failure" {
-        fn fails(&self, event: CommunicationEvent) -> bool {
-            event == CommunicationEvent::Entered(NmtState::STOPPED)
-        }
-    }
-    "any-change-for-the-whole-block" {
-        fn setting(&self, setting: Setting, configured: i64) -> i64 {
-            match (setting, configured) {
-                (Setting::AnyChange, 1..) => EVERY_LEVEL,
-                _ => configured,
-            }
-        }
-    }
-    "output-error-mode-for-the-whole-block" {
-        fn setting(&self, setting: Setting, configured: i64) -> i64 {
-            match (setting, configured) {
-                (Setting::OutputErrorMode, 1..) => EVERY_LEVEL,
-                _ => configured,
-            }
-        }
-    }
-    "edges-swapped" {
-        fn setting(&self, setting: Setting, configured: i64) -> i64 {
-            // The object that is asked for the rising edge has the mask of the falling one.
-            let swapped = matches!(setting, Setting::LowToHigh | Setting::HighToLow);
-            if swapped { configured ^ 1 } else { configured }
-        }
-    }
-    "interrupt-source-never-cleared" {
-        fn reading_clears_source(&self) -> bool { false }
-    }
-    "outputs-keep-their-error-value" {
-        fn follows_after_failure(&self) -> bool { false }
-    }
-}

@@ -1,0 +1,543 @@
+//! What the MCM260X I/O modules do: inputs and outputs of CiA 401 with what stands before them,
+//! encoders and counters, sensors, error flags and LEDs. What a module has, its data sheet says.
+//!
+//! Between two events nothing is simulated: counts follow from the time, see [`encoder`], and an
+//! analogue input that has settled takes no samples. While an encoder turns, its counts are looked
+//! at every 20 ms to find out whether a TPDO has news; who reads them, SYNC included, gets those of
+//! the moment.
+//!
+//! Modbus RTU is not built. A module that is set up for it is silent on CAN, and drives its outputs
+//! as a module does that hears nothing.
+
+mod bench;
+mod encoder;
+mod indicators;
+mod parameters;
+mod rules;
+mod sampling;
+mod sensor;
+mod terminals;
+
+use std::time::Duration;
+
+use canopen::eds::Eds;
+use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
+
+use crate::profiles::cia401::{self, IoBlock};
+use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, earlier};
+
+use super::pixsys::PixsysIo;
+use bench::Surroundings;
+use encoder::{Encoder, Setup, TENTH, TENTHS_IN_A_SECOND};
+use indicators::{BLINK_MEDIUM, Led, Pattern, Phase, STEADY_OFF, STEADY_ON};
+use parameters::{COUNTS, Item, Parameters, Table};
+use rules::{Manual, Mcm260xRules};
+use sampling::AnalogueInput;
+
+/// The application of an MCM260X module.
+pub(crate) struct Mcm260x {
+    rules: Box<dyn Mcm260xRules>,
+    table: Table,
+    io: IoBlock,
+    encoders: Vec<Encoder>,
+    /// What the encoders are set up for.
+    setups: Vec<Setup>,
+    /// When the next interval of 100 ms ends.
+    next_tenth: Instant,
+    inputs: Vec<AnalogueInput>,
+    surroundings: Surroundings,
+    /// The interface that a person chose, until the network chooses.
+    chosen: Option<i64>,
+    wants_restart: bool,
+    state: NmtState,
+    /// Since when it works with Modbus.
+    modbus: Option<Instant>,
+    offline: bool,
+    /// When it will be off-line there.
+    next_offline: Option<Instant>,
+    powered: bool,
+    /// When the network last had to do with it.
+    heard: Option<Instant>,
+    run_led: Led,
+    com_led: Led,
+    input_leds: Vec<Led>,
+    /// When the objects were shown last.
+    now: Instant,
+    /// Something happened since the last run.
+    changed: bool,
+}
+
+impl Mcm260x {
+    /// A module that keeps to its manual.
+    pub(crate) fn new(eds: &Eds) -> Self {
+        Self::with(eds, Box::new(Manual), None)
+    }
+
+    /// The module that takes the decision of that name otherwise; `None` when there is none.
+    pub(crate) fn deviating(eds: &Eds, name: &str) -> Option<Self> {
+        if let Some(rules) = rules::named(name) {
+            return Some(Self::with(eds, rules, None));
+        }
+        Some(Self::with(eds, Box::new(Manual), Some(cia401::deviation(name)?)))
+    }
+
+    /// The names that [`deviating`](Self::deviating) knows.
+    pub(crate) fn deviations() -> impl Iterator<Item = &'static str> {
+        rules::names().chain(cia401::names())
+    }
+
+    fn with(eds: &Eds, rules: Box<dyn Mcm260xRules>, deviation: Option<cia401::Deviation>) -> Self {
+        let table = Table::of(eds);
+        let filter = PixsysIo { filter: table.address(Item::InputFilter, 0) };
+        let io = match deviation {
+            Some(deviation) => IoBlock::new(eds, deviation.of(Box::new(filter))),
+            None => IoBlock::new(eds, Box::new(filter)),
+        };
+        let encoders = (1..=8).filter(|sub| eds.entry(Mux::new(COUNTS, *sub)).is_some()).count();
+        let mut encoders = vec![Encoder::default(); encoders];
+        if let Some(third) = encoders.get_mut(2) {
+            third.without_b = table == Table::Small && io.counts().digital_inputs == 1;
+        }
+        let inputs = io.counts().analogue_inputs;
+        Self {
+            rules,
+            table,
+            io,
+            setups: vec![Setup { mode: 0, preset: 0 }; encoders.len()],
+            encoders,
+            next_tenth: Instant::ZERO + TENTH,
+            inputs: vec![AnalogueInput::default(); inputs],
+            surroundings: Surroundings::default(),
+            chosen: None,
+            wants_restart: false,
+            state: NmtState::INITIALISING,
+            modbus: None,
+            offline: false,
+            next_offline: None,
+            powered: true,
+            heard: None,
+            run_led: Led::default(),
+            com_led: Led::default(),
+            input_leds: vec![Led::default(); inputs],
+            now: Instant::ZERO,
+            changed: true,
+        }
+    }
+
+    const fn parameters<'a>(&'a self, od: &'a Dictionary) -> Parameters<'a> {
+        Parameters { table: self.table, od, rules: &*self.rules }
+    }
+
+    /// Counts what has passed, interval by interval, and shows it.
+    fn count(&mut self, now: Instant, od: &mut Dictionary) {
+        if now > self.next_tenth + LONG {
+            // The intervals before the last full second leave no trace.
+            self.next_tenth = Instant((now.0 / SECOND - 1) * SECOND);
+        }
+        while self.next_tenth <= now {
+            let end = self.next_tenth;
+            let of_second = end.0 / TENTH.as_nanos() as u64 % TENTHS_IN_A_SECOND == 0;
+            for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
+                encoder.follow(end, *setup, &*self.rules);
+                encoder.interval_ends(of_second);
+            }
+            self.next_tenth += TENTH;
+        }
+        for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
+            encoder.follow(now, *setup, &*self.rules);
+        }
+        self.show_counts(od);
+    }
+
+    fn show_counts(&self, od: &mut Dictionary) {
+        for ((encoder, setup), sub) in self.encoders.iter().zip(&self.setups).zip(1..) {
+            if setup.mode == 0 && !self.changed {
+                continue;
+            }
+            let (second, tenth) = self.rules.windows(encoder.in_a_second(), encoder.in_a_tenth());
+            od.set_int(Mux::new(COUNTS, sub), encoder.count.into());
+            od.set_int(Mux::new(IN_A_SECOND, sub), second);
+            od.set_int(Mux::new(IN_A_TENTH, sub), tenth);
+            let command = Mux::new(COMMANDS, sub);
+            if let Some(last) = od.int(command).filter(|last| *last != 0) {
+                od.set_int(command, encoder.open_commands(last, &*self.rules));
+            }
+        }
+    }
+
+    /// Takes over the parameters of the encoders.
+    fn set_up(&mut self, od: &Dictionary) {
+        for place in 0..self.setups.len() {
+            let parameters = self.parameters(od);
+            let mode = parameters.value(Item::EncoderSetup, place);
+            let preset = od.int(Mux::new(PRESETS, place as u8 + 1)).unwrap_or(0);
+            let preset = self.rules.preset(preset >> 16, preset & 0xFFFF) as i32;
+            self.setups[place] = Setup { mode, preset };
+        }
+    }
+
+    /// Gives a value that has two addresses to the other one.
+    fn mirror(&self, written: Mux, od: &mut Dictionary) {
+        let Some(value) = od.int(written) else { return };
+        for (one, other) in self.pairs() {
+            if written == one || written == other {
+                od.set_int(if written == one { other } else { one }, value);
+            }
+        }
+        for place in 0..self.encoders.len() {
+            let preset = Mux::new(PRESETS, place as u8 + 1);
+            let Some((high, low)) = self.table.preset(place) else { continue };
+            if written == preset {
+                od.set_int(high, value >> 16);
+                od.set_int(low, i64::from(value as i16));
+            } else if written == high || written == low {
+                let words = [high, low].map(|mux| od.int(mux).unwrap_or(0));
+                od.set_int(preset, words[0] << 16 | words[1] & 0xFFFF);
+            }
+        }
+    }
+
+    /// Addresses of the same value.
+    fn pairs(&self) -> impl Iterator<Item = (Mux, Mux)> + '_ {
+        let outputs = (0..self.io.counts().analogue_outputs).flat_map(|place| {
+            [(Item::ErrorMode, 0x6443), (Item::ErrorValue, 0x6444)].map(|(item, index)| {
+                Some((self.table.address(item, place)?, Mux::new(index, place as u8 + 1)))
+            })
+        });
+        let filter = self.table.address(Item::InputFilter, 0).map(|mux| (mux, FILTER));
+        outputs.flatten().chain(filter)
+    }
+
+    /// The analogue inputs take the samples that are due. Returns whether there is news.
+    fn sample(&mut self, now: Instant, od: &mut Dictionary) -> bool {
+        let mut news = self.changed;
+        for (place, input) in self.inputs.iter_mut().enumerate() {
+            let parameters = Parameters { table: self.table, od, rules: &*self.rules };
+            let before = (input.value, input.is_out_of_range());
+            let terminals = self.surroundings.terminals;
+            input.follow(now, self.changed, (place, terminals), parameters);
+            if self.changed || (input.value, input.is_out_of_range()) != before {
+                self.io.measure(place, input.value, od);
+                news = true;
+            }
+        }
+        news
+    }
+
+    /// Errors and what shows them.
+    fn show_errors(&self, od: &mut Dictionary, errors: &mut Errors) {
+        let mut flags = 0;
+        for (place, input) in self.inputs.iter().enumerate() {
+            if !input.is_out_of_range() {
+                errors.clear(OUT_OF_RANGE + place as u16);
+                continue;
+            }
+            flags |= self.rules.channel_flag(place);
+            if let Some(told) = self.rules.diagnosis(place) {
+                errors.raise(OUT_OF_RANGE + place as u16, told.code, told.register, told.vendor);
+            }
+        }
+        if self.rules.supply_is_low(self.surroundings.supply) {
+            flags |= LOW_SUPPLY;
+        }
+        od.set_int(FLAGS, flags | self.wrong_parameters(od));
+    }
+
+    /// Limits without a distance, and error values beyond the limits of their outputs.
+    fn wrong_parameters(&self, od: &Dictionary) -> i64 {
+        let parameters = self.parameters(od);
+        let counts = self.io.counts();
+        let limits =
+            |(low, high), place| (parameters.value(low, place), parameters.value(high, place));
+        let is_flat = |(low, high)| low == high;
+        let inputs = (0..counts.analogue_inputs).filter(|place| {
+            matches!(parameters.value(Item::SensorType, *place), 15..)
+                && is_flat(limits((Item::LowerLimit, Item::UpperLimit), *place))
+        });
+        let of_output = |place| limits((Item::OutputLower, Item::OutputUpper), place);
+        let outputs = 0..counts.analogue_outputs;
+        let flat = inputs.count() + outputs.clone().filter(|at| is_flat(of_output(*at))).count();
+        let beyond = outputs.into_iter().any(|place| {
+            let (low, high) = of_output(place);
+            let value = parameters.value(Item::ErrorValue, place);
+            !(low.min(high)..=low.max(high)).contains(&value)
+        });
+        i64::from(flat > 0) * WRONG_CONFIGURATION | i64::from(beyond) * OUT_OF_BOUNDS
+    }
+
+    /// What Modbus would have the outputs do when nothing comes there.
+    fn work_with_modbus(&mut self, now: Instant, od: &mut Dictionary) {
+        if self.changed {
+            self.next_offline = self.offline_at(od).filter(|_| !self.offline);
+        }
+        if self.next_offline.take_if(|due| *due <= now).is_none() {
+            return;
+        }
+        self.offline = true;
+        self.changed = true;
+        self.take_offline_levels(od);
+        for place in 0..self.io.counts().analogue_outputs {
+            let parameters = self.parameters(od);
+            if parameters.value(Item::ErrorMode, place) != 0 {
+                let value = parameters.value(Item::ErrorValue, place);
+                od.set_int(Mux::new(ANALOGUE_OUTPUTS, place as u8 + 1), value);
+            }
+        }
+    }
+
+    /// When the silence on Modbus has lasted too long. Nothing ever comes there.
+    fn offline_at(&self, od: &Dictionary) -> Option<Instant> {
+        let milliseconds = self.parameters(od).common(Item::OfflineTime) & 0xFFFF;
+        let since = self.modbus.filter(|_| milliseconds != 0)?;
+        Some(since + Duration::from_millis(milliseconds as u64))
+    }
+
+    fn take_offline_levels(&self, od: &mut Dictionary) {
+        let levels = self.parameters(od).common(Item::OfflineOutputs);
+        for block in 0..self.io.counts().digital_outputs {
+            od.set_int(Mux::new(DIGITAL_OUTPUTS, block as u8 + 1), levels >> (8 * block) & 0xFF);
+        }
+    }
+
+    /// Brings outputs and digital inputs up to date; where a terminal is both, the input sees what
+    /// the output drives.
+    fn connect(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
+        self.io.drive(od);
+        if self.table == Table::Large && self.rules.output_is_seen() {
+            for block in 0..self.io.counts().digital_outputs {
+                self.io.drive_inputs(block, self.driven(block));
+            }
+        }
+        self.io.run(now, od, errors);
+    }
+
+    /// The levels that a block of digital outputs drives.
+    fn driven(&self, block: usize) -> i64 {
+        let has_groups = self.groups() > 0;
+        let group = if self.table == Table::Large { block } else { 0 };
+        let supplied = !has_groups || self.surroundings.groups[group.min(1)];
+        self.rules.energised(self.io.digital_output(block), supplied)
+    }
+
+    /// The groups of static outputs; relays have none.
+    fn groups(&self) -> usize {
+        let counts = self.io.counts();
+        let has_relays = counts.analogue_inputs > 0 && self.table == Table::Small;
+        match (counts.digital_outputs, self.table) {
+            (0, _) => 0,
+            (blocks, Table::Large) => blocks,
+            _ if has_relays => 0,
+            _ => 1,
+        }
+    }
+
+    fn light(&mut self, now: Instant, errors: &Errors) {
+        let error = self.rules.led_shows(errors.register() != 0);
+        let phase = match (self.modbus, self.state) {
+            _ if !self.powered => Phase::Dark,
+            (_, NmtState::INITIALISING) => Phase::BootUp,
+            (Some(_), _) => Phase::Modbus(self.offline),
+            (None, state) => Phase::Node(state, error),
+        };
+        self.run_led.show(now, Pattern::of(phase));
+        let heard = self.heard.is_some_and(|heard| now < heard + HEARD);
+        self.com_led.show(now, if heard { STEADY_ON } else { STEADY_OFF });
+        for (led, input) in self.input_leds.iter_mut().zip(&self.inputs) {
+            let pattern = match input {
+                _ if !self.powered || input.is_off() => STEADY_OFF,
+                _ if input.is_out_of_range() => BLINK_MEDIUM,
+                _ => STEADY_ON,
+            };
+            led.show(now, pattern);
+        }
+    }
+
+    /// The next multiple of the period at which counts are looked at.
+    fn next_look(&self) -> Option<Instant> {
+        let counts = |(encoder, setup): (&Encoder, &Setup)| {
+            setup.mode != 0 && encoder.motion.millihertz != 0
+        };
+        if self.encoders.iter().zip(&self.setups).any(counts) {
+            return Some(Instant((self.now.0 / LOOK + 1) * LOOK));
+        }
+        self.is_turning().then_some(self.next_tenth)
+    }
+
+    /// Whether counts change, or those of an interval will.
+    fn is_turning(&self) -> bool {
+        let turns = |(encoder, setup): (&Encoder, &Setup)| setup.mode != 0 && !encoder.is_quiet();
+        self.encoders.iter().zip(&self.setups).any(turns)
+    }
+}
+
+impl Behaviour for Mcm260x {
+    fn reset(&mut self, now: Instant, od: &mut Dictionary) {
+        if let Some(chosen) = self.chosen {
+            od.set_int(INTERFACE, chosen);
+        }
+        self.io.reset(now, od);
+        self.now = now;
+        self.powered = true;
+        self.state = NmtState::INITIALISING;
+        self.offline = false;
+        self.heard = None;
+        self.modbus = (self.parameters(od).common(Item::Interface) != 0).then_some(now);
+        if self.modbus.is_some() {
+            self.take_offline_levels(od);
+        }
+        self.encoders.iter_mut().for_each(|encoder| encoder.restart(now));
+        self.inputs.iter_mut().for_each(AnalogueInput::restart);
+        self.set_up(od);
+        self.changed = true;
+    }
+
+    fn supply_lost(&mut self) {
+        self.powered = false;
+        self.io.supply_lost();
+        let leds = [&mut self.run_led, &mut self.com_led].into_iter().chain(&mut self.input_leds);
+        leds.for_each(|led| *led = Led::default());
+    }
+
+    fn attachment(&self, od: &Dictionary) -> Attachment {
+        let value = |item| self.parameters(od).common(item);
+        self.rules.attachment(value(Item::Interface), value(Item::Address), value(Item::BitRate))
+    }
+
+    fn takes_restart(&mut self) -> bool {
+        std::mem::take(&mut self.wants_restart)
+    }
+
+    fn show(&mut self, now: Instant, od: &mut Dictionary) {
+        self.now = now;
+        if self.is_turning() {
+            self.count(now, od);
+        }
+    }
+
+    fn check(&self, mux: Mux, bytes: &[u8], _od: &Dictionary) -> Result<(), Abort> {
+        match *bytes {
+            // The range needs sixteen bits without a sign, which the parameters do not have.
+            [low, high] if mux == OFFLINE_TIME && u16::from_le_bytes([low, high]) > 60_000 => {
+                Err(Abort::VALUE)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn written(&mut self, now: Instant, mux: Mux, od: &mut Dictionary) {
+        self.changed = true;
+        self.heard = Some(now);
+        if mux == INTERFACE {
+            self.chosen = None;
+        }
+        self.count(now, od);
+        self.mirror(mux, od);
+        self.set_up(od);
+        let place = usize::from(mux.sub).wrapping_sub(1);
+        if mux.index == COMMANDS
+            && let Some((encoder, setup)) = self.encoders.get_mut(place).zip(self.setups.get(place))
+        {
+            let left = encoder.command(od.int(mux).unwrap_or(0), *setup, &*self.rules);
+            od.set_int(mux, left);
+            self.show_counts(od);
+        }
+        self.io.written(now, mux, od);
+    }
+
+    fn uploaded(&mut self, mux: Mux, od: &mut Dictionary) {
+        self.heard = Some(self.now);
+        self.changed = true;
+        self.io.uploaded(mux, od);
+    }
+
+    fn event(&mut self, now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
+        self.changed = true;
+        if let CommunicationEvent::Entered(state) = event {
+            self.state = state;
+            self.heard = Some(now);
+        }
+        self.io.event(now, event, od);
+    }
+
+    fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
+        if self.changed || self.now < now {
+            self.show(now, od);
+        }
+        self.work_with_modbus(now, od);
+        if self.sample(now, od) {
+            self.show_errors(od, errors);
+        }
+        if self.changed || self.io.poll_at().is_some_and(|due| due <= now) {
+            self.connect(now, od, errors);
+        }
+        self.light(now, errors);
+        self.changed = false;
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        let inputs = self.inputs.iter().map(AnalogueInput::poll_at);
+        let leds = self.input_leds.iter().chain([&self.run_led]).map(Led::poll_at);
+        let heard = self.heard.map(|heard| heard + HEARD).filter(|_| self.com_led.lit);
+        let rest = [self.next_look(), self.io.poll_at(), heard, self.next_offline];
+        inputs.chain(leds).chain(rest).fold(None, earlier)
+    }
+
+    fn bench_names(&self) -> Vec<String> {
+        self.names()
+    }
+
+    fn stimulate(
+        &mut self,
+        now: Instant,
+        name: &str,
+        value: &Value,
+        od: &mut Dictionary,
+    ) -> Result<(), BenchError> {
+        self.now = now;
+        self.count(now, od);
+        self.changed = true;
+        self.set(now, name, value, od)
+    }
+
+    fn observe(&self, name: &str, od: &Dictionary) -> Option<Value> {
+        self.names().iter().any(|known| known == name).then(|| self.see(name, od))?
+    }
+
+    fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
+        self.io.triggers(mux, last, od)
+    }
+}
+
+const SECOND: u64 = 1_000_000_000;
+/// Counts that took longer than this to be looked at are not gone through interval by interval.
+const LONG: Duration = Duration::from_secs(3);
+/// How often the counts of a shaft that turns are looked at, in nanoseconds.
+const LOOK: u64 = 20_000_000;
+/// How long the COM LED shows that something was heard.
+const HEARD: Duration = Duration::from_millis(100);
+
+/// Communication interface.
+const INTERFACE: Mux = Mux::new(0x3000, 1);
+/// Modbus offline time.
+const OFFLINE_TIME: Mux = Mux::new(0x3000, 8);
+/// Digital input filter.
+const FILTER: Mux = Mux::new(0x2000, 5);
+/// Encoder/counter presets.
+const PRESETS: u16 = 0x3002;
+/// Encoder/counter commands.
+const COMMANDS: u16 = 0x3003;
+/// Encoder/counter calculations in 1 s.
+const IN_A_SECOND: u16 = 0x3004;
+/// Encoder/counter calculations in 100 ms.
+const IN_A_TENTH: u16 = 0x3005;
+/// Status and error flags.
+const FLAGS: Mux = Mux::new(0x4007, 1);
+const WRONG_CONFIGURATION: i64 = 1 << 0;
+const OUT_OF_BOUNDS: i64 = 1 << 7;
+const LOW_SUPPLY: i64 = 1 << 11;
+/// Write output, eight bits.
+const DIGITAL_OUTPUTS: u16 = 0x6200;
+/// Write analogue output, 16 bits.
+const ANALOGUE_OUTPUTS: u16 = 0x6411;
+/// The errors of the analogue inputs are numbered from here on.
+const OUT_OF_RANGE: u16 = 12;

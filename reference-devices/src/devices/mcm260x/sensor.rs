@@ -1,0 +1,310 @@
+//! From what is at the terminals of an analogue input to digits (manual, chapters 6 to 8).
+
+use super::parameters::{Item, Parameters};
+
+/// What is connected to an analogue input. A sensor sees only what it measures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Connected {
+    pub(super) millivolts: f64,
+    pub(super) microamperes: f64,
+    /// Of whatever temperature sensor is selected.
+    pub(super) celsius: f64,
+    /// The wiper of a potentiometer.
+    pub(super) percent: f64,
+    /// The whole of that potentiometer.
+    pub(super) kilohms: f64,
+    pub(super) wiring: Wiring,
+}
+
+/// The wires of a sensor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) enum Wiring {
+    #[default]
+    Connected,
+    Broken,
+    Shorted,
+}
+
+impl Default for Connected {
+    fn default() -> Self {
+        Self {
+            millivolts: 0.0,
+            microamperes: 0.0,
+            celsius: 25.0,
+            percent: 0.0,
+            kilohms: 10.0,
+            wiring: Wiring::Connected,
+        }
+    }
+}
+
+/// What a sample says.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Sample {
+    /// The input is switched off.
+    Off,
+    /// Digits, calibrated.
+    Valid(f64),
+    /// The signal is out of the range of the sensor: the digits of the nearest end of it.
+    OutOfRange(f64),
+}
+
+/// Samples the signal at an input, counted from 0, whose terminals have this temperature in degrees
+/// Celsius.
+pub(super) fn sample(
+    connected: Connected,
+    terminals: f64,
+    place: usize,
+    parameters: Parameters,
+) -> Sample {
+    let sensor = parameters.value(Item::SensorType, place);
+    let (seen, digits): (Seen, &dyn Fn(f64) -> f64) = match sensor {
+        1..=14 => {
+            (temperature(connected, terminals, sensor), &|celsius| degrees(celsius, parameters))
+        }
+        15..=21 => {
+            let kilohms = parameters.value(Item::Potentiometer, place);
+            let seen = linear(connected, sensor, kilohms as f64);
+            (seen, &move |share| scaled(share, place, parameters))
+        }
+        _ => return Sample::Off,
+    };
+    match seen {
+        Seen::Value(value) => {
+            let gain = parameters.value(Item::Gain, place) as f64;
+            let offset = parameters.value(Item::Offset, place) as f64;
+            Sample::Valid(digits(value) * (1.0 + gain / 1000.0) + offset)
+        }
+        Seen::Outside(end) => Sample::OutOfRange(digits(end)),
+    }
+}
+
+/// In the unit of the sensor: degrees Celsius, or the share of a linear signal's range.
+enum Seen {
+    Value(f64),
+    Outside(f64),
+}
+
+fn temperature(connected: Connected, terminals: f64, sensor: i64) -> Seen {
+    let Some(&(low, high)) = RANGES.get(sensor as usize - 1) else { return Seen::Outside(0.0) };
+    let (hot, cold) = (Seen::Outside(high), Seen::Outside(low));
+    let is_thermocouple = sensor <= THERMOCOUPLES;
+    let celsius = match connected.wiring {
+        Wiring::Connected if is_thermocouple => {
+            // Beyond its range the compensation of the cold junction lags behind the terminals.
+            connected.celsius - (terminals - terminals.clamp(0.0, 50.0))
+        }
+        Wiring::Connected => connected.celsius,
+        // A short circuit is a junction at the terminals.
+        Wiring::Shorted if is_thermocouple => terminals,
+        // The resistance of an NTC falls with the temperature.
+        Wiring::Shorted => return if sensor == NTC { hot } else { cold },
+        Wiring::Broken => return if sensor == NTC { cold } else { hot },
+    };
+    match celsius {
+        _ if celsius < low => Seen::Outside(low),
+        _ if celsius > high => Seen::Outside(high),
+        _ => Seen::Value(celsius),
+    }
+}
+
+/// The digits of a temperature: tenths of a degree in the unit that is selected.
+fn degrees(celsius: f64, parameters: Parameters) -> f64 {
+    let degrees = match parameters.common(Item::Degree) {
+        1 => celsius * 1.8 + 32.0,
+        2 => celsius + 273.15,
+        _ => celsius,
+    };
+    degrees * 10.0
+}
+
+/// The share of its range that a linear signal has. `kilohms` is what the module takes a
+/// potentiometer for.
+fn linear(connected: Connected, sensor: i64, kilohms: f64) -> Seen {
+    let too_much = Seen::Outside(1.0 + MARGIN);
+    let (low, high, seen) = match sensor {
+        15 => (0.0, 1000.0, connected.millivolts),
+        16 => (0.0, 5000.0, connected.millivolts),
+        17 => (0.0, 10_000.0, connected.millivolts),
+        18 => (0.0, 20_000.0, connected.microamperes),
+        19 => (4000.0, 20_000.0, connected.microamperes),
+        20 => (0.0, 60.0, connected.millivolts),
+        _ => (0.0, kilohms, connected.percent / 100.0 * connected.kilohms),
+    };
+    let seen = match (connected.wiring, sensor) {
+        (Wiring::Connected, _) => seen,
+        // A wiper without a track, and a transmitter that only the supply limits.
+        (Wiring::Broken, POTENTIOMETER) | (Wiring::Shorted, 18 | 19) => return too_much,
+        // No current and no voltage are values like others.
+        (Wiring::Broken | Wiring::Shorted, _) => 0.0,
+    };
+    let share = (seen - low) / (high - low);
+    // What rounding adds to the margin is no error.
+    match share {
+        _ if share < -MARGIN - ROUNDING => Seen::Outside(-MARGIN),
+        _ if share > 1.0 + MARGIN + ROUNDING => too_much,
+        _ => Seen::Value(share),
+    }
+}
+
+/// The digits of a share of a range, within the limits unless they may be left.
+fn scaled(share: f64, place: usize, parameters: Parameters) -> f64 {
+    let lower = parameters.value(Item::LowerLimit, place) as f64;
+    let upper = parameters.value(Item::UpperLimit, place) as f64;
+    let beyond = parameters.value(Item::BeyondLimits, place) != 0;
+    let share = if beyond { share } else { share.clamp(0.0, 1.0) };
+    lower + share * (upper - lower)
+}
+
+/// Degrees Celsius that the temperature sensors 1 to 14 measure.
+const RANGES: [(f64, f64); 14] = [
+    (-260.0, 1360.0),
+    (-40.0, 1760.0),
+    (-40.0, 1760.0),
+    (-200.0, 1200.0),
+    (-260.0, 400.0),
+    (-260.0, 980.0),
+    (-260.0, 1280.0),
+    (100.0, 1820.0),
+    (-100.0, 600.0),
+    (-60.0, 180.0),
+    (-40.0, 125.0),
+    (-50.0, 150.0),
+    (-100.0, 600.0),
+    (-100.0, 600.0),
+];
+/// The last code of a thermocouple.
+const THERMOCOUPLES: i64 = 8;
+/// The code of the NTC of 10 kilohms at 25 degrees.
+const NTC: i64 = 11;
+const POTENTIOMETER: i64 = 21;
+/// How far a linear signal may leave its range before that is an error, as a share of the range.
+/// The manual leaves it open.
+const MARGIN: f64 = 0.05;
+const ROUNDING: f64 = 1e-9;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::mcm260x::parameters::{Table, parameters_only};
+    use crate::devices::mcm260x::rules::Manual;
+
+    fn sampled(settings: &[(Item, i64)], connected: Connected, terminals: f64) -> Sample {
+        let mut od = parameters_only();
+        for (item, value) in settings {
+            od.set_int(Table::Analogue.address(*item, 1).unwrap(), *value);
+        }
+        let parameters = Parameters { table: Table::Analogue, od: &od, rules: &Manual };
+        sample(connected, terminals, 1, parameters)
+    }
+
+    fn celsius(celsius: f64) -> Connected {
+        Connected { celsius, ..Connected::default() }
+    }
+
+    fn millivolts(millivolts: f64) -> Connected {
+        Connected { millivolts, ..Connected::default() }
+    }
+
+    #[test]
+    fn each_temperature_sensor_has_its_range_in_tenths() {
+        for (sensor, (low, high)) in (1..).zip(RANGES) {
+            let of = |degrees| sampled(&[(Item::SensorType, sensor)], celsius(degrees), 25.0);
+            for end in [low, high] {
+                assert_eq!(of(end), Sample::Valid(end * 10.0), "{sensor}");
+            }
+            assert_eq!(of(low - 0.1), Sample::OutOfRange(low * 10.0), "{sensor}");
+            assert_eq!(of(high + 0.1), Sample::OutOfRange(high * 10.0), "{sensor}");
+        }
+        assert_eq!(sampled(&[], celsius(25.0), 25.0), Sample::Off);
+    }
+
+    #[test]
+    fn linear_signals_are_scaled_between_the_limits() {
+        let current = |microamperes| Connected { microamperes, ..Connected::default() };
+        let wiper = |percent, kilohms| Connected { percent, kilohms, ..Connected::default() };
+        let table = [
+            (15, millivolts(250.0), 250.0),
+            (16, millivolts(2500.0), 500.0),
+            (17, millivolts(10_000.0), 1000.0),
+            (18, current(5000.0), 250.0),
+            (19, current(12_000.0), 500.0),
+            (20, millivolts(30.0), 500.0),
+            (21, wiper(40.0, 10.0), 400.0),
+            (21, wiper(40.0, 5.0), 200.0),
+        ];
+        for (sensor, connected, expected) in table {
+            let Sample::Valid(digits) = sampled(&[(Item::SensorType, sensor)], connected, 25.0)
+            else {
+                panic!("{connected:?}")
+            };
+            assert!((digits - expected).abs() < 1e-6, "{sensor} {connected:?}: {digits}");
+        }
+    }
+
+    #[test]
+    fn limits_hold_unless_they_may_be_left() {
+        let of = |beyond, volts: f64| {
+            let items = [(Item::SensorType, 17), (Item::BeyondLimits, beyond)];
+            match sampled(&items, millivolts(volts * 1000.0), 25.0) {
+                Sample::Valid(digits) => Ok(digits.round()),
+                Sample::OutOfRange(digits) => Err(digits.round()),
+                Sample::Off => panic!("it is on"),
+            }
+        };
+        assert_eq!((of(0, 10.4), of(1, 10.4), of(1, 10.5)), (Ok(1000.0), Ok(1040.0), Ok(1050.0)));
+        assert_eq!((of(0, 10.6), of(1, -0.6)), (Err(1000.0), Err(-50.0)));
+    }
+
+    #[test]
+    fn what_is_broken_goes_to_the_end_that_its_resistance_means() {
+        let of = |sensor, wiring| {
+            let connected = Connected { wiring, ..Connected::default() };
+            sampled(&[(Item::SensorType, sensor)], connected, 25.0)
+        };
+        let table = [
+            (1, Wiring::Broken, Sample::OutOfRange(13600.0)),
+            (1, Wiring::Shorted, Sample::Valid(250.0)),
+            (9, Wiring::Broken, Sample::OutOfRange(6000.0)),
+            (9, Wiring::Shorted, Sample::OutOfRange(-1000.0)),
+            (11, Wiring::Broken, Sample::OutOfRange(-400.0)),
+            (11, Wiring::Shorted, Sample::OutOfRange(1250.0)),
+            (12, Wiring::Broken, Sample::OutOfRange(1500.0)),
+            (17, Wiring::Broken, Sample::Valid(0.0)),
+            (18, Wiring::Broken, Sample::Valid(0.0)),
+            (19, Wiring::Broken, Sample::OutOfRange(0.0)),
+            (19, Wiring::Shorted, Sample::OutOfRange(1000.0)),
+            (21, Wiring::Broken, Sample::OutOfRange(1000.0)),
+            (21, Wiring::Shorted, Sample::Valid(0.0)),
+        ];
+        for (sensor, wiring, expected) in table {
+            assert_eq!(of(sensor, wiring), expected, "{sensor} {wiring:?}");
+        }
+    }
+
+    #[test]
+    fn unit_gain_and_offset() {
+        let with = |items: &[(Item, i64)], degrees| {
+            let items = [&[(Item::SensorType, 1)], items].concat();
+            match sampled(&items, celsius(degrees), 25.0) {
+                Sample::Valid(digits) => digits.round() as i64,
+                other => panic!("{other:?}"),
+            }
+        };
+        assert_eq!(with(&[(Item::Degree, 1)], 100.0), 2120);
+        assert_eq!(with(&[(Item::Degree, 2)], 100.0), 3732);
+        assert_eq!(with(&[(Item::Gain, -10)], 101.0), 1000);
+        assert_eq!(with(&[(Item::Gain, 1000), (Item::Offset, -7)], 100.0), 1993);
+    }
+
+    #[test]
+    fn cold_junctions_are_compensated_from_0_to_50_degrees() {
+        for (terminals, expected) in [(0.0, 1000.0), (50.0, 1000.0), (60.0, 900.0), (-5.0, 1050.0)]
+        {
+            let seen = sampled(&[(Item::SensorType, 4)], celsius(100.0), terminals);
+            assert_eq!(seen, Sample::Valid(expected), "{terminals}");
+        }
+        let seen = sampled(&[(Item::SensorType, 9)], celsius(100.0), 60.0);
+        assert_eq!(seen, Sample::Valid(1000.0));
+    }
+}

@@ -1,0 +1,232 @@
+//! The terminals, LEDs and the display of a module by their names.
+
+use canopen::{BenchError, Dictionary, Instant, Mux, Value};
+
+use crate::stack::Behaviour;
+
+use super::bench;
+use super::indicators;
+use super::parameters::{Item, Table};
+use super::{FLAGS, Mcm260x};
+
+impl Mcm260x {
+    /// What this module has.
+    pub(super) fn names(&self) -> Vec<String> {
+        let counts = self.io.counts();
+        let universal = if self.is_universal() { counts.analogue_inputs } else { 0 };
+        let encoders = if counts.digital_inputs == 0 { 0 } else { self.encoders.len() };
+        let with_z = (0..encoders).filter(|place| self.has_index(*place)).count();
+        let small = counts.analogue_inputs - universal;
+        let numbered = [
+            (bench::DIGITAL_INPUTS, counts.digital_inputs),
+            (bench::DIGITAL_OUTPUTS, counts.digital_outputs),
+            (bench::GROUPS, self.groups()),
+            (bench::FIELDS, small),
+            (bench::VOLTAGES, counts.analogue_inputs),
+            (bench::CURRENTS, universal),
+            (bench::TEMPERATURES, universal),
+            (bench::WIPERS, universal),
+            (bench::RESISTANCES, universal),
+            (bench::WIRINGS, universal),
+            (bench::ANALOGUE_OUTPUTS, counts.analogue_outputs),
+            (bench::OUTPUT_VOLTAGES, counts.analogue_outputs),
+            (bench::OUTPUT_CURRENTS, counts.analogue_outputs),
+            (bench::STEPS, encoders),
+            (bench::FREQUENCIES, encoders),
+            (bench::INDICES, with_z),
+            (bench::LINES, with_z),
+            (bench::STATUS_LEDS, self.led_blocks()),
+            (bench::INPUT_LEDS, universal),
+            (bench::OUTPUT_LEDS, counts.analogue_outputs),
+        ];
+        let numbered = numbered
+            .into_iter()
+            .flat_map(|(name, count)| (1..=count).map(move |number| format!("{name}{number}")));
+        let single =
+            [bench::SUPPLY, bench::INTERFACE, bench::RUN_LED, bench::COM_LED, bench::DISPLAY];
+        let sensors = self.is_universal().then_some(bench::TERMINALS);
+        numbered.chain(single.into_iter().chain(sensors).map(str::to_owned)).collect()
+    }
+
+    /// Takes a stimulus.
+    ///
+    /// # Errors
+    /// When the module has none of that name, or it does not take the value.
+    pub(super) fn set(
+        &mut self,
+        now: Instant,
+        name: &str,
+        value: &Value,
+        od: &mut Dictionary,
+    ) -> Result<(), BenchError> {
+        if !self.names().iter().any(|known| known == name) {
+            return Err(BenchError::unknown(name));
+        }
+        let (prefix, place) = bench::split(name).unwrap_or((name, 0));
+        match prefix {
+            bench::DIGITAL_INPUTS => return self.io.stimulate(now, name, value, od),
+            bench::STEPS | bench::FREQUENCIES | bench::INDICES | bench::LINES => {
+                return self.turn(now, name, value);
+            }
+            bench::DIGITAL_OUTPUTS
+            | bench::ANALOGUE_OUTPUTS
+            | bench::OUTPUT_VOLTAGES
+            | bench::OUTPUT_CURRENTS
+            | bench::STATUS_LEDS
+            | bench::INPUT_LEDS
+            | bench::OUTPUT_LEDS
+            | bench::RUN_LED
+            | bench::COM_LED
+            | bench::DISPLAY => {
+                return Err(BenchError(format!(
+                    "{name} is what the device does, it cannot be set"
+                )));
+            }
+            _ => {}
+        }
+        if let Some(input) = self.inputs.get_mut(place)
+            && let Some(outcome) = input.connected.set(name, value)
+        {
+            return outcome;
+        }
+        self.surroundings.set(name, value)?;
+        if name == bench::INTERFACE {
+            self.chosen = Some(self.surroundings.interface);
+            self.wants_restart = true;
+        }
+        Ok(())
+    }
+
+    /// What is to be seen: of a stimulus what was set, of a terminal or an LED what is there.
+    pub(super) fn see(&self, name: &str, od: &Dictionary) -> Option<Value> {
+        let int = |number: i64| Some(Value::Int(number.into()));
+        let (prefix, place) = bench::split(name).unwrap_or((name, 0));
+        match prefix {
+            bench::DIGITAL_INPUTS => self.io.observe(name, od),
+            bench::DIGITAL_OUTPUTS => int(self.driven(place)),
+            bench::ANALOGUE_OUTPUTS => int(self.given(place, od)),
+            bench::OUTPUT_VOLTAGES => {
+                let volts = self.powered && !self.is_current(place, od);
+                int(if volts { (self.share(place, od) * 10_000.0).round() as i64 } else { 0 })
+            }
+            bench::OUTPUT_CURRENTS => {
+                let current = self.powered && self.is_current(place, od);
+                let microamperes = 4000.0 + self.share(place, od) * 16_000.0;
+                int(if current { microamperes.round() as i64 } else { 0 })
+            }
+            bench::STATUS_LEDS => int(self.status_leds(place, od)),
+            bench::INPUT_LEDS => int(self.input_leds.get(place)?.lit.into()),
+            bench::OUTPUT_LEDS => int((self.powered && self.share(place, od) > 0.0).into()),
+            bench::RUN_LED => int(self.run_led.lit.into()),
+            bench::COM_LED => int(self.com_led.lit.into()),
+            bench::DISPLAY => {
+                let flags = if self.powered { od.int(FLAGS).unwrap_or(0) } else { 0 };
+                Some(Value::Text(indicators::display(flags)))
+            }
+            bench::STEPS | bench::FREQUENCIES | bench::INDICES | bench::LINES => {
+                let motion = self.encoders.get(place)?.motion;
+                match prefix {
+                    bench::STEPS => int(motion.at(self.now)),
+                    bench::FREQUENCIES => Some(Value::Real(motion.millihertz as f64 / 1000.0)),
+                    bench::INDICES => int(motion.index_level.into()),
+                    _ => int(motion.turn),
+                }
+            }
+            _ => {
+                let connected = self.inputs.get(place).map(|input| input.connected);
+                connected
+                    .and_then(|connected| connected.observe(name))
+                    .or_else(|| self.surroundings.observe(name))
+            }
+        }
+    }
+
+    /// Moves the shaft of an encoder. What it was until now has been counted.
+    fn turn(&mut self, now: Instant, name: &str, value: &Value) -> Result<(), BenchError> {
+        let (prefix, place) = bench::split(name).ok_or_else(|| BenchError::unknown(name))?;
+        let unknown = || BenchError::unknown(name);
+        let encoder = self.encoders.get_mut(place).ok_or_else(unknown)?;
+        let setup = *self.setups.get(place).ok_or_else(unknown)?;
+        let whole = |low: i64, high: i64| {
+            let number = value.as_int().and_then(|number| i64::try_from(number).ok());
+            number.filter(|number| (low..=high).contains(number)).ok_or_else(|| {
+                BenchError(format!("{name} is a whole number, {low} to {high}, not {value}"))
+            })
+        };
+        match prefix {
+            bench::STEPS => {
+                encoder.motion.move_to(now, whole(i32::MIN.into(), i32::MAX.into())?);
+                encoder.follow(now, setup, &*self.rules);
+            }
+            bench::FREQUENCIES => {
+                let lines = bench::number(name, value, (-100_000.0, 100_000.0), "lines a second")?;
+                encoder.motion.turn_at(now, (lines * 1000.0).round() as i64);
+            }
+            bench::INDICES => {
+                let level = bench::flag(name, value)?;
+                let rises = level && !encoder.motion.index_level;
+                encoder.motion.index_level = level;
+                if rises && encoder.motion.turn == 0 {
+                    encoder.see_index(setup, &*self.rules);
+                }
+            }
+            _ => encoder.motion.turn = whole(0, 1_000_000)?,
+        }
+        Ok(())
+    }
+
+    /// Whether the analogue inputs take sensors of many kinds.
+    fn is_universal(&self) -> bool {
+        self.table != Table::Small
+    }
+
+    /// Whether an encoder has a terminal for phase Z: with eight inputs only the first has (4.1).
+    fn has_index(&self, place: usize) -> bool {
+        place == 0 || self.io.counts().digital_inputs > 1
+    }
+
+    /// The blocks of LEDs for digital inputs and outputs (5.2).
+    fn led_blocks(&self) -> usize {
+        let counts = self.io.counts();
+        match self.table {
+            Table::Small => counts.digital_inputs + counts.digital_outputs,
+            Table::Analogue | Table::Large => counts.digital_inputs.max(counts.digital_outputs),
+        }
+    }
+
+    fn status_leds(&self, block: usize, od: &Dictionary) -> i64 {
+        let inputs = self.io.counts().digital_inputs;
+        let input = |block: usize| od.int(Mux::new(DIGITAL_INPUTS, block as u8 + 1)).unwrap_or(0);
+        match self.table {
+            _ if !self.powered => 0,
+            Table::Small if block < inputs => input(block),
+            Table::Small => self.driven(block - inputs),
+            Table::Analogue | Table::Large => input(block) | self.driven(block),
+        }
+    }
+
+    fn is_current(&self, place: usize, od: &Dictionary) -> bool {
+        self.parameters(od).value(Item::OutputType, place) == 1
+    }
+
+    /// The share of its range that an analogue output gives.
+    fn share(&self, place: usize, od: &Dictionary) -> f64 {
+        let (lower, upper) = self.limits(place, od);
+        let digits = self.io.analogue_output(place).unwrap_or(0);
+        self.rules.share(digits, lower, upper).clamp(0.0, 1.0)
+    }
+
+    /// What an analogue output gives, in digits.
+    fn given(&self, place: usize, od: &Dictionary) -> i64 {
+        let (lower, upper) = self.limits(place, od);
+        (lower as f64 + self.share(place, od) * (upper - lower) as f64).round() as i64
+    }
+
+    fn limits(&self, place: usize, od: &Dictionary) -> (i64, i64) {
+        let value = |item| self.parameters(od).value(item, place);
+        (value(Item::OutputLower), value(Item::OutputUpper))
+    }
+}
+
+/// Read input, eight bits.
+const DIGITAL_INPUTS: u16 = 0x6000;

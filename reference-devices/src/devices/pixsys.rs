@@ -1,0 +1,102 @@
+//! How the devices of Pixsys read CiA 401: their manuals say the same in the same words.
+
+use std::time::Duration;
+
+use canopen::{Dictionary, Mux};
+
+use crate::profiles::cia401::{Cia401Rules, EVERY_LEVEL, Setting};
+use crate::stack::CommunicationEvent;
+
+/// Inputs and outputs as the manuals describe them.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct PixsysIo {
+    /// The parameter with the time that every digital input has to hold, in units of 0.5 ms.
+    pub(super) filter: Option<Mux>,
+}
+
+impl Cia401Rules for PixsysIo {
+    fn setting(&self, setting: Setting, configured: i64) -> i64 {
+        match setting {
+            Setting::InputFilter if self.filter.is_some() => EVERY_LEVEL,
+            _ => configured,
+        }
+    }
+
+    fn filter_time(&self, od: &Dictionary) -> Duration {
+        let steps = self.filter.and_then(|mux| od.int(mux)).unwrap_or(0);
+        FILTER_STEP.saturating_mul(u32::try_from(steps).unwrap_or(0))
+    }
+
+    /// The lower limit belongs to the values that trigger (DRR460 11.4.9, MCM260X 11.4.14), in
+    /// contrast to the profile.
+    fn below_limit(&self, value: i64, limit: i64) -> bool {
+        value <= limit
+    }
+
+    /// Only a communication error sets the outputs; STOPPED does not (DRR460 11.4.2, MCM260X
+    /// 11.4.7).
+    fn fails(&self, event: CommunicationEvent) -> bool {
+        event == CommunicationEvent::CommunicationError
+    }
+
+    fn failure_writes_objects(&self) -> bool {
+        true
+    }
+}
+
+/// What a filter parameter counts in.
+const FILTER_STEP: Duration = Duration::from_micros(500);
+
+#[cfg(test)]
+mod tests {
+    use canopen::{Dictionary, Mux};
+
+    use super::*;
+    use crate::devices;
+    use crate::profiles::cia401::IoBlock;
+    use crate::stack::Behaviour;
+
+    type Objects = &'static [(u16, i64)];
+
+    fn verdict(objects: &[(u16, i64)], last: i16, now: i64) -> bool {
+        let eds = devices::device("drr460").unwrap().description.eds;
+        let mut od = Dictionary::new(&eds, 1).unwrap();
+        od.set_int(Mux::new(0x6423, 0), 1);
+        for (index, number) in objects {
+            od.set_int(Mux::new(*index, if *index == 0x6423 { 0 } else { 1 }), *number);
+        }
+        od.set_int(Mux::new(0x6401, 1), now);
+        IoBlock::new(&eds, Box::new(PixsysIo::default())).triggers(
+            Mux::new(0x6401, 1),
+            &last.to_le_bytes(),
+            &od,
+        )
+    }
+
+    #[test]
+    fn nothing_goes_out_unless_released_and_changed() {
+        assert!(verdict(&[], 250, 251));
+        assert!(!verdict(&[(0x6423, 0)], 250, 251));
+        assert!(!verdict(&[], 250, 250));
+        assert!(!verdict(&[(0x6421, 0)], 250, 9000));
+    }
+
+    #[test]
+    fn each_condition_stands_for_itself() {
+        let table: [(Objects, i16, i64, bool); 10] = [
+            (&[(0x6421, 1), (0x6424, 300)], 250, 299, false),
+            (&[(0x6421, 1), (0x6424, 300)], 250, 300, true),
+            (&[(0x6421, 2), (0x6425, -10)], 0, -9, false),
+            (&[(0x6421, 2), (0x6425, -10)], 0, -10, true),
+            (&[(0x6421, 4), (0x6426, 5)], 250, 245, false),
+            (&[(0x6421, 4), (0x6426, 5)], 250, 244, true),
+            (&[(0x6421, 8), (0x6427, 5)], 250, 256, false),
+            (&[(0x6421, 8), (0x6427, 5)], 250, 244, true),
+            (&[(0x6421, 16), (0x6428, 5)], 250, 244, false),
+            (&[(0x6421, 16), (0x6428, 5)], 250, 256, true),
+        ];
+        for (objects, last, now, expected) in table {
+            assert_eq!(verdict(objects, last, now), expected, "{objects:?} {last} {now}");
+        }
+    }
+}
