@@ -138,7 +138,7 @@ fn bind_bus(scope: &mut Scope, dut: &Dut) {
 fn about_the_sheet(case: &Case) -> Option<String> {
     let reason =
         "there is no data sheet; the one in use was generated from the answers of the device";
-    case.all_steps().any(|step| step.value.judges_sheet()).then(|| reason.to_owned())
+    case.all_steps().any(|step| step.value.effect().judges_sheet).then(|| reason.to_owned())
 }
 
 fn dedup(mut complaints: Vec<Complaint>) -> Vec<Complaint> {

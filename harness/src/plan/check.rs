@@ -176,7 +176,7 @@ impl Checker<'_> {
             }
             Step::Observe(observe) => self.observe(observe, step.place),
         }
-        self.produce(step.value.during());
+        self.produce(step.value.effect().during);
     }
 
     fn ask(&mut self, ask: &Ask) {

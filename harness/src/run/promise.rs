@@ -33,7 +33,7 @@ pub(super) fn unfit(complaint: &Complaint, instance: &Instance, dut: &Dut) -> Di
     let place = complaint.place.unwrap_or(about.id.place);
     let before = about.all_steps().filter(|step| step.place <= place);
     let step = before.max_by_key(|step| step.place);
-    let object = step.and_then(|step| Some(step.value.access()?.object));
+    let object = step.and_then(|step| Some(step.value.effect().access?.object));
     let mux = object.and_then(|object| instance.scope.mux(&object.value).ok());
     let place = mux.and_then(|mux| dut.sheet.place_of(mux, Some("DataType")));
     let sheet = place.map(|place| Box::new(excerpt(&dut.sheet.source, place)));
@@ -53,7 +53,7 @@ fn claim(
         Ok(Binding::Mux(mux)) => Some(*mux),
         _ => None,
     };
-    let access = step.access();
+    let access = step.effect().access;
     let mux = match &access {
         Some(access) => scope.mux(&access.object.value).ok()?,
         None => of_sheet?,

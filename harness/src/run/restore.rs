@@ -226,7 +226,7 @@ fn restorable(mux: Mux, eds: &Eds) -> bool {
 fn changed_by(instance: &Instance, dut: &Dut) -> Vec<Mux> {
     let scope = &instance.scope;
     let mut changed = Vec::new();
-    for written in instance.case().all_steps().flat_map(|step| step.value.writes()) {
+    for written in instance.case().all_steps().flat_map(|step| step.value.effect().writes) {
         match written {
             Written::Object(object) => changed.extend(scope.mux(&object.value)),
             Written::Mapped(literal) => {

@@ -1,8 +1,8 @@
 //! What a step does to a device, said once for those who restore it and those who judge it.
 //!
-//! Every match names every step and has no `_` arm, so that a new step does not compile before it
-//! is known what it writes: an object that is written and not restored changes the verdicts of
-//! later cases.
+//! The match names every step and has no `_` arm, so that a new step does not compile before it is
+//! known what it writes: an object that is written and not restored changes the verdicts of later
+//! cases.
 
 use super::literal::{FrameText, Literal, ObjectRef, Refusal};
 use super::step::{Produce, Step};
@@ -30,132 +30,83 @@ pub struct Access<'s> {
     pub refused: Option<&'s At<Refusal>>,
 }
 
-impl Step {
+/// What a step does. The default is a step that touches nothing.
+#[derive(Debug, Default)]
+pub struct Effect<'s> {
     /// Everything that the step may change in the device's dictionary.
-    pub fn writes(&self) -> Vec<Written<'_>> {
-        match self {
-            Self::Write(write) => vec![Written::Object(&write.object)],
-            Self::Remap(remap) => {
-                let mapped = remap.objects.iter().map(Written::Mapped);
-                [Written::Object(&remap.pdo)].into_iter().chain(mapped).collect()
-            }
-            Self::Send(frame) => vec![Written::Frame(frame)],
-            Self::Ask(ask) => vec![Written::Frame(&ask.send)],
-            Self::Produce(produce) => vec![Written::Frame(&produce.frame)],
-            Self::Expect(_) | Self::Never(_) | Self::Measure(_) | Self::Collect(_) => {
-                self.during().map(|produce| Written::Frame(&produce.frame)).into_iter().collect()
-            }
-            // SYNC makes a device take over what RPDOs brought before, and their frames are listed.
-            // A fastscan changes the LSS state only, and a bench has its own memory of what it was.
-            Self::Reply(_)
-            | Self::Read(_)
-            | Self::Defaults(_)
-            | Self::Nmt(_)
-            | Self::Wait(_)
-            | Self::Until(_)
-            | Self::Sync(_)
-            | Self::Bench(_)
-            | Self::Observe(_)
-            | Self::Eds(_)
-            | Self::Undeclared(_)
-            | Self::Lss(_) => Vec::new(),
-        }
-    }
-
+    pub writes: Vec<Written<'s>>,
     /// The one object that the step is about, when it accesses one by SDO.
-    pub fn access(&self) -> Option<Access<'_>> {
+    pub access: Option<Access<'s>>,
+    /// What is sent while the step watches the bus.
+    pub during: Option<&'s Produce>,
+    /// Whether the step needs a data sheet that says more than the device's own answers.
+    pub judges_sheet: bool,
+}
+
+impl Step {
+    /// What the step does.
+    pub fn effect(&self) -> Effect<'_> {
         match self {
-            Self::Read(read) => access(
+            Self::Send(frame) => Effect::of_frame(frame),
+            Self::Ask(ask) => Effect::of_frame(&ask.send),
+            Self::Produce(produce) => Effect::of_frame(&produce.frame),
+            Self::Expect(expect) => Effect::of_watching(expect.during.as_ref()),
+            Self::Never(never) => Effect::of_watching(never.during.as_ref()),
+            Self::Measure(measure) => Effect::of_watching(measure.during.as_ref()),
+            Self::Collect(collect) => Effect::of_watching(collect.during.as_ref()),
+            Self::Read(read) => Effect::of_access(
                 &read.object,
                 &[&read.value, &read.min, &read.max, &read.length],
                 read.refused.as_ref(),
             ),
-            Self::Write(write) => access(&write.object, &[&write.value], write.refused.as_ref()),
             Self::Until(until) => {
-                access(&until.object, &[&until.value, &until.min, &until.max], None)
+                Effect::of_access(&until.object, &[&until.value, &until.min, &until.max], None)
             }
+            Self::Write(write) => Effect {
+                writes: vec![Written::Object(&write.object)],
+                ..Effect::of_access(&write.object, &[&write.value], write.refused.as_ref())
+            },
             // A mapping is about the objects that are mapped, not about its own parameter.
-            Self::Remap(_)
-            | Self::Send(_)
-            | Self::Reply(_)
-            | Self::Ask(_)
-            | Self::Expect(_)
-            | Self::Never(_)
+            Self::Remap(remap) => {
+                let mapped = remap.objects.iter().map(Written::Mapped);
+                let writes = [Written::Object(&remap.pdo)].into_iter().chain(mapped).collect();
+                Effect { writes, ..Effect::default() }
+            }
+            Self::Eds(_) | Self::Undeclared(_) => {
+                Effect { judges_sheet: true, ..Effect::default() }
+            }
+            // SYNC makes a device take over what RPDOs brought before, and their frames are listed.
+            // A fastscan changes the LSS state only, and a bench has its own memory of what it was.
+            // The defaults of a sheet that was composed of answers are compared with what is
+            // answered now, which is a fair question.
+            Self::Reply(_)
             | Self::Defaults(_)
             | Self::Nmt(_)
             | Self::Wait(_)
-            | Self::Measure(_)
-            | Self::Collect(_)
             | Self::Sync(_)
-            | Self::Produce(_)
             | Self::Bench(_)
             | Self::Observe(_)
-            | Self::Eds(_)
-            | Self::Undeclared(_)
-            | Self::Lss(_) => None,
-        }
-    }
-
-    /// What is sent while the step watches the bus.
-    pub fn during(&self) -> Option<&Produce> {
-        match self {
-            Self::Expect(expect) => expect.during.as_ref(),
-            Self::Never(never) => never.during.as_ref(),
-            Self::Measure(measure) => measure.during.as_ref(),
-            Self::Collect(collect) => collect.during.as_ref(),
-            Self::Send(_)
-            | Self::Reply(_)
-            | Self::Ask(_)
-            | Self::Read(_)
-            | Self::Write(_)
-            | Self::Defaults(_)
-            | Self::Remap(_)
-            | Self::Nmt(_)
-            | Self::Wait(_)
-            | Self::Until(_)
-            | Self::Sync(_)
-            | Self::Produce(_)
-            | Self::Bench(_)
-            | Self::Observe(_)
-            | Self::Eds(_)
-            | Self::Undeclared(_)
-            | Self::Lss(_) => None,
-        }
-    }
-
-    /// Whether the step needs a data sheet that says more than the device's own answers.
-    pub fn judges_sheet(&self) -> bool {
-        match self {
-            Self::Eds(_) | Self::Undeclared(_) => true,
-            // What was answered once is compared with what is answered now: a fair question, too.
-            Self::Defaults(_)
-            | Self::Send(_)
-            | Self::Reply(_)
-            | Self::Ask(_)
-            | Self::Expect(_)
-            | Self::Never(_)
-            | Self::Read(_)
-            | Self::Write(_)
-            | Self::Remap(_)
-            | Self::Nmt(_)
-            | Self::Wait(_)
-            | Self::Until(_)
-            | Self::Measure(_)
-            | Self::Collect(_)
-            | Self::Sync(_)
-            | Self::Produce(_)
-            | Self::Bench(_)
-            | Self::Observe(_)
-            | Self::Lss(_) => false,
+            | Self::Lss(_) => Effect::default(),
         }
     }
 }
 
-fn access<'s>(
-    object: &'s At<ObjectRef>,
-    literals: &[&'s Option<At<Literal>>],
-    refused: Option<&'s At<Refusal>>,
-) -> Option<Access<'s>> {
-    let literals = literals.iter().filter_map(|literal| literal.as_ref()).collect();
-    Some(Access { object, literals, refused })
+impl<'s> Effect<'s> {
+    fn of_frame(frame: &'s At<FrameText>) -> Self {
+        Self { writes: vec![Written::Frame(frame)], ..Self::default() }
+    }
+
+    fn of_watching(during: Option<&'s Produce>) -> Self {
+        let writes = during.map(|produce| Written::Frame(&produce.frame)).into_iter().collect();
+        Self { writes, during, ..Self::default() }
+    }
+
+    fn of_access(
+        object: &'s At<ObjectRef>,
+        literals: &[&'s Option<At<Literal>>],
+        refused: Option<&'s At<Refusal>>,
+    ) -> Self {
+        let literals = literals.iter().filter_map(|literal| literal.as_ref()).collect();
+        Self { access: Some(Access { object, literals, refused }), ..Self::default() }
+    }
 }
