@@ -113,33 +113,6 @@ pub trait Device {
     }
 }
 
-impl<D: Device + ?Sized> Device for Box<D> {
-    fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
-        (**self).handle_frame(now, frame, out);
-    }
-    fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
-        (**self).handle_timeout(now, out);
-    }
-    fn poll_at(&self) -> Option<Instant> {
-        (**self).poll_at()
-    }
-    fn bench_names(&self) -> Vec<String> {
-        (**self).bench_names()
-    }
-    fn stimulate(
-        &mut self,
-        now: Instant,
-        name: &str,
-        value: &Value,
-        out: &mut Outbox,
-    ) -> Result<(), BenchError> {
-        (**self).stimulate(now, name, value, out)
-    }
-    fn observe(&self, name: &str) -> Option<Value> {
-        (**self).observe(name)
-    }
-}
-
 /// The frames a station wants to send, in its own order.
 #[derive(Debug, Default)]
 pub struct Outbox {

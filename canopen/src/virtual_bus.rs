@@ -61,8 +61,13 @@ impl<'a> VirtualBus<'a> {
 
     /// Adds a device and returns its place, counted from 0.
     pub fn attach(&mut self, device: impl Device + 'a) -> usize {
+        self.attach_boxed(Box::new(device))
+    }
+
+    /// Adds a device of whatever type and returns its place, counted from 0.
+    pub fn attach_boxed(&mut self, device: Box<dyn Device + 'a>) -> usize {
         let due = device.poll_at();
-        self.stations.push(Station { device: Box::new(device), out: Outbox::default(), due });
+        self.stations.push(Station { device, out: Outbox::default(), due });
         self.stations.len() - 1
     }
 

@@ -56,7 +56,7 @@ impl Target {
                 let mut bus = VirtualBus::new(*bit_rate);
                 match deviation {
                     None => bus.attach(device.node(self.dut.node, Box::new(Specification))),
-                    Some(deviation) => bus.attach(deviation.build(device, self.dut.node)?),
+                    Some(deviation) => bus.attach_boxed(deviation.build(device, self.dut.node)?),
                 };
                 Box::new(bus)
             }

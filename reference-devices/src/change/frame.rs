@@ -9,8 +9,8 @@ use canopen::{BenchError, Device, Frame, Instant, Outbox, Pattern, PatternError,
 use super::data::{FrameChange, Misfit};
 
 /// A device some of whose frames are not what it meant to send, or to receive.
-pub struct DeviantWire<D> {
-    inner: D,
+pub struct DeviantWire {
+    inner: Box<dyn Device>,
     when: Pattern,
     received: bool,
     what: What,
@@ -28,13 +28,13 @@ enum What {
     Answer(Pattern),
 }
 
-impl<D: Device> DeviantWire<D> {
+impl DeviantWire {
     /// Puts the change between `inner` and the wire; `bind` makes patterns of texts.
     ///
     /// # Errors
     /// When a pattern does not parse, or the change is not exactly one.
     pub(super) fn new(
-        inner: D,
+        inner: Box<dyn Device>,
         change: &FrameChange,
         bind: impl Fn(&str) -> Result<Pattern, PatternError>,
     ) -> Result<Self, Misfit> {
@@ -111,7 +111,7 @@ impl<D: Device> DeviantWire<D> {
     }
 }
 
-impl<D: Device> Device for DeviantWire<D> {
+impl Device for DeviantWire {
     fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
         if self.received && self.applies(frame) {
             match &self.what {
@@ -205,7 +205,7 @@ mod tests {
             let pattern: Pattern = text.parse()?;
             Ok(pattern.bind(5, &|_| None))
         };
-        let mut device = DeviantWire::new(Echo, &change, bind).unwrap();
+        let mut device = DeviantWire::new(Box::new(Echo), &change, bind).unwrap();
         let mut out = Outbox::default();
         for place in 0..count {
             device.handle_frame(Instant(place as u64), &Frame::new(0x605, [1, 2]), &mut out);
