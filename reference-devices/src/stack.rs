@@ -36,6 +36,7 @@ mod time;
 mod time_stamp;
 mod tpdo;
 
+pub use fault::FaultKind;
 pub use node::Node;
 pub use settings::{BlockTransfer, Byte, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};
 

@@ -6,7 +6,7 @@ use canopen::lss::Status;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::stack::{BlockTransfer, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};
+use crate::stack::{BlockTransfer, EmcyTable, FaultKind, NodeSettings, SyncSupervision};
 
 /// What is different; what is missing is as it was.
 #[derive(Clone, Debug, Default, Deserialize, JsonSchema)]
@@ -32,24 +32,11 @@ pub(crate) struct SettingsPatch {
     /// The error register of the messages about the communication.
     emcy_register: Option<u8>,
     /// Errors that are not reported.
-    silent: Vec<Error>,
+    silent: Vec<FaultKind>,
     /// Whether clearing 1003h sends a message, too.
     tells_history_cleared: Option<bool>,
     /// The error code with which storing the LSS configuration ends.
     lss_store: Option<u8>,
-}
-
-/// An error of the communication.
-#[derive(Clone, Copy, Debug, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-enum Error {
-    SyncTimeout,
-    SyncLength,
-    Guarding,
-    Heartbeat,
-    RpdoTooShort,
-    RpdoTooLong,
-    RpdoTimeout,
 }
 
 impl SettingsPatch {
@@ -83,38 +70,9 @@ impl SettingsPatch {
     fn apply_to_messages(&self, table: &mut EmcyTable) {
         let history_cleared = &mut table.tells_history_cleared;
         *history_cleared = self.tells_history_cleared.unwrap_or(*history_cleared);
-        for error in &self.silent {
-            *error.message(table) = None;
-        }
+        table.faults.retain(|fault, _| !self.silent.contains(fault));
         if let Some(register) = self.emcy_register {
-            for error in Error::ALL {
-                let message = error.message(table);
-                *message = message.map(|form| EmcyForm { register, ..form });
-            }
-        }
-    }
-}
-
-impl Error {
-    const ALL: [Self; 7] = [
-        Self::SyncTimeout,
-        Self::SyncLength,
-        Self::Guarding,
-        Self::Heartbeat,
-        Self::RpdoTooShort,
-        Self::RpdoTooLong,
-        Self::RpdoTimeout,
-    ];
-
-    const fn message(self, table: &mut EmcyTable) -> &mut Option<EmcyForm> {
-        match self {
-            Self::SyncTimeout => &mut table.sync_timeout,
-            Self::SyncLength => &mut table.sync_length,
-            Self::Guarding => &mut table.guarding,
-            Self::Heartbeat => &mut table.heartbeat,
-            Self::RpdoTooShort => &mut table.rpdo_too_short,
-            Self::RpdoTooLong => &mut table.rpdo_too_long,
-            Self::RpdoTimeout => &mut table.rpdo_timeout,
+            table.faults.values_mut().for_each(|form| form.register = register);
         }
     }
 }
@@ -136,7 +94,7 @@ mod tests {
         assert_eq!((block.save_time, block.emcy), (Duration::from_millis(50), usual.emcy));
         assert_eq!(patch("{ block-size: 0 }").block_transfer, None);
         let quiet = patch("{ silent: [rpdo-too-long], emcy-register: 1 }").emcy;
-        assert_eq!(quiet.rpdo_too_long, None);
-        assert_eq!(quiet.heartbeat.map(|form| form.register), Some(1));
+        assert_eq!(quiet.faults.get(&FaultKind::RpdoTooLong), None);
+        assert_eq!(quiet.faults[&FaultKind::Heartbeat].register, 1);
     }
 }

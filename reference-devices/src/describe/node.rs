@@ -10,7 +10,7 @@ use canopen::source::At;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::stack::{Byte, EmcyForm, EmcyTable, NodeSettings, SyncSupervision};
+use crate::stack::{Byte, EmcyForm, EmcyTable, FaultKind, NodeSettings, SyncSupervision};
 
 /// How the node starts, and what it supervises in a manner of its own.
 #[derive(Default, Deserialize, JsonSchema)]
@@ -168,16 +168,19 @@ pub(super) fn settings(node: &NodeFacts, emcy: Option<&EmcyFacts>) -> NodeSettin
 }
 
 fn table(facts: &EmcyFacts) -> EmcyTable {
-    let form = |facts: &Option<FormFacts>| facts.as_ref().map(form);
+    let faults = [
+        (FaultKind::SyncTimeout, &facts.sync_timeout),
+        (FaultKind::SyncLength, &facts.sync_length),
+        (FaultKind::Guarding, &facts.guarding),
+        (FaultKind::Heartbeat, &facts.heartbeat),
+        (FaultKind::RpdoTooShort, &facts.rpdo_too_short),
+        (FaultKind::RpdoTooLong, &facts.rpdo_too_long),
+        (FaultKind::RpdoTimeout, &facts.rpdo_timeout),
+    ];
+    let faults = faults.into_iter().filter_map(|(kind, facts)| Some((kind, form(facts.as_ref()?))));
     EmcyTable {
-        sync_timeout: form(&facts.sync_timeout),
-        sync_length: form(&facts.sync_length),
-        guarding: form(&facts.guarding),
-        heartbeat: form(&facts.heartbeat),
-        rpdo_too_short: form(&facts.rpdo_too_short),
-        rpdo_too_long: form(&facts.rpdo_too_long),
-        rpdo_timeout: form(&facts.rpdo_timeout),
-        queue_overflow: form(&facts.queue_overflow),
+        faults: faults.collect(),
+        queue_overflow: facts.queue_overflow.as_ref().map(form),
         tells_history_cleared: facts.tells_history_cleared,
     }
 }
@@ -197,15 +200,15 @@ mod tests {
             end-repeats: true }\n\
             rpdo-too-short: { code: 0x8210, register: 0x81, \
             vendor: 00 05 expected actual subject }";
-        let table = table(&serde_yaml::from_str(yaml).unwrap());
-        let heartbeat = table.heartbeat.unwrap();
+        let faults = table(&serde_yaml::from_str(yaml).unwrap()).faults;
+        let heartbeat = faults[&FaultKind::Heartbeat];
         assert_eq!((heartbeat.code, heartbeat.register), (EmcyCode::HEARTBEAT, 0x11));
         let zero = Byte::Is(0);
         assert_eq!(heartbeat.vendor, [zero, Byte::Is(5), Byte::Subject, zero, zero]);
         assert!(heartbeat.end_repeats);
-        let short = table.rpdo_too_short.unwrap();
+        let short = faults[&FaultKind::RpdoTooShort];
         assert_eq!(short.vendor[2..], [Byte::Expected, Byte::Actual, Byte::Subject]);
-        assert_eq!((short.end_repeats, table.guarding), (false, None));
+        assert!(!short.end_repeats && !faults.contains_key(&FaultKind::Guarding));
     }
 
     #[test]

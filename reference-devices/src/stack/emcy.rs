@@ -191,7 +191,7 @@ const REGISTER: Mux = Mux::new(0x1001, 0);
 mod tests {
     use crate::rules::Specification;
     use crate::stack::testing::{Fixture, eds, full, mux, sent, set};
-    use crate::stack::{Behaviour, Byte, EmcyForm, EmcyTable, Errors, NodeSettings};
+    use crate::stack::{Behaviour, Byte, EmcyForm, EmcyTable, Errors, FaultKind, NodeSettings};
     use canopen::emcy::EmcyCode;
     use canopen::{Abort, Dictionary, Instant};
 
@@ -332,10 +332,9 @@ mod tests {
             ..EmcyForm::new(EmcyCode::HARDWARE, 0x81)
         };
         let emcy = EmcyTable {
-            heartbeat: Some(heartbeat),
+            faults: [(FaultKind::Heartbeat, heartbeat)].into(),
             queue_overflow: Some(overflow),
             tells_history_cleared: true,
-            ..EmcyTable::default()
         };
         let settings = NodeSettings { emcy, emcy_queue: 2, ..NodeSettings::default() };
         let mut fixture = with("", settings);

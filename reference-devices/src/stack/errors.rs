@@ -27,7 +27,8 @@ pub(crate) enum News {
 
 #[derive(Clone, Copy, Debug)]
 struct Active {
-    kind: FaultKind,
+    /// `None` of the application, which numbers its errors itself.
+    fault: Option<FaultKind>,
     subject: u16,
     register: u8,
     end: Option<([u8; 5], u8)>,
@@ -39,9 +40,8 @@ impl Errors {
     /// (CiA 301, 7.5.2.2).
     pub(crate) fn raise(&mut self, error: u16, code: EmcyCode, register: u8, vendor: [u8; 5]) {
         let register = register | 1;
-        let kind = FaultKind::Application;
-        if !self.is_active(kind, error) {
-            self.active.push(Active { kind, subject: error, register, end: None });
+        if !self.is_active(None, error) {
+            self.active.push(Active { fault: None, subject: error, register, end: None });
             self.tell(code, vendor);
         }
     }
@@ -54,7 +54,7 @@ impl Errors {
 
     /// The application's error `error` is gone. Nothing happens when it was not there.
     pub(crate) fn clear(&mut self, error: u16) {
-        self.remove(FaultKind::Application, error);
+        self.end(None, error);
     }
 
     /// The error register of what is present (CiA 301, 7.5.2.2).
@@ -64,18 +64,18 @@ impl Errors {
 
     /// An error of the communication appeared.
     pub(crate) fn raise_fault(&mut self, fault: Fault, table: &EmcyTable, rules: &dyn Rules) {
-        let known = self.is_active(fault.kind, fault.subject);
+        let known = self.is_active(Some(fault.kind), fault.subject);
         if known && !rules.emcy_repeated() {
             return;
         }
         if fault.kind.is_communication_error() {
             self.reaction = Some(COMMUNICATION_ERROR);
         }
-        let form = table.form(fault.kind);
+        let form = table.faults.get(&fault.kind);
         let vendor = form.map_or([0; 5], |form| form.vendor_bytes(fault));
         if !known {
             self.active.push(Active {
-                kind: fault.kind,
+                fault: Some(fault.kind),
                 subject: fault.subject,
                 register: form.map_or(0, |form| form.register),
                 end: form.filter(|form| form.end_repeats).map(|form| (vendor, form.register)),
@@ -88,7 +88,11 @@ impl Errors {
 
     /// An error of the communication is gone.
     pub(crate) fn remove(&mut self, kind: FaultKind, subject: u16) {
-        let matches = |active: &Active| active.kind == kind && active.subject == subject;
+        self.end(Some(kind), subject);
+    }
+
+    fn end(&mut self, fault: Option<FaultKind>, subject: u16) {
+        let matches = |active: &Active| active.fault == fault && active.subject == subject;
         let Some(place) = self.active.iter().position(matches) else { return };
         let gone = self.active.remove(place);
         // An error without a bit in 1001h was never reported, so its end is not reported either.
@@ -101,12 +105,12 @@ impl Errors {
 
     /// An error of the communication is gone, of which nobody is told.
     pub(crate) fn forget(&mut self, kind: FaultKind, subject: u16) {
-        self.active.retain(|active| active.kind != kind || active.subject != subject);
+        self.active.retain(|active| active.fault != Some(kind) || active.subject != subject);
     }
 
     /// Forgets the communication errors, or all errors, without a message.
     pub(crate) fn reset(&mut self, application_too: bool) {
-        let stays = |active: &Active| active.kind == FaultKind::Application && !application_too;
+        let stays = |active: &Active| active.fault.is_none() && !application_too;
         self.active.retain(stays);
         self.news.clear();
         self.reaction = None;
@@ -130,8 +134,8 @@ impl Errors {
         self.news.push_back(News::Appeared(message));
     }
 
-    fn is_active(&self, kind: FaultKind, subject: u16) -> bool {
-        self.active.iter().any(|active| active.kind == kind && active.subject == subject)
+    fn is_active(&self, fault: Option<FaultKind>, subject: u16) -> bool {
+        self.active.iter().any(|active| active.fault == fault && active.subject == subject)
     }
 }
 

@@ -1,5 +1,8 @@
 //! The communication errors that the stack finds itself.
 
+use schemars::JsonSchema;
+use serde::Deserialize;
+
 /// An error of the stack: what, on which node or PDO, and lengths where they matter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Fault {
@@ -9,17 +12,24 @@ pub(crate) struct Fault {
     pub(crate) actual: u8,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum FaultKind {
+/// A communication error.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum FaultKind {
+    /// SYNC did not come in time.
     SyncTimeout,
+    /// SYNC had another length than 1019h asks for.
     SyncLength,
+    /// Life guarding was lost.
     Guarding,
+    /// The heartbeat of a node was lost.
     Heartbeat,
+    /// An RPDO was too short and was not used.
     RpdoTooShort,
+    /// An RPDO was too long; what is mapped was used.
     RpdoTooLong,
+    /// An RPDO missed its deadline.
     RpdoTimeout,
-    /// Of the behaviour, which numbers its errors itself.
-    Application,
 }
 
 impl Fault {

@@ -1,5 +1,6 @@
 //! What a device is and its data sheet cannot say.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use canopen::Mux;
@@ -64,23 +65,11 @@ pub struct SyncSupervision {
     pub resolution: Duration,
 }
 
-/// The emergency messages of a device (CiA 301, 7.2.7.1). `None` for what is not reported.
+/// The emergency messages of a device (CiA 301, 7.2.7.1).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EmcyTable {
-    /// SYNC did not come in time.
-    pub sync_timeout: Option<EmcyForm>,
-    /// SYNC had another length than 1019h asks for.
-    pub sync_length: Option<EmcyForm>,
-    /// Life guarding was lost.
-    pub guarding: Option<EmcyForm>,
-    /// The heartbeat of a node was lost.
-    pub heartbeat: Option<EmcyForm>,
-    /// An RPDO was too short and was not used.
-    pub rpdo_too_short: Option<EmcyForm>,
-    /// An RPDO was too long; what is mapped was used.
-    pub rpdo_too_long: Option<EmcyForm>,
-    /// An RPDO missed its deadline.
-    pub rpdo_timeout: Option<EmcyForm>,
+    /// What reports communication errors; one that is missing is not reported.
+    pub faults: BTreeMap<FaultKind, EmcyForm>,
     /// Takes the last place of a queue that overflows.
     pub queue_overflow: Option<EmcyForm>,
     /// Whether clearing 1003h sends a message with code 0000h and zeros.
@@ -174,36 +163,19 @@ impl EmcyForm {
     }
 }
 
-impl EmcyTable {
-    /// The message for an error of the communication.
-    pub(crate) const fn form(&self, kind: FaultKind) -> Option<EmcyForm> {
-        match kind {
-            FaultKind::SyncTimeout => self.sync_timeout,
-            FaultKind::SyncLength => self.sync_length,
-            FaultKind::Guarding => self.guarding,
-            FaultKind::Heartbeat => self.heartbeat,
-            FaultKind::RpdoTooShort => self.rpdo_too_short,
-            FaultKind::RpdoTooLong => self.rpdo_too_long,
-            FaultKind::RpdoTimeout => self.rpdo_timeout,
-            FaultKind::Application => None,
-        }
-    }
-}
-
 impl Default for EmcyTable {
     fn default() -> Self {
-        let communication = |code| Some(EmcyForm::new(code, GENERIC | COMMUNICATION));
-        Self {
-            sync_timeout: communication(EmcyCode::COMMUNICATION),
-            sync_length: communication(EmcyCode::SYNC_LENGTH),
-            guarding: communication(EmcyCode::HEARTBEAT),
-            heartbeat: communication(EmcyCode::HEARTBEAT),
-            rpdo_too_short: communication(EmcyCode::PDO_LENGTH),
-            rpdo_too_long: communication(EmcyCode::PDO_TOO_LONG),
-            rpdo_timeout: communication(EmcyCode::RPDO_TIMEOUT),
-            queue_overflow: None,
-            tells_history_cleared: false,
-        }
+        let faults = [
+            (FaultKind::SyncTimeout, EmcyCode::COMMUNICATION),
+            (FaultKind::SyncLength, EmcyCode::SYNC_LENGTH),
+            (FaultKind::Guarding, EmcyCode::HEARTBEAT),
+            (FaultKind::Heartbeat, EmcyCode::HEARTBEAT),
+            (FaultKind::RpdoTooShort, EmcyCode::PDO_LENGTH),
+            (FaultKind::RpdoTooLong, EmcyCode::PDO_TOO_LONG),
+            (FaultKind::RpdoTimeout, EmcyCode::RPDO_TIMEOUT),
+        ];
+        let form = |(kind, code)| (kind, EmcyForm::new(code, GENERIC | COMMUNICATION));
+        Self { faults: faults.map(form).into(), queue_overflow: None, tells_history_cleared: false }
     }
 }
 
