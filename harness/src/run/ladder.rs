@@ -69,47 +69,33 @@ impl Rung {
         dut: &Dut,
         baseline: &Baseline,
     ) -> Result<bool, BusError> {
-        match self {
+        let reset = match self {
             Self::Patience => {
                 let until = link.mark() + policy.sdo_timeout;
                 link.wait(until)?;
+                return Ok(true);
             }
             Self::Abort => {
                 let abort = sdo::Request::Abort(Mux::new(0x1000, 0), Abort::GENERAL);
                 link.send(&abort.frame(dut.node))?;
                 link.drain(policy.quiet)?;
+                return Ok(true);
             }
-            Self::PreOperational => settle::pre_operational(link, policy, dut)?,
-            Self::ResetCommunication => {
-                return restart(
-                    link,
-                    policy,
-                    dut,
-                    baseline,
-                    Service::RESET_COMMUNICATION,
-                    dut.node,
-                );
+            Self::PreOperational => {
+                settle::pre_operational(link, policy, dut)?;
+                return Ok(true);
             }
-            Self::ResetNode => {
-                return restart(link, policy, dut, baseline, Service::RESET_NODE, dut.node);
-            }
-            Self::ResetAll => {
-                return restart(link, policy, dut, baseline, Service::RESET_NODE, ALL_NODES);
-            }
+            Self::ResetCommunication => (Service::RESET_COMMUNICATION, dut.node),
+            Self::ResetNode => (Service::RESET_NODE, dut.node),
+            Self::ResetAll => (Service::RESET_NODE, ALL_NODES),
             Self::NodeId => {
-                return Ok(dut.eds.device.lss
-                    && node_id(link, dut, &baseline.identity)?
-                    && restart(
-                        link,
-                        policy,
-                        dut,
-                        baseline,
-                        Service::RESET_COMMUNICATION,
-                        ALL_NODES,
-                    )?);
+                if !dut.eds.device.lss || !node_id(link, dut, &baseline.identity)? {
+                    return Ok(false);
+                }
+                (Service::RESET_COMMUNICATION, ALL_NODES)
             }
-        }
-        Ok(true)
+        };
+        restart(link, policy, dut, baseline, reset)
     }
 }
 
@@ -121,8 +107,7 @@ fn restart(
     policy: &Policy,
     dut: &Dut,
     baseline: &Baseline,
-    service: Service,
-    node: u8,
+    (service, node): (Service, u8),
 ) -> Result<bool, BusError> {
     link.send(&Command { service, node }.frame())?;
     if !settle::booted(link, policy, dut, baseline)? {
