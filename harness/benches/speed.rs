@@ -2,7 +2,6 @@
 
 use std::hint::black_box;
 use std::process::{Command, Stdio};
-use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::sdo::block::LARGEST_BLOCK;
@@ -49,17 +48,7 @@ fn whole_run(bench: &mut Criterion) {
 fn sdo_round_trips(bench: &mut Criterion) {
     let (device, node) = (drr460(), 5);
     let sheet = eds::read(device.eds_text().as_bytes()).eds;
-    let dut = Dut {
-        name: "drr460".to_owned(),
-        node,
-        eds: Arc::new(sheet),
-        sheet: Arc::default(),
-        bench: Vec::new(),
-        own_bench: false,
-        bit_rate: Some(1_000_000),
-        without: Vec::new(),
-        told: None,
-    };
+    let dut = Dut { bit_rate: Some(1_000_000), ..Dut::new("drr460", node, sheet) };
     let policy = Policy::at_bit_rate(BIT_RATE);
     let mut bus = VirtualBus::new(BIT_RATE);
     bus.attach(device.node(node, Box::new(Specification)));

@@ -35,6 +35,21 @@ pub struct Dut {
 }
 
 impl Dut {
+    /// A device of which only the data sheet is known.
+    pub fn new(name: impl Into<String>, node: u8, eds: Eds) -> Self {
+        Self {
+            name: name.into(),
+            node,
+            eds: Arc::new(eds),
+            sheet: Arc::default(),
+            bench: Vec::new(),
+            own_bench: false,
+            bit_rate: None,
+            without: Vec::new(),
+            told: None,
+        }
+    }
+
     /// The whole number that the data sheet gives as default at `mux`.
     pub fn default_int(&self, mux: Mux) -> Option<i128> {
         let entry = self.eds.entry(mux)?;

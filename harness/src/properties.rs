@@ -151,17 +151,7 @@ pub fn journal_read(bytes: &[u8]) {
 
 static SHEET: LazyLock<Dut> = LazyLock::new(|| {
     let eds: Eds = eds::read(DRR460.eds_text().as_bytes()).eds;
-    Dut {
-        name: "drr460".to_owned(),
-        node: NODE,
-        eds: Arc::new(eds),
-        sheet: Arc::default(),
-        bench: Vec::new(),
-        own_bench: false,
-        bit_rate: Some(1_000_000),
-        without: Vec::new(),
-        told: None,
-    }
+    Dut { bit_rate: Some(1_000_000), ..Dut::new("drr460", NODE, eds) }
 });
 
 const REGISTER: &str = "\

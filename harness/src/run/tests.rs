@@ -125,17 +125,7 @@ fn run(bus: &mut Odd, cases: usize, steps: &str) -> Ran {
         [source("suites/requirements/any.yaml", REGISTER), source("suites/any.yaml", &text)];
     let library = Library::from_sources(&sources).unwrap();
     let eds = eds::read(devices::device("drr460").unwrap().eds_text().as_bytes()).eds;
-    let dut = Dut {
-        name: "drr460".to_owned(),
-        node: NODE,
-        eds: Arc::new(eds),
-        sheet: Arc::default(),
-        bench: Vec::new(),
-        own_bench: false,
-        bit_rate: Some(BIT_RATE),
-        without: Vec::new(),
-        told: None,
-    };
+    let dut = Dut { bit_rate: Some(BIT_RATE), ..Dut::new("drr460", NODE, eds) };
     let plan = plan::plan(&library, &dut, &BTreeMap::new()).unwrap();
     let stop = AtomicBool::new(false);
     let session = Session {

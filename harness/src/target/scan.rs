@@ -1,6 +1,5 @@
 //! Finding out who is on a bus.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::catalogue::{self, Profile};
@@ -109,17 +108,7 @@ fn answering(link: &mut Link, nodes: std::ops::RangeInclusive<u8>) -> Result<Vec
 
 fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
     let policy = Policy::at_bit_rate(125_000);
-    let dut = Dut {
-        name: String::new(),
-        node,
-        eds: Arc::new(Eds::default()),
-        sheet: Arc::default(),
-        bench: Vec::new(),
-        own_bench: false,
-        bit_rate: None,
-        without: Vec::new(),
-        told: None,
-    };
+    let dut = Dut::new("", node, Eds::default());
     let identity = identity(link, &policy, &dut)?;
     let name = read_text(link, &policy, node, DEVICE_NAME)?;
     let device = devices::names().find(|name| {

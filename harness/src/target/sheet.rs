@@ -58,15 +58,10 @@ pub(crate) fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
 pub(crate) fn dut_of_file(selection: &Selection, path: &Path) -> Result<Dut, Refused> {
     let (sheet, eds) = read_eds(path)?;
     Ok(Dut {
-        name: name_of(selection, path),
-        node: selection.node.unwrap_or(1),
-        eds: Arc::new(eds),
         sheet: Arc::new(sheet),
-        bench: Vec::new(),
-        own_bench: false,
         bit_rate: selection.bitrate.or(Some(DEFAULT_BIT_RATE)),
         without: selection.without.clone(),
-        told: None,
+        ..Dut::new(name_of(selection, path), selection.node.unwrap_or(1), eds)
     })
 }
 
