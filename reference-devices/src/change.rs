@@ -6,6 +6,7 @@ mod data;
 mod frame;
 mod origin;
 mod patch;
+mod profile;
 mod settings;
 mod sheet;
 
@@ -48,7 +49,11 @@ impl Deviation {
 
     /// Whether the data sheet is another one, and so is every plan made from it.
     pub fn changes_data_sheet(&self) -> bool {
-        self.parts.iter().any(|(change, _)| matches!(change, Change::Eds(_) | Change::Object(_)))
+        self.parts.iter().any(|(change, _)| match change {
+            Change::Eds(_) | Change::Object(_) => true,
+            Change::Profile(patch) => patch.moves_objects(),
+            _ => false,
+        })
     }
 
     /// Whether the data sheet can be wrong about the device.
@@ -63,10 +68,12 @@ impl Deviation {
     pub fn described(&self, device: &ReferenceDevice) -> Result<ReferenceDevice, Complaint> {
         let mut device = device.clone();
         for (change, origin) in &self.parts {
-            if let Change::Object(patch) = change {
-                let applied = patch.apply(&mut device.description.eds);
-                applied.map_err(|wrong| origin.refuse(&wrong.below(&["object"])))?;
-            }
+            let (key, applied) = match change {
+                Change::Object(patch) => ("object", patch.apply(&mut device.description.eds)),
+                Change::Profile(patch) => ("profile", patch.apply(&mut device.description)),
+                _ => continue,
+            };
+            applied.map_err(|wrong| origin.refuse(&wrong.below(&[key])))?;
         }
         device.description.count_pdos();
         Ok(device)
@@ -112,7 +119,7 @@ impl Deviation {
                     patch.apply(&mut eds).map_err(|wrong| refuse(wrong.below(&["dictionary"])))?;
                 }
                 Change::Settings(patch) => patch.apply(&mut settings),
-                Change::Object(_) | Change::Eds(_) | Change::Frame(_) => {}
+                Change::Object(_) | Change::Profile(_) | Change::Eds(_) | Change::Frame(_) => {}
             }
         }
         let behaviour = match behaviour {

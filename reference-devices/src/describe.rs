@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use canopen::Mux;
-use canopen::catalogue::{Catalogue, Mapping, ObjectFacts, Scalar};
+use canopen::catalogue::{Block, Catalogue, Mapping, ObjectFacts, Profile, Scalar};
 use canopen::eds::{self, Eds};
 use canopen::source::{At, Complaint, Outline, Source, read_yaml};
 
@@ -38,6 +38,10 @@ pub struct Description {
     pub behaviour: String,
     /// Options of its profiles that it does not have.
     pub without: Vec<String>,
+    /// Bits and codes, by the names that its profiles have for them.
+    pub names: BTreeMap<String, i64>,
+    /// Groups of objects that its profiles repeat.
+    pub blocks: BTreeMap<String, Block>,
     /// Node id when nothing else is said.
     pub default_node: u8,
     /// The data sheet.
@@ -119,6 +123,8 @@ impl Description {
     ) -> Result<Self, Vec<Complaint>> {
         let values = |texts: Vec<At<String>>| texts.into_iter().map(|at| at.value).collect();
         let mut described = Self {
+            names: of_profiles(&file.profiles, known, |profile| &profile.names),
+            blocks: of_profiles(&file.profiles, known, |profile| &profile.blocks),
             eds: Eds {
                 file: file.file_info(),
                 device: file.device_info(),
@@ -191,6 +197,20 @@ impl Description {
         self.eds.device.rpdo_count = rpdos;
         self.eds.device.tpdo_count = tpdos;
     }
+}
+
+/// What the profiles of a device have by name; the first one that has a name decides.
+fn of_profiles<'k, T: Clone + 'k>(
+    profiles: &[At<String>],
+    known: Known<'k>,
+    part: impl Fn(&'k Profile) -> &'k BTreeMap<String, T>,
+) -> BTreeMap<String, T> {
+    let profiles = profiles.iter().filter_map(|name| known.catalogue.profile(&name.value));
+    let mut found = BTreeMap::new();
+    for (name, value) in profiles.flat_map(Profile::chain).flat_map(part) {
+        found.entry(name.clone()).or_insert_with(|| value.clone());
+    }
+    found
 }
 
 /// Gives 1018h the numbers from the head of the file where the object has no others.

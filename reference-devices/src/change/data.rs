@@ -4,6 +4,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::patch::Patch;
+use super::profile::ProfilePatch;
 use super::settings::SettingsPatch;
 use super::sheet::SheetPatch;
 
@@ -42,6 +43,9 @@ pub(crate) enum Change {
     Dictionary(Patch),
     /// In the dictionary and in the data sheet alike: another device, described as it is.
     Object(Patch),
+    /// In what the device takes from its profiles, where the catalogue has decided what a document
+    /// leaves open: another device, described as it is.
+    Profile(ProfilePatch),
     /// In a decision of the stack.
     Rule(String),
     /// In what the device is and a data sheet does not state.

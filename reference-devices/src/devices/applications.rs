@@ -56,8 +56,8 @@ const APPLICATIONS: &[Application] = &[
     },
     Application {
         name: "em66",
-        build: |device| Box::new(Em66::new(&device.without)),
-        deviating: |device, name| Some(Box::new(Em66::deviating(&device.without, name)?)),
+        build: |device| Box::new(Em66::new(device)),
+        deviating: |device, name| Some(Box::new(Em66::deviating(device, name)?)),
         deviations: || Em66::deviations().collect(),
     },
     Application {

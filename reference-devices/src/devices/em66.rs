@@ -24,10 +24,12 @@ use std::time::Duration;
 
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, Value};
 
+use crate::describe::Description;
 use crate::stack::{Behaviour, Errors};
 
 use alarm::Alarms;
 use bench::Stimuli;
+use codes::Codes;
 use controller::Controller;
 use faults::Faults;
 use objects::{DIFFERENCE, EXTERNAL_SENSOR, FLOW, INTAKE_PRESSURE, MAIN_LINE, RETURN_LINE, set};
@@ -40,6 +42,7 @@ use rules::{Conformant, Em66Rules};
 pub(super) struct Em66 {
     rules: Box<dyn Em66Rules>,
     options: Options,
+    codes: Codes,
     process: Process,
     stimuli: Stimuli,
     faults: Faults,
@@ -160,14 +163,14 @@ enum Pump {
 }
 
 impl Em66 {
-    /// A device at ambient temperature that keeps to the document and lacks these options.
-    pub(super) fn new(without: &[String]) -> Self {
-        Self::with(Box::new(Conformant), without)
+    /// A device at ambient temperature that keeps to the document.
+    pub(super) fn new(device: &Description) -> Self {
+        Self::with(Box::new(Conformant), device)
     }
 
     /// The device that takes the decision of that name otherwise; `None` when there is none.
-    pub(super) fn deviating(without: &[String], name: &str) -> Option<Self> {
-        Some(Self::with(rules::named(name)?, without))
+    pub(super) fn deviating(device: &Description, name: &str) -> Option<Self> {
+        Some(Self::with(rules::named(name)?, device))
     }
 
     /// The names that [`deviating`](Self::deviating) knows.
@@ -175,8 +178,9 @@ impl Em66 {
         rules::names()
     }
 
-    fn with(rules: Box<dyn Em66Rules>, without: &[String]) -> Self {
-        let has = |option: &str| !without.iter().any(|lacking| lacking == option);
+    fn with(rules: Box<dyn Em66Rules>, device: &Description) -> Self {
+        let has = |option: &str| !device.without.iter().any(|lacking| lacking == option);
+        let codes = Codes::of(&device.names);
         let options = Options {
             suction: has("suction"),
             evacuation: has("evacuation"),
@@ -186,12 +190,13 @@ impl Em66 {
         Self {
             rules,
             options,
+            codes,
             process: Process::new(),
             stimuli: Stimuli::default(),
             faults: Faults::default(),
-            operation: Operation::default(),
-            controller: Controller::new(),
-            alarms: Alarms::default(),
+            operation: Operation::new(codes),
+            controller: Controller::new(codes),
+            alarms: Alarms::new(device.blocks.get("alarm"), codes),
             drive: Drive::default(),
             next_sample: Instant::ZERO + PERIOD,
             touched: true,
@@ -216,7 +221,7 @@ impl Behaviour for Em66 {
         self.touched = true;
         self.stimuli.fit(od);
         self.faults = Faults::default();
-        self.operation = Operation::default();
+        self.operation = Operation::new(self.codes);
         self.controller.restart();
         self.alarms.reset(od, &*self.rules);
     }

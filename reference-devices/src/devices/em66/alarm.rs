@@ -5,15 +5,12 @@
 //! is refused. So the order of the document leads through, and most others do, too. What is left
 //! of an earlier use does not stand in the way of it: a link takes what it has no use for away.
 
-use std::array;
-
-use canopen::catalogue::{self, Block};
-use canopen::pdo::Mapping;
+use canopen::catalogue::Block;
 use canopen::{Abort, Dictionary, Mux};
 
 use super::Duty;
 use super::alarm_kinds::{AlarmType, Quantity, SetPoints, Wait};
-use super::codes::CODES;
+use super::codes::Codes;
 use super::objects::{
     CONTROL_BYTE, DIFFERENCE, EFFECTIVE_SET_POINT, EFFECTIVE_VALUE, EXTERNAL_SENSOR, FLOW,
     INTAKE_PRESSURE, MAIN_LINE, RETURN_LINE, SECOND_SET_POINT, SET_POINT, value,
@@ -22,7 +19,7 @@ use super::rules::Em66Rules;
 
 /// The alarm block.
 pub(super) struct Alarms {
-    alarms: [Alarm; COUNT],
+    alarms: Vec<Alarm>,
     start: Start,
 }
 
@@ -66,33 +63,22 @@ struct Start {
     on: bool,
     set_points: SetPoints,
     waiting: bool,
-}
-
-impl Default for Alarms {
-    /// Sixteen alarms that are disabled.
-    ///
-    /// # Panics
-    /// When the catalogue lacks the alarm block or one of its objects.
-    fn default() -> Self {
-        let profile = catalogue::profile("cia404").expect("the profile of the alarm block");
-        let block = profile.block("alarm").expect("the alarm block");
-        Self {
-            alarms: array::from_fn(|place| Alarm {
-                objects: Objects::of(block, place as u8 + 1),
-                setup: Setup::default(),
-                kind: AlarmType::OFF,
-                on: false,
-            }),
-            start: Start { on: false, set_points: SetPoints::default(), waiting: true },
-        }
-    }
+    codes: Codes,
 }
 
 impl Alarms {
+    /// The alarms of a block, which are disabled; none without a block or one of its objects.
+    pub(super) fn new(block: Option<&Block>, codes: Codes) -> Self {
+        let numbers = 1..=block.map_or(0, |block| block.count);
+        let objects = numbers.filter_map(|number| Objects::of(block?, number));
+        Self { alarms: objects.map(Alarm::new).collect(), start: Start::new(codes) }
+    }
+
     /// Starts anew with what the objects hold.
     pub(super) fn reset(&mut self, od: &mut Dictionary, rules: &dyn Em66Rules) {
-        *self = Self::default();
+        self.start = Start::new(self.start.codes);
         for alarm in &mut self.alarms {
+            (alarm.kind, alarm.on) = (AlarmType::OFF, false);
             alarm.setup = Setup::of(&alarm.objects, od);
             od.set_int(alarm.objects.state, rules.alarm_state(false));
         }
@@ -193,6 +179,10 @@ impl Alarms {
 }
 
 impl Alarm {
+    fn new(objects: Objects) -> Self {
+        Self { objects, setup: Setup::default(), kind: AlarmType::OFF, on: false }
+    }
+
     fn watch(&mut self, waiting: bool, od: &mut Dictionary, rules: &dyn Em66Rules) {
         let kind = rules.alarm_type(self.setup.kind, self.kind);
         let before = self.on && kind == self.kind;
@@ -211,17 +201,17 @@ impl Alarm {
 }
 
 impl Objects {
-    fn of(block: &Block, alarm: u8) -> Self {
-        let object = |name| block.object(name, alarm).expect("an object of the alarm block");
-        Self {
-            link: object("link"),
-            alternate: object("alternate"),
-            level: object("level"),
-            hysteresis: object("hysteresis"),
-            state: object("state"),
-            kind: object("type"),
-            action: object("action"),
-        }
+    fn of(block: &Block, alarm: u8) -> Option<Self> {
+        let object = |name| block.object(name, alarm);
+        Some(Self {
+            link: object("link")?,
+            alternate: object("alternate")?,
+            level: object("level")?,
+            hysteresis: object("hysteresis")?,
+            state: object("state")?,
+            kind: object("type")?,
+            action: object("action")?,
+        })
     }
 
     fn have(&self, mux: Mux) -> bool {
@@ -257,8 +247,8 @@ impl Setup {
 
     /// The same without what its link has no use for, which nobody misses while it is off.
     fn fitted(self, od: &Dictionary, rules: &dyn Em66Rules) -> Self {
-        let input = quantity(self.link, PROCESS_VALUES, od);
-        let alternate = quantity(self.alternate, COMPARABLE, od);
+        let input = quantity(self.link, PROCESS_VALUES, od, rules);
+        let alternate = quantity(self.alternate, COMPARABLE, od, rules);
         if self.kind != AlarmType::OFF {
             return self;
         }
@@ -272,8 +262,8 @@ impl Setup {
 
     /// Whether the device can do that.
     fn is_possible(&self, od: &Dictionary, rules: &dyn Em66Rules) -> bool {
-        let input = quantity(self.link, PROCESS_VALUES, od);
-        let alternate = quantity(self.alternate, COMPARABLE, od);
+        let input = quantity(self.link, PROCESS_VALUES, od, rules);
+        let alternate = quantity(self.alternate, COMPARABLE, od, rules);
         let linked = self.link == NONE || rules.alarm_monitors(input);
         let compared = self.alternate == NONE || rules.alarm_compares(input, alternate);
         let sided = !self.kind.is_difference()
@@ -296,11 +286,11 @@ impl Setup {
     ) -> bool {
         let read = |link: u32| match link {
             NONE => None,
-            link => od.int(rules.alarm_input(Mapping::decode(link).mux)),
+            link => od.int(rules.alarm_input(linked(link, COMPARABLE, rules)?.0)),
         };
         let Some(input) = read(self.link) else { return false };
         let alternate = read(self.alternate);
-        let fixed = quantity(self.link, PROCESS_VALUES, od) == Some(Quantity::Flow);
+        let fixed = quantity(self.link, PROCESS_VALUES, od, rules) == Some(Quantity::Flow);
         let hysteresis = if fixed { FLOW_HYSTERESIS } else { self.hysteresis };
         compare(kind, &Sides { input, alternate, level: self.level, hysteresis, before }, rules)
     }
@@ -334,13 +324,18 @@ fn compare(kind: AlarmType, sides: &Sides, rules: &dyn Em66Rules) -> bool {
 }
 
 impl Start {
+    const fn new(codes: Codes) -> Self {
+        let set_points = SetPoints { first: 0, second: 0, is_second: false };
+        Self { on: false, set_points, waiting: true, codes }
+    }
+
     fn watch(&mut self, duty: &Duty, od: &Dictionary, rules: &dyn Em66Rules) {
         // While switching off, the controller does not approach the set point.
         let on = duty.on && !duty.cooling_down && !duty.evacuating;
         let now = SetPoints {
             first: value(od, SET_POINT),
             second: value(od, SECOND_SET_POINT),
-            is_second: value(od, CONTROL_BYTE) & CODES.control_second != 0,
+            is_second: value(od, CONTROL_BYTE) & self.codes.control_second != 0,
         };
         let changed = rules.alarm_set_point_changed(self.set_points, now);
         let begins = (on && !self.on && rules.alarm_starts_waiting(Wait::SwitchedOn))
@@ -352,12 +347,24 @@ impl Start {
     }
 }
 
-/// What kind of value a link names: one of `objects` that the device has, written as a PDO mapping
-/// entry.
-fn quantity(link: u32, objects: &[(Mux, Quantity)], od: &Dictionary) -> Option<Quantity> {
-    let (mux, quantity) =
-        objects.iter().find(|(mux, _)| Mapping { mux: *mux, bits: 16 }.encode() == link)?;
-    od.entry(*mux).map(|_| *quantity)
+/// What kind of value a link names: one of `objects` that the device has.
+fn quantity(
+    link: u32,
+    objects: &[(Mux, Quantity)],
+    od: &Dictionary,
+    rules: &dyn Em66Rules,
+) -> Option<Quantity> {
+    let (mux, quantity) = linked(link, objects, rules)?;
+    od.entry(mux).map(|_| quantity)
+}
+
+/// Which one of `objects` a link names.
+fn linked(
+    link: u32,
+    objects: &[(Mux, Quantity)],
+    rules: &dyn Em66Rules,
+) -> Option<(Mux, Quantity)> {
+    objects.iter().find(|(mux, _)| rules.alarm_link(*mux) == link).copied()
 }
 
 /// The number in the bytes of a write, with its sign.
@@ -370,8 +377,6 @@ fn number(bytes: &[u8]) -> i64 {
     }
 }
 
-/// How many alarms there are.
-const COUNT: usize = 16;
 /// A link to nothing.
 const NONE: u32 = 0;
 /// The flow must come back by half a litre a minute.

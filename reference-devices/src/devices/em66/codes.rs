@@ -1,12 +1,10 @@
-//! Bits and codes of CiA 404, which is not public: what the catalogue decides is meant here, too.
+//! Bits and codes of CiA 404, which is not public: the device takes them from its profile.
 
-use std::sync::LazyLock;
+use std::collections::BTreeMap;
 
-use canopen::catalogue;
-
-/// The bits of 6425h and 6427h and the codes of 6423h.
+/// The bits of 6425h and 6427h and the codes of 6423h; 0 where the profile has no such name.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Codes {
+pub(crate) struct Codes {
     /// Bits of 6425h.
     pub(super) control_on: i64,
     pub(super) control_tune: i64,
@@ -20,18 +18,19 @@ pub(super) struct Codes {
     pub(super) manual: i64,
 }
 
-/// As the catalogue has them.
-pub(super) static CODES: LazyLock<Codes> = LazyLock::new(|| {
-    let profile = catalogue::profile("em66").expect("it is part of the program");
-    let code = |name| profile.code(name).expect("the catalogue has the codes of CiA 404");
-    Codes {
-        control_on: code("control-on"),
-        control_tune: code("control-tune"),
-        control_second: code("control-second"),
-        status_on: code("status-on"),
-        status_tune: code("status-tune"),
-        status_manual: code("status-manual"),
-        status_second: code("status-second"),
-        manual: code("manual"),
+impl Codes {
+    /// As the names of a profile have them.
+    pub(super) fn of(names: &BTreeMap<String, i64>) -> Self {
+        let code = |name| names.get(name).copied().unwrap_or_default();
+        Self {
+            control_on: code("control-on"),
+            control_tune: code("control-tune"),
+            control_second: code("control-second"),
+            status_on: code("status-on"),
+            status_tune: code("status-tune"),
+            status_manual: code("status-manual"),
+            status_second: code("status-second"),
+            manual: code("manual"),
+        }
     }
-});
+}

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use canopen::{Abort, Dictionary, Mux};
 
-use super::codes::CODES;
+use super::codes::Codes;
 use super::objects::{
     CONTROL_BYTE, COOLING_RAMP, EFFECTIVE_SET_POINT, EFFECTIVE_VALUE, HEATING_RAMP, LOWER_LIMIT,
     NO_SENSOR, OPERATING_MODE, OUTPUT, SECOND_SET_POINT, SET_POINT, STATUS, UPPER_LIMIT, set,
@@ -24,6 +24,7 @@ use relay::{Relay, Step};
 /// What the controller remembers.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Controller {
+    codes: Codes,
     ramp: Ramp,
     /// The set point that was chosen last.
     chosen: i64,
@@ -52,8 +53,9 @@ struct Sight<'a> {
 
 impl Controller {
     /// A controller as it was commissioned.
-    pub(super) const fn new() -> Self {
+    pub(super) const fn new(codes: Codes) -> Self {
         Self {
+            codes,
             ramp: Ramp::new(),
             chosen: 0,
             pid: Pid::new(),
@@ -66,7 +68,7 @@ impl Controller {
     /// Begins anew after a reset. The parameters stay: they are stored in the device (3.2).
     pub(super) const fn restart(&mut self) {
         let gains = self.pid.gains;
-        *self = Self::new();
+        *self = Self::new(self.codes);
         self.pid.gains = gains;
     }
 
@@ -92,9 +94,10 @@ impl Controller {
         od: &mut Dictionary,
         rules: &dyn Em66Rules,
     ) -> Drive {
+        let codes = self.codes;
         let control = value(od, CONTROL_BYTE);
-        let manual = value(od, OPERATING_MODE) == CODES.manual;
-        let second = rules.second_set_point(control & CODES.control_second != 0);
+        let manual = value(od, OPERATING_MODE) == codes.manual;
+        let second = rules.second_set_point(control & codes.control_second != 0);
         let chosen = value(od, if second { SECOND_SET_POINT } else { SET_POINT });
         let effective = sensed.effective(duty.mode);
         let shown = rules.effective_value(effective.unwrap_or(NO_SENSOR));
@@ -103,7 +106,7 @@ impl Controller {
         let (low, high) = limits(od, rules);
         let missing = effective.map(|effective| self.ramp.present() - effective as f64);
         let missing = missing.map(|missing| rules.missing(missing));
-        let asked = options.self_optimisation && control & CODES.control_tune != 0;
+        let asked = options.self_optimisation && control & codes.control_tune != 0;
         self.tune(asked, duty, manual, missing, rules);
         let sampled = !elapsed.is_zero();
         let sight = Sight { duty, sampled, missing, manual, low, high };
@@ -115,13 +118,13 @@ impl Controller {
         set(od, OUTPUT, rules.output_shown(self.output) & 0xFFFF);
         let tunes = self.relay.is_some();
         let bits = [
-            (duty.on, CODES.status_on),
-            (tunes, CODES.status_tune),
-            (manual, CODES.status_manual),
-            (second, CODES.status_second),
+            (duty.on, codes.status_on),
+            (tunes, codes.status_tune),
+            (manual, codes.status_manual),
+            (second, codes.status_second),
         ];
         let status = bits.iter().filter(|(is_set, _)| *is_set).map(|(_, bit)| bit).sum();
-        set(od, STATUS, rules.status_shown(status));
+        set(od, STATUS, rules.status_shown(status, &codes));
         Drive { output: self.output, pump: pump(duty), draining: duty.evacuating }
     }
 

@@ -5,12 +5,12 @@
 
 use std::time::Duration;
 
-use canopen::catalogue;
+use canopen::catalogue::Block;
 use canopen::nmt::{Command, Service};
 use canopen::pdo::Mapping;
 use canopen::{Bus, Data, Frame, Instant, Mux, Value, VirtualBus, sync};
 
-use super::codes::CODES;
+use super::codes::Codes;
 use super::objects::{
     CONTROL_BYTE, CONTROL_WORD, COOLING_RAMP, HEATING_RAMP, SECOND_SET_POINT, SET_POINT,
     SWITCH_OFF_MODE,
@@ -29,8 +29,8 @@ pub struct Sample {
     pub set_point: i16,
     /// Heating is positive and cooling negative, in tenths of a percent, 6410h.
     pub output: i16,
-    /// 6427h.
-    status: u16,
+    /// Of 6427h: on, self-optimisation, second set point.
+    status: [bool; 3],
     /// Return line, 3020h.
     pub return_line: i16,
     /// The mould, 3040h.
@@ -43,18 +43,18 @@ pub struct Sample {
 
 impl Sample {
     /// The controller is on.
-    pub fn on(&self) -> bool {
-        i64::from(self.status) & CODES.status_on != 0
+    pub const fn on(&self) -> bool {
+        self.status[0]
     }
 
     /// Self-optimisation is going on.
-    pub fn optimises(&self) -> bool {
-        i64::from(self.status) & CODES.status_tune != 0
+    pub const fn optimises(&self) -> bool {
+        self.status[1]
     }
 
     /// The second set point is in force.
-    pub fn second_set_point(&self) -> bool {
-        i64::from(self.status) & CODES.status_second != 0
+    pub const fn second_set_point(&self) -> bool {
+        self.status[2]
     }
 
     /// Suction mode is on.
@@ -85,7 +85,8 @@ impl Sample {
 pub fn run(device: &ReferenceDevice) -> Vec<Sample> {
     let mut control = MachineControl::new(device);
     control.prepare();
-    let bits = CODES.control_on as u8;
+    let codes = control.codes;
+    let bits = codes.control_on as u8;
     control.until(60);
     control.write(SET_POINT, &800u16.to_le_bytes());
     control.write(SECOND_SET_POINT, &600u16.to_le_bytes());
@@ -93,11 +94,11 @@ pub fn run(device: &ReferenceDevice) -> Vec<Sample> {
     control.write(COOLING_RAMP, &30u16.to_le_bytes());
     control.write(CONTROL_BYTE, &[bits]);
     control.until(2 * 60);
-    control.write(alarm("type"), &[BELOW]);
+    control.write(control.alarm("type"), &[BELOW]);
     control.until(17 * 60);
-    control.write(CONTROL_BYTE, &[bits | CODES.control_tune as u8]);
+    control.write(CONTROL_BYTE, &[bits | codes.control_tune as u8]);
     control.until(22 * 60);
-    control.write(CONTROL_BYTE, &[bits | CODES.control_second as u8]);
+    control.write(CONTROL_BYTE, &[bits | codes.control_second as u8]);
     control.until(32 * 60);
     control.write(CONTROL_BYTE, &[bits]);
     control.until(42 * 60);
@@ -109,18 +110,12 @@ pub fn run(device: &ReferenceDevice) -> Vec<Sample> {
     control.until(47 * 60);
     control.write(CONTROL_WORD, &[0]);
     control.until(50 * 60);
-    control.write(alarm("type"), &[0]);
+    control.write(control.alarm("type"), &[0]);
     // First cool down, then evacuate, then switch off.
     control.write(SWITCH_OFF_MODE, &[4]);
     control.write(CONTROL_BYTE, &[0]);
     control.until(60 * 60);
     control.samples
-}
-
-/// An object of the first alarm, which watches the flow while the pump runs (3.3).
-fn alarm(object: &str) -> Mux {
-    let block = catalogue::profile("em66").and_then(|profile| profile.block("alarm"));
-    block.and_then(|block| block.object(object, 1)).expect("an object of the alarm block")
 }
 
 const BELOW: u8 = 3;
@@ -129,6 +124,8 @@ const BELOW: u8 = 3;
 struct MachineControl {
     bus: VirtualBus<'static>,
     node: u8,
+    codes: Codes,
+    alarm: Block,
     /// What the TPDOs reported since the last SYNC.
     latest: Sample,
     samples: Vec<Sample>,
@@ -141,9 +138,16 @@ impl MachineControl {
         let mut bus = VirtualBus::new(250_000);
         bus.attach(device.node(node, Box::new(Specification)));
         let samples = Vec::with_capacity(1800);
-        let mut control = Self { bus, node, latest: Sample::default(), samples };
+        let codes = Codes::of(&device.description.names);
+        let alarm = device.description.blocks["alarm"].clone();
+        let mut control = Self { bus, node, codes, alarm, latest: Sample::default(), samples };
         control.listen(Instant::ZERO + Duration::from_millis(100));
         control
+    }
+
+    /// An object of the first alarm, which watches the flow while the pump runs (3.3).
+    fn alarm(&self, object: &str) -> Mux {
+        self.alarm.object(object, 1).expect("an object of the alarm block")
     }
 
     /// Maps what the hour is about into three TPDOs that SYNC asks for, and parameterises an alarm
@@ -151,10 +155,10 @@ impl MachineControl {
     fn prepare(&mut self) {
         self.map(0, &[0x7400_0110, 0x7401_0110, 0x6410_0110, 0x6427_0110]);
         self.map(1, &[0x3020_0110, 0x3040_0110, 0x3050_0110]);
-        let state = Mapping { mux: alarm("state"), bits: 8 }.encode();
+        let state = Mapping { mux: self.alarm("state"), bits: 8 }.encode();
         self.map(2, &[0x2002_0108, 0x2007_0108, state]);
-        self.write(alarm("link"), &0x3050_0110u32.to_le_bytes());
-        self.write(alarm("level"), &200u16.to_le_bytes());
+        self.write(self.alarm("link"), &0x3050_0110u32.to_le_bytes());
+        self.write(self.alarm("level"), &200u16.to_le_bytes());
         self.send(&Command { service: Service::START, node: self.node }.frame());
     }
 
@@ -230,7 +234,10 @@ impl MachineControl {
         match id.checked_sub(self.node.into()) {
             Some(0x180) => {
                 (latest.effective, latest.set_point) = (word(0), word(1));
-                (latest.output, latest.status) = (word(2), word(3) as u16);
+                latest.output = word(2);
+                let codes = self.codes;
+                latest.status = [codes.status_on, codes.status_tune, codes.status_second]
+                    .map(|bit| i64::from(word(3)) & bit != 0);
             }
             Some(0x280) => {
                 (latest.return_line, latest.mould, latest.flow) = (word(0), word(1), word(2));

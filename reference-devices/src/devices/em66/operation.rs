@@ -2,7 +2,7 @@
 
 use canopen::{Abort, Dictionary, Mux};
 
-use super::codes::CODES;
+use super::codes::Codes;
 use super::objects::{
     CONTROL_BYTE, CONTROL_ERRORS, CONTROL_WORD, CONTROLLER_MODE, CONTROLLER_MODE_DISPLAY,
     EXTERNAL_SENSOR, FAILURE_RESET, RETURN_LINE, SECOND_SET_POINT, SET_POINT, STATUS_INFORMATION,
@@ -14,14 +14,21 @@ use super::switch_off::SwitchOff;
 use super::{Duty, External, Mode, Options, Sensed};
 
 /// What was asked for and what became of it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Operation {
+    codes: Codes,
     mode: Mode,
     switch_off: SwitchOff,
     suction: Suction,
 }
 
 impl Operation {
+    /// A device that was asked for nothing.
+    pub(super) fn new(codes: Codes) -> Self {
+        let (mode, switch_off, suction) = Default::default();
+        Self { codes, mode, switch_off, suction }
+    }
+
     /// Whether the device takes what is about to be written: it refuses what it has not got.
     pub(super) fn check(
         mux: Mux,
@@ -79,7 +86,7 @@ impl Operation {
         od: &mut Dictionary,
         rules: &dyn Em66Rules,
     ) -> Duty {
-        let asked = value(od, CONTROL_BYTE) & CODES.control_on != 0;
+        let asked = value(od, CONTROL_BYTE) & self.codes.control_on != 0;
         self.switch_off.decide(asked, sensed, rules);
         self.suction.decide(&self.situation(sensed, options, od, rules), rules);
         self.show(od, rules);
@@ -102,7 +109,7 @@ impl Operation {
         od: &Dictionary,
         rules: &dyn Em66Rules,
     ) -> Situation {
-        let second = value(od, CONTROL_BYTE) & CODES.control_second != 0;
+        let second = value(od, CONTROL_BYTE) & self.codes.control_second != 0;
         let first = value(od, SET_POINT);
         let chosen = if second { value(od, SECOND_SET_POINT) } else { first };
         Situation {

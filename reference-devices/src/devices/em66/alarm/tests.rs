@@ -104,8 +104,8 @@ fn links_are_mapping_entries_of_what_the_device_measures() {
         (0x5FFF_0110, None, None),
     ];
     for (link, input, alternate) in table {
-        assert_eq!(quantity(link, PROCESS_VALUES, &od), input, "{link:08X}");
-        assert_eq!(quantity(link, COMPARABLE, &od), alternate, "{link:08X}");
+        assert_eq!(quantity(link, PROCESS_VALUES, &od, &Conformant), input, "{link:08X}");
+        assert_eq!(quantity(link, COMPARABLE, &od, &Conformant), alternate, "{link:08X}");
     }
 }
 
@@ -163,8 +163,7 @@ struct Fixture {
 
 impl Fixture {
     fn new() -> Self {
-        let mut fixture =
-            Self { od: dictionary(), alarms: Alarms::default(), duty: Duty::default() };
+        let mut fixture = Self { od: dictionary(), alarms: alarms(), duty: Duty::default() };
         fixture.alarms.reset(&mut fixture.od, &Conformant);
         fixture
     }
@@ -198,6 +197,11 @@ impl Fixture {
     fn value(&self, index: u16) -> i64 {
         value(&self.od, Mux::new(index, 1))
     }
+}
+
+fn alarms() -> Alarms {
+    let device = devices::device("em66").unwrap().description;
+    Alarms::new(device.blocks.get("alarm"), Codes::of(&device.names))
 }
 
 fn dictionary() -> Dictionary {

@@ -23,7 +23,7 @@ struct Plant {
 impl Plant {
     fn new(rules: Box<dyn Em66Rules>) -> Self {
         Self {
-            controller: Controller::new(),
+            controller: Controller::new(codes()),
             process: Process::new(),
             od: Dictionary::new(&devices::device("em66").unwrap().description.eds, 1).unwrap(),
             rules,
@@ -135,12 +135,12 @@ fn limits_hold_at_once_and_in_manual_mode() {
     plant.set(SET_POINT, 800).after(1, |_| {});
     assert_eq!(plant.output(), 1000);
     assert_eq!(plant.set(UPPER_LIMIT, 300).output(), 300);
-    plant.set(OPERATING_MODE, CODES.manual).set(SET_POINT, 0).after(1, |_| {});
+    plant.set(OPERATING_MODE, codes().manual).set(SET_POINT, 0).after(1, |_| {});
     assert_eq!(plant.output(), 300);
     assert_eq!(plant.set(UPPER_LIMIT, 200).output(), 200);
     plant.set(OPERATING_MODE, 0).after(1, |_| {});
     assert!(plant.output() < 0);
-    assert_eq!(plant.get(STATUS), CODES.status_on);
+    assert_eq!(plant.get(STATUS), codes().status_on);
 }
 
 #[test]
@@ -161,17 +161,17 @@ fn a_ramp_shows_in_the_set_point_and_the_process_follows() {
 fn self_optimisation_ends_with_parameters_that_control() {
     let mut plant = Plant::conformant();
     plant.set(SET_POINT, 500).after(600, |_| {});
-    plant.set(CONTROL_BYTE, CODES.control_on | CODES.control_tune);
-    assert_eq!(plant.get(STATUS) & CODES.status_tune, CODES.status_tune);
+    plant.set(CONTROL_BYTE, codes().control_on | codes().control_tune);
+    assert_eq!(plant.get(STATUS) & codes().status_tune, codes().status_tune);
     let mut seconds = 0;
-    while plant.get(STATUS) & CODES.status_tune != 0 {
+    while plant.get(STATUS) & codes().status_tune != 0 {
         plant.after(1, |_| {});
         seconds += 1;
         assert!(seconds < 1800, "it does not end");
     }
     assert_ne!(plant.controller.pid.gains, pid::Gains::COMMISSIONED);
     // The bit is still set, and nothing begins anew.
-    plant.after(300, |plant| assert_eq!(plant.get(STATUS), CODES.status_on));
+    plant.after(300, |plant| assert_eq!(plant.get(STATUS), codes().status_on));
     plant.after(60, |plant| assert!((plant.get(EFFECTIVE_VALUE) - 500).abs() <= 5));
     let gains = plant.controller.pid.gains;
     plant.controller.restart();
@@ -208,4 +208,8 @@ fn each_deviation_is_known_by_its_name() {
     assert!(named("never-heats").is_some());
     let mut plant = Plant::new(named("never-heats").unwrap());
     assert_eq!(plant.set(SET_POINT, 800).after(5, |_| {}).output(), 0);
+}
+
+fn codes() -> Codes {
+    Codes::of(&devices::device("em66").unwrap().description.names)
 }

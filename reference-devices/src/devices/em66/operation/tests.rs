@@ -15,9 +15,9 @@ struct Table {
 
 impl Table {
     fn without(options: &[&str]) -> Self {
-        let without: Vec<String> = options.iter().map(|name| (*name).to_owned()).collect();
-        let device = Em66::new(&without);
-        let eds = devices::device("em66").unwrap().description.eds;
+        let mut description = devices::device("em66").unwrap().description;
+        description.without = options.iter().map(|name| (*name).to_owned()).collect();
+        let (device, eds) = (Em66::new(&description), description.eds);
         let settings = NodeSettings::default();
         Self { fixture: Fixture::with(&eds, settings, Box::new(Specification), Box::new(device)) }
     }

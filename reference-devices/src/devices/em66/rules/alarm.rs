@@ -1,6 +1,7 @@
 //! What the alarm block decides (EUROMAP 66-2, 3.3).
 
 use canopen::Mux;
+use canopen::pdo::Mapping;
 
 use super::mutants;
 use crate::devices::em66::alarm_kinds::{AlarmType, Quantity, SetPoints, Wait};
@@ -94,6 +95,11 @@ pub(crate) trait AlarmRules {
     /// The state of an alarm that is off.
     fn alarm_state_while_off(&self, _before: bool) -> bool {
         false
+    }
+
+    /// A link names an object as an entry of a PDO mapping does.
+    fn alarm_link(&self, mux: Mux) -> u32 {
+        Mapping { mux, bits: 16 }.encode()
     }
 
     /// Where an object is read that an alarm is linked to.
@@ -334,6 +340,14 @@ mutants! {
     }
     "alarm-level-goes-before-alternate" {
         fn alarm_reference(&self, level: i64, _alternate: Option<i64>) -> i64 { level }
+    }
+    "alarm-links-without-length" {
+        fn alarm_link(&self, mux: Mux) -> u32 { Mapping { mux, bits: 0 }.encode() }
+    }
+    "alarm-links-with-index-first" {
+        fn alarm_link(&self, mux: Mux) -> u32 {
+            u32::from(mux.sub) << 16 | u32::from(mux.index)
+        }
     }
     "alarm-compares-with-end-of-ramp" {
         fn alarm_input(&self, mux: Mux) -> Mux {

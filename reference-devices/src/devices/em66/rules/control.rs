@@ -3,7 +3,7 @@
 use canopen::Mux;
 
 use super::mutants;
-use crate::devices::em66::codes::CODES;
+use crate::devices::em66::codes::Codes;
 
 /// The decisions of the controller block (3.2) and of the ramps (3.4.14).
 pub(crate) trait ControlRules {
@@ -61,7 +61,7 @@ pub(crate) trait ControlRules {
     }
 
     /// 6427h (3.2.2).
-    fn status_shown(&self, bits: i64) -> i64 {
+    fn status_shown(&self, bits: i64, _codes: &Codes) -> i64 {
         bits
     }
 
@@ -179,22 +179,22 @@ mutants! {
 
     // Status
     "status-on-inverted" {
-        fn status_shown(&self, bits: i64) -> i64 { bits ^ CODES.status_on }
+        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits ^ codes.status_on }
     }
     "status-without-self-optimisation" {
-        fn status_shown(&self, bits: i64) -> i64 { bits & !CODES.status_tune }
+        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits & !codes.status_tune }
     }
     "status-without-manual-mode" {
-        fn status_shown(&self, bits: i64) -> i64 { bits & !CODES.status_manual }
+        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits & !codes.status_manual }
     }
     "status-always-manual" {
-        fn status_shown(&self, bits: i64) -> i64 { bits | CODES.status_manual }
+        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits | codes.status_manual }
     }
     "status-without-second-set-point" {
-        fn status_shown(&self, bits: i64) -> i64 { bits & !CODES.status_second }
+        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits & !codes.status_second }
     }
     "status-always-second-set-point" {
-        fn status_shown(&self, bits: i64) -> i64 { bits | CODES.status_second }
+        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits | codes.status_second }
     }
 
     // Ramps
@@ -209,6 +209,9 @@ mutants! {
     }
     "cooling-ramp-per-second" {
         fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) { (heating, cooling * 60) }
+    }
+    "ramps-in-hundredths" {
+        fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) { (heating / 10, cooling / 10) }
     }
     "heating-ramp-in-whole-kelvin" {
         fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) { (heating / 10, cooling) }

@@ -3,6 +3,7 @@
 use canopen::Mux;
 
 use super::mutants;
+use crate::devices::em66::objects::NO_SENSOR;
 
 /// The decisions of the process values (2.3, 3.4.9 to 3.4.15).
 pub(crate) trait ValueRules {
@@ -27,6 +28,26 @@ mutants! {
 
     "values-in-whole-units" {
         fn shown(&self, _of: Mux, tenths: i64) -> i64 { tenths / 10 * 10 }
+    }
+    "lines-in-hundredths" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if matches!(of.index, 0x3010..=0x3030) { tenths * 10 } else { tenths }
+        }
+    }
+    "external-temperature-in-hundredths" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3040 && tenths != NO_SENSOR { tenths * 10 } else { tenths }
+        }
+    }
+    "flow-in-hundredths" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3050 { tenths * 10 } else { tenths }
+        }
+    }
+    "pressure-in-hundredths" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3080 { tenths * 10 } else { tenths }
+        }
     }
     "main-line-stands-still" {
         fn shown(&self, of: Mux, tenths: i64) -> i64 {
