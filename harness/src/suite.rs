@@ -8,6 +8,7 @@ pub(crate) mod literal;
 mod loaded;
 pub(crate) mod model;
 pub(crate) mod profile;
+pub(crate) mod refusal;
 mod register;
 pub(crate) mod step;
 mod test_map;

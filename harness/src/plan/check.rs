@@ -17,8 +17,9 @@ use crate::nearest::{did_you_mean, is_slip};
 use crate::source::{At, Complaint, Place};
 use crate::suite::Suite;
 use crate::suite::each::Objects;
-use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, Refusal};
+use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef};
 use crate::suite::model::Case;
+use crate::suite::refusal::Refusal;
 use crate::suite::step::{
     Ask, Bounds, FastscanStep, LssStep, Measure, Observe, Produce, Read, Remap, Reply, Step, Until,
     Write,
@@ -268,18 +269,22 @@ impl Checker<'_> {
             refused
                 .iter()
                 .flat_map(|At { value, place }| {
-                    let codes = [value.code].into_iter().chain(value.lenient.iter().copied());
+                    let lenient = value.lenient.iter().filter_map(|refused| refused.code());
+                    let codes = value.codes.iter().copied().chain(lenient);
                     codes.map(|code| (code, *place)).collect::<Vec<_>>()
                 })
                 .collect::<Vec<_>>()
         };
         let codes: Vec<(u32, Place)> = match &step.value {
             Step::Read(read) => {
-                let lenient = read.lenient.iter().map(|code| (*code, step.place));
+                let lenient = read.lenient.iter();
+                let lenient = lenient.filter_map(|refused| Some((refused.code()?, step.place)));
                 refused(&read.refused).into_iter().chain(lenient).collect()
             }
             Step::Write(write) => {
-                let or_refused = write.or_refused.iter().map(|code| (code.value, code.place));
+                let or_refused = write.or_refused.iter();
+                let or_refused =
+                    or_refused.filter_map(|refused| Some((refused.value.code()?, refused.place)));
                 refused(&write.refused).into_iter().chain(or_refused).collect()
             }
             Step::Remap(remap) => refused(&remap.refused),

@@ -12,7 +12,7 @@ use super::scope::{Binding, Bound, Scope};
 use crate::dut::Dut;
 use crate::source::At;
 use crate::suite::Suite;
-use crate::suite::each::{AccessName, Each, Has, Objects};
+use crate::suite::each::{AccessName, Each, Has, Objects, Pdos};
 use crate::suite::literal::{Literal, ObjectRef};
 
 /// The instances that `each` makes.
@@ -25,16 +25,23 @@ pub(super) fn each_scope(each: &Each, suite: &Suite, dut: &Dut) -> Result<Vec<Bo
             let entries = matching_entries(objects, dut)?;
             let most = objects.most.unwrap_or(usize::MAX).max(1);
             let step = entries.len().div_ceil(most).max(1);
-            let pdo = match &objects.pdo {
-                None => Some(Scope::default()),
-                Some(pdos) => pdo_scopes(pdos, dut).into_iter().next().map(|(_, scope)| scope),
-            };
-            let Some(pdo) = pdo else { return Ok(Vec::new()) };
+            let Some(pdo) = with_pdo(objects.pdo.as_ref(), dut) else { return Ok(Vec::new()) };
             let entries = entries.into_iter().step_by(step);
             Ok(entries.map(|entry| entry_scope(entry, dut, pdo.clone())).collect())
         }
         Each::Pdos(pdos) => Ok(pdo_scopes(pdos, dut)),
-        Each::Block(blocks) => block_scopes(blocks, suite, dut),
+        Each::Block(blocks) => match with_pdo(blocks.pdo.as_ref(), dut) {
+            Some(pdo) => block_scopes(blocks, &pdo, suite, dut),
+            None => Ok(Vec::new()),
+        },
+    }
+}
+
+/// The names of the first PDO that fits, when there is one; no names where none is asked for.
+fn with_pdo(pdos: Option<&Pdos>, dut: &Dut) -> Option<Scope> {
+    match pdos {
+        None => Some(Scope::default()),
+        Some(pdos) => pdo_scopes(pdos, dut).into_iter().next().map(|(_, scope)| scope),
     }
 }
 

@@ -112,6 +112,7 @@ pub(super) fn wrong_option(requires: &Requires, dut: &Dut, suite: &Suite) -> Opt
 /// When the profile of the suite has no such block, or not so many, and where that stands.
 pub(super) fn block_scopes(
     blocks: &Blocks,
+    pdo: &Scope,
     suite: &Suite,
     dut: &Dut,
 ) -> Result<Vec<Bound>, At<String>> {
@@ -145,7 +146,7 @@ pub(super) fn block_scopes(
             })
     };
     let scopes = whole.iter().filter(wanted).map(|number| {
-        let mut scope = Scope::default();
+        let mut scope = pdo.clone();
         let mut others = whole.iter().filter(|other| *other != number);
         let next = others.clone().find(|other| *other > number).or_else(|| others.next());
         let next = next.copied().unwrap_or(number % block.count + 1);

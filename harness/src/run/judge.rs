@@ -2,12 +2,12 @@
 
 use canopen::eds::Entry;
 use canopen::sdo::Failure;
-use canopen::{Abort, BusError, DataType, Frame};
+use canopen::{BusError, DataType, Frame};
 use reports::Excerpt;
 
 use crate::plan::show_bytes;
 use crate::source::{Place, Source};
-use crate::suite::literal::Refusal;
+use crate::suite::refusal::Refusal;
 
 /// What was expected, and what came instead.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -70,12 +70,12 @@ pub(super) fn refusal(
     refusal: &Refusal,
     raw: Option<Frame>,
 ) -> Judgement {
-    let expected = format!("refused with {}", Abort(refusal.code));
+    let expected = refusal.to_string();
     let difference =
         |actual: String| Difference { raw, ..Difference::new(expected.clone(), actual) };
     match result {
-        Err(Failure::Aborted(code)) if code.0 == refusal.code => Ok(None),
-        Err(Failure::Aborted(code)) if refusal.lenient.contains(&code.0) => {
+        Err(Failure::Aborted(code)) if refusal.codes.contains(&code.0) => Ok(None),
+        Err(Failure::Aborted(code)) if refusal.lenient.iter().any(|may| may.fits(code.0)) => {
             Ok(Some(difference(format!("refused with {code}"))))
         }
         Err(failure) => Err(Trouble::Device(difference(failure.to_string()))),

@@ -45,7 +45,7 @@ impl Steps<'_, '_> {
         let condition = Condition { characters: read.characters, ..condition };
         let data = match ended.result {
             Ok(data) => data,
-            Err(Failure::Aborted(code)) if read.lenient.contains(&code.0) => {
+            Err(Failure::Aborted(code)) if read.lenient.iter().any(|may| may.fits(code.0)) => {
                 let difference = Difference::new(format!("the value of {mux}"), code.to_string());
                 return Ok(Some(Difference { raw: ended.raw, ..difference }));
             }
@@ -98,7 +98,7 @@ impl Steps<'_, '_> {
             return refusal(&ended.result, &expected.value, ended.raw);
         }
         if let Err(Failure::Aborted(code)) = ended.result
-            && write.or_refused.iter().any(|may| may.value == code.0)
+            && write.or_refused.iter().any(|may| may.value.fits(code.0))
         {
             let value = show(self.dut.eds.entry(mux), &data);
             return Err(Trouble::Declined(format!("{value} in {mux}: {code}")));

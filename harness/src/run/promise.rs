@@ -65,7 +65,7 @@ fn claim(
         // It refuses with another code, which no data sheet states.
         return None;
     }
-    let wanted = refused.and_then(|refused| key_of(Abort(refused.value.code)));
+    let wanted = refused.and_then(|refused| key_of(Abort(*refused.value.codes.first()?)));
     let named = literals.into_iter().find_map(|literal| key_of_name(&literal.value));
     match answered.or_else(|| wanted.map(Some)) {
         Some(key) => Some((mux, key)),

@@ -43,6 +43,10 @@ pub struct Blocks {
     /// Also those that the data sheet does not have, to ask the device for them by frames.
     #[serde(default)]
     pub undeclared: bool,
+    /// The PDO that each block comes with: the first one that fits. Binds the names of that PDO,
+    /// too, but for `$number`.
+    #[serde(default)]
+    pub pdo: Option<Pdos>,
 }
 
 /// Which entries.

@@ -4,7 +4,8 @@
 //! known what it writes: an object that is written and not restored changes the verdicts of later
 //! cases.
 
-use super::literal::{FrameText, Literal, ObjectRef, Refusal};
+use super::literal::{FrameText, Literal, ObjectRef};
+use super::refusal::Refusal;
 use super::step::{Produce, Step};
 use crate::source::At;
 

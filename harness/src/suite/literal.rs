@@ -1,4 +1,4 @@
-//! The small words of the notation: values, times, tolerances, addresses, refusals.
+//! The small words of the notation: values, times, tolerances, addresses.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -8,10 +8,8 @@ use std::time::Duration;
 use canopen::sdo::Transfer;
 use canopen::{Mux, Pattern};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{self, MapAccess, Visitor};
+use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer};
-
-use crate::source::At;
 
 /// A name that the binder supplies or a step saved; written `$name`.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -82,39 +80,6 @@ pub struct FrameText {
     pub id: Option<Name>,
     /// The pattern; its identifier does not count when a name stands for it.
     pub pattern: Pattern,
-}
-
-/// The refusal that is expected.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Refusal {
-    /// The abort code of a conformant device.
-    pub code: u32,
-    /// Codes that are accepted, too.
-    pub lenient: Vec<u32>,
-    /// A device that does not refuse is accepted, too.
-    pub or_taken: bool,
-}
-
-/// One of the lenient answers to what is to be refused.
-#[derive(Deserialize)]
-#[serde(try_from = "Literal")]
-enum Instead {
-    Code(u32),
-    Taken,
-}
-
-impl TryFrom<Literal> for Instead {
-    type Error = String;
-
-    fn try_from(literal: Literal) -> Result<Self, String> {
-        match literal {
-            Literal::Int(code) => {
-                code.try_into().map(Self::Code).map_err(|_| "an abort code has 32 bits".to_owned())
-            }
-            Literal::Text(text) if text == "taken" => Ok(Self::Taken),
-            other => Err(format!("`{other}`: write abort codes, or `taken`")),
-        }
-    }
 }
 
 /// The protocol of an SDO transfer.
@@ -424,73 +389,6 @@ impl JsonSchema for Literal {
     }
 }
 
-impl<'de> Deserialize<'de> for Refusal {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct CodeOrMap;
-        impl<'de> Visitor<'de> for CodeOrMap {
-            type Value = Refusal;
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("an abort code such as 0x06010002, or `code` and `lenient`")
-            }
-            fn visit_u64<E: de::Error>(self, code: u64) -> Result<Refusal, E> {
-                let code = code.try_into().map_err(|_| E::custom("an abort code has 32 bits"))?;
-                Ok(Refusal { code, lenient: Vec::new(), or_taken: false })
-            }
-            fn visit_i64<E: de::Error>(self, code: i64) -> Result<Refusal, E> {
-                let code = code.try_into().map_err(|_| E::custom("an abort code has 32 bits"))?;
-                Ok(Refusal { code, lenient: Vec::new(), or_taken: false })
-            }
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Refusal, A::Error> {
-                let (mut code, mut instead) = (None, Vec::new());
-                while let Some(key) = map.next_key::<At<String>>()? {
-                    match key.value.as_str() {
-                        "code" => code = Some(map.next_value()?),
-                        "lenient" => instead = map.next_value::<Vec<Instead>>()?,
-                        other => return Err(de::Error::unknown_field(other, &["code", "lenient"])),
-                    }
-                }
-                let code = code.ok_or_else(|| de::Error::missing_field("code"))?;
-                let or_taken = instead.iter().any(|one| matches!(one, Instead::Taken));
-                let codes = instead.into_iter().filter_map(|one| match one {
-                    Instead::Code(code) => Some(code),
-                    Instead::Taken => None,
-                });
-                Ok(Refusal { code, lenient: codes.collect(), or_taken })
-            }
-        }
-        deserializer.deserialize_any(CodeOrMap)
-    }
-}
-
-impl JsonSchema for Refusal {
-    fn inline_schema() -> bool {
-        true
-    }
-    fn schema_name() -> Cow<'static, str> {
-        "Refusal".into()
-    }
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({
-            "description": "An abort code, or a strict code and the lenient ones.",
-            "oneOf": [
-                { "type": "integer" },
-                {
-                    "type": "object",
-                    "properties": {
-                        "code": { "type": "integer" },
-                        "lenient": {
-                            "type": "array",
-                            "items": { "oneOf": [{ "type": "integer" }, { "const": "taken" }] }
-                        }
-                    },
-                    "required": ["code"],
-                    "additionalProperties": false
-                }
-            ]
-        })
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -545,26 +443,6 @@ mod tests {
         for wrong in ["$x - $y", "$x $y", "$x +", "$x + 1.5", "$x + $"] {
             assert!(wrong.parse::<Literal>().is_err(), "{wrong}");
         }
-    }
-
-    #[test]
-    fn refusals() {
-        let refusal = |yaml| serde_yaml::from_str::<Refusal>(yaml);
-        assert_eq!(
-            refusal("0x06010002").unwrap(),
-            Refusal { code: 0x0601_0002, lenient: vec![], or_taken: false }
-        );
-        assert_eq!(
-            refusal("{ code: 0x06010002, lenient: [0x08000000] }").unwrap(),
-            Refusal { code: 0x0601_0002, lenient: vec![0x0800_0000], or_taken: false }
-        );
-        assert_eq!(
-            refusal("{ code: 0x06090030, lenient: [taken, 0x08000000] }").unwrap(),
-            Refusal { code: 0x0609_0030, lenient: vec![0x0800_0000], or_taken: true }
-        );
-        assert!(refusal("{ code: 1, lenient: [token] }").is_err());
-        assert!(refusal("{ code: 1, lenent: [] }").is_err());
-        assert!(refusal("{ lenient: [] }").is_err());
     }
 
     #[test]

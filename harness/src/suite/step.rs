@@ -9,8 +9,9 @@ use serde::de::{self, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::each::Objects;
-use super::literal::{Amount, Flow, FrameText, Literal, Name, ObjectRef, Refusal, Tolerance};
+use super::literal::{Amount, Flow, FrameText, Literal, Name, ObjectRef, Tolerance};
 use super::profile::About;
+use super::refusal::{Refusal, Refused};
 use crate::source::At;
 
 /// One step.
@@ -267,7 +268,7 @@ pub struct Read {
     pub refused: Option<At<Refusal>>,
     /// Abort codes that are accepted instead of a value; the reason is in the register.
     #[serde(default)]
-    pub lenient: Vec<u32>,
+    pub lenient: Vec<Refused>,
     /// The protocol the device must choose; `block` is what the client asks for, too.
     #[serde(default)]
     pub transfer: Option<Flow>,
@@ -299,7 +300,7 @@ pub struct Write {
     pub refused: Option<At<Refusal>>,
     /// With these codes the device may refuse as well; the rest of the steps is then left out.
     #[serde(default)]
-    pub or_refused: Vec<At<u32>>,
+    pub or_refused: Vec<At<Refused>>,
     /// The protocol; what a client would choose unless said otherwise.
     #[serde(default)]
     pub transfer: Option<Flow>,
