@@ -1,6 +1,6 @@
 //! What is run: cases with their names bound.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use wildmatch::WildMatch;
@@ -55,6 +55,29 @@ impl Plan {
             }
             about.is_none()
         });
+    }
+
+    /// Keeps these instances, by name, and those that prove what they rely on.
+    pub fn retain_with_proofs(&mut self, names: &BTreeSet<String>) {
+        let kept = |instance: &Instance| names.contains(&instance.name());
+        let mut relied = BTreeSet::new();
+        // What proves something may rely on something else.
+        let mut grows = true;
+        while grows {
+            let known = relied.len();
+            let proves = |instance: &Instance| {
+                let mut checks = instance.case().checks.iter();
+                checks.all(|id| relied.contains(&id.value))
+            };
+            let needed = self.instances.iter().filter(|one| kept(one) || proves(one));
+            let further: Vec<String> =
+                needed.flat_map(Instance::relies_on).map(str::to_owned).collect();
+            relied.extend(further);
+            grows = relied.len() > known;
+        }
+        let proves = |id: &At<String>| relied.contains(&id.value);
+        self.instances
+            .retain(|instance| kept(instance) || instance.case().checks.iter().all(proves));
     }
 
     /// What was left out, in one sentence.

@@ -154,7 +154,7 @@ impl Clean<'_> {
             None => plan,
             Some(names) => {
                 let mut plan = plan.into_owned();
-                plan.instances.retain(|instance| names.contains(&instance.name()));
+                plan.retain_with_proofs(names);
                 Cow::Owned(plan)
             }
         };
