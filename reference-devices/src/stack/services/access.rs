@@ -29,8 +29,9 @@ impl Services {
 
     /// Judges a write and lets it take effect; what is refused changes nothing.
     pub(crate) fn write(&mut self, now: Instant, mux: Mux, bytes: &[u8]) -> Result<(), Abort> {
+        let asked = mux;
         let mux = self.base.settings.resolve(mux);
-        if let Err(abort) = self.check(mux, bytes) {
+        if let Err(abort) = self.check_access(asked).and_then(|()| self.check(mux, bytes)) {
             self.refused(now, mux, bytes);
             return Err(abort);
         }
@@ -56,6 +57,7 @@ impl Services {
 
     /// Judges a download before its data are there. Returns the longest value the object takes.
     pub(crate) fn check_download(&self, mux: Mux, size: Option<usize>) -> Result<usize, Abort> {
+        self.check_access(mux)?;
         let mux = self.base.settings.resolve(mux);
         let od = &self.base.od;
         let Some(entry) = od.entry(mux) else {
@@ -73,6 +75,16 @@ impl Services {
             Some(size) if size > longest => Err(Abort::TOO_LONG),
             Some(size) if fixed.is_some_and(|fixed| size < fixed) => Err(Abort::TOO_SHORT),
             _ => Ok(longest),
+        }
+    }
+
+    /// A second address of a value may be one that only shows it.
+    fn check_access(&self, mux: Mux) -> Result<(), Abort> {
+        let aliases = &self.base.settings.aliases;
+        let entry = self.base.od.entry(mux).filter(|_| aliases.iter().any(|alias| alias.0 == mux));
+        match entry {
+            Some(entry) if !entry.access.writable() => Err(Abort::READ_ONLY),
+            _ => Ok(()),
         }
     }
 
