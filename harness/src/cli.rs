@@ -392,6 +392,8 @@ pub enum SchemaName {
     Device,
     /// Files of `variants/`, which describe a variant of a device
     Variant,
+    /// Files of `parts/`, which hold what variants share
+    Part,
     /// Files `mutants.yaml`, which hold the mutants of a device
     Mutants,
     /// Files `freedoms.yaml`, which hold the freedoms of a device

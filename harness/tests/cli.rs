@@ -53,6 +53,7 @@ fn the_committed_schemas_are_those_of_the_program() {
         ("requirements", "suites/requirements"),
         ("device", "reference-devices/device"),
         ("variant", "reference-devices/variant"),
+        ("part", "reference-devices/part"),
         ("mutants", "reference-devices/mutants"),
         ("freedoms", "reference-devices/freedoms"),
         ("personalities", "reference-devices/personalities"),

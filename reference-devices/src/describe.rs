@@ -7,6 +7,7 @@ mod head;
 mod markdown;
 mod merge;
 mod node;
+mod variant;
 mod wrong;
 
 use std::collections::BTreeMap;
@@ -15,11 +16,16 @@ use std::sync::Arc;
 use canopen::Mux;
 use canopen::catalogue::{Block, Catalogue, Mapping, ObjectFacts, Profile, Scalar};
 use canopen::eds::{self, Eds};
+use canopen::nearest::did_you_mean;
 use canopen::source::{At, Complaint, Outline, Source, read_yaml};
 
 use crate::stack::NodeSettings;
 
-pub use file::{DeviceFile, VariantFile};
+use variant::Draft;
+use wrong::Named;
+
+pub use file::DeviceFile;
+pub use variant::{PartFile, VariantFile};
 
 /// A device as its data describes it.
 #[derive(Clone, Debug)]
@@ -78,6 +84,37 @@ pub struct Known<'k> {
     pub behaviours: &'k [&'k str],
 }
 
+/// What a family of devices is, by its `device.yaml`.
+#[derive(Debug)]
+pub struct Family {
+    /// Name.
+    pub name: String,
+    /// The variants of which each is a device, where the file itself describes none.
+    pub models: Vec<At<String>>,
+}
+
+/// The files that describe a variant.
+#[derive(Clone, Copy, Debug)]
+pub struct VariantFiles<'f> {
+    /// What it has otherwise than its device.
+    pub variant: &'f Arc<Source>,
+    /// The parts that it may name, by their names.
+    pub parts: &'f [(String, Arc<Source>)],
+    /// Its device.
+    pub device: &'f Arc<Source>,
+}
+
+impl Family {
+    /// Reads what a `device.yaml` says of its family.
+    ///
+    /// # Errors
+    /// When the text is not of the form.
+    pub fn read(device: &Arc<Source>) -> Result<Self, Vec<Complaint>> {
+        let file: DeviceFile = read_yaml(device).map_err(one)?;
+        Ok(Self { name: file.device.value, models: file.models })
+    }
+}
+
 impl Description {
     /// Reads a `device.yaml` and merges it with the catalogue.
     ///
@@ -86,43 +123,88 @@ impl Description {
     /// described, a value that is not of its type or outside its limits, a default mapping of a
     /// PDO that is not legal.
     pub fn read(device: &Arc<Source>, known: Known<'_>) -> Result<Self, Vec<Complaint>> {
-        let mut file: DeviceFile = read_yaml(device).map_err(one)?;
-        head::check(device, &file, known)?;
-        let objects = std::mem::take(&mut file.objects).by_index(device)?;
-        Self::of_file(file, objects, None, known, &[device])
+        let mut named = Named::default();
+        let draft = draft(device, known, &mut named)?;
+        Self::of_draft(draft, None, known, &[device], &named)
     }
 
-    /// Reads what a variant called `name` has otherwise than the device of this `device.yaml`.
+    /// Reads what a variant called `name` has otherwise than the device of these files.
     ///
     /// # Errors
     /// As [`read`](Self::read), and when the variant leaves out what is not there.
     pub fn read_variant(
         name: &str,
-        variant: &Arc<Source>,
-        device: &Arc<Source>,
+        files: VariantFiles<'_>,
         known: Known<'_>,
     ) -> Result<Self, Vec<Complaint>> {
-        let mut base: DeviceFile = read_yaml(device).map_err(one)?;
-        head::check(device, &base, known)?;
-        let mut objects = std::mem::take(&mut base.objects).by_index(device)?;
+        let VariantFiles { variant, parts, device } = files;
+        let mut named = Named::default();
+        let mut draft = draft(device, known, &mut named)?;
         let file: VariantFile = read_yaml(variant).map_err(one)?;
-        head::check_variant(variant, &file, &base, known)?;
-        let variant_of = base.device.value.clone();
-        let mut file = file.apply(variant, base, &mut objects)?;
-        file.device = At::new(name.to_owned(), file.device.place);
-        Self::of_file(file, objects, Some(variant_of), known, &[variant, device])
+        head::check_variant(variant, &file, &draft.file, known)?;
+        let mut files = vec![device];
+        for part in &file.parts {
+            let Some((_, source)) = parts.iter().find(|(name, _)| *name == part.value) else {
+                let names = parts.iter().map(|(name, _)| name.as_str());
+                let meant = did_you_mean(&part.value, names);
+                let message = format!("there is no part `{}`{meant}", part.value);
+                return Err(one(Complaint::at(variant, part.place, message)));
+            };
+            let part: PartFile = read_yaml(source).map_err(one)?;
+            named.add(source, part.node());
+            part.apply(source, &mut draft)?;
+            files.insert(0, source);
+        }
+        named.add(variant, file.node());
+        file.apply(variant, &mut draft)?;
+        files.insert(0, variant);
+        let variant_of = std::mem::replace(&mut draft.file.device.value, name.to_owned());
+        Self::of_draft(draft, Some(variant_of), known, &files, &named)
     }
 
     /// The device of these objects; complaints are about the first file that says what is wrong.
-    fn of_file(
-        file: DeviceFile,
-        objects: BTreeMap<u16, ObjectFacts>,
+    fn of_draft(
+        draft: Draft,
         variant_of: Option<String>,
         known: Known<'_>,
         files: &[&Arc<Source>],
+        named: &Named,
     ) -> Result<Self, Vec<Complaint>> {
+        let Draft { file, objects, mut left_out } = draft;
+        let identity = [file.vendor.number, file.product.number, file.revision, file.serial];
+        let used: Vec<_> = file.node.objects().cloned().collect();
+        let mut described = Self::of_head(file, variant_of, known);
+        let mut wrong = Vec::new();
+        for (index, mut chosen) in objects {
+            if index == IDENTITY {
+                identify(&mut chosen, identity);
+            }
+            let is_left_out = |sub| {
+                let found = left_out.get_mut(&Mux::new(index, sub));
+                found.map(|complaint| *complaint = None).is_some()
+            };
+            let merged =
+                merge::object(&mut described, known.catalogue, index, &chosen, is_left_out);
+            wrong.extend(merged.err());
+        }
+        described.count_pdos();
+        if wrong.is_empty() {
+            check::values(&described.eds, &mut wrong);
+            check::mappings(&described.eds, &mut wrong);
+        }
+        let mut complaints: Vec<_> = left_out.into_values().flatten().collect();
+        complaints.extend(wrong.into_iter().map(|wrong| wrong.complaint(files)));
+        if complaints.is_empty() {
+            complaints.extend(named.unknown(&used, &described.eds));
+            complaints.extend(described.unreadable(files[files.len() - 1]));
+        }
+        if complaints.is_empty() { Ok(described) } else { Err(complaints) }
+    }
+
+    /// A device without objects.
+    fn of_head(file: DeviceFile, variant_of: Option<String>, known: Known<'_>) -> Self {
         let values = |texts: Vec<At<String>>| texts.into_iter().map(|at| at.value).collect();
-        let mut described = Self {
+        Self {
             names: of_profiles(&file.profiles, known, |profile| &profile.names),
             blocks: of_profiles(&file.profiles, known, |profile| &profile.blocks),
             eds: Eds {
@@ -143,28 +225,7 @@ impl Description {
             default_node: file.default_node.value,
             notes: BTreeMap::new(),
             heads: BTreeMap::new(),
-        };
-        let identity = [file.vendor.number, file.product.number, file.revision, file.serial];
-        let mut wrong = Vec::new();
-        for (index, mut chosen) in objects {
-            if index == IDENTITY {
-                identify(&mut chosen, identity);
-            }
-            wrong.extend(merge::object(&mut described, known.catalogue, index, &chosen).err());
         }
-        described.count_pdos();
-        if wrong.is_empty() {
-            check::values(&described.eds, &mut wrong);
-            check::mappings(&described.eds, &mut wrong);
-        }
-        let mut complaints: Vec<_> =
-            wrong.into_iter().map(|wrong| wrong.complaint(files)).collect();
-        if complaints.is_empty() {
-            let device = files[files.len() - 1];
-            complaints.extend(head::unknown_objects(device, &file.node, &described.eds));
-            complaints.extend(described.unreadable(device));
-        }
-        if complaints.is_empty() { Ok(described) } else { Err(complaints) }
     }
 
     /// What is wrong with the data sheet although each part of it seemed right.
@@ -211,6 +272,20 @@ fn of_profiles<'k, T: Clone + 'k>(
         found.entry(name.clone()).or_insert_with(|| value.clone());
     }
     found
+}
+
+/// What a `device.yaml` says, with the objects that its `node` names.
+fn draft(
+    device: &Arc<Source>,
+    known: Known<'_>,
+    named: &mut Named,
+) -> Result<Draft, Vec<Complaint>> {
+    let mut file: DeviceFile = read_yaml(device).map_err(one)?;
+    head::check(device, &file, known)?;
+    named.add(device, &file.node);
+    let objects = std::mem::take(&mut file.objects).by_index(device)?;
+    let objects = objects.into_iter().map(|(index, object)| (index, object.value)).collect();
+    Ok(Draft { file, objects, left_out: BTreeMap::new() })
 }
 
 /// Gives 1018h the numbers from the head of the file where the object has no others.
@@ -319,7 +394,8 @@ mod tests {
         let read = |rest: &str| {
             let head = "title: Y\nproduct: { name: Q, number: 5, order-code: R }\n";
             let variant = source("variants/small.yaml", &format!("{head}{rest}"));
-            Description::read_variant("x-small", &variant, &device, known())
+            let files = VariantFiles { variant: &variant, parts: &[], device: &device };
+            Description::read_variant("x-small", files, known())
         };
         let small = read(
             "leave-out: [\"1010..1016\"]\n\

@@ -9,10 +9,12 @@ mod pixsys;
 
 use std::sync::{Arc, LazyLock};
 
+use canopen::Mux;
 use canopen::catalogue::Catalogue;
-use canopen::source::{Complaint, Source};
+use canopen::nearest::did_you_mean;
+use canopen::source::{At, Complaint, Source};
 
-use crate::describe::{Description, Known};
+use crate::describe::{Description, Family, Known, VariantFiles};
 use crate::rules::Rules;
 use crate::stack::{Behaviour, Node, NodeSettings};
 
@@ -27,6 +29,9 @@ pub struct ReferenceDevice {
     pub source: Arc<Source>,
     /// All files of it and its relatives.
     pub files: Arc<DeviceFiles>,
+    /// The relative on which deviations are proved that name none: the device, or the first model
+    /// of a family that is none itself.
+    pub first: String,
 }
 
 /// The files of a device and its variants.
@@ -36,6 +41,8 @@ pub struct DeviceFiles {
     pub device: Arc<Source>,
     /// The files of `variants/`, each with its name without ending.
     pub variants: Vec<(String, Arc<Source>)>,
+    /// The files of `parts/`, likewise.
+    pub parts: Vec<(String, Arc<Source>)>,
     /// `mutants.yaml`, where there is one.
     pub mutants: Option<Arc<Source>>,
     /// `freedoms.yaml`, where there is one.
@@ -54,46 +61,108 @@ pub fn names() -> impl Iterator<Item = &'static str> {
 
 /// The device of that name and its variants; nothing when it is none or is itself a variant.
 pub fn with_variants(name: &str) -> impl Iterator<Item = &'static str> {
-    BUILT_IN
-        .iter()
-        .filter(move |family| family[0].description.device == name)
-        .flat_map(|family| family.iter().map(|device| device.description.device.as_str()))
+    let family = family(name).into_iter().flatten();
+    family.map(|device| device.description.device.as_str())
 }
 
-/// The device of that name; `None` when there is none.
+/// The device of that name, or the first model of the family of that name; `None` when there is
+/// none.
 ///
 /// # Panics
 /// When the data of the devices do not load: they are part of the program.
 pub fn device(name: &str) -> Option<ReferenceDevice> {
-    all().find(|device| device.description.device == name).cloned()
+    let device = all().find(|device| device.description.device == name);
+    device.or_else(|| family(name)?.first()).cloned()
+}
+
+/// The families of the reference devices of that vendor and product. Where several makes of device
+/// bear one product code, those that also have the device type, 1000h.
+pub fn families_of(
+    vendor: u32,
+    product: u32,
+    device_type: Option<u32>,
+) -> Vec<&'static [ReferenceDevice]> {
+    let same = |device: &ReferenceDevice| {
+        let info = &device.description.eds.device;
+        (info.vendor_number, info.product_number) == (vendor, product)
+    };
+    let typed = |device: &ReferenceDevice| device.device_type() == device_type;
+    let mut found: Vec<_> = BUILT_IN.iter().map(Vec::as_slice).collect();
+    found.retain(|family| family.iter().any(same));
+    if found.len() > 1 && found.iter().any(|family| family.iter().any(typed)) {
+        found.retain(|family| family.iter().any(typed));
+    }
+    found
+}
+
+fn family(name: &str) -> Option<&'static Vec<ReferenceDevice>> {
+    BUILT_IN.iter().find(|family| family[0].family() == name)
 }
 
 impl DeviceFiles {
-    /// The device and its variants, in this order.
+    /// The device and its variants, in this order; of a family that is no device, its models.
     ///
     /// # Errors
     /// Everything that is wrong with the description of the device or of a variant.
     pub fn family(self, catalogue: &Catalogue) -> Result<Vec<ReferenceDevice>, Vec<Complaint>> {
         let files = Arc::new(self);
         let known = Known { catalogue, behaviours: &applications::names() };
-        let base = Description::read(&files.device, known)?;
-        let (mut family, mut complaints) = (Vec::new(), Vec::new());
-        for (variant, source) in &files.variants {
-            let name = format!("{}-{variant}", base.device);
-            match Description::read_variant(&name, source, &files.device, known) {
-                Ok(description) => {
-                    let (source, files) = (Arc::clone(source), Arc::clone(&files));
-                    family.push(ReferenceDevice { description, source, files });
-                }
-                Err(mut wrong) => complaints.append(&mut wrong),
+        let Family { name: family, models } = Family::read(&files.device)?;
+        let (mut devices, mut complaints) = (Vec::new(), files.strangers(&models));
+        let mut keep = |read: Result<Description, Vec<Complaint>>, source: &Arc<Source>| match read
+        {
+            Ok(description) => devices.push((description, Arc::clone(source))),
+            Err(mut wrong) => {
+                // What is wrong with the device is wrong with each variant.
+                wrong.retain(|wrong| complaints.iter().all(|told| !wrong.is_about_place_of(told)));
+                complaints.append(&mut wrong);
             }
+        };
+        if models.is_empty() {
+            keep(Description::read(&files.device, known), &files.device);
         }
-        if !complaints.is_empty() {
+        for (variant, source) in files.in_order(&models) {
+            let of = VariantFiles { variant: source, parts: &files.parts, device: &files.device };
+            keep(Description::read_variant(&format!("{family}-{variant}"), of, known), source);
+        }
+        let Some((first, _)) = devices.first().filter(|_| complaints.is_empty()) else {
             return Err(complaints);
+        };
+        let first = first.device.clone();
+        let device = |(description, source)| {
+            let (files, first) = (Arc::clone(&files), first.clone());
+            ReferenceDevice { description, source, files, first }
+        };
+        Ok(devices.into_iter().map(device).collect())
+    }
+
+    /// The variants, models in their order.
+    fn in_order(&self, models: &[At<String>]) -> Vec<&(String, Arc<Source>)> {
+        let mut variants: Vec<_> = self.variants.iter().collect();
+        variants.sort_by_key(|(name, _)| models.iter().position(|model| model.value == *name));
+        variants
+    }
+
+    /// The models that are no variant, and the variants that are no model although there are some.
+    fn strangers(&self, models: &[At<String>]) -> Vec<Complaint> {
+        let names = || self.variants.iter().map(|(name, _)| name.as_str());
+        let missing = models.iter().filter(|model| names().all(|name| name != model.value));
+        let mut complaints: Vec<_> = missing
+            .map(|model| {
+                let meant = did_you_mean(&model.value, names());
+                let message = format!("there is no variant `{}`{meant}", model.value);
+                Complaint::at(&self.device, model.place, message)
+            })
+            .collect();
+        let is_model = |name: &str| models.iter().any(|model| model.value == name);
+        if let Some(last) = models.last() {
+            let others = names().filter(|name| !is_model(name));
+            complaints.extend(others.map(|name| {
+                let message = format!("the variant `{name}` is missing among the models");
+                Complaint::at(&self.device, last.place, message)
+            }));
         }
-        let source = Arc::clone(&files.device);
-        family.insert(0, ReferenceDevice { description: base, source, files });
-        Ok(family)
+        complaints
     }
 }
 
@@ -118,6 +187,12 @@ impl ReferenceDevice {
     pub fn beside(&self, end: &str) -> String {
         let path = &self.source.name;
         format!("{}.{end}", path.strip_suffix(".yaml").unwrap_or(path))
+    }
+
+    /// The value of 1000h.
+    pub fn device_type(&self) -> Option<u32> {
+        let entry = self.description.eds.entry(Mux::new(0x1000, 0))?;
+        entry.default.as_ref()?.resolve(1).as_int()?.try_into().ok()
     }
 
     /// What the stack has to know beyond the data sheet.
@@ -152,12 +227,10 @@ impl ReferenceDevice {
 
     /// The names of the device and its variants, whichever of them this is.
     pub fn relatives(&self) -> impl Iterator<Item = String> {
-        let family = self.family().to_owned();
-        let variants = self.files.variants.iter().map({
-            let family = family.clone();
-            move |(variant, _)| format!("{family}-{variant}")
-        });
-        std::iter::once(family).chain(variants).collect::<Vec<_>>().into_iter()
+        let family = self.family();
+        let device = (self.first == family).then(|| family.to_owned());
+        let variants = self.files.variants.iter().map(|(name, _)| format!("{family}-{name}"));
+        device.into_iter().chain(variants).collect::<Vec<_>>().into_iter()
     }
 
     /// The device, switched on at time 0, with this node id and these decisions of the stack.
@@ -179,6 +252,7 @@ struct Files {
     folder: &'static str,
     device: &'static str,
     variants: &'static [(&'static str, &'static str)],
+    parts: &'static [(&'static str, &'static str)],
     mutants: &'static str,
     freedoms: &'static str,
 }
@@ -189,12 +263,13 @@ impl Files {
             let name = format!("reference-devices/{}/{file}", self.folder);
             Arc::new(Source { name, text: text.to_owned() })
         };
-        let variant = |(name, text): &(&str, &str)| {
-            ((*name).to_owned(), source(&format!("variants/{name}.yaml"), text))
+        let named = |folder: &str, (name, text): &(&str, &str)| {
+            ((*name).to_owned(), source(&format!("{folder}/{name}.yaml"), text))
         };
         DeviceFiles {
             device: source("device.yaml", self.device),
-            variants: self.variants.iter().map(variant).collect(),
+            variants: self.variants.iter().map(|file| named("variants", file)).collect(),
+            parts: self.parts.iter().map(|file| named("parts", file)).collect(),
             mutants: Some(source("mutants.yaml", self.mutants)),
             freedoms: Some(source("freedoms.yaml", self.freedoms)),
         }
@@ -216,6 +291,7 @@ const FILES: &[Files] = &[
         folder: "drr460",
         device: include_str!("../drr460/device.yaml"),
         variants: &[],
+        parts: &[],
         mutants: include_str!("../drr460/mutants.yaml"),
         freedoms: include_str!("../drr460/freedoms.yaml"),
     },
@@ -229,6 +305,7 @@ const FILES: &[Files] = &[
             ("no-cool-down", include_str!("../em66/variants/no-cool-down.yaml")),
             ("minimum", include_str!("../em66/variants/minimum.yaml")),
         ],
+        parts: &[],
         mutants: include_str!("../em66/mutants.yaml"),
         freedoms: include_str!("../em66/freedoms.yaml"),
     },
@@ -236,6 +313,7 @@ const FILES: &[Files] = &[
         folder: "generic",
         device: include_str!("../generic/device.yaml"),
         variants: &[],
+        parts: &[],
         mutants: include_str!("../generic/mutants.yaml"),
         freedoms: include_str!("../generic/freedoms.yaml"),
     },
@@ -244,7 +322,7 @@ const FILES: &[Files] = &[
 #[cfg(test)]
 mod tests {
     use canopen::eds::{Access, ObjectKind};
-    use canopen::{DataType, Device, Dictionary, Mux, Outbox, Value};
+    use canopen::{DataType, Device, Dictionary, Outbox, Value};
 
     use super::*;
     use crate::rules::Specification;
@@ -261,6 +339,8 @@ mod tests {
             let mut found: Vec<_> = variants.map(|variant| variant.unwrap().path()).collect();
             found.retain(|path| path.extension().is_some_and(|end| end == "yaml"));
             assert_eq!(files.variants.len(), found.len(), "variants of {name} in FILES");
+            let parts = std::fs::read_dir(folder.join("parts")).into_iter().flatten().count();
+            assert_eq!(files.parts.len(), parts, "parts of {name} in FILES");
         }
     }
 

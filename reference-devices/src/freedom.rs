@@ -100,7 +100,7 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Freedom>, Vec<Complaint>> {
         }
     }
     freedoms.retain(|freedom| {
-        let home = if freedom.shared { WITH_EVERYTHING } else { family };
+        let home = if freedom.shared { WITH_EVERYTHING } else { &device.first };
         freedom.on.as_deref().unwrap_or(home) == device.description.device
     });
     if complaints.is_empty() { Ok(freedoms) } else { Err(complaints) }

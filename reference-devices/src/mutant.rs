@@ -85,7 +85,7 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Mutant>, Vec<Complaint>> {
         mutants.append(&mut read);
     }
     let lives_here = |mutant: &Mutant| {
-        let on = mutant.on.as_deref().unwrap_or(family);
+        let on = mutant.on.as_deref().unwrap_or(&device.first);
         mutant.shared || on == device.description.device
     };
     mutants.retain(lives_here);

@@ -8,7 +8,7 @@ use canopen::catalogue::{Catalogue, CatalogueFile};
 use canopen::source::Source;
 use canopen::{Device, Instant, Outbox};
 use proptest::prelude::*;
-use reference_devices::describe::{DeviceFile, VariantFile};
+use reference_devices::describe::{DeviceFile, PartFile, VariantFile};
 use reference_devices::devices::{DeviceFiles, ReferenceDevice};
 use reference_devices::freedom::{self, FreedomFile, PersonalityFile};
 use reference_devices::mutant::{self, MutantFile};
@@ -49,6 +49,7 @@ fn the_readme_documents_every_key() {
     let mut keys = BTreeSet::new();
     keys.extend(keys_of::<DeviceFile>());
     keys.extend(keys_of::<VariantFile>());
+    keys.extend(keys_of::<PartFile>());
     keys.extend(keys_of::<MutantFile>());
     keys.extend(keys_of::<FreedomFile>());
     keys.extend(keys_of::<PersonalityFile>());
@@ -173,6 +174,7 @@ fn files(device: &str, variant: &str, mutants: &str) -> DeviceFiles {
     DeviceFiles {
         device: source("my-device/device.yaml", device),
         variants: vec![("small".to_owned(), source("my-device/variants/small.yaml", variant))],
+        parts: vec![("temperature".to_owned(), source("parts", &example("temperature.yaml")))],
         mutants: Some(source("my-device/mutants.yaml", mutants)),
         freedoms: Some(source("my-device/freedoms.yaml", &example("freedoms.yaml"))),
     }

@@ -1,7 +1,7 @@
 //! `harness schema`: what editors complete and check with.
 
 use canopen::catalogue::CatalogueFile;
-use reference_devices::describe::{DeviceFile, VariantFile};
+use reference_devices::describe::{DeviceFile, PartFile, VariantFile};
 use reference_devices::freedom::{FreedomFile, PersonalityFile};
 use reference_devices::mutant::MutantFile;
 use schemars::generate::SchemaSettings;
@@ -24,6 +24,7 @@ pub(super) fn run(args: &SchemaArgs) -> Result<Exit, Refused> {
         SchemaName::Requirements => (schema::<RegisterFile>(), "harness schema requirements"),
         SchemaName::Device => (schema::<DeviceFile>(), "harness schema device"),
         SchemaName::Variant => (schema::<VariantFile>(), "harness schema variant"),
+        SchemaName::Part => (schema::<PartFile>(), "harness schema part"),
         SchemaName::Mutants => (schema::<MutantFile>(), "harness schema mutants"),
         SchemaName::Freedoms => (schema::<FreedomFile>(), "harness schema freedoms"),
         SchemaName::Personalities => (schema::<PersonalityFile>(), "harness schema personalities"),

@@ -1,4 +1,4 @@
-//! Devices as data on disk: a folder with `device.yaml`, and perhaps `variants/`,
+//! Devices as data on disk: a folder with `device.yaml`, and perhaps `variants/`, `parts/`,
 //! `mutants.yaml` and `freedoms.yaml`.
 
 use std::fs;
@@ -56,7 +56,7 @@ pub(super) fn holds_device(path: &Path) -> bool {
     named && (folder.join(DEVICE).exists() || path.is_dir())
 }
 
-/// The device and its variants, in this order.
+/// The device and its variants, in this order, or the models of a family.
 fn family(folder: &Path) -> Result<Vec<ReferenceDevice>, Vec<Complaint>> {
     let one = |complaint| vec![complaint];
     let device = folder.join(DEVICE);
@@ -66,15 +66,16 @@ fn family(folder: &Path) -> Result<Vec<ReferenceDevice>, Vec<Complaint>> {
     })?;
     let files = DeviceFiles {
         device,
-        variants: variants(&folder.join(VARIANTS)).map_err(one)?,
+        variants: listed(&folder.join(VARIANTS)).map_err(one)?,
+        parts: listed(&folder.join("parts")).map_err(one)?,
         mutants: read(&folder.join("mutants.yaml")).map_err(one)?,
         freedoms: read(&folder.join("freedoms.yaml")).map_err(one)?,
     };
     files.family(Catalogue::built_in())
 }
 
-/// The files of the variants, by their names without ending, in alphabetical order.
-fn variants(folder: &Path) -> Result<Vec<(String, Arc<Source>)>, Complaint> {
+/// The YAML files of a folder, by their names without ending, in alphabetical order.
+fn listed(folder: &Path) -> Result<Vec<(String, Arc<Source>)>, Complaint> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
@@ -86,12 +87,12 @@ fn variants(folder: &Path) -> Result<Vec<(String, Arc<Source>)>, Complaint> {
         .map_err(|error| missing(folder, &error.to_string()))?;
     paths.retain(|path| path.extension().is_some_and(|extension| extension == "yaml"));
     paths.sort();
-    let mut variants = Vec::new();
+    let mut files = Vec::new();
     for path in paths {
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        variants.extend(read(&path)?.map(|source| (name, source)));
+        files.extend(read(&path)?.map(|source| (name, source)));
     }
-    Ok(variants)
+    Ok(files)
 }
 
 /// The folder of the device, and the variant that a path names.

@@ -1,4 +1,4 @@
-//! The form of `device.yaml`, and of the files that say what a variant has otherwise.
+//! The form of `device.yaml`.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -56,6 +56,10 @@ pub struct DeviceFile {
     /// The emergency messages it sends for errors of communication; those of CiA 301 when absent.
     #[serde(default)]
     pub(super) emcy: Option<EmcyFacts>,
+    /// The variants of which each is a device, where this file only says what they share; the first
+    /// is meant where the family is named.
+    #[serde(default)]
+    pub(super) models: Vec<At<String>>,
     /// Its objects.
     pub(super) objects: Objects,
 }
@@ -75,16 +79,19 @@ pub(super) struct Vendor {
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(super) struct Product {
     /// Name, for the data sheet.
-    name: At<String>,
+    pub(super) name: At<String>,
     /// Product code of 1018h, sub-index 2.
     pub(super) number: u32,
     /// Order code, for the data sheet.
-    order_code: At<String>,
+    pub(super) order_code: At<String>,
 }
 
 /// Objects by their keys, each of which means one index or several.
 #[derive(Default)]
 pub(super) struct Objects(Vec<(At<String>, ObjectFacts)>);
+
+/// Objects, each with the place of the key that means it.
+pub(super) type ByIndex = BTreeMap<u16, At<ObjectFacts>>;
 
 impl DeviceFile {
     /// The texts that stand on a line of the data sheet each.
@@ -128,83 +135,12 @@ impl DeviceFile {
     }
 }
 
-/// A file of `variants/`: what a variant has otherwise than its device; the rest is the same.
-#[derive(Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub struct VariantFile {
-    /// What a person calls it.
-    title: At<String>,
-    /// The product, as the head of the data sheet and 1018h identify it.
-    product: Product,
-    /// Options of its profiles that it does not have, beside those its device lacks.
-    #[serde(default)]
-    pub(super) without: Vec<At<String>>,
-    /// Objects it does not have: indices or ranges of them, as the keys of `objects` are.
-    #[serde(default)]
-    leave_out: Vec<At<String>>,
-    /// Objects that differ from those of its device or that it has on its own account.
-    #[serde(default)]
-    objects: Objects,
-}
-
-impl VariantFile {
-    /// The texts that stand on a line of the data sheet each.
-    pub(super) fn texts(&self) -> [&At<String>; 3] {
-        [&self.title, &self.product.name, &self.product.order_code]
-    }
-
-    /// Makes of a device file that of the variant, and of its objects those of the variant.
-    ///
-    /// # Errors
-    /// When it leaves out what the device does not have, or has keys that are not indices.
-    pub(super) fn apply(
-        self,
-        source: &Arc<Source>,
-        device: DeviceFile,
-        objects: &mut BTreeMap<u16, ObjectFacts>,
-    ) -> Result<DeviceFile, Vec<Complaint>> {
-        let mut complaints = Vec::new();
-        for left_out in &self.leave_out {
-            let complain = |message| Complaint::at(source, left_out.place, message);
-            let Some(ranges) = keyed(&left_out.value, ObjectFacts::default()) else {
-                complaints.push(complain(no_index(&left_out.value)));
-                continue;
-            };
-            let before = objects.len();
-            objects.retain(|index, _| !ranges.iter().any(|(range, _)| range.contains(index)));
-            if objects.len() == before {
-                let message =
-                    format!("`{}` is left out, but the device has no such object", left_out.value);
-                complaints.push(complain(message));
-            }
-        }
-        match self.objects.by_index(source) {
-            Err(mut wrong) => complaints.append(&mut wrong),
-            Ok(own) => {
-                for (index, object) in own {
-                    let known = objects.remove(&index).unwrap_or_default();
-                    objects.insert(index, object.or(&known));
-                }
-            }
-        }
-        if !complaints.is_empty() {
-            return Err(complaints);
-        }
-        let mut without = device.without;
-        without.extend(self.without);
-        Ok(DeviceFile { title: self.title, product: self.product, without, ..device })
-    }
-}
-
 impl Objects {
     /// The objects by index.
     ///
     /// # Errors
     /// When a key is not an index, or two mean the same.
-    pub(super) fn by_index(
-        self,
-        source: &Arc<Source>,
-    ) -> Result<BTreeMap<u16, ObjectFacts>, Vec<Complaint>> {
+    pub(super) fn by_index(self, source: &Arc<Source>) -> Result<ByIndex, Vec<Complaint>> {
         let (mut objects, mut complaints) = (BTreeMap::new(), Vec::new());
         for (key, object) in self.0 {
             let Some(keyed) = keyed(&key.value, object) else {
@@ -215,7 +151,7 @@ impl Objects {
                 .into_iter()
                 .flat_map(|(indices, object)| indices.map(move |index| (index, object.clone())))
             {
-                if objects.insert(index, object).is_some() {
+                if objects.insert(index, At::new(object, key.place)).is_some() {
                     let message = format!("{index:04X} is described twice");
                     complaints.push(Complaint::at(source, key.place, message));
                     break;
@@ -262,7 +198,7 @@ impl<'de> Visitor<'de> for ObjectsVisitor {
     }
 }
 
-fn no_index(key: &str) -> String {
+pub(super) fn no_index(key: &str) -> String {
     format!("`{key}` is neither an index such as 1017, nor 1400..15FF, nor 6500..65F0/10")
 }
 

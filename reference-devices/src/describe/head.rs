@@ -1,15 +1,14 @@
-//! What must hold of the head of a device file, and of its `node`, whatever the objects are.
+//! What must hold of the head of a device file or a variant, whatever the objects are.
 
 use std::sync::Arc;
 
 use canopen::catalogue::{Catalogue, Profile};
-use canopen::eds::Eds;
 use canopen::nearest::did_you_mean;
 use canopen::source::{At, Complaint, Source};
 
 use super::Known;
-use super::file::{DeviceFile, VariantFile};
-use super::node::NodeFacts;
+use super::file::DeviceFile;
+use super::variant::VariantFile;
 
 /// Checks the head of a device.
 ///
@@ -43,19 +42,11 @@ pub(super) fn check(
             );
         }
     }
-    if !known.behaviours.contains(&behaviour.value.as_str()) {
-        let meant = match did_you_mean(&behaviour.value, known.behaviours.iter().copied()) {
-            meant if meant.is_empty() => format!(": there is {}", known.behaviours.join(", ")),
-            meant => meant,
-        };
-        complain(behaviour.place, format!("no behaviour `{}`{meant}", behaviour.value));
-    }
-    for rate in file.bit_rates.iter().filter(|rate| !(10..=1000).contains(&rate.value)) {
-        complain(rate.place, "a bit rate is 10 to 1000 kbit/s".to_owned());
-    }
     if !(1..=127).contains(&default_node.value) {
         complain(default_node.place, "a node id is 1 to 127".to_owned());
     }
+    complaints.extend(behaviour_of(source, behaviour, known));
+    complaints.extend(bit_rates(source, &file.bit_rates));
     complaints.extend(texts(source, &file.texts()));
     complaints.extend(options(source, &file.without, &file.profiles, known.catalogue));
     if complaints.is_empty() { Ok(()) } else { Err(complaints) }
@@ -73,16 +64,34 @@ pub(super) fn check_variant(
 ) -> Result<(), Vec<Complaint>> {
     let mut complaints = texts(source, &file.texts());
     complaints.extend(options(source, &file.without, &device.profiles, known.catalogue));
+    if let Some(behaviour) = &file.behaviour {
+        complaints.extend(behaviour_of(source, behaviour, known));
+    }
+    complaints.extend(bit_rates(source, file.bit_rates.as_deref().unwrap_or_default()));
     if complaints.is_empty() { Ok(()) } else { Err(complaints) }
 }
 
-/// The objects that `node` names and the device does not have.
-pub(super) fn unknown_objects(source: &Arc<Source>, node: &NodeFacts, eds: &Eds) -> Vec<Complaint> {
-    let unknown = node.objects().filter(|at| eds.entry(at.value).is_none());
-    let complain = |at: &At<_>| {
-        Complaint::at(source, at.place, format!("the device has no object {}", at.value))
+/// The module that says what a device does is one of the program.
+fn behaviour_of(
+    source: &Arc<Source>,
+    behaviour: &At<String>,
+    known: Known<'_>,
+) -> Option<Complaint> {
+    if known.behaviours.contains(&behaviour.value.as_str()) {
+        return None;
+    }
+    let meant = match did_you_mean(&behaviour.value, known.behaviours.iter().copied()) {
+        meant if meant.is_empty() => format!(": there is {}", known.behaviours.join(", ")),
+        meant => meant,
     };
-    unknown.map(complain).collect()
+    let message = format!("no behaviour `{}`{meant}", behaviour.value);
+    Some(Complaint::at(source, behaviour.place, message))
+}
+
+/// Bit rates are those of CAN.
+fn bit_rates(source: &Arc<Source>, rates: &[At<u32>]) -> Vec<Complaint> {
+    let wrong = rates.iter().filter(|rate| !(10..=1000).contains(&rate.value));
+    wrong.map(|rate| Complaint::at(source, rate.place, "a bit rate is 10 to 1000 kbit/s")).collect()
 }
 
 /// Texts of the data sheet stand on one line each.

@@ -7,12 +7,14 @@ use canopen::eds::{Access, Entry, Object, Term};
 use super::wrong::Wrong;
 use super::{Description, Note};
 
-/// Adds the object at `index`, which must follow those that are there, with its notes.
+/// Adds the object at `index`, which must follow those that are there, with its notes. Without the
+/// sub-indices that `is_left_out` names, which is asked for each that it has.
 pub(super) fn object(
     described: &mut Description,
     catalogue: &Catalogue,
     index: u16,
     chosen: &ObjectFacts,
+    is_left_out: impl FnMut(u8) -> bool,
 ) -> Result<(), Wrong> {
     let nothing = ObjectFacts::default();
     let known = catalogue.lookup(&described.profiles, index).unwrap_or(&nothing);
@@ -27,7 +29,7 @@ pub(super) fn object(
     let values = if kind.has_subs() {
         let whole = chosen.of_var().or(&known.of_var());
         described.heads.insert(index, note(&whole));
-        subs(index, chosen, known)?
+        subs(index, chosen, known, is_left_out)?
     } else {
         vec![(0, chosen.of_var().or(&known.of_var()))]
     };
@@ -43,11 +45,17 @@ pub(super) fn object(
 }
 
 /// The values of an array or record with all that is known of them, sub 0 first.
-fn subs(index: u16, chosen: &ObjectFacts, known: &ObjectFacts) -> Result<Vec<(u8, Facts)>, Wrong> {
+fn subs(
+    index: u16,
+    chosen: &ObjectFacts,
+    known: &ObjectFacts,
+    mut is_left_out: impl FnMut(u8) -> bool,
+) -> Result<Vec<(u8, Facts)>, Wrong> {
     let mut present: Vec<u8> = match chosen.count.or(known.count) {
         Some(count) => (1..=count).collect(),
         None => chosen.subs.keys().copied().filter(|sub| *sub < STRUCTURE).collect(),
     };
+    present.retain(|sub| !is_left_out(*sub));
     let Some(&highest) = present.last() else {
         let why = "neither `count` nor `subs` say how many sub-indices it has";
         return Err(Wrong::object(index, format!("{index:04X}: {why}")));
@@ -118,4 +126,4 @@ fn note(facts: &Facts) -> Note {
 }
 
 /// The sub-index that describes its object and is none of its values (CiA 301, 7.4.2.3).
-const STRUCTURE: u8 = 0xFF;
+pub(super) const STRUCTURE: u8 = 0xFF;

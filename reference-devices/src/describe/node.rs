@@ -83,8 +83,7 @@ pub(super) struct EmcyFacts {
     /// Messages could not be sent.
     queue_overflow: Option<FormFacts>,
     /// Whether clearing 1003h sends a message, too.
-    #[serde(default)]
-    tells_history_cleared: bool,
+    tells_history_cleared: Option<bool>,
 }
 
 /// One emergency message.
@@ -127,6 +126,26 @@ impl TryFrom<String> for VendorBytes {
 }
 
 impl NodeFacts {
+    /// These facts, with those of `other` where nothing is known yet.
+    pub(super) fn or(self, other: Self) -> Self {
+        let mut aliases = other.aliases;
+        aliases.extend(self.aliases);
+        Self {
+            boot_up_time: self.boot_up_time.or(other.boot_up_time),
+            boot_up_state: self.boot_up_state.or(other.boot_up_state),
+            boot_up_ms: self.boot_up_ms.or(other.boot_up_ms),
+            sdo_timeout_ms: self.sdo_timeout_ms.or(other.sdo_timeout_ms),
+            longest_value: self.longest_value.or(other.longest_value),
+            save_ms: self.save_ms.or(other.save_ms),
+            sync_producer_us: self.sync_producer_us.or(other.sync_producer_us),
+            clock: self.clock.or(other.clock),
+            time_interval: self.time_interval.or(other.time_interval),
+            aliases,
+            sync: self.sync.or(other.sync),
+            block_transfer: self.block_transfer.or(other.block_transfer),
+        }
+    }
+
     /// The objects that it names.
     pub(super) fn objects(&self) -> impl Iterator<Item = &At<Mux>> {
         let single = [
@@ -136,6 +155,23 @@ impl NodeFacts {
             self.time_interval.as_ref(),
         ];
         single.into_iter().flatten().chain(self.aliases.values())
+    }
+}
+
+impl EmcyFacts {
+    /// These messages, with those of `other` where nothing is known yet.
+    pub(super) fn or(self, other: Self) -> Self {
+        Self {
+            sync_timeout: self.sync_timeout.or(other.sync_timeout),
+            sync_length: self.sync_length.or(other.sync_length),
+            guarding: self.guarding.or(other.guarding),
+            heartbeat: self.heartbeat.or(other.heartbeat),
+            rpdo_too_short: self.rpdo_too_short.or(other.rpdo_too_short),
+            rpdo_too_long: self.rpdo_too_long.or(other.rpdo_too_long),
+            rpdo_timeout: self.rpdo_timeout.or(other.rpdo_timeout),
+            queue_overflow: self.queue_overflow.or(other.queue_overflow),
+            tells_history_cleared: self.tells_history_cleared.or(other.tells_history_cleared),
+        }
     }
 }
 
@@ -181,7 +217,7 @@ fn table(facts: &EmcyFacts) -> EmcyTable {
     EmcyTable {
         faults: faults.collect(),
         queue_overflow: facts.queue_overflow.as_ref().map(form),
-        tells_history_cleared: facts.tells_history_cleared,
+        tells_history_cleared: facts.tells_history_cleared == Some(true),
     }
 }
 

@@ -1,11 +1,14 @@
 //! What is wrong with an object, and where the text that says so stands: in the file of the
-//! variant, or else in that of the device.
+//! variant or of one of its parts, or else in that of the device.
 
 use std::sync::Arc;
 
 use canopen::Mux;
 use canopen::catalogue::{ObjectFacts, keyed};
-use canopen::source::{Complaint, Outline, Source};
+use canopen::eds::Eds;
+use canopen::source::{At, Complaint, Outline, Source};
+
+use super::node::NodeFacts;
 
 /// A mistake in what is said of an object.
 #[derive(Debug)]
@@ -60,8 +63,8 @@ impl Wrong {
         };
         for below in &candidates {
             for (file, outline) in &outlines {
-                let Some(key) = object_key(outline, self.mux.index) else { continue };
-                let mut path = vec!["objects", key];
+                let Some((list, key)) = object_key(outline, self.mux.index) else { continue };
+                let mut path = vec![list, &key];
                 path.extend(below.iter().map(String::as_str));
                 // A value is pointed at itself, an object or an entry by its key.
                 let is_value = below
@@ -78,11 +81,36 @@ impl Wrong {
     }
 }
 
-/// The key under which a text describes the object.
-fn object_key(outline: &Outline, index: u16) -> Option<&str> {
-    let means = |key: &&str| {
+/// The objects that `node` names in the files of a device.
+#[derive(Default)]
+pub(super) struct Named(Vec<(Arc<Source>, At<Mux>)>);
+
+impl Named {
+    /// Adds those of a file.
+    pub(super) fn add(&mut self, source: &Arc<Source>, node: &NodeFacts) {
+        self.0.extend(node.objects().map(|at| (Arc::clone(source), at.clone())));
+    }
+
+    /// Those in use that the device does not have.
+    pub(super) fn unknown(&self, used: &[At<Mux>], eds: &Eds) -> Vec<Complaint> {
+        let unknown = self.0.iter().filter(|(_, at)| eds.entry(at.value).is_none());
+        let unknown = unknown.filter(|(_, at)| used.contains(at));
+        let complain = |(source, at): &(Arc<Source>, At<Mux>)| {
+            Complaint::at(source, at.place, format!("the device has no object {}", at.value))
+        };
+        unknown.map(complain).collect()
+    }
+}
+
+/// The keys under which a text describes the object.
+fn object_key(outline: &Outline, index: u16) -> Option<(&'static str, String)> {
+    let means = |key: &str| {
         let ranges = keyed(key, ObjectFacts::default()).unwrap_or_default();
         ranges.iter().any(|(range, _)| range.contains(&index))
     };
-    outline.keys(&["objects"]).map(|(key, _)| key).find(means)
+    let lists = [("objects", ["objects"]), ("replace", ["replace"])];
+    lists.into_iter().find_map(|(list, path)| {
+        let key = outline.keys(&path).map(|(key, _)| key.to_owned()).find(|key| means(key))?;
+        Some((list, key))
+    })
 }
