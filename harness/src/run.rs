@@ -27,5 +27,5 @@ pub use link::Link;
 pub use policy::Policy;
 pub(crate) use probe::{Lost, objects as probe};
 pub use sdo::{Ended, transfer};
-pub(crate) use session::{Ending, read_number, read_text};
+pub(crate) use session::{Ending, exists, read_number, read_text};
 pub use session::{Session, identity};

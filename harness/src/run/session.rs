@@ -3,7 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use canopen::{Bus, BusError, DataType, Instant, Mux, Value};
+use canopen::sdo::Failure;
+use canopen::{Abort, Bus, BusError, DataType, Instant, Mux, Value};
 use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Outcome, Versions};
 
 use super::baseline::Baseline;
@@ -288,6 +289,20 @@ pub(crate) fn read_number(
     let ended = sdo::upload(link, policy, node, mux)?;
     let value = ended.result.ok().and_then(|data| DataType::UNSIGNED32.decode(&data).ok());
     Ok(value.as_ref().and_then(Value::as_int).and_then(|number| number.try_into().ok()))
+}
+
+/// Whether the device answers for `mux` otherwise than that there is nothing.
+pub(crate) fn exists(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+) -> Result<bool, BusError> {
+    let absent = |failure: &Failure| {
+        matches!(failure, Failure::Aborted(Abort::NO_OBJECT | Abort::NO_SUB_INDEX))
+    };
+    let ended = sdo::upload(link, policy, node, mux)?;
+    Ok(!ended.result.as_ref().is_err_and(absent))
 }
 
 /// The text at `mux`, when there is one.

@@ -1,17 +1,18 @@
 //! Finding out who is on a bus.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use canopen::catalogue::{self, Profile};
 use canopen::eds::Eds;
 use canopen::sdo::{RESPONSE_COB_ID, Request};
 use canopen::{Bus, BusError, Mux};
-use reference_devices::devices;
+use reference_devices::devices::{self, ReferenceDevice};
 use reports::Identity;
 
 use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
-use crate::run::{Link, Policy, identity, read_number, read_text};
+use crate::run::{Link, Policy, exists, identity, read_number, read_text};
 
 /// A node that answers.
 pub(crate) struct Found {
@@ -21,7 +22,7 @@ pub(crate) struct Found {
     pub identity: Identity,
     /// What 1008h says.
     pub name: Option<String>,
-    /// The reference device of the same vendor and product.
+    /// The reference device that it is one of.
     pub device: Option<String>,
     /// The profile of the catalogue by which it is recognised, and its version.
     pub profile: Option<(&'static Profile, Option<String>)>,
@@ -111,15 +112,46 @@ fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
     let dut = Dut::new("", node, Eds::default());
     let identity = identity(link, &policy, &dut)?;
     let name = read_text(link, &policy, node, DEVICE_NAME)?;
-    let device = devices::names().find(|name| {
-        devices::device(name).is_some_and(|device| {
-            let info = &device.description.eds.device;
-            identity.vendor == Some(info.vendor_number)
-                && identity.product == Some(info.product_number)
-        })
-    });
+    let device = reference(link, &policy, &identity, node)?;
     let profile = recognise(link, &policy, node)?;
-    Ok(Found { node, identity, name, device: device.map(str::to_owned), profile })
+    Ok(Found { node, identity, name, device, profile })
+}
+
+/// The reference device of this vendor and product: of several the one of this device type and this
+/// revision, and of those that are left the one that has the same objects.
+fn reference(
+    link: &mut Link,
+    policy: &Policy,
+    identity: &Identity,
+    node: u8,
+) -> Result<Option<String>, BusError> {
+    let (Some(vendor), Some(product)) = (identity.vendor, identity.product) else {
+        return Ok(None);
+    };
+    let families = devices::families_of(vendor, product, identity.device_type);
+    let mut left: Vec<_> = families.into_iter().flatten().collect();
+    left.retain(|device| device.description.eds.device.product_number == product);
+    narrow(&mut left, |device| device.device_type() == identity.device_type);
+    let revision = |device: &ReferenceDevice| device.description.eds.device.revision_number;
+    narrow(&mut left, |device| Some(revision(device)) == identity.revision);
+    let has = |device: &ReferenceDevice, mux| device.description.eds.entry(mux).is_some();
+    let every = left.iter().flat_map(|device| device.description.eds.entries());
+    let every: BTreeSet<Mux> = every.map(|entry| entry.mux).collect();
+    for mux in every {
+        let having = left.iter().filter(|device| has(device, mux)).count();
+        if having > 0 && having < left.len() {
+            let answers = exists(link, policy, node, mux)?;
+            narrow(&mut left, |device| has(device, mux) == answers);
+        }
+    }
+    Ok(left.first().map(|device| device.description.device.clone()))
+}
+
+/// Keeps those for which it holds, unless it holds for none.
+fn narrow(left: &mut Vec<&ReferenceDevice>, holds: impl Fn(&ReferenceDevice) -> bool) {
+    if left.iter().any(|device| holds(device)) {
+        left.retain(|device| holds(device));
+    }
 }
 
 /// The profile of the catalogue that an object of the device names, with its version.

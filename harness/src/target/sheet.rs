@@ -6,9 +6,10 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
-use canopen::Bus;
-use canopen::eds::{Eds, Severity};
+use canopen::eds::{DeviceInfo, Eds, Severity};
+use canopen::{Bus, Mux};
 use reference_devices::change::Deviation;
+use reference_devices::describe::Description;
 use reference_devices::devices::{self, ReferenceDevice};
 
 use super::compose::compose;
@@ -18,16 +19,16 @@ use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::dut::{Dut, Sheet};
 use crate::exit::{Exit, Refused};
 
-/// The data sheets of the reference devices of the same vendor and product, by the names by which
-/// suites ask for them.
+/// The data sheets of the reference devices of the same vendor and product, by the
+/// names by which suites ask for them.
 pub fn models(eds: &Eds) -> BTreeMap<&'static str, &'static Eds> {
-    let same = |model: &Eds| {
-        let (ours, theirs) = (&model.device, &eds.device);
-        (ours.vendor_number, ours.product_number) == (theirs.vendor_number, theirs.product_number)
-    };
-    let models = devices::all().map(|device| &device.description);
-    let models = models.map(|model| (model.device.as_str(), &model.eds));
-    models.filter(|(_, model)| same(model)).collect()
+    let device_type = eds.entry(Mux::new(0x1000, 0)).and_then(|entry| entry.default.as_ref());
+    let device_type = device_type.and_then(|term| term.resolve(1).as_int()?.try_into().ok());
+    let DeviceInfo { vendor_number, product_number, .. } = eds.device;
+    let families = devices::families_of(vendor_number, product_number, device_type);
+    let models = families.into_iter().flatten().map(|device| &device.description);
+    let own = |model: &&Description| model.eds.device.product_number == product_number;
+    models.filter(own).map(|model| (model.device.as_str(), &model.eds)).collect()
 }
 
 /// Reads a data sheet; says so when it has errors, and goes on with what is left.
