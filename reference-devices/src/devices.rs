@@ -317,6 +317,30 @@ const FILES: &[Files] = &[
         mutants: include_str!("../generic/mutants.yaml"),
         freedoms: include_str!("../generic/freedoms.yaml"),
     },
+    Files {
+        folder: "mcm260x",
+        device: include_str!("../mcm260x/device.yaml"),
+        variants: &[
+            ("1ad", include_str!("../mcm260x/variants/1ad.yaml")),
+            ("2ad", include_str!("../mcm260x/variants/2ad.yaml")),
+            ("3ad", include_str!("../mcm260x/variants/3ad.yaml")),
+            ("4ad", include_str!("../mcm260x/variants/4ad.yaml")),
+            ("5ad", include_str!("../mcm260x/variants/5ad.yaml")),
+            ("9ad", include_str!("../mcm260x/variants/9ad.yaml")),
+        ],
+        parts: &[
+            ("analogue-inputs-2", include_str!("../mcm260x/parts/analogue-inputs-2.yaml")),
+            ("digital-inputs-16", include_str!("../mcm260x/parts/digital-inputs-16.yaml")),
+            ("digital-inputs-8", include_str!("../mcm260x/parts/digital-inputs-8.yaml")),
+            ("digital-outputs-16", include_str!("../mcm260x/parts/digital-outputs-16.yaml")),
+            ("digital-outputs-8", include_str!("../mcm260x/parts/digital-outputs-8.yaml")),
+            ("encoders", include_str!("../mcm260x/parts/encoders.yaml")),
+            ("parameters-50", include_str!("../mcm260x/parts/parameters-50.yaml")),
+            ("universal-analogue", include_str!("../mcm260x/parts/universal-analogue.yaml")),
+        ],
+        mutants: include_str!("../mcm260x/mutants.yaml"),
+        freedoms: include_str!("../mcm260x/freedoms.yaml"),
+    },
 ];
 
 #[cfg(test)]
