@@ -144,16 +144,19 @@ fn lex<'a>(text: &'a str, findings: &mut Findings) -> Vec<Section<'a>> {
         let at = |part: &str| Place::new(number, column(line, part));
         match part.as_bytes() {
             [] | [b';', ..] => {}
-            [b'#', ..] => findings.habit(&codes::COMMENT, at(part), "a comment starts with `;`"),
+            [b'#', ..] => {
+                findings.habit(&codes::COMMENT, at(part), "the comment does not start with `;`")
+            }
             [b'[', ..] => sections.push(head(part, at(part), findings)),
             _ => match (key(number, line, part), sections.last_mut()) {
                 (Some(key), Some(section)) => section.keys.push(key),
                 (Some(key), None) => {
-                    let message = format!("key {:?} stands before every section", key.name);
+                    let message = format!("key {:?} belongs to no section", key.name);
                     findings.add(&codes::SYNTAX, key.name_at, message);
                 }
                 (None, _) => {
-                    let message = "neither a section head nor `key=value`; the line is skipped";
+                    let message =
+                        "the line is neither a section head nor `key=value` and is ignored";
                     findings.add(&codes::SYNTAX, at(part), message);
                 }
             },
@@ -223,15 +226,15 @@ fn head<'a>(part: &'a str, at: Place, findings: &mut Findings) -> Section<'a> {
         Some((title, rest)) => {
             let rest = rest.trim_ascii_start();
             if rest.starts_with([';', '#']) {
-                findings.habit(&codes::COMMENT, at, "a comment after a section head");
+                findings.habit(&codes::COMMENT, at, "a comment follows the section head");
             } else if !rest.is_empty() {
-                let message = format!("{rest:?} after a section head is skipped");
+                let message = format!("{rest:?} follows the section head and is ignored");
                 findings.add(&codes::SYNTAX, at, message);
             }
             title
         }
         None => {
-            findings.add(&codes::SYNTAX, at, "section head without a closing bracket");
+            findings.add(&codes::SYNTAX, at, "the section head has no closing bracket");
             inner
         }
     };
@@ -257,7 +260,7 @@ fn check_spelling(title: &str, name: Name, at: Place, findings: &mut Findings) {
         _ => true,
     };
     if !(usual && title.trim_ascii() == title) && name != Name::Other {
-        let message = "sections are usually written like [1A00subF]: capitals, nothing added";
+        let message = "the section name is not written like [1A00subF]: capitals, nothing added";
         findings.habit(&codes::SECTION_SPELLING, at, message);
     }
 }
@@ -290,7 +293,7 @@ fn unite<'a>(mut sections: Vec<Section<'a>>, findings: &mut Findings) -> Vec<Sec
         };
         let twin = &mut united[twin];
         let message =
-            format!("section [{}] stands in line {} already", section.title, twin.at.line);
+            format!("section [{}] already exists in line {}", section.title, twin.at.line);
         findings.add(&codes::DUPLICATE_SECTION, section.at, message);
         twin.keys.extend(section.keys);
     }
@@ -316,7 +319,8 @@ fn drop_second_keys(section: &mut Section<'_>, findings: &mut Findings) {
     }
     for &(place, line) in &second {
         let key = &section.keys[place];
-        let message = format!("key {:?} stands in line {line} already, which counts", key.name);
+        let message =
+            format!("key {:?} already exists in line {line}, whose value is used", key.name);
         findings.add(&codes::DUPLICATE_KEY, key.name_at, message);
     }
     if !second.is_empty() {
@@ -411,10 +415,12 @@ mod tests {
         assert_eq!(
             findings,
             [
-                "3:1: error: key \"A\" stands in line 2 already, which counts [eds-duplicate-key]",
-                "5:1: error: section [1000] stands in line 1 already [eds-duplicate-section]",
-                "7:1: error: key \"a\" stands in line 2 already, which counts [eds-duplicate-key]",
-                "8:1: error: section [x] stands in line 4 already [eds-duplicate-section]",
+                "3:1: error: key \"A\" already exists in line 2, whose value is used \
+                 [eds-duplicate-key]",
+                "5:1: error: section [1000] already exists in line 1 [eds-duplicate-section]",
+                "7:1: error: key \"a\" already exists in line 2, whose value is used \
+                 [eds-duplicate-key]",
+                "8:1: error: section [x] already exists in line 4 [eds-duplicate-section]",
             ]
         );
     }

@@ -43,13 +43,13 @@ impl Lint<'_, '_, '_> {
             [(0x1000, "device type"), (0x1001, "error register"), (0x1018, "identity")]
         {
             if self.eds.object(index).is_none() {
-                let message = format!("object {index:04X}h, the {name}, is missing");
+                let message = format!("object {index:04X}h ({name}) is missing");
                 self.findings.add(&codes::MANDATORY_OBJECT, at, message);
             }
         }
         let has = |index| self.eds.object(index).is_some();
         if !(has(0x1017) || has(0x100C) && has(0x100D)) {
-            let message = "neither heartbeat (1017h) nor node guarding (100Ch, 100Dh) is there";
+            let message = "heartbeat (1017h) and node guarding (100Ch, 100Dh) are both missing";
             self.findings.add(&codes::ERROR_CONTROL, at, message);
         }
     }
@@ -65,8 +65,9 @@ impl Lint<'_, '_, '_> {
                 && default != i128::from(stated)
             {
                 let at = self.place(Name::DeviceInfo, Some(key)).unwrap_or(Place::new(1, 1));
-                let message =
-                    format!("{key} is 0x{stated:X}, the default of 1018:{sub:02X} 0x{default:X}");
+                let message = format!(
+                    "{key} is 0x{stated:X}, but 1018:{sub:02X} has the default 0x{default:X}"
+                );
                 self.findings.add(&codes::IDENTITY, at, message);
             }
         }

@@ -93,13 +93,19 @@ impl Reader {
     fn other(&mut self, section: &Section<'_>) {
         let title = section.title;
         let (code, message) = if is_one_of(title, &COMMISSIONING) {
-            (&codes::DCF, format!("section [{title}] belongs into a configuration file"))
+            (&codes::DCF, format!("section [{title}] belongs into a DCF"))
         } else if is_one_of(title, &MODULES) || is_module(title) {
-            (&codes::MODULE, "sections of modules are kept and not interpreted".to_owned())
+            (
+                &codes::MODULE,
+                "the section describes a module; it is kept and not interpreted".to_owned(),
+            )
         } else if is_one_of(title, &KNOWN_OTHERS) || is_tool(title) {
             return self.keep(title.to_owned(), section.keys.iter());
         } else {
-            (&codes::UNKNOWN_SECTION, format!("section [{title}] has no meaning here; it is kept"))
+            (
+                &codes::UNKNOWN_SECTION,
+                format!("section [{title}] is not defined by CiA 306; it is kept"),
+            )
         };
         self.findings.habit(code, section.at, message);
         self.keep(title.to_owned(), section.keys.iter());
@@ -130,10 +136,11 @@ impl Reader {
         for key in section.keys.iter().filter(|key| !known(key.name)) {
             kept.push((key.name.to_owned(), key.value.to_owned()));
             if is_one_of(key.name, &DCF_KEYS) {
-                let message = format!("key {:?} belongs into a configuration file", key.name);
+                let message = format!("key {:?} belongs into a DCF", key.name);
                 self.findings.habit(&codes::DCF, key.name_at, message);
             } else if !is_one_of(key.name, &KEPT_KEYS) {
-                let message = format!("key {:?} has no meaning here; it is kept", key.name);
+                let message =
+                    format!("key {:?} is not defined for this section; it is kept", key.name);
                 self.findings.habit(&codes::UNKNOWN_KEY, key.name_at, message);
             }
         }

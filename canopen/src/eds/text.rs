@@ -17,11 +17,7 @@ pub(super) fn decode_with<'a>(source: &'a [u8], findings: &mut Findings) -> Cow<
         [0xFF, 0xFE, rest @ ..] => utf16(rest, u16::from_le_bytes, findings),
         [0xFE, 0xFF, rest @ ..] => utf16(rest, u16::from_be_bytes, findings),
         [0xEF, 0xBB, 0xBF, rest @ ..] => {
-            findings.add(
-                &codes::BYTE_ORDER_MARK,
-                START,
-                "byte order mark at the start of the file",
-            );
+            findings.add(&codes::BYTE_ORDER_MARK, START, "the file starts with a byte order mark");
             bytes(rest, findings)
         }
         _ => bytes(source, findings),

@@ -23,7 +23,7 @@ pub(super) fn term(key: &Key<'_>, data_type: DataType, findings: &mut Findings) 
         DataType::BOOLEAN => boolean(key, findings),
         _ if data_type.is_integer() => return integer(key, data_type, findings),
         _ => {
-            let message = format!("values of {data_type} are kept and not understood");
+            let message = format!("values of {data_type} are kept and not interpreted");
             findings.habit(&codes::OPAQUE, key.at, message);
             return None;
         }
@@ -46,7 +46,7 @@ pub(super) fn unsigned(key: &Key<'_>, high: u64, findings: &mut Findings) -> Opt
     match u64::try_from(number.value) {
         Ok(value) if value <= high => Some(value),
         _ => {
-            let message = format!("{}: {text} is not in 0 to {high}", key.name);
+            let message = format!("{}: {text} is outside 0 to {high}", key.name);
             findings.add(&codes::RANGE, key.at, message);
             None
         }
@@ -64,7 +64,8 @@ pub(super) fn flag(key: &Key<'_>, findings: &mut Findings) -> bool {
         Some(_) => true,
         None => ["true", "yes", "on"].iter().any(|word| word.eq_ignore_ascii_case(text)),
     };
-    let message = format!("{}: {text:?} is neither 0 nor 1, read as {}", key.name, u8::from(value));
+    let message =
+        format!("{}: {text:?} is neither 0 nor 1; it is read as {}", key.name, u8::from(value));
     findings.add(&codes::FLAG, key.at, message);
     value
 }
@@ -73,7 +74,7 @@ pub(super) fn flag(key: &Key<'_>, findings: &mut Findings) -> bool {
 pub(super) fn typed<'a>(key: &Key<'a>, findings: &mut Findings) -> &'a str {
     let text = without_comment(key.value);
     if text.len() < key.value.len() {
-        findings.habit(&codes::COMMENT, key.at, "a comment after a value is cut off");
+        findings.habit(&codes::COMMENT, key.at, "the comment after the value is ignored");
     }
     text
 }
@@ -116,16 +117,17 @@ fn check_spelling(number: &Number, text: &str, at: Place, findings: &mut Finding
     match number.remark {
         None => {}
         Some(Remark::Octal(decimal)) => {
-            let message =
-                format!("{text} is octal for {value}; {decimal} is written without the zero");
+            let message = format!(
+                "{text} is octal and means {value}; {decimal} is written without the leading zero"
+            );
             findings.add(&codes::OCTAL, at, message);
         }
         Some(Remark::LeadingZero) => {
-            let message = "a number that starts with 0 is octal; this one is read as decimal";
+            let message = "the number starts with 0, as octal numbers do; it is read as decimal";
             findings.habit(&codes::LEADING_ZERO, at, message);
         }
         Some(Remark::Spelling) => {
-            let message = "a number is usually written 16 or 0x10";
+            let message = "the number is not written like 16 or 0x10";
             findings.habit(&codes::NUMBER_SPELLING, at, message);
         }
         Some(Remark::Point) => {
@@ -144,7 +146,7 @@ fn integer(key: &Key<'_>, data_type: DataType, findings: &mut Findings) -> Optio
     };
     check_spelling(&number, text, key.at, findings);
     if !usual {
-        let message = "a sum with the node id is usually written $NODEID+0x180";
+        let message = "the sum with the node id is not written like $NODEID+0x180";
         findings.habit(&codes::NODE_ID_SPELLING, key.at, message);
     }
     let (low, high) = data_type.limits()?;
@@ -160,11 +162,12 @@ fn integer(key: &Key<'_>, data_type: DataType, findings: &mut Findings) -> Optio
     }
     if low < 0 && number.hex_digits > 0 && value > high && value <= 2 * high + 1 {
         value -= 2 * (high + 1);
-        let message = "a negative number is usually written with a sign";
+        let message = "the negative number has no sign";
         findings.habit(&codes::TWOS_COMPLEMENT, key.at, message);
     }
     if !(low..=high).contains(&value) {
-        let message = format!("{}: {text} is not in {low} to {high} of {data_type}", key.name);
+        let message =
+            format!("{}: {text} is outside {low} to {high}, the range of {data_type}", key.name);
         findings.add(&codes::DEFAULT_RANGE, key.at, message);
         return None;
     }
@@ -185,8 +188,8 @@ fn real(key: &Key<'_>, data_type: DataType, findings: &mut Findings) -> Option<V
         Some(Number { value, hex_digits: digits, .. }) if digits > 0 => {
             let full = 2 * data_type.size().unwrap_or_default();
             let message = match digits == full {
-                true => "a real number in hex, read as its bits",
-                false => "a real number in hex, read as a whole number",
+                true => "the real number is in hex; it is read as its bits",
+                false => "the real number is in hex; it is read as a whole number",
             };
             findings.habit(&codes::REAL_BITS, key.at, message);
             match (digits == full, single) {

@@ -11,7 +11,8 @@ impl Lint<'_, '_, '_> {
         if let Some(kind) = expected_kind(object.index)
             && kind != object.kind
         {
-            let message = format!("{:04X}h is {:?}, not {kind:?}", object.index, object.kind);
+            let message =
+                format!("object {:04X}h is {:?} instead of {kind:?}", object.index, object.kind);
             self.add(&codes::OBJECT_KIND, object, message);
         }
         if matches!(object.kind, ObjectKind::ARRAY | ObjectKind::RECORD)
@@ -25,7 +26,8 @@ impl Lint<'_, '_, '_> {
             self.limits(entry);
             if entry.mappable && entry.access == Access::Rw {
                 let at = self.entry_place(entry, "AccessType");
-                let message = "rw does not say for which PDOs the value is; rwr or rww does";
+                let message =
+                    "AccessType rw does not say for which PDOs the value is; rwr or rww does";
                 self.findings.habit(&codes::MAPPING_DIRECTION, at, message);
             }
         }
@@ -34,11 +36,11 @@ impl Lint<'_, '_, '_> {
     fn sub0(&mut self, object: &Object) {
         let index = object.index;
         let Some(sub0) = object.entry(0) else {
-            let message = format!("{index:04X}h has no sub 0");
+            let message = format!("object {index:04X}h has no sub-index 0");
             return self.add(&codes::SUB0_MISSING, object, message);
         };
         if sub0.data_type != DataType::UNSIGNED8 {
-            let message = format!("{}: sub 0 is {}, not unsigned8", sub0.mux, sub0.data_type);
+            let message = format!("{} is {} instead of unsigned8", sub0.mux, sub0.data_type);
             self.add_at(&codes::SUB0_TYPE, sub0, "DataType", message);
         }
         // These count what is in use, which changes.
@@ -51,12 +53,15 @@ impl Lint<'_, '_, '_> {
         match sub0.default.as_ref().map(|term| &term.value) {
             Some(&Value::Int(number)) if number != i128::from(highest) => {
                 let message =
-                    format!("{} is {number}, and the highest sub-index is {highest}", sub0.mux);
+                    format!("{} is {number}, but the highest sub-index is {highest}", sub0.mux);
                 self.add_at(&codes::SUB0_COUNT, sub0, DEFAULT, message);
             }
             Some(_) => {}
             None => {
-                let message = format!("{} has no default; {highest} would be right", sub0.mux);
+                let message = format!(
+                    "{} has no default value; the highest sub-index is {highest}",
+                    sub0.mux
+                );
                 self.add_at(&codes::SUB0_DEFAULT, sub0, DEFAULT, message);
             }
         }
@@ -78,7 +83,8 @@ impl Lint<'_, '_, '_> {
             && has(9)
             && !(0x0A..0x10).any(has)
         {
-            let message = format!("{} follows sub 9: written as a decimal number?", ten.mux);
+            let message =
+                format!("{} follows sub-index 9; the section name is probably decimal", ten.mux);
             let at = self.place(Name::Object(object.index, Part::Sub(0x10)), None);
             let at = at.unwrap_or_else(|| self.entry_place(ten, DEFAULT));
             self.findings.add(&codes::SUB_DECIMAL, at, message);
@@ -95,10 +101,11 @@ impl Lint<'_, '_, '_> {
             return;
         }
         if data_type.0 == 0 {
-            let message = format!("{} has no data type", entry.mux);
+            let message = format!("{} has no DataType", entry.mux);
             return self.add_at(&codes::DATA_TYPE_MISSING, entry, "DataType", message);
         }
-        let message = format!("{}: {data_type} is neither basic nor defined", entry.mux);
+        let message =
+            format!("{}: {data_type} is neither basic nor defined by an object", entry.mux);
         self.add_at(&codes::DATA_TYPE, entry, "DataType", message);
     }
 
@@ -109,11 +116,11 @@ impl Lint<'_, '_, '_> {
             return self.add_at(&codes::LIMITS, entry, "LowLimit", message);
         }
         if exceeds(low, default) {
-            let message = format!("{mux}: the default is below LowLimit");
+            let message = format!("{mux}: the default value is below LowLimit");
             self.add_at(&codes::DEFAULT_LIMIT, entry, DEFAULT, message);
         }
         if exceeds(default, high) {
-            let message = format!("{mux}: the default is above HighLimit");
+            let message = format!("{mux}: the default value is above HighLimit");
             self.add_at(&codes::DEFAULT_LIMIT, entry, DEFAULT, message);
         }
     }

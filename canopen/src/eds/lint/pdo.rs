@@ -56,7 +56,7 @@ impl<'e> Lint<'e, '_, '_> {
 
     fn pdo_pair(&mut self, object: &Object, other: u16) {
         if self.eds.object(other).is_none() {
-            let message = format!("{:04X}h is there and {other:04X}h is not", object.index);
+            let message = format!("object {:04X}h has no counterpart {other:04X}h", object.index);
             self.add(&codes::PDO_PAIR, object, message);
         }
     }
@@ -65,7 +65,8 @@ impl<'e> Lint<'e, '_, '_> {
         for (sub, data_type) in COMMUNICATION {
             match object.entry(sub) {
                 Some(entry) if entry.data_type != data_type => {
-                    let message = format!("{} is {}, not {data_type}", entry.mux, entry.data_type);
+                    let message =
+                        format!("{} is {} instead of {data_type}", entry.mux, entry.data_type);
                     self.add_at(&codes::PDO_ENTRY, entry, "DataType", message);
                 }
                 None if sub <= 2 => {
@@ -76,7 +77,7 @@ impl<'e> Lint<'e, '_, '_> {
             }
         }
         if let Some(entry) = object.entry(4) {
-            let message = format!("{} is reserved and should not be there", entry.mux);
+            let message = format!("{} is reserved", entry.mux);
             self.add_at(&codes::PDO_RESERVED, entry, "ParameterName", message);
         }
         if let Some(entry) = object.entry(2)
@@ -88,7 +89,7 @@ impl<'e> Lint<'e, '_, '_> {
             };
             if wrong {
                 let message =
-                    format!("{}: {} has no transmission type {number}", entry.mux, pdos.name);
+                    format!("{}: {number} is not a transmission type of {}s", entry.mux, pdos.name);
                 self.add_at(&codes::TRANSMISSION_TYPE, entry, DEFAULT, message);
             }
         }
@@ -102,7 +103,8 @@ impl<'e> Lint<'e, '_, '_> {
         let Some(Term { value: Value::Int(value), plus_node }) = &entry.default else { return };
         let expected = pdos.cob_id + 0x100 * i128::from(number);
         if CobId(*value as u32).valid() && !(*plus_node && value & 0x1FFF_FFFF == expected) {
-            let message = format!("{}: the default is usually $NODEID+0x{expected:X}", entry.mux);
+            let message =
+                format!("{}: the default identifier is usually $NODEID+0x{expected:X}", entry.mux);
             self.add_at(&codes::COB_ID_PREDEFINED, entry, DEFAULT, message);
         }
     }
@@ -121,11 +123,17 @@ impl<'e> Lint<'e, '_, '_> {
             Some(count) => u8::try_from(count).unwrap_or(u8::MAX),
         };
         if let Some(sub0) = object.entry(0).filter(|_| count > set) {
-            let message = format!("{} is {count} instead of {set}, which map something", sub0.mux);
+            let message = format!(
+                "{} is {count}, but the number of entries that map an object is {set}",
+                sub0.mux
+            );
             self.add_at(&codes::MAPPING_COUNT, sub0, DEFAULT, message);
         }
         if let Some(spare) = entries().find(|entry| entry.mux.sub > count && value(entry) != 0) {
-            let message = format!("{} maps something and is beyond the count {count}", spare.mux);
+            let message = format!(
+                "{} maps an object, but the number of mapped objects is {count}",
+                spare.mux
+            );
             self.add_at(&codes::MAPPING_SPARE, spare, DEFAULT, message);
         }
         let mut bits = 0;
@@ -134,7 +142,7 @@ impl<'e> Lint<'e, '_, '_> {
             self.mapped(pdos, entry, mapping);
             bits += u32::from(mapping.bits);
             if bits > 64 {
-                let message = format!("{}: with this entry the PDO has {bits} bits", entry.mux);
+                let message = format!("{}: the PDO has {bits} bits with this entry", entry.mux);
                 return self.add_at(&codes::MAPPING_SUM, entry, DEFAULT, message);
             }
         }
@@ -145,21 +153,28 @@ impl<'e> Lint<'e, '_, '_> {
         if mux.index < FIRST_OBJECT {
             let known = self.eds.dummies.contains(&mux.index);
             if !known || pdos.direction == Direction::Transmit {
-                let message = format!("{}: dummy {:04X}h cannot fill this PDO", at.mux, mux.index);
+                let message = format!(
+                    "{}: dummy object {:04X}h cannot be mapped into this PDO",
+                    at.mux, mux.index
+                );
                 self.add_at(&codes::MAPPING_OBJECT, at, DEFAULT, message);
             }
             return;
         }
         let Some(entry) = self.eds.entry(mux) else {
-            let message = format!("{}: there is no {mux} to map", at.mux);
+            let message = format!("{}: the mapped object {mux} does not exist", at.mux);
             return self.add_at(&codes::MAPPING_OBJECT, at, DEFAULT, message);
         };
         if !entry.mappable {
-            let message = format!("{}: PDOMapping of {mux} is 0", at.mux);
+            let message = format!("{}: the mapped object {mux} has PDOMapping=0", at.mux);
             self.add_at(&codes::MAPPING_ACCESS, at, DEFAULT, message);
         } else if !entry.maps_into(pdos.direction) {
-            let message =
-                format!("{}: {mux} is {} and not for {}s", at.mux, entry.access.name(), pdos.name);
+            let message = format!(
+                "{}: {mux} has access type {}, which is not for {}s",
+                at.mux,
+                entry.access.name(),
+                pdos.name
+            );
             self.add_at(&codes::PDO_DIRECTION, at, DEFAULT, message);
         }
         let size = entry.data_type.size().map(|size| 8 * size);
@@ -168,7 +183,7 @@ impl<'e> Lint<'e, '_, '_> {
             && size != usize::from(bits)
             && !boolean
         {
-            let message = format!("{}: {mux} has {size} bits, and {bits} are mapped", at.mux);
+            let message = format!("{}: {mux} has {size} bits, but {bits} are mapped", at.mux);
             self.add_at(&codes::MAPPING_LENGTH, at, DEFAULT, message);
         }
     }
@@ -190,11 +205,12 @@ impl<'e> Lint<'e, '_, '_> {
                 let id = cob_id.0 & 0x1FFF_FFFF;
                 if !cob_id.extended() && self.restricted(object.index, id, *plus_node) {
                     let message =
-                        format!("{}: CiA 301 keeps this identifier for others", entry.mux);
+                        format!("{}: the default identifier is restricted by CiA 301", entry.mux);
                     self.add_at(&codes::COB_ID_RESTRICTED, entry, DEFAULT, message);
                 }
                 if let Some(first) = seen.insert((id, cob_id.extended(), *plus_node), entry.mux) {
-                    let message = format!("{} has the identifier of {first}", entry.mux);
+                    let message =
+                        format!("{} has the same default identifier as {first}", entry.mux);
                     self.add_at(&codes::COB_ID_DUPLICATE, entry, DEFAULT, message);
                 }
             }

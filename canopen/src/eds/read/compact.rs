@@ -14,13 +14,13 @@ impl Reader {
     pub(super) fn compact_count(&mut self, head: &Section<'_>) -> u8 {
         let mut count = self.number(head, "CompactSubObj", 0xFF).unwrap_or_default() as u8;
         if count == 0xFF {
-            let message = "CompactSubObj is 255, and the highest sub-index is 254";
+            let message = "CompactSubObj is 255, but the highest sub-index is 254";
             self.findings.add(&codes::COMPACT, self.key_place(head, "CompactSubObj"), message);
             count = 0xFE;
         }
         let spent = self.expanded + usize::from(count);
         if spent > MANY_SUBS {
-            let message = format!("the short forms stand for more than {MANY_SUBS} subs");
+            let message = format!("the short forms describe more than {MANY_SUBS} sub-indices");
             self.findings.add(&codes::COMPACT, head.at, message);
             return 0;
         }
@@ -78,7 +78,8 @@ impl Reader {
                 }
                 Ok(sub) if (1..=count).contains(&sub) => {}
                 _ => {
-                    let message = format!("[{}] has no sub {:?}", section.title, key.name);
+                    let message =
+                        format!("section [{}] has no sub-index {:?}", section.title, key.name);
                     self.findings.add(&codes::COMPACT, key.name_at, message);
                 }
             }
@@ -88,7 +89,7 @@ impl Reader {
         if named != Some(there_are as u64) {
             let message = match named {
                 Some(named) => format!("NrOfEntries is {named} instead of {there_are}"),
-                None => format!("[{}] lacks NrOfEntries", section.title),
+                None => format!("section [{}] lacks NrOfEntries", section.title),
             };
             self.findings.add(&codes::COMPACT, self.key_place(section, "NrOfEntries"), message);
         }

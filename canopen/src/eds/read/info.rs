@@ -162,7 +162,11 @@ impl Reader {
             }
         }
         if !(1..).zip(&lines).all(|(expected, (number, _))| expected == *number) {
-            self.findings.add(&codes::LINES, section.at, "comment lines are not numbered from 1");
+            self.findings.add(
+                &codes::LINES,
+                section.at,
+                "the comment lines are not numbered from 1",
+            );
         }
         self.eds.comments = lines.into_iter().map(|(_, line)| line.to_owned()).collect();
         self.keep_keys(section.name, kept);

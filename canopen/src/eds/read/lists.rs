@@ -42,7 +42,8 @@ impl Reader {
         if let Some((expected, &(_, at))) =
             (1..).zip(&places).find(|(expected, (place, _))| expected != place)
         {
-            let message = format!("{} has no key {expected} before this one", list.title());
+            let message =
+                format!("section [{}] has no key {expected} before this one", list.title());
             self.findings.add(&codes::LIST_KEY, at, message);
         }
         self.keep_keys(section.name, kept);
@@ -50,7 +51,7 @@ impl Reader {
 
     fn check_count(&mut self, section: &Section<'_>, there_are: u64) {
         let Some(key) = section.filled("SupportedObjects") else {
-            let message = format!("[{}] lacks SupportedObjects", section.title);
+            let message = format!("section [{}] lacks SupportedObjects", section.title);
             self.findings.add(&codes::LIST_COUNT, section.at, message);
             return;
         };
@@ -71,15 +72,16 @@ impl Reader {
             if let Some(first) = place.checked_sub(1).map(|place| &listed[place])
                 && first.index == *index
             {
-                let message = format!("{index:04X}h is listed in line {} already", first.at.line);
+                let message =
+                    format!("object {index:04X}h is already listed in line {}", first.at.line);
                 self.findings.add(&codes::LISTED_TWICE, *at, message);
             } else if self.eds.object(*index).is_none() {
-                let message = format!("{index:04X}h is listed and has no section");
+                let message = format!("object {index:04X}h is listed, but has no section");
                 self.findings.add(&codes::NO_SECTION, *at, message);
             }
             let mandatory = MANDATORY.contains(index) && *list != List::Mandatory;
             if mandatory || (0x2000..0x6000).contains(index) != (*list == List::Manufacturer) {
-                let message = format!("{index:04X}h does not belong into {}", list.title());
+                let message = format!("object {index:04X}h does not belong into {}", list.title());
                 self.findings.add(&codes::LIST_RANGE, *at, message);
             }
         }
@@ -87,7 +89,7 @@ impl Reader {
             // Data type definitions need not be listed.
             let needed = object.index >= 0x1000;
             if needed && listed.binary_search_by_key(&object.index, |entry| entry.index).is_err() {
-                let message = format!("{:04X}h is in none of the lists", object.index);
+                let message = format!("object {:04X}h is in none of the lists", object.index);
                 self.findings.add(&codes::NOT_LISTED, Place::of_line(object.line), message);
             }
         }

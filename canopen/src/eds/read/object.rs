@@ -64,7 +64,8 @@ impl Reader {
         match parts.head {
             Some(head) => self.head(head, &role, parts, &mut object),
             None => {
-                let message = format!("{index:04X}h has subs and no section of its own");
+                let message =
+                    format!("object {index:04X}h has sub-indices, but no section of its own");
                 self.findings.add(&codes::PARENT_MISSING, first.at, message);
             }
         }
@@ -94,12 +95,14 @@ impl Reader {
         let kind = match stated {
             None => shape,
             Some(kind) if !kind.has_subs() && shape != ObjectKind::VAR => {
-                let message = format!("{:04X}h is {kind:?} and has subs", parts.index);
+                let message =
+                    format!("object {:04X}h is {kind:?}, but has sub-indices", parts.index);
                 self.findings.add(&codes::SUB_OF_VAR, at, message);
                 shape
             }
             Some(kind @ (ObjectKind::ARRAY | ObjectKind::RECORD)) if shape == ObjectKind::VAR => {
-                let message = format!("{:04X}h is {kind:?} and has no subs", parts.index);
+                let message =
+                    format!("object {:04X}h is {kind:?}, but has no sub-indices", parts.index);
                 self.findings.add(&codes::NO_SUBS, at, message);
                 if head.filled("DataType").is_some() { shape } else { kind }
             }
@@ -125,7 +128,7 @@ impl Reader {
         };
         let code = value::unsigned(key, u8::MAX.into(), &mut self.findings)?;
         if !matches!(code, 0 | 2 | 5..=9) {
-            let message = format!("{index:04X}h: there is no object type {code}");
+            let message = format!("object {index:04X}h: object type {code} does not exist");
             self.findings.add(&codes::OBJECT_TYPE, key.at, message);
         }
         Some(ObjectKind(code as u8))
@@ -165,7 +168,8 @@ impl Reader {
         match self.number(section, "ObjectType", u8::MAX.into()) {
             Some(2 | 7) => {}
             Some(code) => {
-                let message = format!("{index:04X}:{sub:02X} has object type {code}; subs are VAR");
+                let message =
+                    format!("{index:04X}:{sub:02X} has object type {code}, but a sub-index is VAR");
                 let at = self.key_place(section, "ObjectType");
                 self.findings.add(&codes::OBJECT_TYPE, at, message);
             }
@@ -194,11 +198,12 @@ impl Reader {
         match (number, subs.len() as u64) {
             (Some(number), subs) if number != subs => {
                 let at = self.key_place(head, "SubNumber");
-                let message = format!("{index:04X}h: SubNumber is {number} instead of {subs}");
+                let message =
+                    format!("object {index:04X}h: SubNumber is {number} instead of {subs}");
                 self.findings.add(&codes::SUB_NUMBER, at, message);
             }
             (None, 1..) if head.filled("SubNumber").is_none() => {
-                let message = format!("{index:04X}h has subs and no SubNumber");
+                let message = format!("object {index:04X}h has sub-indices, but no SubNumber");
                 self.findings.add(&codes::SUB_NUMBER, head.at, message);
             }
             _ => {}
@@ -236,7 +241,7 @@ impl Reader {
     ) -> Option<Term> {
         let key = section.key("DefaultValue")?;
         if key.value.is_empty() {
-            let message = "DefaultValue is empty, as if it were absent";
+            let message = "DefaultValue is empty; it counts as absent";
             self.findings.habit(&codes::EMPTY_DEFAULT, key.name_at, message);
             return None;
         }
@@ -267,7 +272,7 @@ impl Reader {
                 ObjectKind::DOMAIN => DataType::DOMAIN,
                 ObjectKind::DEFTYPE => DataType::UNSIGNED32,
                 _ if kind.has_subs() && mux.sub == 0 => {
-                    let message = format!("{mux} has no DataType; unsigned8 is taken");
+                    let message = format!("{mux} has no DataType; unsigned8 is assumed");
                     self.findings.add(&codes::DATA_TYPE_MISSING, section.at, message);
                     DataType::UNSIGNED8
                 }
@@ -276,7 +281,7 @@ impl Reader {
             };
         };
         if key.value.bytes().all(|byte| byte.is_ascii_digit()) {
-            let message = "a data type is usually written 0x0007";
+            let message = "DataType is usually written in hex, such as 0x0007";
             self.findings.habit(&codes::DATA_TYPE_DECIMAL, key.at, message);
         }
         let code = value::unsigned(key, u16::MAX.into(), &mut self.findings);
@@ -289,7 +294,7 @@ impl Reader {
                 ObjectKind::DOMAIN => Access::Rw,
                 ObjectKind::DEFTYPE => Access::Ro,
                 _ => {
-                    let message = format!("{mux} has no AccessType; ro is taken");
+                    let message = format!("{mux} has no AccessType; ro is assumed");
                     self.findings.add(&codes::ACCESS_MISSING, section.at, message);
                     Access::Ro
                 }
@@ -305,7 +310,7 @@ impl Reader {
             small => Access::named(small),
         };
         if let Some(access) = known {
-            let message = format!("{text:?} is usually written {:?}", access.name());
+            let message = format!("AccessType {text:?} is usually written {:?}", access.name());
             self.findings.habit(&codes::ACCESS_SPELLING, key.at, message);
             return access;
         }
@@ -316,7 +321,7 @@ impl Reader {
 
     fn name(&mut self, section: &Section<'_>) -> String {
         let Some(key) = section.filled("ParameterName") else {
-            let message = format!("[{}] has no ParameterName", section.title);
+            let message = format!("section [{}] has no ParameterName", section.title);
             self.findings.add(&codes::NAME_MISSING, section.at, message);
             return String::new();
         };
