@@ -56,6 +56,7 @@ impl BenchSnapshot {
         if std::mem::take(&mut self.off) {
             bench.set(POWER, &Value::Text("on".to_owned()))?;
         }
+        // A device is tested with its supply on, whatever a case found.
         self.before.remove(POWER);
         while let Some((name, value)) = self.before.pop_first() {
             if bench.get(&name).as_ref() != Ok(&value) {

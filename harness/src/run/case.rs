@@ -230,6 +230,7 @@ impl CaseRun<'_, '_> {
     fn restore(&mut self, snapshot: &Snapshot, still: bool) -> Result<bool, BusError> {
         let without_supply = self.bench_snapshot.off;
         match self.bench_snapshot.undo(self.link) {
+            // Whether it is back, the next case finds out when it settles the device.
             Ok(()) if without_supply => {
                 _ = settle::booted(self.link, self.policy, self.dut, self.baseline)?;
             }

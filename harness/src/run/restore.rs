@@ -208,6 +208,7 @@ fn with_record(mux: Mux, eds: &Eds) -> Vec<Mux> {
     if !in_pdo_record(mux.index) {
         return vec![mux];
     }
+    // The mapping of a PDO stands 200h above its communication parameter.
     let cob_id = Mux::new(mux.index & !0x0200, 1);
     if mux.index & 0x0200 == 0 {
         return vec![mux, cob_id];

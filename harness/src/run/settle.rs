@@ -87,6 +87,7 @@ pub(super) fn settle(
     }
 }
 
+/// The place of [`Rung::ResetNode`] in [`LADDER`].
 const RESET_NODE: usize = 4;
 
 /// Why a device is given up, and what may help where it can lose its node id.
@@ -109,6 +110,7 @@ fn lost(what: &str, dut: &Dut) -> String {
 /// Whatever the bus reports.
 pub(super) fn first_answer(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
     let end = link.mark() + policy.boot_timeout;
+    // A device that is starting hears no request: many short waits find it sooner than a long one.
     let eager = Policy { sdo_timeout: policy.sdo_timeout / 10, ..*policy };
     let mut refused = false;
     while link.mark() < end {

@@ -108,6 +108,7 @@ fn answering(link: &mut Link, nodes: std::ops::RangeInclusive<u8>) -> Result<Vec
 }
 
 fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
+    // Nothing here is judged by its time, so a bit rate that nobody has named yet will do.
     let policy = Policy::at_bit_rate(125_000);
     let dut = Dut::new("", node, Eds::default());
     let identity = identity(link, &policy, &dut)?;

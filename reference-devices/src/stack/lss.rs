@@ -237,6 +237,7 @@ impl Lss {
         let silent = base.rules.lss_silence(delay);
         let change_at = Some(now + silent / 2);
         self.silence = Some(Silence { change_at, end: now + silent });
+        // A delay of 0 changes the bit rate with this request.
         self.handle_timeout(now);
     }
 

@@ -147,6 +147,7 @@ impl Node {
 
     /// A frame of the LSS master, which a node without node id hears as well.
     fn handle_lss(&mut self, now: Instant, data: Data, out: &mut Outbox) {
+        // A node without node id has no boot-up to wait for: it hears the master at once.
         let initialised = self.nmt.poll_at().is_none();
         let Some(lss) = self.lss.as_mut().filter(|_| initialised) else { return };
         if lss.handle_request(now, &data, &self.services.base, out) {

@@ -110,6 +110,7 @@ impl Services {
 
     /// Gives the objects of a reset their stored or default values and starts the services anew.
     pub(crate) fn reset(&mut self, now: Instant, reset: Reset) {
+        // A reset leaves the supply on, so a save under way comes to its end.
         self.storage.finish();
         let base = &mut self.base;
         if base.rules.reset_restores(reset) {

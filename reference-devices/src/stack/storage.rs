@@ -88,8 +88,10 @@ impl Storage {
             });
             let done = now + base.settings.save_time;
             self.save = Some(Save { values: values.collect(), begun: now, done });
+            // A memory that takes no time has no deadline of which anybody would remind it.
             self.handle_timeout(now);
         } else {
+            // A save that ended after this would bring back what is forgotten here.
             self.finish();
             let mut values = self.newest().values.clone();
             values.retain(|mux, _| !group.contains(&mux.index));

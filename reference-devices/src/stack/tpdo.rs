@@ -158,6 +158,7 @@ impl Tpdo {
         match (self.kind, self.sampled) {
             (252, Some(sampled)) => out.push(Frame::new(id, sampled)),
             (252 | 253, _) => self.transmit(now, base, out),
+            // The inhibit time binds what a request triggers as well.
             (254.., _) => self.event(now, base, out),
             _ => {}
         }
