@@ -55,13 +55,15 @@ fn subs(
         Some(count) => (1..=count).collect(),
         None => chosen.subs.keys().copied().filter(|sub| *sub < STRUCTURE).collect(),
     };
-    present.retain(|sub| !is_left_out(*sub));
+    let left_out: Vec<u8> = present.iter().copied().filter(|sub| is_left_out(*sub)).collect();
+    present.retain(|sub| !left_out.contains(sub));
     let Some(&highest) = present.last() else {
         let why = "neither `count` nor `subs` say how many sub-indices it has";
         return Err(Wrong::object(index, format!("{index:04X}: {why}")));
     };
     present.extend(chosen.subs.contains_key(&STRUCTURE).then_some(STRUCTURE));
-    if let Some(sub) = chosen.subs.keys().find(|sub| !present.contains(sub)) {
+    let known_to_be = |sub: &&u8| present.contains(sub) || left_out.contains(sub);
+    if let Some(sub) = chosen.subs.keys().find(|sub| !known_to_be(sub)) {
         let mux = Mux::new(index, *sub);
         return Err(Wrong::entry(mux, format!("{mux} lies beyond `count: {highest}`")));
     }

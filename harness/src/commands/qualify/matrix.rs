@@ -58,7 +58,7 @@ impl Matrix {
         }
         let rows =
             parallel::try_map(&mutants, |mutant| row(library, &plan, &target, name, mutant))?;
-        let is_variant = device.description.variant_of.is_some();
+        let is_variant = device.description.device != device.first;
         Ok(Self { device: device.description.device.clone(), is_variant, clean, rows })
     }
 
