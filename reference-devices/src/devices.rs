@@ -4,7 +4,8 @@ mod applications;
 mod drr460;
 pub mod em66;
 mod generic;
-mod mcm260x;
+mod master;
+pub mod mcm260x;
 mod pixsys;
 
 use std::sync::{Arc, LazyLock};

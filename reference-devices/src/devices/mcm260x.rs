@@ -1,7 +1,7 @@
 //! What the MCM260X I/O modules do: inputs and outputs of CiA 401 with what stands before them,
 //! encoders and counters, sensors, error flags and LEDs. What a module has, its data sheet says.
 //!
-//! Between two events nothing is simulated: counts follow from the time, see [`encoder`], and an
+//! Between two events nothing is simulated: counts follow from the time, and an
 //! analogue input that has settled takes no samples. While an encoder turns, its counts are looked
 //! at every 20 ms to find out whether a TPDO has news; who reads them, SYNC included, gets those of
 //! the moment.
@@ -12,6 +12,7 @@
 mod bench;
 mod encoder;
 mod indicators;
+pub mod packaging;
 mod parameters;
 mod rules;
 mod sampling;
@@ -88,10 +89,11 @@ impl Mcm260x {
 
     fn with(eds: &Eds, rules: Box<dyn Mcm260xRules>, deviation: Option<cia401::Deviation>) -> Self {
         let table = Table::of(eds);
-        let filter = PixsysIo { filter: table.address(Item::InputFilter, 0) };
+        let filter = table.address(Item::InputFilter, 0);
+        let own = PixsysIo { filter, stop_is_failure: true };
         let io = match deviation {
-            Some(deviation) => IoBlock::new(eds, deviation.of(Box::new(filter))),
-            None => IoBlock::new(eds, Box::new(filter)),
+            Some(deviation) => IoBlock::new(eds, deviation.of(Box::new(own))),
+            None => IoBlock::new(eds, Box::new(own)),
         };
         let encoders = (1..=8).filter(|sub| eds.entry(Mux::new(COUNTS, *sub)).is_some()).count();
         let mut encoders = vec![Encoder::default(); encoders];
@@ -427,6 +429,8 @@ impl Behaviour for Mcm260x {
     fn written(&mut self, now: Instant, mux: Mux, od: &mut Dictionary) {
         self.changed = true;
         self.heard = Some(now);
+        // What has been counted shows which commands are done, the new one not yet among them.
+        let command = od.int(mux).unwrap_or(0);
         if mux == INTERFACE {
             self.chosen = None;
         }
@@ -437,7 +441,7 @@ impl Behaviour for Mcm260x {
         if mux.index == COMMANDS
             && let Some((encoder, setup)) = self.encoders.get_mut(place).zip(self.setups.get(place))
         {
-            let left = encoder.command(od.int(mux).unwrap_or(0), *setup, &*self.rules);
+            let left = encoder.command(command, *setup, &*self.rules);
             od.set_int(mux, left);
             self.show_counts(od);
         }
@@ -500,7 +504,7 @@ impl Behaviour for Mcm260x {
     }
 
     fn observe(&self, name: &str, od: &Dictionary) -> Option<Value> {
-        self.names().iter().any(|known| known == name).then(|| self.see(name, od))?
+        if self.offers(name) { self.see(name, od) } else { None }
     }
 
     fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
@@ -541,3 +545,6 @@ const DIGITAL_OUTPUTS: u16 = 0x6200;
 const ANALOGUE_OUTPUTS: u16 = 0x6411;
 /// The errors of the analogue inputs are numbered from here on.
 const OUT_OF_RANGE: u16 = 12;
+
+#[cfg(test)]
+mod tests;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use canopen::{Dictionary, Mux};
+use canopen::{Dictionary, Mux, NmtState};
 
 use crate::profiles::cia401::{Cia401Rules, EVERY_LEVEL, Setting};
 use crate::stack::CommunicationEvent;
@@ -12,6 +12,9 @@ use crate::stack::CommunicationEvent;
 pub(super) struct PixsysIo {
     /// The parameter with the time that every digital input has to hold, in units of 0.5 ms.
     pub(super) filter: Option<Mux>,
+    /// STOPPED sets the outputs as a communication error does, which CiA 401 says and a manual may
+    /// leave out.
+    pub(super) stop_is_failure: bool,
 }
 
 impl Cia401Rules for PixsysIo {
@@ -33,10 +36,12 @@ impl Cia401Rules for PixsysIo {
         value <= limit
     }
 
-    /// Only a communication error sets the outputs; STOPPED does not (DRR460 11.4.2, MCM260X
-    /// 11.4.7).
+    /// For the DRR460 only a communication error sets the outputs (DRR460 11.4.2).
     fn fails(&self, event: CommunicationEvent) -> bool {
-        event == CommunicationEvent::CommunicationError
+        match event {
+            CommunicationEvent::Entered(NmtState::STOPPED) => self.stop_is_failure,
+            _ => event == CommunicationEvent::CommunicationError,
+        }
     }
 
     fn failure_writes_objects(&self) -> bool {

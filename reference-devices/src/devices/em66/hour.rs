@@ -6,9 +6,8 @@
 use std::time::Duration;
 
 use canopen::catalogue::Block;
-use canopen::nmt::{Command, Service};
 use canopen::pdo::Mapping;
-use canopen::{Bus, Data, Frame, Instant, Mux, Value, VirtualBus, sync};
+use canopen::{Instant, Mux, Value};
 
 use super::codes::Codes;
 use super::objects::{
@@ -16,7 +15,7 @@ use super::objects::{
     SWITCH_OFF_MODE,
 };
 use crate::devices::ReferenceDevice;
-use crate::rules::Specification;
+use crate::devices::master::Master;
 
 /// What the TPDOs of the device reported at one time. Temperatures in tenths of a degree Celsius.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -120,29 +119,22 @@ pub fn run(device: &ReferenceDevice) -> Vec<Sample> {
 
 const BELOW: u8 = 3;
 
-/// The master of the network.
+/// The control of the machine, and what it has learnt.
 struct MachineControl {
-    bus: VirtualBus<'static>,
-    node: u8,
+    master: Master,
     codes: Codes,
     alarm: Block,
-    /// What the TPDOs reported since the last SYNC.
-    latest: Sample,
+    seconds: u32,
     samples: Vec<Sample>,
 }
 
 impl MachineControl {
     /// On a bus at 250 kbit/s with the device, which has booted up.
     fn new(device: &ReferenceDevice) -> Self {
-        let node = 66;
-        let mut bus = VirtualBus::new(250_000);
-        bus.attach(device.node(node, Box::new(Specification)));
-        let samples = Vec::with_capacity(1800);
+        let master = Master::new(device, 250_000, Duration::from_millis(100));
         let codes = Codes::of(&device.description.names);
         let alarm = device.description.blocks["alarm"].clone();
-        let mut control = Self { bus, node, codes, alarm, latest: Sample::default(), samples };
-        control.listen(Instant::ZERO + Duration::from_millis(100));
-        control
+        Self { master, codes, alarm, seconds: 0, samples: Vec::with_capacity(1800) }
     }
 
     /// An object of the first alarm, which watches the flow while the pump runs (3.3).
@@ -153,100 +145,63 @@ impl MachineControl {
     /// Maps what the hour is about into three TPDOs that SYNC asks for, and parameterises an alarm
     /// on the flow.
     fn prepare(&mut self) {
-        self.map(0, &[0x7400_0110, 0x7401_0110, 0x6410_0110, 0x6427_0110]);
-        self.map(1, &[0x3020_0110, 0x3040_0110, 0x3050_0110]);
         let state = Mapping { mux: self.alarm("state"), bits: 8 }.encode();
-        self.map(2, &[0x2002_0108, 0x2007_0108, state]);
+        let values: [&[u32]; 3] = [
+            &[0x7400_0110, 0x7401_0110, 0x6410_0110, 0x6427_0110],
+            &[0x3020_0110, 0x3040_0110, 0x3050_0110],
+            &[0x2002_0108, 0x2007_0108, state],
+        ];
+        for (tpdo, entries) in (0..).zip(values) {
+            self.master.map_tpdo(tpdo, ON_SYNC, 0, entries);
+        }
         self.write(self.alarm("link"), &0x3050_0110u32.to_le_bytes());
         self.write(self.alarm("level"), &200u16.to_le_bytes());
-        self.send(&Command { service: Service::START, node: self.node }.frame());
+        self.master.start();
     }
 
-    /// By the procedure of CiA 301, 7.5.2.36.
-    fn map(&mut self, tpdo: u16, entries: &[u32]) {
-        let cob_id = 0x180 + u32::from(tpdo) * 0x100 + u32::from(self.node);
-        let (parameter, mapping) = (0x1800 + tpdo, 0x1A00 + tpdo);
-        self.write(Mux::new(parameter, 1), &(cob_id | 1 << 31).to_le_bytes());
-        self.write(Mux::new(mapping, 0), &[0]);
-        for (sub, entry) in (1..).zip(entries) {
-            self.write(Mux::new(mapping, sub), &entry.to_le_bytes());
-        }
-        self.write(Mux::new(mapping, 0), &[entries.len() as u8]);
-        self.write(Mux::new(parameter, 2), &[1]);
-        self.write(Mux::new(parameter, 1), &cob_id.to_le_bytes());
-    }
-
-    /// Downloads up to four bytes.
     fn write(&mut self, mux: Mux, bytes: &[u8]) {
-        let [low, high, sub] = mux.bytes();
-        let mut data = [0x23 | (4 - bytes.len() as u8) << 2, low, high, sub, 0, 0, 0, 0];
-        data[4..4 + bytes.len()].copy_from_slice(bytes);
-        self.send(&Frame::new(0x600 + u16::from(self.node), data));
-        let answer = self.answer();
-        assert_eq!(answer.first(), Some(&0x60), "{mux} = {bytes:02X?}: {answer:02X?}");
-    }
-
-    fn answer(&mut self) -> Data {
-        let server = 0x580 + u16::from(self.node);
-        let patience = self.bus.now() + Duration::from_secs(1);
-        while let Some(seen) = self.bus.recv(patience).expect("a simulated bus does not fail") {
-            self.hear(&seen.frame);
-            if seen.frame.data_id() == Some(server) {
-                return seen.frame.data;
-            }
-        }
-        panic!("no answer of node {}", self.node)
-    }
-
-    fn send(&mut self, frame: &Frame) {
-        self.bus.send(frame).expect("a simulated bus does not fail");
+        self.master.write(mux, bytes);
     }
 
     fn bench(&mut self, name: &str, value: Value) {
-        let bench = self.bus.bench().expect("a simulated bus has a bench");
-        bench.set(name, &value).expect("the device has it");
+        self.master.bench(name, &value);
     }
 
     /// Asks for a sample every other second until so many went by.
     fn until(&mut self, seconds: u32) {
-        for next in (self.latest.seconds + 2..=seconds).step_by(2) {
-            self.listen(Instant::ZERO + Duration::from_secs(next.into()));
-            self.send(&Frame::new(sync::COB_ID, []));
-            self.latest.seconds = next;
-            self.listen(Instant::ZERO + Duration::from_millis(u64::from(next) * 1000 + 20));
-            self.samples.push(self.latest);
+        for next in (self.seconds + 2..=seconds).step_by(2) {
+            self.master.listen(Instant::ZERO + Duration::from_secs(next.into()));
+            self.master.synchronise();
+            self.master.listen(Instant::ZERO + Duration::from_millis(u64::from(next) * 1000 + 20));
+            self.seconds = next;
+            self.samples.push(self.sample());
         }
-        self.listen(Instant::ZERO + Duration::from_secs(seconds.into()));
+        self.master.listen(Instant::ZERO + Duration::from_secs(seconds.into()));
     }
 
-    fn listen(&mut self, until: Instant) {
-        while let Some(seen) = self.bus.recv(until).expect("a simulated bus does not fail") {
-            self.hear(&seen.frame);
-        }
-    }
-
-    /// Takes the values of the TPDOs.
-    fn hear(&mut self, frame: &Frame) {
-        let Some(id) = frame.data_id() else { return };
-        let words = frame.data.padded();
-        let word = |place: usize| i16::from_le_bytes([words[2 * place], words[2 * place + 1]]);
-        let latest = &mut self.latest;
-        match id.checked_sub(self.node.into()) {
-            Some(0x180) => {
-                (latest.effective, latest.set_point) = (word(0), word(1));
-                latest.output = word(2);
-                let codes = self.codes;
-                latest.status = [codes.status_on, codes.status_tune, codes.status_second]
-                    .map(|bit| i64::from(word(3)) & bit != 0);
-            }
-            Some(0x280) => {
-                (latest.return_line, latest.mould, latest.flow) = (word(0), word(1), word(2));
-            }
-            Some(0x380) => latest.flags = [words[0], words[1], words[2]],
-            _ => {}
+    /// What the TPDOs reported.
+    fn sample(&self) -> Sample {
+        let [control, process, bytes] = [0, 1, 2].map(|tpdo| self.master.tpdo(tpdo));
+        let word = |data: [u8; 8], at: usize| i16::from_le_bytes([data[2 * at], data[2 * at + 1]]);
+        let status = i64::from(word(control, 3));
+        let codes = self.codes;
+        Sample {
+            seconds: self.seconds,
+            effective: word(control, 0),
+            set_point: word(control, 1),
+            output: word(control, 2),
+            status: [codes.status_on, codes.status_tune, codes.status_second]
+                .map(|bit| status & bit != 0),
+            return_line: word(process, 0),
+            mould: word(process, 1),
+            flow: word(process, 2),
+            flags: [bytes[0], bytes[1], bytes[2]],
         }
     }
 }
+
+/// The transmission type of a TPDO that each SYNC asks for.
+const ON_SYNC: u8 = 1;
 
 #[cfg(test)]
 mod tests {

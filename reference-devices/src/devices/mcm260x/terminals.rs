@@ -12,16 +12,34 @@ use super::{FLAGS, Mcm260x};
 impl Mcm260x {
     /// What this module has.
     pub(super) fn names(&self) -> Vec<String> {
+        let numbered = self
+            .numbered()
+            .into_iter()
+            .flat_map(|(name, count)| (1..=count).map(move |number| format!("{name}{number}")));
+        numbered.chain(self.single().map(str::to_owned)).collect()
+    }
+
+    /// Whether this module has something of that name.
+    pub(super) fn offers(&self, name: &str) -> bool {
+        match bench::split(name) {
+            Some((prefix, place)) => {
+                self.numbered().iter().any(|(known, count)| *known == prefix && place < *count)
+            }
+            None => self.single().any(|known| known == name),
+        }
+    }
+
+    /// What there is several times, and how often.
+    fn numbered(&self) -> [(&'static str, usize); 20] {
         let counts = self.io.counts();
         let universal = if self.is_universal() { counts.analogue_inputs } else { 0 };
         let encoders = if counts.digital_inputs == 0 { 0 } else { self.encoders.len() };
         let with_z = (0..encoders).filter(|place| self.has_index(*place)).count();
-        let small = counts.analogue_inputs - universal;
-        let numbered = [
+        [
             (bench::DIGITAL_INPUTS, counts.digital_inputs),
             (bench::DIGITAL_OUTPUTS, counts.digital_outputs),
             (bench::GROUPS, self.groups()),
-            (bench::FIELDS, small),
+            (bench::FIELDS, counts.analogue_inputs - universal),
             (bench::VOLTAGES, counts.analogue_inputs),
             (bench::CURRENTS, universal),
             (bench::TEMPERATURES, universal),
@@ -38,14 +56,13 @@ impl Mcm260x {
             (bench::STATUS_LEDS, self.led_blocks()),
             (bench::INPUT_LEDS, universal),
             (bench::OUTPUT_LEDS, counts.analogue_outputs),
-        ];
-        let numbered = numbered
-            .into_iter()
-            .flat_map(|(name, count)| (1..=count).map(move |number| format!("{name}{number}")));
-        let single =
-            [bench::SUPPLY, bench::INTERFACE, bench::RUN_LED, bench::COM_LED, bench::DISPLAY];
-        let sensors = self.is_universal().then_some(bench::TERMINALS);
-        numbered.chain(single.into_iter().chain(sensors).map(str::to_owned)).collect()
+        ]
+    }
+
+    /// What there is once.
+    fn single(&self) -> impl Iterator<Item = &'static str> {
+        let all = [bench::SUPPLY, bench::INTERFACE, bench::RUN_LED, bench::COM_LED, bench::DISPLAY];
+        all.into_iter().chain(self.is_universal().then_some(bench::TERMINALS))
     }
 
     /// Takes a stimulus.
@@ -59,7 +76,7 @@ impl Mcm260x {
         value: &Value,
         od: &mut Dictionary,
     ) -> Result<(), BenchError> {
-        if !self.names().iter().any(|known| known == name) {
+        if !self.offers(name) {
             return Err(BenchError::unknown(name));
         }
         let (prefix, place) = bench::split(name).unwrap_or((name, 0));
