@@ -84,6 +84,38 @@ fn the_committed_data_sheets_are_those_of_the_program() {
     }
 }
 
+/// Several devices of one vendor bear the same product code. Modules of another revision are told
+/// apart by what they have.
+#[test]
+fn a_scan_names_each_reference_device() {
+    let recognised = |target: &str| {
+        let output = harness().args(["scan", "--target", target]).output().unwrap();
+        text(&output.stdout).split_whitespace().last().unwrap_or_default().to_owned()
+    };
+    for name in reference_devices::devices::names() {
+        assert_eq!(recognised(&format!("sim:{name}")), name);
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for part in ["", "parts", "variants"] {
+        let to = folder.path().join(part);
+        fs::create_dir_all(&to).unwrap();
+        for file in fs::read_dir(project().join("reference-devices/mcm260x").join(part)).unwrap() {
+            let from = file.unwrap().path();
+            if from.extension().is_some_and(|end| end == "yaml") {
+                let text = fs::read_to_string(&from)
+                    .unwrap()
+                    .replace("\nrevision: 0x02", "\nrevision: 0x05");
+                fs::write(to.join(from.file_name().unwrap()), text).unwrap();
+            }
+        }
+    }
+    for name in reference_devices::devices::with_variants("mcm260x") {
+        let variant = name.strip_prefix("mcm260x-").unwrap();
+        let path = folder.path().join("variants").join(variant).with_extension("yaml");
+        assert_eq!(recognised(&format!("sim:{}", path.display())), name);
+    }
+}
+
 /// The example of reference-devices/README.md, in a folder whose name has a blank.
 #[test]
 fn a_device_in_a_folder_is_run_like_one_in_the_program() {
