@@ -1,6 +1,7 @@
 //! Prints `reference-devices/mcm260x/minutes.svg`: ten minutes of a packaging machine as a picture.
 //!
-//! `cargo run -p reference-devices --example mcm260x_minutes > reference-devices/mcm260x/minutes.svg`
+//! `cargo run -p reference-devices --example mcm260x_minutes > minutes.svg`, then it goes to
+//! `reference-devices/mcm260x/`.
 
 use std::error::Error;
 use std::ops::Range;

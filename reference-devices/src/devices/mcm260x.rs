@@ -10,8 +10,11 @@
 //! as a module does that hears nothing.
 
 mod bench;
+mod counts;
 mod encoder;
+mod flags;
 mod indicators;
+mod modbus;
 pub mod packaging;
 mod parameters;
 mod rules;
@@ -29,7 +32,7 @@ use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, earlier};
 
 use super::pixsys::PixsysIo;
 use bench::Surroundings;
-use encoder::{Encoder, Setup, TENTH, TENTHS_IN_A_SECOND};
+use encoder::{Encoder, Setup, TENTH};
 use indicators::{BLINK_MEDIUM, Led, Pattern, Phase, STEADY_OFF, STEADY_ON};
 use parameters::{COUNTS, Item, Parameters, Table};
 use rules::{Manual, Mcm260xRules};
@@ -130,54 +133,6 @@ impl Mcm260x {
         Parameters { table: self.table, od, rules: &*self.rules }
     }
 
-    /// Counts what has passed, interval by interval, and shows it.
-    fn count(&mut self, now: Instant, od: &mut Dictionary) {
-        if now > self.next_tenth + LONG {
-            // The intervals before the last full second leave no trace.
-            self.next_tenth = Instant((now.0 / SECOND - 1) * SECOND);
-        }
-        while self.next_tenth <= now {
-            let end = self.next_tenth;
-            let of_second = end.0 / TENTH.as_nanos() as u64 % TENTHS_IN_A_SECOND == 0;
-            for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
-                encoder.follow(end, *setup, &*self.rules);
-                encoder.interval_ends(of_second);
-            }
-            self.next_tenth += TENTH;
-        }
-        for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
-            encoder.follow(now, *setup, &*self.rules);
-        }
-        self.show_counts(od);
-    }
-
-    fn show_counts(&self, od: &mut Dictionary) {
-        for ((encoder, setup), sub) in self.encoders.iter().zip(&self.setups).zip(1..) {
-            if setup.mode == 0 && !self.changed {
-                continue;
-            }
-            let (second, tenth) = self.rules.windows(encoder.in_a_second(), encoder.in_a_tenth());
-            od.set_int(Mux::new(COUNTS, sub), encoder.count.into());
-            od.set_int(Mux::new(IN_A_SECOND, sub), second);
-            od.set_int(Mux::new(IN_A_TENTH, sub), tenth);
-            let command = Mux::new(COMMANDS, sub);
-            if let Some(last) = od.int(command).filter(|last| *last != 0) {
-                od.set_int(command, encoder.open_commands(last, &*self.rules));
-            }
-        }
-    }
-
-    /// Takes over the parameters of the encoders.
-    fn set_up(&mut self, od: &Dictionary) {
-        for place in 0..self.setups.len() {
-            let parameters = self.parameters(od);
-            let mode = parameters.value(Item::EncoderSetup, place);
-            let preset = od.int(Mux::new(PRESETS, place as u8 + 1)).unwrap_or(0);
-            let preset = self.rules.preset(preset >> 16, preset & 0xFFFF) as i32;
-            self.setups[place] = Setup { mode, preset };
-        }
-    }
-
     /// Gives a value that has two addresses to the other one.
     fn mirror(&self, written: Mux, od: &mut Dictionary) {
         let Some(value) = od.int(written) else { return };
@@ -224,81 +179,6 @@ impl Mcm260x {
             }
         }
         news
-    }
-
-    /// Errors and what shows them.
-    fn show_errors(&self, od: &mut Dictionary, errors: &mut Errors) {
-        let mut flags = 0;
-        for (place, input) in self.inputs.iter().enumerate() {
-            if !input.is_out_of_range() {
-                errors.clear(OUT_OF_RANGE + place as u16);
-                continue;
-            }
-            flags |= self.rules.channel_flag(place);
-            if let Some(told) = self.rules.diagnosis(place) {
-                errors.raise(OUT_OF_RANGE + place as u16, told.code, told.register, told.vendor);
-            }
-        }
-        if self.rules.supply_is_low(self.surroundings.supply) {
-            flags |= LOW_SUPPLY;
-        }
-        od.set_int(FLAGS, flags | self.wrong_parameters(od));
-    }
-
-    /// Limits without a distance, and error values beyond the limits of their outputs.
-    fn wrong_parameters(&self, od: &Dictionary) -> i64 {
-        let parameters = self.parameters(od);
-        let counts = self.io.counts();
-        let limits =
-            |(low, high), place| (parameters.value(low, place), parameters.value(high, place));
-        let is_flat = |(low, high)| low == high;
-        let inputs = (0..counts.analogue_inputs).filter(|place| {
-            matches!(parameters.value(Item::SensorType, *place), 15..)
-                && is_flat(limits((Item::LowerLimit, Item::UpperLimit), *place))
-        });
-        let of_output = |place| limits((Item::OutputLower, Item::OutputUpper), place);
-        let outputs = 0..counts.analogue_outputs;
-        let flat = inputs.count() + outputs.clone().filter(|at| is_flat(of_output(*at))).count();
-        let beyond = outputs.into_iter().any(|place| {
-            let (low, high) = of_output(place);
-            let value = parameters.value(Item::ErrorValue, place);
-            !(low.min(high)..=low.max(high)).contains(&value)
-        });
-        i64::from(flat > 0) * WRONG_CONFIGURATION | i64::from(beyond) * OUT_OF_BOUNDS
-    }
-
-    /// What Modbus would have the outputs do when nothing comes there.
-    fn work_with_modbus(&mut self, now: Instant, od: &mut Dictionary) {
-        if self.changed {
-            self.next_offline = self.offline_at(od).filter(|_| !self.offline);
-        }
-        if self.next_offline.take_if(|due| *due <= now).is_none() {
-            return;
-        }
-        self.offline = true;
-        self.changed = true;
-        self.take_offline_levels(od);
-        for place in 0..self.io.counts().analogue_outputs {
-            let parameters = self.parameters(od);
-            if parameters.value(Item::ErrorMode, place) != 0 {
-                let value = parameters.value(Item::ErrorValue, place);
-                od.set_int(Mux::new(ANALOGUE_OUTPUTS, place as u8 + 1), value);
-            }
-        }
-    }
-
-    /// When the silence on Modbus has lasted too long. Nothing ever comes there.
-    fn offline_at(&self, od: &Dictionary) -> Option<Instant> {
-        let milliseconds = self.parameters(od).common(Item::OfflineTime) & 0xFFFF;
-        let since = self.modbus.filter(|_| milliseconds != 0)?;
-        Some(since + Duration::from_millis(milliseconds as u64))
-    }
-
-    fn take_offline_levels(&self, od: &mut Dictionary) {
-        let levels = self.parameters(od).common(Item::OfflineOutputs);
-        for block in 0..self.io.counts().digital_outputs {
-            od.set_int(Mux::new(DIGITAL_OUTPUTS, block as u8 + 1), levels >> (8 * block) & 0xFF);
-        }
     }
 
     /// Brings outputs and digital inputs up to date; where a terminal is both, the input sees what
@@ -352,23 +232,6 @@ impl Mcm260x {
             };
             led.show(now, pattern);
         }
-    }
-
-    /// The next multiple of the period at which counts are looked at.
-    fn next_look(&self) -> Option<Instant> {
-        let counts = |(encoder, setup): (&Encoder, &Setup)| {
-            setup.mode != 0 && encoder.motion.millihertz != 0
-        };
-        if self.encoders.iter().zip(&self.setups).any(counts) {
-            return Some(Instant((self.now.0 / LOOK + 1) * LOOK));
-        }
-        self.is_turning().then_some(self.next_tenth)
-    }
-
-    /// Whether counts change, or those of an interval will.
-    fn is_turning(&self) -> bool {
-        let turns = |(encoder, setup): (&Encoder, &Setup)| setup.mode != 0 && !encoder.is_quiet();
-        self.encoders.iter().zip(&self.setups).any(turns)
     }
 }
 
@@ -512,11 +375,6 @@ impl Behaviour for Mcm260x {
     }
 }
 
-const SECOND: u64 = 1_000_000_000;
-/// Counts that took longer than this to be looked at are not gone through interval by interval.
-const LONG: Duration = Duration::from_secs(3);
-/// How often the counts of a shaft that turns are looked at, in nanoseconds.
-const LOOK: u64 = 20_000_000;
 /// How long the COM LED shows that something was heard.
 const HEARD: Duration = Duration::from_millis(100);
 
@@ -530,21 +388,8 @@ const FILTER: Mux = Mux::new(0x2000, 5);
 const PRESETS: u16 = 0x3002;
 /// Encoder/counter commands.
 const COMMANDS: u16 = 0x3003;
-/// Encoder/counter calculations in 1 s.
-const IN_A_SECOND: u16 = 0x3004;
-/// Encoder/counter calculations in 100 ms.
-const IN_A_TENTH: u16 = 0x3005;
 /// Status and error flags.
 const FLAGS: Mux = Mux::new(0x4007, 1);
-const WRONG_CONFIGURATION: i64 = 1 << 0;
-const OUT_OF_BOUNDS: i64 = 1 << 7;
-const LOW_SUPPLY: i64 = 1 << 11;
-/// Write output, eight bits.
-const DIGITAL_OUTPUTS: u16 = 0x6200;
-/// Write analogue output, 16 bits.
-const ANALOGUE_OUTPUTS: u16 = 0x6411;
-/// The errors of the analogue inputs are numbered from here on.
-const OUT_OF_RANGE: u16 = 12;
 
 #[cfg(test)]
 mod tests;

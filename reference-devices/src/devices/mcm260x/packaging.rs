@@ -1,6 +1,6 @@
-//! Ten minutes with the MCM260X-9AD in a packaging machine: an encoder on the film, an eye that sees
-//! the products, a jaw that seals and a knife that cuts, the temperature of the jaw and the speed of
-//! the drive.
+//! Ten minutes with the MCM260X-9AD in a packaging machine: an encoder on the film, an eye that
+//! sees the products, a jaw that seals and a knife that cuts, the temperature of the jaw and the
+//! speed of the drive.
 //!
 //! Everything goes over frames on a virtual bus. The bench is the machine: the drive follows the
 //! analogue output, the film turns the encoder, and the jaw warms and cools.

@@ -1,0 +1,87 @@
+//! When edges are counted, and where the counts are shown (manual, 11.3.3 to 11.3.7).
+
+use std::time::Duration;
+
+use canopen::{Dictionary, Instant, Mux};
+
+use super::encoder::{Encoder, Setup, TENTH, TENTHS_IN_A_SECOND};
+use super::parameters::{COUNTS, Item};
+use super::{COMMANDS, Mcm260x, PRESETS};
+
+impl Mcm260x {
+    /// Counts what has passed, interval by interval, and shows it.
+    pub(super) fn count(&mut self, now: Instant, od: &mut Dictionary) {
+        if now > self.next_tenth + LONG {
+            // The intervals before the last full second leave no trace.
+            self.next_tenth = Instant((now.0 / SECOND - 1) * SECOND);
+        }
+        while self.next_tenth <= now {
+            let end = self.next_tenth;
+            let number = end.0 / TENTH.as_nanos() as u64;
+            let of_second = number.is_multiple_of(TENTHS_IN_A_SECOND);
+            for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
+                encoder.follow(end, *setup, &*self.rules);
+                encoder.interval_ends(of_second);
+            }
+            self.next_tenth += TENTH;
+        }
+        for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
+            encoder.follow(now, *setup, &*self.rules);
+        }
+        self.show_counts(od);
+    }
+
+    pub(super) fn show_counts(&self, od: &mut Dictionary) {
+        for ((encoder, setup), sub) in self.encoders.iter().zip(&self.setups).zip(1..) {
+            if setup.mode == 0 && !self.changed {
+                continue;
+            }
+            let (second, tenth) = self.rules.windows(encoder.in_a_second(), encoder.in_a_tenth());
+            od.set_int(Mux::new(COUNTS, sub), encoder.count.into());
+            od.set_int(Mux::new(IN_A_SECOND, sub), second);
+            od.set_int(Mux::new(IN_A_TENTH, sub), tenth);
+            let command = Mux::new(COMMANDS, sub);
+            if let Some(last) = od.int(command).filter(|last| *last != 0) {
+                od.set_int(command, encoder.open_commands(last, &*self.rules));
+            }
+        }
+    }
+
+    /// Takes over the parameters of the encoders.
+    pub(super) fn set_up(&mut self, od: &Dictionary) {
+        for place in 0..self.setups.len() {
+            let parameters = self.parameters(od);
+            let mode = parameters.value(Item::EncoderSetup, place);
+            let preset = od.int(Mux::new(PRESETS, place as u8 + 1)).unwrap_or(0);
+            let preset = self.rules.preset(preset >> 16, preset & 0xFFFF) as i32;
+            self.setups[place] = Setup { mode, preset };
+        }
+    }
+
+    /// The next multiple of the period at which counts are looked at.
+    pub(super) fn next_look(&self) -> Option<Instant> {
+        let counts = |(encoder, setup): (&Encoder, &Setup)| {
+            setup.mode != 0 && encoder.motion.millihertz != 0
+        };
+        if self.encoders.iter().zip(&self.setups).any(counts) {
+            return Some(Instant((self.now.0 / LOOK + 1) * LOOK));
+        }
+        self.is_turning().then_some(self.next_tenth)
+    }
+
+    /// Whether counts change, or those of an interval will.
+    pub(super) fn is_turning(&self) -> bool {
+        let turns = |(encoder, setup): (&Encoder, &Setup)| setup.mode != 0 && !encoder.is_quiet();
+        self.encoders.iter().zip(&self.setups).any(turns)
+    }
+}
+
+const SECOND: u64 = 1_000_000_000;
+/// Counts that took longer than this to be looked at are not gone through interval by interval.
+const LONG: Duration = Duration::from_secs(3);
+/// How often the counts of a shaft that turns are looked at, in nanoseconds.
+const LOOK: u64 = 20_000_000;
+/// Encoder/counter calculations in 1 s.
+const IN_A_SECOND: u16 = 0x3004;
+/// Encoder/counter calculations in 100 ms.
+const IN_A_TENTH: u16 = 0x3005;

@@ -1,0 +1,57 @@
+//! Errors, and what shows them (manual, 11.3.8 and 11.9).
+
+use canopen::Dictionary;
+
+use super::parameters::Item;
+use super::{FLAGS, Mcm260x};
+use crate::stack::Errors;
+
+impl Mcm260x {
+    /// Errors and what shows them.
+    pub(super) fn show_errors(&self, od: &mut Dictionary, errors: &mut Errors) {
+        let mut flags = 0;
+        for (place, input) in self.inputs.iter().enumerate() {
+            if !input.is_out_of_range() {
+                errors.clear(OUT_OF_RANGE + place as u16);
+                continue;
+            }
+            flags |= self.rules.channel_flag(place);
+            if let Some(told) = self.rules.diagnosis(place) {
+                errors.raise(OUT_OF_RANGE + place as u16, told.code, told.register, told.vendor);
+            }
+        }
+        if self.rules.supply_is_low(self.surroundings.supply) {
+            flags |= LOW_SUPPLY;
+        }
+        od.set_int(FLAGS, flags | self.wrong_parameters(od));
+    }
+
+    /// Limits without a distance, and error values beyond the limits of their outputs.
+    fn wrong_parameters(&self, od: &Dictionary) -> i64 {
+        let parameters = self.parameters(od);
+        let counts = self.io.counts();
+        let limits =
+            |(low, high), place| (parameters.value(low, place), parameters.value(high, place));
+        let is_flat = |(low, high)| low == high;
+        let inputs = (0..counts.analogue_inputs).filter(|place| {
+            matches!(parameters.value(Item::SensorType, *place), 15..)
+                && is_flat(limits((Item::LowerLimit, Item::UpperLimit), *place))
+        });
+        let of_output = |place| limits((Item::OutputLower, Item::OutputUpper), place);
+        let outputs = 0..counts.analogue_outputs;
+        let flat = inputs.count() + outputs.clone().filter(|at| is_flat(of_output(*at))).count();
+        let beyond = outputs.into_iter().any(|place| {
+            let (low, high) = of_output(place);
+            let value = parameters.value(Item::ErrorValue, place);
+            !(low.min(high)..=low.max(high)).contains(&value)
+        });
+        let configuration = if flat > 0 { WRONG_CONFIGURATION } else { 0 };
+        configuration | if beyond { OUT_OF_BOUNDS } else { 0 }
+    }
+}
+
+const WRONG_CONFIGURATION: i64 = 1 << 0;
+const OUT_OF_BOUNDS: i64 = 1 << 7;
+const LOW_SUPPLY: i64 = 1 << 11;
+/// The errors of the analogue inputs are numbered from here on.
+const OUT_OF_RANGE: u16 = 12;
