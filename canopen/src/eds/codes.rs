@@ -124,9 +124,9 @@ codes! {
     DATA_TYPE_MISSING = Error, "eds-data-type-missing", "Values have a DataType.";
     DATA_TYPE = Error, "eds-data-type", "DataType is basic or defined in the dictionary.";
     DATA_TYPE_DECIMAL = Note, "eds-data-type-decimal", "DataType is written in hex.";
-    ACCESS_MISSING = Error, "eds-access-missing", "Values have an AccessType; ro is taken.";
+    ACCESS_MISSING = Error, "eds-access-missing", "Values have an AccessType; ro is assumed.";
     ACCESS = Error, "eds-access",
-        "AccessType is one of ro, wo, rw, rwr, rww, const; ro is taken.";
+        "AccessType is one of ro, wo, rw, rwr, rww, const; ro is assumed.";
     ACCESS_SPELLING = Warning, "eds-access-spelling", "AccessType is in small letters.";
     SUB_NUMBER = Error, "eds-subnumber", "SubNumber counts the subs.";
     SUB0_MISSING = Error, "eds-sub0-missing", "Arrays and records have a sub 0.";
