@@ -26,11 +26,11 @@ pub use scalar::Scalar;
 /// The profiles that are known.
 #[derive(Debug)]
 pub struct Catalogue {
-    profiles: Vec<Profile>,
+    profiles: Vec<Arc<Profile>>,
 }
 
 /// The objects of one profile, and what its suites need to know beyond them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Profile {
     /// Name, such as `cia301`.
     pub name: String,
@@ -46,8 +46,11 @@ pub struct Profile {
     pub blocks: BTreeMap<String, Block>,
     /// What a device of this profile may lack although no object is missing, with its meaning.
     pub options: BTreeMap<String, String>,
-    objects: Vec<(RangeInclusive<u16>, CatalogueObject)>,
+    objects: Vec<Indexed>,
 }
+
+/// A description, and the indices of the objects that share it.
+type Indexed = (RangeInclusive<u16>, CatalogueObject);
 
 /// A value that identifies a device of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
@@ -118,7 +121,7 @@ pub fn profile(name: &str) -> Option<&'static Profile> {
 }
 
 /// Every profile of the catalogue in this program.
-pub fn profiles() -> &'static [Profile] {
+pub fn profiles() -> &'static [Arc<Profile>] {
     Catalogue::built_in().profiles()
 }
 
@@ -132,7 +135,7 @@ impl Catalogue {
     ///
     /// # Panics
     /// When one of its files does not load: they are part of the program, and tests load them.
-    pub fn built_in() -> &'static Self {
+    pub fn built_in() -> &'static Arc<Self> {
         &BUILT_IN
     }
 
@@ -141,16 +144,25 @@ impl Catalogue {
     /// # Errors
     /// Everything that is wrong with them.
     pub fn read(sources: &[Arc<Source>]) -> Result<Self, Vec<Complaint>> {
-        file::read(sources).map(|profiles| Self { profiles })
+        file::read(sources, &[]).map(|profiles| Self { profiles })
+    }
+
+    /// This catalogue with what the files have otherwise or in addition: a profile of a name that
+    /// it knows keeps what its file does not state.
+    ///
+    /// # Errors
+    /// Everything that is wrong with the files.
+    pub fn amended(&self, sources: &[Arc<Source>]) -> Result<Self, Vec<Complaint>> {
+        file::read(sources, &self.profiles).map(|profiles| Self { profiles })
     }
 
     /// The profile of that name, such as `cia301`; `None` when the catalogue has none.
     pub fn profile(&self, name: &str) -> Option<&Profile> {
-        self.profiles.iter().find(|profile| profile.name == name)
+        self.profiles.iter().find(|profile| profile.name == name).map(|profile| &**profile)
     }
 
     /// Every profile.
-    pub fn profiles(&self) -> &[Profile] {
+    pub fn profiles(&self) -> &[Arc<Profile>] {
         &self.profiles
     }
 
@@ -203,14 +215,14 @@ const FILES: [(&str, &str); 4] = [
     ("em66.yaml", include_str!("../catalogue/em66.yaml")),
 ];
 
-static BUILT_IN: LazyLock<Catalogue> = LazyLock::new(|| {
+static BUILT_IN: LazyLock<Arc<Catalogue>> = LazyLock::new(|| {
     let source = |(name, text): (&str, &str)| {
         Arc::new(Source { name: format!("canopen/catalogue/{name}"), text: text.to_owned() })
     };
-    Catalogue::read(&FILES.map(source)).unwrap_or_else(|complaints| {
+    Arc::new(Catalogue::read(&FILES.map(source)).unwrap_or_else(|complaints| {
         let texts: Vec<String> = complaints.iter().map(ToString::to_string).collect();
         panic!("{}", texts.join("\n\n"))
-    })
+    }))
 });
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use reports::{FORMATS, Format, Grade};
 
-use crate::suite::Folders;
+use crate::suite::{CatalogueFolder, Folders};
 use crate::waivers::check_date;
 
 /// Conformance tests for CANopen devices.
@@ -230,9 +230,6 @@ pub struct CheckArgs {
     /// Suite files to check together with the register, or folders of devices to check with all
     /// suites; all suites with all reference devices when absent
     pub files: Vec<PathBuf>,
-    /// Check the files of a catalogue of profiles instead
-    #[arg(long, value_name = "DIR", conflicts_with = "files")]
-    pub catalogue: Option<PathBuf>,
     /// Which suites.
     #[command(flatten)]
     pub folders: Folders,
@@ -260,6 +257,9 @@ pub struct ServeArgs {
     /// them
     #[arg(long, value_name = "NAME", group = "deviation")]
     pub personality: Option<String>,
+    /// Which profiles a device in a folder is described with.
+    #[command(flatten)]
+    pub catalogue: CatalogueFolder,
     /// Socket that offers the bench of the device, for `run --bench unix:PATH`
     #[arg(long, value_name = "PATH")]
     pub bench_socket: Option<PathBuf>,
@@ -271,6 +271,9 @@ pub struct ScanArgs {
     /// The interface, such as `vcan0`, or `sim:drr460`
     #[arg(long)]
     pub target: String,
+    /// Which profiles.
+    #[command(flatten)]
+    pub catalogue: CatalogueFolder,
 }
 
 /// Arguments of `qualify`.
@@ -342,6 +345,9 @@ pub enum EdsCommand {
         /// Folder to write to; the device's folder in the project when absent
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
+        /// Which profiles a device in a folder is described with.
+        #[command(flatten)]
+        catalogue: CatalogueFolder,
     },
 }
 
@@ -357,6 +363,9 @@ pub struct ProbeArgs {
     /// File to write, which must not exist; printed when absent
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Which profiles.
+    #[command(flatten)]
+    pub catalogue: CatalogueFolder,
     /// Bit rate of the bus in bit/s, for the data sheet
     #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]

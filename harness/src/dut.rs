@@ -5,7 +5,6 @@ mod sheet;
 use std::sync::Arc;
 
 use canopen::Mux;
-use canopen::catalogue::Profile;
 use canopen::eds::Eds;
 use canopen::pdo::Mapping;
 
@@ -30,8 +29,9 @@ pub struct Dut {
     pub bit_rate: Option<u32>,
     /// Options of its profile that it does not have.
     pub without: Vec<String>,
-    /// The profile that the device named when asked, by an object that the catalogue knows.
-    pub told: Option<&'static Profile>,
+    /// The name of the profile that the device gave when asked, by an object that the catalogue
+    /// knows.
+    pub told: Option<String>,
 }
 
 impl Dut {

@@ -11,6 +11,7 @@ mod transfers;
 
 use std::sync::{Arc, LazyLock};
 
+use canopen::catalogue::Catalogue;
 use canopen::eds::{self, Eds};
 use canopen::emcy::Emcy;
 use canopen::heartbeat::ErrorControl;
@@ -123,7 +124,7 @@ pub fn suite_load(bytes: &[u8]) {
         |name: &str, text: &str| Arc::new(Source { name: name.to_owned(), text: text.to_owned() });
     let sources =
         [source("suites/requirements/any.yaml", REGISTER), source("suites/any.yaml", text)];
-    match Library::from_sources(&sources) {
+    match Library::from_sources(&sources, Catalogue::built_in()) {
         Ok(library) => match plan::plan(&library, &SHEET, &target::models(&SHEET.eds)) {
             Ok(plan) => plan.instances.iter().for_each(|instance| _ = instance.name()),
             Err(complaints) => complaints.iter().for_each(in_place),

@@ -13,7 +13,7 @@ mod register;
 pub(crate) mod step;
 mod test_map;
 
-pub use folders::Folders;
+pub use folders::{CatalogueFolder, Folders};
 pub use library::Library;
 pub(crate) use loaded::Suite;
 pub(crate) use register::{Level, Register, RegisterFile, Requirement};

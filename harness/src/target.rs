@@ -14,6 +14,7 @@ mod sim;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use canopen::catalogue::Catalogue;
 use reference_devices::devices;
 
 use crate::cli::Selection;
@@ -29,12 +30,16 @@ pub(crate) use scan::{Found, scan};
 pub(crate) use sheet::dut_of_file;
 pub use sheet::models;
 
-/// The devices a selection means.
+/// The devices a selection means; those in folders are described with these profiles.
 ///
 /// # Errors
 /// When the target is unknown, no node answers, or no data sheet fits.
-pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Target>, Refused> {
-    options::known(&selection.without)?;
+pub fn resolve(
+    selection: &Selection,
+    catalogue: &Catalogue,
+    stop: &Arc<AtomicBool>,
+) -> Result<Vec<Target>, Refused> {
+    options::known(&selection.without, catalogue)?;
     let mut targets = match selection.target.as_deref() {
         None if selection.eds.is_some() => Err(Refused::usage(
             "--eds is the data sheet of one device: --target names the interface it is on, such \
@@ -42,7 +47,7 @@ pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Targ
         )),
         None => devices::names()
             .filter(|name| selection.device.as_ref().is_none_or(|device| device == name))
-            .map(|name| sim::target(selection, name, None))
+            .map(|name| sim::target(selection, name, None, catalogue))
             .collect::<Result<Vec<_>, _>>()
             .and_then(|targets| match targets.is_empty() {
                 true => Err(reference::unknown(selection.device.as_deref().unwrap_or_default())),
@@ -50,9 +55,11 @@ pub fn resolve(selection: &Selection, stop: &Arc<AtomicBool>) -> Result<Vec<Targ
             }),
         Some(text) => match text.parse()? {
             Address::Simulation { device, deviation } => {
-                Ok(vec![sim::target(selection, &device, deviation.as_ref())?])
+                Ok(vec![sim::target(selection, &device, deviation.as_ref(), catalogue)?])
             }
-            Address::Interface(interface) => Ok(vec![can::target(selection, &interface, stop)?]),
+            Address::Interface(interface) => {
+                Ok(vec![can::target(selection, &interface, catalogue, stop)?])
+            }
         },
     }?;
     for target in &mut targets {

@@ -45,7 +45,8 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
     }
     let library = Library::load(&Folders::default()).expect("the suites load");
     let selection = Selection::of_target(Some("sim:em66"));
-    let targets = target::resolve(&selection, &Arc::default()).map_err(|refused| refused.message);
+    let targets = target::resolve(&selection, &library.catalogue, &Arc::default());
+    let targets = targets.map_err(|refused| refused.message);
     let dut = targets.expect("a simulated device").remove(0).dut;
     let plan = plan::plan(&library, &dut, &target::models(&dut.eds)).expect("the suites fit");
     let instances =

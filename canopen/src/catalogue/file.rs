@@ -8,7 +8,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::scalar::Scalar;
-use super::{Block, CatalogueObject, Facts, ObjectFacts, Profile, Recognition};
+use super::{Block, CatalogueObject, Facts, Indexed, ObjectFacts, Profile, Recognition};
 use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Outline, Source, read_yaml};
 
@@ -38,11 +38,15 @@ pub struct CatalogueFile {
     options: BTreeMap<String, String>,
     /// The objects by index, `"1000"`, by range, `1400..15FF`, or by range and step, hexadecimal,
     /// `6500..65F0/10`, where `#` in the name is the number of the object.
+    #[serde(default)]
     objects: BTreeMap<String, ObjectFacts>,
 }
 
-/// The profiles of these files, each after the one it builds on.
-pub(super) fn read(sources: &[Arc<Source>]) -> Result<Vec<Profile>, Vec<Complaint>> {
+/// The profiles that are known with those of these files, each after the one it builds on.
+pub(super) fn read(
+    sources: &[Arc<Source>],
+    known: &[Arc<Profile>],
+) -> Result<Vec<Arc<Profile>>, Vec<Complaint>> {
     let (mut complaints, mut files) = (Vec::new(), Vec::new());
     for source in sources {
         match read_yaml::<CatalogueFile>(source) {
@@ -50,18 +54,33 @@ pub(super) fn read(sources: &[Arc<Source>]) -> Result<Vec<Profile>, Vec<Complain
             Err(complaint) => complaints.push(complaint),
         }
     }
-    let names: Vec<String> = files.iter().map(|(_, file)| file.profile.value.clone()).collect();
-    let mut profiles: Vec<Profile> = Vec::new();
+    let mut names: Vec<String> = known.iter().map(|known| known.name.clone()).collect();
+    names.extend(files.iter().map(|(_, file)| file.profile.value.clone()));
+    let mut profiles: Vec<Arc<Profile>> = Vec::new();
+    let mut take =
+        |(source, file), before: Option<&Profile>, profiles: &mut Vec<Arc<Profile>>| match profile(
+            source, file, before, profiles,
+        ) {
+            Ok(profile) => profiles.push(Arc::new(profile)),
+            Err(mut wrong) => complaints.append(&mut wrong),
+        };
+    for known in known {
+        let mut before = Profile::clone(known);
+        // What it builds on may be another one now.
+        let base = before.base.as_ref().map(|base| base.name.clone());
+        let base = base.and_then(|base| profiles.iter().find(|profile| profile.name == base));
+        before.base = base.cloned();
+        match files.iter().position(|(_, file)| file.profile.value == known.name) {
+            Some(place) => take(files.remove(place), Some(&before), &mut profiles),
+            None => profiles.push(Arc::new(before)),
+        }
+    }
     // Files wait until the profile they build on is there.
     while let Some(next) = files.iter().position(|(_, file)| {
         let base = file.based_on.as_ref().map(|base| base.value.as_str());
         base.is_none_or(|base| profiles.iter().any(|known| known.name == base))
     }) {
-        let (source, file) = files.remove(next);
-        match profile(source, file, &profiles) {
-            Ok(profile) => profiles.push(profile),
-            Err(mut wrong) => complaints.append(&mut wrong),
-        }
+        take(files.remove(next), None, &mut profiles);
     }
     // What is left builds on a file that does not load, on itself, or on nothing.
     for (source, file) in files {
@@ -76,21 +95,49 @@ pub(super) fn read(sources: &[Arc<Source>]) -> Result<Vec<Profile>, Vec<Complain
     if complaints.is_empty() { Ok(profiles) } else { Err(complaints) }
 }
 
+/// The profile of a file, over what it was before.
 fn profile(
     source: &Arc<Source>,
     file: CatalogueFile,
-    known: &[Profile],
+    before: Option<&Profile>,
+    known: &[Arc<Profile>],
 ) -> Result<Profile, Vec<Complaint>> {
+    let one = |place, message: String| vec![Complaint::at(source, place, message)];
     if known.iter().any(|known| known.name == file.profile.value) {
         let message =
             format!("profile {} is described in another file already", file.profile.value);
-        return Err(vec![Complaint::at(source, file.profile.place, message)]);
+        return Err(one(file.profile.place, message));
     }
-    let base = file.based_on.and_then(|base| known.iter().find(|known| known.name == base.value));
+    let mut profile = before.cloned().unwrap_or_default();
+    if let Some(base) = file.based_on {
+        let known = known.iter().find(|known| known.name == base.value);
+        let missing = || one(base.place, format!("no profile `{}` to build on", base.value));
+        profile.base = Some(Arc::clone(known.ok_or_else(missing)?));
+    }
+    profile.name = file.profile.value;
+    if !file.title.is_empty() {
+        profile.title = file.title;
+    }
+    profile.recognised = file.recognised.or(profile.recognised);
+    profile.names.extend(file.names);
+    profile.blocks.extend(file.blocks);
+    profile.options.extend(file.options);
     let mut wrong = Wrong { source, found: Vec::new() };
+    let objects = objects(file.objects, &mut wrong);
+    for (indices, _) in &objects {
+        profile.objects = without(std::mem::take(&mut profile.objects), indices);
+    }
+    profile.objects.extend(objects);
+    profile.objects.sort_by_key(|(indices, _)| *indices.start());
+    blocks(&profile, &mut wrong);
+    if wrong.found.is_empty() { Ok(profile) } else { Err(wrong.complaints()) }
+}
+
+/// The objects of a file by their indices.
+fn objects(keys: BTreeMap<String, ObjectFacts>, wrong: &mut Wrong<'_>) -> Vec<Indexed> {
     let mut objects: Vec<(RangeInclusive<u16>, String, CatalogueObject)> = Vec::new();
-    for (key, object) in file.objects {
-        values(&key, &object, &mut wrong);
+    for (key, object) in keys {
+        values(&key, &object, wrong);
         match keyed(&key, object) {
             None => wrong.key(
                 &["objects", &key],
@@ -110,19 +157,20 @@ fn profile(
             wrong.key(&["objects", &pair[1].1], message);
         }
     }
-    let objects = objects.into_iter().map(|(indices, _, facts)| (indices, facts)).collect();
-    let profile = Profile {
-        name: file.profile.value,
-        title: file.title,
-        base: base.cloned().map(Arc::new),
-        recognised: file.recognised,
-        names: file.names,
-        blocks: file.blocks,
-        options: file.options,
-        objects,
+    objects.into_iter().map(|(indices, _, facts)| (indices, facts)).collect()
+}
+
+/// The same without what stands at these indices; a range that they are a part of is cut.
+fn without(objects: Vec<Indexed>, indices: &RangeInclusive<u16>) -> Vec<Indexed> {
+    let (first, last) = (*indices.start(), *indices.end());
+    let cut = |(range, object): Indexed| {
+        let (from, to) = (*range.start(), *range.end());
+        let outside = last < from || to < first;
+        let before = (!outside && from < first).then(|| (from..=first - 1, object.clone()));
+        let after = (!outside && last < to).then(|| (last + 1..=to, object.clone()));
+        [outside.then_some((range, object)), before, after].into_iter().flatten()
     };
-    blocks(&profile, &mut wrong);
-    if wrong.found.is_empty() { Ok(profile) } else { Err(wrong.complaints()) }
+    objects.into_iter().flat_map(cut).collect()
 }
 
 /// Default values and limits are of the type of their object, where the profile says which.
@@ -281,6 +329,52 @@ mod tests {
         let wrong: Vec<_> =
             wrong.iter().filter(|(got, expected)| !got.contains(expected)).collect();
         assert!(wrong.is_empty(), "{wrong:#?}");
+    }
+
+    #[test]
+    fn files_override_what_is_known_and_add_to_it() {
+        let base = Catalogue::built_in();
+        let amended = |texts: &[&str]| {
+            let source = |text: &&str| Source { name: "x.yaml".into(), text: (*text).to_owned() };
+            base.amended(&texts.iter().map(|text| Arc::new(source(text))).collect::<Vec<_>>())
+        };
+        let catalogue = amended(&[
+            "profile: cia404\nnames: { control-on: 0x80 }\n\
+             objects: { \"6425\": { object: var, name: Mine, type: unsigned8 } }\n",
+            "profile: cia301\nobjects: { \"1500\": { object: var, name: Mine } }\n",
+            "profile: mine\nbased-on: em66\ntitle: Mine\nnames: { lamp: 4 }\n",
+        ])
+        .unwrap();
+        let em66 = catalogue.profile("em66").unwrap();
+        assert_eq!((em66.code("control-on"), em66.code("control-tune")), (Some(0x80), Some(2)));
+        let mine = catalogue.profile("mine").unwrap();
+        assert_eq!((mine.code("control-on"), mine.code("lamp")), (Some(0x80), Some(4)));
+        let name = |profile: &str, index| {
+            catalogue.profile(profile).unwrap().lookup(index).and_then(|object| object.name.clone())
+        };
+        assert_eq!(name("cia404", 0x6425).as_deref(), Some("Mine"));
+        assert_eq!(
+            name("cia404", 0x6427),
+            base.profile("cia404").unwrap().lookup(0x6427).unwrap().name
+        );
+        for (index, expected) in [(0x14FF, "RPDO communication parameter"), (0x1500, "Mine")] {
+            assert_eq!(name("cia301", index).as_deref(), Some(expected));
+        }
+        assert_eq!(name("cia301", 0x1501), name("cia301", 0x14FF));
+        for (texts, expected) in [
+            (&["profile: em66\n", "profile: em66\n"][..], "in another file already"),
+            (&["profile: em66\nbased-on: cia40\n"], "no profile `cia40` to build on"),
+            (
+                &[
+                    "profile: cia404\nblocks: { alarm: { count: 16, step: 16, objects: { state: \"6505:01\" } } }\n",
+                ],
+                "the profile has no object 6505",
+            ),
+        ] {
+            let wrong = amended(texts).unwrap_err().remove(0);
+            assert!(wrong.message.contains(expected), "{}", wrong.message);
+            assert!(wrong.place.is_some(), "{}", wrong.message);
+        }
     }
 
     #[test]

@@ -1,9 +1,8 @@
 //! `harness check`: load and lint everything, touch no bus.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use canopen::catalogue::Catalogue;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::freedom::{self, Freedom};
 use reference_devices::mutant::{self, Mutant};
@@ -18,17 +17,12 @@ use crate::source::{Complaint, Source};
 use crate::suite::{Folders, Library, Register};
 use crate::target;
 
-/// Checks what the arguments name: suites for every reference device, devices against all suites,
-/// or a catalogue.
+/// Checks what the arguments name: suites for every reference device, or devices against all
+/// suites, and the catalogue with them.
 ///
 /// # Errors
 /// Everything that is wrong.
 pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
-    if let Some(folder) = &args.catalogue {
-        let catalogue = Catalogue::read(&read_folder(folder)?)?;
-        say(&format!("{}: no errors\n", counted(catalogue.profiles().len(), "profile")));
-        return Ok(Exit::Green);
-    }
     let (devices, files): (Vec<_>, Vec<_>) =
         args.files.iter().cloned().partition(|path| target::holds_device(path));
     let library = match files.as_slice() {
@@ -38,13 +32,14 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     let names = match devices.as_slice() {
         [] => devices::names().map(str::to_owned).collect(),
         paths => {
-            let family = |path: &PathBuf| target::with_variants(&path.to_string_lossy());
+            let family =
+                |path: &PathBuf| target::with_variants(&path.to_string_lossy(), &library.catalogue);
             paths.iter().map(family).collect::<Result<Vec<_>, _>>()?.concat()
         }
     };
     let (mut targets, mut mutants, mut complaints) = (Vec::new(), 0, Vec::new());
     for name in &names {
-        let device = target::reference_device(name)?;
+        let device = target::reference_device(name, &library.catalogue)?;
         match sound_mutants(&device, &library.register) {
             Ok(sound) => mutants += sound.len(),
             Err(mut wrong) => {
@@ -54,7 +49,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
             }
         }
         let selection = Selection::of_target(Some(&format!("sim:{name}")));
-        targets.append(&mut target::resolve(&selection, &Arc::default())?);
+        targets.append(&mut target::resolve(&selection, &library.catalogue, &Arc::default())?);
     }
     if !complaints.is_empty() {
         return Err(complaints.into());
@@ -71,9 +66,12 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
         (mutants, "mutant"),
     ];
     let counts = counts.map(|(count, noun)| counted(count, noun));
+    let own = args.folders.catalogue.folder.as_ref();
+    let profiles = own.map(|_| counted(library.catalogue.profiles().len(), "profile") + ", ");
+    let profiles = profiles.unwrap_or_default();
     let [suites, cases, instances, devices, requirements, mutants] = counts;
     say(&format!(
-        "{suites}, {cases}, {instances} on {devices}, {requirements}, {mutants}: no errors\n"
+        "{profiles}{suites}, {cases}, {instances} on {devices}, {requirements}, {mutants}: no errors\n"
     ));
     Ok(Exit::Green)
 }
@@ -136,25 +134,6 @@ pub(super) fn sound_freedoms(
     if complaints.is_empty() { Ok(freedoms) } else { Err(complaints) }
 }
 
-/// The YAML files of a folder.
-fn read_folder(folder: &Path) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
-    let wrong = |path: &Path, error: std::io::Error| {
-        let name = path.display().to_string();
-        let source = Arc::new(Source { name, text: String::new() });
-        vec![Complaint { source, place: None, message: error.to_string() }]
-    };
-    let mut sources = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(|error| wrong(folder, error))? {
-        let path = entry.map_err(|error| wrong(folder, error))?.path();
-        if path.extension().is_some_and(|extension| extension == "yaml") {
-            let text = std::fs::read_to_string(&path).map_err(|error| wrong(&path, error))?;
-            sources.push(Arc::new(Source { name: path.display().to_string(), text }));
-        }
-    }
-    sources.sort_by(|a, b| a.name.cmp(&b.name));
-    Ok(sources)
-}
-
 /// Only these suites, with the whole register.
 fn with_register(folders: &Folders, files: &[PathBuf]) -> Result<Library, Refused> {
     let mut sources = Library::register_sources(folders)?;
@@ -166,5 +145,5 @@ fn with_register(folders: &Folders, files: &[PathBuf]) -> Result<Library, Refuse
         })?;
         sources.push(Arc::new(Source { name, text }));
     }
-    Ok(Library::from_sources(&sources)?)
+    Ok(Library::from_sources(&sources, &folders.catalogue.load()?)?)
 }

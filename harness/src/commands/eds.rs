@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use canopen::catalogue::Catalogue;
 use canopen::eds::{self, Severity};
 
 use super::counted::counted;
@@ -26,7 +27,9 @@ pub(super) fn run(command: &EdsCommand, stop: &Arc<AtomicBool>) -> Result<Exit, 
     match command {
         EdsCommand::Check { file } => check(file),
         EdsCommand::Probe(args) => probe(args, stop),
-        EdsCommand::Write { device, out } => write(device, out.clone()),
+        EdsCommand::Write { device, out, catalogue } => {
+            write(device, out.clone(), &*catalogue.load()?)
+        }
     }
 }
 
@@ -105,16 +108,17 @@ fn probe(args: &ProbeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
         bitrate: Some(args.bitrate),
         ..Selection::of_target(Some(&args.target))
     };
+    let catalogue = args.catalogue.load()?;
     let (mut bus, node) = match args.target.parse()? {
         Address::Simulation { .. } => {
-            let targets = target::resolve(&selection, stop)?;
+            let targets = target::resolve(&selection, &catalogue, stop)?;
             let target = targets.first().ok_or_else(|| target::nobody(&args.target, args.node))?;
             (target.open(stop)?, Some(target.dut.node))
         }
         Address::Interface(interface) => (target::open_interface(&interface, stop)?, args.node),
     };
-    let found = target::only(scan(&mut *bus, node)?, &args.target, node)?;
-    let (sheet, eds) = compose(&mut *bus, &found, args.bitrate)?;
+    let found = target::only(scan(&mut *bus, node, &catalogue)?, &args.target, node)?;
+    let (sheet, eds) = compose(&mut *bus, &found, args.bitrate, &catalogue)?;
     match &args.out {
         Some(path) => create(path, &sheet.source.text)?,
         None => say(&sheet.source.text),
@@ -136,8 +140,8 @@ fn exists(path: &Path) -> Refused {
     Refused::usage(format!("{} exists and is not overwritten", path.display()))
 }
 
-fn write(name: &str, out: Option<PathBuf>) -> Result<Exit, Refused> {
-    let device = reference_device(name)?;
+fn write(name: &str, out: Option<PathBuf>, catalogue: &Catalogue) -> Result<Exit, Refused> {
+    let device = reference_device(name, catalogue)?;
     if let Some(folder) = &out {
         fs::create_dir_all(folder).map_err(|error| file_error(folder, &error))?;
     }

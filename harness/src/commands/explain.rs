@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use canopen::catalogue::{Facts, Shape};
+use canopen::Abort;
+use canopen::catalogue::{Catalogue, Facts, Shape};
 use canopen::emcy::EmcyCode;
-use canopen::{Abort, catalogue};
 use reference_devices::devices;
 use reference_devices::freedom::{self, Freedom, Personality};
 use reference_devices::mutant::{self, Mutant};
@@ -47,7 +47,7 @@ type Freedoms = (Vec<(Freedom, &'static str)>, Vec<Personality>);
 fn freedoms() -> Result<Freedoms, Refused> {
     let (mut freedoms, mut personalities) = (Vec::new(), Vec::new());
     for name in devices::names() {
-        let device = reference_device(name)?;
+        let device = reference_device(name, Catalogue::built_in())?;
         freedoms.extend(freedom::of(&device)?.into_iter().map(|freedom| (freedom, name)));
         personalities.extend(freedom::personalities(&device)?);
     }
@@ -57,7 +57,7 @@ fn freedoms() -> Result<Freedoms, Refused> {
 fn mutants() -> Result<Vec<(Mutant, Vec<&'static str>)>, Refused> {
     let mut all: Vec<(Mutant, Vec<&'static str>)> = Vec::new();
     for name in devices::names() {
-        let own = mutant::of(&*reference_device(name)?);
+        let own = mutant::of(&*reference_device(name, Catalogue::built_in())?);
         for mutant in own? {
             match all.iter_mut().find(|(known, _)| known.name == mutant.name) {
                 // A variant beside its device adds nothing.
@@ -78,7 +78,8 @@ impl Book {
         });
         let cases = cases.map(|(suite, case)| self.case(suite, case));
         // A case may well have the name of the option that it is about.
-        let texts: Vec<String> = option(name).into_iter().chain(cases).collect();
+        let texts: Vec<String> =
+            option(name, &self.library.catalogue).into_iter().chain(cases).collect();
         if !texts.is_empty() {
             return Some(texts.join("\n"));
         }
@@ -260,7 +261,7 @@ impl Book {
                 );
                 Some(page.0)
             }
-            4 if EmcyCode(code as u16).is_named() || object(code as u16).is_none() => {
+            4 if EmcyCode(code as u16).is_named() || self.object(code as u16).is_none() => {
                 let emcy = EmcyCode(code as u16);
                 let mut page = Page::new(format!("emergency error code {code:04X}h"));
                 page.field("meaning", emcy.meaning());
@@ -274,10 +275,11 @@ impl Book {
                     "demanded by",
                     cases.map(|(suite, case)| full_name(suite, case)).collect(),
                 );
-                let object = object(code as u16).map(|object| object + "\n").unwrap_or_default();
+                let object =
+                    self.object(code as u16).map(|object| object + "\n").unwrap_or_default();
                 Some(object + &page.0)
             }
-            4 => object(code as u16),
+            4 => self.object(code as u16),
             _ => None,
         }
     }
@@ -292,6 +294,10 @@ impl Book {
         cases.map(|(suite, case)| full_name(suite, case)).collect()
     }
 
+    fn object(&self, index: u16) -> Option<String> {
+        object(index, &self.library.catalogue)
+    }
+
     fn unknown(&self, name: &str) -> Refused {
         let mut names: Vec<String> =
             self.cases().map(|(suite, case)| full_name(suite, case)).collect();
@@ -301,7 +307,9 @@ impl Book {
         names.extend(self.mutants.iter().map(|(mutant, _)| mutant.name.clone()));
         names.extend(self.freedoms.iter().map(|(freedom, _)| freedom.name.clone()));
         names.extend(self.personalities.iter().map(|known| known.name.clone()));
-        names.extend(catalogue::profiles().iter().flat_map(|p| p.options.keys().cloned()));
+        names.extend(
+            self.library.catalogue.profiles().iter().flat_map(|p| p.options.keys().cloned()),
+        );
         let mut message = format!("there is no case, requirement, mutant, object or code `{name}`");
         message.push_str(&did_you_mean(name, names.iter().map(String::as_str)));
         Refused::usage(message)
@@ -309,9 +317,8 @@ impl Book {
 }
 
 /// What a device of a profile may lack although no object is missing.
-fn option(name: &str) -> Option<String> {
-    let profile =
-        catalogue::profiles().iter().find(|profile| profile.options.contains_key(name))?;
+fn option(name: &str, catalogue: &Catalogue) -> Option<String> {
+    let profile = catalogue.profiles().iter().find(|profile| profile.options.contains_key(name))?;
     let mut page = Page::new(format!("option {name} of {}", profile.title()));
     page.field("means", profile.options.get(name)?);
     page.field("without it", &format!("harness --without {name}"));
@@ -319,9 +326,9 @@ fn option(name: &str) -> Option<String> {
 }
 
 /// What the profiles say about an object, each profile that has its index.
-fn object(index: u16) -> Option<String> {
+fn object(index: u16, catalogue: &Catalogue) -> Option<String> {
     let mut texts = Vec::new();
-    for profile in catalogue::profiles() {
+    for profile in catalogue.profiles() {
         let Some(facts) = profile.lookup(index) else { continue };
         let mut page = Page::new(format!("object {index:04X}h of {}", profile.title()));
         page.field("name", facts.name.as_deref().unwrap_or("none"));
@@ -367,8 +374,8 @@ fn suite_text(suite: &Suite) -> String {
     if let Some(about) = &suite.file.about {
         page.field("about", about);
     }
-    if let Some(profile) = &suite.file.profile {
-        page.field("for", &format!("devices that follow {}", profile.value));
+    if let Some(profile) = suite.about() {
+        page.field("for", &format!("devices that follow {profile}"));
     }
     page.field("in", &suite.source.name);
     page.field("cases", "");

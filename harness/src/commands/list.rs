@@ -32,7 +32,7 @@ pub(super) fn run(args: &ListArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refus
             let dut = target::dut_of_file(&args.selection, path)?;
             plan_for(&library, &[&dut])?
         }
-        _ => plan_all(&library, &target::resolve(&args.selection, stop)?)?,
+        _ => plan_all(&library, &target::resolve(&args.selection, &library.catalogue, stop)?)?,
     };
     select(&mut plans, &args.selection.patterns)?;
     let instances = plans
@@ -82,15 +82,15 @@ pub(super) fn run(args: &ListArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refus
 fn list_of(what: &str, library: &Library, selection: &Selection) -> Option<Result<Exit, Refused>> {
     match what {
         "suites" => Some(suites(library)),
-        "mutants" => Some(named(selection, |device| {
+        "mutants" => Some(named(library, selection, |device| {
             let mutants = mutant::of(device)?;
             Ok(mutants.into_iter().map(|mutant| (mutant.name, mutant.why)).collect())
         })),
-        "freedoms" => Some(named(selection, |device| {
+        "freedoms" => Some(named(library, selection, |device| {
             let freedoms = freedom::of(device)?;
             Ok(freedoms.into_iter().map(|freedom| (freedom.name, freedom.why)).collect())
         })),
-        "personalities" => Some(named(selection, |device| {
+        "personalities" => Some(named(library, selection, |device| {
             let all = freedom::personalities(device)?;
             Ok(all.into_iter().map(|known| (known.name, known.why)).collect())
         })),
@@ -114,6 +114,7 @@ fn suites(library: &Library) -> Result<Exit, Refused> {
 /// What each reference device has under a name and why, such as its mutants; of a variant, those
 /// that its device does not have.
 fn named(
+    library: &Library,
     selection: &Selection,
     of: impl Fn(&ReferenceDevice) -> Result<Vec<(String, String)>, Refused>,
 ) -> Result<Exit, Refused> {
@@ -122,7 +123,7 @@ fn named(
     let names: Vec<&str> = chosen.map_or_else(|| devices::names().collect(), |name| vec![name]);
     let mut text = String::new();
     for name in names {
-        let device = reference_device(name)?;
+        let device = reference_device(name, &library.catalogue)?;
         for (known, why) in of(&device)? {
             _ = writeln!(text, "{name}  {known}  {why}");
         }

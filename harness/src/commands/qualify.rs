@@ -26,7 +26,7 @@ use matrix::Matrix;
 pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     let library = Library::load(&args.folders)?;
     let names = match &args.device {
-        Some(name) => target::with_variants(name)?,
+        Some(name) => target::with_variants(name, &library.catalogue)?,
         None => devices::names().map(str::to_owned).collect(),
     };
     let (mut matrices, mut freedoms) = (Vec::new(), Vec::new());

@@ -33,7 +33,7 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
         scope.spawn(|| devices::all().count());
         Library::load(&args.selection.folders)
     })?;
-    let targets = target::resolve(&args.selection, stop)?;
+    let targets = target::resolve(&args.selection, &library.catalogue, stop)?;
     let waivers = waivers_of(args, &library.register)?;
     let mut plans = plan_all(&library, &targets)?;
     let names = names_of(&plans, args.waivers.is_some());

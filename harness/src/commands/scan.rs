@@ -16,18 +16,19 @@ use crate::target::{self, Address, Found, scan};
 /// # Errors
 /// When the bus cannot be used or no node answers.
 pub(crate) fn run(args: &ScanArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
+    let catalogue = args.catalogue.load()?;
     let found = match args.target.parse()? {
         Address::Simulation { .. } => {
             let selection = Selection::of_target(Some(&args.target));
             let mut found = Vec::new();
-            for target in target::resolve(&selection, stop)? {
+            for target in target::resolve(&selection, &catalogue, stop)? {
                 let mut bus = target.open(stop)?;
-                found.extend(scan(&mut *bus, None)?);
+                found.extend(scan(&mut *bus, None, &catalogue)?);
             }
             found
         }
         Address::Interface(interface) => {
-            scan(&mut *target::open_interface(&interface, stop)?, None)?
+            scan(&mut *target::open_interface(&interface, stop)?, None, &catalogue)?
         }
     };
     if found.is_empty() {

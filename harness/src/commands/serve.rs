@@ -26,7 +26,7 @@ const SLICE: Duration = Duration::from_millis(1);
 /// # Errors
 /// When the device, the interface or the socket is not there, or the interface fails for good.
 pub(super) fn run(args: &ServeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
-    let device = reference_device(&args.device)?;
+    let device = reference_device(&args.device, &*args.catalogue.load()?)?;
     let node = args.node.unwrap_or_else(|| device.description.default_node);
     let named = args.mutant.clone().map(Named::Mutant);
     let named = named.or_else(|| args.freedom.clone().map(Named::Freedom));

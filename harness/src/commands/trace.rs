@@ -70,7 +70,7 @@ type Breaks = BTreeMap<String, BTreeSet<String>>;
 fn mutants(library: &Library) -> Result<(Breaks, Vec<String>), Refused> {
     let (mut breaks, mut holes) = (Breaks::new(), BTreeSet::new());
     for name in devices::names() {
-        let device = reference_device(name)?;
+        let device = reference_device(name, &library.catalogue)?;
         let mutants = mutant::of(&device);
         for mutant in mutants? {
             if mutant.breaks.is_empty() && !mutant.canary {

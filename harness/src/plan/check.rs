@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use canopen::bench::{self, NAMES};
-use canopen::catalogue::{self, Profile, Shape};
+use canopen::catalogue::{Profile, Shape};
 use canopen::eds::{CODES, Eds, Entry};
 use canopen::{Abort, Mux};
 
@@ -19,6 +19,7 @@ use crate::suite::Suite;
 use crate::suite::each::Objects;
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef};
 use crate::suite::model::Case;
+use crate::suite::profile::About;
 use crate::suite::refusal::Refusal;
 use crate::suite::step::{
     Ask, Bounds, FastscanStep, LssStep, Measure, Observe, Produce, Read, Remap, Reply, Step, Until,
@@ -58,7 +59,7 @@ fn required_object(
         return Err(Complaint::at(&suite.source, object.place, message));
     };
     let known = absent
-        || catalogue::lookup(&profiles_of(suite), mux.index).is_some()
+        || suite.catalogue.lookup(&profiles_of(suite), mux.index).is_some()
         || dut.eds.object(mux.index).is_some();
     match known {
         true => Ok(()),
@@ -170,7 +171,8 @@ impl Checker<'_> {
                 let range = index_range(&undeclared.range.value);
                 self.note(range.map(|_| ()), undeclared.range.place);
                 let profile = undeclared.profile.as_ref();
-                if let Some(profile) = profile.filter(|about| about.value.named().is_none()) {
+                let number = |about: &&At<About>| matches!(about.value, About::Number(_));
+                if let Some(profile) = profile.filter(number) {
                     let message = "whose objects these are is the name of a profile";
                     self.complain(profile.place, message);
                 }
@@ -490,7 +492,7 @@ impl Checker<'_> {
         };
         let entry = self.dut.eds.entry(mux);
         if entry.is_none() && refused.is_none() {
-            let in_profile = || in_profile(mux, &profiles_of(self.suite));
+            let in_profile = || in_profile(mux, self.suite);
             if self.model.map_or_else(in_profile, |eds| eds.entry(mux).is_some()) {
                 self.lacking.get_or_insert_with(|| no_object(mux));
             } else {
@@ -530,20 +532,22 @@ pub(super) fn no_object(mux: Mux) -> String {
 }
 
 /// The profiles whose objects a suite may name: CiA 301 and those it is about.
-fn profiles_of(suite: &Suite) -> Vec<&'static str> {
-    let named = suite.file.profile.as_ref().and_then(|profile| profile.value.named());
-    let chain = named.into_iter().flat_map(Profile::chain).map(|profile| profile.name.as_str());
+fn profiles_of(suite: &Suite) -> Vec<&str> {
+    let chain =
+        suite.profile().into_iter().flat_map(Profile::chain).map(|profile| profile.name.as_str());
     let chain: Vec<&str> = chain.collect();
     let others = if chain.is_empty() { vec!["cia401"] } else { chain };
     [vec!["cia301"], others].concat()
 }
 
-/// Whether one of the profiles knows a value at that address.
-fn in_profile(mux: Mux, profiles: &[&str]) -> bool {
-    catalogue::lookup(profiles, mux.index).is_some_and(|object| match object.object {
-        None | Some(Shape::Var | Shape::Domain) => mux.sub == 0,
-        Some(Shape::Array | Shape::Record) => {
-            mux.sub == 0 || object.of_sub(mux.sub).data_type.is_some()
+/// Whether one of the profiles that a suite may name knows a value at that address.
+fn in_profile(mux: Mux, suite: &Suite) -> bool {
+    suite.catalogue.lookup(&profiles_of(suite), mux.index).is_some_and(|object| {
+        match object.object {
+            None | Some(Shape::Var | Shape::Domain) => mux.sub == 0,
+            Some(Shape::Array | Shape::Record) => {
+                mux.sub == 0 || object.of_sub(mux.sub).data_type.is_some()
+            }
         }
     })
 }

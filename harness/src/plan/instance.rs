@@ -49,11 +49,12 @@ impl Plan {
     pub fn leave_out_foreign(&mut self) {
         let left_out = &mut self.left_out;
         self.instances.retain(|instance| {
-            let about = instance.suite.file.profile.as_ref().filter(|_| instance.foreign);
+            let about = instance.suite.about().filter(|_| instance.foreign);
+            let stays = about.is_none();
             if let Some(about) = about {
-                *left_out.entry(about.value.to_string()).or_default() += 1;
+                *left_out.entry(about).or_default() += 1;
             }
-            about.is_none()
+            stays
         });
     }
 

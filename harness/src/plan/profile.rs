@@ -15,10 +15,9 @@ use crate::suite::profile::{About, BlockNumber, CAPABILITIES, Capability};
 
 /// Why the suite is not about this device.
 pub(super) fn of_another_profile(suite: &Suite, dut: &Dut) -> Option<String> {
-    let about = suite.file.profile.as_ref()?.value;
-    match about {
+    match suite.file.profile.as_ref()?.value {
         About::Number(number) => of_another_number(number, dut),
-        About::Named(profile) => of_another_name(profile, dut),
+        About::Named(_) => of_another_name(suite.profile()?, dut),
     }
 }
 
@@ -35,7 +34,7 @@ fn of_another_number(about: u16, dut: &Dut) -> Option<String> {
 
 fn of_another_name(profile: &Profile, dut: &Dut) -> Option<String> {
     let recognition = profile.recognised?;
-    if dut.told.is_some_and(|told| told.name == profile.name) {
+    if dut.told.as_ref() == Some(&profile.name) {
         return None;
     }
     let (title, mux) = (profile.title(), recognition.object);
@@ -51,11 +50,10 @@ fn of_another_name(profile: &Profile, dut: &Dut) -> Option<String> {
 
 /// Binds the bits and codes that the profile of the suite has names for.
 pub(super) fn bind_names(scope: &mut Scope, suite: &Suite) {
-    let profile = suite.file.profile.as_ref().and_then(|profile| profile.value.named());
-    for profile in profile.into_iter().flat_map(Profile::chain) {
+    for profile in suite.profile().into_iter().flat_map(Profile::chain) {
         for (name, value) in &profile.names {
             let value = Literal::Int(i128::from(*value));
-            scope.bind(name, Binding::Literal(value));
+            scope.bind(name.clone(), Binding::Literal(value));
         }
     }
 }
@@ -73,7 +71,7 @@ pub(super) fn check_capabilities(requires: &Requires, suite: &Suite) -> Result<(
     }
     for capability in [&requires.supports, &requires.lacks].into_iter().flatten() {
         let At { value: Capability::Option(name), place } = capability else { continue };
-        let profile = suite.file.profile.as_ref().and_then(|profile| profile.value.named());
+        let profile = suite.profile();
         let options = || profile.into_iter().flat_map(|profile| profile.options.keys());
         if options().any(|option| option == name) {
             continue;
@@ -92,10 +90,7 @@ pub(super) fn wrong_option(requires: &Requires, dut: &Dut, suite: &Suite) -> Opt
         Capability::Option(ref name) => Some(name.clone()),
         _ => None,
     };
-    let means = |name: &str| {
-        let profile = suite.file.profile.as_ref()?.value.named()?;
-        profile.options.get(name).cloned()
-    };
+    let means = |name: &str| suite.profile()?.options.get(name).cloned();
     if let Some(name) = option(&requires.supports).filter(|name| dut.without.contains(name)) {
         let means = means(&name).unwrap_or_default();
         return Some(format!("the device is without {name}: {means}"));
@@ -117,8 +112,7 @@ pub(super) fn block_scopes(
     dut: &Dut,
 ) -> Result<Vec<Bound>, At<String>> {
     let At { value: name, place } = &blocks.name;
-    let profile = suite.file.profile.as_ref().and_then(|profile| profile.value.named());
-    let profile = profile.ok_or_else(|| {
+    let profile = suite.profile().ok_or_else(|| {
         let wrong = "blocks are those of a profile, which the suite names: `profile: em66`";
         At::new(wrong.to_owned(), *place)
     })?;

@@ -167,6 +167,7 @@ impl CaseRun<'_, '_> {
         let mut steps = Steps {
             link: &mut *self.link,
             dut: self.dut,
+            catalogue: &self.instance.suite.catalogue,
             policy: self.policy,
             scope: self.instance.scope.clone(),
             patience,

@@ -40,7 +40,7 @@ pub(crate) fn objects(
     link: &mut Link,
     policy: &Policy,
     node: u8,
-    profiles: &[&'static Profile],
+    profiles: &[&Profile],
     constants: &[Mux],
 ) -> Result<Vec<Object>, Lost> {
     let policy = Policy { sdo_timeout: PATIENCE, ..*policy };

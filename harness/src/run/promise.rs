@@ -158,7 +158,8 @@ impl Steps<'_, '_> {
     pub(super) fn undeclared(&mut self, step: &Undeclared) -> Judgement {
         let range = index_range(&step.range.value).map_err(Trouble::Impossible)?;
         let eds = &self.dut.eds;
-        let profile = step.profile.as_ref().and_then(|about| about.value.named());
+        let profile = step.profile.as_ref();
+        let profile = profile.and_then(|about| about.value.named(self.catalogue).ok()?);
         let whose = profile.map_or("the data sheet", |_| "the profile");
         let (first, absent, code): (Vec<Mux>, Vec<Mux>, _) = match (profile, step.subs) {
             (_, true) => {

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use canopen::catalogue::Catalogue;
 use canopen::nmt::{Command, Service};
 use canopen::pdo::CobId;
 use canopen::{Abort, BusError, Frame, Instant, Mux, Pattern, Stamped, lss, sdo, sync};
@@ -28,6 +29,8 @@ pub(super) struct Steps<'s, 'b> {
     pub dut: &'s Dut,
     /// What to wait for and how long.
     pub policy: &'s Policy,
+    /// The profiles.
+    pub catalogue: &'s Catalogue,
     /// The names, those that steps save included.
     pub scope: Scope,
     /// How many times as long as it says a step waits for the application of the device.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
+use canopen::catalogue::Catalogue;
 use canopen::{Bus, BusError, Frame, Instant, Stamped, VirtualBus, eds};
 use reference_devices::devices;
 use reference_devices::rules::Specification;
@@ -123,7 +124,7 @@ fn run(bus: &mut Odd, cases: usize, steps: &str) -> Ran {
         |name: &str, text: &str| Arc::new(Source { name: name.to_owned(), text: text.to_owned() });
     let sources =
         [source("suites/requirements/any.yaml", REGISTER), source("suites/any.yaml", &text)];
-    let library = Library::from_sources(&sources).unwrap();
+    let library = Library::from_sources(&sources, Catalogue::built_in()).unwrap();
     let eds = eds::read(devices::device("drr460").unwrap().eds_text().as_bytes()).eds;
     let dut = Dut { bit_rate: Some(BIT_RATE), ..Dut::new("drr460", NODE, eds) };
     let plan = plan::plan(&library, &dut, &BTreeMap::new()).unwrap();

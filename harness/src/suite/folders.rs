@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use canopen::catalogue::Catalogue;
 use clap::Args;
 use include_dir::{Dir, include_dir};
 
@@ -19,6 +20,41 @@ pub struct Folders {
     /// Folder with the only suites to read, instead of those in this program; may be repeated
     #[arg(long = "only-suites", value_name = "DIR")]
     pub only: Vec<PathBuf>,
+    /// Which profiles.
+    #[command(flatten)]
+    pub catalogue: CatalogueFolder,
+}
+
+/// Which profiles are known.
+#[derive(Clone, Debug, Default, Args)]
+pub struct CatalogueFolder {
+    /// Folder with files that override profiles of the catalogue in this program, such as its
+    /// decisions about CiA 404, or add to them
+    #[arg(long = "catalogue", value_name = "DIR")]
+    pub folder: Option<PathBuf>,
+}
+
+impl CatalogueFolder {
+    /// The profiles.
+    ///
+    /// # Errors
+    /// Every complaint about the files of the folder.
+    pub fn load(&self) -> Result<Arc<Catalogue>, Vec<Complaint>> {
+        let built_in = Catalogue::built_in();
+        let Some(folder) = &self.folder else { return Ok(Arc::clone(built_in)) };
+        let mut found = Vec::new();
+        read_folder(folder, &mut found).map_err(|complaint| vec![complaint])?;
+        found.sort_by(|a, b| a.name.cmp(&b.name));
+        let sources: Vec<_> = found.into_iter().map(Arc::new).collect();
+        Ok(Arc::new(built_in.amended(&sources)?))
+    }
+
+    /// The option that names the folder again on a command line.
+    pub fn option(&self) -> String {
+        let folder =
+            self.folder.as_ref().map(|folder| format!(" --catalogue {}", folder.display()));
+        folder.unwrap_or_default()
+    }
 }
 
 static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../suites");
@@ -28,7 +64,7 @@ impl Folders {
     pub fn options(&self) -> String {
         let only = self.only.iter().map(|folder| format!(" --only-suites {}", folder.display()));
         let more = self.more.iter().map(|folder| format!(" --suites {}", folder.display()));
-        only.chain(more).collect()
+        only.chain(more).chain([self.catalogue.option()]).collect()
     }
 
     /// The files by name. Unless there are `only` folders, those of `suites/` here are read, or

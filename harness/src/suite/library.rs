@@ -3,10 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use canopen::catalogue::Catalogue;
+
 use super::folders::Folders;
 use super::loaded::Suite;
 use super::model::{Case, SuiteFile};
 use super::register::Register;
+use super::step::Step;
 use super::test_map::{TestMapEntry, wrong_map};
 use crate::nearest::did_you_mean;
 use crate::parallel::{self, processors};
@@ -19,6 +22,8 @@ pub struct Library {
     pub suites: Vec<Arc<Suite>>,
     /// The requirements.
     pub register: Register,
+    /// The profiles.
+    pub catalogue: Arc<Catalogue>,
     /// The checks of CiA's conformance test, when the folder has the list of them.
     pub test_map: Vec<At<TestMapEntry>>,
 }
@@ -29,7 +34,7 @@ impl Library {
     /// # Errors
     /// Every complaint about every file.
     pub fn load(folders: &Folders) -> Result<Self, Vec<Complaint>> {
-        Self::from_sources(&folders.sources()?)
+        Self::from_sources(&folders.sources()?, &folders.catalogue.load()?)
     }
 
     /// The register files alone.
@@ -42,11 +47,14 @@ impl Library {
         Ok(sources)
     }
 
-    /// Loads register and suites out of these files.
+    /// Loads register and suites out of these files, with these profiles.
     ///
     /// # Errors
     /// Every complaint about every file.
-    pub fn from_sources(sources: &[Arc<Source>]) -> Result<Self, Vec<Complaint>> {
+    pub fn from_sources(
+        sources: &[Arc<Source>],
+        catalogue: &Arc<Catalogue>,
+    ) -> Result<Self, Vec<Complaint>> {
         let (maps, sources): (Vec<_>, Vec<_>) = sources.iter().cloned().partition(is_test_map);
         let (registers, suites): (Vec<_>, Vec<_>) = sources.into_iter().partition(is_register);
         let mut complaints = Vec::new();
@@ -67,7 +75,11 @@ impl Library {
             parallel::map(suites, processors(), |source| (read_yaml::<SuiteFile>(&source), source));
         for (file, source) in files {
             match file {
-                Ok(file) => loaded.push(Arc::new(Suite { source, file })),
+                Ok(file) => {
+                    let suite = Suite { source, file, catalogue: Arc::clone(catalogue) };
+                    complaints.extend(unknown_profiles(&suite));
+                    loaded.push(Arc::new(suite));
+                }
                 Err(complaint) => complaints.push(complaint),
             }
         }
@@ -79,7 +91,8 @@ impl Library {
         complaints.extend(wrong_map(&test_map, &loaded));
         let test_map = test_map.into_iter().flat_map(|(_, entries)| entries).collect();
         if complaints.is_empty() {
-            Ok(Self { suites: loaded, register, test_map })
+            let catalogue = Arc::clone(catalogue);
+            Ok(Self { suites: loaded, register, catalogue, test_map })
         } else {
             Err(complaints)
         }
@@ -93,6 +106,21 @@ fn is_register(source: &Arc<Source>) -> bool {
 /// The list of checks that the conformance test of CiA makes, and what makes them here.
 fn is_test_map(source: &Arc<Source>) -> bool {
     source.name.ends_with("requirements/cia-test-map.yaml")
+}
+
+/// The profiles that a suite and its steps name are in the catalogue.
+fn unknown_profiles(suite: &Suite) -> Vec<Complaint> {
+    let steps = suite.file.cases.iter().flat_map(|case| case.value.all_steps());
+    let of_steps = steps.filter_map(|step| match &step.value {
+        Step::Undeclared(undeclared) => undeclared.profile.as_ref(),
+        _ => None,
+    });
+    let named = suite.file.profile.iter().chain(of_steps);
+    let wrong = named.filter_map(|about| {
+        let message = about.value.named(&suite.catalogue).err()?;
+        Some(Complaint::at(&suite.source, about.place, message))
+    });
+    wrong.collect()
 }
 
 fn reused_ids(suites: &[Arc<Suite>]) -> Vec<Complaint> {

@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
+use canopen::catalogue::{Catalogue, Profile};
+
 use super::model::SuiteFile;
+use super::profile::About;
 use crate::source::Source;
 
 /// A loaded suite.
@@ -12,11 +15,26 @@ pub struct Suite {
     pub source: Arc<Source>,
     /// What is written there.
     pub file: SuiteFile,
+    /// What it takes from profiles.
+    pub catalogue: Arc<Catalogue>,
 }
 
 impl Suite {
     /// `folder/topic`.
     pub fn name(&self) -> &str {
         &self.file.suite.value
+    }
+
+    /// The profile it is about, when it names one.
+    pub fn profile(&self) -> Option<&Profile> {
+        self.file.profile.as_ref()?.value.named(&self.catalogue).ok()?
+    }
+
+    /// What it is about as sentences name it; `None` when it is about any device.
+    pub fn about(&self) -> Option<String> {
+        Some(match &self.file.profile.as_ref()?.value {
+            About::Number(number) => format!("CiA {number}"),
+            About::Named(name) => self.profile().map_or(name.as_str(), Profile::title).to_owned(),
+        })
     }
 }

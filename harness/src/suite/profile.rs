@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
-use canopen::catalogue::{self, Profile};
+use canopen::catalogue::{self, Catalogue, Profile};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, Visitor};
 use serde::{Deserialize, Deserializer};
@@ -11,37 +11,36 @@ use serde::{Deserialize, Deserializer};
 use crate::nearest::did_you_mean;
 
 /// The profile that a suite is about.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub enum About {
     /// The device profile of that number, by the low 16 bits of 1000h.
     Number(u16),
-    /// A profile of the catalogue that is recognised by another object.
-    Named(&'static Profile),
+    /// The profile of that name in the catalogue, which is recognised by another object.
+    Named(String),
 }
 
 impl About {
-    /// What the catalogue has of it beyond objects.
-    pub const fn named(self) -> Option<&'static Profile> {
-        match self {
-            Self::Number(_) => None,
-            Self::Named(profile) => Some(profile),
-        }
-    }
-}
-
-/// As sentences name it.
-impl fmt::Display for About {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Number(number) => write!(f, "CiA {number}"),
-            Self::Named(profile) => f.write_str(profile.title()),
-        }
+    /// What a catalogue has of it beyond objects.
+    ///
+    /// # Errors
+    /// That it has no profile of the name, and which there are.
+    pub fn named<'c>(&self, catalogue: &'c Catalogue) -> Result<Option<&'c Profile>, String> {
+        let Self::Named(name) = self else { return Ok(None) };
+        let known = recognisable(catalogue).find(|profile| profile.name == *name);
+        known.map(Some).ok_or_else(|| {
+            let names: Vec<&str> =
+                recognisable(catalogue).map(|profile| profile.name.as_str()).collect();
+            let meant = did_you_mean(name, names.iter().copied());
+            let names = names.join(", ");
+            format!("no profile `{name}`: there are numbers and {names}{meant}")
+        })
     }
 }
 
 /// The profiles that a suite can name.
-fn recognisable() -> impl Iterator<Item = &'static Profile> {
-    catalogue::profiles().iter().filter(|profile| profile.recognised.is_some())
+fn recognisable(catalogue: &Catalogue) -> impl Iterator<Item = &Profile> {
+    let profiles = catalogue.profiles().iter().map(|profile| &**profile);
+    profiles.filter(|profile| profile.recognised.is_some())
 }
 
 impl<'de> Deserialize<'de> for About {
@@ -61,14 +60,7 @@ impl<'de> Deserialize<'de> for About {
                 Ok(About::Number(number))
             }
             fn visit_str<E: de::Error>(self, name: &str) -> Result<About, E> {
-                let known = recognisable().find(|profile| profile.name == name);
-                known.map(About::Named).ok_or_else(|| {
-                    let names: Vec<&str> =
-                        recognisable().map(|profile| profile.name.as_str()).collect();
-                    let meant = did_you_mean(name, names.iter().copied());
-                    let names = names.join(", ");
-                    E::custom(format!("no profile `{name}`: there are numbers and {names}{meant}"))
-                })
+                Ok(About::Named(name.to_owned()))
             }
         }
         deserializer.deserialize_any(NumberOrName)
@@ -83,7 +75,8 @@ impl JsonSchema for About {
         "About".into()
     }
     fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        let names: Vec<&str> = recognisable().map(|profile| profile.name.as_str()).collect();
+        let profiles = recognisable(Catalogue::built_in());
+        let names: Vec<&str> = profiles.map(|profile| profile.name.as_str()).collect();
         json_schema!({
             "description": "A profile: its number, or its name in the catalogue.",
             "oneOf": [

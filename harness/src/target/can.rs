@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use canopen::catalogue::Catalogue;
+
 use super::connection::{Connection, Target, open_interface};
 use super::options::{rig, say_the_rest, without};
 use super::reference::reference_device;
@@ -20,20 +22,21 @@ use crate::exit::Refused;
 pub(super) fn target(
     selection: &Selection,
     interface: &Interface,
+    catalogue: &Catalogue,
     stop: &Arc<AtomicBool>,
 ) -> Result<Target, Refused> {
     let mut bus = open_interface(interface, stop)?;
     let bit_rate = selection.bitrate.or_else(|| interface.bit_rate(DEFAULT_BIT_RATE));
     let name = &interface.to_string();
-    let found = only(scan(&mut *bus, selection.node)?, name, selection.node)?;
+    let found = only(scan(&mut *bus, selection.node, catalogue)?, name, selection.node)?;
     let (dut_name, (sheet, eds)) = {
         let selection = Selection { bitrate: bit_rate, ..selection.clone() };
-        sheet::of_found(&selection, &found, &mut *bus)?
+        sheet::of_found(&selection, &found, &mut *bus, catalogue)?
     };
     let mut options = format!("--target {name} --node {}", found.node);
     say_the_rest(selection, &mut options);
     let own = selection.device.as_ref().or(found.device.as_ref());
-    let own = own.and_then(|name| reference_device(name).ok());
+    let own = own.and_then(|name| reference_device(name, catalogue).ok());
     let (rig, bench) = rig(selection, &mut options)?.unzip();
     let bench = bench.unwrap_or_default();
     Ok(Target {

@@ -1,6 +1,6 @@
 //! A data sheet for a device that comes without one, composed of what the device answers.
 
-use canopen::catalogue::{self, Profile};
+use canopen::catalogue::{Catalogue, Profile};
 use canopen::eds::{self, DeviceInfo, Eds, FileInfo};
 use canopen::{Bus, BusError, Mux};
 
@@ -17,8 +17,9 @@ pub(crate) fn compose(
     bus: &mut dyn Bus,
     found: &Found,
     bit_rate: u32,
+    catalogue: &Catalogue,
 ) -> Result<(Sheet, Eds), Refused> {
-    let profiles = profiles_of(found);
+    let profiles = profiles_of(found, catalogue);
     let constants = profiles.iter().filter_map(|profile| Some(profile.recognised?.object));
     let constants: Vec<Mux> = constants.collect();
     let mut link = Link::new(bus);
@@ -39,11 +40,11 @@ pub(crate) fn compose(
 }
 
 /// CiA 301 and what else the device follows, as far as the catalogue has it.
-fn profiles_of(found: &Found) -> Vec<&'static Profile> {
+fn profiles_of<'c>(found: &'c Found, catalogue: &'c Catalogue) -> Vec<&'c Profile> {
     let number = found.identity.device_type.unwrap_or_default() as u16;
-    let by_number = catalogue::profile(&format!("cia{number}"));
+    let by_number = catalogue.profile(&format!("cia{number}"));
     let recognised = found.profile.iter().flat_map(|(profile, _)| profile.chain());
-    let mut profiles: Vec<&Profile> = catalogue::profile("cia301").into_iter().collect();
+    let mut profiles: Vec<&Profile> = catalogue.profile("cia301").into_iter().collect();
     for profile in recognised.chain(by_number) {
         if profiles.iter().all(|known| known.name != profile.name) {
             profiles.push(profile);

@@ -22,9 +22,12 @@ pub(super) fn is_path(text: &str) -> bool {
 ///
 /// # Errors
 /// Everything that is wrong with its files.
-pub(super) fn device(path: &Path) -> Result<ReferenceDevice, Vec<Complaint>> {
+pub(super) fn device(
+    path: &Path,
+    catalogue: &Catalogue,
+) -> Result<ReferenceDevice, Vec<Complaint>> {
     let (folder, variant) = parts(path);
-    let mut family = family(&folder)?;
+    let mut family = family(&folder, catalogue)?;
     let Some(variant) = variant else { return Ok(family.swap_remove(0)) };
     let wanted = |device: &ReferenceDevice| device.source.name == shown(path);
     match family.iter().position(wanted) {
@@ -38,11 +41,11 @@ pub(super) fn device(path: &Path) -> Result<ReferenceDevice, Vec<Complaint>> {
 }
 
 /// The paths of a device and its variants; of a variant its own alone.
-pub(super) fn members(path: &Path) -> Result<Vec<String>, Vec<Complaint>> {
+pub(super) fn members(path: &Path, catalogue: &Catalogue) -> Result<Vec<String>, Vec<Complaint>> {
     match parts(path) {
         (_, Some(_)) => Ok(vec![shown(path)]),
         (folder, None) => {
-            let family = family(&folder)?;
+            let family = family(&folder, catalogue)?;
             let variants = family.iter().skip(1).map(|variant| variant.source.name.clone());
             Ok(std::iter::once(shown(path)).chain(variants).collect())
         }
@@ -57,7 +60,7 @@ pub(super) fn holds_device(path: &Path) -> bool {
 }
 
 /// The device and its variants, in this order, or the models of a family.
-fn family(folder: &Path) -> Result<Vec<ReferenceDevice>, Vec<Complaint>> {
+fn family(folder: &Path, catalogue: &Catalogue) -> Result<Vec<ReferenceDevice>, Vec<Complaint>> {
     let one = |complaint| vec![complaint];
     let device = folder.join(DEVICE);
     let device = read(&device).map_err(one)?;
@@ -71,7 +74,7 @@ fn family(folder: &Path) -> Result<Vec<ReferenceDevice>, Vec<Complaint>> {
         mutants: read(&folder.join("mutants.yaml")).map_err(one)?,
         freedoms: read(&folder.join("freedoms.yaml")).map_err(one)?,
     };
-    files.family(Catalogue::built_in())
+    files.family(catalogue)
 }
 
 /// The YAML files of a folder, by their names without ending, in alphabetical order.

@@ -2,7 +2,8 @@
 
 use std::sync::{Arc, Mutex};
 
-use canopen::{Bench, catalogue};
+use canopen::Bench;
+use canopen::catalogue::Catalogue;
 use reference_devices::devices::ReferenceDevice;
 
 use crate::cli::Selection;
@@ -12,8 +13,8 @@ use crate::nearest::did_you_mean;
 use crate::rig::Rig;
 
 /// Checks that there are options of these names.
-pub(super) fn known(names: &[String]) -> Result<(), Refused> {
-    let known = || catalogue::profiles().iter().flat_map(|profile| profile.options.keys());
+pub(super) fn known(names: &[String], catalogue: &Catalogue) -> Result<(), Refused> {
+    let known = || catalogue.profiles().iter().flat_map(|profile| profile.options.keys());
     match names.iter().find(|name| !known().any(|option| option == *name)) {
         None => Ok(()),
         Some(name) => {

@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use canopen::catalogue::Catalogue;
 use reference_devices::change::Deviation;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::{freedom, mutant};
@@ -12,14 +13,18 @@ use super::folder;
 use crate::exit::Refused;
 use crate::nearest::did_you_mean;
 
-/// The device of that name in this program, or else the one described at that path.
+/// The device of that name in this program, or else the one described at that path with these
+/// profiles.
 ///
 /// # Errors
 /// When there is none, or its files have mistakes.
-pub(crate) fn reference_device(name: &str) -> Result<Arc<ReferenceDevice>, Refused> {
+pub(crate) fn reference_device(
+    name: &str,
+    catalogue: &Catalogue,
+) -> Result<Arc<ReferenceDevice>, Refused> {
     match devices::device(name) {
         Some(device) => Ok(Arc::new(device)),
-        None if folder::is_path(name) => Ok(Arc::new(folder::device(Path::new(name))?)),
+        None if folder::is_path(name) => Ok(Arc::new(folder::device(Path::new(name), catalogue)?)),
         None => Err(unknown(name)),
     }
 }
@@ -29,12 +34,12 @@ pub(crate) fn reference_device(name: &str) -> Result<Arc<ReferenceDevice>, Refus
 ///
 /// # Errors
 /// When the device is at a path, and its files have mistakes.
-pub(crate) fn with_variants(name: &str) -> Result<Vec<String>, Refused> {
+pub(crate) fn with_variants(name: &str, catalogue: &Catalogue) -> Result<Vec<String>, Refused> {
     let family: Vec<String> = devices::with_variants(name).map(str::to_owned).collect();
     match family.is_empty() {
         false => Ok(family),
         true if devices::device(name).is_none() && folder::is_path(name) => {
-            Ok(folder::members(Path::new(name))?)
+            Ok(folder::members(Path::new(name), catalogue)?)
         }
         true => Ok(vec![name.to_owned()]),
     }

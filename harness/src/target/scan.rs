@@ -1,9 +1,10 @@
 //! Finding out who is on a bus.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
-use canopen::catalogue::{self, Profile};
+use canopen::catalogue::{Catalogue, Profile};
 use canopen::eds::Eds;
 use canopen::sdo::{RESPONSE_COB_ID, Request};
 use canopen::{Bus, BusError, Mux};
@@ -25,13 +26,13 @@ pub(crate) struct Found {
     /// The reference device that it is one of.
     pub device: Option<String>,
     /// The profile of the catalogue by which it is recognised, and its version.
-    pub profile: Option<(&'static Profile, Option<String>)>,
+    pub profile: Option<(Arc<Profile>, Option<String>)>,
 }
 
 impl Found {
-    /// The profile of the catalogue that it says it follows.
-    pub(crate) fn recognised(&self) -> Option<&'static Profile> {
-        self.profile.as_ref().map(|(profile, _)| *profile)
+    /// The name of the profile of the catalogue that it says it follows.
+    pub(crate) fn recognised(&self) -> Option<String> {
+        self.profile.as_ref().map(|(profile, _)| profile.name.clone())
     }
 
     /// What it is, by its profile: `EUROMAP 66 heating/cooling device 1.1` or `CiA 401`; `None`
@@ -50,7 +51,11 @@ impl Found {
 ///
 /// # Errors
 /// When the bus fails.
-pub(crate) fn scan(bus: &mut dyn Bus, node: Option<u8>) -> Result<Vec<Found>, Refused> {
+pub(crate) fn scan(
+    bus: &mut dyn Bus,
+    node: Option<u8>,
+    catalogue: &Catalogue,
+) -> Result<Vec<Found>, Refused> {
     let bus_failed = |error: BusError| match error {
         BusError::Interrupted => {
             Refused { exit: Exit::Interrupted, message: "interrupted".to_owned() }
@@ -69,7 +74,7 @@ pub(crate) fn scan(bus: &mut dyn Bus, node: Option<u8>) -> Result<Vec<Found>, Re
     }
     let mut found = Vec::new();
     for node in nodes {
-        found.push(ask(&mut link, node).map_err(bus_failed)?);
+        found.push(ask(&mut link, node, catalogue).map_err(bus_failed)?);
     }
     Ok(found)
 }
@@ -107,14 +112,14 @@ fn answering(link: &mut Link, nodes: std::ops::RangeInclusive<u8>) -> Result<Vec
     Ok(answered)
 }
 
-fn ask(link: &mut Link, node: u8) -> Result<Found, BusError> {
+fn ask(link: &mut Link, node: u8, catalogue: &Catalogue) -> Result<Found, BusError> {
     // Nothing here is judged by its time, so a bit rate that nobody has named yet will do.
     let policy = Policy::at_bit_rate(125_000);
     let dut = Dut::new("", node, Eds::default());
     let identity = identity(link, &policy, &dut)?;
     let name = read_text(link, &policy, node, DEVICE_NAME)?;
     let device = reference(link, &policy, &identity, node)?;
-    let profile = recognise(link, &policy, node)?;
+    let profile = recognise(link, &policy, node, catalogue)?;
     Ok(Found { node, identity, name, device, profile })
 }
 
@@ -160,12 +165,13 @@ fn recognise(
     link: &mut Link,
     policy: &Policy,
     node: u8,
-) -> Result<Option<(&'static Profile, Option<String>)>, BusError> {
-    for profile in catalogue::profiles() {
+    catalogue: &Catalogue,
+) -> Result<Option<(Arc<Profile>, Option<String>)>, BusError> {
+    for profile in catalogue.profiles() {
         let Some(recognition) = profile.recognised else { continue };
         let value = read_number(link, policy, node, recognition.object)?;
         if let Some(value) = value.filter(|value| recognition.fits(*value)) {
-            return Ok(Some((profile, recognition.version_in(value))));
+            return Ok(Some((Arc::clone(profile), recognition.version_in(value))));
         }
     }
     Ok(None)

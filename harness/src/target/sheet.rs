@@ -6,6 +6,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
+use canopen::catalogue::Catalogue;
 use canopen::eds::{DeviceInfo, Eds, Severity};
 use canopen::{Bus, Mux};
 use reference_devices::change::Deviation;
@@ -92,6 +93,7 @@ pub(super) fn of_found(
     selection: &Selection,
     found: &Found,
     bus: &mut dyn Bus,
+    catalogue: &Catalogue,
 ) -> Result<(String, (Sheet, Eds)), Refused> {
     if let Some(path) = &selection.eds {
         return Ok((name_of(selection, path), read_eds(path)?));
@@ -102,7 +104,7 @@ pub(super) fn of_found(
     };
     match name {
         Some(name) => {
-            let device = reference_device(&name).map_err(|refused| Refused {
+            let device = reference_device(&name, catalogue).map_err(|refused| Refused {
                 message: format!("{}; for a device of your own, --eds FILE", refused.message),
                 ..refused
             })?;
@@ -117,7 +119,8 @@ pub(super) fn of_found(
                  the answers of the device; --eds FILE gives a better one."
             );
             let name = found.name.clone().filter(|name| !name.trim().is_empty());
-            let composed = compose(bus, found, selection.bitrate.unwrap_or(DEFAULT_BIT_RATE))?;
+            let bit_rate = selection.bitrate.unwrap_or(DEFAULT_BIT_RATE);
+            let composed = compose(bus, found, bit_rate, catalogue)?;
             Ok((name.unwrap_or_else(|| format!("node-{node}")), composed))
         }
     }

@@ -4,6 +4,7 @@
 use std::sync::Arc;
 
 use canopen::Device;
+use canopen::catalogue::Catalogue;
 use reference_devices::rules::Specification;
 
 use super::connection::{Connection, Target};
@@ -23,9 +24,10 @@ pub(super) fn target(
     selection: &Selection,
     name: &str,
     deviation: Option<&Named>,
+    catalogue: &Catalogue,
 ) -> Result<Target, Refused> {
     let bit_rate = selection.bitrate.unwrap_or(DEFAULT_BIT_RATE);
-    let mut device = reference_device(name)?;
+    let mut device = reference_device(name, catalogue)?;
     Arc::make_mut(&mut device).description.settings.bit_rate = bit_rate;
     let deviation = deviation.map(|named| named.find(&device)).transpose()?.map(Box::new);
     // The harness knows a reference device as it knows any: by its data sheet.
@@ -71,7 +73,7 @@ pub(super) fn target(
     };
     if selection.eds.is_some() {
         // A data sheet of ours names the profile; another one may leave it to the device.
-        let found = scan(&mut *target.open(&Arc::default())?, Some(node))?;
+        let found = scan(&mut *target.open(&Arc::default())?, Some(node), catalogue)?;
         target.dut.told = found.first().and_then(Found::recognised);
     }
     Ok(target)

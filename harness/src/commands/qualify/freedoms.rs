@@ -59,7 +59,7 @@ impl Freedoms {
     /// # Errors
     /// When the data of the device or of a freedom do not load.
     pub(super) fn of(library: &Library, name: &str, args: &QualifyArgs) -> Result<Self, Refused> {
-        let device = reference_device(name)?;
+        let device = reference_device(name, &library.catalogue)?;
         let mut freedoms = sound_freedoms(&device, &library.register)?;
         // Without the cases of a document nothing shows what it leaves open.
         freedoms.retain(|freedom| {

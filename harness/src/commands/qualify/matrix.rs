@@ -44,7 +44,7 @@ impl Matrix {
     /// # Errors
     /// When the data of the device or of a mutant do not load.
     pub(super) fn of(library: &Library, name: &str) -> Result<Self, Refused> {
-        let device = reference_device(name)?;
+        let device = reference_device(name, &library.catalogue)?;
         let mut mutants = sound_mutants(&device, &library.register)?;
         mutants.retain(|mutant| {
             let applies = |id: &String| !library.register.lacks_document_of(id);
@@ -188,7 +188,7 @@ pub(super) fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
 /// one that bears the name of its profile, else the one with everything.
 fn home(suite: &Suite) -> &str {
     let device = suite.file.device.as_ref().map(|device| device.value.as_str());
-    let profile = suite.file.profile.as_ref().and_then(|about| about.value.named());
-    let of_profile = profile.and_then(|profile| devices::with_variants(&profile.name).next());
+    let of_profile =
+        suite.profile().and_then(|profile| devices::with_variants(&profile.name).next());
     device.or(of_profile).unwrap_or(devices::WITH_EVERYTHING)
 }

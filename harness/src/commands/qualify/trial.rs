@@ -40,7 +40,10 @@ pub(super) struct Trial {
 
 /// The target of that name, and its plan.
 pub(super) fn with_own_sheet(library: &Library, name: &str) -> Result<(Target, Plan), Refused> {
-    let mut targets = target::resolve(&Selection::of_target(Some(name)), &Arc::default())?;
+    let mut targets = {
+        let selection = Selection::of_target(Some(name));
+        target::resolve(&selection, &library.catalogue, &Arc::default())?
+    };
     let plan = plan_all(library, &targets)?.remove(0);
     Ok((targets.remove(0), plan))
 }
