@@ -62,6 +62,8 @@ struct Options {
     evacuation: bool,
     cool_down: bool,
     self_optimisation: bool,
+    return_line_control: bool,
+    external_sensor_control: bool,
 }
 
 /// What the sensors measure. Temperatures in tenths of a degree Celsius.
@@ -186,6 +188,8 @@ impl Em66 {
             evacuation: has("evacuation"),
             cool_down: has("cool-down"),
             self_optimisation: has("self-optimisation"),
+            return_line_control: has("return-line-control"),
+            external_sensor_control: has("external-sensor-control"),
         };
         Self {
             rules,

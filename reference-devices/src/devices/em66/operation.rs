@@ -18,6 +18,8 @@ use super::{Duty, External, Mode, Options, Sensed};
 pub(super) struct Operation {
     codes: Codes,
     mode: Mode,
+    /// A mode was chosen since the reset.
+    chosen: bool,
     switch_off: SwitchOff,
     suction: Suction,
 }
@@ -26,7 +28,7 @@ impl Operation {
     /// A device that was asked for nothing.
     pub(super) fn new(codes: Codes) -> Self {
         let (mode, switch_off, suction) = Default::default();
-        Self { codes, mode, switch_off, suction }
+        Self { codes, mode, chosen: false, switch_off, suction }
     }
 
     /// Whether the device takes what is about to be written: it refuses what it has not got.
@@ -38,10 +40,10 @@ impl Operation {
         rules: &dyn Em66Rules,
     ) -> Result<(), Abort> {
         let has = |mux| od.entry(mux).is_some();
+        let return_line = has(RETURN_LINE) && options.return_line_control;
+        let external = has(EXTERNAL_SENSOR) && options.external_sensor_control;
         let taken = match (mux, bytes) {
-            (CONTROLLER_MODE, [mode]) => {
-                rules.mode_accepted(*mode, has(RETURN_LINE), has(EXTERNAL_SENSOR))
-            }
+            (CONTROLLER_MODE, [mode]) => rules.mode_accepted(*mode, return_line, external),
             (SWITCH_OFF_MODE, [mode]) => {
                 rules.switch_off_mode_accepted(*mode, options.cool_down, options.evacuation)
             }
@@ -55,6 +57,7 @@ impl Operation {
         match mux {
             CONTROLLER_MODE if rules.mode_changes(self.switch_off.is_running()) => {
                 self.mode = Mode::of(value(od, CONTROLLER_MODE));
+                self.chosen = true;
             }
             SWITCH_OFF_MODE => self.switch_off.choose(value(od, SWITCH_OFF_MODE) as u8, rules),
             CONTROL_WORD if value(od, CONTROL_WORD) & FAILURE_RESET != 0 => {
@@ -124,14 +127,12 @@ impl Operation {
     fn show(&self, od: &mut Dictionary, rules: &dyn Em66Rules) {
         let Self { switch_off, suction, .. } = self;
         let requested = rules.suction_requested(value(od, CONTROL_WORD));
+        let mode = self.mode.code();
+        let mode = if self.chosen { mode } else { rules.mode_before_choice(mode) };
         let status = rules.suction_status(requested, suction.is_active());
         set(od, STATUS_INFORMATION, rules.status_information(status, switch_off.is_busy()));
         set(od, CONTROL_ERRORS, rules.control_errors(suction.is_error()));
-        set(
-            od,
-            CONTROLLER_MODE_DISPLAY,
-            rules.mode_shown(self.mode.code(), switch_off.is_running()),
-        );
+        set(od, CONTROLLER_MODE_DISPLAY, rules.mode_shown(mode, switch_off.is_running()));
         set(od, SWITCH_OFF_MODE_DISPLAY, switch_off.display(rules).into());
         let (cools, evacuates) = (switch_off.is_cooling_down(), switch_off.is_evacuating());
         let actions = rules.switch_off_status(cools, evacuates, switch_off.is_running());

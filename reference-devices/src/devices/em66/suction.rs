@@ -37,7 +37,9 @@ impl Suction {
         let wanted = requested || (self.active || self.waits) && !rules.suction_ends();
         self.waits = wanted && !conflict && delayed;
 
-        let hindered = conflict || self.waits && rules.suction_delay_is_error();
+        let late = self.waits && rules.suction_delay_is_error();
+        let off = !running && rules.suction_while_off_is_error();
+        let hindered = conflict || late || off;
         self.error =
             rules.suction_error(requested, hindered) || self.error && rules.suction_error_stays();
         self.given_up = requested && (self.given_up || self.waits) && !rules.suction_comes_later();

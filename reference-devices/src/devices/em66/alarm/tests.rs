@@ -36,14 +36,15 @@ fn every_type_has_its_side_of_the_level() {
 }
 
 #[test]
-fn differences_have_no_sign_and_both_exclude_the_level() {
+fn differences_have_a_sign_and_both_exclude_the_level() {
     let table = [
-        (4, 600, 701, true),
+        (4, 600, 701, false),
         (4, 600, 700, false),
         (4, 700, 600, false),
         (4, 701, 600, true),
-        (5, 600, 701, false),
-        (5, 600, 700, false),
+        (5, 600, 701, true),
+        (5, 700, 600, false),
+        (5, 701, 600, false),
         (5, 600, 699, true),
         (5, 699, 600, true),
         (5, 600, 600, true),
@@ -71,11 +72,13 @@ fn an_alarm_outlasts_the_way_back_by_the_hysteresis() {
         (3, 650, None, [false, false]),
         (4, 101, Some(0), [true, true]),
         (4, 100, Some(0), [false, true]),
-        (4, -51, Some(0), [false, true]),
+        (4, 51, Some(0), [false, true]),
+        (4, -51, Some(0), [false, false]),
         (4, 50, Some(0), [false, false]),
         (5, 99, Some(0), [true, true]),
         (5, 149, Some(0), [false, true]),
-        (5, -150, Some(0), [false, false]),
+        (5, 150, Some(0), [false, false]),
+        (5, -150, Some(0), [true, true]),
         (6, 600, None, [true, true]),
         (6, 651, None, [false, false]),
     ];

@@ -7,8 +7,14 @@ use crate::devices::em66::rules::{Conformant, Em66Rules, named};
 use crate::devices::em66::{External, Mode};
 
 /// A device with everything that the document leaves open.
-const ALL: Options =
-    Options { suction: true, evacuation: true, cool_down: true, self_optimisation: true };
+const ALL: Options = Options {
+    suction: true,
+    evacuation: true,
+    cool_down: true,
+    self_optimisation: true,
+    return_line_control: true,
+    external_sensor_control: true,
+};
 
 /// A controller on its process.
 struct Plant {

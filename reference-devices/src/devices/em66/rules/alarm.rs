@@ -122,9 +122,9 @@ pub(crate) trait AlarmRules {
         input < reference
     }
 
-    /// Differences have no sign.
+    /// A difference has a sign.
     fn alarm_difference(&self, input: i64, alternate: i64) -> i64 {
-        (input - alternate).abs()
+        input - alternate
     }
 
     /// Types 4h and 14h.
@@ -246,6 +246,9 @@ mutants! {
     "alarm-link-clears-level" {
         fn alarm_link_clears_level(&self) -> bool { true }
     }
+    "alarm-takes-any-action" {
+        fn alarm_takes_action(&self, _action: u8) -> bool { true }
+    }
     "alarm-refusal-unlinks" {
         fn alarm_refusal_unlinks(&self) -> bool { true }
     }
@@ -354,8 +357,8 @@ mutants! {
             if mux == EFFECTIVE_SET_POINT { SET_POINT } else { mux }
         }
     }
-    "alarm-difference-with-sign" {
-        fn alarm_difference(&self, input: i64, alternate: i64) -> i64 { input - alternate }
+    "alarm-difference-without-sign" {
+        fn alarm_difference(&self, input: i64, alternate: i64) -> i64 { (input - alternate).abs() }
     }
     "alarm-difference-the-other-way" {
         fn alarm_difference(&self, input: i64, alternate: i64) -> i64 { alternate - input }

@@ -144,6 +144,9 @@ mutants! {
     "output-in-whole-percent" {
         fn output_shown(&self, output: i64) -> i64 { output / 10 }
     }
+    "output-of-cooling-without-sign" {
+        fn output_shown(&self, output: i64) -> i64 { output.abs() }
+    }
     "output-of-cooling-is-zero" {
         fn output_shown(&self, output: i64) -> i64 { output.max(0) }
     }

@@ -66,6 +66,15 @@ mutants! {
     "leak-stays-until-reset" {
         fn lasting_errors(&self) -> u8 { LOW_LEVEL | SAFETY_LIMIT | GENERAL }
     }
+    "failures-follow-their-cause" {
+        fn lasting_errors(&self) -> u8 { 0 }
+    }
+    "missing-sensor-always-a-failure" {
+        fn missing_sensor(&self, _needed: bool) -> bool { true }
+    }
+    "failure-reset-by-level" {
+        fn resets_failures(&self, _before: i64, now: i64) -> bool { now & FAILURE_RESET != 0 }
+    }
     "leak-is-a-general-failure-too" {
         fn error_status(&self, told: u8) -> u8 {
             if told & LOW_LEVEL != 0 { told | GENERAL } else { told }

@@ -34,6 +34,11 @@ pub(crate) trait OperationRules {
         false
     }
 
+    /// A request waits for the controller, which is no error (3.4.2).
+    fn suction_while_off_is_error(&self) -> bool {
+        false
+    }
+
     /// A request that has to wait is fulfilled as soon as possible (3.4.2).
     fn suction_comes_later(&self) -> bool {
         true
@@ -101,6 +106,11 @@ pub(crate) trait OperationRules {
 
     /// Which temperature is controlled in a mode (3.4.4).
     fn controlled_mode(&self, mode: i64) -> i64 {
+        mode
+    }
+
+    /// Before a mode was chosen, the device has one, too (3.4.4).
+    fn mode_before_choice(&self, mode: i64) -> i64 {
         mode
     }
 
@@ -215,6 +225,9 @@ mutants! {
     "suction-delay-is-an-error" {
         fn suction_delay_is_error(&self) -> bool { true }
     }
+    "suction-while-off-is-an-error" {
+        fn suction_while_off_is_error(&self) -> bool { true }
+    }
     "suction-now-or-never" {
         fn suction_comes_later(&self) -> bool { false }
     }
@@ -324,6 +337,9 @@ mutants! {
     "mode-undefined-while-off" {
         fn mode_shown(&self, mode: i64, running: bool) -> i64 { if running { mode } else { 0 } }
     }
+    "mode-undefined-before-choice" {
+        fn mode_before_choice(&self, _mode: i64) -> i64 { 0 }
+    }
     "mode-always-main-line" {
         fn mode_shown(&self, _mode: i64, _running: bool) -> i64 { 1 }
     }
@@ -397,6 +413,16 @@ mutants! {
     "switch-off-display-counts-from-0" {
         fn switch_off_display(&self, switching_off: bool, present: u8, chosen: u8) -> u8 {
             if switching_off { present } else { chosen - 1 }
+        }
+    }
+    "switch-off-display-of-the-next-time" {
+        fn switch_off_display(&self, _switching_off: bool, _present: u8, chosen: u8) -> u8 {
+            chosen
+        }
+    }
+    "switching-off-in-bits-of-the-status-information" {
+        fn status_information(&self, suction: i64, switching_off: bool) -> i64 {
+            suction | i64::from(switching_off) << 1
         }
     }
     "switch-off-display-undefined-meanwhile" {
