@@ -235,12 +235,13 @@ fn mixtures(device: &ReferenceDevice, freedoms: &[Freedom], args: &QualifyArgs) 
                 continue;
             }
             mixture.push(place);
+            // Changes are made in the order of the freedoms.
+            mixture.sort_unstable();
             // What one freedom removes, another cannot change.
             if !fits(device, mixture.iter().map(|&place| &freedoms[place])) {
-                mixture.pop();
+                mixture.retain(|&member| member != place);
             }
         }
-        mixture.sort_unstable();
         mixture
     };
     (0..args.mixtures).map(draw).collect()

@@ -121,6 +121,7 @@ impl Operation {
             set_point: rules.suction_set_point(chosen, first),
             effective: sensed.effective(self.mode),
             running: self.switch_off.is_running(),
+            off: !self.switch_off.is_running() && !self.switch_off.is_busy(),
         }
     }
 

@@ -25,6 +25,8 @@ pub(super) struct Situation {
     pub(super) effective: Option<i64>,
     /// The controller is on and does not switch off.
     pub(super) running: bool,
+    /// It is off.
+    pub(super) off: bool,
 }
 
 impl Suction {
@@ -38,7 +40,7 @@ impl Suction {
         self.waits = wanted && !conflict && delayed;
 
         let late = self.waits && rules.suction_delay_is_error();
-        let off = !running && rules.suction_while_off_is_error();
+        let off = situation.off && rules.suction_while_off_is_error();
         let hindered = conflict || late || off;
         self.error =
             rules.suction_error(requested, hindered) || self.error && rules.suction_error_stays();
@@ -68,6 +70,7 @@ mod tests {
         set_point: 400,
         effective: Some(300),
         running: true,
+        off: false,
     };
 
     /// Active and error after a situation that nothing came before.

@@ -388,6 +388,11 @@ mutants! {
             (input - reference).abs() < width
         }
     }
+    "alarm-window-above-its-level" {
+        fn alarm_inside(&self, input: i64, reference: i64, width: i64) -> bool {
+            (0..=width).contains(&(input - reference))
+        }
+    }
     "alarm-window-one-sided" {
         fn alarm_inside(&self, input: i64, reference: i64, width: i64) -> bool {
             input - reference <= width
