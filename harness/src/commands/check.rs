@@ -71,7 +71,8 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     let profiles = profiles.unwrap_or_default();
     let [suites, cases, instances, devices, requirements, mutants] = counts;
     say(&format!(
-        "{profiles}{suites}, {cases}, {instances} on {devices}, {requirements}, {mutants}: no errors\n"
+        "{profiles}{suites}, {cases}, {instances} on {devices}, {requirements}, {mutants}: \
+         no errors\n"
     ));
     Ok(Exit::Green)
 }
