@@ -143,6 +143,7 @@ impl Checker<'_> {
             }
             Step::Never(never) => {
                 self.patterns(&never.frame, &never.lenient);
+                self.patterns(&never.frame, &never.or_else);
                 self.time(&never.time);
             }
             Step::Read(read) => self.read(read),
@@ -352,6 +353,9 @@ impl Checker<'_> {
     }
 
     fn write(&mut self, write: &Write, place: Place) {
+        if write.if_there && !self.is_there(&write.object) {
+            return;
+        }
         let entry = self.entry(&write.object, write.refused.as_ref());
         match (&write.value, &write.bytes, &write.fill) {
             (Some(value), None, None) => {
@@ -384,6 +388,13 @@ impl Checker<'_> {
         }
     }
 
+    /// Whether the device has an object that can be written, among those that the case may name.
+    fn is_there(&self, object: &At<ObjectRef>) -> bool {
+        let mux = self.scope.mux(&object.value).ok();
+        let entry = mux.and_then(|mux| self.dut.eds.entry(mux));
+        entry.is_some_and(|entry| entry.access.writable())
+    }
+
     /// What comes last has nothing to leave out.
     fn no_way_out(&mut self, step: &At<Step>) {
         let (word, place) = match &step.value {
@@ -394,6 +405,7 @@ impl Checker<'_> {
                 ("or-else", way_out(or_else, *or_silence, step.place))
             }
             Step::Ask(ask) => ("or-else", way_out(&ask.or_else, ask.or_silence, step.place)),
+            Step::Never(never) => ("or-else", way_out(&never.or_else, false, step.place)),
             _ => return,
         };
         if let Some(place) = place {

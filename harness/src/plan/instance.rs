@@ -10,7 +10,7 @@ use crate::dut::Dut;
 use crate::source::{At, Complaint};
 use crate::suite::Suite;
 use crate::suite::model::{Case, Requires};
-use crate::suite::profile::{BlockDirections, Capability};
+use crate::suite::profile::{BlockDirections, Capability, Habits};
 use crate::suite::step::Step;
 
 /// What runs against one device, in order.
@@ -108,18 +108,14 @@ impl Instance {
         })
     }
 
-    /// Why it says nothing about a device that enters OPERATIONAL by itself, or about one that does
-    /// not.
-    pub fn unfit_for_start(&self, starts: bool) -> Option<String> {
-        let named = |capability: &Option<At<Capability>>| {
-            capability.as_ref().is_some_and(|named| named.value == Capability::SelfStart)
-        };
+    /// Why it says nothing about a device of these habits.
+    pub fn unfit_for(&self, habits: Habits) -> Option<String> {
         self.case().requires.iter().find_map(|requires| {
-            if starts && named(&requires.value.lacks) {
-                return Some("the device enters OPERATIONAL by itself".to_owned());
-            }
-            let reason = "the device enters OPERATIONAL by a command only";
-            (!starts && named(&requires.value.supports)).then(|| reason.to_owned())
+            let habit = |named: &Option<At<Capability>>| habits.of(&named.as_ref()?.value);
+            let lacking = habit(&requires.value.supports).filter(|(has, ..)| !has);
+            let having = habit(&requires.value.lacks).filter(|(has, ..)| *has);
+            let lacking = lacking.map(|(_, _, lacks)| lacks);
+            lacking.or(having.map(|(_, has, _)| has)).map(str::to_owned)
         })
     }
 

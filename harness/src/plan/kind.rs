@@ -87,6 +87,7 @@ const fn states(has: Has) -> &'static str {
 const fn of_pdo(has: PdoHas) -> &'static str {
     match has {
         PdoHas::Variable => "with a mapping that can be changed",
+        PdoHas::Settable => "with parameters that can be changed",
         PdoHas::Fixed => "with a fixed mapping",
         PdoHas::Rtr => "that allows remote frames",
         PdoHas::NoRtr => "that forbids remote frames",

@@ -18,8 +18,9 @@ pub(super) fn pdo_scopes(pdos: &Pdos, dut: &Dut) -> Vec<Bound> {
     };
     let mut scopes = Vec::new();
     for (place, pdo) in all.iter().enumerate() {
-        let neighbour = all[place + 1..].iter().find(|pdo| pdo.in_use());
-        let with = |sub: &u8| dut.eds.entry(Mux::new(pdo.communication, *sub)).is_some();
+        let settable = |pdo: &&Pdo| pdo.in_use() && pdo.states(PdoHas::Settable, None, dut);
+        let neighbour = all[place + 1..].iter().find(settable);
+        let with = |sub: &u8| pdo.writable(dut, pdo.communication, *sub);
         if (pdos.used && !pdo.in_use())
             || !pdos.with.iter().all(with)
             || !pdos.has.iter().all(|has| pdo.states(*has, neighbour, dut))
@@ -67,19 +68,22 @@ impl Pdo {
         self.cob.valid() && self.bits > 0
     }
 
+    /// Whether the device has the parameter, and it can be written.
+    fn writable(&self, dut: &Dut, index: u16, sub: u8) -> bool {
+        dut.eds.entry(Mux::new(index, sub)).is_some_and(|entry| entry.access.writable())
+    }
+
     fn states(&self, has: PdoHas, neighbour: Option<&Self>, dut: &Dut) -> bool {
-        let writable =
-            |index, sub| dut.eds.entry(Mux::new(index, sub)).map(|entry| entry.access.writable());
+        let settable = || [1, 2].iter().all(|sub| self.writable(dut, self.communication, *sub));
         match has {
-            PdoHas::Variable => [
-                (self.communication, 1),
-                (self.communication, 2),
-                (self.mapping, 0),
-                (self.mapping, 1),
-            ]
-            .into_iter()
-            .all(|(index, sub)| writable(index, sub) == Some(true)),
-            PdoHas::Fixed => writable(self.mapping, 1) == Some(false),
+            PdoHas::Settable => settable(),
+            PdoHas::Variable => {
+                settable() && [0, 1].iter().all(|sub| self.writable(dut, self.mapping, *sub))
+            }
+            PdoHas::Fixed => {
+                let first = dut.eds.entry(Mux::new(self.mapping, 1));
+                first.is_some_and(|entry| !entry.access.writable())
+            }
             PdoHas::Rtr => self.cob.rtr_allowed(),
             PdoHas::NoRtr => !self.cob.rtr_allowed(),
             PdoHas::Neighbour => neighbour.is_some(),

@@ -15,9 +15,13 @@ use super::policy::Policy;
 use super::sdo;
 use super::settle;
 use crate::dut::Dut;
+use crate::suite::profile::Habits;
 
 const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
 const START_UP: Mux = Mux::new(0x1F80, 0);
+const STORE: Mux = Mux::new(0x1010, 1);
+const ON_COMMAND: u8 = 1 << 0;
+const AUTONOMOUS: u8 = 1 << 1;
 /// Bit 2 of 1F80h: the node does not enter OPERATIONAL by itself (CiA 302-2).
 const WAITS: u8 = 1 << 2;
 /// How long a device may take to report an error after its boot-up message.
@@ -32,8 +36,8 @@ pub(super) struct Baseline {
     register: RefCell<Result<Vec<u8>, Failure>>,
     /// Whether a boot-up message follows a reset.
     boots_up: Cell<bool>,
-    /// Whether it entered OPERATIONAL without a command.
-    starts: bool,
+    /// What it does by itself.
+    pub habits: Habits,
     /// The error codes of the emergencies that it sent, without 0000h.
     emergencies: Vec<EmcyCode>,
 }
@@ -45,7 +49,7 @@ impl Baseline {
             identity,
             register: RefCell::new(Ok(Vec::new())),
             boots_up: Cell::new(true),
-            starts: false,
+            habits: Habits::default(),
             emergencies: Vec::new(),
         }
     }
@@ -79,19 +83,15 @@ impl Baseline {
         emergencies.dedup();
         let operational = ErrorControl::heartbeat(NmtState::OPERATIONAL).frame(dut.node);
         let seen = sent.clone().any(|seen| seen.frame == operational);
-        let starts = seen || starts_by_1f80(link, policy, dut)?;
+        let mut habits = habits(link, policy, dut)?;
+        habits.self_start |= seen;
         let register = sdo::upload(link, policy, dut.node, ERROR_REGISTER)?.result;
-        Ok(Self { register: RefCell::new(register), starts, emergencies, ..baseline })
+        Ok(Self { register: RefCell::new(register), habits, emergencies, ..baseline })
     }
 
     /// Whether the device sends a boot-up message.
     pub(super) fn boots_up(&self) -> bool {
         self.boots_up.get()
-    }
-
-    /// Whether it enters OPERATIONAL without a command.
-    pub(super) fn starts(&self) -> bool {
-        self.starts
     }
 
     /// The errors that it reports whenever it starts.
@@ -146,18 +146,28 @@ impl Baseline {
         if !self.boots_up() {
             remarks.push("it sends no boot-up message after a reset".to_owned());
         }
-        if self.starts {
+        if self.habits.self_start {
             remarks.push("it enters OPERATIONAL without a command".to_owned());
         }
         remarks
     }
 }
 
-/// Whether 1F80h of a device that has it says that the node starts by itself.
-fn starts_by_1f80(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
-    if dut.eds.entry(START_UP).is_none() {
-        return Ok(false);
-    }
-    let value = sdo::upload(link, policy, dut.node, START_UP)?.result;
-    Ok(value.is_ok_and(|bytes| bytes.first().is_some_and(|low| low & WAITS == 0)))
+/// What the device does by itself, as its objects say; those that it lacks say nothing.
+fn habits(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Habits, BusError> {
+    let mut low = |mux| -> Result<Option<u8>, BusError> {
+        if dut.eds.entry(mux).is_none() {
+            return Ok(None);
+        }
+        let value = sdo::upload(link, policy, dut.node, mux)?.result;
+        Ok(value.ok().and_then(|bytes| bytes.first().copied()))
+    };
+    let promised = dut.default_int(STORE).is_some_and(|bits| bits & i128::from(ON_COMMAND) != 0);
+    let (start, store) = (low(START_UP)?, low(STORE)?);
+    Ok(Habits {
+        self_start: start.is_some_and(|bits| bits & WAITS == 0),
+        // What the data sheet promises is expected.
+        save_on_command: promised || store.is_none_or(|bits| bits & ON_COMMAND != 0),
+        autonomous_storage: store.is_some_and(|bits| bits & AUTONOMOUS != 0),
+    })
 }

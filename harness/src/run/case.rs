@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use canopen::monitor::{self, Breach, Seen};
 use canopen::pdo::CobId;
-use canopen::{BusError, Instant, Mux, emcy};
+use canopen::sdo::Response;
+use canopen::{Abort, BusError, Instant, Mux, emcy};
 use reports::{Event, Note, Outcome, Phase, Problem};
 
 use super::baseline::Baseline;
@@ -245,16 +246,28 @@ impl CaseRun<'_, '_> {
             }
         }
         if snapshot.is_empty() {
+            self.rest_after_emergencies()?;
             return Ok(true);
         }
         if !still {
             settle::pre_operational(self.link, self.policy, self.dut)?;
         }
         let whole = snapshot.restore(self.link, self.policy, self.dut)?;
+        self.rest_after_emergencies()?;
         if !whole {
             self.note("not every object could be restored".to_owned());
         }
         Ok(whole)
+    }
+
+    /// The end of an error is of this case, and not one without a cause in the next.
+    fn rest_after_emergencies(&mut self) -> Result<(), BusError> {
+        let emergency = Some(emcy::COB_ID + u16::from(self.dut.node));
+        let sent = |seen: &Seen| !seen.stamped.own && seen.stamped.frame.data_id() == emergency;
+        match self.link.trace().iter().any(sent) {
+            true => self.link.drain(self.policy.quiet_after_emergency),
+            false => Ok(()),
+        }
     }
 
     fn note(&mut self, text: String) {
@@ -288,6 +301,12 @@ fn run_phase(
         let judgement = match steps.run(&step.value) {
             Ok(lenient) => Ok(lenient.map(|difference| promised(difference, steps))),
             Err(Trouble::Device(difference)) => Err(Trouble::Device(promised(difference, steps))),
+            other => other,
+        };
+        let judgement = match judgement {
+            Err(Trouble::Device(difference)) if phase == Phase::Setup => {
+                Err(prevented(&difference).map_or(Trouble::Device(difference), Trouble::Declined))
+            }
             other => other,
         };
         result.at = steps.link.now();
@@ -324,6 +343,20 @@ fn run_phase(
         }
     }
     Ok(true)
+}
+
+/// What the application prevents now by local control or its state, as CiA 301 lets it, before
+/// anything was judged.
+fn prevented(difference: &Difference) -> Option<String> {
+    let answer = difference.raw.as_ref()?;
+    match Response::decode(&answer.data) {
+        Ok(Response::Abort(mux, code @ (Abort::LOCAL_CONTROL | Abort::DEVICE_STATE)))
+            if mux.index >= 0x2000 =>
+        {
+            Some(format!("access to {mux}: {code}"))
+        }
+        _ => None,
+    }
 }
 
 /// The outcome as it takes shape: the first thing that weighs most stays, the rest become notes.

@@ -84,6 +84,10 @@ impl Steps<'_, '_> {
 
     pub(super) fn write(&mut self, write: &Write) -> Judgement {
         let mux = self.mux(&write.object)?;
+        let writable = self.dut.eds.entry(mux).is_some_and(|entry| entry.access.writable());
+        if write.if_there && !writable {
+            return Ok(None);
+        }
         let data = match (&write.value, &write.bytes, &write.fill) {
             (Some(value), ..) => self.write_value(mux, &value.value)?,
             (_, Some(bytes), _) => parse_bytes(&bytes.value).unwrap_or_default(),

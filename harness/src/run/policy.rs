@@ -14,6 +14,8 @@ pub struct Policy {
     /// How long it must be idle after the start of a node, for what the application sends to have
     /// come to rest.
     pub quiet_after_start: Duration,
+    /// How long after a case with emergency messages: the one that ends an error may come late.
+    pub quiet_after_emergency: Duration,
     /// How late a frame may be because another one is on the wire.
     pub bus_slack: Duration,
     /// How many times as long as a suite of a profile says the application of the device may take.
@@ -34,6 +36,7 @@ impl Policy {
             boot_timeout: Duration::from_secs(10),
             quiet: Duration::from_millis(5),
             quiet_after_start: Duration::from_millis(50),
+            quiet_after_emergency: Duration::from_millis(30),
             bus_slack: Duration::from_nanos(
                 LONGEST_FRAME_BITS * 1_000_000_000 / u64::from(bit_rate),
             ),

@@ -156,7 +156,7 @@ impl Session<'_> {
                     (_, true) => Some("the device has no SDO block download".to_owned()),
                     _ => None,
                 };
-            let unfit = || instance.unfit_for_start(baseline.starts());
+            let unfit = || instance.unfit_for(baseline.habits);
             if let Some(reason) = instance.skip.clone().or(no_blocks).or_else(unfit) {
                 link.emit(ended(link, &started, Outcome::Skip(reason)));
                 continue;

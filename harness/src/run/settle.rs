@@ -111,13 +111,15 @@ fn lost(what: &str, dut: &Dut) -> String {
 pub(super) fn first_answer(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
     let end = link.mark() + policy.boot_timeout;
     // A device that is starting hears no request: many short waits find it sooner than a long one.
-    let eager = Policy { sdo_timeout: policy.sdo_timeout / 10, ..*policy };
+    let mut eager = Policy { sdo_timeout: policy.sdo_timeout / 10, ..*policy };
     let mut refused = false;
     while link.mark() < end {
         match sdo::upload(link, &eager, dut.node, DEVICE_TYPE)?.result {
             Ok(_) => return Ok(true),
             Err(failure) => refused = matches!(failure, Failure::Aborted(_)),
         }
+        // Who boots is asked often, and who is slow is waited for.
+        eager.sdo_timeout = policy.sdo_timeout.min(eager.sdo_timeout * 2);
         // A wrong answer that comes at once must not become a busy loop.
         let pause = link.mark() + policy.quiet;
         link.wait(pause)?;

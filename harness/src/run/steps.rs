@@ -214,6 +214,11 @@ impl Steps<'_, '_> {
         {
             let expected = format!("no {pattern} for {}", show_time(time));
             let meaning = canopen::meaning(&got.frame);
+            for text in &never.or_else {
+                if self.pattern(text)?.matches(&got.frame) {
+                    return Err(Trouble::Declined(format!("{expected}: {meaning}")));
+                }
+            }
             let actual = format!("{meaning} after {}", show_time(got.at.since(start)));
             let difference = Difference::new(expected, actual).about(got.frame);
             let mut accepted = false;

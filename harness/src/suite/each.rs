@@ -137,7 +137,7 @@ pub struct Pdos {
     /// Only PDOs whose COB-ID is valid by default and that map something.
     #[serde(default)]
     pub used: bool,
-    /// Only PDOs that have these sub-indices in their communication parameter.
+    /// Only PDOs that have these sub-indices in their communication parameter, to be written.
     #[serde(default)]
     pub with: Vec<u8>,
     /// What the PDO must have.
@@ -154,6 +154,8 @@ pub struct Pdos {
 pub enum PdoHas {
     /// A COB-ID, a transmission type and a mapping that can be written.
     Variable,
+    /// A COB-ID and a transmission type that can be written, whatever the mapping.
+    Settable,
     /// A mapping that cannot be written.
     Fixed,
     /// A COB-ID that allows remote requests.

@@ -101,6 +101,10 @@ pub enum Capability {
     /// It enters OPERATIONAL without a command, which 1F80h or the device itself shows at the start
     /// of a run.
     SelfStart,
+    /// It stores parameters on command: bit 0 of 1010h sub 1, asked at the start of a run.
+    SaveOnCommand,
+    /// It stores parameters by itself: bit 1 of 1010h sub 1, asked likewise.
+    AutonomousStorage,
     /// An option of the profile that the suite is about. No EDS expresses it: a device has it
     /// unless `--without` says otherwise.
     Option(String),
@@ -114,7 +118,49 @@ impl Capability {
             Self::BlockTransfer => blocks(true, true),
             Self::BlockUpload => blocks(true, false),
             Self::BlockDownload => blocks(false, true),
-            Self::Lss | Self::SelfStart | Self::Option(_) => None,
+            _ => None,
+        }
+    }
+}
+
+/// What a device does by itself, which is known when a run begins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Habits {
+    /// It enters OPERATIONAL without a command.
+    pub self_start: bool,
+    /// It stores parameters on command.
+    pub save_on_command: bool,
+    /// It stores parameters without one.
+    pub autonomous_storage: bool,
+}
+
+impl Default for Habits {
+    fn default() -> Self {
+        Self { self_start: false, save_on_command: true, autonomous_storage: false }
+    }
+}
+
+impl Habits {
+    /// Whether a device of these habits is capable of it, and the words for one that is and one
+    /// that is not; `None` for what is no habit.
+    pub fn of(self, capability: &Capability) -> Option<(bool, &'static str, &'static str)> {
+        match capability {
+            Capability::SelfStart => Some((
+                self.self_start,
+                "the device enters OPERATIONAL by itself",
+                "the device enters OPERATIONAL by a command only",
+            )),
+            Capability::SaveOnCommand => Some((
+                self.save_on_command,
+                "the device stores parameters on command",
+                "the device stores no parameters on command (1010h sub 1, bit 0)",
+            )),
+            Capability::AutonomousStorage => Some((
+                self.autonomous_storage,
+                "the device stores parameters by itself (1010h sub 1, bit 1)",
+                "the device stores parameters on command only",
+            )),
+            _ => None,
         }
     }
 }
@@ -136,6 +182,8 @@ impl<'de> Deserialize<'de> for Capability {
             name if name == BLOCK_UPLOAD => Self::BlockUpload,
             name if name == BLOCK_DOWNLOAD => Self::BlockDownload,
             name if name == SELF_START => Self::SelfStart,
+            name if name == SAVE_ON_COMMAND => Self::SaveOnCommand,
+            name if name == AUTONOMOUS_STORAGE => Self::AutonomousStorage,
             name => Self::Option(name.into_owned()),
         })
     }
@@ -157,13 +205,22 @@ impl JsonSchema for Capability {
 }
 
 /// The names of the capabilities that any device can have.
-pub(crate) const CAPABILITIES: [&str; 5] =
-    [LSS, BLOCK_TRANSFER, BLOCK_UPLOAD, BLOCK_DOWNLOAD, SELF_START];
+pub(crate) const CAPABILITIES: [&str; 7] = [
+    LSS,
+    BLOCK_TRANSFER,
+    BLOCK_UPLOAD,
+    BLOCK_DOWNLOAD,
+    SELF_START,
+    SAVE_ON_COMMAND,
+    AUTONOMOUS_STORAGE,
+];
 const LSS: &str = "lss";
 const BLOCK_TRANSFER: &str = "block-transfer";
 const BLOCK_UPLOAD: &str = "block-upload";
 const BLOCK_DOWNLOAD: &str = "block-download";
 const SELF_START: &str = "self-start";
+const SAVE_ON_COMMAND: &str = "save-on-command";
+const AUTONOMOUS_STORAGE: &str = "autonomous-storage";
 
 /// The number of one of the blocks that a profile repeats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

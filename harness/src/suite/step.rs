@@ -225,6 +225,9 @@ pub struct Never {
     /// Frames that are accepted nevertheless; the reason is in the register.
     #[serde(default)]
     pub lenient: Vec<At<FrameText>>,
+    /// Frames after which nothing can be judged: the rest of the steps is left out.
+    #[serde(default)]
+    pub or_else: Vec<At<FrameText>>,
     /// How long to watch.
     #[serde(rename = "for")]
     pub time: At<Amount>,
@@ -301,6 +304,9 @@ pub struct Write {
     /// With these codes the device may refuse as well; the rest of the steps is then left out.
     #[serde(default)]
     pub or_refused: Vec<At<Refused>>,
+    /// Nothing is written where the data sheet has no such object, or none that can be written.
+    #[serde(default)]
+    pub if_there: bool,
     /// The protocol; what a client would choose unless said otherwise.
     #[serde(default)]
     pub transfer: Option<Flow>,
