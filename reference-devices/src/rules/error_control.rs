@@ -20,6 +20,17 @@ decisions! {
         0
     }
 
+    /// A producer that is configured sends its first heartbeat after one period; the standard lets
+    /// it begin at once (7.2.8.3.2.2).
+    fn heartbeat_begins_at_once(&self) -> bool {
+        false
+    }
+
+    /// Heartbeats come with the period alone; the standard forbids no more of them.
+    fn heartbeat_at_change_of_state(&self) -> bool {
+        false
+    }
+
     /// The consumer waits as long as 1016h says (7.5.2.19).
     fn heartbeat_consumer_time(&self, configured: Duration) -> Duration {
         configured
@@ -59,6 +70,11 @@ decisions! {
     /// Guarding and heartbeat exclude each other, and heartbeat goes first (7.2.8.2.2.1).
     fn guarding_answered(&self, heartbeat_runs: bool) -> bool {
         !heartbeat_runs
+    }
+
+    /// The guard time configures life guarding alone, so that 0 is no reason to be silent.
+    fn guarding_needs_guard_time(&self) -> bool {
+        false
     }
 
     /// The toggle bit alternates from answer to answer (7.2.8.3.2.1).
@@ -111,6 +127,15 @@ deviations! {
     }
     "heartbeat-burst-at-boot-up" {
         fn heartbeats_at_boot_up(&self) -> u32 { 3 }
+    }
+    "heartbeat-begins-at-once" {
+        fn heartbeat_begins_at_once(&self) -> bool { true }
+    }
+    "heartbeat-at-change-of-state" {
+        fn heartbeat_at_change_of_state(&self) -> bool { true }
+    }
+    "guarding-needs-guard-time" {
+        fn guarding_needs_guard_time(&self) -> bool { true }
     }
     "error-classes-are-one" {
         fn error_class(&self, _sub: u8) -> Option<u8> { Some(1) }

@@ -186,6 +186,9 @@ deviations! {
     "lss-node-id-255-refused" {
         fn lss_node_id_valid(&self, node: u8) -> bool { matches!(node, 1..=127) }
     }
+    "lss-node-ids-refused" {
+        fn lss_node_id_valid(&self, _node: u8) -> bool { false }
+    }
     "lss-node-id-at-once" {
         fn lss_node_id_waits(&self) -> bool { false }
     }

@@ -50,7 +50,9 @@ impl Guarding {
         base: &mut Base,
         out: &mut Outbox,
     ) {
-        if !self.supported || !base.rules.guarding_answered(heartbeat_runs) {
+        let configured = base.od.int(GUARD_TIME).is_some_and(|time| time > 0);
+        let answered = configured || !base.rules.guarding_needs_guard_time();
+        if !self.supported || !answered || !base.rules.guarding_answered(heartbeat_runs) {
             return;
         }
         let report = ErrorControl { state: base.state, toggle: self.toggle };

@@ -20,17 +20,29 @@ impl HeartbeatProducer {
     pub(crate) fn configure(&mut self, now: Instant, base: &Base) {
         let configured = base.od.int(PERIOD).unwrap_or(0);
         self.period = base.rules.heartbeat_period(Duration::from_millis(configured as u64));
-        self.due = (configured > 0).then(|| now + self.period);
+        let first = match base.rules.heartbeat_begins_at_once() {
+            true => now,
+            false => now + self.period,
+        };
+        self.due = (configured > 0).then_some(first);
     }
 
     /// Boot-up is done: the boot-up message counts as the first heartbeat.
     pub(crate) fn start(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
         self.configure(now, base);
         if self.runs() {
+            self.due = Some(now + self.period);
             // By specification none: the period counts from the boot-up message.
             for _ in 0..base.rules.heartbeats_at_boot_up() {
                 out.push(ErrorControl::heartbeat(base.state).frame(base.id));
             }
+        }
+    }
+
+    /// The state is another one, which the next heartbeat will say.
+    pub(crate) fn enter(&self, base: &Base, out: &mut Outbox) {
+        if self.runs() && base.rules.heartbeat_at_change_of_state() {
+            out.push(ErrorControl::heartbeat(base.state).frame(base.id));
         }
     }
 

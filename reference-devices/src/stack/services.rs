@@ -147,6 +147,7 @@ impl Services {
     /// The node enters another NMT state.
     pub(crate) fn enter(&mut self, now: Instant, state: NmtState, out: &mut Outbox) {
         self.base.state = state;
+        self.heartbeat.enter(&self.base, out);
         self.sync_producer.enter(now, &self.base);
         self.time.enter(now, &self.base);
         self.behaviour.event(now, CommunicationEvent::Entered(state), &mut self.base.od);

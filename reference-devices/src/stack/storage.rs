@@ -104,6 +104,20 @@ impl Storage {
         }
     }
 
+    /// A parameter has changed, which a device that stores autonomously keeps.
+    pub(crate) fn changed(&mut self, mux: Mux, base: &Base) {
+        const AUTONOMOUS: i64 = 1 << 1;
+        let capability = base.od.int(Mux::new(STORE, 1)).unwrap_or(0);
+        let process_data = base.od.entry(mux).is_some_and(|entry| entry.mappable);
+        if capability & AUTONOMOUS == 0 || process_data || !self.keeps(mux) {
+            return;
+        }
+        if let Some(bytes) = base.od.get(mux) {
+            let values = self.with(vec![(mux, bytes.to_vec())]);
+            self.commit(values);
+        }
+    }
+
     pub(crate) fn handle_timeout(&mut self, now: Instant) {
         if self.poll_at().is_some_and(|done| done <= now) {
             self.finish();

@@ -177,6 +177,7 @@ impl Services {
             self.time.configure(now, &self.base);
         }
         self.behaviour.written(now, mux, &mut self.base.od);
+        self.storage.changed(mux, &self.base);
         self.touched = true;
     }
 
