@@ -115,7 +115,8 @@ impl Instance {
             let lacking = habit(&requires.value.supports).filter(|(has, ..)| !has);
             let having = habit(&requires.value.lacks).filter(|(has, ..)| *has);
             let lacking = lacking.map(|(_, _, lacks)| lacks);
-            lacking.or(having.map(|(_, has, _)| has)).map(str::to_owned)
+            let having = having.map(|(_, has, _)| has);
+            lacking.or(having).map(str::to_owned)
         })
     }
 
