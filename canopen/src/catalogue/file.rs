@@ -365,9 +365,7 @@ mod tests {
             (&["profile: em66\n", "profile: em66\n"][..], "in another file already"),
             (&["profile: em66\nbased-on: cia40\n"], "no profile `cia40` to build on"),
             (
-                &[
-                    "profile: cia404\nblocks: { b: { count: 1, step: 1, objects: { o: \"6505:01\" } } }",
-                ],
+                &["profile: cia404\nblocks: { b: { count: 1, step: 1, objects: {o: '6505:01'} } }"],
                 "the profile has no object 6505",
             ),
         ] {
