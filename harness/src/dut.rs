@@ -2,6 +2,7 @@
 
 mod sheet;
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use canopen::Mux;
@@ -32,6 +33,8 @@ pub struct Dut {
     /// The name of the profile that the device gave when asked, by an object that the catalogue
     /// knows.
     pub told: Option<String>,
+    /// Entries without a default value whose value was longer than four bytes when it was asked.
+    pub long: BTreeSet<Mux>,
 }
 
 impl Dut {
@@ -47,6 +50,7 @@ impl Dut {
             bit_rate: None,
             without: Vec::new(),
             told: None,
+            long: BTreeSet::new(),
         }
     }
 

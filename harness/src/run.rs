@@ -26,6 +26,7 @@ mod tests;
 pub use link::Link;
 pub use policy::Policy;
 pub(crate) use probe::{Lost, objects as probe};
+pub(crate) use sdo::is_long;
 pub use sdo::{Ended, transfer};
 pub(crate) use session::{Ending, exists, read_number, read_text};
 pub use session::{Session, identity};

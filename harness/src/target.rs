@@ -5,6 +5,7 @@ mod can;
 mod compose;
 mod connection;
 mod folder;
+mod long;
 mod options;
 mod reference;
 mod scan;

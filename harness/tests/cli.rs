@@ -147,6 +147,27 @@ fn a_device_in_a_folder_is_run_like_one_in_the_program() {
 }
 
 #[test]
+fn a_text_without_default_is_long_when_the_device_says_so() {
+    let sheet = fs::read_to_string(project().join("reference-devices/generic/device.eds")).unwrap();
+    let sheet: Vec<&str> = sheet
+        .lines()
+        .filter(|line| !line.starts_with("DefaultValue=") || line.contains("0x"))
+        .collect();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("without-texts.eds");
+    fs::write(&file, sheet.join("\r\n")).unwrap();
+    let list = |more: &[&str]| {
+        let mut command = harness();
+        command.args(["list", "cia301/sdo-segmented", "--eds"]).arg(&file).args(more);
+        text(&command.output().unwrap().stdout).to_owned()
+    };
+    let asked = list(&["--target", "sim:generic"]);
+    assert!(asked.contains("[1008:00]"), "{asked}");
+    let nobody_asked = list(&[]);
+    assert!(!nobody_asked.contains("[1008:00]"), "{nobody_asked}");
+}
+
+#[test]
 fn the_list_as_json_says_what_the_list_says() {
     let list = harness().args(["list", "--target", "sim:drr460"]).output().unwrap();
     let json = harness().args(["list", "--json", "--target", "sim:drr460"]).output().unwrap();

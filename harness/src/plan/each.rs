@@ -75,7 +75,7 @@ pub(crate) fn matching_entries<'d>(
                 true => entry.mux.sub != 0 || !object.kind.has_subs(),
                 false => objects.subs.contains(&entry.mux.sub) && object.kind.has_subs(),
             }
-            && objects.has.iter().all(|has| states(object, entry, *has, dut.node))
+            && objects.has.iter().all(|has| states(object, entry, *has, dut))
             && !except(entry.mux)
     };
     let values = |object: &&Object| object.kind != ObjectKind::DEFTYPE;
@@ -99,7 +99,8 @@ pub(crate) fn index_range(text: &str) -> Result<RangeInclusive<u16>, String> {
     Ok(bounds.0..=bounds.1)
 }
 
-fn states(object: &Object, entry: &Entry, has: Has, node: u8) -> bool {
+fn states(object: &Object, entry: &Entry, has: Has, dut: &Dut) -> bool {
+    let node = dut.node;
     let limits = entry.data_type.limits();
     let bound = |term: &Option<canopen::eds::Term>| term.as_ref()?.resolve(node).as_int();
     match has {
@@ -109,7 +110,10 @@ fn states(object: &Object, entry: &Entry, has: Has, node: u8) -> bool {
         }
         Has::Default => entry.default.is_some(),
         Has::Size => entry.data_type.size().is_some(),
-        Has::Long => entry.default_bytes(node).is_ok_and(|bytes| bytes.len() > 4),
+        Has::Long => {
+            let by_default = entry.default_bytes(node).is_ok_and(|bytes| bytes.len() > 4);
+            by_default || dut.long.contains(&entry.mux)
+        }
         Has::Rpdo => entry.maps_into(Direction::Receive),
         Has::Tpdo => entry.maps_into(Direction::Transmit),
         Has::NotMappable => !entry.mappable,

@@ -75,6 +75,25 @@ pub(super) fn reads(
     Ok(transfer.finish(link, policy, node)?.result.is_ok_and(|now| now == value))
 }
 
+/// Whether the value of an object does not fit into one frame. Nothing but its begin is uploaded.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(crate) fn is_long(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+) -> Result<bool, BusError> {
+    let (client, request) = Client::upload(mux);
+    let answer = Running::new(client, request).exchange(link, policy, node)?;
+    let answer = answer.and_then(|answer| Response::decode(&answer.data).ok());
+    let Some(Response::Upload(_, Initiate::Segmented(size))) = answer else { return Ok(false) };
+    link.send(&Request::Abort(mux, Abort::GENERAL).frame(node))?;
+    link.drain(policy.quiet)?;
+    Ok(size.is_none_or(|size| size > 4))
+}
+
 /// Which directions of block transfer the device has, of those that are asked for: it has those
 /// that it does not call an unknown command. The download is of an object that cannot be written.
 ///

@@ -92,7 +92,7 @@ pub enum Has {
     Default,
     /// Fixed length.
     Size,
-    /// More than four bytes by default.
+    /// More than four bytes: by default, or in a device that was asked because there is no default.
     Long,
     /// The right to be mapped into an RPDO.
     Rpdo,

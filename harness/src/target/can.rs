@@ -6,6 +6,7 @@ use std::sync::atomic::AtomicBool;
 use canopen::catalogue::Catalogue;
 
 use super::connection::{Connection, Target, open_interface};
+use super::long::long_values;
 use super::options::{rig, say_the_rest, without};
 use super::reference::reference_device;
 use super::scan::{Found, scan};
@@ -39,22 +40,18 @@ pub(super) fn target(
     let own = own.and_then(|name| reference_device(name, catalogue).ok());
     let (rig, bench) = rig(selection, &mut options)?.unzip();
     let bench = bench.unwrap_or_default();
-    Ok(Target {
-        dut: Dut {
-            name: dut_name,
-            node: found.node,
-            eds: Arc::new(eds),
-            sheet: Arc::new(sheet),
-            bench,
-            own_bench: selection.bench.is_some(),
-            bit_rate,
-            without: without(selection, own.as_deref()),
-            told: found.recognised(),
-        },
-        rig,
-        connection: Connection::Interface(interface.clone()),
-        options,
-    })
+    let mut dut = Dut {
+        sheet: Arc::new(sheet),
+        bench,
+        own_bench: selection.bench.is_some(),
+        bit_rate,
+        without: without(selection, own.as_deref()),
+        told: found.recognised(),
+        ..Dut::new(dut_name, found.node, eds)
+    };
+    let long = long_values(&mut *bus, &dut);
+    dut.long = long.map_err(|error| Refused::bus(error.to_string()))?;
+    Ok(Target { dut, rig, connection: Connection::Interface(interface.clone()), options })
 }
 
 /// The node that was found on a bus, when it is the only one.

@@ -1,6 +1,7 @@
 //! Simulated devices: `sim:NAME`, and with a deviation `sim:NAME?mutant=NAME`, or the path of a
 //! device for its name.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use canopen::Device;
@@ -8,6 +9,7 @@ use canopen::catalogue::Catalogue;
 use reference_devices::rules::Specification;
 
 use super::connection::{Connection, Target};
+use super::long::long_values;
 use super::options::{rig, say_the_rest, without};
 use super::reference::{Named, reference_device};
 use super::scan::{Found, scan};
@@ -66,6 +68,7 @@ pub(super) fn target(
             bit_rate: Some(bit_rate),
             without,
             told: None,
+            long: BTreeSet::new(),
         },
         rig,
         connection: Connection::Simulation { device, deviation, bit_rate },
@@ -73,8 +76,11 @@ pub(super) fn target(
     };
     if selection.eds.is_some() {
         // A data sheet of ours names the profile; another one may leave it to the device.
-        let found = scan(&mut *target.open(&Arc::default())?, Some(node), catalogue)?;
+        let mut bus = target.open(&Arc::default())?;
+        let found = scan(&mut *bus, Some(node), catalogue)?;
         target.dut.told = found.first().and_then(Found::recognised);
+        let long = long_values(&mut *bus, &target.dut);
+        target.dut.long = long.map_err(|error| Refused::bus(error.to_string()))?;
     }
     Ok(target)
 }
