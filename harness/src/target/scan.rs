@@ -15,6 +15,9 @@ use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
 use crate::run::{Link, Policy, exists, identity, read_number, read_text};
 
+/// A profile of the catalogue, and the version that a device has of it.
+type Recognised = (Arc<Profile>, Option<String>);
+
 /// A node that answers.
 pub(crate) struct Found {
     /// Its node id.
@@ -25,8 +28,8 @@ pub(crate) struct Found {
     pub name: Option<String>,
     /// The reference device that it is one of.
     pub device: Option<String>,
-    /// The profile of the catalogue by which it is recognised, and its version.
-    pub profile: Option<(Arc<Profile>, Option<String>)>,
+    /// The profile of the catalogue by which it is recognised.
+    pub profile: Option<Recognised>,
 }
 
 impl Found {
@@ -166,7 +169,7 @@ fn recognise(
     policy: &Policy,
     node: u8,
     catalogue: &Catalogue,
-) -> Result<Option<(Arc<Profile>, Option<String>)>, BusError> {
+) -> Result<Option<Recognised>, BusError> {
     for profile in catalogue.profiles() {
         let Some(recognition) = profile.recognised else { continue };
         let value = read_number(link, policy, node, recognition.object)?;
