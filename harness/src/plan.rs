@@ -11,6 +11,7 @@ mod profile;
 mod scope;
 
 pub use bind::plan;
+pub(crate) use bind::plan_cases;
 pub(crate) use bytes::{fill, mapping_word, parse_bytes, show_bytes};
 pub(crate) use each::{index_range, matching_entries};
 pub use instance::Plan;

@@ -25,7 +25,7 @@ pub(crate) use address::Address;
 pub(crate) use can::{nobody, only};
 pub(crate) use compose::compose;
 pub use connection::Target;
-pub(crate) use connection::{Connection, open_interface};
+pub(crate) use connection::open_interface;
 pub(crate) use reference::{Named, holds_device, reference_device, with_variants};
 pub(crate) use scan::{Found, scan};
 pub(crate) use sheet::dut_of_file;

@@ -1,7 +1,6 @@
 //! `harness qualify`: the two proofs of the suites, in virtual time. Every case can fail: the kill
 //! matrix of mutants. No case is unjust: nothing is red on a device that uses the freedoms which
-//! the
-//! documents leave, one at a time, as a personality or mixed at random.
+//! the documents leave, one at a time, as a personality or mixed at random.
 
 mod freedoms;
 mod matrix;

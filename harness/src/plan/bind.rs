@@ -30,6 +30,19 @@ pub fn plan(
     dut: &Dut,
     models: &BTreeMap<&str, &Eds>,
 ) -> Result<Plan, Vec<Complaint>> {
+    plan_cases(library, dut, models, |_, _| true)
+}
+
+/// As [`plan`], with the wanted cases alone.
+///
+/// # Errors
+/// As [`plan`].
+pub(crate) fn plan_cases(
+    library: &Library,
+    dut: &Dut,
+    models: &BTreeMap<&str, &Eds>,
+    wanted: impl Fn(&Suite, &Case) -> bool,
+) -> Result<Plan, Vec<Complaint>> {
     let (mut instances, mut complaints) = (Vec::new(), Vec::new());
     for suite in &library.suites {
         let model = match &suite.file.device {
@@ -40,7 +53,8 @@ pub fn plan(
                 None => continue,
             },
         };
-        for (place, case) in suite.file.cases.iter().enumerate() {
+        let cases = suite.file.cases.iter().enumerate();
+        for (place, case) in cases.filter(|(_, case)| wanted(suite, &case.value)) {
             match bind_case(suite, place, &case.value, dut, model) {
                 Ok(bound) => instances.extend(bound),
                 Err(wrong) => complaints.extend(wrong),

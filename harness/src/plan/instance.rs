@@ -58,27 +58,23 @@ impl Plan {
         });
     }
 
-    /// Keeps these instances, by name, and those that prove what they rely on.
-    pub fn retain_with_proofs(&mut self, names: &BTreeSet<String>) {
-        let kept = |instance: &Instance| names.contains(&instance.name());
+    /// The names of these instances and of those that prove what they rely on.
+    pub fn with_proofs(&self, names: &BTreeSet<String>) -> BTreeSet<String> {
+        let mut names = names.clone();
         let mut relied = BTreeSet::new();
         // What proves something may rely on something else.
         let mut grows = true;
         while grows {
             let known = relied.len();
-            let proves = |instance: &Instance| {
-                let mut checks = instance.case().checks.iter();
-                checks.all(|id| relied.contains(&id.value))
-            };
-            let needed = self.instances.iter().filter(|one| kept(one) || proves(one));
-            let further: Vec<String> =
-                needed.flat_map(Instance::relies_on).map(str::to_owned).collect();
-            relied.extend(further);
+            let wanted = self.instances.iter().filter(|instance| names.contains(&instance.name()));
+            relied.extend(wanted.flat_map(Instance::relies_on));
             grows = relied.len() > known;
+            let proves = |instance: &&Instance| {
+                instance.case().checks.iter().all(|id| relied.contains(id.value.as_str()))
+            };
+            names.extend(self.instances.iter().filter(proves).map(Instance::name));
         }
-        let proves = |id: &At<String>| relied.contains(&id.value);
-        self.instances
-            .retain(|instance| kept(instance) || instance.case().checks.iter().all(proves));
+        names
     }
 
     /// What was left out, in one sentence.

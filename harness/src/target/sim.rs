@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use canopen::Device;
 use canopen::catalogue::Catalogue;
+use reference_devices::change::Deviation;
 use reference_devices::rules::Specification;
 
 use super::connection::{Connection, Target};
@@ -83,6 +84,29 @@ pub(super) fn target(
         target.dut.long = long.map_err(|error| Refused::bus(error.to_string()))?;
     }
     Ok(target)
+}
+
+impl Target {
+    /// The same simulated device with a deviation, known by the data sheet that it comes with.
+    ///
+    /// # Errors
+    /// When a change does not fit the device.
+    pub(crate) fn deviating(&self, deviation: Deviation) -> Result<Self, Refused> {
+        let Connection::Simulation { device, bit_rate, .. } = &self.connection else {
+            unreachable!("only a simulated device has deviations")
+        };
+        let mut dut = self.dut.clone();
+        if deviation.changes_data_sheet() {
+            let (sheet, eds) = own_sheet(device, Some(&deviation))?;
+            (dut.sheet, dut.eds) = (Arc::new(sheet), Arc::new(eds));
+        }
+        let connection = Connection::Simulation {
+            device: Arc::clone(device),
+            deviation: Some(Box::new(deviation)),
+            bit_rate: *bit_rate,
+        };
+        Ok(Self { dut, connection, rig: None, options: String::new() })
+    }
 }
 
 /// What the user calls the device. Without a target, `--device` chooses a reference device.

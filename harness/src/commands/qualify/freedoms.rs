@@ -1,7 +1,6 @@
 //! The proof that no case is unjust: every case on every freedom, every personality and random
 //! mixtures of freedoms.
 
-use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
@@ -11,14 +10,13 @@ use reference_devices::devices::ReferenceDevice;
 use reference_devices::freedom::{self, Freedom};
 use reports::Verdict;
 
-use super::trial::{self, Trial};
+use super::trial::{Clean, Trial, Wanted};
 use crate::cli::QualifyArgs;
 use crate::commands::check::sound_freedoms;
 use crate::exit::Refused;
-use crate::parallel::try_map;
-use crate::plan::Plan;
+use crate::parallel::{self, processors, try_map};
 use crate::suite::Library;
-use crate::target::{Target, reference_device};
+use crate::target::reference_device;
 
 /// How many freedoms a mixture has at most.
 const LARGEST_MIXTURE: usize = 6;
@@ -44,12 +42,9 @@ struct Tried {
     noticed: bool,
 }
 
-/// The device without deviation, to compare with.
-struct Clean<'c> {
-    library: &'c Library,
-    name: &'c str,
-    target: &'c Target,
-    plan: &'c Plan,
+/// The device without deviation, and what came of its plan, to compare with.
+struct Compared<'l> {
+    clean: Clean<'l>,
     trials: BTreeMap<String, Trial>,
 }
 
@@ -67,22 +62,23 @@ impl Freedoms {
             freedom.allowed_by.iter().any(loaded)
         });
         let personalities = freedom::personalities(&device)?;
-        let (target, mut plan) = trial::with_own_sheet(library, &format!("sim:{name}"))?;
-        plan.leave_out_foreign();
+        let clean = Clean::of(library, name)?;
         let trials = match freedoms.is_empty() && personalities.is_empty() {
             true => Vec::new(),
-            false => trial::run(library, &plan, &target)?.0,
+            false => clean.run()?,
         };
         let trials = trials.into_iter().map(|trial| (trial.name.clone(), trial)).collect();
-        let clean = Clean { library, name, target: &target, plan: &plan, trials };
-        let single = try_map(&freedoms, |freedom| clean.tried(freedom.deviation(), None))?;
-        let personalities =
-            try_map(&personalities, |personality| clean.tried(personality.deviation(), None))?;
+        let compared = Compared { clean, trials };
+        let single =
+            try_map(&freedoms, |freedom| compared.tried(freedom.deviation(), &Wanted::All))?;
+        let personalities = try_map(&personalities, |personality| {
+            compared.tried(personality.deviation(), &Wanted::All)
+        })?;
         let mixtures = mixtures(&device, &freedoms, args);
         let red = try_map(&mixtures, |mixture| {
             let members: Vec<&Freedom> = mixture.iter().map(|&place| &freedoms[place]).collect();
             let affected = touched(mixture.iter().map(|&place| &single[place]));
-            clean.smallest_red(members, &affected)
+            compared.smallest_red(members, &affected)
         })?;
         Ok(Self {
             device: device.description.device.clone(),
@@ -132,40 +128,20 @@ impl Freedoms {
     }
 }
 
-impl Clean<'_> {
-    /// Runs the instances on the device with a deviation: those that are named, or all.
-    fn tried(
-        &self,
-        deviation: Deviation,
-        only: Option<&BTreeSet<String>>,
-    ) -> Result<Tried, Refused> {
+impl Compared<'_> {
+    /// Runs what is wanted on the device with a deviation.
+    fn tried(&self, deviation: Deviation, wanted: &Wanted) -> Result<Tried, Refused> {
         let query = deviation.query.clone();
         let noticed = deviation.falsifies_data_sheet();
-        let (target, plan) = match deviation.changes_data_sheet() {
-            true => {
-                let name = format!("sim:{}?{query}", self.name);
-                let (target, mut plan) = trial::with_own_sheet(self.library, &name)?;
-                plan.leave_out_foreign();
-                (target, Cow::Owned(plan))
-            }
-            false => (trial::with_same_sheet(self.target, deviation), Cow::Borrowed(self.plan)),
-        };
-        let plan = match only {
-            None => plan,
-            Some(names) => {
-                let mut plan = plan.into_owned();
-                plan.retain_with_proofs(names);
-                Cow::Owned(plan)
-            }
-        };
-        let (trials, _) = trial::run(self.library, &plan, &target)?;
+        let ran = self.clean.deviating(deviation, wanted)?;
         let mut tried = Tried { query, red: Vec::new(), affected: BTreeSet::new(), noticed };
-        for trial in trials {
+        for trial in ran.trials {
             let clean = self.trials.get(&trial.name);
-            if clean.is_none_or(|clean| clean.frames != trial.frames) {
+            let frames = clean.is_none_or(|clean| clean.frames != trial.frames);
+            tried.noticed |= frames || clean.is_none_or(|clean| clean.timing != trial.timing);
+            if frames {
                 tried.affected.insert(trial.name.clone());
             }
-            tried.noticed |= clean.is_none_or(|clean| clean.timing != trial.timing);
             if matches!(trial.verdict, Verdict::Fail | Verdict::Error) {
                 let problem = trial.problem.unwrap_or_default();
                 tried.red.push((trial.name, trial.verdict, problem));
@@ -182,7 +158,8 @@ impl Clean<'_> {
         instances: &BTreeSet<String>,
     ) -> Result<Option<Tried>, Refused> {
         let run = |members: &[&Freedom], names: &BTreeSet<String>| {
-            self.tried(freedom::mixture(members.iter().copied()), Some(names))
+            let names = self.clean.plan.with_proofs(names);
+            self.tried(freedom::mixture(members.iter().copied()), &Wanted::Instances(&names))
         };
         let mut smallest = run(&members, instances)?;
         let Some((first, ..)) = smallest.red.first() else { return Ok(None) };
@@ -223,8 +200,7 @@ fn mixtures(device: &ReferenceDevice, freedoms: &[Freedom], args: &QualifyArgs) 
     if freedoms.len() < 2 {
         return Vec::new();
     }
-    let mut rng = Rng::with_seed(args.seed);
-    let draw = |_| {
+    let draw = |mut rng: Rng| {
         let wanted = rng.usize(2..=LARGEST_MIXTURE.min(freedoms.len()));
         let mut mixture: Vec<usize> = Vec::new();
         // A set that nothing can be added to stays smaller than wanted.
@@ -244,5 +220,7 @@ fn mixtures(device: &ReferenceDevice, freedoms: &[Freedom], args: &QualifyArgs) 
         }
         mixture
     };
-    (0..args.mixtures).map(draw).collect()
+    let mut seeds = Rng::with_seed(args.seed);
+    let each = (0..args.mixtures).map(|_| seeds.fork()).collect();
+    parallel::map(each, processors(), draw)
 }

@@ -3,7 +3,6 @@
 //! Mutants that any device can be are proved on the device with everything, and so are the suites
 //! for any device; a device's own mutants and suites are proved on that device and its variants.
 
-use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
@@ -11,14 +10,14 @@ use reference_devices::devices;
 use reference_devices::mutant::Mutant;
 use reports::Verdict;
 
-use super::trial;
+use super::trial::{self, Clean, Wanted};
 use crate::commands::check::sound_mutants;
 use crate::exit::Refused;
 use crate::parallel;
-use crate::plan::{Instance, Plan};
 use crate::run::Ending;
+use crate::suite::model::Case;
 use crate::suite::{Library, Suite};
-use crate::target::{Target, reference_device};
+use crate::target::reference_device;
 
 /// What each case makes of each mutant of one device.
 pub(super) struct Matrix {
@@ -50,14 +49,12 @@ impl Matrix {
             let applies = |id: &String| !library.register.lacks_document_of(id);
             mutant.canary || mutant.breaks.iter().any(applies)
         });
-        let (target, mut plan) = trial::with_own_sheet(library, &format!("sim:{name}"))?;
-        plan.leave_out_foreign();
+        let device_alone = Clean::of(library, name)?;
         let mut clean = BTreeMap::<String, BTreeSet<Verdict>>::new();
-        for result in trial::run(library, &plan, &target)?.0 {
+        for result in device_alone.run()? {
             clean.entry(result.case).or_default().insert(result.verdict);
         }
-        let rows =
-            parallel::try_map(&mutants, |mutant| row(library, &plan, &target, name, mutant))?;
+        let rows = parallel::try_map(&mutants, |mutant| row(&device_alone, mutant))?;
         let is_variant = device.description.device != device.first;
         Ok(Self { device: device.description.device.clone(), is_variant, clean, rows })
     }
@@ -92,37 +89,20 @@ impl Matrix {
     }
 }
 
-fn row(
-    library: &Library,
-    plan: &Plan,
-    clean: &Target,
-    name: &str,
-    mutant: &Mutant,
-) -> Result<Row, Refused> {
-    let deviation = mutant.deviation();
-    let (target, whole) = match deviation.changes_data_sheet() {
-        true => {
-            let (target, plan) =
-                trial::with_own_sheet(library, &format!("sim:{name}?{}", deviation.query))?;
-            (target, Cow::Owned(plan))
-        }
-        false => (trial::with_same_sheet(clean, deviation), Cow::Borrowed(plan)),
-    };
-    let meets = |instance: &&Instance| mutant.canary || broken(mutant, instance).next().is_some();
-    let instances = whole.instances.iter().filter(meets).cloned().collect();
-    let plan = Plan { dut: whole.dut.clone(), instances, left_out: BTreeMap::new() };
-    let (results, ending) = trial::run(library, &plan, &target)?;
+fn row(clean: &Clean, mutant: &Mutant) -> Result<Row, Refused> {
+    let meets = |case: &Case| mutant.canary || broken(mutant, case).next().is_some();
+    let ran = clean.deviating(mutant.deviation(), &Wanted::Cases(&meets))?;
     let kills: BTreeSet<String> =
-        results.into_iter().filter(|result| result.kills).map(|result| result.case).collect();
+        ran.trials.into_iter().filter(|trial| trial.kills).map(|trial| trial.case).collect();
     let killing =
-        plan.instances.iter().filter(|instance| kills.contains(&trial::case_name(instance)));
-    let proved = killing.flat_map(|instance| broken(mutant, instance)).cloned().collect();
-    Ok(Row { mutant: mutant.clone(), kills, proved, ending })
+        ran.instances.iter().filter(|instance| kills.contains(&trial::case_name(instance)));
+    let proved = killing.flat_map(|instance| broken(mutant, instance.case())).cloned().collect();
+    Ok(Row { mutant: mutant.clone(), kills, proved, ending: ran.ending })
 }
 
 /// The requirements that the mutant breaks and the case checks.
-fn broken<'m>(mutant: &'m Mutant, instance: &Instance) -> impl Iterator<Item = &'m String> {
-    let checks: BTreeSet<&String> = instance.case().checks.iter().map(|id| &id.value).collect();
+fn broken<'m>(mutant: &'m Mutant, case: &Case) -> impl Iterator<Item = &'m String> {
+    let checks: BTreeSet<&String> = case.checks.iter().map(|id| &id.value).collect();
     mutant.breaks.iter().filter(move |id| checks.contains(id))
 }
 

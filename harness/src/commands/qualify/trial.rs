@@ -1,6 +1,7 @@
-//! A plan on a device in virtual time, and what came of each instance.
+//! Plans on devices in virtual time, and what came of each instance.
 
 use std::collections::hash_map::DefaultHasher;
+use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -12,10 +13,11 @@ use reports::{Event, Outcome, Verdict};
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::commands::run::plan_all;
 use crate::exit::Refused;
-use crate::plan::{Instance, Plan};
+use crate::plan::{Instance, Plan, plan_cases};
 use crate::run::{Ending, Policy, Session};
-use crate::suite::Library;
-use crate::target::{self, Connection, Target};
+use crate::suite::model::Case;
+use crate::suite::{Library, Suite};
+use crate::target::{self, Target};
 use crate::waivers::Waivers;
 
 /// What came of one instance.
@@ -34,40 +36,111 @@ pub(super) struct Trial {
     pub problem: Option<String>,
     /// The frames, as a hash of their identifiers and data.
     pub frames: u64,
-    /// The frames and their times since the case began.
+    /// Their times since the case began, as a hash.
     pub timing: u64,
 }
 
-/// The target of that name, and its plan.
-pub(super) fn with_own_sheet(library: &Library, name: &str) -> Result<(Target, Plan), Refused> {
-    let mut targets = {
-        let selection = Selection::of_target(Some(name));
-        target::resolve(&selection, &library.catalogue, &Arc::default())?
-    };
-    let plan = plan_all(library, &targets)?.remove(0);
-    Ok((targets.remove(0), plan))
+/// A device without deviation, and its plan: what deviating devices are made of.
+pub(super) struct Clean<'l> {
+    library: &'l Library,
+    target: Target,
+    pub plan: Plan,
 }
 
-/// The simulated device of `clean` with a deviation that leaves its data sheet alone.
-pub(super) fn with_same_sheet(clean: &Target, deviation: Deviation) -> Target {
-    let Connection::Simulation { device, .. } = &clean.connection else {
-        unreachable!("qualified are simulated devices")
-    };
-    let deviation = Some(Box::new(deviation));
-    let device = Arc::clone(device);
-    let connection = Connection::Simulation { device, deviation, bit_rate: DEFAULT_BIT_RATE };
-    Target { dut: clean.dut.clone(), connection, rig: None, options: String::new() }
+/// What runs on a deviating device.
+pub(super) enum Wanted<'w> {
+    /// Everything that is for the device.
+    All,
+    /// The cases that fit.
+    Cases(&'w (dyn Fn(&Case) -> bool + Sync)),
+    /// The instances of these names.
+    Instances(&'w BTreeSet<String>),
+}
+
+/// What ran on a deviating device, and how that ended.
+pub(super) struct Ran {
+    /// What was to run.
+    pub instances: Vec<Instance>,
+    /// What came of it, as far as it went.
+    pub trials: Vec<Trial>,
+    /// Whether it went to its end.
+    pub ending: Ending,
+}
+
+impl<'l> Clean<'l> {
+    /// The simulated device of that name.
+    ///
+    /// # Errors
+    /// When the data of the device do not load.
+    pub(super) fn of(library: &'l Library, name: &str) -> Result<Self, Refused> {
+        let name = format!("sim:{name}");
+        let selection = Selection::of_target(Some(&name));
+        let mut targets = target::resolve(&selection, &library.catalogue, &Arc::default())?;
+        let mut plan = plan_all(library, &targets)?.remove(0);
+        plan.leave_out_foreign();
+        Ok(Self { library, target: targets.remove(0), plan })
+    }
+
+    /// Runs the whole plan on the device without deviation.
+    ///
+    /// # Errors
+    /// When the device cannot be built.
+    pub(super) fn run(&self) -> Result<Vec<Trial>, Refused> {
+        Ok(run(self.library, &self.plan, &self.target)?.0)
+    }
+
+    /// Runs what is wanted on the device with a deviation.
+    ///
+    /// # Errors
+    /// When the device cannot be built, or a case contradicts its data sheet.
+    pub(super) fn deviating(&self, deviation: Deviation, wanted: &Wanted) -> Result<Ran, Refused> {
+        let other_sheet = deviation.changes_data_sheet();
+        let target = self.target.deviating(deviation)?;
+        let plan = match other_sheet {
+            true => {
+                let (dut, models) = (&target.dut, target::models(&target.dut.eds));
+                let mut plan = plan_cases(self.library, dut, &models, wanted.cases())?;
+                plan.leave_out_foreign();
+                plan.instances.retain(|instance| wanted.holds(instance));
+                plan
+            }
+            false => {
+                let all = self.plan.instances.iter();
+                let instances = all.filter(|instance| wanted.holds(instance)).cloned().collect();
+                Plan { dut: target.dut.clone(), instances, left_out: BTreeMap::new() }
+            }
+        };
+        let (trials, ending) = run(self.library, &plan, &target)?;
+        Ok(Ran { instances: plan.instances, trials, ending })
+    }
+}
+
+impl Wanted<'_> {
+    /// Which cases have instances that may be wanted.
+    fn cases(&self) -> impl Fn(&Suite, &Case) -> bool {
+        let of_instance = |name: &String| name.split('[').next().unwrap_or_default().to_owned();
+        let names: BTreeSet<String> = match self {
+            Self::Instances(names) => names.iter().map(of_instance).collect(),
+            Self::All | Self::Cases(_) => BTreeSet::new(),
+        };
+        move |suite, case| match self {
+            Self::All => true,
+            Self::Cases(fit) => fit(case),
+            Self::Instances(_) => names.contains(&format!("{}/{}", suite.name(), case.id.value)),
+        }
+    }
+
+    fn holds(&self, instance: &Instance) -> bool {
+        match self {
+            Self::All => true,
+            Self::Cases(fit) => fit(instance.case()),
+            Self::Instances(names) => names.contains(&instance.name()),
+        }
+    }
 }
 
 /// Runs a plan.
-///
-/// # Errors
-/// When the device cannot be built.
-pub(super) fn run(
-    library: &Library,
-    plan: &Plan,
-    target: &Target,
-) -> Result<(Vec<Trial>, Ending), Refused> {
+fn run(library: &Library, plan: &Plan, target: &Target) -> Result<(Vec<Trial>, Ending), Refused> {
     let stop = Arc::new(AtomicBool::new(false));
     let mut bus = target.open(&stop)?;
     let session = Session {
@@ -90,12 +163,12 @@ pub(super) fn run(
             (frames, timing) = (DefaultHasher::new(), DefaultHasher::new());
         }
         Event::Frame(seen) => {
-            (seen.own, seen.frame.to_string()).hash(&mut frames);
-            (seen.own, seen.frame.to_string(), seen.at.since(start)).hash(&mut timing);
+            (seen.own, seen.frame).hash(&mut frames);
+            seen.at.since(start).hash(&mut timing);
         }
         Event::CaseEnded(end) => trials.push(Trial {
-            case: case.clone(),
-            name: name.clone(),
+            case: std::mem::take(&mut case),
+            name: std::mem::take(&mut name),
             verdict: end.outcome.verdict(),
             kills: end.outcome.holds_against_device(),
             problem: problem(&end.outcome),
