@@ -31,8 +31,9 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     let (mut matrices, mut freedoms) = (Vec::new(), Vec::new());
     for name in &names {
         matrices.push(Matrix::of(&library, name)?);
-        freedoms.push(Freedoms::of(&library, name, args)?);
+        freedoms.push(Freedoms::of(&library, name)?);
     }
+    Freedoms::mix(&mut freedoms, args)?;
     let mut holes = matrix::holes(&library, &matrices);
     holes.extend(freedoms.iter().flat_map(Freedoms::holes));
     let mut text = String::new();

@@ -3,6 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
+use std::sync::Arc;
 
 use fastrand::Rng;
 use reference_devices::change::Deviation;
@@ -21,9 +22,11 @@ use crate::target::reference_device;
 /// How many freedoms a mixture has at most.
 const LARGEST_MIXTURE: usize = 6;
 
-/// What the freedoms of one device showed.
-pub(super) struct Freedoms {
-    device: String,
+/// The freedoms of one device, and what they showed.
+pub(super) struct Freedoms<'l> {
+    device: Arc<ReferenceDevice>,
+    compared: Compared<'l>,
+    freedoms: Vec<Freedom>,
     single: Vec<Tried>,
     personalities: Vec<Tried>,
     mixtures: usize,
@@ -48,12 +51,12 @@ struct Compared<'l> {
     trials: BTreeMap<String, Trial>,
 }
 
-impl Freedoms {
-    /// Tries the freedoms of a device.
+impl<'l> Freedoms<'l> {
+    /// Tries each freedom and each personality of a device.
     ///
     /// # Errors
     /// When the data of the device or of a freedom do not load.
-    pub(super) fn of(library: &Library, name: &str, args: &QualifyArgs) -> Result<Self, Refused> {
+    pub(super) fn of(library: &'l Library, name: &str) -> Result<Self, Refused> {
         let device = reference_device(name, &library.catalogue)?;
         let mut freedoms = sound_freedoms(&device, &library.register)?;
         // Without the cases of a document nothing shows what it leaves open.
@@ -74,19 +77,38 @@ impl Freedoms {
         let personalities = try_map(&personalities, |personality| {
             compared.tried(personality.deviation(), &Wanted::All)
         })?;
-        let mixtures = mixtures(&device, &freedoms, args);
+        let (mixtures, red) = (0, Vec::new());
+        Ok(Self { device, compared, freedoms, single, personalities, mixtures, red })
+    }
+
+    /// Tries random mixtures: each device has a part of them by how many freedoms it has.
+    ///
+    /// # Errors
+    /// When a device cannot be built.
+    pub(super) fn mix(all: &mut [Self], args: &QualifyArgs) -> Result<(), Refused> {
+        let whole: usize = all.iter().map(Self::mixed).sum();
+        for freedoms in all.iter_mut().filter(|freedoms| freedoms.mixed() > 0) {
+            freedoms.try_mixtures((args.mixtures * freedoms.mixed()).div_ceil(whole), args.seed)?;
+        }
+        Ok(())
+    }
+
+    /// How many freedoms there are to mix.
+    fn mixed(&self) -> usize {
+        if self.freedoms.len() < 2 { 0 } else { self.freedoms.len() }
+    }
+
+    fn try_mixtures(&mut self, count: usize, seed: u64) -> Result<(), Refused> {
+        let (freedoms, single) = (&self.freedoms, &self.single);
+        let mixtures = mixtures(&self.device, freedoms, count, seed);
         let red = try_map(&mixtures, |mixture| {
             let members: Vec<&Freedom> = mixture.iter().map(|&place| &freedoms[place]).collect();
             let affected = touched(mixture.iter().map(|&place| &single[place]));
-            compared.smallest_red(members, &affected)
+            self.compared.smallest_red(members, &affected)
         })?;
-        Ok(Self {
-            device: device.description.device.clone(),
-            single,
-            personalities,
-            mixtures: mixtures.len(),
-            red: red.into_iter().flatten().collect(),
-        })
+        self.mixtures = mixtures.len();
+        self.red = red.into_iter().flatten().collect();
+        Ok(())
     }
 
     /// Adds the summary, and with `verbose` a line for each freedom and personality.
@@ -99,7 +121,7 @@ impl Freedoms {
         _ = writeln!(
             text,
             "{}: {} freedoms, {} personalities and {} mixtures, {} of them red",
-            self.device,
+            self.device.description.device,
             self.single.len(),
             self.personalities.len(),
             self.mixtures,
@@ -114,7 +136,7 @@ impl Freedoms {
 
     /// What is unjust, and what proves nothing.
     pub(super) fn holes(&self) -> impl Iterator<Item = String> {
-        let device = &self.device;
+        let device = &self.device.description.device;
         let all = self.single.iter().chain(&self.personalities).chain(&self.red);
         let unjust = all.flat_map(move |tried| {
             tried.red.iter().map(move |(instance, verdict, problem)| {
@@ -196,10 +218,12 @@ fn touched<'t>(members: impl Iterator<Item = &'t Tried>) -> BTreeSet<String> {
 }
 
 /// Random sets of freedoms that a device can use together, by their places.
-fn mixtures(device: &ReferenceDevice, freedoms: &[Freedom], args: &QualifyArgs) -> Vec<Vec<usize>> {
-    if freedoms.len() < 2 {
-        return Vec::new();
-    }
+fn mixtures(
+    device: &ReferenceDevice,
+    freedoms: &[Freedom],
+    count: usize,
+    seed: u64,
+) -> Vec<Vec<usize>> {
     let draw = |mut rng: Rng| {
         let wanted = rng.usize(2..=LARGEST_MIXTURE.min(freedoms.len()));
         let mut mixture: Vec<usize> = Vec::new();
@@ -220,7 +244,7 @@ fn mixtures(device: &ReferenceDevice, freedoms: &[Freedom], args: &QualifyArgs) 
         }
         mixture
     };
-    let mut seeds = Rng::with_seed(args.seed);
-    let each = (0..args.mixtures).map(|_| seeds.fork()).collect();
+    let mut seeds = Rng::with_seed(seed);
+    let each = (0..count).map(|_| seeds.fork()).collect();
     parallel::map(each, processors(), draw)
 }
