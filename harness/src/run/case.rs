@@ -187,6 +187,10 @@ impl CaseRun<'_, '_> {
             let difference =
                 Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
             result.fail(Phase::Monitor, last, difference);
+            // Who shares the host with the tester is as late as the tester.
+            let noticed = self.link.lateness().noticed;
+            let late = (noticed > self.policy.bears(Duration::ZERO)).then_some(noticed);
+            result.late = result.late.max(late);
         }
         self.late = result.late;
         Ok(result.outcome)

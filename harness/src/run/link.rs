@@ -15,7 +15,7 @@ use reports::Event;
 const MOST_AHEAD: usize = 8;
 
 /// A tester that is less late than this is in time.
-const IN_TIME: Duration = Duration::from_millis(2);
+const IN_TIME: Duration = Duration::from_millis(5);
 
 /// A bus, what was seen on it since the case began, and how far the steps have looked.
 pub struct Link<'b> {
@@ -160,14 +160,14 @@ impl<'b> Link<'b> {
         self.lateness = Lateness::default();
     }
 
-    /// Lets time pass until the tester has been in time for a while, at most for ten seconds: what
+    /// Lets time pass until the tester has been in time for a while, at most for two seconds: what
     /// stalls a host often lasts.
     ///
     /// # Errors
     /// Whatever the bus reports.
     pub fn calm(&mut self) -> Result<(), BusError> {
-        const WHILE: Duration = Duration::from_millis(200);
-        const MOST: u32 = 50;
+        const WHILE: Duration = Duration::from_millis(100);
+        const MOST: u32 = 20;
         for _ in 0..MOST {
             self.forget_lateness();
             let until = self.now() + WHILE;
