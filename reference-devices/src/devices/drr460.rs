@@ -284,6 +284,10 @@ impl Behaviour for Drr460 {
         Some(self.next_sample)
     }
 
+    fn has_edges(&self, mux: Mux) -> bool {
+        self.io.has_edges(mux)
+    }
+
     fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
         self.io.triggers(mux, last, od)
     }

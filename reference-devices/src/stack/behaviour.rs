@@ -100,8 +100,15 @@ pub(crate) trait Behaviour: Send {
         None
     }
 
-    /// Whether the difference between `last`, which was transmitted, and the present value of a
-    /// mapped object is an event that transmits a TPDO (CiA 301, 7.2.2.3). Thresholds belong here.
+    /// Whether the changes of a mapped object are edges: each counts from the level before, be that
+    /// transmitted or not.
+    fn has_edges(&self, _mux: Mux) -> bool {
+        false
+    }
+
+    /// Whether the difference between `last` and the present value of a mapped object is an event
+    /// that transmits a TPDO (CiA 301, 7.2.2.3). `last` was transmitted, or is the level before one
+    /// of the [edges](Self::has_edges). Thresholds belong here.
     fn triggers(&mut self, _mux: Mux, _last: &[u8], _od: &Dictionary) -> bool {
         true
     }

@@ -24,8 +24,10 @@ pub(crate) struct Tpdo {
     sync_start: u8,
     mapping: PdoMapping,
     running: bool,
-    /// What the next change is a change from.
+    /// What was transmitted last.
     last: Data,
+    /// What the objects had when they were looked at last.
+    seen: Data,
     /// An event waits for the end of the inhibit time, or for SYNC.
     pending: bool,
     /// End of the inhibit time.
@@ -56,6 +58,7 @@ impl Tpdo {
             mapping: PdoMapping::default(),
             running: false,
             last: Data::EMPTY,
+            seen: Data::EMPTY,
             pending: false,
             free_at: Instant::ZERO,
             due: None,
@@ -114,7 +117,12 @@ impl Tpdo {
             return;
         }
         let data = self.mapping.pack(&base.od);
-        if data != self.last && self.is_event(base, behaviour) {
+        if data == self.last && data == self.seen {
+            return;
+        }
+        let event = self.is_event(base, behaviour);
+        self.seen = data;
+        if event {
             self.event(now, base, out);
         }
     }
@@ -190,6 +198,7 @@ impl Tpdo {
 
     fn transmit(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
         self.last = self.mapping.pack(&base.od);
+        self.seen = self.last;
         self.pending = false;
         out.push(Frame::new(self.cob.can_id(), self.last));
         // The inhibit time does not bind PDOs that SYNC triggers.
@@ -203,6 +212,7 @@ impl Tpdo {
 
     fn restart(&mut self, now: Instant, base: &Base) {
         self.last = self.mapping.pack(&base.od);
+        self.seen = self.last;
         self.pending = false;
         self.free_at = now;
         self.syncs = None;
@@ -231,10 +241,13 @@ impl Tpdo {
 
     fn is_event(&self, base: &Base, behaviour: &mut dyn Behaviour) -> bool {
         let mut last = Unpacker::new(self.last);
+        let mut seen = Unpacker::new(self.seen);
         // Every value is looked at, since the application may note which of them it was.
         self.mapping.entries().iter().fold(false, |event, entry| {
             let bytes = usize::from(entry.bits.div_ceil(8)).min(8);
-            let before = &last.take(entry.bits)[..bytes];
+            let (transmitted, level) = (last.take(entry.bits), seen.take(entry.bits));
+            let has_edges = behaviour.has_edges(entry.mux);
+            let before = &(if has_edges { level } else { transmitted })[..bytes];
             let now = base.od.get(entry.mux).unwrap_or_default();
             before != now && behaviour.triggers(entry.mux, before, &base.od) || event
         })
