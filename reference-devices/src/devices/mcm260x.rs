@@ -93,7 +93,7 @@ impl Mcm260x {
     fn with(eds: &Eds, rules: Box<dyn Mcm260xRules>, deviation: Option<cia401::Deviation>) -> Self {
         let table = Table::of(eds);
         let filter = table.address(Item::InputFilter, 0);
-        let own = PixsysIo { filter, stop_is_failure: true };
+        let own = PixsysIo { filter, stop_is_failure: true, objects_stay: true };
         let io = match deviation {
             Some(deviation) => IoBlock::new(eds, deviation.of(Box::new(own))),
             None => IoBlock::new(eds, Box::new(own)),
@@ -274,7 +274,7 @@ impl Behaviour for Mcm260x {
 
     fn show(&mut self, now: Instant, od: &mut Dictionary) {
         self.now = now;
-        if self.is_turning() {
+        if self.changed || self.is_turning() {
             self.count(now, od);
         }
     }
@@ -284,6 +284,10 @@ impl Behaviour for Mcm260x {
             // The range needs sixteen bits without a sign, which the parameters do not have.
             [low, high] if mux == OFFLINE_TIME && u16::from_le_bytes([low, high]) > 60_000 => {
                 Err(Abort::VALUE)
+            }
+            [low, high] if mux == BOOT_STATE => {
+                let state = u16::from_le_bytes([low, high]);
+                if matches!(state, 0 | 4 | 5 | 127) { Ok(()) } else { Err(Abort::VALUE) }
             }
             _ => Ok(()),
         }
@@ -370,6 +374,10 @@ impl Behaviour for Mcm260x {
         if self.offers(name) { self.see(name, od) } else { None }
     }
 
+    fn has_edges(&self, mux: Mux) -> bool {
+        self.io.has_edges(mux)
+    }
+
     fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
         self.io.triggers(mux, last, od)
     }
@@ -382,6 +390,8 @@ const HEARD: Duration = Duration::from_millis(100);
 const INTERFACE: Mux = Mux::new(0x3000, 1);
 /// Modbus offline time.
 const OFFLINE_TIME: Mux = Mux::new(0x3000, 8);
+/// State after the boot-up.
+const BOOT_STATE: Mux = Mux::new(0x2000, 4);
 /// Digital input filter.
 const FILTER: Mux = Mux::new(0x2000, 5);
 /// Encoder/counter presets.

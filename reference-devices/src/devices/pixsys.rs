@@ -15,6 +15,9 @@ pub(super) struct PixsysIo {
     /// STOPPED sets the outputs as a communication error does, which CiA 401 says and a manual may
     /// leave out.
     pub(super) stop_is_failure: bool,
+    /// The objects of outputs keep what the network wrote, while the terminals have their error
+    /// values; only a new value ends those (MCM260X 11.4.7).
+    pub(super) objects_stay: bool,
 }
 
 impl Cia401Rules for PixsysIo {
@@ -45,7 +48,11 @@ impl Cia401Rules for PixsysIo {
     }
 
     fn failure_writes_objects(&self) -> bool {
-        true
+        !self.objects_stay
+    }
+
+    fn start_ends_failure(&self) -> bool {
+        !self.objects_stay
     }
 }
 

@@ -144,7 +144,9 @@ impl Behaviour for IoBlock {
             for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {
                 output.fail(od, &*self.rules);
             }
-        } else if event == CommunicationEvent::Entered(NmtState::OPERATIONAL) {
+        } else if event == CommunicationEvent::Entered(NmtState::OPERATIONAL)
+            && self.rules.start_ends_failure()
+        {
             self.outputs().for_each(Output::recover);
         }
     }
@@ -212,6 +214,10 @@ impl Behaviour for IoBlock {
             self.analogue_outputs.get(place(name, ANALOGUE_OUTPUTS)?).map(|output| output.terminal)
         };
         seen.map(|number| Value::Int(number.into()))
+    }
+
+    fn has_edges(&self, mux: Mux) -> bool {
+        Channel::at(mux).is_some_and(|channel| channel.kind == Kind::DigitalInput)
     }
 
     fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {

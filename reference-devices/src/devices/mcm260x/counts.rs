@@ -54,6 +54,9 @@ impl Mcm260x {
             let mode = parameters.value(Item::EncoderSetup, place);
             let preset = od.int(Mux::new(PRESETS, place as u8 + 1)).unwrap_or(0);
             let preset = self.rules.preset(preset >> 16, preset & 0xFFFF) as i32;
+            if mode == 0 {
+                self.encoders[place].forget_intervals();
+            }
             self.setups[place] = Setup { mode, preset };
         }
     }

@@ -156,6 +156,12 @@ impl Encoder {
         }
     }
 
+    /// Nothing is counted any more, so the intervals have no counts.
+    pub(super) fn forget_intervals(&mut self) {
+        let window = Window { begins: self.total, counted: 0 };
+        (self.second, self.tenth) = (window, window);
+    }
+
     /// The counts of the last second, 3004h.
     pub(super) const fn in_a_second(&self) -> i64 {
         self.second.counted

@@ -47,6 +47,11 @@ pub(crate) trait Cia401Rules: Send {
         false
     }
 
+    /// OPERATIONAL ends a failure: the outputs follow their objects.
+    fn start_ends_failure(&self) -> bool {
+        true
+    }
+
     /// After a failure an output follows the next value that is written.
     fn follows_after_failure(&self) -> bool {
         true
@@ -116,6 +121,10 @@ impl Cia401Rules for Deviating {
 
     fn failure_writes_objects(&self) -> bool {
         self.base.failure_writes_objects()
+    }
+
+    fn start_ends_failure(&self) -> bool {
+        self.base.start_ends_failure()
     }
 
     fn follows_after_failure(&self) -> bool {
