@@ -93,7 +93,8 @@ impl Mcm260x {
     fn with(eds: &Eds, rules: Box<dyn Mcm260xRules>, deviation: Option<cia401::Deviation>) -> Self {
         let table = Table::of(eds);
         let filter = table.address(Item::InputFilter, 0);
-        let own = PixsysIo { filter, stop_is_failure: true, objects_stay: true };
+        let own =
+            PixsysIo { filter, stop_is_failure: true, objects_stay: rules.output_objects_stay() };
         let io = match deviation {
             Some(deviation) => IoBlock::new(eds, deviation.of(Box::new(own))),
             None => IoBlock::new(eds, Box::new(own)),
@@ -141,6 +142,9 @@ impl Mcm260x {
                 od.set_int(if written == one { other } else { one }, value);
             }
         }
+        if !self.rules.preset_is_one_value() {
+            return;
+        }
         for place in 0..self.encoders.len() {
             let preset = Mux::new(PRESETS, place as u8 + 1);
             let Some((high, low)) = self.table.preset(place) else { continue };
@@ -151,6 +155,20 @@ impl Mcm260x {
                 let words = [high, low].map(|mux| od.int(mux).unwrap_or(0));
                 od.set_int(preset, words[0] << 16 | words[1] & 0xFFFF);
             }
+        }
+    }
+
+    /// Whether the module does not take a value of 16 bits that its data sheet allows.
+    fn refuses(&self, mux: Mux, value: u16, od: &Dictionary) -> bool {
+        match mux {
+            BOOT_STATE => !self.rules.takes_boot_state(value),
+            OFFLINE_TIME => value > self.rules.longest_offline_time(),
+            Mux { index: ANALOGUE_OUTPUTS, sub: 1.. } if !self.rules.takes_beyond_limits() => {
+                let (one, other) = self.limits(usize::from(mux.sub) - 1, od);
+                let limits = one.min(other)..=one.max(other);
+                !limits.contains(&i64::from(value.cast_signed()))
+            }
+            _ => false,
         }
     }
 
@@ -250,7 +268,7 @@ impl Behaviour for Mcm260x {
         if self.modbus.is_some() {
             self.take_offline_levels(od);
         }
-        self.encoders.iter_mut().for_each(|encoder| encoder.restart(now));
+        self.encoders.iter_mut().for_each(|encoder| encoder.restart(now, &*self.rules));
         self.inputs.iter_mut().for_each(AnalogueInput::restart);
         self.set_up(od);
         self.changed = true;
@@ -279,15 +297,11 @@ impl Behaviour for Mcm260x {
         }
     }
 
-    fn check(&self, mux: Mux, bytes: &[u8], _od: &Dictionary) -> Result<(), Abort> {
+    fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {
         match *bytes {
             // The range needs sixteen bits without a sign, which the parameters do not have.
-            [low, high] if mux == OFFLINE_TIME && u16::from_le_bytes([low, high]) > 60_000 => {
+            [low, high] if self.refuses(mux, u16::from_le_bytes([low, high]), od) => {
                 Err(Abort::VALUE)
-            }
-            [low, high] if mux == BOOT_STATE => {
-                let state = u16::from_le_bytes([low, high]);
-                if matches!(state, 0 | 4 | 5 | 127) { Ok(()) } else { Err(Abort::VALUE) }
             }
             _ => Ok(()),
         }
@@ -394,6 +408,8 @@ const OFFLINE_TIME: Mux = Mux::new(0x3000, 8);
 const BOOT_STATE: Mux = Mux::new(0x2000, 4);
 /// Digital input filter.
 const FILTER: Mux = Mux::new(0x2000, 5);
+/// Analogue outputs of 16 bits.
+const ANALOGUE_OUTPUTS: u16 = 0x6411;
 /// Encoder/counter presets.
 const PRESETS: u16 = 0x3002;
 /// Encoder/counter commands.

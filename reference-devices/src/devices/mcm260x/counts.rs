@@ -57,6 +57,9 @@ impl Mcm260x {
             if mode == 0 {
                 self.encoders[place].forget_intervals();
             }
+            if mode != self.setups[place].mode {
+                self.encoders[place].set_up_anew(&*self.rules);
+            }
             self.setups[place] = Setup { mode, preset };
         }
     }

@@ -95,9 +95,10 @@ pub(super) struct Setup {
 
 impl Encoder {
     /// Begins anew with nothing counted. The shaft stays where it is.
-    pub(super) fn restart(&mut self, now: Instant) {
+    pub(super) fn restart(&mut self, now: Instant, rules: &dyn Mcm260xRules) {
         let (motion, without_b) = (self.motion, self.without_b);
-        *self = Self { motion, without_b, seen: motion.at(now), ..Self::default() };
+        let count = rules.count_at_start(self.count);
+        *self = Self { motion, without_b, seen: motion.at(now), count, ..Self::default() };
     }
 
     /// Counts what has passed until `now`.
@@ -117,27 +118,38 @@ impl Encoder {
             mode => rules.counts(mode, from, to),
         };
         self.total += counts(from, to);
-        let sees = self.waits_for_index && rules.sees_index(setup.mode);
+        let sees = rules.sees_index(setup.mode);
         match self.motion.index(from, to).filter(|_| sees) {
             Some(index) => {
-                self.load(setup.preset);
-                self.add(counts(index, to));
+                self.count = rules.count(self.count, counts(from, index));
+                self.see_index(setup, rules);
+                self.count = rules.count(self.count, counts(index, to));
             }
-            None => self.add(counts(from, to)),
+            None => self.count = rules.count(self.count, counts(from, to)),
         }
     }
 
     /// Phase Z rose.
     pub(super) fn see_index(&mut self, setup: Setup, rules: &dyn Mcm260xRules) {
-        if self.waits_for_index && rules.sees_index(setup.mode) {
-            self.load(setup.preset);
+        if !rules.sees_index(setup.mode) {
+            return;
         }
+        if self.waits_for_index {
+            self.load(setup.preset, rules);
+        } else {
+            self.count = rules.count_at_index(self.count);
+        }
+    }
+
+    /// The setup is another one.
+    pub(super) fn set_up_anew(&mut self, rules: &dyn Mcm260xRules) {
+        self.count = rules.count_in_new_setup(self.count);
     }
 
     /// A command of 3003h. Returns what is to be read there: the bits that are not done.
     pub(super) fn command(&mut self, command: i64, setup: Setup, rules: &dyn Mcm260xRules) -> i64 {
         if rules.loads_now(command) {
-            self.load(setup.preset);
+            self.load(setup.preset, rules);
         }
         self.waits_for_index = rules.loads_at_index(command);
         self.open_commands(command, rules)
@@ -180,13 +192,12 @@ impl Encoder {
         stands && windows.into_iter().all(quiet)
     }
 
-    fn load(&mut self, preset: i32) {
+    fn load(&mut self, preset: i32, rules: &dyn Mcm260xRules) {
+        if rules.load_is_counted() {
+            self.total += i64::from(preset) - i64::from(self.count);
+        }
         self.count = preset;
         self.waits_for_index = false;
-    }
-
-    fn add(&mut self, counts: i64) {
-        self.count = self.count.wrapping_add(counts as i32);
     }
 }
 
@@ -296,7 +307,7 @@ mod tests {
         let mut motion = Motion { turn: 100, ..Motion::default() };
         motion.move_to(at(0), 10);
         let mut encoder = Encoder { motion, ..Encoder::default() };
-        encoder.restart(at(0));
+        encoder.restart(at(0), &Manual);
         let mode = Setup { mode: 4, preset: -5 };
         assert_eq!(encoder.command(2, mode, &Manual), 2);
         encoder.motion.turn_at(at(0), 1_000_000);

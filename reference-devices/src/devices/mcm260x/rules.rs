@@ -48,6 +48,57 @@ pub(crate) trait Mcm260xRules: Send {
         encoder::counts(mode, from, to)
     }
 
+    /// The count goes round at its ends, and what it is after `counts` more.
+    fn count(&self, count: i32, counts: i64) -> i32 {
+        count.wrapping_add(counts as i32)
+    }
+
+    /// The count begins at 0 after power-on and reset node.
+    fn count_at_start(&self, _last: i32) -> i32 {
+        0
+    }
+
+    /// A new setup leaves the count as it is.
+    fn count_in_new_setup(&self, count: i32) -> i32 {
+        count
+    }
+
+    /// Phase Z does nothing unless a load is pending; what it makes of the count.
+    fn count_at_index(&self, count: i32) -> i32 {
+        count
+    }
+
+    /// What is loaded was not counted in an interval.
+    fn load_is_counted(&self) -> bool {
+        false
+    }
+
+    /// The preset is one value, in 3002h and in its two words.
+    fn preset_is_one_value(&self) -> bool {
+        true
+    }
+
+    /// 6200h and 6411h keep what was written while an error sets the outputs (11.4.6).
+    fn output_objects_stay(&self) -> bool {
+        true
+    }
+
+    /// The state after the boot-up is one of the list (11.3.1).
+    fn takes_boot_state(&self, state: u16) -> bool {
+        matches!(state, 0 | 4 | 5 | 127)
+    }
+
+    /// The off-line time goes to 60000 ms (6.a), whatever its sign.
+    fn longest_offline_time(&self) -> u16 {
+        60_000
+    }
+
+    /// A value beyond the limits of an analogue output is taken, and the output gives the end of
+    /// its range.
+    fn takes_beyond_limits(&self) -> bool {
+        true
+    }
+
     /// 3003h bit 0 loads the preset (9.2, 11.3.5).
     fn loads_now(&self, command: i64) -> bool {
         command & 1 != 0
@@ -195,6 +246,47 @@ mutants! {
         fn counts(&self, mode: i64, from: i64, to: i64) -> i64 {
             encoder::counts(mode, from, to).abs()
         }
+    }
+    "b-before-a-is-forward" {
+        fn counts(&self, mode: i64, from: i64, to: i64) -> i64 {
+            let counts = encoder::counts(mode, from, to);
+            if mode < 5 { -counts } else { counts }
+        }
+    }
+    "count-ends-at-its-limits" {
+        fn count(&self, count: i32, counts: i64) -> i32 {
+            (i64::from(count) + counts).clamp(i32::MIN.into(), i32::MAX.into()) as i32
+        }
+    }
+    "count-outlives-power-off" {
+        fn count_at_start(&self, last: i32) -> i32 { last }
+    }
+    "new-setup-clears-the-count" {
+        fn count_in_new_setup(&self, _count: i32) -> i32 { 0 }
+    }
+    "z-clears-the-count" {
+        fn count_at_index(&self, _count: i32) -> i32 { 0 }
+    }
+    "load-is-counted" {
+        fn load_is_counted(&self) -> bool { true }
+    }
+    "preset-apart-from-its-words" {
+        fn preset_is_one_value(&self) -> bool { false }
+    }
+    "error-values-are-written" {
+        fn output_objects_stay(&self) -> bool { false }
+    }
+    "boot-up-is-no-state" {
+        fn takes_boot_state(&self, state: u16) -> bool { matches!(state, 4 | 5 | 127) }
+    }
+    "any-boot-state" {
+        fn takes_boot_state(&self, _state: u16) -> bool { true }
+    }
+    "offline-time-to-32767" {
+        fn longest_offline_time(&self) -> u16 { 32_767 }
+    }
+    "beyond-the-limits-refused" {
+        fn takes_beyond_limits(&self) -> bool { false }
     }
     "counts-backwards" {
         fn counts(&self, mode: i64, from: i64, to: i64) -> i64 { -encoder::counts(mode, from, to) }

@@ -239,7 +239,7 @@ impl Mcm260x {
         (lower as f64 + self.share(place, od) * (upper - lower) as f64).round() as i64
     }
 
-    fn limits(&self, place: usize, od: &Dictionary) -> (i64, i64) {
+    pub(super) fn limits(&self, place: usize, od: &Dictionary) -> (i64, i64) {
         let value = |item| self.parameters(od).value(item, place);
         (value(Item::OutputLower), value(Item::OutputUpper))
     }
