@@ -78,6 +78,22 @@ fn the_masks_choose_the_edges_that_are_events() {
 }
 
 #[test]
+fn an_edge_counts_from_the_level_before_which_nobody_was_sent() {
+    let mut fixture = fixture();
+    for (index, mask) in (0x6006..).zip([0, 1, 0]) {
+        fixture.write(mux(index, 1), &[mask]).unwrap();
+    }
+    fixture.send("000#0105");
+    let mut transmitted = |level| {
+        let now = fixture.now.0 / 1000;
+        fixture.until(now);
+        set(&mut fixture, "digital-inputs-1", level);
+        fixture.until(now).len()
+    };
+    assert_eq!([1, 0, 1, 1, 0, 1].map(&mut transmitted), [1, 0, 1, 0, 0, 1]);
+}
+
+#[test]
 fn analogue_inputs_are_scaled_and_trigger_when_released() {
     let mut fixture = fixture();
     fixture.write(mux(0x6432, 1), &[3, 0, 0, 0]).unwrap();
