@@ -136,7 +136,7 @@ impl Mcm260x {
 
     /// Gives a value that has two addresses to the other one.
     fn mirror(&self, written: Mux, od: &mut Dictionary) {
-        let Some(value) = od.int(written) else { return };
+        let Some(value) = od.int(written).filter(|_| self.rules.mirrors(written)) else { return };
         for (one, other) in self.pairs() {
             if written == one || written == other {
                 od.set_int(if written == one { other } else { one }, value);
@@ -149,8 +149,9 @@ impl Mcm260x {
             let preset = Mux::new(PRESETS, place as u8 + 1);
             let Some((high, low)) = self.table.preset(place) else { continue };
             if written == preset {
-                od.set_int(high, value >> 16);
-                od.set_int(low, i64::from(value as i16));
+                let words = self.rules.preset_words(value);
+                od.set_int(high, words.0);
+                od.set_int(low, words.1);
             } else if written == high || written == low {
                 let words = [high, low].map(|mux| od.int(mux).unwrap_or(0));
                 od.set_int(preset, words[0] << 16 | words[1] & 0xFFFF);
@@ -214,7 +215,7 @@ impl Mcm260x {
     /// The levels that a block of digital outputs drives.
     fn driven(&self, block: usize) -> i64 {
         let has_groups = self.groups() > 0;
-        let group = if self.table == Table::Large { block } else { 0 };
+        let group = self.rules.group(block, self.table == Table::Large);
         let supplied = !has_groups || self.surroundings.groups[group.min(1)];
         self.rules.energised(self.io.digital_output(block), supplied)
     }
@@ -239,13 +240,15 @@ impl Mcm260x {
             (Some(_), _) => Phase::Modbus(self.offline),
             (None, state) => Phase::Node(state, error),
         };
-        self.run_led.show(now, Pattern::of(phase));
+        self.run_led.show(now, Pattern::of(self.rules.run_led(phase)));
         let heard = self.heard.is_some_and(|heard| now < heard + HEARD);
-        self.com_led.show(now, if heard { STEADY_ON } else { STEADY_OFF });
+        let lit = self.rules.com_led(heard);
+        self.com_led.show(now, if lit { STEADY_ON } else { STEADY_OFF });
         for (led, input) in self.input_leds.iter_mut().zip(&self.inputs) {
-            let pattern = match input {
-                _ if !self.powered || input.is_off() => STEADY_OFF,
-                _ if input.is_out_of_range() => BLINK_MEDIUM,
+            let pattern = match self.rules.input_led(input.is_off(), input.is_out_of_range()) {
+                _ if !self.powered => STEADY_OFF,
+                (true, _) => STEADY_OFF,
+                (_, true) => BLINK_MEDIUM,
                 _ => STEADY_ON,
             };
             led.show(now, pattern);
@@ -264,7 +267,8 @@ impl Behaviour for Mcm260x {
         self.state = NmtState::INITIALISING;
         self.offline = false;
         self.heard = None;
-        self.modbus = (self.parameters(od).common(Item::Interface) != 0).then_some(now);
+        let interface = self.parameters(od).common(Item::Interface);
+        self.modbus = self.rules.works_with_modbus(interface).then_some(now);
         if self.modbus.is_some() {
             self.take_offline_levels(od);
         }
@@ -318,6 +322,7 @@ impl Behaviour for Mcm260x {
         self.count(now, od);
         self.mirror(mux, od);
         self.set_up(od);
+        self.load_at_once(mux, od);
         let place = usize::from(mux.sub).wrapping_sub(1);
         if mux.index == COMMANDS
             && let Some((encoder, setup)) = self.encoders.get_mut(place).zip(self.setups.get(place))
@@ -338,6 +343,7 @@ impl Behaviour for Mcm260x {
     fn event(&mut self, now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
         self.changed = true;
         if let CommunicationEvent::Entered(state) = event {
+            self.count(now, od);
             self.state = state;
             self.heard = Some(now);
         }

@@ -92,6 +92,11 @@ decisions! {
         guard_time * u32::from(factor)
     }
 
+    /// Life guarding begins with the first question (7.2.8.2.2.1).
+    fn first_question_starts_life_time(&self) -> bool {
+        true
+    }
+
     /// While heartbeats are produced, there is no life guarding (7.2.8.2.2.1).
     fn heartbeat_ends_life_guarding(&self) -> bool {
         true
@@ -181,6 +186,14 @@ deviations! {
     }
     "guarding-toggle-kept-over-reset" {
         fn guarding_toggle_after_reset(&self, toggle: bool) -> bool { toggle }
+    }
+    "life-guarding-before-first-question" {
+        fn first_question_starts_life_time(&self) -> bool { false }
+    }
+    "life-time-factor-0-is-1" {
+        fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
+            guard_time * u32::from(factor.max(1))
+        }
     }
     "life-time-factor-ignored" {
         fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {

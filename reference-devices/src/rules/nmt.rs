@@ -99,6 +99,14 @@ deviations! {
             })
         }
     }
+    "reset-communication-as-reset-node" {
+        fn nmt_change(&self, service: Service) -> Option<Change> {
+            match self.0.nmt_change(service) {
+                Some(Change::Reset(_)) => Some(Change::Reset(Reset::Node)),
+                change => change,
+            }
+        }
+    }
     "nmt-other-node-acts" {
         fn nmt_addressed(&self, _node: u8, _to: u8) -> bool { true }
     }

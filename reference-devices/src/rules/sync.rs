@@ -20,6 +20,11 @@ decisions! {
         configured
     }
 
+    /// SYNC is supervised in OPERATIONAL only.
+    fn sync_watched_in(&self, state: NmtState) -> bool {
+        state == NmtState::OPERATIONAL
+    }
+
     /// A SYNC that does not come in time is reported (7.2.7.1, 8100h).
     fn sync_loss_told(&self) -> bool {
         true
@@ -76,6 +81,9 @@ deviations! {
 
     "sync-loss-not-told" {
         fn sync_loss_told(&self) -> bool { false }
+    }
+    "sync-watched-in-pre-operational" {
+        fn sync_watched_in(&self, _state: NmtState) -> bool { true }
     }
     "sync-period-in-milliseconds" {
         fn sync_period(&self, configured: Duration) -> Duration { configured * 1000 }

@@ -23,11 +23,18 @@ impl Guarding {
         self.supported = base.od.has_object(GUARD_TIME.index);
         self.toggle = base.rules.guarding_toggle_after_reset(self.toggle);
         self.deadline = None;
-        self.configure(base);
+        self.take_times(base);
     }
 
     /// Takes guard time and life time factor.
-    pub(crate) fn configure(&mut self, base: &mut Base) {
+    pub(crate) fn configure(&mut self, now: Instant, base: &mut Base) {
+        self.take_times(base);
+        if !base.rules.first_question_starts_life_time() && !self.life_time.is_zero() {
+            self.deadline = Some(now + self.life_time);
+        }
+    }
+
+    fn take_times(&mut self, base: &mut Base) {
         let guard_time = Duration::from_millis(base.od.int(GUARD_TIME).unwrap_or(0) as u64);
         let factor = base.od.int(LIFE_TIME_FACTOR).unwrap_or(0) as u8;
         self.life_time = base.rules.life_time(guard_time, factor);

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::pdo::is_restricted;
 use canopen::sync::Sync;
-use canopen::{Abort, Instant, Mux, NmtState};
+use canopen::{Abort, Instant, Mux};
 
 use crate::stack::base::Base;
 use crate::stack::fault::{Fault, FaultKind};
@@ -64,7 +64,7 @@ impl SyncConsumer {
             return None;
         }
         base.errors.remove(FaultKind::SyncLength, 0);
-        if base.state == NmtState::OPERATIONAL
+        if base.rules.sync_watched_in(base.state)
             && let Some(gap) = self.longest_gap
         {
             base.errors.remove(FaultKind::SyncTimeout, 0);

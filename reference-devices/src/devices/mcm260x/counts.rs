@@ -15,18 +15,19 @@ impl Mcm260x {
             // The intervals before the last full second leave no trace.
             self.next_tenth = Instant((now.0 / SECOND - 1) * SECOND);
         }
+        let counts = self.rules.counts_in(self.state);
         while self.next_tenth <= now {
             let end = self.next_tenth;
             let number = end.0 / TENTH.as_nanos() as u64;
             let of_second = number.is_multiple_of(TENTHS_IN_A_SECOND);
             for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
-                encoder.follow(end, *setup, &*self.rules);
+                encoder.follow(end, setup.counting(counts), &*self.rules);
                 encoder.interval_ends(of_second);
             }
             self.next_tenth += TENTH;
         }
         for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
-            encoder.follow(now, *setup, &*self.rules);
+            encoder.follow(now, setup.counting(counts), &*self.rules);
         }
         self.show_counts(od);
     }
@@ -44,6 +45,16 @@ impl Mcm260x {
             if let Some(last) = od.int(command).filter(|last| *last != 0) {
                 od.set_int(command, encoder.open_commands(last, &*self.rules));
             }
+        }
+    }
+
+    /// Loads a preset that has just been written, where it does not wait for a command.
+    pub(super) fn load_at_once(&mut self, written: Mux, od: &mut Dictionary) {
+        if written.index == PRESETS && !self.rules.preset_waits_for_command() {
+            for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
+                encoder.count = setup.preset;
+            }
+            self.show_counts(od);
         }
     }
 

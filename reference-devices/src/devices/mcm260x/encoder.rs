@@ -93,6 +93,13 @@ pub(super) struct Setup {
     pub(super) preset: i32,
 }
 
+impl Setup {
+    /// The same, or that of an encoder which is off.
+    pub(super) const fn counting(self, counts: bool) -> Self {
+        Self { mode: if counts { self.mode } else { 0 }, ..self }
+    }
+}
+
 impl Encoder {
     /// Begins anew with nothing counted. The shaft stays where it is.
     pub(super) fn restart(&mut self, now: Instant, rules: &dyn Mcm260xRules) {
@@ -193,9 +200,7 @@ impl Encoder {
     }
 
     fn load(&mut self, preset: i32, rules: &dyn Mcm260xRules) {
-        if rules.load_is_counted() {
-            self.total += i64::from(preset) - i64::from(self.count);
-        }
+        self.total += rules.counted_by_loading(i64::from(preset) - i64::from(self.count));
         self.count = preset;
         self.waits_for_index = false;
     }

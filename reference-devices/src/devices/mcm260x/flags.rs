@@ -23,7 +23,8 @@ impl Mcm260x {
         if self.rules.supply_is_low(self.surroundings.supply) {
             flags |= LOW_SUPPLY;
         }
-        od.set_int(FLAGS, flags | self.wrong_parameters(od));
+        let before = od.int(FLAGS).unwrap_or(0);
+        od.set_int(FLAGS, self.rules.flags(before, flags | self.wrong_parameters(od)));
     }
 
     /// Limits without a distance, and error values beyond the limits of their outputs.

@@ -32,7 +32,8 @@ impl Mcm260x {
     /// When the silence on Modbus has lasted too long. Nothing ever comes there.
     fn offline_at(&self, od: &Dictionary) -> Option<Instant> {
         let milliseconds = self.parameters(od).common(Item::OfflineTime) & 0xFFFF;
-        let since = self.modbus.filter(|_| milliseconds != 0)?;
+        let start = self.modbus.filter(|_| milliseconds != 0)?;
+        let since = self.rules.silent_since(start, self.heard);
         Some(since + Duration::from_millis(milliseconds as u64))
     }
 

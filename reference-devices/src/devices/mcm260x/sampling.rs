@@ -105,7 +105,8 @@ impl AnalogueInput {
         while self.samples.len() > wanted {
             self.samples.pop_front();
         }
-        self.value = self.average();
+        let sum = self.samples.iter().sum();
+        self.value = shown(parameters.rules.average(sum, self.samples.len()));
     }
 
     /// Whether a sample counts: it is near the value, or samples were discarded for too long. Then
@@ -137,10 +138,6 @@ impl AnalogueInput {
                 known && self.samples.iter().all(|sample| *sample == digits)
             }
         }
-    }
-
-    fn average(&self) -> i64 {
-        shown(self.samples.iter().sum::<f64>() / self.samples.len() as f64)
     }
 }
 

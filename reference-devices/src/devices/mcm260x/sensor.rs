@@ -1,6 +1,7 @@
 //! From what is at the terminals of an analogue input to digits (manual, chapters 6 to 8).
 
 use super::parameters::{Item, Parameters};
+use super::rules::Mcm260xRules;
 
 /// What is connected to an analogue input. A sensor sees only what it measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,9 +59,12 @@ pub(super) fn sample(
     parameters: Parameters,
 ) -> Sample {
     let sensor = parameters.value(Item::SensorType, place);
+    let wiring = parameters.rules.wires(sensor, connected.wiring);
+    let connected = Connected { wiring, ..connected };
     let (seen, digits): (Seen, &dyn Fn(f64) -> f64) = match sensor {
         1..=14 => {
-            (temperature(connected, terminals, sensor), &|celsius| degrees(celsius, parameters))
+            let seen = temperature(connected, terminals, sensor, parameters.rules);
+            (seen, &|celsius| degrees(celsius, parameters))
         }
         15..=21 => {
             let kilohms = parameters.value(Item::Potentiometer, place);
@@ -73,7 +77,7 @@ pub(super) fn sample(
         Seen::Value(value) => {
             let gain = parameters.value(Item::Gain, place) as f64;
             let offset = parameters.value(Item::Offset, place) as f64;
-            Sample::Valid(digits(value) * (1.0 + gain / 1000.0) + offset)
+            Sample::Valid(parameters.rules.calibrated(digits(value), gain, offset))
         }
         Seen::Outside(end) => Sample::OutOfRange(digits(end)),
     }
@@ -85,14 +89,19 @@ enum Seen {
     Outside(f64),
 }
 
-fn temperature(connected: Connected, terminals: f64, sensor: i64) -> Seen {
+fn temperature(
+    connected: Connected,
+    terminals: f64,
+    sensor: i64,
+    rules: &dyn Mcm260xRules,
+) -> Seen {
     let Some(&(low, high)) = RANGES.get(sensor as usize - 1) else { return Seen::Outside(0.0) };
     let (hot, cold) = (Seen::Outside(high), Seen::Outside(low));
     let is_thermocouple = sensor <= THERMOCOUPLES;
     let celsius = match connected.wiring {
         Wiring::Connected if is_thermocouple => {
             // Beyond its range the compensation of the cold junction lags behind the terminals.
-            connected.celsius - (terminals - terminals.clamp(0.0, 50.0))
+            connected.celsius - rules.junction_error(terminals)
         }
         Wiring::Connected => connected.celsius,
         // A short circuit is a junction at the terminals.
@@ -153,7 +162,8 @@ fn scaled(share: f64, place: usize, parameters: Parameters) -> f64 {
     let upper = parameters.value(Item::UpperLimit, place) as f64;
     let beyond = parameters.value(Item::BeyondLimits, place) != 0;
     let share = if beyond { share } else { share.clamp(0.0, 1.0) };
-    lower + share * (upper - lower)
+    let digits = lower + share * (upper - lower);
+    parameters.rules.linear_digits(digits, parameters.common(Item::Degree))
 }
 
 /// Degrees Celsius that the temperature sensors 1 to 14 measure.

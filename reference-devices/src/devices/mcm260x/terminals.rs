@@ -109,7 +109,7 @@ impl Mcm260x {
         self.surroundings.set(name, value)?;
         if name == bench::INTERFACE {
             self.chosen = Some(self.surroundings.interface);
-            self.wants_restart = true;
+            self.wants_restart = self.rules.choice_restarts();
         }
         Ok(())
     }
@@ -133,12 +133,15 @@ impl Mcm260x {
             }
             bench::STATUS_LEDS => int(self.status_leds(place, od)),
             bench::INPUT_LEDS => int(self.input_leds.get(place)?.lit.into()),
-            bench::OUTPUT_LEDS => int((self.powered && self.share(place, od) > 0.0).into()),
+            bench::OUTPUT_LEDS => {
+                let active = self.rules.output_led(self.share(place, od) > 0.0);
+                int((self.powered && active).into())
+            }
             bench::RUN_LED => int(self.run_led.lit.into()),
             bench::COM_LED => int(self.com_led.lit.into()),
             bench::DISPLAY => {
                 let flags = if self.powered { od.int(FLAGS).unwrap_or(0) } else { 0 };
-                Some(Value::Text(indicators::display(flags)))
+                Some(Value::Text(indicators::display(self.rules.displayed(flags))))
             }
             bench::STEPS | bench::FREQUENCIES | bench::INDICES | bench::LINES => {
                 let motion = self.encoders.get(place)?.motion;
@@ -163,7 +166,8 @@ impl Mcm260x {
         let (prefix, place) = bench::split(name).ok_or_else(|| BenchError::unknown(name))?;
         let unknown = || BenchError::unknown(name);
         let encoder = self.encoders.get_mut(place).ok_or_else(unknown)?;
-        let setup = *self.setups.get(place).ok_or_else(unknown)?;
+        let setup = self.setups.get(place).ok_or_else(unknown)?;
+        let setup = setup.counting(self.rules.counts_in(self.state));
         let whole = |low: i64, high: i64| {
             let number = value.as_int().and_then(|number| i64::try_from(number).ok());
             number.filter(|number| (low..=high).contains(number)).ok_or_else(|| {
@@ -216,9 +220,18 @@ impl Mcm260x {
         let input = |block: usize| od.int(Mux::new(DIGITAL_INPUTS, block as u8 + 1)).unwrap_or(0);
         match self.table {
             _ if !self.powered => 0,
-            Table::Small if block < inputs => input(block),
-            Table::Small => self.driven(block - inputs),
-            Table::Analogue | Table::Large => input(block) | self.driven(block),
+            Table::Small => {
+                let blocks = inputs + self.io.counts().digital_outputs;
+                let from_inputs = self.rules.inputs_come_first();
+                let block = if from_inputs { block } else { (block + inputs) % blocks };
+                match block.checked_sub(inputs) {
+                    None => self.rules.level_leds(input(block), 0),
+                    Some(output) => self.rules.level_leds(0, self.driven(output)),
+                }
+            }
+            Table::Analogue | Table::Large => {
+                self.rules.level_leds(input(block), self.driven(block))
+            }
         }
     }
 
@@ -229,7 +242,7 @@ impl Mcm260x {
     /// The share of its range that an analogue output gives.
     fn share(&self, place: usize, od: &Dictionary) -> f64 {
         let (lower, upper) = self.limits(place, od);
-        let digits = self.io.analogue_output(place).unwrap_or(0);
+        let digits = self.io.analogue_output(self.rules.output(place)).unwrap_or(0);
         self.rules.share(digits, lower, upper).clamp(0.0, 1.0)
     }
 

@@ -49,7 +49,8 @@ impl Channel {
 
     /// What the channel is set up with; a neutral value where the device has no object for it.
     pub(super) fn setting(self, setting: Setting, od: &Dictionary, rules: &dyn Cia401Rules) -> i64 {
-        let configured = od.int(setting.of(self.value)).unwrap_or_else(|| setting.without_object());
+        let at = setting.of(rules.set_up_at(self.value));
+        let configured = od.int(at).unwrap_or_else(|| setting.without_object());
         rules.setting(setting, configured)
     }
 

@@ -1,9 +1,10 @@
 //! Every decision of the profile that a test can observe, and the devices that take one of them
 //! otherwise.
 
+use std::cell::Cell;
 use std::time::Duration;
 
-use canopen::{Dictionary, NmtState};
+use canopen::{Dictionary, Mux, NmtState};
 
 use crate::stack::CommunicationEvent;
 
@@ -14,6 +15,11 @@ pub(crate) trait Cia401Rules: Send {
     /// What the profile has an object for is as that object says.
     fn setting(&self, _setting: Setting, configured: i64) -> i64 {
         configured
+    }
+
+    /// A channel is set up by the entries with its own sub-index.
+    fn set_up_at(&self, value: Mux) -> Mux {
+        value
     }
 
     /// How long a filtered level has to hold (6003h). The profile leaves it to the device, which
@@ -73,6 +79,14 @@ pub(crate) enum Deviation {
     Settings(fn(Setting, i64) -> i64),
     /// Only this of what happens to the communication sets the outputs.
     FailsOnlyAt(CommunicationEvent),
+    /// This sets the outputs, too.
+    FailsAlsoAt(CommunicationEvent),
+    /// The outputs are set the first time only.
+    FailsOnce,
+    /// Each channel is set up by the entries of the first one.
+    SetUpAsTheFirst,
+    /// A value is not below a limit that it reaches.
+    LowerLimitExcluded,
     /// A filtered level has to hold for so long, whatever an object says.
     FilterTime(Duration),
     /// Reading 6422h leaves its bits.
@@ -85,9 +99,18 @@ pub(crate) enum Deviation {
 struct Deviating {
     base: Box<dyn Cia401Rules>,
     deviation: Deviation,
+    /// How often the outputs were set.
+    failures: Cell<u32>,
 }
 
 impl Cia401Rules for Deviating {
+    fn set_up_at(&self, value: Mux) -> Mux {
+        match self.deviation {
+            Deviation::SetUpAsTheFirst => Mux::new(value.index, 1),
+            _ => self.base.set_up_at(value),
+        }
+    }
+
     fn setting(&self, setting: Setting, configured: i64) -> i64 {
         let configured = self.base.setting(setting, configured);
         match self.deviation {
@@ -105,7 +128,10 @@ impl Cia401Rules for Deviating {
     }
 
     fn below_limit(&self, value: i64, limit: i64) -> bool {
-        self.base.below_limit(value, limit)
+        match self.deviation {
+            Deviation::LowerLimitExcluded => value < limit,
+            _ => self.base.below_limit(value, limit),
+        }
     }
 
     fn reading_clears_source(&self) -> bool {
@@ -115,6 +141,8 @@ impl Cia401Rules for Deviating {
     fn fails(&self, event: CommunicationEvent) -> bool {
         match self.deviation {
             Deviation::FailsOnlyAt(failure) => event == failure,
+            Deviation::FailsAlsoAt(failure) => event == failure || self.base.fails(event),
+            Deviation::FailsOnce if self.base.fails(event) => self.failures.replace(1) == 0,
             _ => self.base.fails(event),
         }
     }
@@ -135,7 +163,7 @@ impl Cia401Rules for Deviating {
 impl Deviation {
     /// The rules that take the decisions of `base` except for this one.
     pub(crate) fn of(self, base: Box<dyn Cia401Rules>) -> Box<dyn Cia401Rules> {
-        Box::new(Deviating { base, deviation: self })
+        Box::new(Deviating { base, deviation: self, failures: Cell::new(0) })
     }
 }
 
@@ -216,6 +244,32 @@ const DEVIATIONS: &[(&str, Deviation)] = &[
         }),
     ),
     ("input-filter-shorter", Deviation::FilterTime(Duration::ZERO)),
+    ("input-filter-longer", Deviation::FilterTime(Duration::from_millis(500))),
+    ("inputs-inverted", Deviation::Fixed(Setting::InputPolarity, EVERY_LEVEL)),
+    ("outputs-inverted", Deviation::Fixed(Setting::OutputPolarity, EVERY_LEVEL)),
+    ("outputs-fail-once", Deviation::FailsOnce),
+    (
+        "outputs-fail-in-pre-operational",
+        Deviation::FailsAlsoAt(CommunicationEvent::Entered(NmtState::PRE_OPERATIONAL)),
+    ),
+    ("channels-set-up-as-the-first", Deviation::SetUpAsTheFirst),
+    ("lower-limit-excluded", Deviation::LowerLimitExcluded),
+    (
+        "upper-limit-excluded",
+        Deviation::Settings(|setting, configured| match setting {
+            Setting::UpperLimit => configured.saturating_add(1),
+            _ => configured,
+        }),
+    ),
+    (
+        "deltas-included",
+        Deviation::Settings(|setting, configured| match setting {
+            Setting::Delta | Setting::NegativeDelta | Setting::PositiveDelta => {
+                configured.saturating_sub(1)
+            }
+            _ => configured,
+        }),
+    ),
     ("interrupt-source-never-cleared", Deviation::SourceStays),
     ("outputs-keep-their-error-value", Deviation::KeepsErrorValue),
 ];

@@ -192,7 +192,7 @@ impl Services {
             // A window of another length begins with the next SYNC.
             0x1007 => base.window_end = None,
             0x1012 => self.time.configure(now, base),
-            0x100C | 0x100D => self.guarding.configure(base),
+            0x100C | 0x100D => self.guarding.configure(now, base),
             0x1014 | 0x1015 => self.emcy.configure(base),
             0x1016 => self.consumer.configure(now, mux.sub, base),
             0x1017 => {
