@@ -20,6 +20,11 @@ decisions! {
         matches!(sub, 3 | 6)
     }
 
+    /// PDOs are configured in every state in which there is SDO.
+    fn pdos_configured_in(&self, state: NmtState) -> bool {
+        state != NmtState::STOPPED
+    }
+
     /// Identifiers of other services are refused (7.3.5).
     fn restricted_ids_refused(&self) -> bool {
         true
@@ -174,6 +179,9 @@ deviations! {
     }
     "pdo-parameters-fixed-while-valid" {
         fn pdo_parameter_fixed_while_valid(&self, _sub: u8) -> bool { true }
+    }
+    "pdos-configured-in-pre-operational-only" {
+        fn pdos_configured_in(&self, state: NmtState) -> bool { state == NmtState::PRE_OPERATIONAL }
     }
     "event-timer-fixed-while-valid" {
         fn pdo_parameter_fixed_while_valid(&self, sub: u8) -> bool { matches!(sub, 3 | 5 | 6) }

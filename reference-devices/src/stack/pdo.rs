@@ -74,6 +74,9 @@ pub(crate) fn check_communication(
     base: &Base,
 ) -> Result<(), Abort> {
     let rules = &base.rules;
+    if !rules.pdos_configured_in(base.state) {
+        return Err(Abort::DEVICE_STATE);
+    }
     let cob = cob_id(&base.od, direction, mux.index & 0x1FF);
     let kind = base.od.int(Mux::new(mux.index, TYPE)).unwrap_or(0) as u8;
     let same = base.od.get(mux) == Some(bytes);

@@ -53,6 +53,9 @@ pub(crate) fn check(
     base: &Base,
 ) -> Result<(), Abort> {
     let od = &base.od;
+    if !base.rules.pdos_configured_in(base.state) {
+        return Err(Abort::DEVICE_STATE);
+    }
     let valid = cob_id(od, direction, mux.index & 0x1FF).valid();
     if valid && base.rules.mapping_fixed_while_valid() {
         return Err(Abort::ACCESS);
