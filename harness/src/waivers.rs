@@ -226,10 +226,19 @@ impl WaiverEntry {
             && self.cause.as_ref().is_none_or(|entry| entry.is(cause))
     }
 
-    /// Whether it is about a case that said something about the device.
+    /// Whether it is about a case that said something about the device, which an ERROR of the
+    /// tester, such as its lateness, does not.
     fn is_about(&self, case: &CaseRun) -> bool {
-        let said = !matches!(case.verdict(), Verdict::Skip | Verdict::Blocked);
-        said && !case.outcome.is_not_run() && self.names(&case.info.name())
+        let outcome = match &case.outcome {
+            Outcome::Waived { outcome, .. } => outcome.as_ref(),
+            other => other,
+        };
+        let said = match outcome {
+            Outcome::Skip(_) | Outcome::Blocked(_) => false,
+            Outcome::Error { problem: None, .. } => self.verdict == Some(WaivedVerdict::Error),
+            _ => true,
+        };
+        said && !outcome.is_not_run() && self.names(&case.info.name())
     }
 
     fn occurs_in(&self, case: &CaseRun) -> bool {
