@@ -1,8 +1,5 @@
 //! A device made of zencan-node, on vcan0: the dictionary is that of `device.toml`, and the rest is
-//! the loop of its documentation, but for one byte. The boot-up message of the stack says 7Fh, as a
-//! heartbeat does, instead of 00h. Each case of a suite waits for the boot-up, so this device sends
-//! what is meant, unless `--as-it-is` is given. There are no heartbeats to mix it up with: 1017h is
-//! a constant in this stack, here 0.
+//! the loop of its documentation.
 
 use std::error::Error;
 use std::io::ErrorKind;
@@ -20,8 +17,6 @@ mod device {
 
 const INTERFACE: &str = "vcan0";
 const NODE_ID: u8 = 5;
-/// Boot-up message and heartbeat, without the node id.
-const BOOT_UP: u32 = 0x700;
 const TICK: Duration = Duration::from_millis(1);
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -36,13 +31,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         &device::NODE_STATE,
         &device::OD_TABLE,
     );
-    let as_it_is = std::env::args().any(|argument| argument == "--as-it-is");
     loop {
         node.process(u64::try_from(start.elapsed().as_micros())?);
         while let Some(message) = device::NODE_MBOX.next_transmit_message() {
-            let boot_up = message.id().raw() & !0x7F == BOOT_UP && !as_it_is;
-            let corrected = CanMessage::new(message.id(), &[0]);
-            send(&socket, if boot_up { &corrected } else { &message })?;
+            send(&socket, &message)?;
         }
         match socket.read_frame_timeout(TICK) {
             Ok(CanFrame::Data(frame)) => {
