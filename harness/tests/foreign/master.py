@@ -29,7 +29,7 @@ WATCHED = 0x7E
 # Fastscan asks 128 times, and to half of the requests silence is the answer.
 SCANNED = "generic"
 # Block transfer is optional.
-WITHOUT_BLOCKS = {"drr460"}
+WITHOUT_BLOCKS = ("drr460", "mcm260x")
 EXPECTED = (AssertionError, SdoError, NmtError, LssError)
 
 
@@ -137,7 +137,7 @@ class Session:
         self.reset()
 
     def transfers_blocks(self):
-        if self.name in WITHOUT_BLOCKS:
+        if self.name.startswith(WITHOUT_BLOCKS):
             return
         texts = [v for v in variables(self.dictionary) if v.index == 0x1008]
         for variable in texts:
