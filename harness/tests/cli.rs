@@ -233,7 +233,7 @@ fn a_run_that_is_killed_leaves_the_frames_of_its_open_case() {
     fs::write(suites.join("demo.yaml"), ENDLESS).unwrap();
     let path = folder.path().join("journal");
     let mut child = harness()
-        .args(["--target", "sim:generic", "--suites"])
+        .args(["--target", "sim:generic", "--only-suites"])
         .arg(&suites)
         .arg("--journal")
         .arg(&path)
