@@ -264,14 +264,25 @@ impl CaseRun<'_, '_> {
         Ok(whole)
     }
 
-    /// The end of an error is of this case, and not one without a cause in the next.
+    /// The end of an error is of this case, and not one without a cause in the next. Messages that
+    /// an inhibit time holds back follow each other, so the device rests when none came for long.
     fn rest_after_emergencies(&mut self) -> Result<(), BusError> {
+        /// More than a device with errors that come and go for ever needs.
+        const MOST: usize = 8;
         let emergency = Some(emcy::COB_ID + u16::from(self.dut.node));
         let sent = |seen: &Seen| !seen.stamped.own && seen.stamped.frame.data_id() == emergency;
-        match self.link.trace().iter().any(sent) {
-            true => self.link.drain(self.policy.quiet_after_emergency),
-            false => Ok(()),
+        let inhibited = self.dut.default_int(INHIBIT_TIME_EMCY).unwrap_or(0);
+        let inhibited = Duration::from_micros(u64::try_from(inhibited).unwrap_or(0) * 100);
+        let quiet = self.policy.quiet_after_emergency + inhibited;
+        let mut looked_at = 0;
+        for _ in 0..MOST {
+            if !self.link.trace()[looked_at..].iter().any(sent) {
+                break;
+            }
+            looked_at = self.link.trace().len();
+            self.link.drain(quiet)?;
         }
+        Ok(())
     }
 
     fn note(&mut self, text: String) {
@@ -444,5 +455,6 @@ fn data_sheet_identifiers(dut: &Dut) -> Vec<u16> {
     addresses.filter_map(cob_id).collect()
 }
 
+const INHIBIT_TIME_EMCY: Mux = Mux::new(0x1015, 0);
 const SYNC: Mux = Mux::new(0x1005, 0);
 const TIME: Mux = Mux::new(0x1012, 0);
