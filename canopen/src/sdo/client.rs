@@ -353,8 +353,10 @@ mod tests {
                 }
             }
             if ack.is_none() {
-                let (next, request) = sent(client.timeout());
-                (client, ack) = (next, Some(request));
+                match client.timeout() {
+                    Next::Send(next, requests) => (client, ack) = (next, Some(requests[0])),
+                    other => return other,
+                }
             }
             let Some(Request::Block(BlockRequest::UploadAck(ack))) = ack else { panic!("{ack:?}") };
             assert_eq!(ack.size, block);
@@ -411,6 +413,16 @@ mod tests {
         let next = Client::upload_in_blocks(MUX, 2, 4).0.step(switched);
         assert!(matches!(&next, Next::Done(data, None) if *data == [1]), "{next:?}");
         assert!(matches!(begin(None).timeout(), Next::Failed(Failure::Timeout, _)));
+    }
+
+    #[test]
+    fn a_block_upload_that_never_begins_is_given_up() {
+        let data = [7; 20];
+        for block in [2, 127] {
+            let next = block_upload(&data, block, 1, u32::MAX);
+            let Next::Failed(_, Some(Request::Abort(MUX, code))) = next else { panic!("{next:?}") };
+            assert_eq!(code, Abort::SEQUENCE);
+        }
     }
 
     #[test]

@@ -135,6 +135,8 @@ pub(super) struct BlockUpload {
     good: u8,
     /// Whether something came since the last confirmation.
     heard: bool,
+    /// Sub-blocks in a row of which nothing came in order.
+    lost: u32,
     phase: Phase,
 }
 
@@ -157,6 +159,7 @@ impl BlockUpload {
             data: Vec::new(),
             good: 0,
             heard: false,
+            lost: 0,
             phase: Phase::Initiated,
         };
         (upload, Request::Block(request))
@@ -212,21 +215,33 @@ impl BlockUpload {
         } else if !last && sequence != self.block {
             return Next::Send(State::BlockUpload(self).client(), Vec::new());
         }
-        self.confirm()
+        self.confirm().unwrap_or_else(|mux| {
+            let expected = "the first segment to arrive at last".to_owned();
+            failed(mux, Abort::SEQUENCE, expected, answer)
+        })
     }
 
     /// Tells what came in order and asks for the rest.
-    fn confirm(mut self) -> Next {
+    ///
+    /// # Errors
+    /// The object, when sub-block after sub-block brings nothing in order.
+    fn confirm(mut self) -> Result<Next, Mux> {
+        self.lost = if self.good == 0 { self.lost + 1 } else { 0 };
+        if self.lost > MOST_LOST {
+            return Err(self.mux);
+        }
         let ack = BlockAck { last_good: self.good, size: self.block };
         (self.good, self.heard) = (0, false);
-        self.go_on(BlockRequest::UploadAck(ack))
+        Ok(self.go_on(BlockRequest::UploadAck(ack)))
     }
 
     /// The end of a sub-block got lost when something came before: then what came is confirmed.
     pub(super) fn timeout(self) -> Next {
+        let given_up =
+            |mux| Next::Failed(Failure::Timeout, Some(Request::Abort(mux, Abort::TIMEOUT)));
         match self.heard {
-            true => self.confirm(),
-            false => Next::Failed(Failure::Timeout, Some(Request::Abort(self.mux, Abort::TIMEOUT))),
+            true => self.confirm().unwrap_or_else(given_up),
+            false => given_up(self.mux),
         }
     }
 
