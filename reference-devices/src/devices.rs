@@ -1,6 +1,7 @@
 //! The reference devices, each put together from its data, its behaviour and the stack.
 
 mod applications;
+mod deviating;
 mod drr460;
 pub mod em66;
 mod generic;

@@ -1,4 +1,5 @@
-//! How the devices of Pixsys read CiA 401: their manuals say the same in the same words.
+//! What the devices of Pixsys share: their manuals read CiA 401 in the same words and list the
+//! same sensors.
 
 use std::time::Duration;
 
@@ -55,6 +56,25 @@ impl Cia401Rules for PixsysIo {
         !self.objects_stay
     }
 }
+
+/// Degrees Celsius that the temperature sensors measure, in the order of their codes: eight
+/// thermocouples (K, S, R, J, T, E, N, B), Pt100, Ni100, NTC, PTC, Pt500, Pt1000.
+pub(super) const SENSOR_RANGES: [(f64, f64); 14] = [
+    (-260.0, 1360.0),
+    (-40.0, 1760.0),
+    (-40.0, 1760.0),
+    (-200.0, 1200.0),
+    (-260.0, 400.0),
+    (-260.0, 980.0),
+    (-260.0, 1280.0),
+    (100.0, 1820.0),
+    (-100.0, 600.0),
+    (-60.0, 180.0),
+    (-40.0, 125.0),
+    (-50.0, 150.0),
+    (-100.0, 600.0),
+    (-100.0, 600.0),
+];
 
 /// What a filter parameter counts in.
 const FILTER_STEP: Duration = Duration::from_micros(500);

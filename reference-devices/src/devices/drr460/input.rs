@@ -4,6 +4,7 @@ use canopen::Dictionary;
 
 use super::objects::parameter;
 use super::rules::Drr460Rules;
+use crate::devices::pixsys::SENSOR_RANGES;
 
 /// The process value in digits for a temperature; `Err` with the value when the sensor that is
 /// selected cannot measure it.
@@ -21,7 +22,7 @@ pub(super) fn process_value(
     let digits = (degrees * 10.0 * (1.0 + gain as f64 / 1000.0)).round() as i64 + offset;
     let digits = digits.clamp(i64::from(-i16::MAX), i64::from(i16::MAX));
     let sensor = parameter(od, SENSOR);
-    match usize::try_from(sensor).ok().and_then(|sensor| RANGES.get(sensor)) {
+    match usize::try_from(sensor).ok().and_then(|sensor| SENSOR_RANGES.get(sensor)) {
         Some((low, high)) if !(*low..=*high).contains(&celsius) => Err(digits),
         _ => Ok(digits),
     }
@@ -31,24 +32,6 @@ const SENSOR: u8 = 1;
 const UNIT: u8 = 2;
 const OFFSET: u8 = 7;
 const GAIN: u8 = 8;
-
-/// Degrees Celsius that the temperature sensors 0 to 13 measure.
-const RANGES: [(f64, f64); 14] = [
-    (-260.0, 1360.0),
-    (-40.0, 1760.0),
-    (-40.0, 1760.0),
-    (-200.0, 1200.0),
-    (-260.0, 400.0),
-    (-260.0, 980.0),
-    (-260.0, 1280.0),
-    (100.0, 1820.0),
-    (-100.0, 600.0),
-    (-60.0, 180.0),
-    (-40.0, 125.0),
-    (-50.0, 150.0),
-    (-100.0, 600.0),
-    (-100.0, 600.0),
-];
 
 #[cfg(test)]
 mod tests {

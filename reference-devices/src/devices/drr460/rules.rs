@@ -3,6 +3,8 @@
 
 use canopen::{Abort, Mux};
 
+use crate::devices::deviating::{self, Deviation, deviating};
+
 /// A controller that keeps to its manual; clauses are those of the manual.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Manual;
@@ -158,29 +160,15 @@ pub(crate) trait Drr460Rules: Send {
 /// The rules of the controller that is wrong in just the way `name` says; `None` when there is
 /// none.
 pub(crate) fn named(name: &str) -> Option<Box<dyn Drr460Rules>> {
-    let (_, make) = MUTANTS.iter().find(|(known, _)| *known == name)?;
-    Some(make())
+    deviating::named(DEVIATIONS, name)
 }
 
 /// The names that [`named`] knows.
 pub(crate) fn names() -> impl Iterator<Item = &'static str> {
-    MUTANTS.iter().map(|(name, _)| *name)
+    deviating::names(DEVIATIONS)
 }
 
-type Mutant = (&'static str, fn() -> Box<dyn Drr460Rules>);
-
-/// Each mutant is its name and the one method that differs.
-macro_rules! mutants {
-    ($($name:literal { $($method:tt)* })*) => {
-        const MUTANTS: &[Mutant] = &[$(($name, || {
-            struct Mutant;
-            impl Drr460Rules for Mutant { $($method)* }
-            Box::new(Mutant)
-        })),*];
-    };
-}
-
-mutants! {
+const DEVIATIONS: &[Deviation<dyn Drr460Rules>] = deviating! { Drr460Rules;
     "unit-ignored" {
         fn unit(&self, _configured: i64) -> i64 { 0 }
     }
@@ -294,7 +282,7 @@ mutants! {
             if value > 3 || kind == 2 && value > 1 { Err(Abort::VALUE) } else { Ok(()) }
         }
     }
-}
+};
 
 #[cfg(test)]
 mod tests {

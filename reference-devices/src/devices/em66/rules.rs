@@ -13,6 +13,8 @@ pub(crate) use fault::FaultRules;
 pub(crate) use operation::OperationRules;
 pub(crate) use value::ValueRules;
 
+use crate::devices::deviating::Deviation;
+
 /// The decisions, by chapter of EUROMAP 66-2.
 pub(crate) trait Em66Rules:
     ControlRules + AlarmRules + OperationRules + FaultRules + ValueRules + Send
@@ -46,7 +48,7 @@ fn all() -> impl Iterator<Item = &'static Mutant> {
         .flatten()
 }
 
-type Mutant = (&'static str, fn() -> Box<dyn Em66Rules>);
+type Mutant = Deviation<dyn Em66Rules>;
 
 /// Each mutant is its name and the methods of the first trait that differ.
 macro_rules! mutants {

@@ -3,6 +3,8 @@
 
 use canopen::Abort;
 
+use crate::devices::deviating::{self, Deviation, deviating};
+
 /// A device that keeps to its data sheet.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct DataSheet;
@@ -29,31 +31,19 @@ pub(crate) trait GenericRules: Send {
 
 /// The names of the devices that break one decision.
 pub(crate) fn names() -> impl Iterator<Item = &'static str> {
-    MUTANTS.iter().map(|(name, _)| *name)
+    deviating::names(DEVIATIONS)
 }
 
 /// The device that breaks the decision of that name; `None` when there is none.
 pub(crate) fn named(name: &str) -> Option<Box<dyn GenericRules>> {
-    MUTANTS.iter().find(|(mutant, _)| *mutant == name).map(|(_, build)| build())
+    deviating::named(DEVIATIONS, name)
 }
 
-type Mutant = (&'static str, fn() -> Box<dyn GenericRules>);
-
-macro_rules! mutants {
-    ($($name:literal { $($method:tt)* })*) => {
-        const MUTANTS: &[Mutant] = &[$(($name, || {
-            struct Mutant;
-            impl GenericRules for Mutant { $($method)* }
-            Box::new(Mutant)
-        })),*];
-    };
-}
-
-mutants! {
+const DEVIATIONS: &[Deviation<dyn GenericRules>] = deviating! { GenericRules;
     "large-data-of-one-format" {
         fn large_data_taken(&self, bytes: &[u8]) -> bool { bytes.starts_with(b"\x7FELF") }
     }
     "parameter-always-changes" {
         fn parameter_change(&self, _mode: i64) -> Result<(), Abort> { Ok(()) }
     }
-}
+};

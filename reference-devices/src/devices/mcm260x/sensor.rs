@@ -2,6 +2,7 @@
 
 use super::parameters::{Item, Parameters};
 use super::rules::Mcm260xRules;
+use crate::devices::pixsys::SENSOR_RANGES;
 
 /// What is connected to an analogue input. A sensor sees only what it measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -95,7 +96,9 @@ fn temperature(
     sensor: i64,
     rules: &dyn Mcm260xRules,
 ) -> Seen {
-    let Some(&(low, high)) = RANGES.get(sensor as usize - 1) else { return Seen::Outside(0.0) };
+    let Some(&(low, high)) = SENSOR_RANGES.get(sensor as usize - 1) else {
+        return Seen::Outside(0.0);
+    };
     let (hot, cold) = (Seen::Outside(high), Seen::Outside(low));
     let is_thermocouple = sensor <= THERMOCOUPLES;
     let celsius = match connected.wiring {
@@ -166,23 +169,6 @@ fn scaled(share: f64, place: usize, parameters: Parameters) -> f64 {
     parameters.rules.linear_digits(digits, parameters.common(Item::Degree))
 }
 
-/// Degrees Celsius that the temperature sensors 1 to 14 measure.
-const RANGES: [(f64, f64); 14] = [
-    (-260.0, 1360.0),
-    (-40.0, 1760.0),
-    (-40.0, 1760.0),
-    (-200.0, 1200.0),
-    (-260.0, 400.0),
-    (-260.0, 980.0),
-    (-260.0, 1280.0),
-    (100.0, 1820.0),
-    (-100.0, 600.0),
-    (-60.0, 180.0),
-    (-40.0, 125.0),
-    (-50.0, 150.0),
-    (-100.0, 600.0),
-    (-100.0, 600.0),
-];
 /// The last code of a thermocouple.
 const THERMOCOUPLES: i64 = 8;
 /// The code of the NTC of 10 kilohms at 25 degrees.
@@ -218,7 +204,7 @@ mod tests {
 
     #[test]
     fn each_temperature_sensor_has_its_range_in_tenths() {
-        for (sensor, (low, high)) in (1..).zip(RANGES) {
+        for (sensor, (low, high)) in (1..).zip(SENSOR_RANGES) {
             let of = |degrees| sampled(&[(Item::SensorType, sensor)], celsius(degrees), 25.0);
             for end in [low, high] {
                 assert_eq!(of(end), Sample::Valid(end * 10.0), "{sensor}");

@@ -8,12 +8,13 @@ use super::super::indicators::Phase;
 use super::super::parameters::{DEFAULT_BIT_RATE, Item};
 use super::super::sensor::Wiring;
 use super::{Diagnosis, Manual, Mcm260xRules};
+use crate::devices::deviating::{self, Deviation, deviating};
 
 /// The names of the devices that break one decision.
 pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     let fixed = FIXED.iter().map(|(name, ..)| *name);
     let taken = TAKEN_FOR.iter().map(|(name, ..)| *name);
-    fixed.chain(taken).chain(MUTANTS.iter().map(|(name, _)| *name))
+    fixed.chain(taken).chain(deviating::names(DEVIATIONS))
 }
 
 /// The rules of the device that breaks the decision of that name; `None` when there is none.
@@ -24,7 +25,7 @@ pub(crate) fn named(name: &str) -> Option<Box<dyn Mcm260xRules>> {
     if let Some((_, item, from, to)) = TAKEN_FOR.iter().find(|(taken, ..)| *taken == name) {
         return Some(Box::new(TakenFor { item: *item, from: *from, to: *to }));
     }
-    MUTANTS.iter().find(|(mutant, _)| *mutant == name).map(|(_, build)| build())
+    deviating::named(DEVIATIONS, name)
 }
 
 /// A module for which a parameter has always the same value.
@@ -128,20 +129,7 @@ const FIXED: &[(&str, Item, i64)] = &[
     ("encoder-always-off", Item::EncoderSetup, 0),
 ];
 
-type Mutant = (&'static str, fn() -> Box<dyn Mcm260xRules>);
-
-/// Each mutant is its name and the one method that differs.
-macro_rules! mutants {
-    ($($name:literal { $($method:tt)* })*) => {
-        const MUTANTS: &[Mutant] = &[$(($name, || {
-            struct Mutant;
-            impl Mcm260xRules for Mutant { $($method)* }
-            Box::new(Mutant)
-        })),*];
-    };
-}
-
-mutants! {
+const DEVIATIONS: &[Deviation<dyn Mcm260xRules>] = deviating! { Mcm260xRules;
     "parameters-of-the-first-channel" {
         fn channel(&self, _item: Item, _place: usize) -> usize { 0 }
     }
@@ -598,7 +586,7 @@ mutants! {
     "diagnosis-of-the-first" {
         fn diagnosis(&self, _place: usize) -> Option<Diagnosis> { Manual.diagnosis(0) }
     }
-}
+};
 
 #[cfg(test)]
 mod tests {
