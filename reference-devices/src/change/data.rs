@@ -78,6 +78,9 @@ pub(crate) struct FrameChange {
     /// They come so much later, such as `20 ms`.
     #[serde(default)]
     pub delay: Option<String>,
+    /// What the device receives while such a frame is delayed, and loses; only with `delay`.
+    #[serde(default)]
+    pub deaf: Option<String>,
     /// The device sends this instead of taking them; only frames that are received.
     #[serde(default)]
     pub answer: Option<String>,

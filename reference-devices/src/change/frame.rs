@@ -18,6 +18,8 @@ pub struct DeviantWire {
     left: u32,
     scratch: Outbox,
     delayed: VecDeque<(Instant, Frame)>,
+    /// What is lost while a frame is delayed.
+    deaf: Option<Pattern>,
 }
 
 enum What {
@@ -69,6 +71,11 @@ impl DeviantWire {
                 return Err(Misfit::at(&[], message));
             }
         };
+        if change.deaf.is_some() && !matches!(what, What::Delay(_)) {
+            let message = "a device is deaf only while a frame is delayed: add `delay`";
+            return Err(Misfit::at(&["deaf"], message));
+        }
+        let deaf = change.deaf.as_ref().map(|deaf| bind("deaf", deaf)).transpose()?;
         Ok(Self {
             inner,
             when: bind("when", &change.when)?,
@@ -78,6 +85,7 @@ impl DeviantWire {
             left: change.most.unwrap_or(u32::MAX),
             scratch: Outbox::default(),
             delayed: VecDeque::new(),
+            deaf,
         })
     }
 
@@ -113,6 +121,10 @@ impl DeviantWire {
 
 impl Device for DeviantWire {
     fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
+        let busy = !self.delayed.is_empty();
+        if busy && self.deaf.as_ref().is_some_and(|deaf| deaf.matches(frame)) {
+            return;
+        }
         if self.received && self.applies(frame) {
             match &self.what {
                 What::Edit(edit) => {
@@ -228,6 +240,8 @@ mod tests {
         assert_eq!(answers(received, 1), ["585#0107"]);
         let late = "{ when: '600+n#...', received: true, delay: 2 ms }";
         assert_eq!(answers(late, 1), ["7FF#", sent]);
+        let deaf = "{ when: '580+n#...', delay: 2 ms, deaf: '600+n#...' }";
+        assert_eq!(answers(deaf, 3), ["7FF#", sent]);
         let answered = "{ when: '600+n#01 ..', received: true, answer: '580+n#80 =' }";
         assert_eq!(answers(answered, 1), ["585#8002"]);
     }
