@@ -1,7 +1,9 @@
 //! The physical side of a device: what a test bench sets there, and what it sees.
 
+use std::collections::BTreeMap;
 use std::fmt;
 
+use crate::mux::Mux;
 use crate::value::Value;
 
 /// The stimulus that every simulated device has: the supply, `on` or `off`. A device that is off
@@ -27,7 +29,19 @@ pub trait Bench {
     /// # Errors
     /// When there is nothing of that name, or the bench fails.
     fn get(&mut self, name: &str) -> Result<Value, BenchError>;
+
+    /// How a device must be set up for its stimuli to reach it.
+    ///
+    /// # Errors
+    /// When the bench fails.
+    fn needs(&mut self) -> Result<Needs, BenchError> {
+        Ok(Needs::new())
+    }
 }
+
+/// How a device must be set up for a stimulus to reach it, by the name of the stimulus: objects and
+/// their values. Whoever connects 10 V to an input that takes many sensors knows for which.
+pub type Needs = BTreeMap<String, BTreeMap<Mux, i64>>;
 
 /// Whether suites ask for stimuli and observations of that name; the numbered ones end in a dash
 /// and a number.

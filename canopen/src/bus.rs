@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use crate::bench::{Bench, BenchError};
+use crate::bench::{Bench, BenchError, Needs};
 use crate::frame::Frame;
 use crate::time::Instant;
 use crate::value::Value;
@@ -91,6 +91,11 @@ pub trait Device {
     /// The names of what can be set and observed on its physical side.
     fn bench_names(&self) -> Vec<String> {
         Vec::new()
+    }
+
+    /// How the device must be set up for stimuli to reach it.
+    fn bench_needs(&self) -> Needs {
+        Needs::new()
     }
 
     /// Takes a stimulus.

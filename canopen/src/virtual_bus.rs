@@ -5,7 +5,7 @@
 //! identifier that wins the arbitration goes first, and a frame takes its exact length at the
 //! bit rate. When a frame and a deadline fall on the same instant, the frame comes first.
 
-use crate::bench::{Bench, BenchError, POWER};
+use crate::bench::{Bench, BenchError, Needs, POWER};
 use crate::bus::{Bus, BusError, Device, Outbox, Stamped};
 use crate::frame::Frame;
 use crate::time::Instant;
@@ -196,6 +196,10 @@ impl Bus for VirtualBus<'_> {
 impl Bench for VirtualBus<'_> {
     fn names(&mut self) -> Result<Vec<String>, BenchError> {
         Ok(self.stations.iter().flat_map(|station| station.device.bench_names()).collect())
+    }
+
+    fn needs(&mut self) -> Result<Needs, BenchError> {
+        Ok(self.stations.iter().flat_map(|station| station.device.bench_needs()).collect())
     }
 
     fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {

@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use canopen::Mux;
+use canopen::bench::Needs;
 use canopen::eds::Eds;
 use canopen::pdo::Mapping;
 
@@ -26,6 +27,8 @@ pub struct Dut {
     pub bench: Vec<String>,
     /// Whether that bench is the user's, not that of a simulation.
     pub own_bench: bool,
+    /// How the device must be set up for a stimulus of that bench to reach it.
+    pub bench_needs: Needs,
     /// Bit rate of its bus in bit/s, when it is known.
     pub bit_rate: Option<u32>,
     /// Options of its profile that it does not have.
@@ -47,6 +50,7 @@ impl Dut {
             sheet: Arc::default(),
             bench: Vec::new(),
             own_bench: false,
+            bench_needs: Needs::new(),
             bit_rate: None,
             without: Vec::new(),
             told: None,

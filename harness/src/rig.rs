@@ -1,8 +1,10 @@
 //! A bench in another process: lines of JSON, a request and its answer.
 //!
 //! `{"names":true}` gets `{"names":["power"]}`, `{"set":{"power":"off"}}` gets `{"ok":true}`,
-//! `{"get":"lamp"}` gets `{"value":5}`; what cannot be done gets `{"error":"..."}`.
+//! `{"get":"lamp"}` gets `{"value":5}`; beside `names`, `"needs":{"lamp":{"3000:15":17}}` says how the
+//! device must be set up; what cannot be done gets `{"error":"..."}`.
 
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
@@ -14,7 +16,8 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::Duration;
 
-use canopen::{Bench, BenchError, Bus, BusError, Frame, Instant, Stamped, Value};
+use canopen::bench::Needs;
+use canopen::{Bench, BenchError, Bus, BusError, Frame, Instant, Mux, Stamped, Value};
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
 use serde_json::{Value as Json, json};
@@ -147,6 +150,13 @@ impl Bench for Rig {
         names.ok_or_else(|| self.nonsense(&request, &answer))
     }
 
+    fn needs(&mut self) -> Result<Needs, BenchError> {
+        let request = json!({ "names": true });
+        let answer = self.ask(&request)?;
+        let Some(needs) = answer.get("needs").cloned() else { return Ok(Needs::new()) };
+        serde_json::from_value(needs).map_err(|_| self.nonsense(&request, &answer))
+    }
+
     fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
         let request = json!({ "set": { name: to_json(value) } });
         let answer = self.ask(&request)?;
@@ -174,7 +184,15 @@ pub(crate) fn respond(bench: &mut dyn Bench, line: &str) -> String {
 
 fn carry_out(bench: &mut dyn Bench, request: &Json) -> Result<Json, BenchError> {
     if request.get("names").is_some() {
-        return Ok(json!({ "names": bench.names()? }));
+        let mut answer = json!({ "names": bench.names()? });
+        let needs = bench.needs()?;
+        if !needs.is_empty() {
+            let objects = |objects: &BTreeMap<Mux, i64>| -> Json {
+                objects.iter().map(|(mux, value)| (mux.to_string(), json!(value))).collect()
+            };
+            answer["needs"] = needs.iter().map(|(name, of)| (name.clone(), objects(of))).collect();
+        }
+        return Ok(answer);
     }
     if let Some(name) = request.get("get").and_then(Json::as_str) {
         return Ok(json!({ "value": to_json(&bench.get(name)?) }));
@@ -243,6 +261,9 @@ impl Bus for WithRig {
 impl Bench for WithRig {
     fn names(&mut self) -> Result<Vec<String>, BenchError> {
         locked(&self.rig).names()
+    }
+    fn needs(&mut self) -> Result<Needs, BenchError> {
+        locked(&self.rig).needs()
     }
     fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
         locked(&self.rig).set(name, value)
@@ -320,6 +341,44 @@ mod tests {
         assert_eq!(rig.get("knob"), Ok(Value::Real(1.5)), "a refusal is not the end");
         drop(rig);
         server.join().unwrap();
+    }
+
+    /// Has a wire to an input that must be set up for it.
+    struct Wire;
+
+    impl Bench for Wire {
+        fn names(&mut self) -> Result<Vec<String>, BenchError> {
+            Ok(vec!["wire".to_owned()])
+        }
+        fn needs(&mut self) -> Result<Needs, BenchError> {
+            let setup = [(Mux::new(0x3000, 0x15), 17), (Mux::new(0x3000, 0x1E), -5)];
+            Ok([("wire".to_owned(), setup.into())].into())
+        }
+        fn set(&mut self, name: &str, _value: &Value) -> Result<(), BenchError> {
+            Err(BenchError::unknown(name))
+        }
+        fn get(&mut self, name: &str) -> Result<Value, BenchError> {
+            Err(BenchError::unknown(name))
+        }
+    }
+
+    #[test]
+    fn a_rig_says_how_the_device_must_be_set_up() {
+        let folder = tempfile::tempdir().unwrap();
+        let answer = respond(&mut Wire, r#"{"names":true}"#);
+        let setup = r#"{"names":["wire"],"needs":{"wire":{"3000:15":17,"3000:1E":-5}}}"#;
+        assert_eq!(answer, setup);
+        let script = folder.path().join("rig.sh");
+        for (answer, expected) in [
+            (setup, Some(Wire.needs().unwrap())),
+            (r#"{"names":["wire"]}"#, Some(Needs::new())),
+            (r#"{"names":["wire"],"needs":{"wire":{"3000":17}}}"#, None),
+        ] {
+            let text = format!("while read -r request; do echo '{answer}'; done\n");
+            std::fs::write(&script, text).unwrap();
+            let mut rig = Rig::open(&format!("sh {}", script.display())).unwrap();
+            assert_eq!(rig.needs().ok(), expected, "{answer}");
+        }
     }
 
     #[test]

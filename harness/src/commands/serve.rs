@@ -9,6 +9,7 @@ use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread;
 use std::time::Duration;
 
+use canopen::bench::Needs;
 use canopen::{Bench, BenchError, BusError, Device, Instant, Outbox, Value, serve};
 use reference_devices::rules::Specification;
 
@@ -76,6 +77,9 @@ struct Table<'t> {
 impl Bench for Table<'_> {
     fn names(&mut self) -> Result<Vec<String>, BenchError> {
         Ok(self.device.bench_names())
+    }
+    fn needs(&mut self) -> Result<Needs, BenchError> {
+        Ok(self.device.bench_needs())
     }
     fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
         self.device.stimulate(self.now, name, value, self.out)

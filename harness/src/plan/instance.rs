@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
+use canopen::Mux;
 use wildmatch::WildMatch;
 
 use super::scope::Scope;
@@ -119,6 +120,16 @@ impl Instance {
     /// Whether there must be a device: a case about nothing but the data sheet needs none.
     pub fn needs_device(&self) -> bool {
         !self.case().all_steps().all(|step| matches!(step.value, Step::Eds(_)))
+    }
+
+    /// How the device must be set up for what the bench does in its steps.
+    pub fn bench_needs<'d>(&self, dut: &'d Dut) -> impl Iterator<Item = (Mux, i64)> + use<'_, 'd> {
+        let stimuli = self.case().all_steps().filter_map(|step| match &step.value {
+            Step::Bench(stimuli) => Some(stimuli.keys()),
+            _ => None,
+        });
+        let needs = stimuli.flatten().filter_map(|name| dut.bench_needs.get(name));
+        needs.flatten().map(|(mux, value)| (*mux, *value))
     }
 
     /// The options of the profile that the device must have for this, though nothing tells that it

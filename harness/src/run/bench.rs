@@ -3,12 +3,18 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use canopen::Value;
 use canopen::bench::POWER;
+use canopen::sdo::Transfer;
+use canopen::{BusError, Value};
 
 use super::bench_snapshot::{bench, failed};
 use super::judge::{Difference, Judgement, Trouble, device};
+use super::link::Link;
+use super::policy::Policy;
+use super::sdo;
 use super::steps::Steps;
+use crate::dut::Dut;
+use crate::plan::Instance;
 use crate::source::At;
 use crate::suite::literal::{Literal, show_time};
 use crate::suite::step::Observe;
@@ -52,6 +58,33 @@ impl Steps<'_, '_> {
             self.link.wait(next)?;
         }
     }
+}
+
+/// Sets the device up for what the bench does in this case. Why it does not take that, if so.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(super) fn meet_needs(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    instance: &Instance,
+) -> Result<Option<String>, BusError> {
+    for (mux, value) in instance.bench_needs(dut) {
+        let unmet = |why: String| Ok(Some(format!("the bench needs {mux} = {value}, {why}")));
+        let Some(entry) = dut.eds.entry(mux) else {
+            return unmet("which the data sheet does not have".to_owned());
+        };
+        let data = match entry.data_type.encode(&Value::Int(value.into())) {
+            Ok(data) => data,
+            Err(wrong) => return unmet(format!("which it cannot be: {wrong}")),
+        };
+        let flow = Transfer::usual(data.len());
+        if let Err(failure) = sdo::download(link, policy, dut.node, mux, &data, flow)?.result {
+            return unmet(format!("which the device does not take: {failure}"));
+        }
+    }
+    Ok(None)
 }
 
 /// YAML takes `on` and `off` for truth values; of a supply they are words.

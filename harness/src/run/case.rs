@@ -9,6 +9,7 @@ use canopen::{Abort, BusError, Instant, Mux, emcy};
 use reports::{Event, Note, Outcome, Phase, Problem};
 
 use super::baseline::Baseline;
+use super::bench;
 use super::bench_snapshot::BenchSnapshot;
 use super::judge::{Difference, Trouble, excerpt};
 use super::link::Link;
@@ -157,6 +158,10 @@ impl CaseRun<'_, '_> {
             let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
             let difference = promise::unfit(complaint, self.instance, self.dut);
             result.fail(Phase::Step, place, difference);
+            return Ok(result.outcome);
+        }
+        if let Some(unmet) = bench::meet_needs(self.link, self.policy, self.dut, self.instance)? {
+            result.error(unmet);
             return Ok(result.outcome);
         }
         if self.instance.needs_device() {

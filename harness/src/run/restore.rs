@@ -226,7 +226,7 @@ fn restorable(mux: Mux, eds: &Eds) -> bool {
 /// Every address that a case's steps may write, by SDO or through an RPDO.
 fn changed_by(instance: &Instance, dut: &Dut) -> Vec<Mux> {
     let scope = &instance.scope;
-    let mut changed = Vec::new();
+    let mut changed: Vec<Mux> = instance.bench_needs(dut).map(|(mux, _)| mux).collect();
     for written in instance.case().all_steps().flat_map(|step| step.value.effect().writes) {
         match written {
             Written::Object(object) => changed.extend(scope.mux(&object.value)),

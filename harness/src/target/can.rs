@@ -38,12 +38,13 @@ pub(super) fn target(
     say_the_rest(selection, &mut options);
     let own = selection.device.as_ref().or(found.device.as_ref());
     let own = own.and_then(|name| reference_device(name, catalogue).ok());
-    let (rig, bench) = rig(selection, &mut options)?.unzip();
-    let bench = bench.unwrap_or_default();
+    let (rig, offer) = rig(selection, &mut options)?.unzip();
+    let (bench, bench_needs) = offer.unwrap_or_default();
     let mut dut = Dut {
         sheet: Arc::new(sheet),
         bench,
         own_bench: selection.bench.is_some(),
+        bench_needs,
         bit_rate,
         without: without(selection, own.as_deref()),
         told: found.recognised(),

@@ -3,6 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use canopen::Bench;
+use canopen::bench::Needs;
 use canopen::catalogue::Catalogue;
 use reference_devices::devices::ReferenceDevice;
 
@@ -73,8 +74,11 @@ pub(super) fn say_the_rest(selection: &Selection, options: &mut String) {
     }
 }
 
-/// A bench of the user's, and what it offers.
-pub(super) type OwnBench = (Arc<Mutex<Rig>>, Vec<String>);
+/// A bench of the user's, what it offers, and how the device must be set up for it.
+pub(super) type OwnBench = (Arc<Mutex<Rig>>, Offer);
+
+/// What a bench offers, and how the device must be set up for it.
+pub(super) type Offer = (Vec<String>, Needs);
 
 /// The bench the user names.
 pub(super) fn rig(
@@ -84,7 +88,7 @@ pub(super) fn rig(
     let Some(text) = &selection.bench else { return Ok(None) };
     let quote = if text.contains(' ') { "'" } else { "" };
     options.push_str(&format!(" --bench {quote}{text}{quote}"));
-    let opened = Rig::open(text).and_then(|mut rig| Ok((rig.names()?, rig)));
-    let (names, rig) = opened.map_err(|error| Refused::bus(error.to_string()))?;
-    Ok(Some((Arc::new(Mutex::new(rig)), names)))
+    let opened = Rig::open(text).and_then(|mut rig| Ok(((rig.names()?, rig.needs()?), rig)));
+    let (offer, rig) = opened.map_err(|error| Refused::bus(error.to_string()))?;
+    Ok(Some((Arc::new(Mutex::new(rig)), offer)))
 }

@@ -53,9 +53,12 @@ pub(super) fn target(
         options.push_str(&format!(" --node {node}"));
     }
     say_the_rest(selection, &mut options);
-    let (rig, bench) = match rig(selection, &mut options)? {
-        Some((rig, names)) => (Some(rig), names),
-        None => (None, device.node(node, Box::new(Specification)).bench_names()),
+    let (rig, (bench, bench_needs)) = match rig(selection, &mut options)? {
+        Some((rig, offer)) => (Some(rig), offer),
+        None => {
+            let node = device.node(node, Box::new(Specification));
+            (None, (node.bench_names(), node.bench_needs()))
+        }
     };
     let without = without(selection, Some(&device));
     let mut target = Target {
@@ -66,6 +69,7 @@ pub(super) fn target(
             sheet: Arc::new(sheet),
             bench,
             own_bench: selection.bench.is_some(),
+            bench_needs,
             bit_rate: Some(bit_rate),
             without,
             told: None,

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use canopen::bench::POWER;
+use canopen::bench::{Needs, POWER};
 use canopen::{BenchError, Device, Frame, Instant, Outbox, Pattern, PatternError, Value};
 
 use super::data::{FrameChange, Misfit};
@@ -165,6 +165,10 @@ impl Device for DeviantWire {
 
     fn bench_names(&self) -> Vec<String> {
         self.inner.bench_names()
+    }
+
+    fn bench_needs(&self) -> Needs {
+        self.inner.bench_needs()
     }
 
     fn stimulate(

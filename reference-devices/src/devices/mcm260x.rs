@@ -24,6 +24,7 @@ mod terminals;
 
 use std::time::Duration;
 
+use canopen::bench::Needs;
 use canopen::eds::Eds;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
@@ -375,6 +376,10 @@ impl Behaviour for Mcm260x {
 
     fn bench_names(&self) -> Vec<String> {
         self.names()
+    }
+
+    fn bench_needs(&self) -> Needs {
+        self.needs()
     }
 
     fn stimulate(

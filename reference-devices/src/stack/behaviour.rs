@@ -1,5 +1,6 @@
 //! What a device does beside communicating.
 
+use canopen::bench::Needs;
 use canopen::emcy::Emcy;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
@@ -78,6 +79,11 @@ pub(crate) trait Behaviour: Send {
     /// The names of what can be set and observed on the physical side.
     fn bench_names(&self) -> Vec<String> {
         Vec::new()
+    }
+
+    /// How the device must be set up for stimuli to reach it.
+    fn bench_needs(&self) -> Needs {
+        Needs::new()
     }
 
     /// Takes a stimulus; [`run`](Self::run) follows. A stimulus lasts over resets: whoever turned

@@ -1,6 +1,6 @@
 //! A CANopen device: NMT, the SDO server and the services they command.
 
-use canopen::bench::POWER;
+use canopen::bench::{Needs, POWER};
 use canopen::eds::Eds;
 use canopen::{
     BenchError, Data, Device, Dictionary, Frame, Instant, Mux, NmtState, Outbox, Value, ValueError,
@@ -243,6 +243,10 @@ impl Device for Node {
 
     fn bench_names(&self) -> Vec<String> {
         std::iter::once(POWER.to_owned()).chain(self.services.bench_names()).collect()
+    }
+
+    fn bench_needs(&self) -> Needs {
+        self.services.bench_needs()
     }
 
     fn stimulate(

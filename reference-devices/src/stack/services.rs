@@ -4,6 +4,7 @@ mod access;
 
 use std::cell::Cell;
 
+use canopen::bench::Needs;
 use canopen::eds::Eds;
 use canopen::pdo::Unpacker;
 use canopen::sync::Sync;
@@ -307,6 +308,11 @@ impl Services {
     /// The physical side of the application.
     pub(crate) fn bench_names(&self) -> Vec<String> {
         self.behaviour.bench_names()
+    }
+
+    /// How it must be set up for stimuli to reach it.
+    pub(crate) fn bench_needs(&self) -> Needs {
+        self.behaviour.bench_needs()
     }
 
     /// Something changes outside.

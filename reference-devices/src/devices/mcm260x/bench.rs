@@ -149,7 +149,7 @@ pub(super) const STEPS: &str = "encoder-steps-";
 pub(super) const FREQUENCIES: &str = "encoder-frequency-";
 pub(super) const INDICES: &str = "encoder-index-";
 pub(super) const LINES: &str = "encoder-lines-";
-/// In millivolts, for the inputs that are 0 to 10 V.
+/// In millivolts, which are the digits of an input for 0 to 10 V.
 pub(super) const FIELDS: &str = "analogue-input-";
 pub(super) const VOLTAGES: &str = "input-voltage-";
 pub(super) const CURRENTS: &str = "input-current-";

@@ -167,7 +167,7 @@ const fn without(item: Item) -> i64 {
     match item {
         Item::BitRate => DEFAULT_BIT_RATE,
         // The analogue inputs of the small models are 0 to 10 V and nothing else.
-        Item::SensorType => 17,
+        Item::SensorType => TEN_VOLTS,
         Item::Frequency => SMALL_FREQUENCY,
         Item::MaximumDifference => i64::MAX,
         Item::ErrorMode | Item::Filter => 1,
@@ -181,6 +181,10 @@ pub(super) const PARAMETERS: u16 = 0x3000;
 pub(super) const COUNTS: u16 = 0x3001;
 /// The code of 1 Mbit/s, which stands for the bus that the module was made ready for.
 pub(super) const DEFAULT_BIT_RATE: i64 = 6;
+/// The code of an input for 0 to 10 V.
+pub(super) const TEN_VOLTS: i64 = 17;
+/// The code of the highest frequency that can be chosen.
+pub(super) const FASTEST: i64 = 13;
 /// A code beyond those of the parameter: how fast the small models sample, which the manual leaves
 /// open.
 pub(super) const SMALL_FREQUENCY: i64 = 14;

@@ -1,6 +1,6 @@
 //! From what is at the terminals of an analogue input to digits (manual, chapters 6 to 8).
 
-use super::parameters::{Item, Parameters};
+use super::parameters::{Item, Parameters, TEN_VOLTS};
 use super::rules::Mcm260xRules;
 use crate::devices::pixsys::SENSOR_RANGES;
 
@@ -137,7 +137,7 @@ fn linear(connected: Connected, sensor: i64, kilohms: f64) -> Seen {
     let (low, high, seen) = match sensor {
         15 => (0.0, 1000.0, connected.millivolts),
         16 => (0.0, 5000.0, connected.millivolts),
-        17 => (0.0, 10_000.0, connected.millivolts),
+        TEN_VOLTS => (0.0, 10_000.0, connected.millivolts),
         18 => (0.0, 20_000.0, connected.microamperes),
         19 => (4000.0, 20_000.0, connected.microamperes),
         20 => (0.0, 60.0, connected.millivolts),

@@ -1,12 +1,13 @@
 //! The terminals, LEDs and the display of a module by their names.
 
+use canopen::bench::Needs;
 use canopen::{BenchError, Dictionary, Instant, Mux, Value};
 
 use crate::stack::Behaviour;
 
 use super::bench;
 use super::indicators;
-use super::parameters::{Item, Table};
+use super::parameters::{FASTEST, Item, TEN_VOLTS, Table};
 use super::{FLAGS, Mcm260x};
 
 impl Mcm260x {
@@ -17,6 +18,27 @@ impl Mcm260x {
             .into_iter()
             .flat_map(|(name, count)| (1..=count).map(move |number| format!("{name}{number}")));
         numbered.chain(self.single().map(str::to_owned)).collect()
+    }
+
+    /// An input for many sensors is delivered disabled: it has digits that are millivolts, and shows
+    /// each of them at once, when it is set up like this.
+    pub(super) fn needs(&self) -> Needs {
+        let inputs = if self.is_universal() { self.inputs.len() } else { 0 };
+        let setup = [
+            (Item::SensorType, TEN_VOLTS),
+            (Item::LowerLimit, 0),
+            (Item::UpperLimit, 10_000),
+            (Item::Filter, 1),
+            (Item::Frequency, FASTEST),
+            (Item::MaximumDifference, i64::from(i16::MAX)),
+        ];
+        let of_input = |place| {
+            let objects = setup
+                .iter()
+                .filter_map(|(item, value)| Some((self.table.address(*item, place)?, *value)));
+            (format!("{}{}", bench::FIELDS, place + 1), objects.collect())
+        };
+        (0..inputs).map(of_input).collect()
     }
 
     /// Whether this module has something of that name.
@@ -39,7 +61,7 @@ impl Mcm260x {
             (bench::DIGITAL_INPUTS, counts.digital_inputs),
             (bench::DIGITAL_OUTPUTS, counts.digital_outputs),
             (bench::GROUPS, self.groups()),
-            (bench::FIELDS, counts.analogue_inputs - universal),
+            (bench::FIELDS, counts.analogue_inputs),
             (bench::VOLTAGES, counts.analogue_inputs),
             (bench::CURRENTS, universal),
             (bench::TEMPERATURES, universal),
