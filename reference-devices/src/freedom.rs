@@ -11,7 +11,7 @@ use canopen::source::{Complaint, Source, read_yaml};
 use crate::change::{Deviation, Origin};
 use crate::devices::{ReferenceDevice, WITH_EVERYTHING};
 
-pub use data::{Freedom, FreedomFile, Personality, PersonalityFile};
+pub use data::{Freedom, FreedomFile, On, Personality, PersonalityFile};
 
 /// Freedoms of the stack, which any device can use, by document.
 const COMMON: &[(&str, &str)] = &[
@@ -77,12 +77,10 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Freedom>, Vec<Complaint>> {
             if freedom.changes.is_empty() {
                 complaints.push(freedom.complain(&["changes"], "a freedom without a change"));
             }
-            if let Some(on) = freedom.on.as_ref()
-                && !freedom.shared
-                && device.relatives().all(|name| name != *on)
-            {
-                let names: Vec<String> = device.relatives().collect();
-                let meant = did_you_mean(on, names.iter().map(String::as_str));
+            let relatives: Vec<String> = device.relatives().collect();
+            let stranger = |name: &&String| !freedom.shared && !relatives.contains(name);
+            for on in freedom.on.names().iter().filter(stranger) {
+                let meant = did_you_mean(on, relatives.iter().map(String::as_str));
                 let message = format!("`{on}` is not a variant of {family}{meant}");
                 complaints.push(freedom.complain(&["on"], message));
             }
@@ -100,8 +98,12 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Freedom>, Vec<Complaint>> {
         }
     }
     freedoms.retain(|freedom| {
+        let own = &device.description.device;
         let home = if freedom.shared { WITH_EVERYTHING } else { &device.first };
-        freedom.on.as_deref().unwrap_or(home) == device.description.device
+        match freedom.on.names() {
+            [] => home == own,
+            names => names.contains(own),
+        }
     });
     if complaints.is_empty() { Ok(freedoms) } else { Err(complaints) }
 }

@@ -26,10 +26,10 @@ pub struct Freedom {
     pub allowed_by: Vec<String>,
     /// Why a vendor builds a device so, one sentence.
     pub why: String,
-    /// The device or variant on which it is tried. Unless given, a freedom of a device is tried on
-    /// that device, and one that any device can use on the generic device.
+    /// The device or variant on which it is tried, or a list of them. Unless given, a freedom of a
+    /// device is tried on that device, and one that any device can use on the generic device.
     #[serde(default)]
-    pub on: Option<String>,
+    pub on: On,
     /// Freedoms that no device can use together with this one.
     #[serde(default)]
     pub excludes: Vec<String>,
@@ -41,6 +41,32 @@ pub struct Freedom {
     /// Where it stands.
     #[serde(skip)]
     pub(super) origin: Origin,
+}
+
+/// Devices and variants, one or a list.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(untagged)]
+pub enum On {
+    /// This one.
+    One(String),
+    /// Each of these; none stands for the device itself.
+    Each(Vec<String>),
+}
+
+impl Default for On {
+    fn default() -> Self {
+        Self::Each(Vec::new())
+    }
+}
+
+impl On {
+    /// The names.
+    pub fn names(&self) -> &[String] {
+        match self {
+            Self::One(name) => std::slice::from_ref(name),
+            Self::Each(names) => names,
+        }
+    }
 }
 
 /// The file of the personalities.
