@@ -14,7 +14,9 @@ use std::sync::{Arc, LazyLock};
 use canopen::Mux;
 use canopen::catalogue::Catalogue;
 use canopen::nearest::did_you_mean;
-use canopen::source::{At, Complaint, Source};
+use canopen::source::{At, Complaint, Source, read_yaml};
+use serde::Deserialize;
+use serde::de::IgnoredAny;
 
 use crate::describe::{Description, Family, Known, VariantFiles};
 use crate::rules::Rules;
@@ -164,7 +166,31 @@ impl DeviceFiles {
                 Complaint::at(&self.device, last.place, message)
             }));
         }
+        complaints.extend(self.unused_parts());
         complaints
+    }
+
+    /// The parts that no variant names. Where a variant or a part cannot be read, that is told
+    /// already.
+    fn unused_parts(&self) -> Vec<Complaint> {
+        /// What names parts.
+        #[derive(Deserialize)]
+        struct Parts {
+            #[serde(default)]
+            parts: Vec<String>,
+        }
+        let named = self.variants.iter().map(|(_, source)| read_yaml::<Parts>(source));
+        let Ok(named) = named.collect::<Result<Vec<_>, _>>() else { return Vec::new() };
+        let unused = self.parts.iter().filter(|(name, _)| {
+            let mut all = named.iter().flat_map(|variant| &variant.parts);
+            all.all(|used| used != name)
+        });
+        let complaints = unused.filter_map(|(name, source)| {
+            let whole = read_yaml::<At<IgnoredAny>>(source).ok()?;
+            let message = format!("no variant names the part `{name}`");
+            Some(Complaint::at(source, whole.place, message))
+        });
+        complaints.collect()
     }
 }
 
