@@ -34,6 +34,7 @@ use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, earlier};
 use super::pixsys::PixsysIo;
 use bench::Surroundings;
 use encoder::{Encoder, Setup, TENTH};
+use flags::Faults;
 use indicators::{BLINK_MEDIUM, Led, Pattern, Phase, STEADY_OFF, STEADY_ON};
 use parameters::{COUNTS, Item, Parameters, Table};
 use rules::{Manual, Mcm260xRules};
@@ -66,6 +67,10 @@ pub(crate) struct Mcm260x {
     run_led: Led,
     com_led: Led,
     input_leds: Vec<Led>,
+    /// The analogue inputs out of range.
+    faults: Vec<Faults>,
+    /// Whether it has said what there is to say at power-on.
+    announced: bool,
     /// When the objects were shown last.
     now: Instant,
     /// Something happened since the last run.
@@ -126,6 +131,8 @@ impl Mcm260x {
             run_led: Led::default(),
             com_led: Led::default(),
             input_leds: vec![Led::default(); inputs],
+            faults: vec![Faults::default(); inputs],
+            announced: false,
             now: Instant::ZERO,
             changed: true,
         }
@@ -281,6 +288,8 @@ impl Behaviour for Mcm260x {
 
     fn supply_lost(&mut self) {
         self.powered = false;
+        self.announced = false;
+        self.faults.fill(Faults::default());
         self.io.supply_lost();
         let leds = [&mut self.run_led, &mut self.com_led].into_iter().chain(&mut self.input_leds);
         leds.for_each(|led| *led = Led::default());
@@ -306,7 +315,7 @@ impl Behaviour for Mcm260x {
         match *bytes {
             // The range needs sixteen bits without a sign, which the parameters do not have.
             [low, high] if self.refuses(mux, u16::from_le_bytes([low, high]), od) => {
-                Err(Abort::VALUE)
+                Err(self.rules.refusal())
             }
             _ => Ok(()),
         }
@@ -321,6 +330,9 @@ impl Behaviour for Mcm260x {
             self.chosen = None;
         }
         self.count(now, od);
+        if mux.index == RESTORE && self.rules.load_clears() {
+            (4..=14).for_each(|sub| od.set_int(Mux::new(INTERFACE.index, sub), 0));
+        }
         self.mirror(mux, od);
         self.set_up(od);
         self.load_at_once(mux, od);
@@ -356,6 +368,7 @@ impl Behaviour for Mcm260x {
             self.show(now, od);
         }
         self.work_with_modbus(now, od);
+        self.announce(errors);
         if self.sample(now, od) {
             self.show_errors(od, errors);
         }
@@ -411,6 +424,8 @@ impl Behaviour for Mcm260x {
 /// How long the COM LED shows that something was heard.
 const HEARD: Duration = Duration::from_millis(100);
 
+/// Restore default parameters.
+const RESTORE: u16 = 0x1011;
 /// Communication interface.
 const INTERFACE: Mux = Mux::new(0x3000, 1);
 /// Modbus offline time.

@@ -166,6 +166,9 @@ deviations! {
     "heartbeat-consumer-time-doubled" {
         fn heartbeat_consumer_time(&self, configured: Duration) -> Duration { configured * 2 }
     }
+    "heartbeat-consumer-time-quartered" {
+        fn heartbeat_consumer_time(&self, configured: Duration) -> Duration { configured / 4 }
+    }
     "heartbeat-of-any-state" {
         fn is_heartbeat(&self, _state: NmtState) -> bool { true }
     }
@@ -193,6 +196,11 @@ deviations! {
     "life-time-factor-0-is-1" {
         fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
             guard_time * u32::from(factor.max(1))
+        }
+    }
+    "life-time-quartered" {
+        fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
+            guard_time * u32::from(factor) / 4
         }
     }
     "life-time-factor-ignored" {

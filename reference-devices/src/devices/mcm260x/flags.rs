@@ -6,17 +6,41 @@ use super::parameters::Item;
 use super::{FLAGS, Mcm260x};
 use crate::stack::Errors;
 
+/// How often something was wrong, and whether it is.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Faults {
+    now: bool,
+    times: u32,
+}
+
+impl Faults {
+    fn follow(&mut self, now: bool) {
+        self.times += u32::from(now && !self.now);
+        self.now = now;
+    }
+}
+
 impl Mcm260x {
+    /// Says what there is to say at power-on.
+    pub(super) fn announce(&mut self, errors: &mut Errors) {
+        if let Some(told) = self.rules.announcement().filter(|_| !self.announced) {
+            errors.raise(ANNOUNCEMENT, told.code, told.register, told.vendor);
+        }
+        self.announced = true;
+    }
+
     /// Errors and what shows them.
-    pub(super) fn show_errors(&self, od: &mut Dictionary, errors: &mut Errors) {
+    pub(super) fn show_errors(&mut self, od: &mut Dictionary, errors: &mut Errors) {
         let mut flags = 0;
-        for (place, input) in self.inputs.iter().enumerate() {
-            if !input.is_out_of_range() {
+        for (place, (input, faults)) in self.inputs.iter().zip(&mut self.faults).enumerate() {
+            faults.follow(input.is_out_of_range());
+            if !faults.now {
                 errors.clear(OUT_OF_RANGE + place as u16);
                 continue;
             }
             flags |= self.rules.channel_flag(place);
-            if let Some(told) = self.rules.diagnosis(place) {
+            let reports = self.rules.reports(faults.times);
+            if let Some(told) = self.rules.diagnosis(place).filter(|_| reports) {
                 errors.raise(OUT_OF_RANGE + place as u16, told.code, told.register, told.vendor);
             }
         }
@@ -56,3 +80,5 @@ const OUT_OF_BOUNDS: i64 = 1 << 7;
 const LOW_SUPPLY: i64 = 1 << 11;
 /// The errors of the analogue inputs are numbered from here on.
 const OUT_OF_RANGE: u16 = 12;
+/// The number of what is said at power-on.
+const ANNOUNCEMENT: u16 = 1;

@@ -3,7 +3,7 @@
 mod deviations;
 
 use canopen::emcy::EmcyCode;
-use canopen::{Instant, Mux, NmtState};
+use canopen::{Abort, Instant, Mux, NmtState};
 
 use super::encoder;
 use super::indicators::Phase;
@@ -146,6 +146,26 @@ pub(crate) trait Mcm260xRules: Send {
         let (channel, number) = (place as u8 + 1, place as u8 + 13);
         let vendor = [0x00, 0x07, 0x00, 0x80 | channel, number];
         Some(Diagnosis { code: EmcyCode(0xFF00), register: 0x81, vendor })
+    }
+
+    /// An input that is out of range for the `times`-th time since power-on is reported again (11.9).
+    fn reports(&self, _times: u32) -> bool {
+        true
+    }
+
+    /// Nothing is reported at power-on with the settings of delivery (11.9 has no code for it).
+    fn announcement(&self) -> Option<Diagnosis> {
+        None
+    }
+
+    /// A value that a parameter does not list is refused as such (11.3.1).
+    fn refusal(&self) -> Abort {
+        Abort::VALUE
+    }
+
+    /// "load" leaves the parameters as they are until the next reset (11.2.13).
+    fn load_clears(&self) -> bool {
+        false
     }
 
     /// A supply below 12 V less 15 % is too low (3.2, 11.3.8).

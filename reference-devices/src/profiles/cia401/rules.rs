@@ -270,6 +270,31 @@ const DEVIATIONS: &[(&str, Deviation)] = &[
             _ => configured,
         }),
     ),
+    (
+        "limits-one-early",
+        Deviation::Settings(|setting, configured| match setting {
+            Setting::UpperLimit => configured.saturating_sub(1),
+            Setting::LowerLimit => configured.saturating_add(1),
+            _ => configured,
+        }),
+    ),
+    (
+        "limits-two-late",
+        Deviation::Settings(|setting, configured| match setting {
+            Setting::UpperLimit => configured.saturating_add(2),
+            Setting::LowerLimit => configured.saturating_sub(2),
+            _ => configured,
+        }),
+    ),
+    (
+        "deltas-one-longer",
+        Deviation::Settings(|setting, configured| match setting {
+            Setting::Delta | Setting::NegativeDelta | Setting::PositiveDelta => {
+                configured.saturating_add(1)
+            }
+            _ => configured,
+        }),
+    ),
     ("interrupt-source-never-cleared", Deviation::SourceStays),
     ("outputs-keep-their-error-value", Deviation::KeepsErrorValue),
 ];

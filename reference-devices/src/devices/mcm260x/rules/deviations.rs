@@ -1,7 +1,7 @@
 //! The modules that take one decision otherwise.
 
 use canopen::emcy::EmcyCode;
-use canopen::{Instant, Mux, NmtState};
+use canopen::{Abort, Instant, Mux, NmtState};
 
 use super::super::encoder;
 use super::super::indicators::Phase;
@@ -582,6 +582,32 @@ const DEVIATIONS: &[Deviation<dyn Mcm260xRules>] = deviating! { Mcm260xRules;
         fn diagnosis(&self, place: usize) -> Option<Diagnosis> {
             Manual.diagnosis(place).map(|told| Diagnosis { register: 1, ..told })
         }
+    }
+    "diagnosis-once" {
+        fn reports(&self, times: u32) -> bool { times == 1 }
+    }
+    "diagnosis-of-the-first-input-only" {
+        fn diagnosis(&self, place: usize) -> Option<Diagnosis> {
+            if place == 0 { Manual.diagnosis(0) } else { None }
+        }
+    }
+    "generic-error-at-power-on" {
+        fn announcement(&self) -> Option<Diagnosis> {
+            Some(Diagnosis { code: EmcyCode(0x1000), register: 0x01, vendor: [0; 5] })
+        }
+    }
+    "wrong-value-refused-as-read-only" {
+        fn refusal(&self) -> Abort { Abort::READ_ONLY }
+    }
+    "load-clears-the-parameters" {
+        fn load_clears(&self) -> bool { true }
+    }
+    "z-clears-the-count-in-every-setup" {
+        fn sees_index(&self, _mode: i64) -> bool { true }
+        fn count_at_index(&self, _count: i32) -> i32 { 0 }
+    }
+    "output-led-always-lit" {
+        fn output_led(&self, _active: bool) -> bool { true }
     }
     "diagnosis-of-the-first" {
         fn diagnosis(&self, _place: usize) -> Option<Diagnosis> { Manual.diagnosis(0) }
