@@ -1,6 +1,7 @@
 //! The reference devices, each put together from its data, its behaviour and the stack.
 
 mod applications;
+mod ax021211;
 mod deviating;
 mod drr460;
 pub mod em66;
@@ -8,6 +9,7 @@ mod generic;
 mod master;
 pub mod mcm260x;
 mod pixsys;
+mod terminal;
 
 use std::sync::{Arc, LazyLock};
 

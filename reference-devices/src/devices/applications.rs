@@ -4,6 +4,7 @@ use crate::describe::Description;
 use crate::profiles::cia401::{self, Cia401, IoBlock};
 use crate::stack::{Behaviour, Inert};
 
+use super::ax021211::Ax021211;
 use super::drr460::Drr460;
 use super::em66::Em66;
 use super::generic::Generic;
@@ -47,6 +48,12 @@ const APPLICATIONS: &[Application] = &[
             Some(Box::new(IoBlock::new(&device.eds, rules)))
         },
         deviations: || cia401::names().collect(),
+    },
+    Application {
+        name: "ax021211",
+        build: |device| Box::new(Ax021211::new(&device.eds)),
+        deviating: |device, name| Some(Box::new(Ax021211::deviating(&device.eds, name)?)),
+        deviations: || Ax021211::deviations().collect(),
     },
     Application {
         name: "drr460",

@@ -57,6 +57,16 @@ impl Errors {
         self.end(None, error);
     }
 
+    /// Whether the application's error `error` is present.
+    pub(crate) fn has(&self, error: u16) -> bool {
+        self.is_active(None, error)
+    }
+
+    /// Whether an error of the communication is present.
+    pub(crate) fn has_fault(&self, kind: FaultKind, subject: u16) -> bool {
+        self.is_active(Some(kind), subject)
+    }
+
     /// The error register of what is present (CiA 301, 7.5.2.2).
     pub(crate) fn register(&self) -> u8 {
         self.active.iter().fold(0, |bits, active| bits | active.register)

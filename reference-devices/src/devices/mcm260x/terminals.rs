@@ -3,6 +3,7 @@
 use canopen::bench::Needs;
 use canopen::{BenchError, Dictionary, Instant, Mux, Value};
 
+use crate::devices::terminal;
 use crate::stack::Behaviour;
 
 use super::bench;
@@ -43,7 +44,7 @@ impl Mcm260x {
 
     /// Whether this module has something of that name.
     pub(super) fn offers(&self, name: &str) -> bool {
-        match bench::split(name) {
+        match terminal::split(name) {
             Some((prefix, place)) => {
                 self.numbered().iter().any(|(known, count)| *known == prefix && place < *count)
             }
@@ -101,7 +102,7 @@ impl Mcm260x {
         if !self.offers(name) {
             return Err(BenchError::unknown(name));
         }
-        let (prefix, place) = bench::split(name).unwrap_or((name, 0));
+        let (prefix, place) = terminal::split(name).unwrap_or((name, 0));
         match prefix {
             bench::DIGITAL_INPUTS => return self.io.stimulate(now, name, value, od),
             bench::STEPS | bench::FREQUENCIES | bench::INDICES | bench::LINES => {
@@ -139,7 +140,7 @@ impl Mcm260x {
     /// What is to be seen: of a stimulus what was set, of a terminal or an LED what is there.
     pub(super) fn see(&self, name: &str, od: &Dictionary) -> Option<Value> {
         let int = |number: i64| Some(Value::Int(number.into()));
-        let (prefix, place) = bench::split(name).unwrap_or((name, 0));
+        let (prefix, place) = terminal::split(name).unwrap_or((name, 0));
         match prefix {
             bench::DIGITAL_INPUTS => self.io.observe(name, od),
             bench::DIGITAL_OUTPUTS => int(self.driven(place)),
@@ -185,7 +186,7 @@ impl Mcm260x {
 
     /// Moves the shaft of an encoder. What it was until now has been counted.
     fn turn(&mut self, now: Instant, name: &str, value: &Value) -> Result<(), BenchError> {
-        let (prefix, place) = bench::split(name).ok_or_else(|| BenchError::unknown(name))?;
+        let (prefix, place) = terminal::split(name).ok_or_else(|| BenchError::unknown(name))?;
         let unknown = || BenchError::unknown(name);
         let encoder = self.encoders.get_mut(place).ok_or_else(unknown)?;
         let setup = self.setups.get(place).ok_or_else(unknown)?;
@@ -202,11 +203,12 @@ impl Mcm260x {
                 encoder.follow(now, setup, &*self.rules);
             }
             bench::FREQUENCIES => {
-                let lines = bench::number(name, value, (-100_000.0, 100_000.0), "lines a second")?;
+                let lines =
+                    terminal::number(name, value, (-100_000.0, 100_000.0), "lines a second")?;
                 encoder.motion.turn_at(now, (lines * 1000.0).round() as i64);
             }
             bench::INDICES => {
-                let level = bench::flag(name, value)?;
+                let level = terminal::flag(name, value)?;
                 let rises = level && !encoder.motion.index_level;
                 encoder.motion.index_level = level;
                 if rises && encoder.motion.turn == 0 {

@@ -1,0 +1,284 @@
+//! What the ten-output valve controller AX021211 does (UMAX021211, chapters 1 and 2): function
+//! blocks that the user connects with each other, and ten outputs.
+//!
+//! A control cycle takes 1 ms. It evaluates every block once, each after those that it takes
+//! signals from; in a circle the last cycle counts. While nothing moves there is no cycle: the next
+//! one comes with a change from outside, or when a delay, a loop or a profile is due. What comes
+//! from outside is evaluated at once, as a part of the cycle that is going on.
+//!
+//! Pulses and dither are values, so they cost no event.
+
+mod bench;
+mod defaults;
+mod detect;
+mod diagnosis;
+mod digital;
+mod graph;
+mod limits;
+mod load;
+mod logic;
+mod math;
+mod network;
+mod objects;
+mod output;
+mod pid;
+mod ramp;
+mod rules;
+mod signal;
+mod table;
+
+use std::time::Duration;
+
+use canopen::eds::Eds;
+use canopen::{Abort, BenchError, Dictionary, Instant, Mux, Value};
+
+use crate::stack::{Behaviour, Errors};
+
+use bench::Sight;
+use load::Load;
+use network::{Network, OUTPUTS, Outside};
+use objects::{
+    AUTOMATIC_UPDATES, DITHER_FREQUENCY, OUTPUT_FREQUENCY, OUTPUT_TYPE, PROCESS_VALUE, Parameters,
+    RECEIVED, RECEIVED_STATUS, SUPPLY, TEMPERATURE, show, show_real, table, table_of,
+};
+use output::Kind;
+use rules::{Ax021211Rules, Manual};
+
+/// The application of the controller.
+pub(super) struct Ax021211 {
+    rules: Box<dyn Ax021211Rules>,
+    network: Network,
+    outside: Outside,
+    powered: bool,
+    /// The type of each output before the write that is going on.
+    kinds: [i64; OUTPUTS],
+    /// When the device started; cycles count from here.
+    start: Instant,
+    last: Instant,
+    /// When the next cycle is due; `None` while nothing moves.
+    next: Option<Instant>,
+    /// Something came from outside since the last evaluation.
+    touched: bool,
+}
+
+impl Ax021211 {
+    /// A controller that keeps to its manual.
+    pub(super) fn new(eds: &Eds) -> Self {
+        Self::with(eds, Box::new(Manual))
+    }
+
+    /// The controller that takes the decision of that name otherwise; `None` when there is none.
+    pub(super) fn deviating(eds: &Eds, name: &str) -> Option<Self> {
+        Some(Self::with(eds, rules::named(name)?))
+    }
+
+    /// The names that [`deviating`](Self::deviating) knows.
+    pub(super) fn deviations() -> impl Iterator<Item = &'static str> {
+        rules::names()
+    }
+
+    fn with(eds: &Eds, rules: Box<dyn Ax021211Rules>) -> Self {
+        let od = Dictionary::new(eds, 1).expect("a data sheet that was checked");
+        Self {
+            network: Network::new(Parameters { od: &od, rules: &*rules }),
+            rules,
+            outside: Outside {
+                loads: [Load::default(); OUTPUTS],
+                supply: 24.0,
+                temperature: 25.0,
+                timed_out: [false; 24],
+            },
+            powered: true,
+            kinds: [0; OUTPUTS],
+            start: Instant::ZERO,
+            last: Instant::ZERO,
+            next: None,
+            touched: true,
+        }
+    }
+
+    /// Evaluates the blocks within a cycle, because something came from outside.
+    fn touch(&mut self, now: Instant) {
+        self.network.evaluate(now, Duration::ZERO, &self.outside, &*self.rules);
+        if self.next.is_none_or(|next| next > now + CYCLE) {
+            self.last = now;
+            self.next = Some(self.cycle_after(now));
+        }
+    }
+
+    /// A control cycle.
+    fn cycle(&mut self, now: Instant) {
+        let elapsed = now.since(self.last).min(CYCLE);
+        self.network.evaluate(now, elapsed, &self.outside, &*self.rules);
+        self.last = now;
+        let due = match self.network.finish() {
+            true => Some(now),
+            false => self.network.due(now),
+        };
+        self.next = due.map(|due| {
+            // A delay that ends between two cycles is seen by the second one.
+            let just_before = Instant(due.0.saturating_sub(1));
+            self.cycle_after(just_before.max(now))
+        });
+    }
+
+    /// The first cycle after a time.
+    fn cycle_after(&self, time: Instant) -> Instant {
+        let cycles = time.since(self.start).as_nanos() / CYCLE.as_nanos() + 1;
+        self.start + Duration::from_nanos((cycles * CYCLE.as_nanos()) as u64)
+    }
+
+    /// What one write brings with it in other objects; the address of what changed last.
+    fn follow_up(&mut self, mux: Mux, od: &mut Dictionary) {
+        let place = usize::from(mux.sub).wrapping_sub(1);
+        match mux.index {
+            OUTPUT_TYPE if place < OUTPUTS => self.change_type(mux, od),
+            OUTPUT_FREQUENCY if place < OUTPUTS => self.share_frequency(mux, od),
+            RECEIVED => {
+                let status = Mux::new(RECEIVED_STATUS, mux.sub);
+                let (value, present) = (od.int(mux).unwrap_or(0), od.int(status).unwrap_or(0));
+                if self.rules.takes_received(present) {
+                    od.set_int(Mux::new(PROCESS_VALUE, mux.sub), value);
+                    od.set_int(status, self.rules.status_after_copy());
+                }
+            }
+            index => {
+                // A time response begins at 0 for 0 ms, and has no digits (1.5.4).
+                if let Some((place, 5)) = table_of(index)
+                    && mux.sub == 1
+                    && od.int(mux) == Some(1)
+                {
+                    for (item, sub) in [(3, 0), (6, 1), (7, 1)] {
+                        od.set_int(Mux::new(table(place, item), sub), 0);
+                    }
+                }
+            }
+        }
+    }
+
+    /// 6310h (1.3, 1.8).
+    fn change_type(&mut self, mux: Mux, od: &mut Dictionary) {
+        let code = od.int(mux).unwrap_or(0);
+        let known = &mut self.kinds[usize::from(mux.sub) - 1];
+        if std::mem::replace(known, code) == code {
+            return;
+        }
+        let enabled = od.int(AUTOMATIC_UPDATES).is_some_and(|enabled| enabled != 0);
+        if let Some(kind) = Kind::of(code)
+            && self.rules.updates(enabled)
+        {
+            defaults::update(mux.sub, kind, od);
+        }
+    }
+
+    /// 2380h: the outputs of a bank share a timer (1.3).
+    fn share_frequency(&self, mux: Mux, od: &mut Dictionary) {
+        let value = od.int(mux).unwrap_or(0);
+        let bank = self.rules.bank(usize::from(mux.sub) - 1);
+        for place in (0..OUTPUTS).filter(|place| self.rules.bank(*place) == bank) {
+            show(od, Mux::new(OUTPUT_FREQUENCY, place as u8 + 1), value);
+        }
+    }
+
+    /// The frequencies of the pulses and of the dithers in hertz.
+    fn frequencies(&self, od: &Dictionary) -> ([i64; OUTPUTS], [i64; OUTPUTS]) {
+        let parameters = Parameters { od, rules: &*self.rules };
+        let pulses = std::array::from_fn(|place| {
+            let kind = self.network.output(place).kind;
+            if matches!(kind, Kind::Disabled | Kind::OnOff) {
+                return 0;
+            }
+            let bank = self.rules.bank(place);
+            let mut others = (0..OUTPUTS).filter(|other| self.rules.bank(*other) == bank);
+            let has_loop = others.any(|other| self.network.output(other).kind.is_current());
+            self.rules.frequency(parameters.int(OUTPUT_FREQUENCY, place), has_loop)
+        });
+        let dithers = std::array::from_fn(|place| {
+            parameters.int(DITHER_FREQUENCY, self.rules.dither_bank(place))
+        });
+        (pulses, dithers)
+    }
+}
+
+impl Behaviour for Ax021211 {
+    fn reset(&mut self, now: Instant, od: &mut Dictionary) {
+        self.powered = true;
+        self.outside.timed_out = [false; 24];
+        self.network = Network::new(Parameters { od, rules: &*self.rules });
+        for place in 0..OUTPUTS {
+            self.kinds[place] = od.int(Mux::new(OUTPUT_TYPE, place as u8 + 1)).unwrap_or(0);
+        }
+        (self.start, self.last, self.next) = (now, now, None);
+        self.touched = true;
+    }
+
+    fn supply_lost(&mut self) {
+        self.powered = false;
+        self.next = None;
+    }
+
+    fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {
+        limits::check(mux, bytes, od, &self.network)
+    }
+
+    fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
+        self.touched = true;
+        self.follow_up(mux, od);
+        let parameters = Parameters { od, rules: &*self.rules };
+        self.network.written(mux, parameters);
+        if mux.index == RECEIVED {
+            self.network.written(Mux::new(PROCESS_VALUE, mux.sub), parameters);
+        }
+    }
+
+    fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
+        let timed_out = diagnosis::timed_out(errors, od);
+        self.touched |= std::mem::replace(&mut self.outside.timed_out, timed_out) != timed_out;
+        while let Some(due) = self.next.filter(|due| *due <= now) {
+            self.cycle(due);
+        }
+        if std::mem::take(&mut self.touched) {
+            self.touch(now);
+            show_real(od, SUPPLY, self.outside.supply);
+            show_real(od, TEMPERATURE, self.outside.temperature);
+        }
+        self.network.show(od);
+        diagnosis::report(&self.network, self.outside.supply, errors, &*self.rules);
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        self.next
+    }
+
+    fn bench_names(&self) -> Vec<String> {
+        bench::names()
+    }
+
+    fn stimulate(
+        &mut self,
+        _now: Instant,
+        name: &str,
+        value: &Value,
+        _od: &mut Dictionary,
+    ) -> Result<(), BenchError> {
+        self.touched = true;
+        bench::set(&mut self.outside, name, value)
+    }
+
+    fn observe(&self, name: &str, od: &Dictionary) -> Option<Value> {
+        let (pulses, dithers) = self.frequencies(od);
+        let (outside, network, rules) = (&self.outside, &self.network, &*self.rules);
+        Sight { outside, network, rules, pulses, dithers, powered: self.powered }.observe(name)
+    }
+
+    /// TPDOs are driven by time (2.2.15).
+    fn triggers(&mut self, _mux: Mux, _last: &[u8], _od: &Dictionary) -> bool {
+        false
+    }
+}
+
+/// The time from one evaluation of the blocks to the next.
+const CYCLE: Duration = Duration::from_millis(1);
+
+#[cfg(test)]
+mod tests;

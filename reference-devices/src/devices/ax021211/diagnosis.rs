@@ -1,0 +1,68 @@
+//! Errors of the controller and the messages about them (2.2.4, 2.2.14).
+
+use canopen::emcy::EmcyCode;
+use canopen::{Dictionary, Mux};
+
+use super::network::{Network, OUTPUTS};
+use super::objects::{EXTRA, PROCESS_VALUE, RECEIVED, WRITE_STATES};
+use super::rules::Ax021211Rules;
+use crate::stack::{Errors, FaultKind};
+
+/// Raises and ends the errors of outputs and supply (table 22).
+pub(super) fn report(
+    network: &Network,
+    supply: f64,
+    errors: &mut Errors,
+    rules: &dyn Ax021211Rules,
+) {
+    for place in 0..OUTPUTS {
+        let error = place as u16 + 1;
+        if !network.has_fault(place) {
+            errors.clear(error);
+        } else if !errors.has(error) {
+            errors.raise(error, OUTPUT_OVERLOAD, GENERIC, [rules.channel(place), 0x10, 0, 0, 0]);
+            if let Some(group) = rules.fault_group() {
+                errors.react(group);
+            }
+        }
+    }
+    let (low, high) = rules.supply_errors(supply);
+    for (error, found, description) in [(LOW, low, 0x40), (HIGH, high, 0x20)] {
+        match found {
+            true => errors.raise(error, VOLTAGE, GENERIC, [0, description, 0, 0, 0]),
+            false => errors.clear(error),
+        }
+    }
+}
+
+/// The messages of table 5 that are mapped into an RPDO which has timed out.
+pub(super) fn timed_out(errors: &Errors, od: &Dictionary) -> [bool; 24] {
+    let mut messages = [false; 24];
+    for rpdo in (0..6).filter(|rpdo| errors.has_fault(FaultKind::RpdoTimeout, rpdo + 1)) {
+        let mapping = MAPPINGS + rpdo;
+        let count = od.int(Mux::new(mapping, 0)).unwrap_or(0) as u8;
+        for sub in 1..=count {
+            let mapped = od.int(Mux::new(mapping, sub)).unwrap_or(0);
+            let (index, place) = ((mapped >> 16) as u16, (mapped >> 8 & 0xFF) as usize);
+            match index {
+                PROCESS_VALUE | RECEIVED if (1..=10).contains(&place) => {
+                    messages[place - 1] = true;
+                }
+                EXTRA if (1..=14).contains(&place) => messages[9 + place] = true,
+                _ if index == WRITE_STATES.index => messages[..10].fill(true),
+                _ => {}
+            }
+        }
+    }
+    messages
+}
+
+const OUTPUT_OVERLOAD: EmcyCode = EmcyCode(0xF002);
+const VOLTAGE: EmcyCode = EmcyCode(0x3000);
+/// The one bit of 1001h that the controller uses (2.2.2).
+const GENERIC: u8 = 1;
+/// The application's numbers for the errors of the supply; those of outputs are 1 to 10.
+const LOW: u16 = 11;
+const HIGH: u16 = 12;
+/// RPDO mapping parameters.
+const MAPPINGS: u16 = 0x1600;

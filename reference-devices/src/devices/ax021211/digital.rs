@@ -1,0 +1,193 @@
+//! The digital output (1.2): polarity, delay and hotshot.
+
+use std::time::Duration;
+
+use canopen::Instant;
+
+use super::objects::{
+    DELAY_POLARITY, DELAY_TIME, DIGITAL_FAULT_MODE, DIGITAL_FAULT_STATE, DIGITS_FV, HOLD_CURRENT,
+    HOTSHOT_CURRENT, HOTSHOT_TIME, POLARITIES, Parameters,
+};
+use super::rules::Ax021211Rules;
+
+/// What a digital output is set up for.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct DigitalSettings {
+    /// The drive state is the opposite of the logic state (table 1).
+    inverse: bool,
+    /// A fault leaves the output as it was instead of bringing it to its fault state (table 2).
+    pub(super) keeps_on_fault: bool,
+    pub(super) fault_state: bool,
+    delay: Duration,
+    /// The state that is reached late.
+    delayed_state: bool,
+    /// In milliamperes.
+    hotshot: f64,
+    hold: f64,
+    hotshot_time: Duration,
+}
+
+impl DigitalSettings {
+    pub(super) fn read(od: Parameters<'_>, place: usize) -> Self {
+        let digits = od.byte(DIGITS_FV, place);
+        let bit = od.rules.place(POLARITIES.index, place);
+        Self {
+            inverse: od.int(POLARITIES.index, 0) >> bit & 1 != 0,
+            keeps_on_fault: od.int(DIGITAL_FAULT_MODE, place) == 0,
+            fault_state: od.flag(DIGITAL_FAULT_STATE, place),
+            delay: od.time(DELAY_TIME, place),
+            delayed_state: od.int(DELAY_POLARITY, place) != 0,
+            hotshot: od.scaled(HOTSHOT_CURRENT, place, digits),
+            hold: od.scaled(HOLD_CURRENT, place, digits),
+            hotshot_time: od.time(HOTSHOT_TIME, place),
+        }
+    }
+}
+
+/// A digital output at work.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Digital {
+    /// What the control input, or what takes its place, commands.
+    pub(super) logic: bool,
+    pub(super) drive: bool,
+    /// Since when the control input has commanded a state that is reached late.
+    waiting: Option<Instant>,
+    /// When the hotshot ends.
+    hotshot_end: Option<Instant>,
+    due: Option<Instant>,
+}
+
+impl Digital {
+    /// The control input commands a state.
+    pub(super) fn command(
+        &mut self,
+        now: Instant,
+        on: bool,
+        settings: &DigitalSettings,
+        is_hotshot: bool,
+        rules: &dyn Ax021211Rules,
+    ) {
+        self.logic = on;
+        self.due = None;
+        let wanted = rules.polarity(settings.inverse) != on;
+        let late = !is_hotshot
+            && rules.delays(settings.inverse)
+            && wanted != self.drive
+            && rules.is_delayed_edge(wanted, settings.delayed_state);
+        if !late {
+            self.waiting = None;
+            self.drive = wanted;
+            return;
+        }
+        let due = *self.waiting.get_or_insert(now) + rules.delay(settings.delay);
+        if due <= now {
+            self.waiting = None;
+            self.drive = wanted;
+        } else {
+            self.due = Some(due);
+        }
+    }
+
+    /// Something else than the control input sets the state at which the output drives.
+    pub(super) const fn force(&mut self, on: bool) {
+        self.logic = on;
+        self.drive = on;
+        self.hold();
+    }
+
+    /// The state stays as it is.
+    pub(super) const fn hold(&mut self) {
+        self.waiting = None;
+        self.due = None;
+    }
+
+    /// The current of a hotshot output in milliamperes (figure 3).
+    pub(super) fn current(
+        &mut self,
+        now: Instant,
+        settings: &DigitalSettings,
+        rules: &dyn Ax021211Rules,
+    ) -> f64 {
+        if !self.drive {
+            self.hotshot_end = self.hotshot_end.filter(|_| !rules.hotshot_is_armed_again());
+            return 0.0;
+        }
+        let time = rules.hotshot_time(settings.hotshot_time);
+        let end = *self.hotshot_end.get_or_insert(now + time);
+        let (hotshot, hold) = rules.hotshot_currents(settings.hotshot, settings.hold);
+        if now < end {
+            self.due = Some(end);
+            hotshot
+        } else {
+            hold
+        }
+    }
+
+    /// When time alone changes the output next.
+    pub(super) const fn due(&self) -> Option<Instant> {
+        self.due
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::ax021211::rules::Manual;
+
+    fn at(millis: u64) -> Instant {
+        Instant(millis * 1_000_000)
+    }
+
+    fn drive(settings: &DigitalSettings, commands: &[(u64, bool)]) -> Vec<bool> {
+        let mut digital = Digital::default();
+        let follow = |(millis, on): &(u64, bool)| {
+            digital.command(at(*millis), *on, settings, false, &Manual);
+            digital.drive
+        };
+        commands.iter().map(follow).collect()
+    }
+
+    #[test]
+    fn table_1_turns_the_logic_state_round() {
+        let normal = DigitalSettings { delayed_state: true, ..DigitalSettings::default() };
+        assert_eq!(drive(&normal, &[(0, false), (1, true), (2, false)]), [false, true, false]);
+        let inverse = DigitalSettings { inverse: true, ..normal };
+        assert_eq!(drive(&inverse, &[(0, false), (1, true), (2, false)]), [true, false, true]);
+    }
+
+    #[test]
+    fn an_edge_that_is_delayed_must_last() {
+        let rising = DigitalSettings {
+            delay: Duration::from_millis(100),
+            delayed_state: true,
+            ..DigitalSettings::default()
+        };
+        let commands = [(0, true), (99, true), (100, true), (150, false), (160, true)];
+        assert_eq!(drive(&rising, &commands), [false, false, true, false, false]);
+        let commands = [(0, true), (60, false), (70, true), (169, true), (170, true)];
+        assert_eq!(drive(&rising, &commands), [false, false, false, false, true]);
+        let falling = DigitalSettings { delayed_state: false, ..rising };
+        let commands = [(0, true), (10, false), (109, false), (110, false)];
+        assert_eq!(drive(&falling, &commands), [true, true, true, false]);
+        let inverse = DigitalSettings { inverse: true, ..rising };
+        assert_eq!(drive(&inverse, &[(0, false), (1, true)]), [true, false]);
+    }
+
+    #[test]
+    fn figure_3_drops_from_hotshot_to_hold() {
+        let settings = DigitalSettings {
+            hotshot: 2000.0,
+            hold: 500.0,
+            hotshot_time: Duration::from_millis(1000),
+            ..DigitalSettings::default()
+        };
+        let mut digital = Digital::default();
+        let mut see = |millis, on| {
+            digital.command(at(millis), on, &settings, true, &Manual);
+            digital.current(at(millis), &settings, &Manual)
+        };
+        assert_eq!([see(0, false), see(10, true), see(1009, true)], [0.0, 2000.0, 2000.0]);
+        assert_eq!([see(1010, true), see(5000, true), see(5001, false)], [500.0, 500.0, 0.0]);
+        assert_eq!([see(5002, true), see(6002, true)], [2000.0, 500.0]);
+    }
+}

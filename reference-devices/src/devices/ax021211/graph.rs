@@ -1,0 +1,126 @@
+//! Which block is evaluated when. A block comes after those that it takes signals from. Where
+//! blocks take from each other in a circle, there is no such order: then the one that the walk
+//! through the blocks meets first comes last, and what it takes from blocks that come later is
+//! their signal of the last control cycle.
+
+use super::signal::{COMMANDED, FEEDBACKS, LOGICS, Link, MATHS, PIDS, SIGNALS, SUPPLY, TABLES};
+
+/// A function block, by its place from 0 on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Block {
+    Math(usize),
+    Table(usize),
+    Pid(usize),
+    Logic(usize),
+    Output(usize),
+}
+
+/// The order of evaluation.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Order {
+    pub(super) blocks: Vec<Block>,
+    /// For each signal the turn of the block that it comes from, counted from 1 on; 0 for what
+    /// comes from outside.
+    turns: Vec<usize>,
+}
+
+/// All blocks, in the order in which the walk begins with them.
+pub(super) fn all() -> impl Iterator<Item = Block> {
+    let maths = (0..6).map(Block::Math);
+    let tables = (0..12).map(Block::Table);
+    let pids = (0..4).map(Block::Pid);
+    let logics = (0..4).map(Block::Logic);
+    maths.chain(tables).chain(pids).chain(logics).chain((0..10).map(Block::Output))
+}
+
+impl Block {
+    /// The block that a signal comes from; `None` when it comes from outside.
+    pub(super) fn of(signal: usize) -> Option<Self> {
+        Some(match signal {
+            PIDS..TABLES => Self::Pid(signal - PIDS),
+            TABLES..MATHS => Self::Table(signal - TABLES),
+            MATHS..LOGICS => Self::Math(signal - MATHS),
+            LOGICS..COMMANDED => Self::Logic(signal - LOGICS),
+            COMMANDED..FEEDBACKS => Self::Output(signal - COMMANDED),
+            FEEDBACKS..SUPPLY => Self::Output(signal - FEEDBACKS),
+            _ => return None,
+        })
+    }
+}
+
+impl Order {
+    /// The order for blocks that take what `links` says.
+    pub(super) fn of(links: &dyn Fn(Block) -> Vec<Link>) -> Self {
+        let mut order = Self { blocks: Vec::new(), turns: vec![0; SIGNALS] };
+        let mut met = Vec::new();
+        for block in all() {
+            order.visit(block, links, &mut met);
+        }
+        for signal in 0..SIGNALS {
+            let block = Block::of(signal);
+            let turn = |block| order.blocks.iter().position(|known| *known == block);
+            order.turns[signal] = block.and_then(turn).map_or(0, |turn| turn + 1);
+        }
+        order
+    }
+
+    fn visit(&mut self, block: Block, links: &dyn Fn(Block) -> Vec<Link>, met: &mut Vec<Block>) {
+        if met.contains(&block) {
+            return;
+        }
+        met.push(block);
+        for link in links(block) {
+            if let Some(before) = link.place().and_then(Block::of) {
+                self.visit(before, links, met);
+            }
+        }
+        self.blocks.push(block);
+    }
+
+    /// Whether a signal is there when it is a block's turn, counted from 1 on.
+    pub(super) fn is_before(&self, signal: usize, turn: usize) -> bool {
+        self.turns[signal] < turn
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn order(links: impl Fn(Block) -> Vec<Link>) -> Order {
+        Order::of(&links)
+    }
+
+    fn turn(order: &Order, block: Block) -> usize {
+        order.blocks.iter().position(|known| *known == block).unwrap() + 1
+    }
+
+    #[test]
+    fn a_block_comes_after_those_it_takes_from() {
+        let order = order(|block| match block {
+            Block::Math(0) => vec![Link::new(4, 12)],
+            Block::Table(11) => vec![Link::new(3, 4)],
+            Block::Pid(3) => vec![Link::new(1, 11), Link::new(8, 10)],
+            _ => Vec::new(),
+        });
+        let turns = [Block::Output(9), Block::Pid(3), Block::Table(11), Block::Math(0)]
+            .map(|block| turn(&order, block));
+        assert!(turns.is_sorted(), "{turns:?}");
+        assert_eq!(order.blocks.len(), 36);
+        assert!(order.is_before(TABLES + 11, turns[3]));
+        assert!(order.is_before(0, 1));
+    }
+
+    #[test]
+    fn in_a_circle_one_looks_back() {
+        let order = order(|block| match block {
+            Block::Math(0) => vec![Link::new(5, 2)],
+            Block::Math(1) => vec![Link::new(5, 1)],
+            Block::Math(2) => vec![Link::new(5, 3)],
+            _ => Vec::new(),
+        });
+        let [first, second, third] = [0, 1, 2].map(|place| turn(&order, Block::Math(place)));
+        assert!(order.is_before(MATHS + 1, first) && !order.is_before(MATHS, second));
+        assert!(!order.is_before(MATHS + 2, third));
+    }
+}

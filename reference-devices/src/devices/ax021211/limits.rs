@@ -1,0 +1,129 @@
+//! What the controller refuses beyond its data sheet: ranges that depend on other objects.
+
+use canopen::{Abort, Dictionary, Mux};
+
+use super::network::Network;
+use super::objects::{DIGITS_FV, FAULT_FV, OVERRIDE_FV, power};
+use super::objects::{
+    EXTRA_SCALING_1, EXTRA_SCALING_2, HOLD_CURRENT, HOTSHOT_CURRENT, HYSTERESIS, OUTPUT_TYPE,
+    PID_CYCLE, PID_DERIVATIVE_TIME, PID_DIGITS, PID_INTEGRAL_TIME, SCALING_1_FV, SCALING_1_PV,
+    SCALING_2_FV, SCALING_2_PV, STATIC_BIAS, table, table_of,
+};
+use super::output::Kind;
+
+/// Whether a value may be written.
+///
+/// # Errors
+/// [`Abort::VALUE`] for a value between those of a list, [`Abort::TOO_LOW`] and
+/// [`Abort::TOO_HIGH`] beyond a range.
+pub(super) fn check(
+    mux: Mux,
+    bytes: &[u8],
+    od: &Dictionary,
+    network: &Network,
+) -> Result<(), Abort> {
+    let Some(value) = number(bytes).filter(|_| mux.sub > 0 || mux.index == HEARTBEAT) else {
+        return Ok(());
+    };
+    let other = |index| od.int(Mux::new(index, mux.sub)).unwrap_or(0);
+    match mux.index {
+        HEARTBEAT if (1..10).contains(&(value & 0xFFFF)) => Err(Abort::VALUE),
+        OUTPUT_TYPE if Kind::of(value & 0xFFFF).is_none() => Err(Abort::VALUE),
+        SCALING_1_PV => below(value, other(SCALING_2_PV)),
+        SCALING_2_PV => above(value, other(SCALING_1_PV)),
+        EXTRA_SCALING_1 => below(value, other(EXTRA_SCALING_2)),
+        EXTRA_SCALING_2 => above(value, other(EXTRA_SCALING_1)),
+        SCALING_1_FV | SCALING_2_FV | FAULT_FV | OVERRIDE_FV | STATIC_BIAS => {
+            within(value, 0, largest_fv(mux.sub, od))
+        }
+        HYSTERESIS => {
+            let largest = other(SCALING_1_FV).max(other(SCALING_2_FV));
+            within(value, 0, largest / 10)
+        }
+        HOTSHOT_CURRENT => {
+            let digits = od.int(Mux::new(DIGITS_FV, mux.sub)).unwrap_or(0) as u8;
+            within(value, other(HOLD_CURRENT), (2500.0 * power(digits)) as i64)
+        }
+        HOLD_CURRENT => within(value, 0, other(HOTSHOT_CURRENT)),
+        PID_INTEGRAL_TIME | PID_DERIVATIVE_TIME | PID_CYCLE => {
+            let unit = power(other(PID_DIGITS) as u8);
+            let lowest = (0.001 * unit).ceil().max(1.0);
+            within(value, lowest as i64, (1000.0 * unit) as i64)
+        }
+        index => match table_of(index) {
+            Some((place, 6)) => check_x(place, mux.sub, value, od, network),
+            _ => Ok(()),
+        },
+    }
+}
+
+/// The points of an X-axis (1.5.1, 1.5.4).
+fn check_x(
+    place: usize,
+    sub: u8,
+    value: i64,
+    od: &Dictionary,
+    network: &Network,
+) -> Result<(), Abort> {
+    let int = |item, sub| od.int(Mux::new(table(place, item), sub));
+    if int(5, 1) == Some(1) {
+        return within(value, i64::from(sub > 1), LONGEST_INTERVAL);
+    }
+    let scaled = |value: f64| value * power(int(3, 0).unwrap_or(0) as u8);
+    let limits = network.x_limits(place).map(|(low, high)| (scaled(low), scaled(high)));
+    let (low, high) = limits.unwrap_or((i16::MIN.into(), i16::MAX.into()));
+    match sub {
+        1 if (value as f64) < low => return Err(Abort::TOO_LOW),
+        11 if value as f64 > high => return Err(Abort::TOO_HIGH),
+        _ => {}
+    }
+    if sub > 1 && value < int(6, sub - 1).unwrap_or(i64::MIN) {
+        return Err(Abort::TOO_LOW);
+    }
+    if sub < 11 && value > int(6, sub + 1).unwrap_or(i64::MAX) {
+        return Err(Abort::TOO_HIGH);
+    }
+    Ok(())
+}
+
+/// The largest field value of an output, in its digits (table 3).
+fn largest_fv(sub: u8, od: &Dictionary) -> i64 {
+    let int = |index| od.int(Mux::new(index, sub)).unwrap_or(0);
+    let kind = Kind::of(int(OUTPUT_TYPE)).unwrap_or_default();
+    match kind {
+        // Without a type there is no range.
+        Kind::Disabled => i16::MAX.into(),
+        _ => (kind.largest() * power(int(DIGITS_FV) as u8)) as i64,
+    }
+}
+
+fn within(value: i64, low: i64, high: i64) -> Result<(), Abort> {
+    match value {
+        _ if value < low => Err(Abort::TOO_LOW),
+        _ if value > high => Err(Abort::TOO_HIGH),
+        _ => Ok(()),
+    }
+}
+
+fn below(value: i64, high: i64) -> Result<(), Abort> {
+    if value < high { Ok(()) } else { Err(Abort::TOO_HIGH) }
+}
+
+fn above(value: i64, low: i64) -> Result<(), Abort> {
+    if value > low { Ok(()) } else { Err(Abort::TOO_LOW) }
+}
+
+/// A whole number with a sign, of one, two or four bytes.
+fn number(bytes: &[u8]) -> Option<i64> {
+    Some(match *bytes {
+        [byte] => byte.into(),
+        [low, high] => i16::from_le_bytes([low, high]).into(),
+        [a, b, c, d] => i32::from_le_bytes([a, b, c, d]).into(),
+        _ => return None,
+    })
+}
+
+/// Producer heartbeat time.
+const HEARTBEAT: u16 = 0x1017;
+/// 24 hours in milliseconds (1.5.4).
+const LONGEST_INTERVAL: i64 = 86_400_000;

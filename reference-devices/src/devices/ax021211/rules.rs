@@ -1,0 +1,484 @@
+//! Every decision of the function blocks that a test can observe.
+
+mod deviations;
+
+use std::time::Duration;
+
+use canopen::Mux;
+
+use super::load::{Driven, Stage};
+use super::logic::{self, Verdict};
+use super::math;
+use super::output::{self, Command, Disabled, Interventions};
+use super::pid::{self, Gains};
+use super::ramp::Ramp;
+use super::signal::{Link, Signal};
+use super::table::{self, POINTS};
+
+pub(super) use deviations::{named, names};
+
+/// A controller that keeps to its manual; clauses are those of the manual.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Manual;
+
+impl Ax021211Rules for Manual {}
+
+/// The decisions. The default methods are a summary of what the manual says.
+pub(super) trait Ax021211Rules: Send {
+    /// A parameter is in force as it is written.
+    fn parameter(&self, _mux: Mux, configured: i64) -> i64 {
+        configured
+    }
+
+    /// Each block has parameters of its own.
+    fn place(&self, _index: u16, place: usize) -> usize {
+        place
+    }
+
+    /// A control input is on when it is not zero.
+    fn is_on(&self, value: f64) -> bool {
+        value != 0.0
+    }
+
+    // Sources
+
+    /// A message controls a digital output by a bit, any other by its process value (1.2, table 5).
+    fn message_is_bit(&self, is_digital: bool) -> bool {
+        is_digital
+    }
+
+    /// The bit of 6200h that belongs to an output (1.2).
+    fn write_state(&self, states: i64, place: usize) -> bool {
+        states >> place & 1 != 0
+    }
+
+    /// A received value is copied while its status is 1 (2.3.17).
+    fn takes_received(&self, status: i64) -> bool {
+        status == 1
+    }
+
+    /// The status falls back when the value is copied (2.3.17).
+    fn status_after_copy(&self) -> i64 {
+        0
+    }
+
+    /// The values of an RPDO that has timed out are in error (1.1, 2.2.14).
+    fn message_fails(&self, timed_out: bool) -> bool {
+        timed_out
+    }
+
+    /// The sub-index of 1029h for an open or short circuit (2.2.13).
+    fn fault_group(&self) -> Option<u8> {
+        Some(5)
+    }
+
+    /// The channel of an emergency message (table 22).
+    fn channel(&self, place: usize) -> u8 {
+        place as u8 + 1
+    }
+
+    /// The supply is 9 to 60 V (3.1): whether it is too low, and too high.
+    fn supply_errors(&self, volts: f64) -> (bool, bool) {
+        (volts < 9.0, volts > 60.0)
+    }
+
+    /// The outputs that a change of 2380h is for share a timer (1.3).
+    fn bank(&self, place: usize) -> usize {
+        place / 4
+    }
+
+    /// The frequency of a bank is fixed while one of its outputs has a current loop (1.3).
+    fn frequency(&self, configured: i64, has_loop: bool) -> i64 {
+        if has_loop { 25_000 } else { configured }
+    }
+
+    /// A change of the type brings the defaults of the new one while 5550h is true (1.3, 1.8).
+    fn updates(&self, enabled: bool) -> bool {
+        enabled
+    }
+
+    // Lookup table
+
+    /// The responses of table 12.
+    fn point_response(&self, code: u8) -> u8 {
+        code
+    }
+
+    /// 3yz2h (1.5.4).
+    fn repeats(&self, configured: bool) -> bool {
+        configured
+    }
+
+    /// Ignored points count for the limits (1.5.2).
+    fn points_of_limits(&self, _in_use: usize) -> usize {
+        POINTS
+    }
+
+    /// The limits are those of a percentage or the ends of the Y-axis (1.5.2).
+    fn table_limits(&self, low: f64, high: f64) -> (f64, f64) {
+        table::limits_of(low, high)
+    }
+
+    /// An ignored point takes all that follow with it (1.5.3).
+    fn points_in_use(&self, before_ignored: usize) -> usize {
+        before_ignored
+    }
+
+    /// A segment ends with its point (1.5.3).
+    fn within_segment(&self, x: f64, point: f64) -> bool {
+        x <= point
+    }
+
+    /// Below the first point the output is that of the first point.
+    fn below_table(&self, first: f64) -> f64 {
+        first
+    }
+
+    /// Beyond the last point the output is that of the last point (1.5.3).
+    fn beyond_table(&self, last: f64) -> f64 {
+        last
+    }
+
+    /// A jump is to the point that the segment leads to (1.5.3).
+    fn jump(&self, _from: f64, to: f64) -> f64 {
+        to
+    }
+
+    /// The X-axis of a time response has intervals (1.5.4).
+    fn interval(&self, _before: f64, point: f64) -> f64 {
+        point
+    }
+
+    /// A profile that is over leaves its last output (1.5.4).
+    fn after_sequence(&self, last: f64) -> f64 {
+        last
+    }
+
+    /// A profile always begins at its first point (1.5.4).
+    fn sequence_begins_anew(&self) -> bool {
+        true
+    }
+
+    /// While the input is off, the output is zero (1.5.4).
+    fn sequence_off(&self, _held: f64) -> f64 {
+        0.0
+    }
+
+    /// A table whose input is in error holds its value.
+    fn table_in_error(&self, held: f64) -> f64 {
+        held
+    }
+
+    /// The X-axis is in the unit of the source (1.5.1).
+    fn table_input(&self, x: f64) -> f64 {
+        x
+    }
+
+    // PID control
+
+    /// The times of 6459h (1.4).
+    fn pid_time(&self, seconds: f64) -> f64 {
+        seconds
+    }
+
+    /// A loop needs a target and a feedback (1.4).
+    fn pid_is_enabled(&self, both: bool, _links: [Link; 2]) -> bool {
+        both
+    }
+
+    /// Target less feedback (figure 8).
+    fn pid_error(&self, target: f64, feedback: f64) -> f64 {
+        target - feedback
+    }
+
+    /// A difference smaller than the tolerance is none (1.4).
+    fn is_tolerated(&self, difference: f64, tolerance: f64) -> bool {
+        difference < tolerance
+    }
+
+    /// The gains of figure 8.
+    fn pid_gains(&self, gains: Gains, cycle: f64) -> (f64, f64, f64) {
+        gains.of_cycle(cycle)
+    }
+
+    /// The sum of figure 8.
+    fn error_sum(&self, sum: f64, error: f64) -> f64 {
+        sum + error
+    }
+
+    /// The difference of two errors (figure 8).
+    fn error_step(&self, error: f64, last: f64) -> f64 {
+        error - last
+    }
+
+    /// The responses of table 11, and the range of the output (2.4.37).
+    fn pid_output(&self, response: u8, output: f64, error: f64) -> f64 {
+        pid::respond(response, output, error)
+    }
+
+    /// A target without limits has those of the feedback (1.4).
+    fn target_limits(&self, own: Option<(f64, f64)>, of_feedback: (f64, f64)) -> (f64, f64) {
+        own.unwrap_or(of_feedback)
+    }
+
+    // Math
+
+    /// The operators of table 19.
+    fn math_operator(&self, code: u8) -> u8 {
+        code
+    }
+
+    /// A gain has two digits (2.4.76).
+    fn gain(&self, configured: i64) -> f64 {
+        configured as f64 / 100.0
+    }
+
+    /// A block that is not enabled is at 0 (2.4.65).
+    fn math_is_enabled(&self, configured: bool) -> bool {
+        configured
+    }
+
+    /// A function needs both inputs (1.7).
+    fn function_counts(&self, [a, b]: [bool; 2]) -> bool {
+        a && b
+    }
+
+    /// The result of a function as an input: a negative difference counts as 0 unless it is
+    /// multiplied by a negative number (1.7).
+    fn linked_result(&self, result: f64, gain: f64, subtracts: bool) -> f64 {
+        let linked = result * gain;
+        if subtracts { linked.max(0.0) } else { linked }
+    }
+
+    /// The first of a pair is InA (1.7).
+    fn function_inputs(&self, inputs: [f64; 2]) -> [f64; 2] {
+        inputs
+    }
+
+    /// The functions of table 19.
+    fn math_result(&self, operator: u8, a: f64, b: f64) -> f64 {
+        math::operate(operator, a, b)
+    }
+
+    /// The last function that counts is the result of the block (1.7).
+    fn block_result(&self, _before: Option<f64>, result: f64) -> Option<f64> {
+        Some(result)
+    }
+
+    /// The output saturates (1.7).
+    fn saturated(&self, part: f64) -> f64 {
+        part.clamp(0.0, 1.0)
+    }
+
+    /// An input is a part of its scaling before it gets its gain (1.7).
+    fn math_input(&self, part: f64, gain: f64) -> f64 {
+        part * gain
+    }
+
+    /// An input in error counts as 0 (1.7).
+    fn math_input_in_error(&self, _value: f64) -> f64 {
+        0.0
+    }
+
+    // Logic
+
+    /// 3300h (1.6).
+    fn logic_is_enabled(&self, configured: bool) -> bool {
+        configured
+    }
+
+    /// The operators of table 14.
+    fn condition_operator(&self, code: u8) -> u8 {
+        code
+    }
+
+    /// The results of table 15.
+    fn condition(&self, operator: u8, _links: [Link; 2], arguments: [Signal; 2]) -> Verdict {
+        logic::judge(operator, arguments)
+    }
+
+    /// The rows of table 17.
+    fn selects(&self, operator: u8, results: [Verdict; 3]) -> bool {
+        logic::combine(operator, results)
+    }
+
+    /// The first table whose conditions hold, or else table A (1.6.2).
+    fn selection(&self, selects: [bool; 3]) -> usize {
+        selects.iter().position(|selects| *selects).unwrap_or(0)
+    }
+
+    /// 3310h is the number of the lookup table (1.6.2).
+    fn selected_table(&self, number: u8, _chosen: usize) -> u8 {
+        number
+    }
+
+    /// The output is a percentage of the range of the table (1.6.3).
+    fn logic_percent(&self, signal: Signal) -> f64 {
+        signal.percent(signal.limits.unwrap_or((0.0, 100.0)))
+    }
+
+    // Output
+
+    /// An input in error is a fault of the output, whichever of the three it is (1.2).
+    fn input_fault(&self, [control, enable, overriding]: [bool; 3]) -> bool {
+        control || enable || overriding
+    }
+
+    /// The responses of table 8.
+    fn disabled(&self, response: u8, on: bool) -> Option<Disabled> {
+        output::disabled(response, on)
+    }
+
+    /// The responses of table 9.
+    fn overrides(&self, response: u8, on: bool) -> bool {
+        on == (response == 0)
+    }
+
+    /// The order of figure 6.
+    fn decide(&self, found: Interventions, control: Signal) -> Command {
+        output::decide(found, control)
+    }
+
+    /// 6250h and 6340h: a fault leaves the output as it was (tables 2 and 10).
+    fn keeps(&self, configured: bool) -> bool {
+        configured
+    }
+
+    /// 6260h (1.2).
+    fn fault_state(&self, configured: bool) -> bool {
+        configured
+    }
+
+    /// An override brings the output to 2300h (1.3).
+    fn override_fv(&self, configured: f64, _level: f64) -> f64 {
+        configured
+    }
+
+    /// The responses of table 7.
+    fn is_off(&self, response: u8, pv: f64, (low, high): (f64, f64)) -> bool {
+        response == 1 && pv < low || response == 2 && pv > high
+    }
+
+    /// The field value holds at its ends (figure 5).
+    fn held_part(&self, part: f64) -> f64 {
+        part.clamp(0.0, 1.0)
+    }
+
+    /// At a process value of zero the output is smaller by the static bias (1.3).
+    fn biased(&self, fv: f64, pv: f64, bias: f64) -> f64 {
+        if pv == 0.0 { fv - bias } else { fv }
+    }
+
+    /// Ramps jump over the static bias (1.3).
+    fn ramp_bias(&self, bias: f64) -> f64 {
+        bias
+    }
+
+    /// The way that the ramp times are for (1.3).
+    fn ramp_span(&self, fv1: f64, fv2: f64, _largest: f64) -> f64 {
+        (fv2 - fv1).abs()
+    }
+
+    /// 2330h is for the way up and 2331h for the way down (2.4.13, 2.4.14).
+    fn ramp(&self, ramp: Ramp) -> Ramp {
+        ramp
+    }
+
+    /// The control input is followed on ramps, and an output may ramp off; all else is at once
+    /// (1.3).
+    fn is_ramped(&self, command: Command) -> bool {
+        matches!(command, Command::Control(_) | Command::Disabled(Disabled::RampOff))
+    }
+
+    /// What the output stage does is what was commanded.
+    fn stage(&self, stage: Stage) -> Stage {
+        stage
+    }
+
+    /// 2370h of a type without measurement shows the target (2.4.24).
+    fn feedback_without_current(&self, level: i64, _driven: Driven) -> i64 {
+        level
+    }
+
+    /// 7330h shows the logic state, 2370h the drive state (1.2, table 5).
+    fn digital_states(&self, logic: bool, drive: bool) -> (bool, bool) {
+        (logic, drive)
+    }
+
+    /// The feedback of an output with a fault is in error.
+    fn feedback_fails(&self, fault: bool) -> bool {
+        fault
+    }
+
+    /// 2310h (1.3).
+    fn detects(&self, configured: bool) -> bool {
+        configured
+    }
+
+    /// A short circuit, or a feedback out of the tolerance, while the output drives (1.3).
+    fn is_wrong(&self, drives: bool, shorted: bool, difference: f64, tolerance: f64) -> bool {
+        drives && (shorted || difference > tolerance)
+    }
+
+    /// 2312h (2.4.10).
+    fn reaction_delay(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    /// A fault that was gone begins its reaction delay anew (2.4.10).
+    fn detection_begins_anew(&self) -> bool {
+        true
+    }
+
+    /// A fault ends when the feedback is within the tolerance again (1.3).
+    fn error_ends(&self) -> bool {
+        true
+    }
+
+    // Digital output
+
+    /// 6202h inverts the drive state (table 1).
+    fn polarity(&self, inverse: bool) -> bool {
+        inverse
+    }
+
+    /// A delay is for normal polarity (1.2).
+    fn delays(&self, inverse: bool) -> bool {
+        !inverse
+    }
+
+    /// 2225h says which state is reached late (2.4.6).
+    fn is_delayed_edge(&self, wanted: bool, delayed_state: bool) -> bool {
+        wanted == delayed_state
+    }
+
+    /// 2224h (2.4.5).
+    fn delay(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    /// Each time the output comes on it begins with the hotshot (figure 3).
+    fn hotshot_is_armed_again(&self) -> bool {
+        true
+    }
+
+    /// 2222h (2.4.3).
+    fn hotshot_time(&self, configured: Duration) -> Duration {
+        configured
+    }
+
+    /// 2220h first, 2221h then (figure 3).
+    fn hotshot_currents(&self, hotshot: f64, hold: f64) -> (f64, f64) {
+        (hotshot, hold)
+    }
+
+    /// A dither belongs to a current output (1.3).
+    fn dither(&self, amplitude: f64) -> f64 {
+        amplitude
+    }
+
+    /// The sub-index of 2320h from 0 on for an output (2.4.11).
+    fn dither_bank(&self, place: usize) -> usize {
+        place / 4
+    }
+}
