@@ -175,6 +175,12 @@ impl ObjectFacts {
         }
     }
 
+    /// Whether it says how its values are accessed, in addition to what the object is called: a
+    /// profile that is not public only names its objects.
+    pub fn is_described(&self) -> bool {
+        self.access.is_some() || self.subs.values().any(|facts| facts.access.is_some())
+    }
+
     fn of_all(&self) -> Facts {
         Facts {
             name: None,

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::key::{keyed, no_index};
 use super::scalar::Scalar;
 use super::{Block, CatalogueObject, Facts, Indexed, ObjectFacts, Profile, Recognition};
 use crate::nearest::did_you_mean;
@@ -36,8 +37,9 @@ pub struct CatalogueFile {
     /// What a device of this profile may lack although no object is missing, with its meaning.
     #[serde(default)]
     options: BTreeMap<String, String>,
-    /// The objects by index, `"1000"`, by range, `1400..15FF`, or by range and step, hexadecimal,
-    /// `6500..65F0/10`, where `#` in the name is the number of the object.
+    /// The objects by index, `"1000"`, by range, `1400..15FF`, by range and step, hexadecimal,
+    /// `6500..65F0/10`, or with counters, decimal, `3{01..12}0`. `#` in the name is the number of
+    /// the object, `#1`, `#2` its number by each of several counters.
     #[serde(default)]
     objects: BTreeMap<String, ObjectFacts>,
 }
@@ -139,12 +141,7 @@ fn objects(keys: BTreeMap<String, ObjectFacts>, wrong: &mut Wrong<'_>) -> Vec<In
     for (key, object) in keys {
         values(&key, &object, wrong);
         match keyed(&key, object) {
-            None => wrong.key(
-                &["objects", &key],
-                format!(
-                    "`{key}` is neither an index such as 1000, nor 1400..15FF, nor 6500..65F0/10"
-                ),
-            ),
+            None => wrong.key(&["objects", &key], no_index(&key)),
             Some(keyed) => {
                 objects.extend(keyed.into_iter().map(|(range, facts)| (range, key.clone(), facts)));
             }
@@ -251,38 +248,6 @@ impl Wrong<'_> {
     }
 }
 
-/// The objects that a key of a description means: `1000`, `1400..15FF`, or every tenth (hex) as in
-/// `6500..65F0/10`, where `#` in the name is the number of the object. `None` when it is no key.
-pub fn keyed(key: &str, object: ObjectFacts) -> Option<Vec<(RangeInclusive<u16>, ObjectFacts)>> {
-    let hex = |text: &str| {
-        let digits = text.bytes().all(|digit| digit.is_ascii_hexdigit());
-        u16::from_str_radix(text, 16).ok().filter(|_| digits)
-    };
-    let index = |text: &str| hex(text).filter(|_| text.len() == 4);
-    let Some((first, last)) = key.split_once("..") else {
-        return index(key).map(|only| vec![(only..=only, object)]);
-    };
-    let (last, step) = match last.split_once('/') {
-        Some((last, step)) => (last, hex(step).filter(|step| *step > 0)?),
-        None => (last, 0),
-    };
-    let (first, last) = (index(first)?, index(last)?);
-    match step {
-        _ if first > last => None,
-        0 => Some(vec![(first..=last, object)]),
-        _ => {
-            let indices = (first..=last).step_by(step.into()).zip(1..);
-            let numbered = |(index, number): (u16, u32)| (index..=index, numbered(&object, number));
-            Some(indices.map(numbered).collect())
-        }
-    }
-}
-
-fn numbered(object: &ObjectFacts, number: u32) -> ObjectFacts {
-    let name = object.name.as_ref().map(|name| name.replace('#', &number.to_string()));
-    ObjectFacts { name, ..object.clone() }
-}
-
 #[cfg(test)]
 mod tests {
     use super::super::Catalogue;
@@ -373,13 +338,6 @@ mod tests {
             assert!(wrong.message.contains(expected), "{}", wrong.message);
             assert!(wrong.place.is_some(), "{}", wrong.message);
         }
-    }
-
-    #[test]
-    fn the_last_index_has_a_number() {
-        let keyed = keyed("0000..FFFF/1", ObjectFacts::default()).unwrap();
-        assert_eq!(keyed.len(), 0x10000);
-        assert!(super::keyed("+100", ObjectFacts::default()).is_none());
     }
 
     fn complaint(rest: &str) -> String {

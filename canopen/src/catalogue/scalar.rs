@@ -30,6 +30,11 @@ impl Scalar {
         let fixed = |value: Value| {
             data_type.encode(&value).is_ok().then_some(Term { value, plus_node: false })
         };
+        // A data sheet is read back with the precision of the type.
+        let real = |number: f64| match data_type {
+            DataType::REAL32 => Value::Real(f64::from(number as f32)),
+            _ => Value::Real(number),
+        };
         match self {
             Self::Bool(on) => fixed(Value::Bool(*on)),
             Self::Int(number @ 0..=1) if data_type == DataType::BOOLEAN => {
@@ -37,10 +42,10 @@ impl Scalar {
             }
             Self::Int(number) if data_type.is_integer() => fixed(Value::Int(*number)),
             Self::Int(number) => {
-                fixed(Value::Real(*number as f64)).or_else(|| fixed(Value::Text(self.to_string())))
+                fixed(real(*number as f64)).or_else(|| fixed(Value::Text(self.to_string())))
             }
             Self::Real(number) => {
-                fixed(Value::Real(*number)).or_else(|| fixed(Value::Text(self.to_string())))
+                fixed(real(*number)).or_else(|| fixed(Value::Text(self.to_string())))
             }
             Self::Text(text) => match text.strip_prefix("$NODEID") {
                 Some(rest) if data_type.is_integer() => {
@@ -179,6 +184,11 @@ mod tests {
             (Scalar::Int(256), DataType::UNSIGNED8, None),
             (Scalar::Int(2), DataType::REAL32, Some(Term::fixed(Value::Real(2.0)))),
             (Scalar::Real(1.5), DataType::INTEGER16, None),
+            (
+                Scalar::Real(0.6),
+                DataType::REAL32,
+                Some(Term::fixed(Value::Real(f64::from(0.6_f32)))),
+            ),
         ];
         for (scalar, data_type, term) in table {
             assert_eq!(scalar.term(data_type), term, "{scalar} as {data_type}");

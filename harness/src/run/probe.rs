@@ -47,7 +47,8 @@ pub(crate) fn objects(
     let mut probe = Probe { link, policy, node, constants, absent: Vec::new(), silent: 0 };
     probe.learn_absence()?;
     let mut found: Vec<Object> = Vec::new();
-    for (indices, known) in profiles.iter().flat_map(|profile| profile.objects()) {
+    let objects = profiles.iter().flat_map(|profile| profile.objects());
+    for (indices, known) in objects.filter(|(_, known)| known.is_described()) {
         found.extend(probe.range(indices.clone(), known)?);
         probe.link.take_trace();
     }

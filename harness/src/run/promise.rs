@@ -168,7 +168,9 @@ impl Steps<'_, '_> {
             }
             (profile, false) => {
                 let known = |index: u16| match profile {
-                    Some(profile) => profile.chain().any(|each| each.lookup(index).is_some()),
+                    Some(profile) => profile
+                        .chain()
+                        .any(|each| each.lookup(index).is_some_and(|known| known.is_described())),
                     None => eds.object(index).is_some(),
                 };
                 let absent = range.filter(|index| !known(*index)).map(|index| Mux::new(index, 0));

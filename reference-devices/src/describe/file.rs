@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
-use canopen::catalogue::{ObjectFacts, keyed};
+use canopen::catalogue::{ObjectFacts, keyed, no_index};
 use canopen::eds::{DeviceInfo, FileInfo};
 use canopen::source::{At, Complaint, Source};
 use schemars::{JsonSchema, Schema, SchemaGenerator};
@@ -196,10 +196,6 @@ impl<'de> Visitor<'de> for ObjectsVisitor {
         }
         Ok(Objects(objects))
     }
-}
-
-pub(super) fn no_index(key: &str) -> String {
-    format!("`{key}` is neither an index such as 1017, nor 1400..15FF, nor 6500..65F0/10")
 }
 
 const MIDNIGHT: &str = "12:00AM";

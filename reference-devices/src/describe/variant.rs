@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use canopen::Mux;
-use canopen::catalogue::{ObjectFacts, keyed};
+use canopen::catalogue::{ObjectFacts, keyed, no_index};
 use canopen::source::{At, Complaint, Source};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use super::file::{ByIndex, DeviceFile, Objects, Product, no_index};
+use super::file::{ByIndex, DeviceFile, Objects, Product};
 use super::merge::STRUCTURE;
 use super::node::{EmcyFacts, NodeFacts};
 
