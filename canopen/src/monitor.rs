@@ -11,6 +11,7 @@ use crate::bus::Stamped;
 use crate::emcy::{self, Emcy, EmcyCode};
 use crate::frame::Frame;
 use crate::heartbeat::{self, ErrorControl};
+use crate::lss;
 use crate::mux::Mux;
 use crate::nmt::{self, NmtState, Service};
 use crate::sdo::block::BlockRequest;
@@ -74,6 +75,8 @@ pub fn all(node: u8, known: Vec<u16>, standing: Vec<EmcyCode>) -> Vec<Box<dyn Mo
             history_cleared: false,
             asked: 0,
             resets: 0,
+            lss_stored: false,
+            lss_left: false,
             open: None,
             interrupted: None,
         }),
@@ -93,6 +96,10 @@ struct NoSurprise {
     history_cleared: bool,
     /// Commands that a boot-up may still be the answer to.
     resets: u32,
+    /// Whether a setting was stored in LSS configuration state.
+    lss_stored: bool,
+    /// Whether that state was left since then: some devices start anew with the setting.
+    lss_left: bool,
     /// Requests that have no answer yet: they may be sent faster than they are answered.
     asked: u32,
     /// The object of the last transfer.
@@ -112,7 +119,17 @@ impl NoSurprise {
             self.history_cleared |= matches!(request, Ok(Request::Download(Self::ERROR_COUNT, _)));
             self.open = request.ok().and_then(initiated).or(self.open);
         }
+        if frame.data_id() == Some(lss::REQUEST_COB_ID) {
+            match lss::Request::decode(&frame.data) {
+                Ok(lss::Request::Store) => self.lss_stored = true,
+                Ok(lss::Request::SwitchGlobal(lss::Mode::WAITING)) => {
+                    self.lss_left = std::mem::take(&mut self.lss_stored);
+                }
+                _ => {}
+            }
+        }
         if let Some(service) = commanded(frame, self.node) {
+            self.lss_left = false;
             self.resets += u32::from(resets(service));
             self.interrupted = self.open.take();
         }
@@ -152,6 +169,9 @@ impl Monitor for NoSurprise {
             && ErrorControl::decode(&frame.data) == Ok(ErrorControl::BOOT_UP);
         if booted && self.resets > 0 {
             self.resets -= 1;
+            return Ok(());
+        }
+        if booted && std::mem::take(&mut self.lss_left) {
             return Ok(());
         }
         let answer = incoming(seen) == Some(sdo::RESPONSE_COB_ID + node);
@@ -385,6 +405,9 @@ mod tests {
         let twice = ["1 >000#8205", "2 >000#8200", "3 705#00", "4 705#00", "5 705#00"];
         assert_eq!(breaches(&twice).len(), 1);
         assert_eq!(breaches(&["1 >000#8206", "2 705#00"]).len(), 1);
+        let stored = ["1 >7E5#1700000000000000", "2 >7E5#0400000000000000", "3 705#00"];
+        assert_eq!(breaches(&stored), [""; 0]);
+        assert_eq!(breaches(&stored[1..]).len(), 1);
         assert_eq!(breaches(&["1 585#6017100000000000"]).len(), 1);
         let given_up =
             ["1 >605#4008100000000000", "2 585#410810000B000000", "9 585#8008100000000405"];

@@ -163,7 +163,8 @@ codes! {
         "A PDO has a communication parameter and, 200h higher, a mapping parameter.";
     PDO_ENTRY = Error, "eds-pdo-entry",
         "Communication parameters have subs 1 and 2, and all subs are of their type.";
-    PDO_RESERVED = Error, "eds-pdo-reserved", "Communication parameters have no sub 4.";
+    PDO_RESERVED = Warning, "eds-pdo-reserved",
+        "Communication parameters have no sub 4, a compatibility entry of early editions.";
     TRANSMISSION_TYPE = Error, "eds-transmission-type",
         "Transmission types are 0 to 240, 254, 255, and for TPDOs 252 and 253.";
     PDO_DIRECTION = Error, "eds-pdo-direction",

@@ -93,5 +93,6 @@ const fn of_pdo(has: PdoHas) -> &'static str {
         PdoHas::NoRtr => "that forbids remote frames",
         PdoHas::Neighbour => "before another one in use",
         PdoHas::Dummy => "with dummy mapping of UNSIGNED8",
+        PdoHas::NoReserved => "without a compatibility entry",
     }
 }

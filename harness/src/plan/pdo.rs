@@ -88,6 +88,7 @@ impl Pdo {
             PdoHas::NoRtr => !self.cob.rtr_allowed(),
             PdoHas::Neighbour => neighbour.is_some(),
             PdoHas::Dummy => dut.eds.dummies.contains(&DataType::UNSIGNED8.0),
+            PdoHas::NoReserved => dut.eds.entry(Mux::new(self.communication, 4)).is_none(),
         }
     }
 

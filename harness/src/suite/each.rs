@@ -166,6 +166,9 @@ pub enum PdoHas {
     Neighbour,
     /// Gaps of eight bits, by the data type UNSIGNED8 (`Dummy0005` of the data sheet).
     Dummy,
+    /// No sub-index 4 of its communication parameter, which was a compatibility entry in early
+    /// editions.
+    NoReserved,
 }
 
 /// The way of a PDO, seen from the device.

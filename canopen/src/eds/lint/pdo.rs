@@ -258,10 +258,11 @@ const TPDOS: Pdos = Pdos {
 };
 
 /// Subs of a communication parameter; the first two must be there.
-const COMMUNICATION: [(u8, DataType); 5] = [
+const COMMUNICATION: [(u8, DataType); 6] = [
     (1, DataType::UNSIGNED32),
     (2, DataType::UNSIGNED8),
     (3, DataType::UNSIGNED16),
+    (4, DataType::UNSIGNED8),
     (5, DataType::UNSIGNED16),
     (6, DataType::UNSIGNED8),
 ];
