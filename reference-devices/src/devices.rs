@@ -318,6 +318,14 @@ static BUILT_IN: LazyLock<Vec<Vec<ReferenceDevice>>> = LazyLock::new(|| {
 
 const FILES: &[Files] = &[
     Files {
+        folder: "ax021211",
+        device: include_str!("../ax021211/device.yaml"),
+        variants: &[],
+        parts: &[],
+        mutants: include_str!("../ax021211/mutants.yaml"),
+        freedoms: include_str!("../ax021211/freedoms.yaml"),
+    },
+    Files {
         folder: "drr460",
         device: include_str!("../drr460/device.yaml"),
         variants: &[],

@@ -18,7 +18,7 @@ use crate::stack::{Byte, EmcyForm, EmcyTable, FaultKind, NodeSettings, SyncSuper
 pub(super) struct NodeFacts {
     /// The object that holds the time from power-on or a reset to the boot-up message.
     boot_up_time: Option<TimeObject>,
-    /// The object that holds the state in which the node starts.
+    /// The object that holds the state in which the node starts, or the switch for OPERATIONAL.
     boot_up_state: Option<At<Mux>>,
     /// Time from power-on or a reset to the boot-up message, where no object holds it.
     boot_up_ms: Option<u64>,
@@ -40,6 +40,9 @@ pub(super) struct NodeFacts {
     sync: Option<SyncFacts>,
     /// Whether the SDO server has block transfer; it has, unless said otherwise.
     block_transfer: Option<bool>,
+    /// Whether communication starts anew when LSS configuration state is left after a new node-ID
+    /// or bit rate was stored.
+    lss_restarts: Option<bool>,
 }
 
 /// An object that holds a time.
@@ -84,6 +87,10 @@ pub(super) struct EmcyFacts {
     queue_overflow: Option<FormFacts>,
     /// Whether clearing 1003h sends a message, too.
     tells_history_cleared: Option<bool>,
+    /// Whether 1003h lists only the errors that are present.
+    history_of_present: Option<bool>,
+    /// Whether the device sends its messages on 80h + node-ID although it has no 1014h.
+    predefined_id: Option<bool>,
 }
 
 /// One emergency message.
@@ -99,6 +106,8 @@ struct FormFacts {
     /// Whether the end of the error is reported with the same code instead of 0000h.
     #[serde(default)]
     end_repeats: bool,
+    /// The sub-index of 1029h that says what becomes of the state, where CiA 301 does not say.
+    error_class: Option<u8>,
 }
 
 /// The vendor's bytes of an emergency message.
@@ -143,6 +152,7 @@ impl NodeFacts {
             aliases,
             sync: self.sync.or(other.sync),
             block_transfer: self.block_transfer.or(other.block_transfer),
+            lss_restarts: self.lss_restarts.or(other.lss_restarts),
         }
     }
 
@@ -171,6 +181,8 @@ impl EmcyFacts {
             rpdo_timeout: self.rpdo_timeout.or(other.rpdo_timeout),
             queue_overflow: self.queue_overflow.or(other.queue_overflow),
             tells_history_cleared: self.tells_history_cleared.or(other.tells_history_cleared),
+            history_of_present: self.history_of_present.or(other.history_of_present),
+            predefined_id: self.predefined_id.or(other.predefined_id),
         }
     }
 }
@@ -196,6 +208,7 @@ pub(super) fn settings(node: &NodeFacts, emcy: Option<&EmcyFacts>) -> NodeSettin
             let resolution = Duration::from_millis(sync.resolution_ms);
             Some(SyncSupervision { percent: sync.percent, resolution })
         }),
+        lss_restarts: node.lss_restarts == Some(true),
         block_transfer: usual.block_transfer.filter(|_| node.block_transfer != Some(false)),
         emcy: emcy.map_or_else(|| usual.emcy.clone(), table),
         aliases: node.aliases.iter().map(|(second, first)| (*second, first.value)).collect(),
@@ -218,12 +231,15 @@ fn table(facts: &EmcyFacts) -> EmcyTable {
         faults: faults.collect(),
         queue_overflow: facts.queue_overflow.as_ref().map(form),
         tells_history_cleared: facts.tells_history_cleared == Some(true),
+        history_of_present: facts.history_of_present == Some(true),
+        predefined_id: facts.predefined_id == Some(true),
     }
 }
 
 fn form(facts: &FormFacts) -> EmcyForm {
     let (code, register, end_repeats) = (EmcyCode(facts.code), facts.register, facts.end_repeats);
-    EmcyForm { code, register, vendor: facts.vendor.0, end_repeats }
+    let FormFacts { vendor, error_class, .. } = facts;
+    EmcyForm { code, register, vendor: vendor.0, end_repeats, error_class: *error_class }
 }
 
 #[cfg(test)]

@@ -41,7 +41,9 @@ impl EmcyProducer {
 
     /// Takes the identifier from 1014h and the inhibit time from 1015h.
     pub(crate) fn configure(&mut self, base: &Base) {
-        let cob = base.od.int(COB_ID).map(|cob| CobId(cob as u32));
+        let predefined = CobId(PREDEFINED + u32::from(base.id));
+        let fixed = base.settings.emcy.predefined_id.then_some(predefined);
+        let cob = base.od.int(COB_ID).map(|cob| CobId(cob as u32)).or(fixed);
         self.cob = cob.filter(|cob| cob.valid());
         if self.cob.is_none() {
             self.queue.clear();
@@ -61,7 +63,10 @@ impl EmcyProducer {
                     self.remember(message, base);
                     message
                 }
-                News::Gone(message) => message,
+                News::Gone(message, report) => {
+                    self.forget(report, base);
+                    message
+                }
             };
             self.enqueue(message, base);
         }
@@ -108,8 +113,7 @@ impl EmcyProducer {
 
     fn remember(&mut self, message: Emcy, base: &Base) {
         let depth = base.rules.history_depth(self.depth);
-        let [a, b, ..] = message.vendor;
-        let line = u32::from(message.code.0) | u32::from(a) << 16 | u32::from(b) << 24;
+        let line = line(message);
         if base.rules.history_newest_first() {
             self.history.push_front(line);
             self.history.truncate(depth);
@@ -118,6 +122,15 @@ impl EmcyProducer {
             if self.history.len() > depth {
                 self.history.pop_front();
             }
+        }
+    }
+
+    /// The error of that message is gone, and with it its line where 1003h lists what is present.
+    fn forget(&mut self, report: Emcy, base: &Base) {
+        if base.settings.emcy.history_of_present
+            && let Some(place) = self.history.iter().position(|known| *known == line(report))
+        {
+            self.history.remove(place);
         }
     }
 
@@ -154,6 +167,12 @@ impl EmcyProducer {
     }
 }
 
+/// An error as 1003h lists it.
+fn line(message: Emcy) -> u32 {
+    let [a, b, ..] = message.vendor;
+    u32::from(message.code.0) | u32::from(a) << 16 | u32::from(b) << 24
+}
+
 /// What 1003h sub 0 and 1014h refuse (CiA 301, 7.5.2.4 and 7.5.2.17).
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     match (mux, bytes) {
@@ -186,6 +205,8 @@ pub(crate) const HISTORY: u16 = 0x1003;
 pub(crate) const COB_ID: Mux = Mux::new(0x1014, 0);
 pub(crate) const INHIBIT: Mux = Mux::new(0x1015, 0);
 const REGISTER: Mux = Mux::new(0x1001, 0);
+/// The identifier without the node id (CiA 301, 7.3.5).
+const PREDEFINED: u32 = 0x80;
 
 #[cfg(test)]
 mod tests {
@@ -220,6 +241,9 @@ mod tests {
         let rules = crate::rules::named(rules).unwrap_or_else(|| Box::new(Specification));
         let mut entries = full();
         set(&mut entries, mux(0x2000, 0), 0);
+        if settings.emcy.predefined_id {
+            entries.retain(|entry| entry.mux.index != 0x1014);
+        }
         Fixture::with(&eds(entries), settings, rules, Box::new(Bits))
     }
 
@@ -335,6 +359,7 @@ mod tests {
             faults: [(FaultKind::Heartbeat, heartbeat)].into(),
             queue_overflow: Some(overflow),
             tells_history_cleared: true,
+            ..EmcyTable::default()
         };
         let settings = NodeSettings { emcy, emcy_queue: 2, ..NodeSettings::default() };
         let mut fixture = with("", settings);
@@ -349,6 +374,22 @@ mod tests {
         raise(&mut fixture, 0x0F);
         let rest = fixture.until(2_000_000);
         assert_eq!(rest.last().unwrap().1, "085#0050810009000000");
+    }
+
+    #[test]
+    fn a_history_may_list_what_is_present() {
+        let emcy =
+            EmcyTable { history_of_present: true, predefined_id: true, ..EmcyTable::default() };
+        let mut fixture = with("", NodeSettings { emcy, ..NodeSettings::default() });
+        let line = |fixture: &mut Fixture, sub| fixture.read(mux(0x1003, sub));
+        assert_eq!(raise(&mut fixture, 1), ["085#00508100AA000000"]);
+        raise(&mut fixture, 3);
+        assert_eq!(line(&mut fixture, 0), Ok(vec![2]));
+        raise(&mut fixture, 2);
+        assert_eq!(line(&mut fixture, 0), Ok(vec![1]));
+        assert_eq!(line(&mut fixture, 1), Ok(vec![1, 0x50, 1, 0xAA]));
+        raise(&mut fixture, 0);
+        assert_eq!(line(&mut fixture, 0), Ok(vec![0]));
     }
 
     #[test]

@@ -21,8 +21,8 @@ pub(crate) struct Errors {
 pub(crate) enum News {
     /// It appeared: a message and a line in the history.
     Appeared(Emcy),
-    /// It went: a message with code 0000h.
-    Gone(Emcy),
+    /// It went: a message with code 0000h, and the one that reported it.
+    Gone(Emcy, Emcy),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -32,6 +32,8 @@ struct Active {
     subject: u16,
     register: u8,
     end: Option<([u8; 5], u8)>,
+    /// The message that reported it.
+    report: Emcy,
 }
 
 impl Errors {
@@ -41,7 +43,8 @@ impl Errors {
     pub(crate) fn raise(&mut self, error: u16, code: EmcyCode, register: u8, vendor: [u8; 5]) {
         let register = register | 1;
         if !self.is_active(None, error) {
-            self.active.push(Active { fault: None, subject: error, register, end: None });
+            let report = Emcy { code, register, vendor };
+            self.active.push(Active { fault: None, subject: error, register, end: None, report });
             self.tell(code, vendor);
         }
     }
@@ -78,17 +81,21 @@ impl Errors {
         if known && !rules.emcy_repeated() {
             return;
         }
-        if fault.kind.is_communication_error() {
-            self.reaction = Some(COMMUNICATION_ERROR);
-        }
         let form = table.faults.get(&fault.kind);
+        let usual = fault.kind.is_communication_error().then_some(COMMUNICATION_ERROR);
+        if let Some(class) = form.and_then(|form| form.error_class).or(usual) {
+            self.reaction = Some(class);
+        }
         let vendor = form.map_or([0; 5], |form| form.vendor_bytes(fault));
         if !known {
+            let register = form.map_or(0, |form| form.register);
+            let code = form.map_or(EmcyCode::RESET, |form| form.code);
             self.active.push(Active {
                 fault: Some(fault.kind),
                 subject: fault.subject,
-                register: form.map_or(0, |form| form.register),
+                register,
                 end: form.filter(|form| form.end_repeats).map(|form| (vendor, form.register)),
+                report: Emcy { code, register, vendor },
             });
         }
         if let Some(form) = form {
@@ -109,7 +116,7 @@ impl Errors {
         if gone.register != 0 {
             let (vendor, register) = gone.end.unwrap_or_else(|| ([0; 5], self.register()));
             let message = Emcy { code: EmcyCode::RESET, register, vendor };
-            self.news.push_back(News::Gone(message));
+            self.news.push_back(News::Gone(message, gone.report));
         }
     }
 

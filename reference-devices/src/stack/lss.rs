@@ -27,6 +27,8 @@ pub(crate) struct Lss {
     bus: u32,
     supported: Vec<u32>,
     silence: Option<Silence>,
+    /// Whether a new setting was stored since LSS configuration state was entered.
+    renewed: bool,
 }
 
 /// A setting that takes effect later than it is made.
@@ -61,6 +63,7 @@ impl Lss {
             bus,
             supported: eds.device.bit_rates.iter().map(|kilobits| kilobits * 1000).collect(),
             silence: None,
+            renewed: false,
         })
     }
 
@@ -80,6 +83,7 @@ impl Lss {
         if base.rules.lss_waits_after_reset() {
             self.mode = Mode::WAITING;
         }
+        self.renewed = false;
         (self.selected, self.identified, self.scanned) = (0, 0, 0);
         self.node.active
     }
@@ -108,7 +112,8 @@ impl Lss {
         let configured = self.node.active == UNCONFIGURED && self.node.pending != UNCONFIGURED;
         let left = request == Request::SwitchGlobal(Mode::WAITING);
         let at_once = !base.rules.lss_node_id_waits() && self.node.active != self.node.pending;
-        left && configured && base.rules.lss_leaving_starts() || at_once
+        let restarts = left && self.renewed && base.settings.lss_restarts;
+        left && configured && base.rules.lss_leaving_starts() || at_once || restarts
     }
 
     pub(crate) fn handle_timeout(&mut self, now: Instant) {
@@ -244,6 +249,8 @@ impl Lss {
     fn store(&mut self, base: &Base) -> Status {
         let status = base.settings.lss_store;
         if status == Status::DONE && base.rules.lss_stores() {
+            self.renewed |= self.node.pending != self.node.active
+                || self.bit_rate.pending != self.bit_rate.stored;
             self.node.stored = self.node.pending;
             self.bit_rate.stored = self.bit_rate.pending;
         }

@@ -2,7 +2,7 @@
 
 use canopen::heartbeat::ErrorControl;
 use canopen::lss::UNCONFIGURED;
-use canopen::{Abort, Instant, Mux, NmtState, Outbox};
+use canopen::{Abort, DataType, Instant, Mux, NmtState, Outbox};
 
 use crate::rules::Change;
 use crate::stack::base::Base;
@@ -64,9 +64,7 @@ impl Nmt {
         for _ in 0..base.rules.boot_up_messages() {
             out.push(ErrorControl::BOOT_UP.frame(base.id));
         }
-        let chosen = base.settings.boot_up_state_object.and_then(|mux| base.od.int(mux));
-        let states = [NmtState::OPERATIONAL, NmtState::STOPPED];
-        let chosen = states.into_iter().find(|state| chosen == Some(i64::from(state.0)));
+        let chosen = base.settings.boot_up_state_object.and_then(|mux| chosen_state(mux, base));
         let startup = base.od.int(STARTUP).map(|startup| startup as u32);
         let alone = startup.is_some_and(|startup| base.rules.starts_itself(startup));
         let first = if alone { NmtState::OPERATIONAL } else { NmtState::PRE_OPERATIONAL };
@@ -76,6 +74,17 @@ impl Nmt {
     pub(crate) fn poll_at(&self) -> Option<Instant> {
         self.boot_up_at
     }
+}
+
+/// The state that an object chooses for the start; a switch chooses OPERATIONAL.
+fn chosen_state(mux: Mux, base: &Base) -> Option<NmtState> {
+    let entry = base.od.entry(mux)?;
+    if entry.data_type == DataType::BOOLEAN {
+        return base.od.get(mux)?.first().filter(|on| **on != 0).map(|_| NmtState::OPERATIONAL);
+    }
+    let state = base.od.int(mux)?;
+    let states = [NmtState::OPERATIONAL, NmtState::STOPPED];
+    states.into_iter().find(|known| state == i64::from(known.0))
 }
 
 /// What 1F80h refuses: everything but what this device can do.
@@ -93,7 +102,8 @@ const STARTUP: Mux = Mux::new(0x1F80, 0);
 mod tests {
     use std::time::Duration;
 
-    use canopen::NmtState;
+    use canopen::eds::{Entry, Term};
+    use canopen::{DataType, NmtState, Value};
 
     use crate::rules::Specification;
     use crate::stack::testing::{Fixture, basic, eds, mux, sent, set};
@@ -163,9 +173,26 @@ mod tests {
     }
 
     #[test]
+    fn a_switch_may_choose_the_state_after_boot_up() {
+        for (on, state) in [(true, NmtState::OPERATIONAL), (false, NmtState::PRE_OPERATIONAL)] {
+            let switch = mux(0x2001, 0);
+            let settings =
+                NodeSettings { boot_up_state_object: Some(switch), ..NodeSettings::default() };
+            let mut entries = basic();
+            entries.retain(|entry| entry.mux != switch);
+            let access = canopen::eds::Access::Rw;
+            let entry = crate::stack::testing::entry(switch, DataType::BOOLEAN, access, 0);
+            entries.push(Entry { default: Some(Term::fixed(Value::Bool(on))), ..entry });
+            let fixture =
+                Fixture::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
+            assert_eq!(fixture.node.state(), state, "{on}");
+        }
+    }
+
+    #[test]
     fn a_node_may_start_itself() {
         let mut entries = basic();
-        let data_type = canopen::DataType::UNSIGNED32;
+        let data_type = DataType::UNSIGNED32;
         entries.push(crate::stack::testing::entry(
             mux(0x1F80, 0),
             data_type,

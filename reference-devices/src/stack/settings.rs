@@ -19,7 +19,7 @@ pub struct NodeSettings {
     /// An object that holds the boot-up time instead, and the unit of its value.
     pub boot_up_time_object: Option<(Mux, Duration)>,
     /// An object that holds the NMT state to enter after boot-up; any value that is not
-    /// OPERATIONAL or STOPPED means PRE-OPERATIONAL.
+    /// OPERATIONAL or STOPPED means PRE-OPERATIONAL. A BOOLEAN is true for OPERATIONAL.
     pub boot_up_state_object: Option<Mux>,
     /// How long the SDO server waits for the next request of a transfer.
     pub sdo_timeout: Duration,
@@ -37,6 +37,9 @@ pub struct NodeSettings {
     pub bit_rate: u32,
     /// How storing the LSS configuration ends.
     pub lss_store: Status,
+    /// Whether communication starts anew when LSS configuration state is left after a new node id
+    /// or bit rate was stored.
+    pub lss_restarts: bool,
     /// How long it takes to store parameters; the SDO server answers when it is done.
     pub save_time: Duration,
     /// Whether the device can produce SYNC, and the shortest period it takes for it.
@@ -72,6 +75,10 @@ pub struct EmcyTable {
     pub faults: BTreeMap<FaultKind, EmcyForm>,
     /// Takes the last place of a queue that overflows.
     pub queue_overflow: Option<EmcyForm>,
+    /// Whether 1003h lists only the errors that are present.
+    pub history_of_present: bool,
+    /// Whether a device without 1014h has the identifier of the predefined connection set.
+    pub predefined_id: bool,
     /// Whether clearing 1003h sends a message with code 0000h and zeros.
     pub tells_history_cleared: bool,
 }
@@ -88,6 +95,8 @@ pub struct EmcyForm {
     /// Whether the message at the end of the error, code 0000h, repeats register and vendor
     /// bytes; else it carries what is left in 1001h, and zeros.
     pub end_repeats: bool,
+    /// The sub-index of 1029h that the error belongs to, where CiA 301 gives it none.
+    pub error_class: Option<u8>,
 }
 
 /// One of the vendor bytes.
@@ -124,6 +133,7 @@ impl Default for NodeSettings {
             emcy_queue: 16,
             bit_rate: 1_000_000,
             lss_store: Status::DONE,
+            lss_restarts: false,
             save_time: Duration::ZERO,
             sync_producer: None,
             clock_object: None,
@@ -149,7 +159,7 @@ impl Default for SyncSupervision {
 impl EmcyForm {
     /// A message with zeros for vendor bytes and a plain end.
     pub const fn new(code: EmcyCode, register: u8) -> Self {
-        Self { code, register, vendor: [Byte::Is(0); 5], end_repeats: false }
+        Self { code, register, vendor: [Byte::Is(0); 5], end_repeats: false, error_class: None }
     }
 
     /// The vendor bytes for one error.
@@ -175,7 +185,13 @@ impl Default for EmcyTable {
             (FaultKind::RpdoTimeout, EmcyCode::RPDO_TIMEOUT),
         ];
         let form = |(kind, code)| (kind, EmcyForm::new(code, GENERIC | COMMUNICATION));
-        Self { faults: faults.map(form).into(), queue_overflow: None, tells_history_cleared: false }
+        Self {
+            faults: faults.map(form).into(),
+            queue_overflow: None,
+            tells_history_cleared: false,
+            history_of_present: false,
+            predefined_id: false,
+        }
     }
 }
 

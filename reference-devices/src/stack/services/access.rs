@@ -164,7 +164,11 @@ impl Services {
             return;
         }
         for sub in 1..=2 {
-            base.od.set_int(Mux::new(VERIFY_CONFIGURATION, sub), 0);
+            let signature = Mux::new(VERIFY_CONFIGURATION, sub);
+            // One that cannot be written is no signature of a configuration.
+            if base.od.entry(signature).is_some_and(|entry| entry.access.writable()) {
+                base.od.set_int(signature, 0);
+            }
         }
     }
 
