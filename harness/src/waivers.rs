@@ -130,11 +130,11 @@ impl Waivers {
         match covering {
             Some(waiver) => Outcome::Waived {
                 outcome: Box::new(outcome),
-                waiver: Waiver {
+                waiver: Box::new(Waiver {
                     reason: waiver.reason.value.trim().to_owned(),
                     owner: waiver.owner.clone(),
                     expires: waiver.expires.as_ref().map(|date| date.value.clone()),
-                },
+                }),
             },
             None => outcome,
         }
@@ -247,7 +247,7 @@ impl WaiverEntry {
             other => other.verdict(),
         };
         let covers = |cause| self.covers(&case.info.name(), verdict, cause);
-        case.cause.as_ref().is_some_and(covers)
+        case.cause.as_deref().is_some_and(covers)
     }
 }
 

@@ -67,7 +67,7 @@ pub struct CaseRun {
     /// The verdict and what led to it; an error when the case did not come to its end.
     pub outcome: Outcome,
     /// What it shares with the other instances that did not pass for the same reason.
-    pub cause: Option<Cause>,
+    pub cause: Option<Box<Cause>>,
     /// When it was over; the last that is known of it when it did not come to its end.
     pub ended: Instant,
     /// The figures it took.
@@ -221,7 +221,7 @@ impl Run {
         let case = self.open_case().ok_or(OutOfOrder("a case ends that did not start"))?;
         case.ended = end.at;
         case.outcome = end.outcome.clone();
-        case.cause = end.cause.clone();
+        case.cause = end.cause.clone().map(Box::new);
         if keep == Keep::Unusual && case.verdict().is_usual() {
             let mut spare = std::mem::take(&mut case.trace);
             spare.clear();

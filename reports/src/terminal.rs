@@ -91,7 +91,7 @@ impl Printer {
     /// Whether a case with the same cause was printed in full. A device that does not send its
     /// boot-up message, say, fails many cases, and the first one explains them all.
     fn is_explained(&mut self, case: &CaseRun) -> bool {
-        let Some(cause) = &case.cause else { return false };
+        let Some(cause) = case.cause.as_deref() else { return false };
         let first = self.causes.insert(cause.clone());
         !first && self.verbosity < Verbosity::Verbose
     }

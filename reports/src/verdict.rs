@@ -93,7 +93,7 @@ pub enum Outcome {
         /// FAIL, ERROR or LENIENT.
         outcome: Box<Self>,
         /// The waiver.
-        waiver: Waiver,
+        waiver: Box<Waiver>,
     },
     /// Why there is no statement about the device.
     Error {

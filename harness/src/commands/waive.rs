@@ -40,7 +40,7 @@ pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
 fn waivers(run: &Run) -> String {
     let mut causes: Vec<(&Cause, Verdict, Vec<&CaseRun>)> = Vec::new();
     for (_, case) in run.cases().filter(|(_, case)| run.is_red(case.verdict())) {
-        let Some(cause) = &case.cause else { continue };
+        let Some(cause) = case.cause.as_deref() else { continue };
         match causes.iter_mut().find(|known| (known.0, known.1) == (cause, case.verdict())) {
             Some(known) => known.2.push(case),
             None => causes.push((cause, case.verdict(), vec![case])),

@@ -22,8 +22,7 @@ use crate::suite::model::Case;
 use crate::suite::profile::About;
 use crate::suite::refusal::Refusal;
 use crate::suite::step::{
-    Ask, Bounds, FastscanStep, LssStep, Measure, Observe, Produce, Read, Remap, Reply, Step, Until,
-    Write,
+    Ask, Bounds, FastscanStep, LssStep, Measure, Observe, Produce, Read, Remap, Step, Until, Write,
 };
 
 /// Checks that what a case requires can exist at all.
@@ -398,11 +397,9 @@ impl Checker<'_> {
     /// What comes last has nothing to leave out.
     fn no_way_out(&mut self, step: &At<Step>) {
         let (word, place) = match &step.value {
-            Step::Write(Write { or_refused, .. }) => {
-                ("or-refused", or_refused.first().map(|code| code.place))
-            }
-            Step::Reply(Reply { or_else, or_silence, .. }) => {
-                ("or-else", way_out(or_else, *or_silence, step.place))
+            Step::Write(write) => ("or-refused", write.or_refused.first().map(|code| code.place)),
+            Step::Reply(reply) => {
+                ("or-else", way_out(&reply.or_else, reply.or_silence, step.place))
             }
             Step::Ask(ask) => ("or-else", way_out(&ask.or_else, ask.or_silence, step.place)),
             Step::Never(never) => ("or-else", way_out(&never.or_else, false, step.place)),

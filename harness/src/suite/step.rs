@@ -21,42 +21,42 @@ pub enum Step {
     /// Sends a frame as it is written.
     Send(At<FrameText>),
     /// Judges the next frame with that identifier: the answer of a confirmed service.
-    Reply(Reply),
+    Reply(Box<Reply>),
     /// Sends a request and judges its answer, repeated if need be: one exchange after the other,
     /// as a client of a confirmed service does.
     Ask(Box<Ask>),
     /// Waits for a frame.
-    Expect(Expect),
+    Expect(Box<Expect>),
     /// Makes sure that a frame does not come.
-    Never(Never),
+    Never(Box<Never>),
     /// Uploads an object and judges the value or the refusal.
-    Read(Read),
+    Read(Box<Read>),
     /// Downloads a value and judges the confirmation or the refusal. The runner restores what a
     /// case wrote.
-    Write(Write),
+    Write(Box<Write>),
     /// Uploads every entry of the data sheet that fits, and compares it with its default value.
-    Defaults(Objects),
+    Defaults(Box<Objects>),
     /// Changes a PDO mapping by the procedure of CiA 301 (invalid, count 0, entries, count, valid).
-    Remap(Remap),
+    Remap(Box<Remap>),
     /// Sends an NMT command to the node.
     Nmt(Nmt),
     /// Lets time pass.
     Wait(At<Amount>),
     /// Uploads an object again and again until it has the value.
-    Until(Until),
+    Until(Box<Until>),
     /// Measures the intervals between frames.
     Measure(Box<Measure>),
     /// Counts frames.
-    Collect(Collect),
+    Collect(Box<Collect>),
     /// Sends SYNC messages.
     Sync(SyncStep),
     /// Sends a frame periodically.
-    Produce(Produce),
+    Produce(Box<Produce>),
     /// Sets stimuli on the physical side, each by its name: `power: off`. The runner sets them
     /// back.
     Bench(BTreeMap<String, At<Literal>>),
     /// Judges what is to be seen on the physical side.
-    Observe(Observe),
+    Observe(Box<Observe>),
     /// Judges the data sheet.
     Eds(EdsStep),
     /// Asks for objects that the data sheet does not have; each must be refused.

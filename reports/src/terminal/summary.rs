@@ -219,7 +219,7 @@ fn by_cause(run: &Run) -> Vec<(Option<&Cause>, Vec<Noticed<'_>>)> {
     for (place, (device, case)) in run.cases().enumerate() {
         if !case.verdict().is_usual() && !case.outcome.is_not_run() {
             let red = run.is_red(case.verdict());
-            causes.entry((red, case.cause.as_ref())).or_default().push((place, device, case));
+            causes.entry((red, case.cause.as_deref())).or_default().push((place, device, case));
         }
     }
     let mut causes: Vec<_> = causes.into_iter().collect();
