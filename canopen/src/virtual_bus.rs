@@ -203,7 +203,11 @@ impl Bench for VirtualBus<'_> {
     }
 
     fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
-        let has = |station: &Station| station.device.bench_names().iter().any(|own| own == name);
+        // What can be set can mostly be seen, and looking needs no list of names.
+        let has = |station: &Station| {
+            station.device.observe(name).is_some()
+                || station.device.bench_names().iter().any(|own| own == name)
+        };
         let place = self.stations.iter().position(has);
         let place = place.ok_or_else(|| BenchError::unknown(name))?;
         let station = &mut self.stations[place];

@@ -35,7 +35,7 @@ use super::pixsys::PixsysIo;
 use bench::Surroundings;
 use encoder::{Encoder, Setup, TENTH};
 use flags::Faults;
-use indicators::{BLINK_MEDIUM, Led, Pattern, Phase, STEADY_OFF, STEADY_ON};
+use indicators::{Led, Pattern, Phase};
 use parameters::{COUNTS, Item, Parameters, Table};
 use rules::{Manual, Mcm260xRules};
 use sampling::AnalogueInput;
@@ -251,13 +251,13 @@ impl Mcm260x {
         self.run_led.show(now, Pattern::of(self.rules.run_led(phase)));
         let heard = self.heard.is_some_and(|heard| now < heard + HEARD);
         let lit = self.rules.com_led(heard);
-        self.com_led.show(now, if lit { STEADY_ON } else { STEADY_OFF });
+        self.com_led.show(now, if lit { Pattern::SteadyOn } else { Pattern::SteadyOff });
         for (led, input) in self.input_leds.iter_mut().zip(&self.inputs) {
             let pattern = match self.rules.input_led(input.is_off(), input.is_out_of_range()) {
-                _ if !self.powered => STEADY_OFF,
-                (true, _) => STEADY_OFF,
-                (_, true) => BLINK_MEDIUM,
-                _ => STEADY_ON,
+                _ if !self.powered => Pattern::SteadyOff,
+                (true, _) => Pattern::SteadyOff,
+                (_, true) => Pattern::Medium,
+                _ => Pattern::SteadyOn,
             };
             led.show(now, pattern);
         }

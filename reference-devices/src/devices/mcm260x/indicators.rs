@@ -18,37 +18,68 @@ pub(super) enum Phase {
     Modbus(bool),
 }
 
-/// How long an LED is on and off in turns, in milliseconds; nothing for one that is steady.
+/// How an LED is on and off in turns. Patterns are compared at each look at the module, so they
+/// are names and not their times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Pattern {
-    first: bool,
-    spans: &'static [u64],
+pub(super) enum Pattern {
+    /// Dark.
+    SteadyOff,
+    /// Lit.
+    SteadyOn,
+    /// Ten times a second.
+    Fast,
+    /// Two and a half times a second.
+    Medium,
+    /// Every 1.2 s.
+    Slow,
+    /// On for 1 s, then three flashes of 150 ms.
+    ThreeOn,
+    /// Off but for a flash of 40 ms every 1.2 s.
+    OneOff,
+    /// Off for 1 s, then three flashes of 150 ms.
+    ThreeOff,
 }
 
 impl Pattern {
     /// The pattern of the RUN LED (chapters 9 and 10).
     pub(super) const fn of(phase: Phase) -> Self {
         match phase {
-            Phase::Dark => STEADY_OFF,
-            Phase::BootUp => BLINK_FAST,
-            Phase::Node(NmtState::OPERATIONAL, false) | Phase::Modbus(false) => STEADY_ON,
-            Phase::Node(NmtState::OPERATIONAL, true) => BLINK_3_ON,
-            Phase::Node(NmtState::STOPPED, false) => BLINK_1_OFF,
-            Phase::Node(NmtState::STOPPED, true) => BLINK_3_OFF,
-            Phase::Node(_, false) => BLINK_SLOW,
-            Phase::Node(_, true) | Phase::Modbus(true) => BLINK_MEDIUM,
+            Phase::Dark => Self::SteadyOff,
+            Phase::BootUp => Self::Fast,
+            Phase::Node(NmtState::OPERATIONAL, false) | Phase::Modbus(false) => Self::SteadyOn,
+            Phase::Node(NmtState::OPERATIONAL, true) => Self::ThreeOn,
+            Phase::Node(NmtState::STOPPED, false) => Self::OneOff,
+            Phase::Node(NmtState::STOPPED, true) => Self::ThreeOff,
+            Phase::Node(_, false) => Self::Slow,
+            Phase::Node(_, true) | Phase::Modbus(true) => Self::Medium,
+        }
+    }
+
+    /// Whether it begins lit, and how long it is one and the other in turns, in milliseconds;
+    /// nothing for one that is steady.
+    const fn times(self) -> (bool, &'static [u64]) {
+        match self {
+            Self::SteadyOff => (false, &[]),
+            Self::SteadyOn => (true, &[]),
+            Self::Fast => (true, &[50, 50]),
+            Self::Medium => (true, &[200, 200]),
+            Self::Slow => (true, &[600, 600]),
+            Self::ThreeOn => (true, &[1000, 150, 150, 150, 150, 150]),
+            Self::OneOff => (true, &[40, 1160]),
+            Self::ThreeOff => (false, &[1000, 150, 150, 150, 150, 150]),
         }
     }
 
     /// Whether it is lit so long after its beginning, and how long it stays so; `None` for ever.
     fn after(self, time: Duration) -> (bool, Option<Duration>) {
-        let period = Duration::from_millis(self.spans.iter().sum());
+        let (first, spans) = self.times();
+        let period = Duration::from_millis(spans.iter().sum());
         if period.is_zero() {
-            return (self.first, None);
+            return (first, None);
         }
         let mut rest = Duration::from_nanos((time.as_nanos() % period.as_nanos()) as u64);
-        let mut lit = self.first;
-        for span in self.spans {
+        let mut lit = first;
+        for span in spans {
             let span = Duration::from_millis(*span);
             if rest < span {
                 return (lit, Some(span - rest));
@@ -56,7 +87,7 @@ impl Pattern {
             rest -= span;
             lit = !lit;
         }
-        (self.first, Some(Duration::ZERO))
+        (first, Some(Duration::ZERO))
     }
 }
 
@@ -71,7 +102,7 @@ pub(super) struct Led {
 
 impl Default for Led {
     fn default() -> Self {
-        Self { pattern: STEADY_OFF, since: Instant::ZERO, lit: false, next: None }
+        Self { pattern: Pattern::SteadyOff, since: Instant::ZERO, lit: false, next: None }
     }
 }
 
@@ -103,18 +134,6 @@ pub(super) fn display(flags: i64) -> String {
     }
 }
 
-pub(super) const STEADY_OFF: Pattern = Pattern { first: false, spans: &[] };
-pub(super) const STEADY_ON: Pattern = Pattern { first: true, spans: &[] };
-const BLINK_FAST: Pattern = Pattern { first: true, spans: &[50, 50] };
-pub(super) const BLINK_MEDIUM: Pattern = Pattern { first: true, spans: &[200, 200] };
-const BLINK_SLOW: Pattern = Pattern { first: true, spans: &[600, 600] };
-/// On for 1 s, then three flashes of 150 ms.
-const BLINK_3_ON: Pattern = Pattern { first: true, spans: &[1000, 150, 150, 150, 150, 150] };
-/// Off but for a flash of 40 ms every 1.2 s.
-const BLINK_1_OFF: Pattern = Pattern { first: true, spans: &[40, 1160] };
-/// Off for 1 s, then three flashes of 150 ms.
-const BLINK_3_OFF: Pattern = Pattern { first: false, spans: &[1000, 150, 150, 150, 150, 150] };
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -122,16 +141,16 @@ mod tests {
     #[test]
     fn each_state_has_its_pattern() {
         let table = [
-            (Phase::Dark, STEADY_OFF),
-            (Phase::BootUp, BLINK_FAST),
-            (Phase::Node(NmtState::PRE_OPERATIONAL, false), BLINK_SLOW),
-            (Phase::Node(NmtState::PRE_OPERATIONAL, true), BLINK_MEDIUM),
-            (Phase::Node(NmtState::OPERATIONAL, false), STEADY_ON),
-            (Phase::Node(NmtState::OPERATIONAL, true), BLINK_3_ON),
-            (Phase::Node(NmtState::STOPPED, false), BLINK_1_OFF),
-            (Phase::Node(NmtState::STOPPED, true), BLINK_3_OFF),
-            (Phase::Modbus(false), STEADY_ON),
-            (Phase::Modbus(true), BLINK_MEDIUM),
+            (Phase::Dark, Pattern::SteadyOff),
+            (Phase::BootUp, Pattern::Fast),
+            (Phase::Node(NmtState::PRE_OPERATIONAL, false), Pattern::Slow),
+            (Phase::Node(NmtState::PRE_OPERATIONAL, true), Pattern::Medium),
+            (Phase::Node(NmtState::OPERATIONAL, false), Pattern::SteadyOn),
+            (Phase::Node(NmtState::OPERATIONAL, true), Pattern::ThreeOn),
+            (Phase::Node(NmtState::STOPPED, false), Pattern::OneOff),
+            (Phase::Node(NmtState::STOPPED, true), Pattern::ThreeOff),
+            (Phase::Modbus(false), Pattern::SteadyOn),
+            (Phase::Modbus(true), Pattern::Medium),
         ];
         for (phase, pattern) in table {
             assert_eq!(Pattern::of(phase), pattern, "{phase:?}");
@@ -141,7 +160,7 @@ mod tests {
     /// The times in milliseconds at which the LED changes, up to 4 s.
     fn changes(pattern: Pattern) -> Vec<u64> {
         let mut led = Led::default();
-        let (mut now, mut lit, mut changes) = (Instant::ZERO, !pattern.first, Vec::new());
+        let (mut now, mut lit, mut changes) = (Instant::ZERO, !pattern.times().0, Vec::new());
         while now.0 <= 4_000_000_000 {
             led.show(now, pattern);
             if led.lit != lit {
@@ -158,13 +177,13 @@ mod tests {
 
     #[test]
     fn the_patterns_have_the_times_of_the_manual() {
-        assert_eq!(changes(STEADY_ON), [0]);
-        assert_eq!(changes(BLINK_SLOW), [0, 600, 1200, 1800, 2400, 3000, 3600]);
-        assert_eq!(changes(BLINK_1_OFF), [0, 40, 1200, 1240, 2400, 2440, 3600, 3640]);
+        assert_eq!(changes(Pattern::SteadyOn), [0]);
+        assert_eq!(changes(Pattern::Slow), [0, 600, 1200, 1800, 2400, 3000, 3600]);
+        assert_eq!(changes(Pattern::OneOff), [0, 40, 1200, 1240, 2400, 2440, 3600, 3640]);
         let three = [0, 1000, 1150, 1300, 1450, 1600, 1750, 2750, 2900, 3050, 3200, 3350, 3500];
-        assert_eq!(changes(BLINK_3_OFF), three);
-        assert_eq!(changes(BLINK_3_ON), three);
-        assert_eq!(changes(BLINK_FAST).len(), 81);
+        assert_eq!(changes(Pattern::ThreeOff), three);
+        assert_eq!(changes(Pattern::ThreeOn), three);
+        assert_eq!(changes(Pattern::Fast).len(), 81);
     }
 
     #[test]
