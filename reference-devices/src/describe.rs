@@ -377,8 +377,17 @@ mod tests {
                 "15:16: the device has no object 2F30:01",
             ),
             ("lss: false", "lss: false\nwithout: [suction]", "no option `suction`"),
+            (
+                "\"1017\": {}",
+                "\"6200\": { access: rw }",
+                "17:3: 6200 is another object in cia401 than in cia404: say name, object, type",
+            ),
         ];
-        let got = |good, bad| complaint(&with("\"1017\": {}").replace(good, bad));
+        let both = |yaml: String| yaml.replace("[cia301]", "[cia301, cia401, cia404]");
+        let got = |good, bad: &str| {
+            let yaml = with("\"1017\": {}").replace(good, bad);
+            complaint(&if bad.contains("6200") { both(yaml) } else { yaml })
+        };
         let wrong = table.map(|(good, bad, expected)| (got(good, bad), expected));
         let wrong: Vec<_> =
             wrong.iter().filter(|(got, expected)| !got.contains(expected)).collect();

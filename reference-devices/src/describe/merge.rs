@@ -1,7 +1,7 @@
 //! One object: what the device chose over what a profile says.
 
 use canopen::Mux;
-use canopen::catalogue::{Catalogue, Facts, Mapping, ObjectFacts, Scalar};
+use canopen::catalogue::{Catalogue, Facts, Mapping, ObjectFacts, Profile, Scalar};
 use canopen::eds::{Access, Entry, Object, Term};
 
 use super::wrong::Wrong;
@@ -17,7 +17,17 @@ pub(super) fn object(
     is_left_out: impl FnMut(u8) -> bool,
 ) -> Result<(), Wrong> {
     let nothing = ObjectFacts::default();
-    let known = catalogue.lookup(&described.profiles, index).unwrap_or(&nothing);
+    let known = match strangers(&described.profiles, catalogue, index) {
+        Some(_) if is_whole(chosen) => None,
+        Some([first, second]) => {
+            let what = "say name, object, type and access here";
+            let message =
+                format!("{index:04X} is another object in {first} than in {second}: {what}");
+            return Err(Wrong::object(index, message));
+        }
+        None => catalogue.lookup(&described.profiles, index),
+    };
+    let known = known.unwrap_or(&nothing);
     let shape = chosen.object.or(known.object).ok_or_else(|| {
         let why = "neither the device nor a profile gives its object code";
         Wrong::object(index, format!("{index:04X}: {why}"))
@@ -42,6 +52,30 @@ pub(super) fn object(
     let flags = chosen.flags.or(known.flags);
     described.eds.objects.push(Object { index, name, kind, flags, entries, line: 0 });
     Ok(())
+}
+
+/// Two profiles of a device that do not build on each other and both have the index: only their
+/// order would say which of them is meant.
+fn strangers<'c>(
+    profiles: &[String],
+    catalogue: &'c Catalogue,
+    index: u16,
+) -> Option<[&'c str; 2]> {
+    let known = profiles.iter().filter_map(|name| catalogue.profile(name));
+    let known: Vec<_> = known.filter(|profile| profile.lookup(index).is_some()).collect();
+    let builds_on =
+        |one: &Profile, other: &Profile| one.chain().any(|base| base.name == other.name);
+    let (first, others) = known.split_first()?;
+    let related = |other: &Profile| builds_on(first, other) || builds_on(other, first);
+    let stranger = others.iter().find(|other| !related(other))?;
+    Some([&first.name, &stranger.name])
+}
+
+/// Whether a device says all that a profile would say.
+fn is_whole(chosen: &ObjectFacts) -> bool {
+    let typed = |facts: &Facts| facts.data_type.is_some() && facts.access.is_some();
+    let all = typed(&chosen.of_var()) || chosen.subs.values().all(typed) && !chosen.subs.is_empty();
+    all && chosen.name.is_some() && chosen.object.is_some()
 }
 
 /// The values of an array or record with all that is known of them, sub 0 first.

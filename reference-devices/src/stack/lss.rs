@@ -341,6 +341,28 @@ mod tests {
             .collect()
     }
 
+    #[test]
+    fn a_stored_setting_may_start_the_node_anew() {
+        let settings = || NodeSettings { lss_restarts: true, ..NodeSettings::default() };
+        for (store, boot_up) in [(true, "709#00"), (false, "")] {
+            let mut fixture = with("", settings());
+            lss(&mut fixture, "0401");
+            assert_eq!(lss(&mut fixture, "1109"), answer("1100"));
+            if store {
+                assert_eq!(lss(&mut fixture, "17"), answer("17"));
+            }
+            lss(&mut fixture, "0400");
+            let frames: String =
+                later(&mut fixture, 50).into_iter().map(|(_, frame)| frame).collect();
+            assert_eq!(frames, boot_up);
+        }
+        let mut fixture = with("", settings());
+        lss(&mut fixture, "0401");
+        assert_eq!(lss(&mut fixture, "17"), answer("17"));
+        lss(&mut fixture, "0400");
+        assert_eq!(later(&mut fixture, 50), [], "nothing new was stored");
+    }
+
     fn unconfigured(rules: &str) -> Fixture {
         let mut fixture = fixture(rules);
         lss(&mut fixture, "0401");

@@ -163,7 +163,12 @@ impl Rpdo {
 
 #[cfg(test)]
 mod tests {
+    use canopen::NmtState;
+    use canopen::emcy::EmcyCode;
+
+    use crate::rules::Specification;
     use crate::stack::testing::{Fixture, eds, full, mux, sent, set};
+    use crate::stack::{EmcyForm, EmcyTable, FaultKind, Inert, NodeSettings};
 
     /// The first RPDO carries 6200:01, a gap of a byte, and 2001h.
     fn fixture(rules: &str, kind: u8) -> Fixture {
@@ -267,6 +272,29 @@ mod tests {
         fixture.send("205#01000100");
         assert_eq!(values(&mut fixture), (0, 0));
         assert!(fixture.ask("305#0102").is_empty());
+    }
+
+    #[test]
+    fn a_missed_deadline_may_be_a_communication_error() {
+        for (error_class, state) in
+            [(Some(1), NmtState::PRE_OPERATIONAL), (None, NmtState::OPERATIONAL)]
+        {
+            let form = EmcyForm { error_class, ..EmcyForm::new(EmcyCode::COMMUNICATION, 1) };
+            let faults = [(FaultKind::RpdoTimeout, form)].into();
+            let emcy = EmcyTable { faults, ..EmcyTable::default() };
+            let settings = NodeSettings { emcy, ..NodeSettings::default() };
+            let mut entries = full();
+            set(&mut entries, mux(0x1400, 2), 255);
+            set(&mut entries, mux(0x1400, 5), 50);
+            set(&mut entries, mux(0x1600, 0), 1);
+            set(&mut entries, mux(0x1600, 1), 0x6200_0108);
+            let mut fixture =
+                Fixture::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
+            fixture.send("000#0105");
+            fixture.send("205#01");
+            fixture.run_to(500_000);
+            assert_eq!(fixture.node.state(), state, "{error_class:?}");
+        }
     }
 
     #[test]
