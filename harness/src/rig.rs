@@ -1,8 +1,8 @@
 //! A bench in another process: lines of JSON, a request and its answer.
 //!
 //! `{"names":true}` gets `{"names":["power"]}`, `{"set":{"power":"off"}}` gets `{"ok":true}`,
-//! `{"get":"lamp"}` gets `{"value":5}`; beside `names`, `"needs":{"lamp":{"3000:15":17}}` says how the
-//! device must be set up; what cannot be done gets `{"error":"..."}`.
+//! `{"get":"lamp"}` gets `{"value":5}`; beside `names`, `"needs":{"lamp":{"3000:15":17}}` says how
+//! the device must be set up; what cannot be done gets `{"error":"..."}`.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, Read, Write};

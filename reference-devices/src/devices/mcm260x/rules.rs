@@ -148,7 +148,8 @@ pub(crate) trait Mcm260xRules: Send {
         Some(Diagnosis { code: EmcyCode(0xFF00), register: 0x81, vendor })
     }
 
-    /// An input that is out of range for the `times`-th time since power-on is reported again (11.9).
+    /// An input that is out of range for the `times`-th time since power-on is reported again
+    /// (11.9).
     fn reports(&self, _times: u32) -> bool {
         true
     }

@@ -21,8 +21,8 @@ impl Mcm260x {
         numbered.chain(self.single().map(str::to_owned)).collect()
     }
 
-    /// An input for many sensors is delivered disabled: it has digits that are millivolts, and shows
-    /// each of them at once, when it is set up like this.
+    /// An input for many sensors is delivered disabled: it has digits that are millivolts, and
+    /// shows each of them at once, when it is set up like this.
     pub(super) fn needs(&self) -> Needs {
         let inputs = if self.is_universal() { self.inputs.len() } else { 0 };
         let setup = [
