@@ -1,5 +1,6 @@
 //! A change of the dictionary.
 
+use canopen::catalogue::Scalar;
 use canopen::eds::{Access, Eds, Entry, Object, ObjectKind, Term};
 use canopen::{DataType, Mux, Value};
 use schemars::JsonSchema;
@@ -82,8 +83,12 @@ impl Patch {
             return Ok(());
         }
         let entry = &mut object.entries[place];
-        let fixed = |number: i64| Some(Term::fixed(Value::from(number)));
         entry.data_type = self.data_type.unwrap_or(entry.data_type);
+        let data_type = entry.data_type;
+        let fixed = |number: i64| {
+            let term = Scalar::Int(number.into()).term(data_type);
+            term.or_else(|| Some(Term::fixed(Value::from(number))))
+        };
         entry.access = self.access.unwrap_or(entry.access);
         if let Some(number) = self.value {
             entry.default = fixed(number);

@@ -35,8 +35,16 @@ pub(crate) struct SettingsPatch {
     silent: Vec<FaultKind>,
     /// Whether clearing 1003h sends a message, too.
     tells_history_cleared: Option<bool>,
+    /// Whether 1003h lists only the errors that are present.
+    history_of_present: Option<bool>,
+    /// Whether a device without 1014h has the identifier of the predefined connection set.
+    predefined_id: Option<bool>,
+    /// The sub-index of 1029h that errors belong to which have one; 0 is none.
+    error_class: Option<u8>,
     /// The error code with which storing the LSS configuration ends.
     lss_store: Option<u8>,
+    /// Whether communication starts anew when LSS is left after a new setting was stored.
+    lss_restarts: Option<bool>,
 }
 
 impl SettingsPatch {
@@ -64,15 +72,22 @@ impl SettingsPatch {
         if let Some(error) = self.lss_store {
             settings.lss_store = Status { error, specific: 0 };
         }
+        settings.lss_restarts = self.lss_restarts.unwrap_or(settings.lss_restarts);
         self.apply_to_messages(&mut settings.emcy);
     }
 
     fn apply_to_messages(&self, table: &mut EmcyTable) {
         let history_cleared = &mut table.tells_history_cleared;
         *history_cleared = self.tells_history_cleared.unwrap_or(*history_cleared);
+        table.history_of_present = self.history_of_present.unwrap_or(table.history_of_present);
+        table.predefined_id = self.predefined_id.unwrap_or(table.predefined_id);
         table.faults.retain(|fault, _| !self.silent.contains(fault));
         if let Some(register) = self.emcy_register {
             table.faults.values_mut().for_each(|form| form.register = register);
+        }
+        if let Some(class) = self.error_class {
+            let classed = table.faults.values_mut().filter(|form| form.error_class.is_some());
+            classed.for_each(|form| form.error_class = (class > 0).then_some(class));
         }
     }
 }
