@@ -62,6 +62,8 @@ pub(crate) fn plan_cases(
         }
     }
     let dut = dut.clone();
+    // There are thousands, of several devices at a time.
+    instances.shrink_to_fit();
     match complaints.is_empty() {
         true => Ok(Plan { dut, instances, left_out: BTreeMap::new() }),
         false => Err(complaints),
@@ -123,7 +125,7 @@ fn bind_case(
         match dut.sheet.trusted {
             true => complaints.extend(checked.complaints),
             // The suite fits the devices it was written with.
-            false => bound.unfit = checked.complaints.into_iter().next(),
+            false => bound.unfit = checked.complaints.into_iter().next().map(Box::new),
         }
     }
     if complaints.is_empty() { Ok(bound) } else { Err(dedup(complaints)) }

@@ -42,7 +42,7 @@ pub struct Instance {
     /// Whether that is so because its suite is about a profile that the device does not follow.
     pub foreign: bool,
     /// What in its steps the data sheet contradicts.
-    pub unfit: Option<Complaint>,
+    pub unfit: Option<Box<Complaint>>,
 }
 
 impl Plan {
