@@ -1,6 +1,7 @@
 //! Every decision of the function blocks that a test can observe.
 
 mod deviations;
+mod parameters;
 
 use std::time::Duration;
 

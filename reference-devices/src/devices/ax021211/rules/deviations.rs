@@ -1,13 +1,459 @@
 //! The controllers that take one decision otherwise.
 
+use std::time::Duration;
+
+use super::super::load::{Driven, Stage};
+use super::super::logic::{self, Verdict};
+use super::super::math;
+use super::super::output::{self, Command, Disabled, Interventions};
+use super::super::pid::Gains;
+use super::super::ramp::Ramp;
+use super::super::signal::{Link, Signal};
+use super::super::table::POINTS;
 use super::Ax021211Rules;
+use super::parameters;
+use crate::devices::deviating::{self, Deviation, deviating};
 
 /// The names of the devices that break one decision.
 pub(in super::super) fn names() -> impl Iterator<Item = &'static str> {
-    std::iter::empty()
+    parameters::names().chain(deviating::names(DEVIATIONS))
 }
 
 /// The rules of the device that breaks the decision of that name; `None` when there is none.
-pub(in super::super) fn named(_name: &str) -> Option<Box<dyn Ax021211Rules>> {
-    None
+pub(in super::super) fn named(name: &str) -> Option<Box<dyn Ax021211Rules>> {
+    parameters::named(name).or_else(|| deviating::named(DEVIATIONS, name))
 }
+
+const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
+    "half-is-on" {
+        fn is_on(&self, value: f64) -> bool { value >= 50.0 }
+    }
+    "digital-by-process-value" {
+        fn message_is_bit(&self, _is_digital: bool) -> bool { false }
+    }
+    "write-states-reversed" {
+        fn write_state(&self, states: i64, place: usize) -> bool { states >> (9 - place) & 1 != 0 }
+    }
+    "write-states-of-first-bit" {
+        fn write_state(&self, states: i64, _place: usize) -> bool { states & 1 != 0 }
+    }
+    "received-without-validation" {
+        fn takes_received(&self, _status: i64) -> bool { true }
+    }
+    "received-not-copied" {
+        fn takes_received(&self, _status: i64) -> bool { false }
+    }
+    "received-when-invalid" {
+        fn takes_received(&self, status: i64) -> bool { status == 0 }
+    }
+    "validation-lasts" {
+        fn status_after_copy(&self) -> i64 { 1 }
+    }
+    "timed-out-message-valid" {
+        fn message_fails(&self, _timed_out: bool) -> bool { false }
+    }
+    "open-circuit-changes-no-state" {
+        fn fault_group(&self) -> Option<u8> { None }
+    }
+    "open-circuit-is-digital-fault" {
+        fn fault_group(&self) -> Option<u8> { Some(4) }
+    }
+    "open-circuit-is-communication-fault" {
+        fn fault_group(&self) -> Option<u8> { Some(1) }
+    }
+    "channel-counted-from-0" {
+        fn channel(&self, place: usize) -> u8 { place as u8 }
+    }
+    "channel-always-1" {
+        fn channel(&self, _place: usize) -> u8 { 1 }
+    }
+    "supply-errors-swapped" {
+        fn supply_errors(&self, volts: f64) -> (bool, bool) { (volts > 60.0, volts < 9.0) }
+    }
+    "supply-low-not-seen" {
+        fn supply_errors(&self, volts: f64) -> (bool, bool) { (false, volts > 60.0) }
+    }
+    "supply-high-not-seen" {
+        fn supply_errors(&self, volts: f64) -> (bool, bool) { (volts < 9.0, false) }
+    }
+    "banks-of-five" {
+        fn bank(&self, place: usize) -> usize { place / 5 }
+    }
+    "each-output-has-a-timer" {
+        fn bank(&self, place: usize) -> usize { place }
+    }
+    "one-bank" {
+        fn bank(&self, _place: usize) -> usize { 0 }
+    }
+    "current-leaves-frequency" {
+        fn frequency(&self, configured: i64, _has_loop: bool) -> i64 { configured }
+    }
+    "frequency-always-fixed" {
+        fn frequency(&self, _configured: i64, _has_loop: bool) -> i64 { 25_000 }
+    }
+    "updates-always" {
+        fn updates(&self, _enabled: bool) -> bool { true }
+    }
+    "updates-never" {
+        fn updates(&self, _enabled: bool) -> bool { false }
+    }
+    "ramp-taken-for-jump" {
+        fn point_response(&self, code: u8) -> u8 { code.max(2 * u8::from(code == 1)) }
+    }
+    "jump-taken-for-ramp" {
+        fn point_response(&self, code: u8) -> u8 { code.min(1) }
+    }
+    "ignore-taken-for-ramp" {
+        fn point_response(&self, code: u8) -> u8 { code.max(1) }
+    }
+    "auto-repeat-always" {
+        fn repeats(&self, _configured: bool) -> bool { true }
+    }
+    "auto-repeat-never" {
+        fn repeats(&self, _configured: bool) -> bool { false }
+    }
+    "ignored-points-out-of-limits" {
+        fn points_of_limits(&self, in_use: usize) -> usize { in_use }
+    }
+    "table-limits-always-percentage" {
+        fn table_limits(&self, _low: f64, _high: f64) -> (f64, f64) { (0.0, 100.0) }
+    }
+    "table-limits-always-ends" {
+        fn table_limits(&self, low: f64, high: f64) -> (f64, f64) { (low, high) }
+    }
+    "ignored-point-alone" {
+        fn points_in_use(&self, _before: usize) -> usize { POINTS }
+    }
+    "segment-without-its-end" {
+        fn within_segment(&self, x: f64, point: f64) -> bool { x < point }
+    }
+    "below-table-is-zero" {
+        fn below_table(&self, _first: f64) -> f64 { 0.0 }
+    }
+    "beyond-table-is-zero" {
+        fn beyond_table(&self, _last: f64) -> f64 { 0.0 }
+    }
+    "jump-is-late" {
+        fn jump(&self, from: f64, _to: f64) -> f64 { from }
+    }
+    "time-points-are-absolute" {
+        fn interval(&self, before: f64, point: f64) -> f64 { point - before }
+    }
+    "profile-falls-back" {
+        fn after_sequence(&self, _last: f64) -> f64 { 0.0 }
+    }
+    "profile-goes-on" {
+        fn sequence_begins_anew(&self) -> bool { false }
+    }
+    "profile-holds-when-off" {
+        fn sequence_off(&self, held: f64) -> f64 { held }
+    }
+    "pid-times-tenfold" {
+        fn pid_time(&self, seconds: f64) -> f64 { seconds * 10.0 }
+    }
+    "pid-without-feedback" {
+        fn pid_is_enabled(&self, both: bool, links: [Link; 2]) -> bool {
+            both || links[0].is_used()
+        }
+    }
+    "pid-error-reversed" {
+        fn pid_error(&self, target: f64, feedback: f64) -> f64 { feedback - target }
+    }
+    "pid-tolerance-inclusive" {
+        fn is_tolerated(&self, difference: f64, tolerance: f64) -> bool { difference <= tolerance }
+    }
+    "pid-integral-without-ti" {
+        fn pid_gains(&self, gains: Gains, cycle: f64) -> (f64, f64, f64) {
+            let gains = Gains { integral_time: 1.0, ..gains };
+            gains.of_cycle(cycle)
+        }
+    }
+    "pid-derivative-without-td" {
+        fn pid_gains(&self, gains: Gains, cycle: f64) -> (f64, f64, f64) {
+            let gains = Gains { derivative_time: 0.0, ..gains };
+            gains.of_cycle(cycle)
+        }
+    }
+    "pid-gain-is-proportional-only" {
+        fn pid_gains(&self, gains: Gains, cycle: f64) -> (f64, f64, f64) {
+            let rest = Gains { proportional: 1.0, ..gains }.of_cycle(cycle);
+            (gains.proportional, rest.1, rest.2)
+        }
+    }
+    "pid-zero-ti-is-one" {
+        fn pid_gains(&self, gains: Gains, cycle: f64) -> (f64, f64, f64) {
+            let time = if gains.integral_time == 0.0 { 1.0 } else { gains.integral_time };
+            Gains { integral_time: time, ..gains }.of_cycle(cycle)
+        }
+    }
+    "pid-sum-forgets" {
+        fn error_sum(&self, _sum: f64, error: f64) -> f64 { error }
+    }
+    "pid-step-of-error" {
+        fn error_step(&self, error: f64, _last: f64) -> f64 { error }
+    }
+    "pid-output-is-absolute" {
+        fn pid_output(&self, _response: u8, output: f64, _error: f64) -> f64 {
+            output.abs().min(100.0)
+        }
+    }
+    "pid-target-is-percentage" {
+        fn target_limits(&self, own: Option<(f64, f64)>, _of_feedback: (f64, f64)) -> (f64, f64) {
+            own.unwrap_or((0.0, 100.0))
+        }
+    }
+    "math-gain-in-tenths" {
+        fn gain(&self, configured: i64) -> f64 { configured as f64 / 10.0 }
+    }
+    "math-always-enabled" {
+        fn math_is_enabled(&self, _configured: bool) -> bool { true }
+    }
+    "math-function-of-one-input" {
+        fn function_counts(&self, [a, b]: [bool; 2]) -> bool { a || b }
+    }
+    "math-negative-result-passed-on" {
+        fn linked_result(&self, result: f64, gain: f64, _subtracts: bool) -> f64 { result * gain }
+    }
+    "math-inputs-swapped" {
+        fn function_inputs(&self, [a, b]: [f64; 2]) -> [f64; 2] { [b, a] }
+    }
+    "math-truth-above-half" {
+        fn math_result(&self, operator: u8, a: f64, b: f64) -> f64 {
+            let less = if (6..=11).contains(&operator) { 1e-9 } else { 0.0 };
+            math::operate(operator, a - less, b - less)
+        }
+    }
+    "math-division-by-zero-saturates" {
+        fn math_result(&self, operator: u8, a: f64, b: f64) -> f64 {
+            if operator == 15 && b == 0.0 { 1.0 } else { math::operate(operator, a, b) }
+        }
+    }
+    "math-first-function-is-result" {
+        fn block_result(&self, before: Option<f64>, result: f64) -> Option<f64> {
+            before.or(Some(result))
+        }
+    }
+    "math-does-not-saturate" {
+        fn saturated(&self, part: f64) -> f64 { part }
+    }
+    "math-error-counts-as-value" {
+        fn math_input_in_error(&self, value: f64) -> f64 { value }
+    }
+    "math-gain-is-added" {
+        fn math_input(&self, part: f64, gain: f64) -> f64 { part + gain - 1.0 }
+    }
+    "logic-always-enabled" {
+        fn logic_is_enabled(&self, _configured: bool) -> bool { true }
+    }
+    "logic-last-table-wins" {
+        fn selection(&self, selects: [bool; 3]) -> usize {
+            selects.iter().rposition(|selects| *selects).unwrap_or(0)
+        }
+    }
+    "logic-default-is-table-c" {
+        fn selection(&self, selects: [bool; 3]) -> usize {
+            selects.iter().position(|selects| *selects).unwrap_or(2)
+        }
+    }
+    "logic-shows-letter" {
+        fn selected_table(&self, _number: u8, chosen: usize) -> u8 { chosen as u8 + 1 }
+    }
+    "logic-output-is-value" {
+        fn logic_percent(&self, signal: Signal) -> f64 { signal.value }
+    }
+    "logic-error-is-true" {
+        fn condition(&self, operator: u8, _links: [Link; 2], arguments: [Signal; 2]) -> Verdict {
+            match logic::judge(operator, arguments) {
+                Verdict::Error => Verdict::True,
+                other => other,
+            }
+        }
+    }
+    "logic-error-does-not-apply" {
+        fn condition(&self, operator: u8, _links: [Link; 2], arguments: [Signal; 2]) -> Verdict {
+            match logic::judge(operator, arguments) {
+                Verdict::Error => Verdict::NotApplicable,
+                other => other,
+            }
+        }
+    }
+    "logic-not-applicable-is-false" {
+        fn condition(&self, operator: u8, _links: [Link; 2], arguments: [Signal; 2]) -> Verdict {
+            match logic::judge(operator, arguments) {
+                Verdict::NotApplicable => Verdict::False,
+                other => other,
+            }
+        }
+    }
+    "logic-not-applicable-is-true" {
+        fn condition(&self, operator: u8, _links: [Link; 2], arguments: [Signal; 2]) -> Verdict {
+            match logic::judge(operator, arguments) {
+                Verdict::NotApplicable => Verdict::True,
+                other => other,
+            }
+        }
+    }
+    "logic-arguments-swapped" {
+        fn condition(&self, operator: u8, _links: [Link; 2], [a, b]: [Signal; 2]) -> Verdict {
+            logic::judge(operator, [b, a])
+        }
+    }
+    "fault-of-control-only" {
+        fn input_fault(&self, [control, ..]: [bool; 3]) -> bool { control }
+    }
+    "fault-not-seen" {
+        fn input_fault(&self, _failed: [bool; 3]) -> bool { false }
+    }
+    "override-before-fault" {
+        fn decide(&self, found: Interventions, control: Signal) -> Command {
+            let fault = found.fault && !found.overrides;
+            output::decide(Interventions { fault, ..found }, control)
+        }
+    }
+    "enable-before-override" {
+        fn decide(&self, found: Interventions, control: Signal) -> Command {
+            let overrides = found.overrides && found.disabled.is_none();
+            output::decide(Interventions { overrides, ..found }, control)
+        }
+    }
+    "fault-modes-swapped" {
+        fn keeps(&self, configured: bool) -> bool { !configured }
+    }
+    "fault-state-inverted" {
+        fn fault_state(&self, configured: bool) -> bool { !configured }
+    }
+    "override-keeps-level" {
+        fn override_fv(&self, _configured: f64, level: f64) -> f64 { level }
+    }
+    "override-switches-off" {
+        fn override_fv(&self, _configured: f64, _level: f64) -> f64 { 0.0 }
+    }
+    "off-at-scaling-1" {
+        fn is_off(&self, response: u8, pv: f64, (low, high): (f64, f64)) -> bool {
+            response == 1 && pv <= low || response == 2 && pv > high
+        }
+    }
+    "off-at-scaling-2" {
+        fn is_off(&self, response: u8, pv: f64, (low, high): (f64, f64)) -> bool {
+            response == 1 && pv < low || response == 2 && pv >= high
+        }
+    }
+    "fv-exceeds-its-ends" {
+        fn held_part(&self, part: f64) -> f64 { part }
+    }
+    "static-bias-is-added" {
+        fn biased(&self, fv: f64, pv: f64, bias: f64) -> f64 {
+            if pv == 0.0 { fv + bias } else { fv }
+        }
+    }
+    "static-bias-always" {
+        fn biased(&self, fv: f64, _pv: f64, bias: f64) -> f64 { fv - bias }
+    }
+    "ramp-through-bias" {
+        fn ramp_bias(&self, _bias: f64) -> f64 { 0.0 }
+    }
+    "ramp-over-whole-range" {
+        fn ramp_span(&self, _fv1: f64, _fv2: f64, largest: f64) -> f64 { largest }
+    }
+    "ramps-swapped" {
+        fn ramp(&self, ramp: Ramp) -> Ramp { Ramp { up: ramp.down, down: ramp.up, ..ramp } }
+    }
+    "override-on-ramp" {
+        fn is_ramped(&self, command: Command) -> bool {
+            command == Command::Override
+                || matches!(command, Command::Control(_) | Command::Disabled(Disabled::RampOff))
+        }
+    }
+    "fault-on-ramp" {
+        fn is_ramped(&self, command: Command) -> bool {
+            command == Command::Fault
+                || matches!(command, Command::Control(_) | Command::Disabled(Disabled::RampOff))
+        }
+    }
+    "shut-off-on-ramp" {
+        fn is_ramped(&self, command: Command) -> bool {
+            matches!(command, Command::Control(_) | Command::Disabled(_))
+        }
+    }
+    "feedback-of-voltage-is-measured" {
+        fn feedback_without_current(&self, _level: i64, driven: Driven) -> i64 {
+            (driven.milliamperes / 10.0) as i64
+        }
+    }
+    "digital-states-swapped" {
+        fn digital_states(&self, logic: bool, drive: bool) -> (bool, bool) { (drive, logic) }
+    }
+    "stage-at-half-power" {
+        fn stage(&self, stage: Stage) -> Stage {
+            match stage {
+                Stage::Current(milliamperes) => Stage::Current(milliamperes / 2.0),
+                other => other,
+            }
+        }
+    }
+    "feedback-of-fault-valid" {
+        fn feedback_fails(&self, _fault: bool) -> bool { false }
+    }
+    "detection-inclusive" {
+        fn is_wrong(&self, drives: bool, shorted: bool, difference: f64, tolerance: f64) -> bool {
+            drives && (shorted || difference >= tolerance)
+        }
+    }
+    "short-circuit-not-signalled" {
+        fn is_wrong(&self, drives: bool, _shorted: bool, difference: f64, tolerance: f64) -> bool {
+            drives && difference > tolerance
+        }
+    }
+    "open-circuit-not-seen" {
+        fn is_wrong(&self, drives: bool, shorted: bool, _difference: f64, _tolerance: f64) -> bool {
+            drives && shorted
+        }
+    }
+    "reaction-delay-halved" {
+        fn reaction_delay(&self, configured: Duration) -> Duration { configured / 2 }
+    }
+    "reaction-delay-goes-on" {
+        fn detection_begins_anew(&self) -> bool { false }
+    }
+    "fault-is-latched" {
+        fn error_ends(&self) -> bool { false }
+    }
+    "polarity-ignored" {
+        fn polarity(&self, _inverse: bool) -> bool { false }
+    }
+    "polarity-inverted" {
+        fn polarity(&self, inverse: bool) -> bool { !inverse }
+    }
+    "delay-with-inverse-polarity" {
+        fn delays(&self, _inverse: bool) -> bool { true }
+    }
+    "delay-on-both-edges" {
+        fn is_delayed_edge(&self, _wanted: bool, _delayed_state: bool) -> bool { true }
+    }
+    "delay-on-other-edge" {
+        fn is_delayed_edge(&self, wanted: bool, delayed_state: bool) -> bool {
+            wanted != delayed_state
+        }
+    }
+    "delay-doubled" {
+        fn delay(&self, configured: Duration) -> Duration { configured * 2 }
+    }
+    "hotshot-once" {
+        fn hotshot_is_armed_again(&self) -> bool { false }
+    }
+    "hotshot-skipped" {
+        fn hotshot_time(&self, _configured: Duration) -> Duration { Duration::ZERO }
+    }
+    "hotshot-lasts" {
+        fn hotshot_time(&self, configured: Duration) -> Duration { configured * 10 }
+    }
+    "hotshot-currents-swapped" {
+        fn hotshot_currents(&self, hotshot: f64, hold: f64) -> (f64, f64) { (hold, hotshot) }
+    }
+    "dither-missing" {
+        fn dither(&self, _amplitude: f64) -> f64 { 0.0 }
+    }
+    "dither-of-first-bank" {
+        fn dither_bank(&self, _place: usize) -> usize { 0 }
+    }
+};
