@@ -99,10 +99,16 @@ impl Ax021211 {
 
     /// Evaluates the blocks within a cycle, because something came from outside.
     fn touch(&mut self, now: Instant) {
+        let next = self.cycle_after(now);
+        let is_asleep = self.next != Some(next);
+        if is_asleep && next == now + CYCLE {
+            // It wakes up just in time for a cycle.
+            return self.cycle(now);
+        }
         self.network.evaluate(now, Duration::ZERO, &self.outside, &*self.rules);
-        if self.next.is_none_or(|next| next > now + CYCLE) {
-            self.last = now;
-            self.next = Some(self.cycle_after(now));
+        if is_asleep {
+            self.last = Instant(next.0.saturating_sub(CYCLE.as_nanos() as u64));
+            self.next = Some(next);
         }
     }
 
@@ -280,5 +286,7 @@ impl Behaviour for Ax021211 {
 /// The time from one evaluation of the blocks to the next.
 const CYCLE: Duration = Duration::from_millis(1);
 
+#[cfg(test)]
+mod model;
 #[cfg(test)]
 mod tests;

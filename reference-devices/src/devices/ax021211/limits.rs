@@ -71,7 +71,7 @@ fn check_x(
     }
     let scaled = |value: f64| value * power(int(3, 0).unwrap_or(0) as u8);
     let limits = network.x_limits(place).map(|(low, high)| (scaled(low), scaled(high)));
-    let (low, high) = limits.unwrap_or((i16::MIN.into(), i16::MAX.into()));
+    let (low, high) = limits.unwrap_or(WIDEST);
     match sub {
         1 if (value as f64) < low => return Err(Abort::TOO_LOW),
         11 if value as f64 > high => return Err(Abort::TOO_HIGH),
@@ -123,6 +123,8 @@ fn number(bytes: &[u8]) -> Option<i64> {
     })
 }
 
+/// The range of an X-axis whose source has no limits.
+const WIDEST: (f64, f64) = (i16::MIN as f64, i16::MAX as f64);
 /// Producer heartbeat time.
 const HEARTBEAT: u16 = 0x1017;
 /// 24 hours in milliseconds (1.5.4).

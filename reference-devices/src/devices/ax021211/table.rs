@@ -22,6 +22,7 @@ pub(super) struct TableSettings {
     responses: [Response; POINTS],
     x_points: [f64; POINTS],
     y_points: [f64; POINTS],
+    limits: (f64, f64),
 }
 
 /// How a point is reached (table 12).
@@ -47,7 +48,7 @@ impl TableSettings {
             2 => Response::Jump,
             _ => Response::Ramp,
         };
-        Self {
+        let settings = Self {
             x: Link::new(od.var(index(0)) as u8, od.var(index(1)) as u8),
             repeats: od.rules.repeats(od.var(index(2)) != 0),
             timed,
@@ -55,12 +56,14 @@ impl TableSettings {
             responses: std::array::from_fn(response),
             x_points: std::array::from_fn(|point| od.scaled(index(6), point, x_digits)),
             y_points: std::array::from_fn(|point| od.scaled(index(7), point, y_digits)),
-        }
+            limits: PERCENT,
+        };
+        Self { limits: settings.limits(od.rules), ..settings }
     }
 
     /// The limits of the output (1.5.2): those of a percentage as long as every point is within
     /// them, ignored points among them, or else the lowest and the highest point.
-    pub(super) fn limits(&self, rules: &dyn Ax021211Rules) -> (f64, f64) {
+    fn limits(&self, rules: &dyn Ax021211Rules) -> (f64, f64) {
         let counted = rules.points_of_limits(self.points());
         let points = &self.y_points[..counted];
         let low = points.iter().copied().fold(f64::INFINITY, f64::min);
@@ -173,7 +176,7 @@ impl Table {
         self.held = y;
         let shown = digits(y, settings.y_digits);
         let value = shown as f64 / power(settings.y_digits);
-        let signal = Signal::new(value, Some(settings.limits(rules)));
+        let signal = Signal::new(value, Some(settings.limits));
         (shown, signal.failing(x.has_failed()))
     }
 
