@@ -1,7 +1,7 @@
 //! The reference devices, each put together from its data, its behaviour and the stack.
 
 mod applications;
-mod ax021211;
+pub mod ax021211;
 mod deviating;
 mod drr460;
 pub mod em66;

@@ -26,6 +26,7 @@ mod ramp;
 mod rules;
 mod signal;
 mod table;
+pub mod worked;
 
 use std::time::Duration;
 
