@@ -40,6 +40,31 @@ pub(super) struct Baseline {
     pub habits: Habits,
     /// The error codes of the emergencies that it sent, without 0000h.
     emergencies: Vec<EmcyCode>,
+    /// What the starts for cases showed.
+    starts: Cell<Starts>,
+}
+
+/// What the device sent when it was started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Starts {
+    /// How many starts were looked at.
+    count: u32,
+    /// The longest time from a start to the last frame that belongs to it.
+    longest: Duration,
+}
+
+impl Starts {
+    /// So many show what the next ones bring, whatever the phase of a cycle of the application.
+    const ENOUGH: u32 = 8;
+    /// What a start may take longer than twice the longest so far.
+    const MARGIN: Duration = Duration::from_millis(10);
+
+    fn quiet(self, most: Duration) -> Duration {
+        match self.count < Self::ENOUGH {
+            true => most,
+            false => most.min(self.longest * 2 + Self::MARGIN),
+        }
+    }
 }
 
 impl Baseline {
@@ -51,6 +76,7 @@ impl Baseline {
             boots_up: Cell::new(true),
             habits: Habits::default(),
             emergencies: Vec::new(),
+            starts: Cell::default(),
         }
     }
 
@@ -97,6 +123,19 @@ impl Baseline {
     /// The errors that it reports whenever it starts.
     pub(super) fn emergencies(&self) -> Vec<EmcyCode> {
         self.emergencies.clone()
+    }
+
+    /// How long the wire must be idle after a start, for what the device sends to have come to
+    /// rest: as long as the policy says until enough starts were seen, then hardly longer than any
+    /// of them took. Cases begin with the same configuration, so that the starts are alike.
+    pub(super) fn quiet_after_start(&self, policy: &Policy) -> Duration {
+        self.starts.get().quiet(policy.quiet_after_start)
+    }
+
+    /// The device was started, and the last of what it sent came after that time.
+    pub(super) fn started(&self, rest: Duration) {
+        let Starts { count, longest } = self.starts.get();
+        self.starts.set(Starts { count: count + 1, longest: longest.max(rest) });
     }
 
     /// A boot-up message was waited for in vain.
@@ -170,4 +209,25 @@ fn habits(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Habits, BusErro
         save_on_command: promised || store.is_none_or(|bits| bits & ON_COMMAND != 0),
         autonomous_storage: store.is_some_and(|bits| bits & AUTONOMOUS != 0),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn starts_that_were_short_shorten_the_wait_for_the_next_ones() {
+        let policy = Policy::at_bit_rate(1_000_000);
+        let ms = Duration::from_millis;
+        let after = |rests: &[u64]| {
+            let baseline = Baseline::of(Identity::default());
+            rests.iter().for_each(|rest| baseline.started(ms(*rest)));
+            baseline.quiet_after_start(&policy)
+        };
+        assert_eq!(after(&[]), ms(50));
+        assert_eq!(after(&[1; 7]), ms(50));
+        assert_eq!(after(&[1; 8]), ms(12));
+        assert_eq!(after(&[1, 1, 7, 1, 1, 1, 1, 1, 2]), ms(24));
+        assert_eq!(after(&[30; 20]), ms(50));
+    }
 }

@@ -5,7 +5,7 @@ use std::time::Duration;
 use canopen::monitor::{self, Breach, Seen};
 use canopen::pdo::CobId;
 use canopen::sdo::Response;
-use canopen::{Abort, BusError, Instant, Mux, emcy};
+use canopen::{Abort, BusError, Frame, Instant, Mux, emcy};
 use reports::{Event, Note, Outcome, Phase, Problem};
 
 use super::baseline::Baseline;
@@ -84,6 +84,14 @@ pub(super) fn run(
 /// How often a case is run at most while the tester is late.
 const ATTEMPTS: u32 = 4;
 
+/// How the end of a case left the device.
+struct Restored {
+    /// Whether each object is as it was.
+    whole: bool,
+    /// Whether nothing can be in flight.
+    still: bool,
+}
+
 struct CaseRun<'r, 'b> {
     link: &'r mut Link<'b>,
     policy: &'r Policy,
@@ -121,20 +129,22 @@ impl CaseRun<'_, '_> {
             Ok(outcome) => (self.with_way_out(outcome), None),
             Err(error) => (self.bus_failed(error.clone()).0, Some(error)),
         };
-        let still = !self.bench_snapshot.any() && settle::is_still(self.link, self.dut);
+        let bench_alone = !self.bench_snapshot.any();
+        let still = bench_alone && settle::is_still(self.link, self.dut, 0);
         // A bus that failed may still carry what leaves the device as it was found.
-        match (self.restore(&snapshot, still), stop) {
+        let passed = match &outcome {
+            Outcome::Blocked(_) => false,
+            Outcome::Lenient(_) => true,
+            other => other.problem().is_none(),
+        };
+        match (self.restore(&snapshot, still, passed), stop) {
             (_, Some(error)) | (Err(error), None) if lasts(&error) => {
                 (outcome, Aftermath::Stop(error))
             }
             (Err(_), _) | (_, Some(_)) => (outcome, Aftermath::Left(Left::Dirty)),
-            (Ok(whole), None) => {
-                let passed = match &outcome {
-                    Outcome::Blocked(_) => false,
-                    Outcome::Lenient(_) => true,
-                    other => other.problem().is_none(),
-                };
-                let left = match (whole && passed, still) {
+            (Ok(restored), None) => {
+                let still = bench_alone && restored.still;
+                let left = match (restored.whole && passed, still) {
                     (false, _) => Left::Dirty,
                     (true, false) => Left::Calm,
                     (true, true) => Left::Still,
@@ -165,7 +175,8 @@ impl CaseRun<'_, '_> {
             return Ok(result.outcome);
         }
         if self.instance.needs_device() {
-            settle::enter(self.link, self.policy, self.dut, self.instance.case().state)?;
+            let state = self.instance.case().state;
+            settle::enter(self.link, self.policy, self.dut, self.baseline, state)?;
         }
         self.link.forget_lateness();
         let watched_from = self.link.trace().len();
@@ -238,7 +249,12 @@ impl CaseRun<'_, '_> {
         })
     }
 
-    fn restore(&mut self, snapshot: &Snapshot, still: bool) -> Result<bool, BusError> {
+    fn restore(
+        &mut self,
+        snapshot: &Snapshot,
+        still: bool,
+        passed: bool,
+    ) -> Result<Restored, BusError> {
         let without_supply = self.bench_snapshot.off;
         match self.bench_snapshot.undo(self.link) {
             // Whether it is back, the next case finds out when it settles the device.
@@ -254,11 +270,16 @@ impl CaseRun<'_, '_> {
                 self.note(format!("the bench does not set back what the case set: {error}"));
             }
         }
-        if snapshot.is_empty() {
+        // One that failed is reset before the next case.
+        if snapshot.is_empty() && (still || !passed) {
             self.rest_after_emergencies()?;
-            return Ok(true);
+            return Ok(Restored { whole: true, still });
         }
+        // Once the device is in PRE-OPERATIONAL and nothing is in flight, only what came since
+        // matters to the next case.
+        let mut from = 0;
         if !still {
+            from = self.link.trace().len();
             settle::pre_operational(self.link, self.policy, self.dut)?;
         }
         let whole = snapshot.restore(self.link, self.policy, self.dut)?;
@@ -266,7 +287,7 @@ impl CaseRun<'_, '_> {
         if !whole {
             self.note("not every object could be restored".to_owned());
         }
-        Ok(whole)
+        Ok(Restored { whole, still: settle::is_still(self.link, self.dut, from) })
     }
 
     /// The end of an error is of this case, and not one without a cause in the next. Messages that
@@ -274,20 +295,36 @@ impl CaseRun<'_, '_> {
     fn rest_after_emergencies(&mut self) -> Result<(), BusError> {
         /// More than a device with errors that come and go for ever needs.
         const MOST: usize = 8;
-        let emergency = Some(emcy::COB_ID + u16::from(self.dut.node));
-        let sent = |seen: &Seen| !seen.stamped.own && seen.stamped.frame.data_id() == emergency;
         let inhibited = self.dut.default_int(INHIBIT_TIME_EMCY).unwrap_or(0);
         let inhibited = Duration::from_micros(u64::try_from(inhibited).unwrap_or(0) * 100);
-        let quiet = self.policy.quiet_after_emergency + inhibited;
         let mut looked_at = 0;
         for _ in 0..MOST {
-            if !self.link.trace()[looked_at..].iter().any(sent) {
-                break;
-            }
+            let Some(last) = self.last_emergency(looked_at) else { break };
+            let quiet = match self.ends_all_errors(&last) {
+                true => self.policy.quiet,
+                false => self.policy.quiet_after_emergency,
+            };
             looked_at = self.link.trace().len();
-            self.link.drain(quiet)?;
+            self.link.drain(quiet + inhibited)?;
         }
         Ok(())
+    }
+
+    /// The last emergency message of the device in the trace from place `from`.
+    fn last_emergency(&self, from: usize) -> Option<Frame> {
+        let emergency = Some(emcy::COB_ID + u16::from(self.dut.node));
+        let sent = self.link.trace()[from..].iter().map(|seen| &seen.stamped);
+        let mut sent = sent.filter(|seen| !seen.own && seen.frame.data_id() == emergency);
+        sent.next_back().map(|seen| seen.frame)
+    }
+
+    /// Whether an emergency message says that no error is left but those from the start: nothing
+    /// is to follow it.
+    fn ends_all_errors(&self, message: &Frame) -> bool {
+        match &*message.data {
+            [0, 0, register, ..] => self.baseline.new_errors(&Ok(vec![*register])).is_none(),
+            _ => false,
+        }
     }
 
     fn note(&mut self, text: String) {

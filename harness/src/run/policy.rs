@@ -11,6 +11,8 @@ pub struct Policy {
     pub boot_timeout: Duration,
     /// How long the wire must be idle for nothing to be in flight.
     pub quiet: Duration,
+    /// The same after an NMT command when the wire was idle that long before it.
+    pub quiet_after_command: Duration,
     /// How long it must be idle after the start of a node, for what the application sends to have
     /// come to rest.
     pub quiet_after_start: Duration,
@@ -35,6 +37,7 @@ impl Policy {
             sdo_timeout: Duration::from_secs(1),
             boot_timeout: Duration::from_secs(10),
             quiet: Duration::from_millis(5),
+            quiet_after_command: Duration::from_millis(2),
             quiet_after_start: Duration::from_millis(50),
             quiet_after_emergency: Duration::from_millis(30),
             bus_slack: Duration::from_nanos(

@@ -1,5 +1,7 @@
 //! Bringing the device into a known state before a case.
 
+use std::time::Duration;
+
 use canopen::heartbeat::{self, ErrorControl};
 use canopen::nmt::{Command, Service};
 use canopen::sdo::{Failure, REQUEST_COB_ID, RESPONSE_COB_ID};
@@ -136,15 +138,30 @@ pub(super) fn enter(
     link: &mut Link,
     policy: &Policy,
     dut: &Dut,
+    baseline: &Baseline,
     state: Option<State>,
 ) -> Result<(), BusError> {
-    let (service, quiet) = match state.unwrap_or(State::PreOperational) {
-        State::PreOperational => return Ok(()),
-        State::Operational => (Service::START, policy.quiet_after_start),
-        State::Stopped => (Service::STOP, policy.quiet),
-    };
-    link.send(&Command { service, node: dut.node }.frame())?;
-    link.drain(quiet)
+    match state.unwrap_or(State::PreOperational) {
+        State::PreOperational => Ok(()),
+        State::Operational => start(link, policy, dut, baseline),
+        State::Stopped => {
+            link.send(&Command { service: Service::STOP, node: dut.node }.frame())?;
+            link.drain(policy.quiet)
+        }
+    }
+}
+
+/// Starts the device and waits until what its application sends has come to rest. A heartbeat does
+/// not belong to the start.
+fn start(link: &mut Link, policy: &Policy, dut: &Dut, baseline: &Baseline) -> Result<(), BusError> {
+    let error_control = Some(heartbeat::COB_ID + u16::from(dut.node));
+    link.send(&Command { service: Service::START, node: dut.node }.frame())?;
+    let (started, before) = (link.mark(), link.trace().len());
+    link.drain(baseline.quiet_after_start(policy))?;
+    let sent = link.trace()[before..].iter().map(|seen| seen.stamped);
+    let last = sent.filter(|seen| !seen.own && seen.frame.data_id() != error_control).last();
+    baseline.started(last.map_or(Duration::ZERO, |last| last.at.since(started)));
+    Ok(())
 }
 
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
@@ -154,13 +171,27 @@ const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
 /// OPERATIONAL may refuse configuration.
 pub(super) fn pre_operational(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<(), BusError> {
     link.send(&enter_pre_operational(dut))?;
-    link.drain(policy.quiet)
+    let quiet = match idle_before(link, dut) >= policy.quiet {
+        true => policy.quiet_after_command,
+        false => policy.quiet,
+    };
+    link.drain(quiet)
 }
 
-/// Whether nothing but SDO with the device, in PRE-OPERATIONAL, is in the trace.
-pub(super) fn is_still(link: &Link, dut: &Dut) -> bool {
+/// How long the device had sent nothing but answers when the last own frame was sent, as far as
+/// the trace goes back.
+fn idle_before(link: &Link, dut: &Dut) -> Duration {
+    let answers = Some(RESPONSE_COB_ID + u16::from(dut.node));
+    let mut sent = link.trace().iter().map(|seen| &seen.stamped);
+    let Some(first) = sent.clone().next() else { return Duration::ZERO };
+    let last = sent.rfind(|seen| !seen.own && seen.frame.data_id() != answers);
+    link.mark().since(last.unwrap_or(first).at)
+}
+
+/// Whether nothing but SDO with the device, in PRE-OPERATIONAL, is in the trace from place `from`.
+pub(super) fn is_still(link: &Link, dut: &Dut, from: usize) -> bool {
     let node = u16::from(dut.node);
-    link.trace().iter().map(|seen| seen.stamped).all(|seen| match seen.own {
+    link.trace()[from..].iter().map(|seen| seen.stamped).all(|seen| match seen.own {
         true => {
             seen.frame.data_id() == Some(REQUEST_COB_ID + node)
                 || seen.frame == enter_pre_operational(dut)
