@@ -49,6 +49,9 @@ impl Steps<'_, '_> {
             }
             self.link.skip_to(sent + within);
         }
+        if ask.accept_silence {
+            return Ok(None);
+        }
         let requests =
             if tries == 1 { "1 request".to_owned() } else { format!("{tries} requests") };
         let actual = format!("no frame {id} within {} of {requests}", show_time(within));

@@ -177,6 +177,9 @@ pub struct Ask {
     /// The device may be silent as well; the rest of the steps is then left out.
     #[serde(default)]
     pub or_silence: bool,
+    /// The device may be silent as well, and the steps go on.
+    #[serde(default)]
+    pub accept_silence: bool,
     /// How long to wait for each answer; 1 s unless said otherwise.
     #[serde(default)]
     pub within: Option<At<Amount>>,
