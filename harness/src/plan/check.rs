@@ -165,7 +165,9 @@ impl Checker<'_> {
                 self.bench_value(value);
                 self.bench_name(name, value.place);
             }),
-            Step::Lss(LssStep::Fastscan(scan)) => self.fastscan(scan),
+            Step::Lss(lss) => match &**lss {
+                LssStep::Fastscan(scan) => self.fastscan(scan),
+            },
             Step::Eds(eds) => self.findings(eds.without.iter().chain(&eds.lenient)),
             Step::Undeclared(undeclared) => {
                 let range = index_range(&undeclared.range.value);

@@ -158,8 +158,8 @@ fn start(link: &mut Link, policy: &Policy, dut: &Dut, baseline: &Baseline) -> Re
     link.send(&Command { service: Service::START, node: dut.node }.frame())?;
     let (started, before) = (link.mark(), link.trace().len());
     link.drain(baseline.quiet_after_start(policy))?;
-    let sent = link.trace()[before..].iter().map(|seen| seen.stamped);
-    let last = sent.filter(|seen| !seen.own && seen.frame.data_id() != error_control).last();
+    let mut sent = link.trace()[before..].iter().map(|seen| seen.stamped);
+    let last = sent.rfind(|seen| !seen.own && seen.frame.data_id() != error_control);
     baseline.started(last.map_or(Duration::ZERO, |last| last.at.since(started)));
     Ok(())
 }

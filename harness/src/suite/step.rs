@@ -62,7 +62,7 @@ pub enum Step {
     /// Asks for objects that the data sheet does not have; each must be refused.
     Undeclared(Undeclared),
     /// Layer setting services that are more than a frame and its answer.
-    Lss(LssStep),
+    Lss(Box<LssStep>),
 }
 
 /// See [`Step::Lss`].
