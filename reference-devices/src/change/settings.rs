@@ -43,8 +43,10 @@ pub(crate) struct SettingsPatch {
     error_class: Option<u8>,
     /// The error code with which storing the LSS configuration ends.
     lss_store: Option<u8>,
-    /// Whether communication starts anew when LSS is left after a new setting was stored.
+    /// Whether communication starts anew when LSS is left after its settings were stored.
     lss_restarts: Option<bool>,
+    /// Whether LSS requests may be as short as their data.
+    lss_short_requests: Option<bool>,
 }
 
 impl SettingsPatch {
@@ -73,6 +75,8 @@ impl SettingsPatch {
             settings.lss_store = Status { error, specific: 0 };
         }
         settings.lss_restarts = self.lss_restarts.unwrap_or(settings.lss_restarts);
+        settings.lss_short_requests =
+            self.lss_short_requests.unwrap_or(settings.lss_short_requests);
         self.apply_to_messages(&mut settings.emcy);
     }
 

@@ -40,9 +40,11 @@ pub(super) struct NodeFacts {
     sync: Option<SyncFacts>,
     /// Whether the SDO server has block transfer; it has, unless said otherwise.
     block_transfer: Option<bool>,
-    /// Whether communication starts anew when LSS configuration state is left after a new node-ID
-    /// or bit rate was stored.
+    /// Whether communication starts anew when LSS configuration state is left after its settings
+    /// were stored.
     lss_restarts: Option<bool>,
+    /// Whether LSS requests may be as short as their data, where CiA 305 has eight bytes.
+    lss_short_requests: Option<bool>,
 }
 
 /// An object that holds a time.
@@ -153,6 +155,7 @@ impl NodeFacts {
             sync: self.sync.or(other.sync),
             block_transfer: self.block_transfer.or(other.block_transfer),
             lss_restarts: self.lss_restarts.or(other.lss_restarts),
+            lss_short_requests: self.lss_short_requests.or(other.lss_short_requests),
         }
     }
 
@@ -209,6 +212,7 @@ pub(super) fn settings(node: &NodeFacts, emcy: Option<&EmcyFacts>) -> NodeSettin
             Some(SyncSupervision { percent: sync.percent, resolution })
         }),
         lss_restarts: node.lss_restarts == Some(true),
+        lss_short_requests: node.lss_short_requests == Some(true),
         block_transfer: usual.block_transfer.filter(|_| node.block_transfer != Some(false)),
         emcy: emcy.map_or_else(|| usual.emcy.clone(), table),
         aliases: node.aliases.iter().map(|(second, first)| (*second, first.value)).collect(),

@@ -27,7 +27,7 @@ pub(crate) struct Lss {
     bus: u32,
     supported: Vec<u32>,
     silence: Option<Silence>,
-    /// Whether a new setting was stored since LSS configuration state was entered.
+    /// Whether settings were stored since LSS configuration state was entered.
     renewed: bool,
 }
 
@@ -102,7 +102,8 @@ impl Lss {
         base: &Base,
         out: &mut Outbox,
     ) -> bool {
-        let request = base.rules.lss_request(data);
+        let whole = Some(data).filter(|_| base.settings.lss_short_requests).and_then(completed);
+        let request = base.rules.lss_request(whole.as_ref().map_or(data, |whole| &whole[..]));
         let Some(request) = request.filter(|_| base.rules.lss_served_in(base.state)) else {
             return false;
         };
@@ -249,13 +250,29 @@ impl Lss {
     fn store(&mut self, base: &Base) -> Status {
         let status = base.settings.lss_store;
         if status == Status::DONE && base.rules.lss_stores() {
-            self.renewed |= self.node.pending != self.node.active
-                || self.bit_rate.pending != self.bit_rate.stored;
+            self.renewed = true;
             self.node.stored = self.node.pending;
             self.bit_rate.stored = self.bit_rate.pending;
         }
         status
     }
+}
+
+/// A request as short as its data, with the bytes that CiA 305 reserves.
+fn completed(data: &[u8]) -> Option<[u8; 8]> {
+    let [specifier, ..] = *data else { return None };
+    let length = match specifier {
+        0x04 | 0x11 => 2,
+        0x13 | 0x15 => 3,
+        0x17 => 1,
+        _ => return None,
+    };
+    if data.len() != length {
+        return None;
+    }
+    let mut whole = [0; 8];
+    whole[..length].copy_from_slice(data);
+    Some(whole)
 }
 
 const fn status(valid: bool) -> Status {
@@ -360,7 +377,23 @@ mod tests {
         lss(&mut fixture, "0401");
         assert_eq!(lss(&mut fixture, "17"), answer("17"));
         lss(&mut fixture, "0400");
-        assert_eq!(later(&mut fixture, 50), [], "nothing new was stored");
+        assert_eq!(later(&mut fixture, 50).len(), 1, "the same settings were stored again");
+    }
+
+    #[test]
+    fn requests_may_be_as_short_as_their_data() {
+        for short in [false, true] {
+            let settings = NodeSettings { lss_short_requests: short, ..NodeSettings::default() };
+            let mut fixture = with("", settings);
+            fixture.send("7E5#0401");
+            let answered = |head| if short { answer(head) } else { Vec::new() };
+            assert_eq!(fixture.ask("7E5#1109"), answered("1100"));
+            assert_eq!(fixture.ask("7E5#130003"), answered("1301"));
+            assert_eq!(fixture.ask("7E5#17"), answered("17"));
+            for other in ["7E5#", "7E5#11", "7E5#110900", "7E5#5E"] {
+                assert_eq!(fixture.ask(other), Vec::<String>::new(), "{other}");
+            }
+        }
     }
 
     fn unconfigured(rules: &str) -> Fixture {

@@ -37,9 +37,11 @@ pub struct NodeSettings {
     pub bit_rate: u32,
     /// How storing the LSS configuration ends.
     pub lss_store: Status,
-    /// Whether communication starts anew when LSS configuration state is left after a new node id
-    /// or bit rate was stored.
+    /// Whether communication starts anew when LSS configuration state is left after its settings
+    /// were stored.
     pub lss_restarts: bool,
+    /// Whether LSS requests may be as short as their data.
+    pub lss_short_requests: bool,
     /// How long it takes to store parameters; the SDO server answers when it is done.
     pub save_time: Duration,
     /// Whether the device can produce SYNC, and the shortest period it takes for it.
@@ -134,6 +136,7 @@ impl Default for NodeSettings {
             bit_rate: 1_000_000,
             lss_store: Status::DONE,
             lss_restarts: false,
+            lss_short_requests: false,
             save_time: Duration::ZERO,
             sync_producer: None,
             clock_object: None,
