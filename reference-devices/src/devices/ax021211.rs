@@ -141,13 +141,9 @@ impl Ax021211 {
         match mux.index {
             OUTPUT_TYPE if place < OUTPUTS => self.change_type(mux, od),
             OUTPUT_FREQUENCY if place < OUTPUTS => self.share_frequency(mux, od),
-            RECEIVED => {
-                let status = Mux::new(RECEIVED_STATUS, mux.sub);
-                let (value, present) = (od.int(mux).unwrap_or(0), od.int(status).unwrap_or(0));
-                if self.rules.takes_received(present) {
-                    od.set_int(Mux::new(PROCESS_VALUE, mux.sub), value);
-                    od.set_int(status, self.rules.status_after_copy());
-                }
+            RECEIVED => self.copy_received(mux.sub, od),
+            RECEIVED_STATUS if self.rules.copies_with_the_validation() => {
+                self.copy_received(mux.sub, od);
             }
             index => {
                 // A time response begins at 0 for 0 ms, and has no digits (1.5.4).
@@ -163,11 +159,21 @@ impl Ax021211 {
         }
     }
 
+    /// 7F50h, if it is valid, into 7300h (2.3.17).
+    fn copy_received(&self, sub: u8, od: &mut Dictionary) {
+        let status = Mux::new(RECEIVED_STATUS, sub);
+        let value = od.int(Mux::new(RECEIVED, sub)).unwrap_or(0);
+        if self.rules.takes_received(od.int(status).unwrap_or(0)) {
+            od.set_int(Mux::new(PROCESS_VALUE, sub), value);
+            od.set_int(status, self.rules.status_after_copy());
+        }
+    }
+
     /// 6310h (1.3, 1.8).
     fn change_type(&mut self, mux: Mux, od: &mut Dictionary) {
         let code = od.int(mux).unwrap_or(0);
         let known = &mut self.kinds[usize::from(mux.sub) - 1];
-        if std::mem::replace(known, code) == code {
+        if std::mem::replace(known, code) == code && !self.rules.updates_with_the_same_type() {
             return;
         }
         let enabled = od.int(AUTOMATIC_UPDATES).is_some_and(|enabled| enabled != 0);
@@ -225,7 +231,8 @@ impl Behaviour for Ax021211 {
     }
 
     fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {
-        limits::check(mux, bytes, od, &self.network)
+        let checked = limits::check(mux, bytes, od, &self.network);
+        checked.or_else(|abort| self.rules.refused(mux, abort))
     }
 
     fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
@@ -233,7 +240,7 @@ impl Behaviour for Ax021211 {
         self.follow_up(mux, od);
         let parameters = Parameters { od, rules: &*self.rules };
         self.network.written(mux, parameters);
-        if mux.index == RECEIVED {
+        if matches!(mux.index, RECEIVED | RECEIVED_STATUS) {
             self.network.written(Mux::new(PROCESS_VALUE, mux.sub), parameters);
         }
     }

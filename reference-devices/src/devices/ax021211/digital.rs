@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use canopen::Instant;
+use canopen::{Instant, Mux};
 
 use super::objects::{
     DELAY_POLARITY, DELAY_TIME, DIGITAL_FAULT_MODE, DIGITAL_FAULT_STATE, DIGITS_FV, HOLD_CURRENT,
@@ -31,8 +31,14 @@ impl DigitalSettings {
     pub(super) fn read(od: Parameters<'_>, place: usize) -> Self {
         let digits = od.byte(DIGITS_FV, place);
         let bit = od.rules.place(POLARITIES.index, place);
+        // A bit for each output, or in the form of 2.3.2 an entry.
+        let has_entries = od.od.int(Mux::new(POLARITIES.index, 2)).is_some();
+        let inverse = match has_entries {
+            true => od.int(POLARITIES.index, place) != 0,
+            false => od.int(POLARITIES.index, 0) >> bit & 1 != 0,
+        };
         Self {
-            inverse: od.int(POLARITIES.index, 0) >> bit & 1 != 0,
+            inverse,
             keeps_on_fault: od.int(DIGITAL_FAULT_MODE, place) == 0,
             fault_state: od.flag(DIGITAL_FAULT_STATE, place),
             delay: od.time(DELAY_TIME, place),

@@ -3,13 +3,17 @@
 use canopen::{Abort, Dictionary, Mux};
 
 use super::network::Network;
-use super::objects::{DIGITS_FV, FAULT_FV, OVERRIDE_FV, power};
+use super::objects::{
+    CONTROL_NUMBER, DIGITS_FV, ENABLE_NUMBER, FAULT_FV, OVERRIDE_FV, OVERRIDE_NUMBER,
+    PID_FEEDBACK_NUMBER, PID_TARGET_NUMBER, power,
+};
 use super::objects::{
     EXTRA_SCALING_1, EXTRA_SCALING_2, HOLD_CURRENT, HOTSHOT_CURRENT, HYSTERESIS, OUTPUT_TYPE,
     PID_CYCLE, PID_DERIVATIVE_TIME, PID_DIGITS, PID_INTEGRAL_TIME, SCALING_1_FV, SCALING_1_PV,
     SCALING_2_FV, SCALING_2_PV, STATIC_BIAS, table, table_of,
 };
 use super::output::Kind;
+use super::signal::{Link, SUPPLY};
 
 /// Whether a value may be written.
 ///
@@ -22,7 +26,8 @@ pub(super) fn check(
     od: &Dictionary,
     network: &Network,
 ) -> Result<(), Abort> {
-    let Some(value) = number(bytes).filter(|_| mux.sub > 0 || mux.index == HEARTBEAT) else {
+    let is_var = mux.index == HEARTBEAT || matches!(table_of(mux.index), Some((_, 1)));
+    let Some(value) = number(bytes).filter(|_| mux.sub > 0 || is_var) else {
         return Ok(());
     };
     let other = |index| od.int(Mux::new(index, mux.sub)).unwrap_or(0);
@@ -50,11 +55,39 @@ pub(super) fn check(
             let lowest = (0.001 * unit).ceil().max(1.0);
             within(value, lowest as i64, (1000.0 * unit) as i64)
         }
-        index => match table_of(index) {
-            Some((place, 6)) => check_x(place, mux.sub, value, od, network),
+        index => match (source_of(mux), table_of(index)) {
+            (Some(source), _) => within(value, 0, largest_number(od.int(source).unwrap_or(0))),
+            (None, Some((place, 6))) => check_x(place, mux.sub, value, od, network),
             _ => Ok(()),
         },
     }
+}
+
+/// Where the source stands whose number an address holds (table 5).
+pub(super) fn source_of(mux: Mux) -> Option<Mux> {
+    let index = mux.index;
+    let is_table = matches!(table_of(index), Some((_, 1)));
+    let [function, condition] = [index >> 4 & 0xF, index & 0xF];
+    let is_argument = matches!(index, 0x3411..=0x3733)
+        && matches!((function, condition, mux.sub), (1..=3, 1..=3, 2 | 4));
+    let is_math = matches!(index, 0x4101 | 0x4201 | 0x4301 | 0x4401 | 0x4501 | 0x4601);
+    match index {
+        CONTROL_NUMBER | ENABLE_NUMBER | OVERRIDE_NUMBER => Some(Mux::new(index - 1, mux.sub)),
+        PID_TARGET_NUMBER | PID_FEEDBACK_NUMBER => Some(Mux::new(index - 1, mux.sub)),
+        _ if is_table || is_math => Some(Mux::new(index - 1, mux.sub)),
+        _ if is_argument => Some(Mux::new(index, mux.sub - 1)),
+        _ => None,
+    }
+}
+
+/// The largest number of a source (table 5). A source without numbers takes any of them, as the
+/// defaults have numbers for sources that are not used.
+fn largest_number(source: i64) -> i64 {
+    let count = (1..=LARGEST_NUMBER).rev().find(|number| {
+        let named = Link::new(source as u8, *number).place();
+        named.is_some_and(|place| place < SUPPLY)
+    });
+    count.unwrap_or(LARGEST_NUMBER).into()
 }
 
 /// The points of an X-axis (1.5.1, 1.5.4).
@@ -125,6 +158,8 @@ fn number(bytes: &[u8]) -> Option<i64> {
 
 /// The range of an X-axis whose source has no limits.
 const WIDEST: (f64, f64) = (i16::MIN as f64, i16::MAX as f64);
+/// CANopen messages have the most numbers (table 5).
+const LARGEST_NUMBER: u8 = 24;
 /// Producer heartbeat time.
 const HEARTBEAT: u16 = 0x1017;
 /// 24 hours in milliseconds (1.5.4).

@@ -52,16 +52,18 @@ impl LogicSettings {
         }
     }
 
-    /// The table that is selected, its number and what the block shows in 3320h and hands on.
-    /// `read` gives the signal of a link, `table` that of a place.
+    /// The number of the table that is selected, after the one that was `selected` before, and what
+    /// the block shows in 3320h and hands on. `read` gives the signal of a link, `table` that of a
+    /// place.
     pub(super) fn evaluate(
         &self,
+        selected: u8,
         read: impl Fn(Link) -> Signal,
         table: impl Fn(usize) -> Signal,
         rules: &dyn Ax021211Rules,
     ) -> (u8, i64, Signal) {
         if !rules.logic_is_enabled(self.enabled) {
-            return (0, 0, Signal::ABSENT);
+            return (rules.selected_while_disabled(selected), 0, Signal::ABSENT);
         }
         let chosen =
             rules.selection([0, 1, 2].map(|function| self.selects(function, &read, rules)));
@@ -163,7 +165,7 @@ mod tests {
         block.conditions[0][0] = condition(Link::new(1, 11), 4, Link::new(2, 15));
         block.operators[1] = 0;
         for (speed, number, shown) in [(999.0, 1, 100), (1000.0, 2, 200), (2500.0, 2, 200)] {
-            let (selected, output, signal) = block.evaluate(read(speed), table, &Manual);
+            let (selected, output, signal) = block.evaluate(1, read(speed), table, &Manual);
             assert_eq!((selected, output), (number, shown), "{speed}");
             assert_eq!(signal.limits, Some(PERCENT));
         }
@@ -223,17 +225,18 @@ mod tests {
     fn without_a_default_table_a_is_the_default() {
         let mut block = block();
         block.operators = [2, 2, 2];
-        assert_eq!(block.evaluate(read(0.0), table, &Manual).0, 1);
+        assert_eq!(block.evaluate(1, read(0.0), table, &Manual).0, 1);
     }
 
     #[test]
     fn the_output_is_a_percentage_of_the_range_of_its_table() {
         let block = block();
         let wide = |_| Signal::new(125.0, Some((-500.0, 500.0)));
-        assert_eq!(block.evaluate(read(0.0), wide, &Manual).1, 625);
-        let (_, shown, signal) = block.evaluate(read(0.0), |_| Signal::ABSENT, &Manual);
+        assert_eq!(block.evaluate(1, read(0.0), wide, &Manual).1, 625);
+        let (_, shown, signal) = block.evaluate(1, read(0.0), |_| Signal::ABSENT, &Manual);
         assert_eq!((shown, signal), (0, Signal::ABSENT));
         let disabled = LogicSettings { enabled: false, ..block };
-        assert_eq!(disabled.evaluate(read(0.0), table, &Manual), (0, 0, Signal::ABSENT));
+        let evaluated = disabled.evaluate(2, read(0.0), table, &Manual);
+        assert_eq!(evaluated, (2, 0, Signal::ABSENT));
     }
 }

@@ -75,7 +75,8 @@ impl Math {
         let limits = Some((settings.low, settings.high));
         if !rules.math_is_enabled(settings.enabled) {
             *self = Self::default();
-            return (0, Signal::new(0.0, limits));
+            let off = rules.math_off(settings.low);
+            return (digits(off, settings.digits), Signal::new(off, limits));
         }
         let (mut seen, mut result) = (self.last, None);
         for function in 0..3 {

@@ -426,7 +426,7 @@ impl<'a> Model<'a> {
         }
         let numbers = [1, 2, 3].map(|sub| self.int(base + 1, sub));
         let tables = numbers.map(|table| (table, self.ask((4, table), f)));
-        self.selected.insert(number, 0);
+        self.selected.insert(number, numbers[0]);
         if self.int(0x3300, number) == 0 {
             return None;
         }

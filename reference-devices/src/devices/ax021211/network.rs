@@ -95,6 +95,8 @@ impl Network {
         settings.maths = std::array::from_fn(|place| MathSettings::read(od, place));
         settings.logics = std::array::from_fn(|place| LogicSettings::read(od, place));
         settings.pids = std::array::from_fn(|place| PidSettings::read(od, place));
+        // Until a block is evaluated, table A is the one that is selected.
+        network.shown.selected = settings.logics.each_ref().map(|logic| logic.tables[0]);
         network.order = network.settings.order();
         network.receive(od);
         network
@@ -191,8 +193,9 @@ impl Network {
                 Block::Logic(place) => {
                     let read = |link| self.read(link, turn);
                     let table = |signal| self.see(signal, turn);
+                    let before = self.shown.selected[place];
                     let (selected, shown, signal) =
-                        self.settings.logics[place].evaluate(read, table, rules);
+                        self.settings.logics[place].evaluate(before, read, table, rules);
                     self.shown.selected[place] = selected;
                     self.keep(LOGICS + place, shown, signal);
                 }

@@ -216,6 +216,8 @@ pub(super) struct Output {
     kind: Kind,
     /// The field value that is applied, in its unit.
     level: f64,
+    /// The field value that the ramps lead to.
+    target: f64,
     digital: Digital,
     detector: Detector,
     moves: bool,
@@ -263,7 +265,7 @@ impl Output {
             Command::Fault => settings.fault_fv,
             Command::Override => rules.override_fv(settings.override_fv, self.level),
             Command::Disabled(Disabled::KeepLast) => self.level,
-            Command::Disabled(_) => 0.0,
+            Command::Disabled(_) => rules.off_fv(settings.fv.0),
             Command::Control(pv) if pv.is_valid() => settings.field_value(pv.value, rules),
             Command::Control(_) => 0.0,
         };
@@ -273,6 +275,7 @@ impl Output {
             false => target,
         };
         self.moves = self.level != target;
+        self.target = target;
         let value = digits(self.level, settings.digits) as f64 / power(settings.digits);
         match self.kind {
             Kind::Current => Stage::Current(value),
@@ -323,7 +326,7 @@ impl Output {
                 (i64::from(states.0), i64::from(states.1))
             }
             Kind::Current => {
-                let level = digits(self.level, settings.digits);
+                let level = digits(rules.shown_fv(self.level, self.target), settings.digits);
                 (level, digits(driven.milliamperes, settings.digits))
             }
             Kind::Disabled => (0, 0),

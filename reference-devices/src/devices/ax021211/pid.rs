@@ -79,6 +79,8 @@ pub(super) struct Pid {
     error: f64,
     /// In per cent.
     output: f64,
+    /// What the last call was set up for.
+    settings: PidSettings,
 }
 
 impl Pid {
@@ -95,8 +97,9 @@ impl Pid {
         let usable = |signal: Signal| signal.is_valid() || signal.has_failed();
         let chosen = sources.iter().all(|link| link.is_used());
         if !rules.pid_is_enabled(chosen && usable(target) && usable(feedback), sources) {
-            *self = Self::default();
-            return (0, Signal::ABSENT);
+            let output = self.output;
+            *self = Self { output, ..Self::default() };
+            return (rules.pid_disabled(digits(output, 1)), Signal::ABSENT);
         }
         let failed = target.has_failed() || feedback.has_failed();
         if failed {
@@ -130,7 +133,7 @@ impl Pid {
             self.call(settings, error, rules);
             next += cycle;
         }
-        self.idle &= error == self.error;
+        self.idle &= error == self.error && *settings == self.settings;
         self.next = Some(next);
     }
 
@@ -140,7 +143,7 @@ impl Pid {
         let (p, i, d) = rules.pid_gains(settings.gains, settings.cycle);
         self.sum = rules.error_sum(self.sum, error);
         let output = p * error + i * self.sum + d * rules.error_step(error, self.last);
-        (self.last, self.error) = (error, error);
+        (self.last, self.error, self.settings) = (error, error, *settings);
         self.output = rules.pid_output(settings.response, output, error);
         self.idle = before == (self.sum, self.last);
     }

@@ -5,7 +5,7 @@ mod parameters;
 
 use std::time::Duration;
 
-use canopen::Mux;
+use canopen::{Abort, Mux};
 
 use super::load::{Driven, Stage};
 use super::logic::{self, Verdict};
@@ -41,6 +41,12 @@ pub(super) trait Ax021211Rules: Send {
         value != 0.0
     }
 
+    /// A value out of the range that other objects give it is refused (tables 3 and 5, 2.2.10, 2.3,
+    /// 2.4).
+    fn refused(&self, _mux: Mux, abort: Abort) -> Result<(), Abort> {
+        Err(abort)
+    }
+
     // Sources
 
     /// A message controls a digital output by a bit, any other by its process value (1.2, table 5).
@@ -61,6 +67,11 @@ pub(super) trait Ax021211Rules: Send {
     /// The status falls back when the value is copied (2.3.17).
     fn status_after_copy(&self) -> i64 {
         0
+    }
+
+    /// A value that came before its validation is not copied (2.3.17).
+    fn copies_with_the_validation(&self) -> bool {
+        false
     }
 
     /// The values of an RPDO that has timed out are in error (1.1, 2.2.14).
@@ -98,7 +109,17 @@ pub(super) trait Ax021211Rules: Send {
         enabled
     }
 
+    /// Writing the type that an output has already is no change (1.8).
+    fn updates_with_the_same_type(&self) -> bool {
+        false
+    }
+
     // Lookup table
+
+    /// A table without source has no output.
+    fn table_without_source(&self, _held: i64) -> i64 {
+        0
+    }
 
     /// The responses of table 12.
     fn point_response(&self, code: u8) -> u8 {
@@ -222,7 +243,17 @@ pub(super) trait Ax021211Rules: Send {
         own.unwrap_or(of_feedback)
     }
 
+    /// A loop that is disabled commands nothing.
+    fn pid_disabled(&self, _held: i64) -> i64 {
+        0
+    }
+
     // Math
+
+    /// A block that is not enabled is at 0, wherever its scaling begins (2.4.65).
+    fn math_off(&self, _low: f64) -> f64 {
+        0.0
+    }
 
     /// The operators of table 19.
     fn math_operator(&self, code: u8) -> u8 {
@@ -288,6 +319,11 @@ pub(super) trait Ax021211Rules: Send {
         configured
     }
 
+    /// Only an evaluation selects a table (2.4.51, 2.4.52).
+    fn selected_while_disabled(&self, selected: u8) -> u8 {
+        selected
+    }
+
     /// The operators of table 14.
     fn condition_operator(&self, code: u8) -> u8 {
         code
@@ -348,6 +384,16 @@ pub(super) trait Ax021211Rules: Send {
     /// 6260h (1.2).
     fn fault_state(&self, configured: bool) -> bool {
         configured
+    }
+
+    /// An output that is shut or ramped off is at 0 (table 8).
+    fn off_fv(&self, _minimum: f64) -> f64 {
+        0.0
+    }
+
+    /// 7330h shows what the ramps make of the target (1.3).
+    fn shown_fv(&self, level: f64, _target: f64) -> f64 {
+        level
     }
 
     /// An override brings the output to 2300h (1.3).

@@ -165,8 +165,9 @@ impl Table {
         self.due = None;
         let used = settings.x.is_used() && (x.is_valid() || x.has_failed());
         if !used {
-            *self = Self::default();
-            return (0, Signal::ABSENT);
+            let held = digits(self.held, settings.y_digits);
+            *self = Self { held: self.held, ..Self::default() };
+            return (rules.table_without_source(held), Signal::ABSENT);
         }
         let y = match settings.timed {
             _ if x.has_failed() => rules.table_in_error(self.held),

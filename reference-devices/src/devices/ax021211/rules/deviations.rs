@@ -2,11 +2,14 @@
 
 use std::time::Duration;
 
+use canopen::{Abort, Mux};
+
+use super::super::limits;
 use super::super::load::{Driven, Stage};
 use super::super::logic::{self, Verdict};
 use super::super::math;
 use super::super::output::{self, Command, Disabled, Interventions};
-use super::super::pid::Gains;
+use super::super::pid::{self, Gains};
 use super::super::ramp::Ramp;
 use super::super::signal::{Link, Signal};
 use super::super::table::POINTS;
@@ -455,5 +458,82 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
     }
     "dither-of-first-bank" {
         fn dither_bank(&self, _place: usize) -> usize { 0 }
+    }
+    "takes-what-is-out-of-range" {
+        fn refused(&self, _mux: Mux, _abort: Abort) -> Result<(), Abort> { Ok(()) }
+    }
+    "takes-any-heartbeat-time" {
+        fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {
+            if mux.index == 0x1017 { Ok(()) } else { Err(abort) }
+        }
+    }
+    "takes-any-number" {
+        fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {
+            if limits::source_of(mux).is_some() { Ok(()) } else { Err(abort) }
+        }
+    }
+    "copies-with-the-validation" {
+        fn copies_with_the_validation(&self) -> bool { true }
+    }
+    "same-type-updates" {
+        fn updates_with_the_same_type(&self) -> bool { true }
+    }
+    "table-holds-without-source" {
+        fn table_without_source(&self, held: i64) -> i64 { held }
+    }
+    "loop-holds-when-disabled" {
+        fn pid_disabled(&self, held: i64) -> i64 { held }
+    }
+    "math-off-at-scaling-1" {
+        fn math_off(&self, low: f64) -> f64 { low }
+    }
+    "disabled-logic-selects-none" {
+        fn selected_while_disabled(&self, _selected: u8) -> u8 { 0 }
+    }
+    "off-at-minimum" {
+        fn off_fv(&self, minimum: f64) -> f64 { minimum }
+    }
+    "shows-target-of-ramps" {
+        fn shown_fv(&self, _level: f64, target: f64) -> f64 { target }
+    }
+    "results-cut" {
+        fn pid_output(&self, response: u8, output: f64, error: f64) -> f64 {
+            (pid::respond(response, output, error) * 10.0).trunc() / 10.0
+        }
+        fn saturated(&self, part: f64) -> f64 {
+            (part.clamp(0.0, 1.0) * 10_000.0).trunc() / 10_000.0
+        }
+    }
+    "math-of-percentages" {
+        fn math_result(&self, operator: u8, a: f64, b: f64) -> f64 {
+            math::operate(operator, 100.0 * a, 100.0 * b) / 100.0
+        }
+    }
+    "math-inputs-limited" {
+        fn math_input(&self, part: f64, gain: f64) -> f64 { part.clamp(0.0, 1.0) * gain }
+    }
+    "function-result-not-negative" {
+        fn linked_result(&self, result: f64, gain: f64, _subtracts: bool) -> f64 {
+            result.max(0.0) * gain
+        }
+    }
+    "conditions-of-percentages" {
+        fn condition(&self, operator: u8, _links: [Link; 2], arguments: [Signal; 2]) -> Verdict {
+            let [a, b] = arguments.map(|signal| signal.limits);
+            let percent = |signal: Signal| {
+                let limits = signal.limits.or(a).or(b).unwrap_or((0.0, 100.0));
+                Signal { value: signal.percent(limits), ..signal }
+            };
+            logic::judge(operator, arguments.map(percent))
+        }
+    }
+    "logic-state-is-drive-state" {
+        fn digital_states(&self, _logic: bool, drive: bool) -> (bool, bool) { (drive, drive) }
+    }
+    "supply-never-wrong" {
+        fn supply_errors(&self, _volts: f64) -> (bool, bool) { (false, false) }
+    }
+    "open-circuit-is-input-fault" {
+        fn fault_group(&self) -> Option<u8> { Some(3) }
     }
 };
