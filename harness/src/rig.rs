@@ -20,6 +20,7 @@ use canopen::bench::Needs;
 use canopen::{Bench, BenchError, Bus, BusError, Frame, Instant, Mux, Stamped, Value};
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
+use serde::Deserialize;
 use serde_json::{Value as Json, json};
 
 /// How long a rig may take to answer.
@@ -31,6 +32,8 @@ pub struct Rig {
     requests: Box<dyn Write + Send>,
     answers: Receiver<std::io::Result<String>>,
     end: End,
+    /// How the device must be set up, said with the names.
+    needs: Needs,
     /// Why it cannot be asked again.
     dead: Option<BenchError>,
 }
@@ -85,7 +88,8 @@ impl Rig {
                 }
             }
         });
-        Self { name: name.to_owned(), requests, answers: receiver, end, dead: None }
+        let (name, needs) = (name.to_owned(), Needs::new());
+        Self { name, requests, answers: receiver, end, needs, dead: None }
     }
 
     fn ask(&mut self, request: &Json) -> Result<Json, BenchError> {
@@ -143,18 +147,25 @@ impl Drop for Rig {
 
 impl Bench for Rig {
     fn names(&mut self) -> Result<Vec<String>, BenchError> {
+        /// What the first request gets.
+        #[derive(Deserialize)]
+        struct Offer {
+            names: Vec<String>,
+            #[serde(default)]
+            needs: Needs,
+        }
         let request = json!({ "names": true });
         let answer = self.ask(&request)?;
-        let names = answer.get("names").cloned();
-        let names = names.and_then(|names| serde_json::from_value(names).ok());
-        names.ok_or_else(|| self.nonsense(&request, &answer))
+        let Ok(offer) = serde_json::from_value::<Offer>(answer.clone()) else {
+            return Err(self.nonsense(&request, &answer));
+        };
+        self.needs = offer.needs;
+        Ok(offer.names)
     }
 
+    /// What came with the names, which are asked for first.
     fn needs(&mut self) -> Result<Needs, BenchError> {
-        let request = json!({ "names": true });
-        let answer = self.ask(&request)?;
-        let Some(needs) = answer.get("needs").cloned() else { return Ok(Needs::new()) };
-        serde_json::from_value(needs).map_err(|_| self.nonsense(&request, &answer))
+        Ok(self.needs.clone())
     }
 
     fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
@@ -377,7 +388,8 @@ mod tests {
             let text = format!("while read -r request; do echo '{answer}'; done\n");
             std::fs::write(&script, text).unwrap();
             let mut rig = Rig::open(&format!("sh {}", script.display())).unwrap();
-            assert_eq!(rig.needs().ok(), expected, "{answer}");
+            let needs = rig.names().and_then(|_| rig.needs());
+            assert_eq!(needs.ok(), expected, "{answer}");
         }
     }
 
