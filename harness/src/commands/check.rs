@@ -37,16 +37,18 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
             paths.iter().map(family).collect::<Result<Vec<_>, _>>()?.concat()
         }
     };
-    let (mut targets, mut mutants, mut complaints) = (Vec::new(), 0, Vec::new());
+    let (mut targets, mut mutants, mut freedoms) = (Vec::new(), 0, 0);
+    let mut complaints = Vec::<Complaint>::new();
     for name in &names {
         let device = target::reference_device(name, &library.catalogue)?;
-        match sound_mutants(&device, &library.register) {
-            Ok(sound) => mutants += sound.len(),
-            Err(mut wrong) => {
-                // What is wrong for one device is mostly wrong for its variants, too.
-                wrong.retain(|wrong| !complaints.iter().any(|told| wrong.is_about_place_of(told)));
-                complaints.append(&mut wrong);
-            }
+        let sound = [
+            sound_mutants(&device, &library.register).map(|sound| mutants += sound.len()),
+            sound_freedoms(&device, &library.register).map(|sound| freedoms += sound.len()),
+        ];
+        for mut wrong in sound.into_iter().filter_map(Result::err) {
+            // What is wrong for one device is mostly wrong for its variants, too.
+            wrong.retain(|wrong| !complaints.iter().any(|told| wrong.is_about_place_of(told)));
+            complaints.append(&mut wrong);
         }
         let selection = Selection::of_target(Some(&format!("sim:{name}")));
         targets.append(&mut target::resolve(&selection, &library.catalogue, &Arc::default())?);
@@ -64,15 +66,16 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
         (plans.len(), "device"),
         (library.register.iter().count(), "requirement"),
         (mutants, "mutant"),
+        (freedoms, "freedom"),
     ];
     let counts = counts.map(|(count, noun)| counted(count, noun));
     let own = args.folders.catalogue.folder.as_ref();
     let profiles = own.map(|_| counted(library.catalogue.profiles().len(), "profile") + ", ");
     let profiles = profiles.unwrap_or_default();
-    let [suites, cases, instances, devices, requirements, mutants] = counts;
+    let [suites, cases, instances, devices, requirements, mutants, freedoms] = counts;
     say(&format!(
-        "{profiles}{suites}, {cases}, {instances} on {devices}, {requirements}, {mutants}: \
-         no errors\n"
+        "{profiles}{suites}, {cases}, {instances} on {devices}, {requirements}, {mutants}, \
+         {freedoms}: no errors\n"
     ));
     Ok(Exit::Green)
 }
