@@ -67,15 +67,22 @@ pub struct InTurn<F> {
 struct Inner<F> {
     pass_on: F,
     /// The events of sessions that ended before their turn.
-    ended: BTreeMap<usize, Vec<Held>>,
+    ended: BTreeMap<usize, Chunks>,
 }
 
 /// The events of one session, which is over when this is dropped.
 pub struct Session<'t, F: FnMut(Event)> {
     of: &'t InTurn<F>,
     place: usize,
-    held: Vec<Held>,
+    held: Chunks,
 }
+
+/// Events in their order. One vector that grows would be there twice for a moment, and they are
+/// what takes the most memory while sessions run side by side.
+type Chunks = Vec<Vec<Held>>;
+
+/// How many events a chunk holds.
+const CHUNK: usize = 4096;
 
 /// An event that waits for its turn. Nearly all of them are frames, and a frame is a tenth of the
 /// largest event.
@@ -110,12 +117,23 @@ impl<F: FnMut(Event)> Session<'_, F> {
         // Only the session whose turn it is moves the turn on, so that an outdated answer is too
         // low, and the event waits for the next one.
         if self.of.turn.load(Ordering::Acquire) < self.place {
-            self.held.push(Held::from(event));
+            self.hold(Held::from(event));
             return;
         }
         let mut inner = lock(&self.of.inner);
-        inner.pass_on_all(self.held.drain(..));
+        inner.pass_on_all(std::mem::take(&mut self.held));
         (inner.pass_on)(event);
+    }
+
+    fn hold(&mut self, held: Held) {
+        match self.held.last_mut() {
+            Some(chunk) if chunk.len() < CHUNK => chunk.push(held),
+            _ => {
+                let mut chunk = Vec::with_capacity(CHUNK);
+                chunk.push(held);
+                self.held.push(chunk);
+            }
+        }
     }
 }
 
@@ -125,7 +143,7 @@ impl<F: FnMut(Event)> Drop for Session<'_, F> {
         inner.ended.insert(self.place, std::mem::take(&mut self.held));
         let mut turn = self.of.turn.load(Ordering::Acquire);
         while let Some(held) = inner.ended.remove(&turn) {
-            inner.pass_on_all(held.into_iter());
+            inner.pass_on_all(held);
             turn += 1;
         }
         self.of.turn.store(turn, Ordering::Release);
@@ -134,8 +152,8 @@ impl<F: FnMut(Event)> Drop for Session<'_, F> {
 }
 
 impl<F: FnMut(Event)> Inner<F> {
-    fn pass_on_all(&mut self, held: impl Iterator<Item = Held>) {
-        held.map(Event::from).for_each(&mut self.pass_on);
+    fn pass_on_all(&mut self, held: Chunks) {
+        held.into_iter().flatten().map(Event::from).for_each(&mut self.pass_on);
     }
 }
 

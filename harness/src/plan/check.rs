@@ -269,9 +269,9 @@ impl Checker<'_> {
         if self.suite.file.device.is_some() {
             return;
         }
-        let refused = |refused: &Option<At<Refusal>>| {
+        let refused = |refused: Option<&At<Refusal>>| {
             refused
-                .iter()
+                .into_iter()
                 .flat_map(|At { value, place }| {
                     let lenient = value.lenient.iter().filter_map(|refused| refused.code());
                     let codes = value.codes.iter().copied().chain(lenient);
@@ -283,15 +283,15 @@ impl Checker<'_> {
             Step::Read(read) => {
                 let lenient = read.lenient.iter();
                 let lenient = lenient.filter_map(|refused| Some((refused.code()?, step.place)));
-                refused(&read.refused).into_iter().chain(lenient).collect()
+                refused(read.refused.as_deref()).into_iter().chain(lenient).collect()
             }
             Step::Write(write) => {
                 let or_refused = write.or_refused.iter();
                 let or_refused =
                     or_refused.filter_map(|refused| Some((refused.value.code()?, refused.place)));
-                refused(&write.refused).into_iter().chain(or_refused).collect()
+                refused(write.refused.as_deref()).into_iter().chain(or_refused).collect()
             }
-            Step::Remap(remap) => refused(&remap.refused),
+            Step::Remap(remap) => refused(remap.refused.as_ref()),
             _ => Vec::new(),
         };
         for (code, place) in codes.into_iter().filter(|(code, _)| Abort(*code).meaning().is_none())
@@ -326,9 +326,9 @@ impl Checker<'_> {
 
     fn read(&mut self, read: &Read) {
         self.instead(&read.tolerated, &read.value);
-        let Some(entry) = self.entry(&read.object, read.refused.as_ref()) else { return };
-        let values = [&read.value, &read.mask, &read.min, &read.max].into_iter().flatten();
-        for value in values.chain(&read.tolerated) {
+        let Some(entry) = self.entry(&read.object, read.refused.as_deref()) else { return };
+        let bounds = [&read.mask, &read.min, &read.max].into_iter().flatten().map(|bound| &**bound);
+        for value in read.value.iter().chain(bounds).chain(&read.tolerated) {
             self.value(value, &entry);
         }
         if let Some(length) = &read.length {
@@ -342,7 +342,7 @@ impl Checker<'_> {
                 Err(wrong) => self.complain(size.place, wrong),
             }
         }
-        if let Some(At { value: name, place }) = &read.save {
+        if let Some(At { value: name, place }) = read.save.as_deref() {
             let bytes = entry.default_bytes(self.dut.node).unwrap_or_default();
             let value = entry.data_type.decode(&bytes);
             self.scope.bind(
@@ -357,7 +357,7 @@ impl Checker<'_> {
         if write.if_there && !self.is_there(&write.object) {
             return;
         }
-        let entry = self.entry(&write.object, write.refused.as_ref());
+        let entry = self.entry(&write.object, write.refused.as_deref());
         match (&write.value, &write.bytes, &write.fill) {
             (Some(value), None, None) => {
                 // A value that is to be refused need not fit.
@@ -383,7 +383,7 @@ impl Checker<'_> {
             let message = "a write is to be refused, or may be: `refused` or `or-refused`";
             self.complain(refused.place, message);
         }
-        if let Some(At { value: name, place }) = &write.save {
+        if let Some(At { value: name, place }) = write.save.as_deref() {
             self.scope.bind(name.0.clone(), Binding::Bytes(Vec::new()));
             self.saved.push((name.0.clone(), *place));
         }
@@ -420,8 +420,9 @@ impl Checker<'_> {
         self.time(&until.within);
         self.times(&until.every);
         let Some(entry) = self.entry(&until.object, None) else { return };
-        let values = [&until.value, &until.mask, &until.min, &until.max].into_iter().flatten();
-        for value in values.chain(&until.tolerated) {
+        let bounds =
+            [&until.mask, &until.min, &until.max].into_iter().flatten().map(|bound| &**bound);
+        for value in until.value.iter().chain(bounds).chain(&until.tolerated) {
             self.value(value, &entry);
         }
     }

@@ -74,8 +74,13 @@ impl Scope {
     /// Forgets what no step asks for: of the many names that each instance is offered, a case
     /// uses few. What the case is about, `$mux`, stays for those who report.
     pub fn keep(&mut self, used: &BTreeSet<String>) {
-        self.names.retain(|(name, _)| name == "mux" || used.contains(&**name));
-        self.names.shrink_to_fit();
+        let stays = |name: &str| name == "mux" || used.contains(name);
+        let count = self.names.iter().filter(|(name, _)| stays(name)).count();
+        // A vector of its own: to shrink the one for all names would leave a gap in memory after
+        // each of the thousands of instances.
+        let mut kept = Vec::with_capacity(count);
+        kept.extend(std::mem::take(&mut self.names).into_iter().filter(|(name, _)| stays(name)));
+        self.names = kept;
     }
 
     /// What the name stands for.

@@ -38,9 +38,10 @@ impl Steps<'_, '_> {
         trim_unsized(&mut ended, entry.as_ref());
         let condition = self.condition(
             entry.as_ref(),
-            [&read.value, &read.mask, &read.min, &read.max],
+            read.value.as_ref(),
+            [&read.mask, &read.min, &read.max],
             &read.tolerated,
-            read.length.as_ref(),
+            read.length.as_deref(),
         )?;
         let condition = Condition { characters: read.characters, ..condition };
         let data = match ended.result {
@@ -73,7 +74,7 @@ impl Steps<'_, '_> {
             let wrong = Difference::new(name(flow.into()), name(ended.protocol));
             return device(Difference { raw: ended.raw, ..wrong });
         }
-        if let Some(At { value: name, .. }) = &read.save {
+        if let Some(At { value: name, .. }) = read.save.as_deref() {
             let value = entry.as_ref().and_then(|entry| {
                 Some(Binding::Value(entry.data_type.decode(&data).ok()?, entry.data_type))
             });
@@ -107,7 +108,7 @@ impl Steps<'_, '_> {
             let value = show(self.dut.eds.entry(mux), &data);
             return Err(Trouble::Declined(format!("{value} in {mux}: {code}")));
         }
-        if let Some(At { value: name, .. }) = &write.save {
+        if let Some(At { value: name, .. }) = write.save.as_deref() {
             self.scope.bind(name.0.clone(), Binding::Bytes(data.clone()));
         }
         accepted(mux, &data, self.dut.eds.entry(mux), ended)
@@ -187,7 +188,8 @@ impl Steps<'_, '_> {
         let entry = self.dut.eds.entry(mux).cloned();
         let condition = self.condition(
             entry.as_ref(),
-            [&until.value, &until.mask, &until.min, &until.max],
+            until.value.as_ref(),
+            [&until.mask, &until.min, &until.max],
             &until.tolerated,
             None,
         )?;
@@ -246,7 +248,8 @@ impl Steps<'_, '_> {
     fn condition(
         &self,
         entry: Option<&Entry>,
-        [value, mask, min, max]: [&Option<At<Literal>>; 4],
+        value: Option<&At<Literal>>,
+        [mask, min, max]: [&Option<Box<At<Literal>>>; 3],
         tolerated: &[At<Literal>],
         length: Option<&At<Literal>>,
     ) -> Result<Condition, Trouble> {
@@ -254,7 +257,7 @@ impl Steps<'_, '_> {
             let bytes = entry.map(|entry| self.scope.bytes(&literal.value, entry));
             bytes.transpose().map_err(Trouble::Impossible)
         };
-        let bytes = |literal: &Option<At<Literal>>| literal.as_ref().map_or(Ok(None), of);
+        let bytes = |literal: Option<&At<Literal>>| literal.map_or(Ok(None), of);
         let others = tolerated.iter().filter_map(|value| of(value).transpose());
         let length = match length {
             Some(length) => {
@@ -265,9 +268,9 @@ impl Steps<'_, '_> {
         Ok(Condition {
             value: bytes(value)?,
             tolerated: others.collect::<Result<_, _>>()?,
-            mask: bytes(mask)?,
-            min: bytes(min)?,
-            max: bytes(max)?,
+            mask: bytes(mask.as_deref())?,
+            min: bytes(min.as_deref())?,
+            max: bytes(max.as_deref())?,
             length,
             characters: None,
         })

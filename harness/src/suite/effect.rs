@@ -57,15 +57,24 @@ impl Step {
             Self::Collect(collect) => Effect::of_watching(collect.during.as_ref()),
             Self::Read(read) => Effect::of_access(
                 &read.object,
-                &[&read.value, &read.min, &read.max, &read.length],
-                read.refused.as_ref(),
+                read.value.as_ref(),
+                &[&read.min, &read.max, &read.length],
+                read.refused.as_deref(),
             ),
-            Self::Until(until) => {
-                Effect::of_access(&until.object, &[&until.value, &until.min, &until.max], None)
-            }
+            Self::Until(until) => Effect::of_access(
+                &until.object,
+                until.value.as_ref(),
+                &[&until.min, &until.max],
+                None,
+            ),
             Self::Write(write) => Effect {
                 writes: vec![Written::Object(&write.object)],
-                ..Effect::of_access(&write.object, &[&write.value], write.refused.as_ref())
+                ..Effect::of_access(
+                    &write.object,
+                    write.value.as_ref(),
+                    &[],
+                    write.refused.as_deref(),
+                )
             },
             // A mapping is about the objects that are mapped, not about its own parameter.
             Self::Remap(remap) => {
@@ -104,10 +113,12 @@ impl<'s> Effect<'s> {
 
     fn of_access(
         object: &'s At<ObjectRef>,
-        literals: &[&'s Option<At<Literal>>],
+        value: Option<&'s At<Literal>>,
+        bounds: &[&'s Option<Box<At<Literal>>>],
         refused: Option<&'s At<Refusal>>,
     ) -> Self {
-        let literals = literals.iter().filter_map(|literal| literal.as_ref()).collect();
+        let bounds = bounds.iter().filter_map(|bound| bound.as_deref());
+        let literals = value.into_iter().chain(bounds).collect();
         Self { access: Some(Access { object, literals, refused }), ..Self::default() }
     }
 }

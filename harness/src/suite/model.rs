@@ -69,12 +69,12 @@ pub struct Case {
     /// What must have been done before; a failure here is an ERROR, not a FAIL, or BLOCKED if the
     /// case relies on something.
     #[serde(default)]
-    pub setup: Vec<At<Step>>,
+    pub setup: Box<[At<Step>]>,
     /// What finds out.
-    pub steps: Vec<At<Step>>,
+    pub steps: Box<[At<Step>]>,
     /// What is done in any case, after the steps.
     #[serde(default)]
-    pub finally: Vec<At<Step>>,
+    pub finally: Box<[At<Step>]>,
 }
 
 impl Case {

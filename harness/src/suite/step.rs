@@ -253,25 +253,25 @@ pub struct Read {
     pub tolerated: Vec<At<Literal>>,
     /// Only these bits are compared with `value`.
     #[serde(default)]
-    pub mask: Option<At<Literal>>,
+    pub mask: Option<Box<At<Literal>>>,
     /// The smallest value.
     #[serde(default)]
-    pub min: Option<At<Literal>>,
+    pub min: Option<Box<At<Literal>>>,
     /// The largest value.
     #[serde(default)]
-    pub max: Option<At<Literal>>,
+    pub max: Option<Box<At<Literal>>>,
     /// The length in bytes.
     #[serde(default)]
-    pub length: Option<At<Literal>>,
+    pub length: Option<Box<At<Literal>>>,
     /// It is readable ASCII, one character at least and so many at most.
     #[serde(default)]
     pub characters: Option<usize>,
     /// Names the value for later steps.
     #[serde(default)]
-    pub save: Option<At<Name>>,
+    pub save: Option<Box<At<Name>>>,
     /// The device must refuse, with this code.
     #[serde(default)]
-    pub refused: Option<At<Refusal>>,
+    pub refused: Option<Box<At<Refusal>>>,
     /// Abort codes that are accepted instead of a value; the reason is in the register.
     #[serde(default)]
     pub lenient: Vec<Refused>,
@@ -280,7 +280,7 @@ pub struct Read {
     pub transfer: Option<Flow>,
     /// Segments of a sub-block, 127 unless said otherwise; makes it a block transfer.
     #[serde(default)]
-    pub block_size: Option<At<Literal>>,
+    pub block_size: Option<Box<At<Literal>>>,
 }
 
 /// See [`Step::Write`].
@@ -294,16 +294,16 @@ pub struct Write {
     pub value: Option<At<Literal>>,
     /// Bytes instead of a value, for what the data sheet does not allow.
     #[serde(default)]
-    pub bytes: Option<At<String>>,
+    pub bytes: Option<Box<At<String>>>,
     /// So many bytes of readable text instead of a value.
     #[serde(default)]
-    pub fill: Option<At<Literal>>,
+    pub fill: Option<Box<At<Literal>>>,
     /// Names what was written for later steps.
     #[serde(default)]
-    pub save: Option<At<Name>>,
+    pub save: Option<Box<At<Name>>>,
     /// The device must refuse, with this code.
     #[serde(default)]
-    pub refused: Option<At<Refusal>>,
+    pub refused: Option<Box<At<Refusal>>>,
     /// With these codes the device may refuse as well; the rest of the steps is then left out.
     #[serde(default)]
     pub or_refused: Vec<At<Refused>>,
@@ -358,13 +358,13 @@ pub struct Until {
     pub tolerated: Vec<At<Literal>>,
     /// Only these bits are compared with `value`.
     #[serde(default)]
-    pub mask: Option<At<Literal>>,
+    pub mask: Option<Box<At<Literal>>>,
     /// The smallest value.
     #[serde(default)]
-    pub min: Option<At<Literal>>,
+    pub min: Option<Box<At<Literal>>>,
     /// The largest value.
     #[serde(default)]
-    pub max: Option<At<Literal>>,
+    pub max: Option<Box<At<Literal>>>,
     /// How long to go on.
     pub within: At<Amount>,
     /// Pause between two uploads; 20 ms unless said otherwise.
