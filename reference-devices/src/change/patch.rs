@@ -124,7 +124,13 @@ fn add(eds: &mut Eds, mux: Mux, like: Mux) -> Option<()> {
         }
         None => {
             let name = entry.name.clone();
-            let (index, kind) = (mux.index, ObjectKind::VAR);
+            let index = mux.index;
+            // A sub-index 0 like another one brings the kind of its object.
+            let whole = eds.objects.iter().find(|object| object.index == like.index);
+            let kind = match (mux.sub, like.sub) {
+                (0, 0) => whole.map_or(ObjectKind::VAR, |object| object.kind),
+                _ => ObjectKind::VAR,
+            };
             let object = Object { index, name, kind, flags: None, entries: vec![entry], line: 0 };
             eds.objects.insert(place, object);
         }
