@@ -31,16 +31,16 @@ pub mod worked;
 use std::time::Duration;
 
 use canopen::eds::Eds;
-use canopen::{Abort, BenchError, Dictionary, Instant, Mux, Value};
+use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
-use crate::stack::{Behaviour, Errors};
+use crate::stack::{Behaviour, CommunicationEvent, Errors};
 
 use bench::Sight;
 use load::Load;
 use network::{Network, OUTPUTS, Outside};
 use objects::{
     AUTOMATIC_UPDATES, DITHER_FREQUENCY, OUTPUT_FREQUENCY, OUTPUT_TYPE, PROCESS_VALUE, Parameters,
-    RECEIVED, RECEIVED_STATUS, SUPPLY, TEMPERATURE, show, show_real, table, table_of,
+    RECEIVED, RECEIVED_STATUS, SUPPLY, TEMPERATURE, power, show, show_real, table, table_of,
 };
 use output::Kind;
 use rules::{Ax021211Rules, Manual};
@@ -88,6 +88,7 @@ impl Ax021211 {
                 supply: 24.0,
                 temperature: 25.0,
                 timed_out: [false; 24],
+                operational: false,
             },
             powered: true,
             kinds: [0; OUTPUTS],
@@ -141,7 +142,10 @@ impl Ax021211 {
         match mux.index {
             OUTPUT_TYPE if place < OUTPUTS => self.change_type(mux, od),
             OUTPUT_FREQUENCY if place < OUTPUTS => self.share_frequency(mux, od),
-            RECEIVED => self.copy_received(mux.sub, od),
+            RECEIVED if self.copy_received(mux.sub, od) => {
+                let status = Mux::new(RECEIVED_STATUS, mux.sub);
+                od.set_int(status, self.rules.status_after_copy());
+            }
             RECEIVED_STATUS if self.rules.copies_with_the_validation() => {
                 self.copy_received(mux.sub, od);
             }
@@ -151,7 +155,8 @@ impl Ax021211 {
                     && mux.sub == 1
                     && od.int(mux) == Some(1)
                 {
-                    for (item, sub) in [(3, 0), (6, 1), (7, 1)] {
+                    let shown = if self.rules.first_point_is_shown() { 3 } else { 1 };
+                    for (item, sub) in [(3, 0), (6, 1), (7, 1)].into_iter().take(shown) {
                         od.set_int(Mux::new(table(place, item), sub), 0);
                     }
                 }
@@ -159,14 +164,29 @@ impl Ax021211 {
         }
     }
 
-    /// 7F50h, if it is valid, into 7300h (2.3.17).
-    fn copy_received(&self, sub: u8, od: &mut Dictionary) {
-        let status = Mux::new(RECEIVED_STATUS, sub);
-        let value = od.int(Mux::new(RECEIVED, sub)).unwrap_or(0);
-        if self.rules.takes_received(od.int(status).unwrap_or(0)) {
-            od.set_int(Mux::new(PROCESS_VALUE, sub), value);
-            od.set_int(status, self.rules.status_after_copy());
+    /// Spreads the points of an X-axis evenly between the limits of its new source; the address of
+    /// the first one if that was done.
+    fn spread_points(&self, index: u16, od: &mut Dictionary) -> Option<Mux> {
+        let (place, 0 | 1) = table_of(index)? else { return None };
+        let (low, high) = self.network.x_limits(place)?;
+        let unit = power(od.int(Mux::new(table(place, 3), 0))? as u8);
+        for step in 0..=10_u8 {
+            let point = low + (high - low) * f64::from(step) / 10.0;
+            let mux = Mux::new(table(place, 6), step + 1);
+            od.set_int(mux, (point * unit).round() as i64);
         }
+        Some(Mux::new(table(place, 6), 1))
+    }
+
+    /// 7F50h, if it is valid, into 7300h (2.3.17); whether it was.
+    fn copy_received(&self, sub: u8, od: &mut Dictionary) -> bool {
+        let status = od.int(Mux::new(RECEIVED_STATUS, sub)).unwrap_or(0);
+        let takes = self.rules.takes_received(status);
+        if takes {
+            let value = od.int(Mux::new(RECEIVED, sub)).unwrap_or(0);
+            od.set_int(Mux::new(PROCESS_VALUE, sub), value);
+        }
+        takes
     }
 
     /// 6310h (1.3, 1.8).
@@ -178,7 +198,7 @@ impl Ax021211 {
         }
         let enabled = od.int(AUTOMATIC_UPDATES).is_some_and(|enabled| enabled != 0);
         if let Some(kind) = Kind::of(code)
-            && self.rules.updates(enabled)
+            && self.rules.updates(enabled, kind)
         {
             defaults::update(mux.sub, kind, od);
         }
@@ -187,6 +207,9 @@ impl Ax021211 {
     /// 2380h: the outputs of a bank share a timer (1.3).
     fn share_frequency(&self, mux: Mux, od: &mut Dictionary) {
         let value = od.int(mux).unwrap_or(0);
+        if !self.rules.frequency_is_shared() {
+            return;
+        }
         let bank = self.rules.bank(usize::from(mux.sub) - 1);
         for place in (0..OUTPUTS).filter(|place| self.rules.bank(*place) == bank) {
             show(od, Mux::new(OUTPUT_FREQUENCY, place as u8 + 1), value);
@@ -216,7 +239,7 @@ impl Ax021211 {
 impl Behaviour for Ax021211 {
     fn reset(&mut self, now: Instant, od: &mut Dictionary) {
         self.powered = true;
-        self.outside.timed_out = [false; 24];
+        (self.outside.timed_out, self.outside.operational) = ([false; 24], false);
         self.network = Network::new(Parameters { od, rules: &*self.rules });
         for place in 0..OUTPUTS {
             self.kinds[place] = od.int(Mux::new(OUTPUT_TYPE, place as u8 + 1)).unwrap_or(0);
@@ -240,8 +263,21 @@ impl Behaviour for Ax021211 {
         self.follow_up(mux, od);
         let parameters = Parameters { od, rules: &*self.rules };
         self.network.written(mux, parameters);
+        if self.rules.source_spreads_points()
+            && let Some(points) = self.spread_points(mux.index, od)
+        {
+            self.network.written(points, Parameters { od, rules: &*self.rules });
+        }
+        let parameters = Parameters { od, rules: &*self.rules };
         if matches!(mux.index, RECEIVED | RECEIVED_STATUS) {
             self.network.written(Mux::new(PROCESS_VALUE, mux.sub), parameters);
+        }
+    }
+
+    fn event(&mut self, _now: Instant, event: CommunicationEvent, _od: &mut Dictionary) {
+        if let CommunicationEvent::Entered(state) = event {
+            self.outside.operational = state == NmtState::OPERATIONAL;
+            self.touched |= self.rules.outputs_need_operational();
         }
     }
 
@@ -285,9 +321,8 @@ impl Behaviour for Ax021211 {
         Sight { outside, network, rules, pulses, dithers, powered: self.powered }.observe(name)
     }
 
-    /// TPDOs are driven by time (2.2.15).
     fn triggers(&mut self, _mux: Mux, _last: &[u8], _od: &Dictionary) -> bool {
-        false
+        self.rules.sends_on_change()
     }
 }
 

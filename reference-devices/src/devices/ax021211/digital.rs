@@ -5,8 +5,8 @@ use std::time::Duration;
 use canopen::{Instant, Mux};
 
 use super::objects::{
-    DELAY_POLARITY, DELAY_TIME, DIGITAL_FAULT_MODE, DIGITAL_FAULT_STATE, DIGITS_FV, HOLD_CURRENT,
-    HOTSHOT_CURRENT, HOTSHOT_TIME, POLARITIES, Parameters,
+    BLINK_RATE, DELAY_POLARITY, DELAY_TIME, DIGITAL_FAULT_MODE, DIGITAL_FAULT_STATE, DIGITS_FV,
+    HOLD_CURRENT, HOTSHOT_CURRENT, HOTSHOT_TIME, POLARITIES, Parameters,
 };
 use super::rules::Ax021211Rules;
 
@@ -25,6 +25,8 @@ pub(super) struct DigitalSettings {
     hotshot: f64,
     hold: f64,
     hotshot_time: Duration,
+    /// How long the output is on, and then off, while it is commanded on.
+    blinking: Option<Duration>,
 }
 
 impl DigitalSettings {
@@ -33,12 +35,14 @@ impl DigitalSettings {
         let bit = od.rules.place(POLARITIES.index, place);
         // A bit for each output, or in the form of 2.3.2 an entry.
         let has_entries = od.od.int(Mux::new(POLARITIES.index, 2)).is_some();
-        let inverse = match has_entries {
-            true => od.int(POLARITIES.index, place) != 0,
-            false => od.int(POLARITIES.index, 0) >> bit & 1 != 0,
+        let polarity = match has_entries {
+            true => od.int(POLARITIES.index, place),
+            false => od.int(POLARITIES.index, 0) >> bit & 1,
         };
+        let blinks = od.rules.blinks(polarity);
         Self {
-            inverse,
+            inverse: polarity != 0 && !blinks,
+            blinking: blinks.then(|| od.time(BLINK_RATE, place)),
             keeps_on_fault: od.int(DIGITAL_FAULT_MODE, place) == 0,
             fault_state: od.flag(DIGITAL_FAULT_STATE, place),
             delay: od.time(DELAY_TIME, place),
@@ -60,6 +64,8 @@ pub(super) struct Digital {
     waiting: Option<Instant>,
     /// When the hotshot ends.
     hotshot_end: Option<Instant>,
+    /// When a blinking output came on.
+    blinking_since: Option<Instant>,
     due: Option<Instant>,
 }
 
@@ -75,6 +81,10 @@ impl Digital {
     ) {
         self.logic = on;
         self.due = None;
+        if let Some(rate) = settings.blinking.filter(|_| !is_hotshot) {
+            return self.blink(now, on, rate.max(Duration::from_millis(1)));
+        }
+        self.blinking_since = None;
         let wanted = rules.polarity(settings.inverse) != on;
         let late = !is_hotshot
             && rules.delays(settings.inverse)
@@ -92,6 +102,19 @@ impl Digital {
         } else {
             self.due = Some(due);
         }
+    }
+
+    /// On for the rate, then off for it, as long as the output is commanded on (2.4.4).
+    fn blink(&mut self, now: Instant, on: bool, rate: Duration) {
+        self.waiting = None;
+        if !on {
+            (self.blinking_since, self.drive) = (None, false);
+            return;
+        }
+        let since = *self.blinking_since.get_or_insert(now);
+        let turns = now.since(since).as_nanos() / rate.as_nanos();
+        self.drive = turns.is_multiple_of(2);
+        self.due = Some(since + rate * (turns as u32 + 1));
     }
 
     /// Something else than the control input sets the state at which the output drives.

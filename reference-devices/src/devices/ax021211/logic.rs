@@ -65,9 +65,12 @@ impl LogicSettings {
         if !rules.logic_is_enabled(self.enabled) {
             return (rules.selected_while_disabled(selected), 0, Signal::ABSENT);
         }
-        let chosen =
-            rules.selection([0, 1, 2].map(|function| self.selects(function, &read, rules)));
-        let number = self.tables[chosen];
+        let selects = [0, 1, 2].map(|function| self.selects(function, &read, rules));
+        let chosen = rules.selection(selects);
+        let number = match rules.keeps_selection() && !selects.contains(&true) {
+            true => selected,
+            false => self.tables[chosen],
+        };
         let shown_number = rules.selected_table(number, chosen);
         let link = Link::new(TABLE_SOURCE, number);
         let signal = link.place().filter(|place| *place >= TABLES).map_or(Signal::ABSENT, table);

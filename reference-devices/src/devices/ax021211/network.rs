@@ -45,6 +45,8 @@ pub(super) struct Outside {
     pub(super) temperature: f64,
     /// The messages of table 5 that are mapped into an RPDO that has timed out.
     pub(super) timed_out: [bool; 24],
+    /// The node is OPERATIONAL.
+    pub(super) operational: bool,
 }
 
 /// The blocks at work.
@@ -173,6 +175,7 @@ impl Network {
         let (low, high) = rules.supply_errors(outside.supply);
         self.signals[SUPPLY] = measured(outside.supply).failing(low || high);
         self.signals[TEMPERATURE] = measured(outside.temperature);
+        let outputs_pause = rules.outputs_need_operational() && !outside.operational;
         for turn in 0..self.order.blocks.len() {
             match self.order.blocks[turn] {
                 Block::Math(place) => self.evaluate_math(place, turn, rules),
@@ -200,8 +203,10 @@ impl Network {
                     self.keep(LOGICS + place, shown, signal);
                 }
                 Block::Output(place) => {
+                    let off = OutputSettings::default();
                     let settings = &self.settings.outputs[place];
                     let inputs = settings.links.map(|link| self.read(link, turn));
+                    let settings = if outputs_pause { &off } else { settings };
                     let at = (&outside.loads[place], outside.supply);
                     let view =
                         self.outputs[place].evaluate((now, elapsed), settings, inputs, at, rules);

@@ -16,6 +16,7 @@ pub(super) const HOTSHOT_CURRENT: u16 = 0x2220;
 pub(super) const HOLD_CURRENT: u16 = 0x2221;
 pub(super) const HOTSHOT_TIME: u16 = 0x2222;
 pub(super) const DELAY_TIME: u16 = 0x2224;
+pub(super) const BLINK_RATE: u16 = 0x2223;
 pub(super) const DELAY_POLARITY: u16 = 0x2225;
 
 /// Analogue outputs.

@@ -245,8 +245,9 @@ impl Output {
         };
         let driven = load.driven(rules.stage(stage), supply);
         let view = self.view(settings, driven, rules);
-        let difference = (view.commanded.1.value - view.feedback.1.value).abs();
-        let drives = view.commanded.0 != 0;
+        let applied = digits(self.level, settings.digits);
+        let difference = (applied as f64 / power(settings.digits) - view.feedback.1.value).abs();
+        let drives = applied != 0;
         let wrong = rules.is_wrong(drives, driven.shorted, difference, settings.hysteresis);
         let watched = self.kind == Kind::Current && rules.detects(settings.detects);
         self.detector.watch(now, watched && wrong, settings.reaction_delay, rules);
@@ -301,7 +302,7 @@ impl Output {
             Command::Disabled(Disabled::KeepLast) => self.digital.hold(),
             Command::Disabled(_) => self.digital.force(false),
             Command::Control(signal) => {
-                let on = signal.is_valid() && rules.is_on(signal.value);
+                let on = signal.is_valid() && rules.is_on(signal);
                 self.digital.command(now, on, set, is_hotshot, rules);
             }
         }
@@ -332,7 +333,8 @@ impl Output {
             Kind::Disabled => (0, 0),
             Kind::Voltage | Kind::Pwm => {
                 let level = digits(self.level, settings.digits);
-                (level, rules.feedback_without_current(level, driven))
+                let shown = digits(rules.shown_fv(self.level, self.target), settings.digits);
+                (shown, rules.feedback_without_current(level, driven))
             }
         };
         let places = if is_digital { 0 } else { settings.digits };
@@ -366,7 +368,7 @@ impl OutputSettings {
     fn command(&self, inputs: [Signal; 3], rules: &dyn Ax021211Rules) -> Command {
         let [control, enable, overriding] = inputs;
         let fault = rules.input_fault(inputs.map(Signal::has_failed));
-        let on = |signal: Signal| signal.is_valid().then(|| rules.is_on(signal.value));
+        let on = |signal: Signal| signal.is_valid().then(|| rules.is_on(signal));
         let disabled = on(enable).and_then(|on| rules.disabled(self.responses.enable, on));
         let overrides =
             on(overriding).is_some_and(|on| rules.overrides(self.responses.overriding, on));

@@ -10,7 +10,7 @@ use canopen::{Abort, Mux};
 use super::load::{Driven, Stage};
 use super::logic::{self, Verdict};
 use super::math;
-use super::output::{self, Command, Disabled, Interventions};
+use super::output::{self, Command, Disabled, Interventions, Kind};
 use super::pid::{self, Gains};
 use super::ramp::Ramp;
 use super::signal::{Link, Signal};
@@ -37,8 +37,18 @@ pub(super) trait Ax021211Rules: Send {
     }
 
     /// A control input is on when it is not zero.
-    fn is_on(&self, value: f64) -> bool {
-        value != 0.0
+    fn is_on(&self, signal: Signal) -> bool {
+        signal.value != 0.0
+    }
+
+    /// The outputs drive in every state of the node.
+    fn outputs_need_operational(&self) -> bool {
+        false
+    }
+
+    /// TPDOs are driven by time (2.2.15).
+    fn sends_on_change(&self) -> bool {
+        false
     }
 
     /// A value out of the range that other objects give it is refused (tables 3 and 5, 2.2.10, 2.3,
@@ -99,13 +109,18 @@ pub(super) trait Ax021211Rules: Send {
         place / 4
     }
 
+    /// What is written for one output of a bank is shown for each of them (1.3).
+    fn frequency_is_shared(&self) -> bool {
+        true
+    }
+
     /// The frequency of a bank is fixed while one of its outputs has a current loop (1.3).
     fn frequency(&self, configured: i64, has_loop: bool) -> i64 {
         if has_loop { 25_000 } else { configured }
     }
 
     /// A change of the type brings the defaults of the new one while 5550h is true (1.3, 1.8).
-    fn updates(&self, enabled: bool) -> bool {
+    fn updates(&self, enabled: bool, _kind: Kind) -> bool {
         enabled
     }
 
@@ -119,6 +134,16 @@ pub(super) trait Ax021211Rules: Send {
     /// A table without source has no output.
     fn table_without_source(&self, _held: i64) -> i64 {
         0
+    }
+
+    /// A new source leaves the X-axis to the user (1.5).
+    fn source_spreads_points(&self) -> bool {
+        false
+    }
+
+    /// The first point of a time response is set to [0,0] in its objects (1.5.4).
+    fn first_point_is_shown(&self) -> bool {
+        true
     }
 
     /// The responses of table 12.
@@ -151,8 +176,13 @@ pub(super) trait Ax021211Rules: Send {
         x <= point
     }
 
-    /// Below the first point the output is that of the first point.
-    fn below_table(&self, first: f64) -> f64 {
+    /// At the first point no segment has begun.
+    fn is_before_table(&self, x: f64, first: f64) -> bool {
+        x <= first
+    }
+
+    /// Up to the first point the output is that of the first point.
+    fn below_table(&self, _x: f64, (_, first): (f64, f64)) -> f64 {
         first
     }
 
@@ -344,6 +374,11 @@ pub(super) trait Ax021211Rules: Send {
         selects.iter().position(|selects| *selects).unwrap_or(0)
     }
 
+    /// Where no conditions hold, the table that was selected last does not matter (1.6.2).
+    fn keeps_selection(&self) -> bool {
+        false
+    }
+
     /// 3310h is the number of the lookup table (1.6.2).
     fn selected_table(&self, number: u8, _chosen: usize) -> u8 {
         number
@@ -487,6 +522,11 @@ pub(super) trait Ax021211Rules: Send {
     /// 6202h inverts the drive state (table 1).
     fn polarity(&self, inverse: bool) -> bool {
         inverse
+    }
+
+    /// There is no third polarity (table 1).
+    fn blinks(&self, _polarity: i64) -> bool {
+        false
     }
 
     /// A delay is for normal polarity (1.2).

@@ -58,7 +58,11 @@ impl TableSettings {
             y_points: std::array::from_fn(|point| od.scaled(index(7), point, y_digits)),
             limits: PERCENT,
         };
-        Self { limits: settings.limits(od.rules), ..settings }
+        let mut settings = Self { limits: settings.limits(od.rules), ..settings };
+        if timed && !od.rules.first_point_is_shown() {
+            settings.y_points[0] = 0.0;
+        }
+        settings
     }
 
     /// The limits of the output (1.5.2): those of a percentage as long as every point is within
@@ -80,8 +84,8 @@ impl TableSettings {
     /// The output over data (1.5.1 to 1.5.3).
     pub(super) fn over_data(&self, x: f64, rules: &dyn Ax021211Rules) -> f64 {
         let last = rules.points_in_use(self.points());
-        if x <= self.x_points[0] {
-            return rules.below_table(self.y_points[0]);
+        if rules.is_before_table(x, self.x_points[0]) {
+            return rules.below_table(x, (self.x_points[0], self.y_points[0]));
         }
         let reached = |point: &usize| rules.within_segment(x, self.x_points[*point]);
         match (1..last).find(reached) {
@@ -171,7 +175,7 @@ impl Table {
         }
         let y = match settings.timed {
             _ if x.has_failed() => rules.table_in_error(self.held),
-            true => self.sequence(now, settings, rules.is_on(x.value), rules),
+            true => self.sequence(now, settings, rules.is_on(x), rules),
             false => settings.over_data(rules.table_input(x.value), rules),
         };
         self.held = y;

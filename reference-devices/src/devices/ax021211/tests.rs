@@ -242,7 +242,7 @@ fn built(plan: &Plan) -> (Dictionary, Network, Outside) {
     let mut timed_out = [false; 24];
     timed_out[10..].copy_from_slice(&plan.failing);
     let loads = [Load { ohms: 1.0, ..Load::default() }; OUTPUTS];
-    (od, network, Outside { loads, supply: 24.0, temperature: 25.0, timed_out })
+    (od, network, Outside { loads, supply: 24.0, temperature: 25.0, timed_out, operational: true })
 }
 
 /// Where each block shows its signal, with its source and number.

@@ -8,10 +8,13 @@ use super::super::limits;
 use super::super::load::{Driven, Stage};
 use super::super::logic::{self, Verdict};
 use super::super::math;
-use super::super::output::{self, Command, Disabled, Interventions};
+use super::super::objects::{
+    HOLD_CURRENT, HOTSHOT_CURRENT, OUTPUT_FREQUENCY, PID_INTEGRAL_TIME, table_of,
+};
+use super::super::output::{self, Command, Disabled, Interventions, Kind};
 use super::super::pid::{self, Gains};
 use super::super::ramp::Ramp;
-use super::super::signal::{Link, Signal};
+use super::super::signal::{Link, Signal, share};
 use super::super::table::POINTS;
 use super::Ax021211Rules;
 use super::parameters;
@@ -29,7 +32,7 @@ pub(in super::super) fn named(name: &str) -> Option<Box<dyn Ax021211Rules>> {
 
 const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
     "half-is-on" {
-        fn is_on(&self, value: f64) -> bool { value >= 50.0 }
+        fn is_on(&self, signal: Signal) -> bool { signal.value >= 50.0 }
     }
     "digital-by-process-value" {
         fn message_is_bit(&self, _is_digital: bool) -> bool { false }
@@ -95,10 +98,10 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
         fn frequency(&self, _configured: i64, _has_loop: bool) -> i64 { 25_000 }
     }
     "updates-always" {
-        fn updates(&self, _enabled: bool) -> bool { true }
+        fn updates(&self, _enabled: bool, _kind: Kind) -> bool { true }
     }
     "updates-never" {
-        fn updates(&self, _enabled: bool) -> bool { false }
+        fn updates(&self, _enabled: bool, _kind: Kind) -> bool { false }
     }
     "ramp-taken-for-jump" {
         fn point_response(&self, code: u8) -> u8 { code.max(2 * u8::from(code == 1)) }
@@ -131,7 +134,7 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
         fn within_segment(&self, x: f64, point: f64) -> bool { x < point }
     }
     "below-table-is-zero" {
-        fn below_table(&self, _first: f64) -> f64 { 0.0 }
+        fn below_table(&self, _x: f64, _first: (f64, f64)) -> f64 { 0.0 }
     }
     "beyond-table-is-zero" {
         fn beyond_table(&self, _last: f64) -> f64 { 0.0 }
@@ -535,5 +538,68 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
     }
     "open-circuit-is-input-fault" {
         fn fault_group(&self) -> Option<u8> { Some(3) }
+    }
+    "half-of-the-range-is-on" {
+        fn is_on(&self, signal: Signal) -> bool {
+            let (low, high) = signal.limits.unwrap_or((0.0, 1.0));
+            share(signal.value, low, high) >= 0.5
+        }
+    }
+    "outputs-need-operational" {
+        fn outputs_need_operational(&self) -> bool { true }
+    }
+    "tpdos-on-change" {
+        fn sends_on_change(&self) -> bool { true }
+    }
+    "first-output-sets-the-bank" {
+        fn frequency_is_shared(&self) -> bool { false }
+        fn place(&self, index: u16, place: usize) -> usize {
+            if index == OUTPUT_FREQUENCY { self.bank(place) * 4 } else { place }
+        }
+    }
+    "updates-for-currents-only" {
+        fn updates(&self, enabled: bool, kind: Kind) -> bool { enabled && kind == Kind::Current }
+    }
+    "source-spreads-points" {
+        fn source_spreads_points(&self) -> bool { true }
+    }
+    "first-point-not-shown" {
+        fn first_point_is_shown(&self) -> bool { false }
+    }
+    "jump-begins-with-its-point" {
+        fn is_before_table(&self, x: f64, first: f64) -> bool { x < first }
+        fn within_segment(&self, x: f64, point: f64) -> bool { x < point }
+    }
+    "nothing-below-the-table" {
+        fn below_table(&self, x: f64, (start, first): (f64, f64)) -> f64 {
+            if x < start { 0.0 } else { first }
+        }
+    }
+    "selection-stays" {
+        fn keeps_selection(&self) -> bool { true }
+    }
+    "polarity-3-blinks" {
+        fn blinks(&self, polarity: i64) -> bool { polarity == 3 }
+    }
+    "takes-any-point" {
+        fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {
+            if matches!(table_of(mux.index), Some((_, 6))) { Ok(()) } else { Err(abort) }
+        }
+    }
+    "takes-an-integral-time-of-0" {
+        fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {
+            match (mux.index, abort) {
+                (PID_INTEGRAL_TIME, Abort::TOO_LOW) => Ok(()),
+                _ => Err(abort),
+            }
+        }
+    }
+    "hotshot-currents-apart" {
+        fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {
+            match (mux.index, abort) {
+                (HOTSHOT_CURRENT, Abort::TOO_LOW) | (HOLD_CURRENT, Abort::TOO_HIGH) => Ok(()),
+                _ => Err(abort),
+            }
+        }
     }
 };
