@@ -7,9 +7,10 @@ use std::time::Duration;
 use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Client, Transfer};
 use canopen::{Bus, Device, Frame, Instant, Mux, Outbox, Stamped, VirtualBus, eds, wire};
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use harness::dut::Dut;
 use harness::run::{Link, Policy, identity, transfer};
+use reference_devices::devices::ax021211::full;
 use reference_devices::devices::em66::hour;
 use reference_devices::devices::mcm260x::packaging;
 use reference_devices::devices::{self, ReferenceDevice};
@@ -24,6 +25,7 @@ criterion_group!(
     frames_on_the_bus,
     hour_of_heating_and_cooling,
     minutes_of_packaging,
+    cycles_of_function_blocks,
     eds_read,
     journal_line
 );
@@ -129,6 +131,19 @@ fn minutes_of_packaging(bench: &mut Criterion) {
     group.sample_size(20);
     group.bench_function("mcm260x-9ad", |bench| {
         bench.iter(|| packaging::run(black_box(&device)));
+    });
+    group.finish();
+}
+
+/// Ten seconds of a controller in which every function block is in use and moves, which take less
+/// than 50 ms.
+fn cycles_of_function_blocks(bench: &mut Criterion) {
+    let device = devices::device("ax021211").expect("it is part of the program");
+    let mut group = bench.benchmark_group("10000 control cycles");
+    group.sample_size(20);
+    group.bench_function("ax021211", |bench| {
+        let new = || full::Controller::new(black_box(&device));
+        bench.iter_batched_ref(new, |controller| controller.run(10_000), BatchSize::LargeInput);
     });
     group.finish();
 }

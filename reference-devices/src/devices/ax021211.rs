@@ -13,6 +13,7 @@ mod defaults;
 mod detect;
 mod diagnosis;
 mod digital;
+pub mod full;
 mod graph;
 mod limits;
 mod load;
