@@ -10,6 +10,9 @@ use crate::value::Value;
 /// sends nothing and hears nothing; switched on again, it knows what it stored.
 pub const POWER: &str = "power";
 
+/// The stimulus that chooses how a device with two interfaces communicates: `can` or `rs485`.
+pub const INTERFACE: &str = "communication-interface";
+
 /// A bench around a device: stimuli that can be set, and what can be observed, each by its name.
 pub trait Bench {
     /// What can be set or observed.
@@ -50,6 +53,11 @@ pub fn is_known(name: &str) -> bool {
     NAMES.iter().any(|known| if known.ends_with('-') { numbered(known) } else { *known == name })
 }
 
+/// What a stimulus moves while time goes by: a frequency turns the shaft.
+pub fn moved_by(name: &str) -> Option<String> {
+    name.strip_prefix("encoder-frequency-").map(|shaft| format!("encoder-steps-{shaft}"))
+}
+
 /// The names that suites ask for. Those that end in a dash are followed by a number.
 pub const NAMES: &[&str] = &[
     POWER,
@@ -74,7 +82,7 @@ pub const NAMES: &[&str] = &[
     "pump",
     "supply-voltage",
     "output-supply-",
-    "communication-interface",
+    INTERFACE,
     "encoder-steps-",
     "encoder-frequency-",
     "encoder-index-",

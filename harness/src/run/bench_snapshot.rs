@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use canopen::bench::POWER;
+use canopen::bench::{INTERFACE, POWER, moved_by};
 use canopen::{BenchError, Value};
 
 use super::judge::Trouble;
@@ -22,7 +22,7 @@ impl BenchSnapshot {
         self.off || !self.before.is_empty()
     }
 
-    /// Sets a stimulus and remembers what it was.
+    /// Sets a stimulus and remembers what it was, and what it moves.
     ///
     /// # Errors
     /// When the bench fails.
@@ -32,10 +32,12 @@ impl BenchSnapshot {
         name: &str,
         value: &Value,
     ) -> Result<(), Trouble> {
-        if !self.before.contains_key(name) {
-            // What cannot be read is left as the case leaves it.
-            if let Ok(before) = bench(link)?.get(name) {
-                self.before.insert(name.to_owned(), before);
+        for name in [Some(name.to_owned()), moved_by(name)].into_iter().flatten() {
+            if !self.before.contains_key(&name) {
+                // What cannot be read is left as the case leaves it.
+                if let Ok(before) = bench(link)?.get(&name) {
+                    self.before.insert(name, before);
+                }
             }
         }
         link.look_from_now()?;
@@ -47,25 +49,44 @@ impl BenchSnapshot {
         Ok(())
     }
 
-    /// Makes everything as it was before the case, the supply first.
+    /// Makes the device one that can be reached, as it was before the case: its supply first.
     ///
     /// # Errors
     /// When the bench fails.
-    pub(super) fn undo(&mut self, link: &mut Link) -> Result<(), BenchError> {
-        let Some(bench) = link.bench() else { return Ok(()) };
+    pub(super) fn undo_silence(&mut self, link: &mut Link) -> Result<(), BenchError> {
         if std::mem::take(&mut self.off) {
-            bench.set(POWER, &Value::Text("on".to_owned()))?;
+            set_back(link, POWER, &Value::Text("on".to_owned()))?;
         }
         // A device is tested with its supply on, whatever a case found.
         self.before.remove(POWER);
-        while let Some((name, value)) = self.before.pop_first() {
-            if bench.get(&name).as_ref() != Ok(&value) {
-                bench.set(&name, &value)?;
-            }
-        }
-        link.moved();
+        let interface = self.before.remove(INTERFACE);
+        interface.map_or(Ok(false), |interface| set_back(link, INTERFACE, &interface))?;
         Ok(())
     }
+
+    /// Makes everything else as it was before the case; whether something was otherwise. A
+    /// frequency has a name before that of what it moves.
+    ///
+    /// # Errors
+    /// When the bench fails.
+    pub(super) fn undo(&mut self, link: &mut Link) -> Result<bool, BenchError> {
+        let mut moved = false;
+        while let Some((name, value)) = self.before.pop_first() {
+            moved |= set_back(link, &name, &value)?;
+        }
+        Ok(moved)
+    }
+}
+
+/// Sets a stimulus to what it was; whether it was another.
+fn set_back(link: &mut Link, name: &str, value: &Value) -> Result<bool, BenchError> {
+    let Some(bench) = link.bench() else { return Ok(false) };
+    if bench.get(name).as_ref() == Ok(value) {
+        return Ok(false);
+    }
+    bench.set(name, value)?;
+    link.moved();
+    Ok(true)
 }
 
 /// The bench around the device.

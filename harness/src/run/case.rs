@@ -5,7 +5,7 @@ use std::time::Duration;
 use canopen::monitor::{self, Breach, Seen};
 use canopen::pdo::CobId;
 use canopen::sdo::Response;
-use canopen::{Abort, BusError, Frame, Instant, Mux, emcy};
+use canopen::{Abort, BenchError, BusError, Frame, Instant, Mux, emcy};
 use reports::{Event, Note, Outcome, Phase, Problem};
 
 use super::baseline::Baseline;
@@ -256,7 +256,7 @@ impl CaseRun<'_, '_> {
         passed: bool,
     ) -> Result<Restored, BusError> {
         let without_supply = self.bench_snapshot.off;
-        match self.bench_snapshot.undo(self.link) {
+        match self.bench_snapshot.undo_silence(self.link) {
             // Whether it is back, the next case finds out when it settles the device.
             Ok(()) if without_supply => {
                 _ = settle::booted(self.link, self.policy, self.dut, self.baseline)?;
@@ -266,12 +266,11 @@ impl CaseRun<'_, '_> {
                 let what = format!("the bench does not switch the supply on again: {error}");
                 return Err(BusError::Io(what));
             }
-            Err(error) => {
-                self.note(format!("the bench does not set back what the case set: {error}"));
-            }
+            Err(error) => self.not_set_back(&error),
         }
         // One that failed is reset before the next case.
         if snapshot.is_empty() && (still || !passed) {
+            self.undo_stimuli()?;
             self.rest_after_emergencies()?;
             return Ok(Restored { whole: true, still });
         }
@@ -283,11 +282,31 @@ impl CaseRun<'_, '_> {
             settle::pre_operational(self.link, self.policy, self.dut)?;
         }
         let whole = snapshot.restore(self.link, self.policy, self.dut)?;
+        // What the stimuli cause then, such as the end of an error or of a slow filter, takes as
+        // long as with the parameters from before the case.
+        self.undo_stimuli()?;
         self.rest_after_emergencies()?;
         if !whole {
             self.note("not every object could be restored".to_owned());
         }
         Ok(Restored { whole, still: settle::is_still(self.link, self.dut, from) })
+    }
+
+    /// Sets the stimuli back, and waits until the device has come to rest.
+    fn undo_stimuli(&mut self) -> Result<(), BusError> {
+        match self.bench_snapshot.undo(self.link) {
+            Ok(false) => {}
+            Ok(true) => {
+                let end = self.link.mark() + self.policy.rest_after_stimuli * self.patience();
+                self.link.wait(end)?;
+            }
+            Err(error) => self.not_set_back(&error),
+        }
+        Ok(())
+    }
+
+    fn not_set_back(&mut self, error: &BenchError) {
+        self.note(format!("the bench does not set back what the case set: {error}"));
     }
 
     /// The end of an error is of this case, and not one without a cause in the next. Messages that

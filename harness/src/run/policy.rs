@@ -18,6 +18,8 @@ pub struct Policy {
     pub quiet_after_start: Duration,
     /// How long after a case with emergency messages: the one that ends an error may come late.
     pub quiet_after_emergency: Duration,
+    /// How long after stimuli were set back: inputs have filters and averages.
+    pub rest_after_stimuli: Duration,
     /// How late a frame may be because another one is on the wire.
     pub bus_slack: Duration,
     /// How many times as long as a suite of a profile says the application of the device may take.
@@ -40,6 +42,7 @@ impl Policy {
             quiet_after_command: Duration::from_millis(2),
             quiet_after_start: Duration::from_millis(50),
             quiet_after_emergency: Duration::from_millis(30),
+            rest_after_stimuli: Duration::from_millis(100),
             bus_slack: Duration::from_nanos(
                 LONGEST_FRAME_BITS * 1_000_000_000 / u64::from(bit_rate),
             ),

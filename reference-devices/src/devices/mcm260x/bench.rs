@@ -93,7 +93,7 @@ impl Connected {
 
 pub(super) const SUPPLY: &str = "supply-voltage";
 pub(super) const TERMINALS: &str = "terminal-temperature";
-pub(super) const INTERFACE: &str = "communication-interface";
+pub(super) const INTERFACE: &str = canopen::bench::INTERFACE;
 pub(super) const GROUPS: &str = "output-supply-";
 pub(super) const DIGITAL_INPUTS: &str = "digital-inputs-";
 pub(super) const DIGITAL_OUTPUTS: &str = "digital-outputs-";
