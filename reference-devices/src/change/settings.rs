@@ -45,7 +45,7 @@ pub(crate) struct SettingsPatch {
     lss_store: Option<u8>,
     /// Whether communication starts anew when LSS is left after its settings were stored.
     lss_restarts: Option<bool>,
-    /// Whether LSS requests may be as short as their data.
+    /// Whether LSS requests may be as short as their data, and are answered alike.
     lss_short_requests: Option<bool>,
 }
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 use canopen::eds::Eds;
 use canopen::lss::{Bound, Fastscan, Mode, Part, Request, Response, Status};
 use canopen::lss::{RESPONSE_COB_ID, UNCONFIGURED};
-use canopen::{Frame, Instant, Mux, Outbox};
+use canopen::{Data, Frame, Instant, Mux, Outbox};
 
 use crate::stack::base::Base;
 use crate::stack::time::earlier;
@@ -108,7 +108,9 @@ impl Lss {
             return false;
         };
         if let Some(response) = self.answer(now, request, base) {
-            out.push(Frame::new(RESPONSE_COB_ID, response.encode()));
+            let response = response.encode();
+            let length = whole.map_or(response.len(), |_| SHORT_RESPONSE);
+            out.push(Frame::new(RESPONSE_COB_ID, Data::new(&response[..length])));
         }
         let configured = self.node.active == UNCONFIGURED && self.node.pending != UNCONFIGURED;
         let left = request == Request::SwitchGlobal(Mode::WAITING);
@@ -258,6 +260,9 @@ impl Lss {
     }
 }
 
+/// Command specifier, error code and specific error.
+const SHORT_RESPONSE: usize = 3;
+
 /// A request as short as its data, with the bytes that CiA 305 reserves.
 fn completed(data: &[u8]) -> Option<[u8; 8]> {
     let [specifier, ..] = *data else { return None };
@@ -381,15 +386,18 @@ mod tests {
     }
 
     #[test]
-    fn requests_may_be_as_short_as_their_data() {
+    fn messages_may_be_as_short_as_their_data() {
         for short in [false, true] {
             let settings = NodeSettings { lss_short_requests: short, ..NodeSettings::default() };
             let mut fixture = with("", settings);
             fixture.send("7E5#0401");
-            let answered = |head| if short { answer(head) } else { Vec::new() };
-            assert_eq!(fixture.ask("7E5#1109"), answered("1100"));
-            assert_eq!(fixture.ask("7E5#130003"), answered("1301"));
-            assert_eq!(fixture.ask("7E5#17"), answered("17"));
+            let answered = |whole: &str| short.then(|| format!("7E4#{whole}"));
+            let answered = |whole| Vec::from_iter(answered(whole));
+            assert_eq!(fixture.ask("7E5#1109"), answered("110000"));
+            assert_eq!(fixture.ask("7E5#130003"), answered("130100"));
+            assert_eq!(fixture.ask("7E5#17"), answered("170000"));
+            let whole = if short { answer("17") } else { Vec::new() };
+            assert_eq!(fixture.ask("7E5#1700000000000000"), whole);
             for other in ["7E5#", "7E5#11", "7E5#110900", "7E5#5E"] {
                 assert_eq!(fixture.ask(other), Vec::<String>::new(), "{other}");
             }

@@ -40,7 +40,7 @@ pub struct NodeSettings {
     /// Whether communication starts anew when LSS configuration state is left after its settings
     /// were stored.
     pub lss_restarts: bool,
-    /// Whether LSS requests may be as short as their data.
+    /// Whether LSS requests may be as short as their data, and are answered alike.
     pub lss_short_requests: bool,
     /// How long it takes to store parameters; the SDO server answers when it is done.
     pub save_time: Duration,
