@@ -175,7 +175,8 @@ impl Network {
         let (low, high) = rules.supply_errors(outside.supply);
         self.signals[SUPPLY] = measured(outside.supply).failing(low || high);
         self.signals[TEMPERATURE] = measured(outside.temperature);
-        let outputs_pause = rules.outputs_need_operational() && !outside.operational;
+        let off = (rules.outputs_need_operational() && !outside.operational)
+            .then(OutputSettings::default);
         for turn in 0..self.order.blocks.len() {
             match self.order.blocks[turn] {
                 Block::Math(place) => self.evaluate_math(place, turn, rules),
@@ -203,10 +204,9 @@ impl Network {
                     self.keep(LOGICS + place, shown, signal);
                 }
                 Block::Output(place) => {
-                    let off = OutputSettings::default();
                     let settings = &self.settings.outputs[place];
                     let inputs = settings.links.map(|link| self.read(link, turn));
-                    let settings = if outputs_pause { &off } else { settings };
+                    let settings = off.as_ref().unwrap_or(settings);
                     let at = (&outside.loads[place], outside.supply);
                     let view =
                         self.outputs[place].evaluate((now, elapsed), settings, inputs, at, rules);
@@ -270,12 +270,16 @@ impl Network {
         let told = self.told.replace(self.shown);
         for place in PIDS..SUPPLY {
             let number = self.shown.signals[place];
-            if told.is_none_or(|told| told.signals[place] != number) {
-                show(od, address(place), number);
+            match told {
+                None => show(od, address(place), number),
+                Some(told) if told.signals[place] == number => {}
+                Some(_) => od.set_int(address(place), number),
             }
         }
-        for (place, number) in self.shown.selected.iter().enumerate() {
-            show(od, Mux::new(SELECTED_TABLE, place as u8 + 1), (*number).into());
+        if told.is_none_or(|told| told.selected != self.shown.selected) {
+            for (place, number) in self.shown.selected.iter().enumerate() {
+                show(od, Mux::new(SELECTED_TABLE, place as u8 + 1), (*number).into());
+            }
         }
     }
 

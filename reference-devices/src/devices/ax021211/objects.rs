@@ -177,13 +177,20 @@ impl Parameters<'_> {
 
 /// Ten to the power of a number of decimal digits.
 pub(super) fn power(digits: u8) -> f64 {
-    10_f64.powi(digits.into())
+    POWERS.get(usize::from(digits)).copied().unwrap_or_else(|| 10_f64.powi(digits.into()))
 }
 
 /// A value as an `INTEGER16` with that many digits: rounded, and held at the ends of the range.
 pub(super) fn digits(value: f64, digits: u8) -> i64 {
-    (value * power(digits)).round().clamp(i16::MIN.into(), i16::MAX.into()) as i64
+    let scaled = (value * power(digits)).clamp(i16::MIN.into(), i16::MAX.into());
+    // Rounded as `f64::round` does, which is a call of a library.
+    let whole = scaled as i64;
+    let rest = scaled - whole as f64;
+    whole + i64::from(rest >= 0.5) - i64::from(rest <= -0.5)
 }
+
+/// Those of all decimal digits that an object takes.
+const POWERS: [f64; 5] = [1.0, 10.0, 100.0, 1000.0, 10_000.0];
 
 /// Shows a number where it is another one.
 pub(super) fn show(od: &mut Dictionary, mux: Mux, number: i64) {
