@@ -92,6 +92,7 @@ const fn of_pdo(has: PdoHas) -> &'static str {
         PdoHas::Rtr => "that allows remote frames",
         PdoHas::NoRtr => "that forbids remote frames",
         PdoHas::Neighbour => "before another one in use",
+        PdoHas::VariableNeighbour => "before another one in use whose mapping can be changed",
         PdoHas::Dummy => "with dummy mapping of UNSIGNED8",
         PdoHas::NoReserved => "without a compatibility entry",
     }

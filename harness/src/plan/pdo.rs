@@ -87,6 +87,9 @@ impl Pdo {
             PdoHas::Rtr => self.cob.rtr_allowed(),
             PdoHas::NoRtr => !self.cob.rtr_allowed(),
             PdoHas::Neighbour => neighbour.is_some(),
+            PdoHas::VariableNeighbour => {
+                neighbour.is_some_and(|next| next.states(PdoHas::Variable, None, dut))
+            }
             PdoHas::Dummy => dut.eds.dummies.contains(&DataType::UNSIGNED8.0),
             PdoHas::NoReserved => dut.eds.entry(Mux::new(self.communication, 4)).is_none(),
         }
@@ -121,8 +124,13 @@ impl Pdo {
         if let Some(next) = neighbour {
             scope.bind("neighbour", Binding::Id(next.cob.can_id()));
             scope.bind("neighbour-off", off(next.cob));
-            for (name, sub) in [("neighbour-cob-id", 1), ("neighbour-transmission", 2)] {
-                scope.bind(name, Binding::Mux(Mux::new(next.communication, sub)));
+            scope.bind("neighbour-on", int((next.cob.0 & !CobId::INVALID).into()));
+            for (name, index, sub) in [
+                ("neighbour-cob-id", next.communication, 1),
+                ("neighbour-transmission", next.communication, 2),
+                ("neighbour-count", next.mapping, 0),
+            ] {
+                scope.bind(name, Binding::Mux(Mux::new(index, sub)));
             }
         }
     }

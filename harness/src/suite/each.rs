@@ -23,7 +23,8 @@ pub enum Each {
     /// `$cob-id`, `$transmission`, `$inhibit`, `$reserved`, `$event-timer`, `$sync-start`,
     /// `$count`, `$first` and `$second` (mapping entries), `$entries` (how many of them there
     /// are) and `$length` (bytes of the default mapping); of the next PDO in use `$neighbour`
-    /// (its identifier), `$neighbour-off`, `$neighbour-cob-id` and `$neighbour-transmission`.
+    /// (its identifier), `$neighbour-on`, `$neighbour-off`, `$neighbour-cob-id`,
+    /// `$neighbour-transmission` and `$neighbour-count`.
     Pdos(Pdos),
     /// ... block of objects that the profile of the suite repeats and the device has whole. Binds
     /// the address of each object by its name in the catalogue, those of the next block with
@@ -164,6 +165,8 @@ pub enum PdoHas {
     NoRtr,
     /// A later PDO of its direction that is in use by default.
     Neighbour,
+    /// A later PDO in use whose mapping can be written, too.
+    VariableNeighbour,
     /// Gaps of eight bits, by the data type UNSIGNED8 (`Dummy0005` of the data sheet).
     Dummy,
     /// No sub-index 4 of its communication parameter, which was a compatibility entry in early
