@@ -59,6 +59,26 @@ decisions! {
     fn history_depth(&self, lines: usize) -> usize {
         lines
     }
+
+    /// With 1015h set back to 0, nothing is delayed any more (7.5.2.18).
+    fn emcy_inhibit_can_end(&self) -> bool {
+        true
+    }
+
+    /// Deleting the history in 1003h leaves the errors alone (7.5.2.4).
+    fn history_cleared_alone(&self) -> bool {
+        true
+    }
+
+    /// A producer that is invalid keeps no messages (7.5.2.17).
+    fn disabled_emcy_forgotten(&self) -> bool {
+        true
+    }
+
+    /// Each entry of 1028h is judged by its own value (7.5.2.31).
+    fn emcy_consumer_entry(&self, sub: u8) -> u8 {
+        sub
+    }
 }
 
 deviations! {
@@ -98,5 +118,17 @@ deviations! {
     }
     "history-without-end" {
         fn history_depth(&self, _lines: usize) -> usize { 254 }
+    }
+    "emcy-inhibit-time-cannot-be-switched-off" {
+        fn emcy_inhibit_can_end(&self) -> bool { false }
+    }
+    "deleting-the-history-clears-the-register" {
+        fn history_cleared_alone(&self) -> bool { false }
+    }
+    "emcy-kept-while-disabled" {
+        fn disabled_emcy_forgotten(&self) -> bool { false }
+    }
+    "emcy-consumer-judged-by-its-first-entry" {
+        fn emcy_consumer_entry(&self, _sub: u8) -> u8 { 1 }
     }
 }

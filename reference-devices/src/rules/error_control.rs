@@ -120,6 +120,36 @@ decisions! {
             _ => None,
         }
     }
+
+    /// A change of the state does not disturb the beat (7.2.8.3.2.2).
+    fn state_change_restarts_heartbeat(&self) -> bool {
+        false
+    }
+
+    /// A lost node is found again in every state (7.3.2.2.5).
+    fn heartbeat_return_seen_in(&self, _state: NmtState) -> bool {
+        true
+    }
+
+    /// New values of 100Ch and 100Dh leave the toggle bit alone (7.2.8.3.2.1).
+    fn guarding_toggle_after_configuration(&self, toggle: bool) -> bool {
+        toggle
+    }
+
+    /// A life time of 0 ends life guarding that has begun (7.5.2.12).
+    fn life_guarding_can_end(&self) -> bool {
+        true
+    }
+
+    /// Life guarding works in every state (7.3.2.2.5).
+    fn life_guarded_in(&self, _state: NmtState) -> bool {
+        true
+    }
+
+    /// A guarding request restarts the life time in every state (7.3.2.2.5).
+    fn guarding_restarts_life_time_in(&self, _state: NmtState) -> bool {
+        true
+    }
 }
 
 deviations! {
@@ -206,6 +236,36 @@ deviations! {
     "life-time-factor-ignored" {
         fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
             if factor == 0 { Duration::ZERO } else { guard_time }
+        }
+    }
+    "heartbeat-restarts-with-each-state" {
+        fn state_change_restarts_heartbeat(&self) -> bool { true }
+    }
+    "heartbeat-return-not-seen-in-stopped" {
+        fn heartbeat_return_seen_in(&self, state: NmtState) -> bool { state != NmtState::STOPPED }
+    }
+    "heartbeat-of-a-stopped-node-ignored" {
+        fn is_heartbeat(&self, state: NmtState) -> bool {
+            matches!(state, NmtState::OPERATIONAL | NmtState::PRE_OPERATIONAL)
+        }
+    }
+    "heartbeat-consumer-time-of-15-bits" {
+        fn heartbeat_consumer_time(&self, configured: Duration) -> Duration {
+            Duration::from_millis(configured.as_millis() as u64 & 0x7FFF)
+        }
+    }
+    "guarding-toggle-reset-by-parameters" {
+        fn guarding_toggle_after_configuration(&self, _toggle: bool) -> bool { false }
+    }
+    "life-guarding-cannot-be-switched-off" {
+        fn life_guarding_can_end(&self) -> bool { false }
+    }
+    "no-life-guarding-in-stopped" {
+        fn life_guarded_in(&self, state: NmtState) -> bool { state != NmtState::STOPPED }
+    }
+    "life-time-not-restarted-in-stopped" {
+        fn guarding_restarts_life_time_in(&self, state: NmtState) -> bool {
+            state != NmtState::STOPPED
         }
     }
 }

@@ -121,6 +121,21 @@ decisions! {
     fn lss_scan_complete(&self, scan: Fastscan) -> bool {
         scan.part == 3 && scan.next == 0
     }
+
+    /// The start of a scan leads back to the first part (6.7).
+    fn lss_confirm_restarts_scan(&self) -> bool {
+        true
+    }
+
+    /// What is pending is stored, whatever is in force (6.4.5).
+    fn lss_node_id_stored(&self, _pending: u8, _active: u8) -> bool {
+        true
+    }
+
+    /// A part that does not fit ends the identification (6.6.2).
+    fn lss_misfit_ends_identification(&self) -> bool {
+        true
+    }
 }
 
 /// The bit rate at that place of a table of CiA 305, in bit/s, if the node has it.
@@ -289,5 +304,19 @@ deviations! {
     }
     "lss-fastscan-never-ends" {
         fn lss_scan_complete(&self, _scan: Fastscan) -> bool { false }
+    }
+    "lss-scan-not-begun-anew" {
+        fn lss_confirm_restarts_scan(&self) -> bool { false }
+    }
+    "lss-active-node-id-not-stored" {
+        fn lss_node_id_stored(&self, pending: u8, active: u8) -> bool { pending != active }
+    }
+    "lss-identification-outlives-a-misfit" {
+        fn lss_misfit_ends_identification(&self) -> bool { false }
+    }
+    "lss-switch-delay-in-a-byte" {
+        fn lss_silence(&self, delay: Duration) -> Duration {
+            Duration::from_millis(delay.as_millis() as u64 & 0xFF) * 2
+        }
     }
 }

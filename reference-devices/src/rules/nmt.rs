@@ -66,6 +66,12 @@ decisions! {
     fn reset_ends_errors(&self) -> bool {
         true
     }
+
+    /// What runs takes the parameters over that reset communication has restored, by the index of
+    /// the first of them (7.3.2.2.1).
+    fn reset_takes_over(&self, _index: u16) -> bool {
+        true
+    }
 }
 
 deviations! {
@@ -132,5 +138,17 @@ deviations! {
     }
     "startup-bits-unchecked" {
         fn startup_valid(&self, _startup: u32) -> bool { true }
+    }
+    "parameters-of-rpdos-outlive-reset-communication" {
+        fn reset_takes_over(&self, index: u16) -> bool { index != 0x1400 }
+    }
+    "parameters-of-tpdos-outlive-reset-communication" {
+        fn reset_takes_over(&self, index: u16) -> bool { index != 0x1800 }
+    }
+    "parameters-of-sync-outlive-reset-communication" {
+        fn reset_takes_over(&self, index: u16) -> bool { index != 0x1005 }
+    }
+    "parameters-of-time-outlive-reset-communication" {
+        fn reset_takes_over(&self, index: u16) -> bool { index != 0x1012 }
     }
 }

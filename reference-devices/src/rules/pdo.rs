@@ -161,6 +161,51 @@ decisions! {
     fn event_timer_restarts(&self) -> bool {
         true
     }
+
+    /// Each PDO has parameters of its own (7.5.2.35 and 7.5.2.37).
+    fn pdo_parameter_of(&self, _direction: Direction, pdo: u16, _sub: u8) -> u16 {
+        pdo
+    }
+
+    /// A transmission that the inhibit time has delayed is made once (7.5.2.37).
+    fn delayed_event_ends(&self) -> bool {
+        true
+    }
+
+    /// A TPDO that is disabled forgets the event that waits (7.5.2.37).
+    fn disabled_tpdo_forgets_its_event(&self) -> bool {
+        true
+    }
+
+    /// A change is an event of every TPDO that carries the value (7.2.2.3).
+    fn change_triggers_each_tpdo(&self) -> bool {
+        true
+    }
+
+    /// With a SYNC, every synchronous RPDO takes effect (7.2.2.2).
+    fn sync_brings_each_rpdo(&self) -> bool {
+        true
+    }
+
+    /// Data that wait for SYNC end with the node's stop, and with new parameters of their PDO.
+    fn waiting_rpdo_dropped(&self, _by_stop: bool) -> bool {
+        true
+    }
+
+    /// New parameters begin a new deadline (7.5.2.35).
+    fn new_parameters_end_rpdo_deadline(&self) -> bool {
+        true
+    }
+
+    /// A new event time counts for an RPDO that is monitored, too (7.5.2.35).
+    fn new_rpdo_event_time_taken(&self, _monitored: bool) -> bool {
+        true
+    }
+
+    /// An RPDO brings the value of each entry (7.5.2.36).
+    fn rpdo_entries_used(&self, mapped: usize) -> usize {
+        mapped
+    }
 }
 
 /// Whether the object maps a PDO.
@@ -299,5 +344,47 @@ deviations! {
     }
     "tpdo-event-timer-not-restarted" {
         fn event_timer_restarts(&self) -> bool { false }
+    }
+    "inhibit-time-of-the-first-tpdo" {
+        fn pdo_parameter_of(&self, direction: Direction, pdo: u16, sub: u8) -> u16 {
+            if (direction, sub) == (Direction::Transmit, 3) { 0 } else { pdo }
+        }
+    }
+    "sync-start-of-the-first-tpdo" {
+        fn pdo_parameter_of(&self, direction: Direction, pdo: u16, sub: u8) -> u16 {
+            if (direction, sub) == (Direction::Transmit, 6) { 0 } else { pdo }
+        }
+    }
+    "type-of-the-first-rpdo" {
+        fn pdo_parameter_of(&self, direction: Direction, pdo: u16, sub: u8) -> u16 {
+            if (direction, sub) == (Direction::Receive, 2) { 0 } else { pdo }
+        }
+    }
+    "delayed-tpdo-repeated" {
+        fn delayed_event_ends(&self) -> bool { false }
+    }
+    "disabled-tpdo-sent-after-its-inhibit-time" {
+        fn disabled_tpdo_forgets_its_event(&self) -> bool { false }
+    }
+    "change-triggers-one-tpdo" {
+        fn change_triggers_each_tpdo(&self) -> bool { false }
+    }
+    "sync-brings-one-rpdo" {
+        fn sync_brings_each_rpdo(&self) -> bool { false }
+    }
+    "rpdo-from-before-it-was-disabled" {
+        fn waiting_rpdo_dropped(&self, by_stop: bool) -> bool { by_stop }
+    }
+    "rpdo-from-before-stopped" {
+        fn waiting_rpdo_dropped(&self, by_stop: bool) -> bool { !by_stop }
+    }
+    "rpdo-deadline-outlives-its-event-time" {
+        fn new_parameters_end_rpdo_deadline(&self) -> bool { false }
+    }
+    "rpdo-event-time-fixed-while-monitored" {
+        fn new_rpdo_event_time_taken(&self, monitored: bool) -> bool { !monitored }
+    }
+    "rpdo-of-seven-entries" {
+        fn rpdo_entries_used(&self, mapped: usize) -> usize { mapped.min(7) }
     }
 }

@@ -127,6 +127,16 @@ decisions! {
     fn request_restarts_sdo_timeout(&self, _first: bool) -> bool {
         true
     }
+
+    /// Further servers serve in the states that the first one does (7.3.2.2.5).
+    fn further_sdo_servers_in(&self, _state: NmtState) -> bool {
+        true
+    }
+
+    /// A download that takes one request ends an open upload, too (7.2.4.2.1).
+    fn expedited_download_ends_upload(&self) -> bool {
+        true
+    }
 }
 
 /// Whether the code is about the protocol, which a client answers by another protocol or again, or
@@ -332,5 +342,13 @@ deviations! {
         fn abort_code(&self, mux: Mux, reason: Abort) -> Abort {
             if is_mapping(mux) && reason == Abort::ACCESS { Abort::READ_ONLY } else { reason }
         }
+    }
+    "further-sdo-servers-in-pre-operational-only" {
+        fn further_sdo_servers_in(&self, state: NmtState) -> bool {
+            state == NmtState::PRE_OPERATIONAL
+        }
+    }
+    "upload-outlives-an-expedited-download" {
+        fn expedited_download_ends_upload(&self) -> bool { false }
     }
 }

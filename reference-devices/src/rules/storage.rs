@@ -44,6 +44,16 @@ decisions! {
     fn load_waits_for_reset(&self) -> bool {
         true
     }
+
+    /// A value is stored whole.
+    fn stored_length(&self, length: usize) -> usize {
+        length
+    }
+
+    /// "load" forgets every object of the group.
+    fn forgotten(&self, _mux: Mux) -> bool {
+        true
+    }
 }
 
 deviations! {
@@ -91,5 +101,14 @@ deviations! {
     }
     "load-at-once" {
         fn load_waits_for_reset(&self) -> bool { false }
+    }
+    "save-of-eight-sub-indices" {
+        fn stored(&self, mux: Mux) -> bool { mux.sub <= 8 }
+    }
+    "save-of-eight-bytes" {
+        fn stored_length(&self, length: usize) -> usize { length.min(8) }
+    }
+    "load-of-eight-sub-indices" {
+        fn forgotten(&self, mux: Mux) -> bool { mux.sub <= 8 }
     }
 }

@@ -74,6 +74,16 @@ decisions! {
     fn sync_window(&self, configured: Duration) -> Duration {
         configured
     }
+
+    /// A new period begins when it is written (7.5.2.6).
+    fn new_sync_period_at_once(&self) -> bool {
+        true
+    }
+
+    /// The SYNC that the device produces triggers its own PDOs (7.2.5.1).
+    fn own_sync_used(&self) -> bool {
+        true
+    }
 }
 
 deviations! {
@@ -132,5 +142,11 @@ deviations! {
     }
     "sync-window-always" {
         fn sync_window(&self, _configured: Duration) -> Duration { Duration::from_millis(2) }
+    }
+    "sync-period-ends-before-the-new-one" {
+        fn new_sync_period_at_once(&self) -> bool { false }
+    }
+    "own-sync-ignored" {
+        fn own_sync_used(&self) -> bool { false }
     }
 }

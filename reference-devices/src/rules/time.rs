@@ -18,6 +18,16 @@ decisions! {
     fn time_stamp(&self, data: &[u8]) -> Option<TimeOfDay> {
         TimeOfDay::decode(data).ok()
     }
+
+    /// A time stamp sets the clock in the states that have TIME (7.3.2.2.5).
+    fn time_consumed_in(&self, state: NmtState) -> bool {
+        matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
+    }
+
+    /// Bits 30 and 31 of 1012h do not depend on each other (7.5.2.15).
+    fn time_producer_consumes(&self) -> bool {
+        true
+    }
 }
 
 deviations! {
@@ -29,6 +39,17 @@ deviations! {
     "time-stamp-of-any-length-used" {
         fn time_stamp(&self, data: &[u8]) -> Option<TimeOfDay> {
             TimeOfDay::decode(&Data::new(data).padded()[..6]).ok()
+        }
+    }
+    "time-consumed-in-stopped" {
+        fn time_consumed_in(&self, _state: NmtState) -> bool { true }
+    }
+    "time-producer-does-not-consume" {
+        fn time_producer_consumes(&self) -> bool { false }
+    }
+    "time-with-reserved-bits-ignored" {
+        fn time_stamp(&self, data: &[u8]) -> Option<TimeOfDay> {
+            TimeOfDay::decode(data).ok().filter(|_| data.get(3).is_none_or(|byte| byte & 0xF0 == 0))
         }
     }
 }

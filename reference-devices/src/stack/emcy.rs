@@ -45,11 +45,14 @@ impl EmcyProducer {
         let fixed = base.settings.emcy.predefined_id.then_some(predefined);
         let cob = base.od.int(COB_ID).map(|cob| CobId(cob as u32)).or(fixed);
         self.cob = cob.filter(|cob| cob.valid());
-        if self.cob.is_none() {
+        let forgets = base.rules.disabled_emcy_forgotten();
+        if self.cob.is_none() && forgets {
             self.queue.clear();
         }
         let inhibit = base.od.int(INHIBIT).unwrap_or(0) as u16;
-        self.inhibit = base.rules.emcy_inhibit(inhibit);
+        if inhibit > 0 || base.rules.emcy_inhibit_can_end() {
+            self.inhibit = base.rules.emcy_inhibit(inhibit);
+        }
     }
 
     /// Takes over what is new of the errors. Returns whether an object changed.
@@ -78,12 +81,11 @@ impl EmcyProducer {
     /// Sends what may be sent by now.
     pub(crate) fn send(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
         self.waits = false;
-        if !base.rules.emcy_sent_in(base.state) {
+        let Some(cob) = self.cob.filter(|_| base.rules.emcy_sent_in(base.state)) else {
             return;
-        }
+        };
         while self.free_at <= now
             && let Some(message) = self.queue.pop_front()
-            && let Some(cob) = self.cob
         {
             out.push(Frame::new(cob.can_id(), message.encode()));
             self.free_at = now + self.inhibit;
@@ -100,6 +102,10 @@ impl EmcyProducer {
     pub(crate) fn clear_history(&mut self, base: &mut Base) {
         self.history.clear();
         self.publish_history(&mut base.od);
+        if !base.rules.history_cleared_alone() {
+            base.errors.reset(true);
+            self.publish_register(base);
+        }
         if base.settings.emcy.tells_history_cleared {
             let message = Emcy { code: EmcyCode::RESET, register: 0, vendor: [0; 5] };
             self.enqueue(message, base);
@@ -135,7 +141,8 @@ impl EmcyProducer {
     }
 
     fn enqueue(&mut self, message: Emcy, base: &Base) {
-        if self.cob.is_none() || !self.queue.is_empty() && !base.rules.emcy_queued() {
+        let disabled = self.cob.is_none() && base.rules.disabled_emcy_forgotten();
+        if disabled || !self.queue.is_empty() && !base.rules.emcy_queued() {
             return;
         }
         if self.queue.len() < base.settings.emcy_queue {

@@ -23,7 +23,9 @@ pub(crate) fn received(id: u16, data: &[u8], base: &Base) -> Option<(u8, Emcy)> 
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     match bytes {
         &[a, b, c, d] => {
-            emcy::check_cob_id(cob_id(mux, base), CobId(u32::from_le_bytes([a, b, c, d])), base)
+            let before = Mux::new(mux.index, base.rules.emcy_consumer_entry(mux.sub));
+            let after = CobId(u32::from_le_bytes([a, b, c, d]));
+            emcy::check_cob_id(cob_id(before, base), after, base)
         }
         _ => Ok(()),
     }

@@ -29,6 +29,7 @@ impl Guarding {
     /// Takes guard time and life time factor.
     pub(crate) fn configure(&mut self, now: Instant, base: &mut Base) {
         self.take_times(base);
+        self.toggle = base.rules.guarding_toggle_after_configuration(self.toggle);
         if !base.rules.first_question_starts_life_time() && !self.life_time.is_zero() {
             self.deadline = Some(now + self.life_time);
         }
@@ -38,7 +39,7 @@ impl Guarding {
         let guard_time = Duration::from_millis(base.od.int(GUARD_TIME).unwrap_or(0) as u64);
         let factor = base.od.int(LIFE_TIME_FACTOR).unwrap_or(0) as u8;
         self.life_time = base.rules.life_time(guard_time, factor);
-        if self.life_time.is_zero() {
+        if self.life_time.is_zero() && base.rules.life_guarding_can_end() {
             self.stop(base);
         }
     }
@@ -67,11 +68,14 @@ impl Guarding {
         self.toggle = base.rules.guarding_toggle_after(self.toggle);
         base.errors.remove(FaultKind::Guarding, 0);
         // The first request starts the life time: a node that no master guards cannot lose it.
-        self.deadline = (!self.life_time.is_zero()).then(|| now + self.life_time);
+        if self.deadline.is_none() || base.rules.guarding_restarts_life_time_in(base.state) {
+            self.deadline = (!self.life_time.is_zero()).then(|| now + self.life_time);
+        }
     }
 
     pub(crate) fn handle_timeout(&mut self, now: Instant, base: &mut Base) {
-        if self.deadline.take_if(|due| *due <= now).is_some() {
+        let missed = self.deadline.take_if(|due| *due <= now).is_some();
+        if missed && base.rules.life_guarded_in(base.state) {
             base.raise(Fault::new(FaultKind::Guarding, 0));
         }
     }

@@ -110,7 +110,12 @@ impl Watch {
     fn heard(&mut self, now: Instant, base: &mut Base) {
         match self.state {
             State::Unused => return,
-            State::Lost if !base.rules.heartbeat_loss_recovers() => return,
+            State::Lost
+                if !base.rules.heartbeat_loss_recovers()
+                    || !base.rules.heartbeat_return_seen_in(base.state) =>
+            {
+                return;
+            }
             State::Lost => base.errors.remove(FaultKind::Heartbeat, self.node.into()),
             State::Waiting | State::Alive(_) => {}
         }

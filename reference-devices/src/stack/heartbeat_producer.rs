@@ -40,7 +40,10 @@ impl HeartbeatProducer {
     }
 
     /// The state is another one, which the next heartbeat will say.
-    pub(crate) fn enter(&self, base: &Base, out: &mut Outbox) {
+    pub(crate) fn enter(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
+        if self.runs() && base.rules.state_change_restarts_heartbeat() {
+            self.due = Some(now + self.period);
+        }
         if self.runs() && base.rules.heartbeat_at_change_of_state() {
             out.push(ErrorControl::heartbeat(base.state).frame(base.id));
         }

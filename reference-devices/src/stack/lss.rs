@@ -203,7 +203,11 @@ impl Lss {
         let place = bound as usize;
         let in_order = place == 0 || place == self.identified;
         let fits = base.rules.lss_bound_met(bound, own, number);
-        self.identified = if in_order && fits { place + 1 } else { 0 };
+        self.identified = match in_order && fits {
+            true => place + 1,
+            false if base.rules.lss_misfit_ends_identification() => 0,
+            false => self.identified,
+        };
         if self.identified < Bound::ALL.len() {
             return None;
         }
@@ -219,7 +223,9 @@ impl Lss {
             return None;
         }
         if scan.bit == Fastscan::CONFIRM {
-            self.scanned = 0;
+            if rules.lss_confirm_restarts_scan() {
+                self.scanned = 0;
+            }
             return Some(Response::Identified);
         }
         let in_order = usize::from(scan.part) == self.scanned || !rules.lss_scan_in_order();
@@ -253,7 +259,9 @@ impl Lss {
         let status = base.settings.lss_store;
         if status == Status::DONE && base.rules.lss_stores() {
             self.renewed = true;
-            self.node.stored = self.node.pending;
+            if base.rules.lss_node_id_stored(self.node.pending, self.node.active) {
+                self.node.stored = self.node.pending;
+            }
             self.bit_rate.stored = self.bit_rate.pending;
         }
         status

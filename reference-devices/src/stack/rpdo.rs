@@ -50,14 +50,23 @@ impl Rpdo {
         }
         let od = &base.od;
         let cob = pdo::cob_id(od, Direction::Receive, self.pdo);
-        let communication = pdo::communication(Direction::Receive, self.pdo);
-        let parameter = |sub| od.int(Mux::new(communication, sub)).unwrap_or(0);
+        let parameter = |sub| {
+            let pdo = base.rules.pdo_parameter_of(Direction::Receive, self.pdo, sub);
+            od.int(Mux::new(pdo::communication(Direction::Receive, pdo), sub)).unwrap_or(0)
+        };
+        let (kind, event_time) = (parameter(TYPE) as u8, parameter(EVENT_TIMER) as u64);
         self.id = cob.valid().then(|| cob.can_id());
-        self.kind = parameter(TYPE) as u8;
-        self.longest_gap = Duration::from_millis(parameter(EVENT_TIMER) as u64);
+        self.kind = kind;
+        if base.rules.new_rpdo_event_time_taken(self.deadline.is_some()) {
+            self.longest_gap = Duration::from_millis(event_time);
+        }
         self.mapping.load(od, pdo::mapping(Direction::Receive, self.pdo));
-        self.waiting = None;
-        self.deadline = None;
+        if base.rules.waiting_rpdo_dropped(false) {
+            self.waiting = None;
+        }
+        if base.rules.new_parameters_end_rpdo_deadline() {
+            self.deadline = None;
+        }
     }
 
     /// Whether a frame on identifier `id` is this PDO.
@@ -104,8 +113,10 @@ impl Rpdo {
     }
 
     /// PDOs end with the states that have them.
-    pub(crate) fn stop(&mut self) {
-        self.waiting = None;
+    pub(crate) fn stop(&mut self, base: &Base) {
+        if base.rules.waiting_rpdo_dropped(true) {
+            self.waiting = None;
+        }
         self.deadline = None;
     }
 

@@ -37,6 +37,9 @@ impl SdoServers {
             return true;
         }
         let base = &services.base;
+        if !base.rules.further_sdo_servers_in(base.state) {
+            return false;
+        }
         let asked = |(index, _): &&mut (u16, SdoServer)| {
             identifiers(*index, base).is_some_and(|(requests, _)| requests == id)
         };

@@ -125,11 +125,22 @@ impl Services {
         self.emcy.reset(base);
         self.guarding.reset(base);
         self.consumer.reset(now, base);
-        self.sync.reset(base);
+        let renewed = [0x1005, 0x1012, 0x1400, 0x1800]
+            .map(|index| reset == Reset::Node || base.rules.reset_takes_over(index));
+        let [sync, time, rpdos, tpdos] = renewed;
+        if sync {
+            self.sync.reset(base);
+        }
         self.sync_producer.reset(base);
-        self.time.reset(base);
-        self.rpdos = Rpdo::all(base);
-        self.tpdos = Tpdo::all(base);
+        if time {
+            self.time.reset(base);
+        }
+        if rpdos {
+            self.rpdos = Rpdo::all(base);
+        }
+        if tpdos {
+            self.tpdos = Tpdo::all(base);
+        }
         self.drop_sdo_jobs(now);
         let base = &mut self.base;
         self.sdo_clients = SdoClients::new(&base.od);
@@ -148,7 +159,7 @@ impl Services {
     /// The node enters another NMT state.
     pub(crate) fn enter(&mut self, now: Instant, state: NmtState, out: &mut Outbox) {
         self.base.state = state;
-        self.heartbeat.enter(&self.base, out);
+        self.heartbeat.enter(now, &self.base, out);
         self.sync_producer.enter(now, &self.base);
         self.time.enter(now, &self.base);
         self.behaviour.event(now, CommunicationEvent::Entered(state), &mut self.base.od);
@@ -163,7 +174,7 @@ impl Services {
         if self.base.rules.rpdo_used_in(state) {
             self.rpdos.iter_mut().for_each(|rpdo| rpdo.start(now, &self.base));
         } else {
-            self.rpdos.iter_mut().for_each(Rpdo::stop);
+            self.rpdos.iter_mut().for_each(|rpdo| rpdo.stop(&self.base));
         }
         for tpdo in &mut self.tpdos {
             tpdo.enter(now, &self.base, out);
@@ -227,7 +238,9 @@ impl Services {
         }
         if let Some(sync) = self.sync_producer.handle_timeout(now, &self.base, out) {
             self.sync.open_window(now, &mut self.base);
-            self.synchronise(now, sync, out);
+            if self.base.rules.own_sync_used() {
+                self.synchronise(now, sync, out);
+            }
         }
         for rpdo in &mut self.rpdos {
             rpdo.handle_timeout(now, &mut self.base);
@@ -256,7 +269,11 @@ impl Services {
         self.emcy.send(now, &self.base, out);
         if std::mem::take(&mut self.changed) {
             for tpdo in &mut self.tpdos {
+                let waiting = out.len();
                 tpdo.compare(now, &self.base, &mut *self.behaviour, out);
+                if out.len() > waiting && !self.base.rules.change_triggers_each_tpdo() {
+                    break;
+                }
             }
             // The application may show in its objects which of them triggered a TPDO.
             self.behaviour.run(now, &mut self.base.od, &mut self.base.errors);
@@ -350,6 +367,9 @@ impl Services {
         for place in 0..self.rpdos.len() {
             if let Some(data) = self.rpdos[place].synchronise(&self.base) {
                 self.apply(now, place, data);
+                if !self.base.rules.sync_brings_each_rpdo() {
+                    break;
+                }
             }
         }
         self.advance(now);
@@ -361,7 +381,8 @@ impl Services {
     /// Writes the data of an RPDO. A value that its object does not take is left out.
     fn apply(&mut self, now: Instant, place: usize, data: Data) {
         let mut fields = Unpacker::new(data);
-        for entry in 0..self.rpdos[place].mapping().entries().len() {
+        let mapped = self.rpdos[place].mapping().entries().len();
+        for entry in 0..self.base.rules.rpdo_entries_used(mapped) {
             let entry = self.rpdos[place].mapping().entries()[entry];
             if is_dummy(entry.mux) && !self.base.rules.gap_takes_room() {
                 continue;

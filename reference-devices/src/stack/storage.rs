@@ -84,7 +84,7 @@ impl Storage {
             let chosen = |mux: &&Mux| group.contains(&mux.index) && base.rules.stored(**mux);
             let values = self.storable.iter().filter(chosen).filter_map(|mux| {
                 let bytes = base.od.get(*mux)?;
-                Some((*mux, bytes.to_vec()))
+                Some((*mux, bytes[..base.rules.stored_length(bytes.len())].to_vec()))
             });
             let done = now + base.settings.save_time;
             self.save = Some(Save { values: values.collect(), begun: now, done });
@@ -94,7 +94,7 @@ impl Storage {
             // A save that ended after this would bring back what is forgotten here.
             self.finish();
             let mut values = self.newest().values.clone();
-            values.retain(|mux, _| !group.contains(&mux.index));
+            values.retain(|mux, _| !group.contains(&mux.index) || !base.rules.forgotten(*mux));
             self.commit(values);
             if !base.rules.load_waits_for_reset() {
                 for mux in self.storable.iter().filter(|mux| group.contains(&mux.index)) {

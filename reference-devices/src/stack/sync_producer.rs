@@ -29,7 +29,9 @@ impl SyncProducer {
 
     /// Takes identifier, period and counter overflow value, and begins anew with them.
     pub(crate) fn configure(&mut self, now: Instant, base: &Base) {
-        self.next = None;
+        if base.rules.new_sync_period_at_once() {
+            self.next = None;
+        }
         self.take_parameters(base);
         self.enter(now, base);
     }

@@ -54,7 +54,7 @@ impl TimeStamp {
     pub(crate) fn handle_frame(&mut self, now: Instant, data: &[u8], base: &Base) {
         // A message of another length is not a time, and there is no error code for it.
         if let Some(time) = base.rules.time_stamp(data)
-            && base.rules.time_used_in(base.state)
+            && base.rules.time_consumed_in(base.state)
         {
             self.set = (now, time);
         }
@@ -87,8 +87,9 @@ impl TimeStamp {
     fn take_parameters(&mut self, base: &Base) {
         let cob = base.od.int(COB_ID).unwrap_or(0) as u32;
         let id = cob as u16 & 0x7FF;
-        self.consumed = (cob & CONSUMER != 0).then_some(id);
         self.produced = (cob & PRODUCER != 0).then_some(id);
+        let consumes = self.produced.is_none() || base.rules.time_producer_consumes();
+        self.consumed = (cob & CONSUMER != 0 && consumes).then_some(id);
         let interval = base.settings.time_interval_object.and_then(|mux| base.od.int(mux));
         self.interval = Duration::from_millis(interval.unwrap_or(0).max(0) as u64);
     }

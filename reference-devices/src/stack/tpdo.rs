@@ -77,13 +77,16 @@ impl Tpdo {
     /// Takes the parameters; counting and timing begin anew.
     pub(crate) fn configure(&mut self, now: Instant, base: &Base) {
         let od = &base.od;
-        let communication = pdo::communication(Direction::Transmit, self.pdo);
-        let parameter = |sub| od.int(Mux::new(communication, sub)).unwrap_or(0);
+        let parameter = |sub| {
+            let pdo = base.rules.pdo_parameter_of(Direction::Transmit, self.pdo, sub);
+            od.int(Mux::new(pdo::communication(Direction::Transmit, pdo), sub)).unwrap_or(0)
+        };
+        let (kind, sync_start) = (parameter(TYPE) as u8, parameter(SYNC_START) as u8);
+        let inhibit = base.rules.pdo_inhibit(parameter(INHIBIT_TIME) as u16);
+        let period = Duration::from_millis(parameter(EVENT_TIMER) as u64);
         self.cob = pdo::cob_id(od, Direction::Transmit, self.pdo);
-        self.kind = parameter(TYPE) as u8;
-        self.inhibit = base.rules.pdo_inhibit(parameter(INHIBIT_TIME) as u16);
-        self.period = Duration::from_millis(parameter(EVENT_TIMER) as u64);
-        self.sync_start = parameter(SYNC_START) as u8;
+        (self.kind, self.sync_start, self.inhibit, self.period) =
+            (kind, sync_start, inhibit, period);
         self.mapping.load(od, pdo::mapping(Direction::Transmit, self.pdo));
         self.restart(now, base);
     }
@@ -180,6 +183,7 @@ impl Tpdo {
         }
         if self.waits_for_inhibit() && self.free_at <= now {
             self.transmit(now, base, out);
+            self.pending = !base.rules.delayed_event_ends();
         }
     }
 
@@ -213,8 +217,10 @@ impl Tpdo {
     fn restart(&mut self, now: Instant, base: &Base) {
         self.last = self.mapping.pack(&base.od);
         self.seen = self.last;
-        self.pending = false;
-        self.free_at = now;
+        if !self.pending || base.rules.disabled_tpdo_forgets_its_event() {
+            self.pending = false;
+            self.free_at = now;
+        }
         self.syncs = None;
         self.sampled = None;
         self.due = None;

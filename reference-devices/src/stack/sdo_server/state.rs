@@ -59,8 +59,16 @@ impl State {
                 let mux = services.base.rules.uploaded(mux, open);
                 next(Self::Upload, Upload::initiate(mux, services))
             }
-            (_, Request::Download(mux, initiate)) => {
-                next(Self::Download, Download::initiate(mux, initiate, now, services))
+            (left, Request::Download(mux, initiate)) => {
+                let begun = next(Self::Download, Download::initiate(mux, initiate, now, services));
+                match (left, begun) {
+                    (Self::Upload(open), Ok((None, answer)))
+                        if !services.base.rules.expedited_download_ends_upload() =>
+                    {
+                        Ok((Some(Self::Upload(open)), answer))
+                    }
+                    (_, begun) => begun,
+                }
             }
             (Self::Upload(upload), Request::UploadSegment(toggle)) => {
                 next(Self::Upload, upload.segment(toggle, services))
