@@ -40,7 +40,7 @@ pub use malformed::Malformed;
 pub use meaning::{Meaning, meaning};
 pub use mux::{Mux, NoMux};
 pub use nmt::NmtState;
-pub use pattern::{Pattern, PatternError};
+pub use pattern::{Pattern, PatternError, Word};
 pub use time::Instant;
 pub use value::{DataType, Value, ValueError};
 pub use virtual_bus::VirtualBus;

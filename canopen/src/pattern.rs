@@ -40,6 +40,22 @@ enum Byte {
     Name(String),
 }
 
+/// A word of a pattern: what a frame must have there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Word {
+    /// Those bits of the mask that must have the value.
+    Bits {
+        /// The bits that count.
+        mask: u8,
+        /// What they must be.
+        value: u8,
+    },
+    /// The bytes of a name.
+    Name,
+    /// Any byte.
+    Open,
+}
+
 impl Pattern {
     /// The names after `$`, in order.
     pub fn names(&self) -> impl Iterator<Item = &str> {
@@ -53,18 +69,47 @@ impl Pattern {
         })
     }
 
+    /// The words after the `#`, as they are written: bytes and names.
+    pub fn words(&self) -> Vec<Word> {
+        let Body::Data { bytes, .. } = &self.body else { return Vec::new() };
+        let word = |byte: &Byte| match byte {
+            Byte::Bits { mask: 0, .. } | Byte::Keep => Word::Open,
+            Byte::Bits { mask, value } => Word::Bits { mask: *mask, value: *value },
+            Byte::Name(_) => Word::Name,
+        };
+        bytes.iter().map(word).collect()
+    }
+
+    /// The function code: the identifier without the node id that is added to it.
+    pub fn function(&self) -> Option<u32> {
+        self.plus_node.then_some(self.id)
+    }
+
     /// The pattern for one node, every name that `lookup` knows replaced by its bytes.
     pub fn bind(&self, node: u8, lookup: &dyn Fn(&str) -> Option<Vec<u8>>) -> Self {
+        self.bind_open(node, lookup, &|_| false)
+    }
+
+    /// The same, with the words open whose places `open` accepts: any byte fits there.
+    pub fn bind_open(
+        &self,
+        node: u8,
+        lookup: &dyn Fn(&str) -> Option<Vec<u8>>,
+        open: &dyn Fn(usize) -> bool,
+    ) -> Self {
         let id = if self.plus_node { self.id + u32::from(node) } else { self.id };
         let body = match &self.body {
             Body::Remote(length) => Body::Remote(*length),
             Body::Data { bytes, any_rest } => {
-                let bytes = bytes.iter().flat_map(|byte| match byte {
-                    Byte::Name(name) => lookup(name).map_or_else(
-                        || vec![byte.clone()],
-                        |bytes| bytes.into_iter().map(Byte::exact).collect(),
-                    ),
-                    other => vec![other.clone()],
+                let bytes = bytes.iter().enumerate().flat_map(|(place, byte)| {
+                    let bound = match byte {
+                        Byte::Name(name) => lookup(name).map_or_else(
+                            || vec![byte.clone()],
+                            |bytes| bytes.into_iter().map(Byte::exact).collect(),
+                        ),
+                        other => vec![other.clone()],
+                    };
+                    if open(place) { vec![Byte::Keep; bound.len()] } else { bound }
                 });
                 Body::Data { bytes: bytes.collect(), any_rest: *any_rest }
             }
@@ -359,6 +404,23 @@ mod tests {
         assert_eq!(pattern.captures(&frame), [("state".to_owned(), 0x7F)]);
         assert_eq!(pattern.frame(), None);
         assert_eq!(bound("080#").frame(), Some(Frame::new(0x80, [])));
+    }
+
+    #[test]
+    fn an_open_word_fits_any_byte() {
+        let mux = |name: &str| (name == "mux").then(|| vec![0x17, 0x10, 0x00]);
+        let pattern: Pattern = "580+n#80 $mux 3. ..".parse().unwrap();
+        let (exact, bits) =
+            (Word::Bits { mask: 0xFF, value: 0x80 }, Word::Bits { mask: 0xF0, value: 0x30 });
+        assert_eq!(pattern.words(), [exact, Word::Name, bits, Word::Open]);
+        assert_eq!(pattern.function(), Some(0x580));
+        for (open, frame) in
+            [(0, "585#4017100035FF"), (1, "585#8018110135FF"), (2, "585#8017100045FF")]
+        {
+            let frame = frame.parse().unwrap();
+            assert!(!pattern.bind(5, &mux).matches(&frame), "{open}");
+            assert!(pattern.bind_open(5, &mux, &|place| place == open).matches(&frame), "{open}");
+        }
     }
 
     #[test]
