@@ -287,6 +287,9 @@ pub struct QualifyArgs {
     /// Show which cases kill each mutant, and whether a case fails on each freedom
     #[arg(short, long)]
     pub verbose: bool,
+    /// List the steps and constraints that nothing proves
+    #[arg(long)]
+    pub unproved: bool,
     /// How many random mixtures of freedoms are tried; each device has a part of them by how many
     /// freedoms it has
     #[arg(long, value_name = "N", default_value_t = 1000)]

@@ -1,5 +1,6 @@
 //! Suites: the notation, the requirement register, and loading both.
 
+pub(crate) mod constraint;
 pub(crate) mod each;
 pub(crate) mod effect;
 mod folders;

@@ -9,6 +9,7 @@ use reference_devices::devices;
 use reference_devices::freedom::{self, Freedom, Personality};
 use reference_devices::mutant::{self, Mutant};
 
+use super::qualify::{Judged, assertions_of};
 use crate::cli::ExplainArgs;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
@@ -133,6 +134,10 @@ impl Book {
         for (mutant, _) in mutants {
             page.item(&format!("{}: {}", mutant.name, mutant.why));
         }
+        // A device that does not load is reported where it is asked for.
+        let proved = assertions_of(&self.library, suite, case).unwrap_or_default();
+        let demands = proved.iter().filter(|judged| judged.is_demand());
+        page.list("proved by", demands.map(Judged::explained).collect());
         page.field("run", &format!("harness {}/{}", suite.name(), case.id.value));
         page.0
     }

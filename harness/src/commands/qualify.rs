@@ -1,7 +1,10 @@
-//! `harness qualify`: the two proofs of the suites, in virtual time. Every case can fail: the kill
-//! matrix of mutants. No case is unjust: nothing is red on a device that uses the freedoms which
-//! the documents leave, one at a time, as a personality or mixed at random.
+//! `harness qualify`: the proofs of the suites, in virtual time. Every case can fail: the kill
+//! matrix of mutants, and the assertions that the kills rest on. No case is unjust: nothing is red
+//! on a device that uses the freedoms which the documents leave, one at a time, as a personality or
+//! mixed at random.
 
+mod assertion;
+mod assertions;
 mod freedoms;
 mod matrix;
 mod trial;
@@ -12,9 +15,12 @@ use super::counted::counted;
 use crate::cli::QualifyArgs;
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::suite::Library;
+use crate::suite::model::Case;
+use crate::suite::{Library, Suite};
 use crate::target;
 
+use assertions::Assertions;
+pub(super) use assertions::Judged;
 use freedoms::Freedoms;
 use matrix::Matrix;
 
@@ -41,6 +47,9 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
         matrix.show(&mut text, args.verbose);
         freedoms.show(&mut text, args.verbose);
     }
+    let assertions = Assertions::of(&library, &matrices, &freedoms);
+    holes.extend(assertions.holes());
+    assertions.show(&mut text, args);
     say(&text);
     if holes.is_empty() {
         return Ok(Exit::Green);
@@ -48,4 +57,20 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     holes.iter().for_each(|hole| eprintln!("hole: {hole}"));
     eprintln!("{}", counted(holes.len(), "hole"));
     Ok(Exit::Holes)
+}
+
+/// The assertions of a case, with the mutants that prove them on its own device.
+///
+/// # Errors
+/// When the data of the device do not load.
+pub(super) fn assertions_of<'l>(
+    library: &'l Library,
+    suite: &Suite,
+    case: &Case,
+) -> Result<Vec<Judged<'l>>, Refused> {
+    let home = devices::names().filter(|name| matrix::is_home(name, suite));
+    let fits = |other: &Case| std::ptr::eq(other, case);
+    let matrices = home.map(|name| Matrix::of_cases(library, name, &fits));
+    let matrices = matrices.collect::<Result<Vec<_>, _>>()?;
+    Ok(Assertions::of(library, &matrices, &[]).about(case))
 }

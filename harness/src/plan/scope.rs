@@ -250,12 +250,26 @@ impl Scope {
     /// # Errors
     /// When a name cannot be part of a frame.
     pub fn pattern(&self, text: &FrameText, node: u8) -> Result<Pattern, Wrong> {
+        self.pattern_open(text, node, &|_| false)
+    }
+
+    /// The same, with the words open whose places `open` accepts.
+    ///
+    /// # Errors
+    /// As [`pattern`](Self::pattern).
+    pub fn pattern_open(
+        &self,
+        text: &FrameText,
+        node: u8,
+        open: &dyn Fn(usize) -> bool,
+    ) -> Result<Pattern, Wrong> {
         let mut bound = BTreeMap::new();
         for name in text.pattern.names() {
             let name = Name(name.to_owned());
             bound.insert(name.0.clone(), self.frame_bytes(&name)?);
         }
-        let pattern = text.pattern.bind(node, &|name| bound.get(name).cloned());
+        let lookup = |name: &str| bound.get(name).cloned();
+        let pattern = text.pattern.bind_open(node, &lookup, open);
         match &text.id {
             None => Ok(pattern),
             Some(name) => match self.get(name)? {

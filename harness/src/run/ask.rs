@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use reports::Event;
 
-use super::judge::{Difference, Judgement, Trouble, device};
+use super::judge::{Difference, Judgement, Trouble};
 use super::limits::Limits;
 use super::steps::{DEFAULT_REPLY, Steps};
+use crate::suite::constraint::{Allowance, Time};
 use crate::suite::literal::show_time;
 use crate::suite::step::Ask;
 
@@ -26,7 +27,7 @@ impl Steps<'_, '_> {
         let what = format!("time to {}", reply.id());
         self.link.emit(Event::Measured(limits.figures(what.clone(), &taken)));
         for time in taken {
-            lenient = lenient.or(limits.judge(time, &what)?);
+            lenient = lenient.or(self.in_time(&limits, Time::Latency, time, &what)?);
         }
         Ok(lenient)
     }
@@ -45,19 +46,21 @@ impl Steps<'_, '_> {
             if let Some(answer) = answer {
                 taken.push(answer.at.since(sent));
                 self.may_decline(&strict, &ask.or_else, &answer)?;
-                return self.accept(&strict, &ask.lenient, &answer);
+                return self.accept(&ask.reply, &ask.lenient, &answer);
             }
             self.link.skip_to(sent + within);
         }
         if ask.accept_silence {
+            self.allows(Allowance::AcceptSilence);
             return Ok(None);
         }
         let requests =
             if tries == 1 { "1 request".to_owned() } else { format!("{tries} requests") };
         let actual = format!("no frame {id} within {} of {requests}", show_time(within));
-        match ask.or_silence {
-            true => Err(Trouble::Declined(format!("{strict}: {actual}"))),
-            false => device(Difference::new(strict.to_string(), actual)),
+        if ask.or_silence {
+            self.allows(Allowance::OrSilence);
+            return Err(Trouble::Declined(format!("{strict}: {actual}")));
         }
+        self.broken(&[], Difference::new(strict.to_string(), actual))
     }
 }

@@ -8,7 +8,7 @@ use canopen::sdo::Transfer;
 use canopen::{BusError, Value};
 
 use super::bench_snapshot::{bench, failed};
-use super::judge::{Difference, Judgement, Trouble, device};
+use super::judge::{Difference, Judgement, Trouble};
 use super::link::Link;
 use super::policy::Policy;
 use super::sdo;
@@ -16,6 +16,7 @@ use super::steps::Steps;
 use crate::dut::Dut;
 use crate::plan::Instance;
 use crate::source::At;
+use crate::suite::constraint::Constraint;
 use crate::suite::literal::{Literal, show_time};
 use crate::suite::step::Observe;
 
@@ -46,14 +47,15 @@ impl Steps<'_, '_> {
         let end = self.link.mark() + within;
         loop {
             let seen = bench(self.link)?.get(name).map_err(failed)?;
-            if fits(&seen, &wanted) {
+            if misfits(&seen, &wanted).next().is_none() {
                 self.link.moved();
                 return Ok(None);
             }
             let next = self.link.now() + EVERY;
             if next > end {
                 let expected = format!("{name} = {} within {}", show(&wanted), show_time(within));
-                return device(Difference::new(expected, seen.to_string()));
+                let wrong: Vec<Constraint> = misfits(&seen, &wanted).collect();
+                return self.broken(&wrong, Difference::new(expected, seen.to_string()));
             }
             self.link.wait(next)?;
         }
@@ -95,7 +97,11 @@ fn worded(name: &str, value: Value) -> Value {
     }
 }
 
-fn fits(seen: &Value, [value, min, max]: &[Option<Value>; 3]) -> bool {
+/// What of it is not as wanted.
+fn misfits(
+    seen: &Value,
+    [value, min, max]: &[Option<Value>; 3],
+) -> impl Iterator<Item = Constraint> {
     let equal = |value: &Value| match (value.as_real(), seen.as_real()) {
         (Some(value), Some(seen)) => value == seen,
         _ => value == seen,
@@ -104,9 +110,12 @@ fn fits(seen: &Value, [value, min, max]: &[Option<Value>; 3]) -> bool {
         let bound = bound.as_ref().map(Value::as_real);
         bound.is_none_or(|bound| bound.zip(seen.as_real()).is_some_and(|(b, seen)| fits(seen, b)))
     };
-    value.as_ref().is_none_or(equal)
-        && bounds(min, |seen, min| seen >= min)
-        && bounds(max, |seen, max| seen <= max)
+    let table = [
+        (Constraint::Value, value.as_ref().is_none_or(equal)),
+        (Constraint::Min, bounds(min, |seen, min| seen >= min)),
+        (Constraint::Max, bounds(max, |seen, max| seen <= max)),
+    ];
+    table.into_iter().filter(|(_, fits)| !fits).map(|(constraint, _)| constraint)
 }
 
 fn show([value, min, max]: &[Option<Value>; 3]) -> String {

@@ -15,6 +15,7 @@ use super::judge::{Difference, Trouble, excerpt};
 use super::link::Link;
 use super::policy::Policy;
 use super::promise;
+use super::proof::{Proof, Shown};
 use super::restore::Snapshot;
 use super::settle::{self, Left, Unsettled};
 use super::steps::Steps;
@@ -31,6 +32,8 @@ pub(super) struct Finished {
     pub outcome: Outcome,
     /// What the case means for those that follow.
     pub aftermath: Aftermath,
+    /// What it shows about its assertions, where somebody wants to know.
+    pub shown: Option<Shown>,
 }
 
 /// What a case means for those that follow.
@@ -52,16 +55,21 @@ pub(super) fn run(
     baseline: &Baseline,
     instance: &Instance,
     left: Left,
+    proves: bool,
 ) -> Finished {
     let mut left = left;
     let mut attempt = 0;
     loop {
         attempt += 1;
         let (link, bench_snapshot) = (&mut *link, BenchSnapshot::default());
-        let mut run = CaseRun { link, policy, dut, baseline, instance, bench_snapshot, late: None };
+        let proof = proves.then(Proof::default);
+        let late = None;
+        let mut run =
+            CaseRun { link, policy, dut, baseline, instance, bench_snapshot, late, proof };
         let (outcome, aftermath) = run.run(left);
         let late = run.late.map(|late| show_time(Duration::from_millis(late.as_millis() as u64)));
         run.link.take_trace();
+        let shown = run.proof.take().map(Proof::end);
         match (late, &aftermath) {
             // The case says nothing about the device.
             (Some(late), Aftermath::Left(how)) if attempt < ATTEMPTS => {
@@ -69,14 +77,14 @@ pub(super) fn run(
                 run.note(format!("the tester was late by {late}: the case is repeated"));
                 if let Err(error) = run.link.calm() {
                     let (outcome, aftermath) = run.bus_failed(error);
-                    return Finished { outcome, aftermath };
+                    return Finished { outcome, aftermath, shown };
                 }
             }
             (Some(late), Aftermath::Left(_)) => {
                 let reason = format!("the tester was late by {late}, and in {attempt} attempts");
-                return Finished { outcome: error(reason), aftermath };
+                return Finished { outcome: error(reason), aftermath, shown };
             }
-            _ => return Finished { outcome, aftermath },
+            _ => return Finished { outcome, aftermath, shown },
         }
     }
 }
@@ -101,6 +109,8 @@ struct CaseRun<'r, 'b> {
     bench_snapshot: BenchSnapshot,
     /// How late the tester was, when that may be the reason of the outcome.
     late: Option<Duration>,
+    /// What the run shows about the assertions, where somebody wants to know.
+    proof: Option<Proof>,
 }
 
 impl CaseRun<'_, '_> {
@@ -189,10 +199,12 @@ impl CaseRun<'_, '_> {
             scope: self.instance.scope.clone(),
             patience,
             bench_snapshot: &mut self.bench_snapshot,
+            proof: self.proof.take(),
         };
         let mut alive = run_phase(&mut steps, &case.setup, Phase::Setup, &mut result)?;
         alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut result)?;
         run_phase(&mut steps, &case.finally, Phase::Finally, &mut result)?;
+        self.proof = steps.proof.take();
         if let Some(what) = result.declined.take() {
             self.note(format!(
                 "the device refused {what}, which is allowed; the remaining steps were skipped"
@@ -202,6 +214,7 @@ impl CaseRun<'_, '_> {
         if alive && let Some(breach) = self.watch(watched_from) {
             let difference =
                 Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
+            self.proof.iter_mut().for_each(Proof::spoil);
             result.fail(Phase::Monitor, last, difference);
             // Who shares the host with the tester is as late as the tester.
             let noticed = self.link.lateness().noticed;
@@ -367,7 +380,10 @@ fn run_phase(
     phase: Phase,
     result: &mut CaseOutcome,
 ) -> Result<bool, BusError> {
-    for step in list {
+    for (place, step) in list.iter().enumerate() {
+        if let Some(proof) = &mut steps.proof {
+            proof.step = (phase == Phase::Step).then_some(place);
+        }
         let promised = |difference: Difference, steps: &Steps| Difference {
             sheet: difference.sheet.clone().or_else(|| {
                 promise::promised(&step.value, &difference, &steps.scope, steps.dut).map(Box::new)
@@ -379,6 +395,12 @@ fn run_phase(
             Err(Trouble::Device(difference)) => Err(Trouble::Device(promised(difference, steps))),
             other => other,
         };
+        if let Some(proof) = &mut steps.proof {
+            proof.difference().into_iter().for_each(|first| result.fail(phase, step.place, first));
+            if matches!(judgement, Err(Trouble::Device(_) | Trouble::Impossible(_))) {
+                proof.spoil();
+            }
+        }
         let judgement = match judgement {
             Err(Trouble::Device(difference)) if phase == Phase::Setup => {
                 Err(prevented(&difference).map_or(Trouble::Device(difference), Trouble::Declined))
@@ -477,8 +499,11 @@ impl CaseOutcome<'_> {
         };
     }
 
+    /// The device failed where steps go on after that, although what follows cannot be made then.
     fn error(&mut self, reason: String) {
-        self.outcome = Outcome::Error { reason, problem: None };
+        if !matches!(self.outcome, Outcome::Fail(_)) {
+            self.outcome = Outcome::Error { reason, problem: None };
+        }
     }
 
     fn problem(&self, phase: Phase, place: Place, difference: Difference) -> Box<Problem> {

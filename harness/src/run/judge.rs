@@ -1,5 +1,7 @@
 //! Differences between what was expected and what came.
 
+use std::cmp::Ordering;
+
 use canopen::eds::Entry;
 use canopen::sdo::Failure;
 use canopen::{BusError, DataType, Frame};
@@ -7,6 +9,7 @@ use reports::Excerpt;
 
 use crate::plan::show_bytes;
 use crate::source::{Place, Source};
+use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::refusal::Refusal;
 
 /// What was expected, and what came instead.
@@ -56,12 +59,14 @@ impl From<BusError> for Trouble {
 /// How a step succeeded: as a conformant device does, or in a way that is accepted, too.
 pub(super) type Judgement = Result<Option<Difference>, Trouble>;
 
-/// The device did something else.
-///
-/// # Errors
-/// Always.
-pub(crate) fn device(difference: Difference) -> Judgement {
-    Err(Trouble::Device(difference))
+/// How the end of a transfer fits a refusal that was to be.
+pub(super) enum Answer {
+    /// As demanded.
+    Demanded,
+    /// In a way that is accepted, too.
+    Allowed(Allowance, Difference),
+    /// Otherwise: what of the demand it breaks, the whole when that is nothing.
+    Wrong(Vec<Constraint>, Difference),
 }
 
 /// Judges the end of a transfer that was to be refused.
@@ -69,19 +74,35 @@ pub(super) fn refusal(
     result: &Result<Vec<u8>, Failure>,
     refusal: &Refusal,
     raw: Option<Frame>,
-) -> Judgement {
+) -> Answer {
     let expected = refusal.to_string();
     let difference =
         |actual: String| Difference { raw, ..Difference::new(expected.clone(), actual) };
     match result {
-        Err(Failure::Aborted(code)) if refusal.codes.contains(&code.0) => Ok(None),
-        Err(Failure::Aborted(code)) if refusal.lenient.iter().any(|may| may.fits(code.0)) => {
-            Ok(Some(difference(format!("refused with {code}"))))
+        Err(Failure::Aborted(code)) if refusal.codes.contains(&code.0) => Answer::Demanded,
+        Err(Failure::Aborted(code)) => {
+            match refusal.lenient.iter().position(|may| may.fits(code.0)) {
+                Some(place) => Answer::Allowed(
+                    Allowance::Lenient(place + 1),
+                    difference(format!("refused with {code}")),
+                ),
+                None => {
+                    let wrong = difference(Failure::Aborted(*code).to_string());
+                    Answer::Wrong(vec![Constraint::AbortCode], wrong)
+                }
+            }
         }
-        Err(failure) => Err(Trouble::Device(difference(failure.to_string()))),
-        Ok(_) if refusal.or_taken => Ok(Some(difference("accepted".to_owned()))),
-        Ok(data) if data.is_empty() => Err(Trouble::Device(difference("accepted".to_owned()))),
-        Ok(data) => Err(Trouble::Device(difference(format!("answered {}", show_bytes(data))))),
+        Err(failure) => Answer::Wrong(Vec::new(), difference(failure.to_string())),
+        Ok(_) if refusal.or_taken => {
+            Answer::Allowed(Allowance::Taken, difference("accepted".to_owned()))
+        }
+        Ok(data) if data.is_empty() => {
+            Answer::Wrong(vec![Constraint::Refused], difference("accepted".to_owned()))
+        }
+        Ok(data) => {
+            let answered = difference(format!("answered {}", show_bytes(data)));
+            Answer::Wrong(vec![Constraint::Refused], answered)
+        }
     }
 }
 
@@ -112,60 +133,88 @@ pub(super) struct Condition {
     pub characters: Option<usize>,
 }
 
+/// How a value is.
+#[derive(Debug)]
+pub(super) enum Judged {
+    /// As it must be.
+    Right,
+    /// The value in that place of those that are tolerated, counted from 1.
+    Tolerated(usize, Difference),
+    /// Otherwise: what of the condition it breaks, and the first difference. Nothing when it has
+    /// not even the length of its type.
+    Wrong(Vec<Constraint>, Difference),
+}
+
 impl Condition {
-    /// Judges a value; the difference of one that is accepted, too.
-    ///
-    /// # Errors
-    /// The first difference.
-    pub(super) fn judge(
-        &self,
-        entry: Option<&Entry>,
-        got: &[u8],
-    ) -> Result<Option<Difference>, Difference> {
+    /// Judges a value.
+    pub(super) fn judge(&self, entry: Option<&Entry>, got: &[u8]) -> Judged {
         let actual = show(entry, got);
-        let fail =
-            |expected: String| Err::<Option<_>, _>(Difference::new(expected, actual.clone()));
+        let differs = |expected: String| Difference::new(expected, actual.clone());
+        let mut wrong: Vec<(Constraint, Difference)> = Vec::new();
         if let Some(length) = self.length
             && length != got.len()
         {
-            return Err(Difference::new(format!("{length} bytes"), format!("{} bytes", got.len())));
+            let lengths = (format!("{length} bytes"), format!("{} bytes", got.len()));
+            wrong.push((Constraint::Length, Difference::new(lengths.0, lengths.1)));
         }
         if let Some(size) = entry.and_then(|entry| entry.data_type.size())
             && size != got.len()
         {
             let data_type = entry.map_or(DataType::DOMAIN, |entry| entry.data_type);
-            return fail(format!("{size} bytes of {data_type}"));
+            let first = wrong.into_iter().next().map(|(_, difference)| difference);
+            let length = || differs(format!("{size} bytes of {data_type}"));
+            return Judged::Wrong(Vec::new(), first.unwrap_or_else(length));
         }
         if let Some(most) = self.characters
             && !is_text(got, most)
         {
-            return fail(format!("1 to {most} readable characters of ASCII"));
+            let expected = format!("1 to {most} readable characters of ASCII");
+            wrong.push((Constraint::Characters, differs(expected)));
         }
-        let mut lenient = None;
+        let mut tolerated = None;
         if let Some(value) = self.value.as_ref().filter(|value| !self.same(value, got)) {
             let shown = show(entry, value);
             let expected = match &self.mask {
                 None => shown,
                 Some(mask) => format!("{shown} in the bits {}", show(entry, mask)),
             };
-            if !self.tolerated.iter().any(|value| self.same(value, got)) {
-                return fail(expected);
+            match self.tolerated.iter().position(|value| self.same(value, got)) {
+                Some(place) => tolerated = Some((place + 1, differs(expected))),
+                None => wrong.push((Constraint::Value, differs(expected))),
             }
-            lenient = fail(expected).err();
         }
+        wrong.extend(self.bounds_broken(entry, got, &differs));
+        let constraints = wrong.iter().map(|(constraint, _)| constraint.clone()).collect();
+        match (wrong.into_iter().next(), tolerated) {
+            (Some((_, first)), _) => Judged::Wrong(constraints, first),
+            (None, Some((place, difference))) => Judged::Tolerated(place, difference),
+            (None, None) => Judged::Right,
+        }
+    }
+
+    /// Which of `min` and `max` the value breaks.
+    fn bounds_broken(
+        &self,
+        entry: Option<&Entry>,
+        got: &[u8],
+        differs: &dyn Fn(String) -> Difference,
+    ) -> Vec<(Constraint, Difference)> {
         let number = |bytes: &[u8]| entry?.data_type.decode(bytes).ok()?.as_real();
-        for (bound, word) in [(&self.min, "at least"), (&self.max, "at most")] {
-            let Some(bound) = bound else { continue };
-            let order = number(got).zip(number(bound)).map(|(got, bound)| got.total_cmp(&bound));
-            let wrong = match word {
-                "at least" => order.is_none_or(std::cmp::Ordering::is_lt),
-                _ => order.is_none_or(std::cmp::Ordering::is_gt),
-            };
-            if wrong {
-                return fail(format!("{word} {}", show(entry, bound)));
-            }
+        let order = |bound: &Vec<u8>| {
+            number(got).zip(number(bound)).map(|(got, bound)| got.total_cmp(&bound))
+        };
+        let mut wrong = Vec::new();
+        if let Some(min) = &self.min
+            && order(min).is_none_or(Ordering::is_lt)
+        {
+            wrong.push((Constraint::Min, differs(format!("at least {}", show(entry, min)))));
         }
-        Ok(lenient)
+        if let Some(max) = &self.max
+            && order(max).is_none_or(Ordering::is_gt)
+        {
+            wrong.push((Constraint::Max, differs(format!("at most {}", show(entry, max)))));
+        }
+        wrong
     }
 
     /// Whether two values are equal in the bits that count.
@@ -207,10 +256,14 @@ mod tests {
     fn a_text_is_readable_and_not_too_long() {
         let condition = Condition { characters: Some(4), ..Condition::default() };
         for (text, fits) in [("H/C ", true), ("x", true), ("", false), ("heats", false)] {
-            assert_eq!(condition.judge(None, text.as_bytes()).is_ok(), fits, "{text:?}");
+            let judged = condition.judge(None, text.as_bytes());
+            assert_eq!(matches!(judged, Judged::Right), fits, "{text:?}");
         }
         for bytes in [&b"a\n"[..], &[0x4B, 0xFC], &[0x4B, 0]] {
-            let wrong = condition.judge(None, bytes).unwrap_err();
+            let Judged::Wrong(constraints, wrong) = condition.judge(None, bytes) else {
+                panic!("{bytes:?} is taken for a text");
+            };
+            assert_eq!(constraints, [Constraint::Characters]);
             assert_eq!(wrong.expected, "1 to 4 readable characters of ASCII");
         }
     }

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use reports::Measured;
 
-use super::judge::{Difference, Judgement, Trouble};
+use super::judge::{Difference, Trouble};
 use crate::plan::Scope;
 use crate::suite::literal::{Tolerance, show_time};
 use crate::suite::step::Bounds;
@@ -43,21 +43,20 @@ impl Limits {
 
     /// The longest time that is accepted.
     pub(super) fn longest(&self) -> Duration {
-        self.lenient.unwrap_or(self.strict).1
+        self.accepted().1
     }
 
-    /// Judges one time.
-    pub(super) fn judge(&self, value: Duration, what: &str) -> Judgement {
-        let lies_in = |(low, high): Span| (low..=high).contains(&value);
-        if lies_in(self.strict) {
-            return Ok(None);
-        }
-        let expected = format!("{what}: {}", show_span(self.strict));
-        let difference = Difference::new(expected, show_time(value));
-        match self.lenient {
-            Some(lenient) if lies_in(lenient) => Ok(Some(difference)),
-            _ => Err(Trouble::Device(difference)),
-        }
+    /// From where to where a time is accepted.
+    pub(super) fn accepted(&self) -> Span {
+        self.lenient.unwrap_or(self.strict)
+    }
+
+    /// What is wrong with a time outside the strict limits.
+    pub(super) fn difference(&self, value: Duration, what: &str) -> Option<Difference> {
+        let (low, high) = self.strict;
+        let lies_within = (low..=high).contains(&value);
+        let expected = || format!("{what}: {}", show_span(self.strict));
+        (!lies_within).then(|| Difference::new(expected(), show_time(value)))
     }
 
     /// The figures of a series of intervals.

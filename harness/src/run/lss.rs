@@ -6,8 +6,9 @@ use canopen::lss::{Fastscan, Part, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Res
 use canopen::{BusError, Id};
 use reports::{Event, Measured};
 
-use super::judge::{Difference, Judgement, Trouble, device};
+use super::judge::{Difference, Judgement, Trouble};
 use super::steps::Steps;
+use crate::suite::constraint::{Constraint, PARTS};
 use crate::suite::literal::show_time;
 use crate::suite::step::{FastscanStep, LssStep};
 
@@ -30,10 +31,11 @@ impl Steps<'_, '_> {
         let first = Fastscan { number: 0, bit: Fastscan::CONFIRM, part: 0, next: 0 };
         if !self.asked(first, PATIENCE)? {
             let actual = format!("no answer within {}", show_time(PATIENCE));
-            return device(Difference::new("a slave without node id that is there", actual));
+            let difference = Difference::new("a slave without node id that is there", actual);
+            return self.broken(&[], difference);
         }
         let wanted = [&step.vendor, &step.product, &step.revision, &step.serial];
-        for (part, wanted) in Part::ALL.into_iter().zip(wanted) {
+        for ((part, wanted), name) in Part::ALL.into_iter().zip(wanted).zip(PARTS) {
             let wanted = self.scope.int(&wanted.value).map_err(Trouble::Impossible)?;
             let found = self.part(part, wanted, slot)?;
             let next = (part as u8 + 1) % Part::ALL.len() as u8;
@@ -41,10 +43,11 @@ impl Steps<'_, '_> {
             let agrees = self.asked(last, PATIENCE)?;
             if i128::from(found) != wanted || !agrees {
                 let actual = if agrees { "found" } else { "not confirmed:" };
-                return device(Difference::new(
+                let difference = Difference::new(
                     format!("{part:?} {wanted:08X}h found by the scan"),
                     format!("{actual} {found:08X}h"),
-                ));
+                );
+                self.broken(&[Constraint::Part(name)], difference)?;
             }
         }
         let span = self.link.mark().since(begin).as_nanos() as f64 / 1e6;

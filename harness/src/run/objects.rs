@@ -6,15 +6,17 @@ use canopen::eds::Entry;
 use canopen::pdo::{CobId, Mapping};
 use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Failure, Transfer};
-use canopen::{Abort, Mux};
+use canopen::{Abort, Frame, Mux};
 
-use super::judge::{Condition, Difference, Judgement, Trouble, device, refusal, show};
+use super::judge::{Answer, Condition, Difference, Judged, Judgement, Trouble, refusal, show};
 use super::sdo::{self, Ended};
 use super::steps::Steps;
 use crate::plan::{Binding, fill, mapping_word, matching_entries, parse_bytes};
 use crate::source::At;
+use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::each::Objects;
 use crate::suite::literal::{Flow, Literal, show_time};
+use crate::suite::refusal::Refusal;
 use crate::suite::step::{Read, Remap, Until, Write};
 
 const DEFAULT_POLL: Duration = Duration::from_millis(20);
@@ -33,7 +35,7 @@ impl Steps<'_, '_> {
             None => sdo::upload(self.link, policy, node, mux)?,
         };
         if let Some(expected) = &read.refused {
-            return refusal(&ended.result, &expected.value, ended.raw);
+            return self.refused(&ended, &expected.value);
         }
         trim_unsized(&mut ended, entry.as_ref());
         let condition = self.condition(
@@ -46,23 +48,23 @@ impl Steps<'_, '_> {
         let condition = Condition { characters: read.characters, ..condition };
         let data = match ended.result {
             Ok(data) => data,
-            Err(Failure::Aborted(code)) if read.lenient.iter().any(|may| may.fits(code.0)) => {
-                let difference = Difference::new(format!("the value of {mux}"), code.to_string());
-                return Ok(Some(Difference { raw: ended.raw, ..difference }));
-            }
-            Err(failure) => {
-                let expected = format!("the value of {mux}");
-                let difference = Difference::new(expected, failure.to_string());
-                return device(Difference { raw: ended.raw, ..difference });
-            }
+            Err(failure) => return self.unread(read, mux, &failure, ended.raw),
         };
         let about = |difference: Difference| Difference {
             expected: format!("{mux} = {}", difference.expected),
             raw: ended.raw,
             ..difference
         };
-        let judged = condition.judge(entry.as_ref(), &data);
-        let lenient = judged.map_err(|wrong| Trouble::Device(about(wrong)))?.map(about);
+        let lenient = match condition.judge(entry.as_ref(), &data) {
+            Judged::Right => None,
+            Judged::Tolerated(place, difference) => {
+                self.allows(Allowance::Tolerated(place));
+                Some(about(difference))
+            }
+            Judged::Wrong(constraints, difference) => {
+                self.broken(&constraints, about(difference))?
+            }
+        };
         if let Some(flow) = read.transfer
             && Transfer::from(flow) != ended.protocol
         {
@@ -72,7 +74,7 @@ impl Steps<'_, '_> {
                 Transfer::Block => "a block transfer",
             };
             let wrong = Difference::new(name(flow.into()), name(ended.protocol));
-            return device(Difference { raw: ended.raw, ..wrong });
+            self.broken(&[Constraint::Transfer], Difference { raw: ended.raw, ..wrong })?;
         }
         if let Some(At { value: name, .. }) = read.save.as_deref() {
             let value = entry.as_ref().and_then(|entry| {
@@ -81,6 +83,26 @@ impl Steps<'_, '_> {
             self.scope.bind(name.0.clone(), value.unwrap_or(Binding::Bytes(data)));
         }
         Ok(lenient)
+    }
+
+    /// Judges an upload that gave no value.
+    fn unread(
+        &mut self,
+        read: &Read,
+        mux: Mux,
+        failure: &Failure,
+        raw: Option<Frame>,
+    ) -> Judgement {
+        let expected = format!("the value of {mux}");
+        if let Failure::Aborted(code) = failure
+            && let Some(place) = read.lenient.iter().position(|may| may.fits(code.0))
+        {
+            self.allows(Allowance::Lenient(place + 1));
+            let difference = Difference::new(expected, code.to_string());
+            return Ok(Some(Difference { raw, ..difference }));
+        }
+        let difference = Difference::new(expected, failure.to_string());
+        self.broken(&[], Difference { raw, ..difference })
     }
 
     pub(super) fn write(&mut self, write: &Write) -> Judgement {
@@ -100,11 +122,12 @@ impl Steps<'_, '_> {
         let flow = write.transfer.map_or_else(|| Transfer::usual(data.len()), Transfer::from);
         let ended = sdo::download(self.link, self.policy, self.dut.node, mux, &data, flow)?;
         if let Some(expected) = &write.refused {
-            return refusal(&ended.result, &expected.value, ended.raw);
+            return self.refused(&ended, &expected.value);
         }
         if let Err(Failure::Aborted(code)) = ended.result
-            && write.or_refused.iter().any(|may| may.value.fits(code.0))
+            && let Some(place) = write.or_refused.iter().position(|may| may.value.fits(code.0))
         {
+            self.allows(Allowance::OrRefused(place + 1));
             let value = show(self.dut.eds.entry(mux), &data);
             return Err(Trouble::Declined(format!("{value} in {mux}: {code}")));
         }
@@ -128,10 +151,10 @@ impl Steps<'_, '_> {
         let before = match before.result.as_deref().map(<[u8]>::first_chunk::<4>) {
             Ok(Some(bytes)) => u32::from_le_bytes(*bytes),
             _ => {
-                return device(Difference {
+                return Err(Trouble::Device(Difference {
                     raw: before.raw,
                     ..Difference::new(format!("the value of {cob_id}"), "none")
-                });
+                }));
             }
         };
         self.must_write(cob_id, &(before | CobId::INVALID).to_le_bytes())?;
@@ -142,7 +165,7 @@ impl Steps<'_, '_> {
             let ended = self.raw_write(entry, &word.to_le_bytes())?;
             match expected {
                 Some(expected) if ended.result.is_err() => {
-                    return refusal(&ended.result, expected, ended.raw);
+                    return self.refused(&ended, expected);
                 }
                 _ => self.taken(ended, || {
                     format!("the mapping of {:?} at {entry}", Mapping::decode(*word))
@@ -151,7 +174,7 @@ impl Steps<'_, '_> {
         }
         let ended = self.raw_write(count, &[words.len() as u8])?;
         if let Some(expected) = expected {
-            return refusal(&ended.result, expected, ended.raw);
+            return self.refused(&ended, expected);
         }
         self.taken(ended, || format!("{} mapped objects at {count}", words.len()))?;
         self.must_write(cob_id, &(before & !CobId::INVALID).to_le_bytes())?;
@@ -171,13 +194,15 @@ impl Steps<'_, '_> {
                 Ok(data) => Condition { value: Some(value), ..Condition::default() }
                     .judge(Some(&entry), data),
                 Err(failure) => {
-                    Err(Difference::new(show(Some(&entry), &value), failure.to_string()))
+                    let wrong = Difference::new(show(Some(&entry), &value), failure.to_string());
+                    Judged::Wrong(Vec::new(), wrong)
                 }
             };
-            if let Err(wrong) = judged {
+            if let Judged::Wrong(constraints, wrong) = judged {
                 let expected = format!("{} = {}", entry.mux, wrong.expected);
                 let sheet = self.line_of(entry.mux, "DefaultValue");
-                return device(Difference { expected, raw: ended.raw, sheet, ..wrong });
+                let wrong = Difference { expected, raw: ended.raw, sheet, ..wrong };
+                self.broken(&constraints, wrong)?;
             }
         }
         Ok(None)
@@ -200,27 +225,52 @@ impl Steps<'_, '_> {
             let mut ended = sdo::upload(self.link, self.policy, self.dut.node, mux)?;
             trim_unsized(&mut ended, entry.as_ref());
             // What is tolerated may be on its way to what is expected: it counts at the end.
-            let (difference, tolerated) = match ended.result {
-                Ok(data) => match condition.judge(entry.as_ref(), &data) {
-                    Ok(None) => return Ok(None),
-                    Ok(Some(difference)) => (difference, true),
-                    Err(difference) => (difference, false),
-                },
+            let judged = match ended.result {
+                Ok(data) => condition.judge(entry.as_ref(), &data),
                 Err(failure) => {
-                    return device(Difference {
-                        raw: ended.raw,
-                        ..Difference::new(format!("the value of {mux}"), failure.to_string())
-                    });
+                    let expected = format!("the value of {mux}");
+                    let difference = Difference::new(expected, failure.to_string());
+                    return self.broken(&[], Difference { raw: ended.raw, ..difference });
                 }
             };
+            if matches!(judged, Judged::Right) {
+                return Ok(None);
+            }
             if self.link.mark() + every > end {
-                let expected =
-                    format!("{mux} = {} within {}", difference.expected, show_time(within));
-                let difference = Difference { expected, raw: ended.raw, ..difference };
-                return if tolerated { Ok(Some(difference)) } else { device(difference) };
+                let at_last = |difference: Difference| Difference {
+                    expected: format!(
+                        "{mux} = {} within {}",
+                        difference.expected,
+                        show_time(within)
+                    ),
+                    raw: ended.raw,
+                    ..difference
+                };
+                return match judged {
+                    Judged::Right => Ok(None),
+                    Judged::Tolerated(place, difference) => {
+                        self.allows(Allowance::Tolerated(place));
+                        Ok(Some(at_last(difference)))
+                    }
+                    Judged::Wrong(constraints, difference) => {
+                        self.broken(&constraints, at_last(difference))
+                    }
+                };
             }
             let next = self.link.mark() + every;
             self.link.wait(next)?;
+        }
+    }
+
+    /// Judges the end of a transfer that was to be refused.
+    fn refused(&mut self, ended: &Ended, expected: &Refusal) -> Judgement {
+        match refusal(&ended.result, expected, ended.raw) {
+            Answer::Demanded => Ok(None),
+            Answer::Allowed(allowance, difference) => {
+                self.allows(allowance);
+                Ok(Some(difference))
+            }
+            Answer::Wrong(constraints, difference) => self.broken(&constraints, difference),
         }
     }
 
@@ -305,7 +355,7 @@ fn accepted(mux: Mux, data: &[u8], entry: Option<&Entry>, ended: Ended) -> Judge
                 actual.push_str(", which does not say why");
             }
             let expected = format!("{mux} takes {}", show(entry, data));
-            device(Difference { raw: ended.raw, ..Difference::new(expected, actual) })
+            Err(Trouble::Device(Difference { raw: ended.raw, ..Difference::new(expected, actual) }))
         }
     }
 }

@@ -6,12 +6,13 @@ use canopen::sdo::{Failure, Initiate, Response};
 use canopen::{Abort, Frame, Mux};
 use reports::Excerpt;
 
-use super::judge::{Difference, Judgement, Trouble, device, excerpt};
+use super::judge::{Difference, Judgement, Trouble, excerpt};
 use super::sdo;
 use super::steps::Steps;
 use crate::dut::Dut;
 use crate::plan::{Binding, Instance, Scope, index_range};
 use crate::source::{At, Complaint, Place};
+use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::literal::{Literal, Name};
 use crate::suite::step::{EdsStep, Step, Undeclared};
 
@@ -125,10 +126,23 @@ impl Steps<'_, '_> {
 
     /// Judges what was found while the data sheet was read.
     pub(super) fn eds(&mut self, step: &EdsStep) -> Judgement {
-        match self.found(&step.without) {
-            Some(wrong) => device(wrong),
-            None => Ok(self.found(&step.lenient)),
+        if let Some(wrong) = self.found(&step.without) {
+            let codes = step.without.iter().filter(|code| self.finds(&code.value));
+            let codes: Vec<Constraint> =
+                codes.map(|code| Constraint::Finding(code.value.clone())).collect();
+            self.broken(&codes, wrong)?;
         }
+        for (code, place) in step.lenient.iter().zip(1..) {
+            if self.finds(&code.value) {
+                self.allows(Allowance::Lenient(place));
+            }
+        }
+        Ok(self.found(&step.lenient))
+    }
+
+    /// Whether the data sheet has a finding of that kind.
+    fn finds(&self, code: &str) -> bool {
+        self.dut.sheet.diagnostics.iter().any(|found| found.code == code)
     }
 
     /// The first finding of that kind, the others below it.
@@ -183,17 +197,23 @@ impl Steps<'_, '_> {
         for mux in first.iter().copied().chain(spread(&absent, most, self.policy.seed)) {
             let ended = sdo::upload(self.link, self.policy, self.dut.node, mux)?;
             let expected = format!("{mux}, which {whose} does not have, refused with {code}");
-            let actual = match ended.result {
+            let (actual, broken) = match ended.result {
                 Err(Failure::Aborted(abort)) if abort == code => continue,
-                Err(failure) => failure.to_string(),
-                Ok(data) => format!("answered {}", crate::plan::show_bytes(&data)),
+                Err(failure @ Failure::Aborted(_)) => {
+                    (failure.to_string(), vec![Constraint::AbortCode])
+                }
+                Err(failure) => (failure.to_string(), Vec::new()),
+                Ok(data) => {
+                    let answered = format!("answered {}", crate::plan::show_bytes(&data));
+                    (answered, vec![Constraint::Refused])
+                }
             };
             let tolerated = actual == Failure::Aborted(Abort::GENERAL).to_string();
             let difference = Difference { raw: ended.raw, ..Difference::new(expected, actual) };
-            if !tolerated {
-                return device(difference);
+            match tolerated {
+                true => lenient = lenient.or(Some(difference)),
+                false => _ = self.broken(&broken, difference)?,
             }
-            lenient = lenient.or(Some(difference));
         }
         Ok(lenient)
     }

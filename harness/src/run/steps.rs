@@ -6,20 +6,18 @@ use canopen::catalogue::Catalogue;
 use canopen::nmt::{Command, Service};
 use canopen::pdo::CobId;
 use canopen::{Abort, BusError, Frame, Instant, Mux, Pattern, Stamped, lss, sdo, sync};
-use reports::{Event, Measured};
 
 use super::bench_snapshot::BenchSnapshot;
-use super::judge::{Difference, Judgement, Trouble, device};
-use super::limits::{Limits, mean, median};
+use super::judge::{Difference, Judgement, Trouble};
 use super::link::{Lateness, Link};
 use super::policy::Policy;
+use super::proof::Proof;
 use crate::dut::Dut;
 use crate::plan::{Binding, Scope};
 use crate::source::At;
+use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, show_time};
-use crate::suite::step::{
-    Bounds, Collect, Expect, Measure, Never, Nmt, Produce, Reply, Step, SyncStep,
-};
+use crate::suite::step::{Expect, Never, Nmt, Produce, Reply, Step, SyncStep};
 
 /// Runs the steps of one case.
 pub(super) struct Steps<'s, 'b> {
@@ -37,13 +35,13 @@ pub(super) struct Steps<'s, 'b> {
     pub patience: u32,
     /// What was done to the device's physical side.
     pub bench_snapshot: &'s mut BenchSnapshot,
+    /// What the run shows about the assertions, where somebody wants to know.
+    pub proof: Option<Proof>,
 }
 
 /// How long an answer may take unless the step says otherwise.
 pub(super) const DEFAULT_REPLY: Duration = Duration::from_secs(1);
 const DEFAULT_SYNC_PERIOD: Duration = Duration::from_millis(10);
-/// How long a measurement waits for a frame that has no upper bound.
-const UNBOUNDED_PATIENCE: Duration = Duration::from_secs(10);
 
 impl Steps<'_, '_> {
     /// Runs one step.
@@ -93,24 +91,26 @@ impl Steps<'_, '_> {
         let answer = self.link.find(until, |seen| !seen.own && seen.frame.id == id)?;
         let Some(answer) = answer else {
             let actual = format!("no frame {id} within {}", show_time(within));
-            return match reply.or_silence {
-                true => Err(Trouble::Declined(format!("{strict}: {actual}"))),
-                false => device(Difference::new(strict.to_string(), actual)),
-            };
+            if reply.or_silence {
+                self.allows(Allowance::OrSilence);
+                return Err(Trouble::Declined(format!("{strict}: {actual}")));
+            }
+            return self.broken(&[], Difference::new(strict.to_string(), actual));
         };
         self.may_decline(&strict, &reply.or_else, &answer)?;
-        self.accept(&strict, &reply.lenient, &answer)
+        self.accept(&reply.frame, &reply.lenient, &answer)
     }
 
     /// Ends the steps when the answer is one that a device may give instead.
     pub(super) fn may_decline(
-        &self,
+        &mut self,
         strict: &Pattern,
         or_else: &[At<FrameText>],
         got: &Stamped,
     ) -> Result<(), Trouble> {
-        for text in or_else {
+        for (text, place) in or_else.iter().zip(1..) {
             if self.pattern(text)?.matches(&got.frame) {
+                self.allows(Allowance::OrElse(place));
                 let meaning = canopen::meaning(&got.frame);
                 return Err(Trouble::Declined(format!("{strict}: {meaning}")));
             }
@@ -121,10 +121,11 @@ impl Steps<'_, '_> {
     /// Judges a frame against the strict pattern and the lenient ones.
     pub(super) fn accept(
         &mut self,
-        strict: &Pattern,
+        frame: &At<FrameText>,
         lenient: &[At<FrameText>],
         got: &Stamped,
     ) -> Judgement {
+        let strict = self.pattern(frame)?;
         if strict.matches(&got.frame) {
             for (name, byte) in strict.captures(&got.frame) {
                 self.scope.bind(name, Binding::Literal(Literal::Int(byte.into())));
@@ -133,12 +134,14 @@ impl Steps<'_, '_> {
         }
         let actual = canopen::meaning(&got.frame).to_string();
         let difference = Difference::new(strict.to_string(), actual).about(got.frame);
-        for text in lenient {
+        for (text, place) in lenient.iter().zip(1..) {
             if self.pattern(text)?.matches(&got.frame) {
+                self.allows(Allowance::Lenient(place));
                 return Ok(Some(difference));
             }
         }
-        device(difference)
+        let odd = self.misfits(frame, got)?;
+        self.broken(&odd, difference)
     }
 
     fn expect(&mut self, expect: &Expect) -> Judgement {
@@ -158,14 +161,27 @@ impl Steps<'_, '_> {
         let Some(got) = self.link.find(sent + within, fits)? else {
             let missing = self.missing(&strict, start, within);
             self.link.skip_to(sent + within);
-            return if expect.optional { Ok(Some(missing)) } else { device(missing) };
+            if expect.optional {
+                self.allows(Allowance::Optional);
+                return Ok(Some(missing));
+            }
+            let Some(odd) =
+                self.nearly(&expect.frame, (start, sent + within), |count| count > 0)?
+            else {
+                return self.broken(&[], missing);
+            };
+            let open = self.pattern_without(&expect.frame, &odd)?;
+            self.link.look_from(start);
+            self.link.find(sent + within, |seen| !seen.own && open.matches(&seen.frame))?;
+            return self.broken(&odd, missing);
         };
         if let Some(length) = &expect.length {
             let length = self.scope.int(&length.value).map_err(Trouble::Impossible)?;
             if length != got.frame.data.len() as i128 {
                 let actual = format!("{} bytes", got.frame.data.len());
                 let expected = format!("{strict} with {length} bytes");
-                return device(Difference::new(expected, actual).about(got.frame));
+                let difference = Difference::new(expected, actual).about(got.frame);
+                self.broken(&[Constraint::Length], difference)?;
             }
         }
         if let Some(after) = &expect.after {
@@ -174,10 +190,11 @@ impl Steps<'_, '_> {
             if came < after {
                 let expected = format!("{strict} not before {}", show_time(after));
                 let actual = format!("after {}", show_time(came));
-                return device(Difference::new(expected, actual).about(got.frame));
+                let difference = Difference::new(expected, actual).about(got.frame);
+                self.broken(&[Constraint::After], difference)?;
             }
         }
-        self.accept(&strict, &expect.lenient, &got)
+        self.accept(&expect.frame, &expect.lenient, &got)
     }
 
     /// What came on the identifier instead, if anything did.
@@ -214,21 +231,25 @@ impl Steps<'_, '_> {
         {
             let expected = format!("no {pattern} for {}", show_time(time));
             let meaning = canopen::meaning(&got.frame);
-            for text in &never.or_else {
+            for (text, place) in never.or_else.iter().zip(1..) {
                 if self.pattern(text)?.matches(&got.frame) {
+                    self.allows(Allowance::OrElse(place));
                     return Err(Trouble::Declined(format!("{expected}: {meaning}")));
                 }
             }
             let actual = format!("{meaning} after {}", show_time(got.at.since(start)));
             let difference = Difference::new(expected, actual).about(got.frame);
             let mut accepted = false;
-            for text in &never.lenient {
-                accepted |= self.pattern(text)?.matches(&got.frame);
+            for (text, place) in never.lenient.iter().zip(1..) {
+                if self.pattern(text)?.matches(&got.frame) {
+                    self.allows(Allowance::Lenient(place));
+                    accepted = true;
+                }
             }
-            if !accepted {
-                return device(difference);
+            match accepted {
+                true => _ = lenient.get_or_insert(difference),
+                false => _ = self.broken(&[], difference)?,
             }
-            lenient.get_or_insert(difference);
         }
         self.link.skip_to(until);
         Ok(lenient)
@@ -244,96 +265,6 @@ impl Steps<'_, '_> {
         };
         self.send_now(&Command { service, node: self.dut.node }.frame())?;
         Ok(None)
-    }
-
-    fn measure(&mut self, measure: &Measure) -> Judgement {
-        let pattern = self.pattern(&measure.frame)?;
-        let start = self.link.mark();
-        self.stimulate(measure.during.as_ref())?;
-        let sent = self.link.mark().max(start);
-        self.link_rewind(measure.during.is_some(), start);
-        let slack = self.policy.bus_slack;
-        let intervals = measure.count.saturating_sub(1).max(1) as u32;
-        // The mean of many intervals suffers from only one frame in front of the first and last.
-        let limits = |bounds: &Option<Bounds>, slack| {
-            bounds.as_ref().map(|bounds| Limits::new(bounds, &self.scope, slack)).transpose()
-        };
-        let each = limits(&measure.interval, slack)?;
-        let average = limits(&measure.mean, slack / intervals)?;
-        let middle = limits(&measure.median, slack / intervals)?;
-        let late = limits(&measure.latency, slack)?;
-        let longest = each.as_ref().or(late.as_ref()).map_or(Duration::MAX, Limits::longest);
-        let patience = longest.min(UNBOUNDED_PATIENCE) * 2;
-        let first = self.optional_time(&measure.within, patience)?;
-        let mut stamps: Vec<Instant> = Vec::new();
-        while stamps.len() < measure.count {
-            let wait = if stamps.is_empty() { first } else { patience };
-            let until = self.link.mark().max(sent) + wait;
-            let got = self.link.find(until, |seen| !seen.own && pattern.matches(&seen.frame))?;
-            let Some(got) = got else {
-                let expected = format!("{} frames {pattern}", measure.count);
-                let actual = format!("{}, then none for {}", stamps.len(), show_time(wait));
-                return device(Difference::new(expected, actual));
-            };
-            stamps.push(got.at);
-        }
-        self.own_jitter();
-        let intervals: Vec<Duration> =
-            stamps.windows(2).map(|pair| pair[1].since(pair[0])).collect();
-        let what = format!("interval of {}", pattern.id());
-        let only = |limits: &Option<Limits>, of: fn(&[Duration]) -> Duration| {
-            limits.iter().map(|_| of(&intervals)).collect::<Vec<_>>()
-        };
-        let (mean, median) = (only(&average, mean), only(&middle, median));
-        let mut latencies = (String::new(), Vec::new());
-        if let (Some(_), Some(during)) = (&late, &measure.during) {
-            let asked = self.frame(&during.frame)?;
-            let what = format!("time from {} to {}", asked.id, pattern.id());
-            latencies = (what, self.latencies(&asked, start, &stamps));
-        }
-        // What is limited, how it is called, what was taken, and what of that is judged.
-        let table = [
-            (each, what.clone(), &intervals, &intervals),
-            (average, format!("mean {what}"), &intervals, &mean),
-            (middle, format!("median {what}"), &intervals, &median),
-            (late, latencies.0, &latencies.1, &latencies.1),
-        ];
-        let mut lenient = None;
-        for (limits, what, taken, judged) in table {
-            let Some(limits) = limits else { continue };
-            self.link.emit(Event::Measured(limits.figures(what.clone(), taken)));
-            for time in judged {
-                lenient = lenient.or(limits.judge(*time, &what)?);
-            }
-        }
-        Ok(lenient)
-    }
-
-    /// How long after the first `asked` the first of the stamps is, and so on.
-    fn latencies(&self, asked: &Frame, start: Instant, stamps: &[Instant]) -> Vec<Duration> {
-        let trace = self.link.trace().iter().map(|seen| &seen.stamped);
-        let sent = trace.filter(|sent| sent.own && sent.frame == *asked && sent.at >= start);
-        sent.zip(stamps).map(|(sent, answered)| answered.since(sent.at)).collect()
-    }
-
-    fn collect(&mut self, collect: &Collect) -> Judgement {
-        let pattern = self.pattern(&collect.frame)?;
-        let wanted = self.scope.int(&collect.count.value).map_err(Trouble::Impossible)?;
-        let time = self.time(&collect.time)?;
-        let start = self.link.mark();
-        self.stimulate(collect.during.as_ref())?;
-        let until = self.link.mark() + time;
-        self.link_rewind(collect.during.is_some(), start);
-        let mut count = 0;
-        while self.link.find(until, |seen| !seen.own && pattern.matches(&seen.frame))?.is_some() {
-            count += 1;
-        }
-        self.link.skip_to(until);
-        if count == wanted {
-            return Ok(None);
-        }
-        let span = show_time(until.since(start));
-        device(Difference::new(format!("{wanted} frames {pattern} in {span}"), format!("{count}")))
     }
 
     fn sync(&mut self, step: &SyncStep) -> Judgement {
@@ -423,31 +354,12 @@ impl Steps<'_, '_> {
         time.ok()
     }
 
-    /// The figures of the tester itself, which those of the device cannot be better than.
-    fn own_jitter(&mut self) {
-        let Lateness { noticed, soonest, sum, count, .. } = self.link.lateness();
-        if count == 0 {
-            return;
-        }
-        let ms = |time: Duration| time.as_nanos() as f64 / 1e6;
-        self.link.emit(Event::Measured(Measured {
-            what: "lateness of the tester".to_owned(),
-            unit: "ms".to_owned(),
-            count: count.into(),
-            min: ms(soonest),
-            mean: ms(sum / count),
-            max: ms(noticed),
-            strict: None,
-            lenient: None,
-        }));
-    }
-
-    fn stimulate(&mut self, during: Option<&Produce>) -> Result<(), Trouble> {
+    pub(super) fn stimulate(&mut self, during: Option<&Produce>) -> Result<(), Trouble> {
         during.map_or(Ok(()), |produce| self.produce(produce))
     }
 
     /// Looks again at what came while frames were sent.
-    fn link_rewind(&mut self, stimulated: bool, start: Instant) {
+    pub(super) fn link_rewind(&mut self, stimulated: bool, start: Instant) {
         if stimulated {
             self.link.look_from(start);
         }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use canopen::catalogue::Catalogue;
 
+use super::constraint::assertion_name;
 use super::folders::Folders;
 use super::loaded::Suite;
 use super::model::{Case, SuiteFile};
@@ -85,6 +86,7 @@ impl Library {
             }
         }
         complaints.extend(reused_ids(&loaded));
+        complaints.extend(needless_excuses(&loaded));
         if register_is_whole {
             complaints.extend(unknown_requirements(&loaded, &register));
         }
@@ -152,6 +154,24 @@ fn reused_ids(suites: &[Arc<Suite>]) -> Vec<Complaint> {
                     id.value, first.place.line
                 );
                 complaints.push(Complaint::at(&suite.source, id.place, message));
+            }
+        }
+    }
+    complaints
+}
+
+/// What a case excuses is something that it asserts.
+fn needless_excuses(suites: &[Arc<Suite>]) -> Vec<Complaint> {
+    let mut complaints = Vec::new();
+    for suite in suites {
+        let excusing = suite.file.cases.iter().filter(|case| !case.value.unproved.is_empty());
+        for At { value: case, .. } in excusing {
+            let known = case.assertions().map(|(step, one)| assertion_name(step, one.as_ref()));
+            let known: Vec<String> = known.collect();
+            for (name, reason) in case.unproved.iter().filter(|(name, _)| !known.contains(name)) {
+                let meant = did_you_mean(name, known.iter().map(String::as_str));
+                let message = format!("the case asserts nothing that is named `{name}`{meant}");
+                complaints.push(Complaint::at(&suite.source, reason.place, message));
             }
         }
     }

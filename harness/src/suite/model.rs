@@ -72,6 +72,10 @@ pub struct Case {
     pub setup: Box<[At<Step>]>,
     /// What finds out.
     pub steps: Box<[At<Step>]>,
+    /// What `harness qualify` cannot prove, such as `step 3` or `step 3, word 2`, each with the
+    /// reason.
+    #[serde(default)]
+    pub unproved: BTreeMap<String, At<String>>,
     /// What is done in any case, after the steps.
     #[serde(default)]
     pub finally: Box<[At<Step>]>,

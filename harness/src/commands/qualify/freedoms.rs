@@ -11,6 +11,7 @@ use reference_devices::devices::ReferenceDevice;
 use reference_devices::freedom::{self, Freedom};
 use reports::Verdict;
 
+use super::assertion::Assertion;
 use super::trial::{Clean, Trial, Wanted};
 use crate::cli::QualifyArgs;
 use crate::commands::check::sound_freedoms;
@@ -43,6 +44,8 @@ struct Tried {
     affected: BTreeSet<String>,
     /// Whether it changed a frame, or when one came, or the data sheet, which cases read as well.
     noticed: bool,
+    /// What the cases accepted beside what they expect.
+    allowed: BTreeSet<Assertion>,
 }
 
 /// The device without deviation, and what came of its plan, to compare with.
@@ -68,7 +71,7 @@ impl<'l> Freedoms<'l> {
         let clean = Clean::of(library, name)?;
         let trials = match freedoms.is_empty() && personalities.is_empty() {
             true => Vec::new(),
-            false => clean.run()?,
+            false => clean.run(&|_| true)?,
         };
         let trials = trials.into_iter().map(|trial| (trial.name.clone(), trial)).collect();
         let compared = Compared { clean, trials };
@@ -134,6 +137,12 @@ impl<'l> Freedoms<'l> {
         }
     }
 
+    /// What cases accept beside what they expect, with what makes use of it.
+    pub(super) fn proofs(&self) -> impl Iterator<Item = (&Assertion, &str)> {
+        let tried = self.single.iter().chain(&self.personalities);
+        tried.flat_map(|tried| tried.allowed.iter().map(|allowed| (allowed, tried.query.as_str())))
+    }
+
     /// What is unjust, and what proves nothing.
     pub(super) fn holes(&self) -> impl Iterator<Item = String> {
         let device = &self.device.description.device;
@@ -156,8 +165,10 @@ impl Compared<'_> {
         let query = deviation.query.clone();
         let noticed = deviation.falsifies_data_sheet();
         let ran = self.clean.deviating(deviation, wanted)?;
-        let mut tried = Tried { query, red: Vec::new(), affected: BTreeSet::new(), noticed };
+        let (affected, allowed) = (BTreeSet::new(), BTreeSet::new());
+        let mut tried = Tried { query, red: Vec::new(), affected, noticed, allowed };
         for trial in ran.trials {
+            tried.allowed.extend(Assertion::used_by(&trial));
             let clean = self.trials.get(&trial.name);
             let frames = clean.is_none_or(|clean| clean.frames != trial.frames);
             tried.noticed |= frames || clean.is_none_or(|clean| clean.timing != trial.timing);

@@ -10,6 +10,7 @@ use reference_devices::devices;
 use reference_devices::mutant::Mutant;
 use reports::Verdict;
 
+use super::assertion::Assertion;
 use super::trial::{self, Clean, Wanted};
 use crate::commands::check::sound_mutants;
 use crate::exit::Refused;
@@ -26,6 +27,8 @@ pub(super) struct Matrix {
     is_variant: bool,
     /// What the clean device gets, by case.
     clean: BTreeMap<String, BTreeSet<Verdict>>,
+    /// What it makes use of that the cases accept beside what they expect.
+    allowed: BTreeSet<Assertion>,
     rows: Vec<Row>,
 }
 
@@ -36,6 +39,10 @@ struct Row {
     kills: BTreeSet<String>,
     /// The requirements that the mutant breaks and such a case checks.
     proved: BTreeSet<String>,
+    /// The assertions without which a case would have passed.
+    assertions: BTreeSet<Assertion>,
+    /// The steps that fail, although without them another one would.
+    failing: BTreeSet<Assertion>,
     ending: Ending,
 }
 
@@ -43,6 +50,18 @@ impl Matrix {
     /// # Errors
     /// When the data of the device or of a mutant do not load.
     pub(super) fn of(library: &Library, name: &str) -> Result<Self, Refused> {
+        Self::of_cases(library, name, &|_| true)
+    }
+
+    /// The part of it that is about the cases that fit.
+    ///
+    /// # Errors
+    /// As [`of`](Self::of).
+    pub(super) fn of_cases(
+        library: &Library,
+        name: &str,
+        fits: &(dyn Fn(&Case) -> bool + Sync),
+    ) -> Result<Self, Refused> {
         let device = reference_device(name, &library.catalogue)?;
         let mut mutants = sound_mutants(&device, &library.register)?;
         mutants.retain(|mutant| {
@@ -51,12 +70,35 @@ impl Matrix {
         });
         let device_alone = Clean::of(library, name)?;
         let mut clean = BTreeMap::<String, BTreeSet<Verdict>>::new();
-        for result in device_alone.run()? {
+        let mut allowed = BTreeSet::new();
+        for result in device_alone.run(fits)? {
+            allowed.extend(Assertion::used_by(&result));
             clean.entry(result.case).or_default().insert(result.verdict);
         }
-        let rows = parallel::try_map(&mutants, |mutant| row(&device_alone, mutant))?;
+        let rows = parallel::try_map(&mutants, |mutant| row(&device_alone, mutant, fits))?;
         let is_variant = device.description.device != device.first;
-        Ok(Self { device: device.description.device.clone(), is_variant, clean, rows })
+        let device = device.description.device.clone();
+        Ok(Self { device, is_variant, clean, allowed, rows })
+    }
+
+    /// Whether suites of that device are proved on this one.
+    pub(super) fn is_home_of(&self, suite: &Suite) -> bool {
+        is_home(&self.device, suite)
+    }
+
+    /// The assertions that are proved, with what proves them.
+    pub(super) fn proofs(&self) -> impl Iterator<Item = (&Assertion, &str)> {
+        let device = self.device.as_str();
+        let allowed = self.allowed.iter().map(move |assertion| (assertion, device));
+        let demanded = self.rows.iter().flat_map(|row| {
+            row.assertions.iter().map(|assertion| (assertion, row.mutant.name.as_str()))
+        });
+        allowed.chain(demanded)
+    }
+
+    /// The steps that fail, although without them another one would.
+    pub(super) fn failing(&self) -> impl Iterator<Item = &Assertion> {
+        self.rows.iter().flat_map(|row| &row.failing)
     }
 
     /// Adds the summary, and with `verbose` the rows.
@@ -89,15 +131,23 @@ impl Matrix {
     }
 }
 
-fn row(clean: &Clean, mutant: &Mutant) -> Result<Row, Refused> {
-    let meets = |case: &Case| mutant.canary || broken(mutant, case).next().is_some();
+fn row(
+    clean: &Clean,
+    mutant: &Mutant,
+    fits: &(dyn Fn(&Case) -> bool + Sync),
+) -> Result<Row, Refused> {
+    let broken_by = |case: &Case| mutant.canary || broken(mutant, case).next().is_some();
+    let meets = |case: &Case| fits(case) && broken_by(case);
     let ran = clean.deviating(mutant.deviation(), &Wanted::Cases(&meets))?;
+    let killing = || ran.trials.iter().filter(|trial| trial.kills);
+    let assertions = killing().flat_map(Assertion::proved_by).collect();
+    let failing = killing().filter_map(Assertion::failing).collect();
     let kills: BTreeSet<String> =
         ran.trials.into_iter().filter(|trial| trial.kills).map(|trial| trial.case).collect();
     let killing =
         ran.instances.iter().filter(|instance| kills.contains(&trial::case_name(instance)));
     let proved = killing.flat_map(|instance| broken(mutant, instance.case())).cloned().collect();
-    Ok(Row { mutant: mutant.clone(), kills, proved, ending: ran.ending })
+    Ok(Row { mutant: mutant.clone(), kills, proved, assertions, failing, ending: ran.ending })
 }
 
 /// The requirements that the mutant breaks and the case checks.
@@ -162,6 +212,11 @@ pub(super) fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
         }
     }
     holes
+}
+
+/// Whether the cases of a suite are proved on that device.
+pub(super) fn is_home(device: &str, suite: &Suite) -> bool {
+    home(suite) == device
 }
 
 /// The device on which the cases of a suite are proved, with its variants: the one it is for, the

@@ -1,5 +1,6 @@
 //! Plans on devices in virtual time, and what came of each instance.
 
+use std::cell::Cell;
 use std::collections::hash_map::DefaultHasher;
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{Hash, Hasher};
@@ -14,7 +15,7 @@ use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::commands::run::plan_all;
 use crate::exit::Refused;
 use crate::plan::{Instance, Plan, plan_cases};
-use crate::run::{Ending, Policy, Session};
+use crate::run::{Ending, Policy, Session, Shown};
 use crate::suite::model::Case;
 use crate::suite::{Library, Suite};
 use crate::target::{self, Target};
@@ -38,6 +39,8 @@ pub(super) struct Trial {
     pub frames: u64,
     /// Their times since the case began, as a hash.
     pub timing: u64,
+    /// What it shows about the assertions of the case.
+    pub shown: Shown,
 }
 
 /// A device without deviation, and its plan: what deviating devices are made of.
@@ -81,12 +84,15 @@ impl<'l> Clean<'l> {
         Ok(Self { library, target: targets.remove(0), plan })
     }
 
-    /// Runs the whole plan on the device without deviation.
+    /// Runs the cases of the plan that fit on the device without deviation.
     ///
     /// # Errors
     /// When the device cannot be built.
-    pub(super) fn run(&self) -> Result<Vec<Trial>, Refused> {
-        Ok(run(self.library, &self.plan, &self.target)?.0)
+    pub(super) fn run(&self, fits: &dyn Fn(&Case) -> bool) -> Result<Vec<Trial>, Refused> {
+        let all = self.plan.instances.iter();
+        let instances = all.filter(|instance| fits(instance.case())).cloned().collect();
+        let plan = Plan { dut: self.plan.dut.clone(), instances, left_out: BTreeMap::new() };
+        Ok(run(self.library, &plan, &self.target)?.0)
     }
 
     /// Runs what is wanted on the device with a deviation.
@@ -143,6 +149,7 @@ impl Wanted<'_> {
 fn run(library: &Library, plan: &Plan, target: &Target) -> Result<(Vec<Trial>, Ending), Refused> {
     let stop = Arc::new(AtomicBool::new(false));
     let mut bus = target.open(&stop)?;
+    let shown = Cell::default();
     let session = Session {
         plan,
         register: &library.register,
@@ -150,6 +157,7 @@ fn run(library: &Library, plan: &Plan, target: &Target) -> Result<(Vec<Trial>, E
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
+        shown: Some(&shown),
         stop: &stop,
     };
     let mut trials = Vec::new();
@@ -174,6 +182,7 @@ fn run(library: &Library, plan: &Plan, target: &Target) -> Result<(Vec<Trial>, E
             problem: problem(&end.outcome),
             frames: frames.finish(),
             timing: timing.finish(),
+            shown: shown.take(),
         }),
         _ => {}
     });

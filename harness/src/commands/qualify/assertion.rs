@@ -1,0 +1,43 @@
+//! What can be proved of a case, and what one run proves.
+
+use std::collections::BTreeSet;
+
+use super::trial::Trial;
+use crate::suite::constraint::Constraint;
+
+/// A part of a case that can be proved.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct Assertion {
+    /// Suite and case.
+    pub case: String,
+    /// The place of the step among the steps.
+    pub step: usize,
+    /// The constraint; the step as a whole when there is none.
+    pub constraint: Option<Constraint>,
+}
+
+impl Assertion {
+    /// The step and the constraints without which a mutant would have passed.
+    pub(super) fn proved_by(trial: &Trial) -> BTreeSet<Self> {
+        let Trial { case, shown, .. } = trial;
+        let Some(step) = shown.step.filter(|_| shown.alone) else { return BTreeSet::new() };
+        let constraints = shown.constraints.iter().cloned().map(Some);
+        let all = [None].into_iter().chain(constraints);
+        all.map(|constraint| Self { case: case.clone(), step, constraint }).collect()
+    }
+
+    /// The step that fails, although without it another one would.
+    pub(super) fn failing(trial: &Trial) -> Option<Self> {
+        let step = trial.shown.step.filter(|_| !trial.shown.alone)?;
+        Some(Self { case: trial.case.clone(), step, constraint: None })
+    }
+
+    /// What was accepted beside what was expected.
+    pub(super) fn used_by(trial: &Trial) -> impl Iterator<Item = Self> {
+        trial.shown.allowed.iter().map(|(step, allowance)| Self {
+            case: trial.case.clone(),
+            step: *step,
+            constraint: Some(Constraint::Allowance(*allowance)),
+        })
+    }
+}
