@@ -156,9 +156,10 @@ impl Ax021211 {
                     && mux.sub == 1
                     && od.int(mux) == Some(1)
                 {
-                    let shown = if self.rules.first_point_is_shown() { 3 } else { 1 };
-                    for (item, sub) in [(3, 0), (6, 1), (7, 1)].into_iter().take(shown) {
-                        od.set_int(Mux::new(table(place, item), sub), 0);
+                    for (item, sub) in [(3, 0), (6, 1), (7, 1)] {
+                        if let Some(value) = self.rules.first_point(item) {
+                            od.set_int(Mux::new(table(place, item), sub), value);
+                        }
                     }
                 }
             }
@@ -201,7 +202,7 @@ impl Ax021211 {
         if let Some(kind) = Kind::of(code)
             && self.rules.updates(enabled, kind)
         {
-            defaults::update(mux.sub, kind, od);
+            defaults::update(mux.sub, kind, od, &*self.rules);
         }
     }
 
@@ -241,7 +242,11 @@ impl Behaviour for Ax021211 {
     fn reset(&mut self, now: Instant, od: &mut Dictionary) {
         self.powered = true;
         (self.outside.timed_out, self.outside.operational) = ([false; 24], false);
-        self.network = Network::new(Parameters { od, rules: &*self.rules });
+        let network = Network::new(Parameters { od, rules: &*self.rules });
+        let before = std::mem::replace(&mut self.network, network);
+        if !self.rules.forgets() {
+            self.network.remember(&before);
+        }
         for place in 0..OUTPUTS {
             self.kinds[place] = od.int(Mux::new(OUTPUT_TYPE, place as u8 + 1)).unwrap_or(0);
         }
@@ -255,7 +260,7 @@ impl Behaviour for Ax021211 {
     }
 
     fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {
-        let checked = limits::check(mux, bytes, od, &self.network);
+        let checked = limits::check(mux, bytes, od, (&self.network, &*self.rules));
         checked.or_else(|abort| self.rules.refused(mux, abort))
     }
 
@@ -290,8 +295,10 @@ impl Behaviour for Ax021211 {
         }
         if std::mem::take(&mut self.touched) {
             self.touch(now);
-            show_real(od, SUPPLY, self.outside.supply);
-            show_real(od, TEMPERATURE, self.outside.temperature);
+            let (supply, temperature) =
+                self.rules.measured(self.outside.supply, self.outside.temperature);
+            show_real(od, SUPPLY, supply);
+            show_real(od, TEMPERATURE, temperature);
         }
         self.network.show(od);
         diagnosis::report(&self.network, self.outside.supply, errors, &*self.rules);

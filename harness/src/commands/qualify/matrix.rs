@@ -70,12 +70,19 @@ impl Matrix {
         });
         let device_alone = Clean::of(library, name)?;
         let mut clean = BTreeMap::<String, BTreeSet<Verdict>>::new();
-        let mut allowed = BTreeSet::new();
+        let (mut allowed, mut held) = (BTreeSet::new(), BTreeSet::new());
         for result in device_alone.run(fits)? {
             allowed.extend(Assertion::used_by(&result));
+            if result.kills {
+                held.insert(result.case.clone());
+            }
             clean.entry(result.case).or_default().insert(result.verdict);
         }
-        let rows = parallel::try_map(&mutants, |mutant| row(&device_alone, mutant, fits))?;
+        let mut rows = parallel::try_map(&mutants, |mutant| row(&device_alone, mutant, fits))?;
+        for row in &mut rows {
+            // What holds against the device without deviation says nothing about a mutant.
+            row.kills.retain(|case| !held.contains(case));
+        }
         let is_variant = device.description.device != device.first;
         let device = device.description.device.clone();
         Ok(Self { device, is_variant, clean, allowed, rows })

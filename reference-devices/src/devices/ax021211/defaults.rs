@@ -7,6 +7,7 @@ use super::objects::{
     SCALING_2_FV, SCALING_2_PV, STATIC_BIAS, show,
 };
 use super::output::Kind;
+use super::rules::Ax021211Rules;
 
 /// The defaults of a type: digits of the FV, the largest FV in use, override FV and fault FV.
 const fn of(kind: Kind) -> (i64, i64, i64, i64) {
@@ -19,7 +20,7 @@ const fn of(kind: Kind) -> (i64, i64, i64, i64) {
 }
 
 /// Gives the objects of an output the defaults of a type.
-pub(super) fn update(sub: u8, kind: Kind, od: &mut Dictionary) {
+pub(super) fn update(sub: u8, kind: Kind, od: &mut Dictionary, rules: &dyn Ax021211Rules) {
     let (digits, largest, overriding, fault) = of(kind);
     for (index, value) in [
         (DIGITS_PV, 0),
@@ -33,6 +34,7 @@ pub(super) fn update(sub: u8, kind: Kind, od: &mut Dictionary) {
         (HYSTERESIS, if kind.is_current() && !kind.is_digital() { 100 } else { largest / 10 }),
         (STATIC_BIAS, 0),
     ] {
-        show(od, Mux::new(index, sub), value);
+        let (mux, value) = rules.type_default(Mux::new(index, sub), value);
+        show(od, mux, value);
     }
 }

@@ -86,7 +86,7 @@ impl Digital {
         }
         self.blinking_since = None;
         let wanted = rules.polarity(settings.inverse) != on;
-        let late = !is_hotshot
+        let late = (!is_hotshot || rules.hotshot_is_delayed())
             && rules.delays(settings.inverse)
             && wanted != self.drive
             && rules.is_delayed_edge(wanted, settings.delayed_state);

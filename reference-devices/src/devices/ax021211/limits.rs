@@ -13,6 +13,7 @@ use super::objects::{
     SCALING_2_FV, SCALING_2_PV, STATIC_BIAS, table, table_of,
 };
 use super::output::Kind;
+use super::rules::Ax021211Rules;
 use super::signal::{Link, SUPPLY};
 
 /// Whether a value may be written.
@@ -24,7 +25,7 @@ pub(super) fn check(
     mux: Mux,
     bytes: &[u8],
     od: &Dictionary,
-    network: &Network,
+    (network, rules): (&Network, &dyn Ax021211Rules),
 ) -> Result<(), Abort> {
     let is_var = mux.index == HEARTBEAT || matches!(table_of(mux.index), Some((_, 1)));
     let Some(value) = number(bytes).filter(|_| mux.sub > 0 || is_var) else {
@@ -57,7 +58,7 @@ pub(super) fn check(
         }
         index => match (source_of(mux), table_of(index)) {
             (Some(source), _) => within(value, 0, largest_number(od.int(source).unwrap_or(0))),
-            (None, Some((place, 6))) => check_x(place, mux.sub, value, od, network),
+            (None, Some((place, 6))) => check_x(place, mux.sub, value, od, (network, rules)),
             _ => Ok(()),
         },
     }
@@ -96,27 +97,26 @@ fn check_x(
     sub: u8,
     value: i64,
     od: &Dictionary,
-    network: &Network,
+    (network, rules): (&Network, &dyn Ax021211Rules),
 ) -> Result<(), Abort> {
     let int = |item, sub| od.int(Mux::new(table(place, item), sub));
     if int(5, 1) == Some(1) {
         return within(value, i64::from(sub > 1), LONGEST_INTERVAL);
     }
     let scaled = |value: f64| value * power(int(3, 0).unwrap_or(0) as u8);
-    let limits = network.x_limits(place).map(|(low, high)| (scaled(low), scaled(high)));
+    let limits =
+        rules.x_limits(network.x_limits(place)).map(|(low, high)| (scaled(low), scaled(high)));
     let (low, high) = limits.unwrap_or(WIDEST);
     match sub {
         1 if (value as f64) < low => return Err(Abort::TOO_LOW),
         11 if value as f64 > high => return Err(Abort::TOO_HIGH),
         _ => {}
     }
-    if sub > 1 && value < int(6, sub - 1).unwrap_or(i64::MIN) {
-        return Err(Abort::TOO_LOW);
-    }
-    if sub < 11 && value > int(6, sub + 1).unwrap_or(i64::MAX) {
-        return Err(Abort::TOO_HIGH);
-    }
-    Ok(())
+    let point = |sub| od.int(Mux::new(table(rules.neighbours(place), 6), sub));
+    let low = if sub > 1 { point(sub - 1) } else { None };
+    let high = if sub < 11 { point(sub + 1) } else { None };
+    let (low, high) = rules.x_range(low.unwrap_or(i64::MIN), high.unwrap_or(i64::MAX));
+    within(value, low, high)
 }
 
 /// The largest field value of an output, in its digits (table 3).

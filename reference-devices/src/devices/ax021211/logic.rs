@@ -33,6 +33,7 @@ pub(super) enum Verdict {
 
 impl LogicSettings {
     pub(super) fn read(od: Parameters<'_>, place: usize) -> Self {
+        let place = od.rules.block(logic(0, 0), place);
         let index = |item| logic(place, item);
         let condition = |function: usize, number: usize| {
             let index = index(0x11 + 0x10 * function as u16 + number as u16);

@@ -4,7 +4,7 @@ use super::objects::{
     MATH_DIGITS, MATH_ENABLE, MATH_SCALING_1, MATH_SCALING_2, Parameters, digits, math, power,
 };
 use super::rules::Ax021211Rules;
-use super::signal::{Link, Signal, share};
+use super::signal::{Link, Signal};
 
 /// What a math block is set up for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -30,6 +30,7 @@ pub(super) struct MathInput {
 
 impl MathSettings {
     pub(super) fn read(od: Parameters<'_>, place: usize) -> Self {
+        let place = od.rules.block(math(0, 0), place);
         let index = |item| math(place, item);
         let digits = od.byte(MATH_DIGITS, place);
         let input = |input| {
@@ -79,12 +80,12 @@ impl Math {
             return (digits(off, settings.digits), Signal::new(off, limits));
         }
         let (mut seen, mut result) = (self.last, None);
-        for function in 0..3 {
+        for function in 0..rules.functions() {
             let pair = [2 * function, 2 * function + 1].map(|input| &settings.inputs[input]);
             if !rules.function_counts(pair.map(|input| input.link.is_used())) {
                 continue;
             }
-            let values = pair.map(|input| match self.own(place, input) {
+            let values = pair.map(|input| match Self::own(place, input, rules) {
                 Some(from) => {
                     let subtracts = settings.operators[from] == MINUS;
                     rules.linked_result(seen[from], input.gain, subtracts)
@@ -103,10 +104,11 @@ impl Math {
     }
 
     /// The function of this block that an input takes (1.7): source, number and function name it.
-    fn own(&self, place: usize, input: &MathInput) -> Option<usize> {
-        let is_own = input.link == Link::new(MATH_SOURCE, place as u8 + 1);
-        let function = usize::from(input.function).checked_sub(1)?;
-        (is_own && function < self.now.len()).then_some(function)
+    fn own(place: usize, input: &MathInput, rules: &dyn Ax021211Rules) -> Option<usize> {
+        let is_own = input.link.source == MATH_SOURCE
+            && rules.is_own_block(usize::from(input.link.number) == place + 1);
+        let function = usize::from(rules.function_number(input.function)).checked_sub(1)?;
+        (is_own && function < 3).then_some(function)
     }
 
     /// The control cycle is over. Returns whether the functions have other results than before it.
@@ -121,7 +123,7 @@ impl MathInput {
         if !signal.is_valid() {
             return rules.math_input_in_error(signal.value);
         }
-        rules.math_input(share(signal.value, self.low, self.high), self.gain)
+        rules.math_input(rules.share(signal.value, self.low, self.high), self.gain)
     }
 }
 

@@ -107,6 +107,9 @@ impl Network {
     /// Takes over what was written at an address.
     pub(super) fn written(&mut self, mux: Mux, od: Parameters<'_>) {
         let (index, settings) = (mux.index, &mut self.settings);
+        if !od.rules.takes_over(index) {
+            return;
+        }
         if matches!(index, PROCESS_VALUE | EXTRA..=EXTRA_SCALING_2 | CONSTANTS)
             || index == WRITE_STATES.index
         {
@@ -173,8 +176,9 @@ impl Network {
         // Both are measured with one digit (table 6).
         let measured = |value: f64| Signal::new((value * 10.0).round() / 10.0, None);
         let (low, high) = rules.supply_errors(outside.supply);
-        self.signals[SUPPLY] = measured(outside.supply).failing(low || high);
-        self.signals[TEMPERATURE] = measured(outside.temperature);
+        let (supply, temperature) = rules.measured(outside.supply, outside.temperature);
+        self.signals[SUPPLY] = measured(supply).failing(low || high);
+        self.signals[TEMPERATURE] = measured(temperature);
         let off = (rules.outputs_need_operational() && !outside.operational)
             .then(OutputSettings::default);
         for turn in 0..self.order.blocks.len() {
@@ -182,20 +186,20 @@ impl Network {
                 Block::Math(place) => self.evaluate_math(place, turn, rules),
                 Block::Table(place) => {
                     let settings = &self.settings.tables[place];
-                    let x = self.read(settings.x, turn);
+                    let x = self.read(settings.x, turn, rules);
                     let (shown, signal) = self.tables[place].evaluate(now, settings, x, rules);
                     self.keep(TABLES + place, shown, signal);
                 }
                 Block::Pid(place) => {
                     let settings = &self.settings.pids[place];
-                    let target = self.read(settings.target, turn);
-                    let feedback = self.read(settings.feedback, turn);
+                    let target = self.read(settings.target, turn, rules);
+                    let feedback = self.read(settings.feedback, turn, rules);
                     let (shown, signal) =
                         self.pids[place].evaluate(now, settings, target, feedback, rules);
                     self.keep(PIDS + place, shown, signal);
                 }
                 Block::Logic(place) => {
-                    let read = |link| self.read(link, turn);
+                    let read = |link| self.read(link, turn, rules);
                     let table = |signal| self.see(signal, turn);
                     let before = self.shown.selected[place];
                     let (selected, shown, signal) =
@@ -205,7 +209,7 @@ impl Network {
                 }
                 Block::Output(place) => {
                     let settings = &self.settings.outputs[place];
-                    let inputs = settings.links.map(|link| self.read(link, turn));
+                    let inputs = settings.links.map(|link| self.read(link, turn, rules));
                     let settings = off.as_ref().unwrap_or(settings);
                     let at = (&outside.loads[place], outside.supply);
                     let view =
@@ -220,7 +224,7 @@ impl Network {
 
     fn evaluate_math(&mut self, place: usize, turn: usize, rules: &dyn Ax021211Rules) {
         let mut math = self.maths[place];
-        let read = |link| self.read(link, turn);
+        let read = |link| self.read(link, turn, rules);
         let (shown, signal) = math.evaluate(place, &self.settings.maths[place], read, rules);
         self.maths[place] = math;
         self.keep(MATHS + place, shown, signal);
@@ -232,8 +236,8 @@ impl Network {
     }
 
     /// What a link gives to the block whose turn it is.
-    fn read(&self, link: Link, turn: usize) -> Signal {
-        link.place().map_or(Signal::ABSENT, |place| self.see(place, turn))
+    fn read(&self, link: Link, turn: usize, rules: &dyn Ax021211Rules) -> Signal {
+        rules.link(link).place().map_or(Signal::ABSENT, |place| self.see(place, turn))
     }
 
     fn see(&self, place: usize, turn: usize) -> Signal {
@@ -241,6 +245,11 @@ impl Network {
             true => self.signals[place],
             false => self.last[place],
         }
+    }
+
+    /// What a unit goes on with that does not forget in a reset.
+    pub(super) fn remember(&mut self, before: &Self) {
+        (self.pids, self.tables) = (before.pids, before.tables);
     }
 
     /// A control cycle is over: its signals are what circles see in the next one. Returns whether

@@ -16,7 +16,7 @@ use super::objects::{
 };
 use super::ramp::Ramp;
 use super::rules::Ax021211Rules;
-use super::signal::{Link, Signal, share};
+use super::signal::{Link, Signal};
 
 /// The types of table 3.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -100,6 +100,7 @@ impl OutputSettings {
     pub(super) fn read(od: Parameters<'_>, place: usize) -> Self {
         let pv_digits = od.byte(DIGITS_PV, place);
         let fv_digits = od.byte(DIGITS_FV, place);
+        let pv_digits = od.rules.digits_of_scaling(pv_digits);
         let pv = |index| od.scaled(index, place, pv_digits);
         let fv = |index| od.scaled(index, place, fv_digits);
         let scalings = (fv(SCALING_1_FV), fv(SCALING_2_FV));
@@ -143,7 +144,7 @@ impl OutputSettings {
         if rules.is_off(self.responses.control, pv, self.pv) {
             return 0.0;
         }
-        let part = rules.held_part(share(pv, low, high));
+        let part = rules.held_part(rules.share(pv, low, high));
         let fv = self.fv.0 + part * (self.fv.1 - self.fv.0);
         rules.biased(fv, pv, self.ramp.bias).clamp(0.0, self.kind.largest())
     }
@@ -243,13 +244,15 @@ impl Output {
         } else {
             self.drive_analogue(elapsed, command, settings, rules)
         };
-        let driven = load.driven(rules.stage(stage), supply);
+        let driven = load.driven(rules.stage(stage, settings.dither), supply);
         let view = self.view(settings, driven, rules);
         let applied = digits(self.level, settings.digits);
-        let difference = (applied as f64 / power(settings.digits) - view.feedback.1.value).abs();
-        let drives = applied != 0;
+        let fv = applied as f64 / power(settings.digits);
+        let (feedback, seen) = (view.feedback.1.value, (driven, settings.dither));
+        let difference = rules.difference(fv, self.target, feedback, seen);
+        let drives = applied != 0 || view.drives_digital;
         let wrong = rules.is_wrong(drives, driven.shorted, difference, settings.hysteresis);
-        let watched = self.kind == Kind::Current && rules.detects(settings.detects);
+        let watched = rules.watches(self.kind == Kind::Current) && rules.detects(settings.detects);
         self.detector.watch(now, watched && wrong, settings.reaction_delay, rules);
         view
     }
@@ -268,7 +271,7 @@ impl Output {
             Command::Disabled(Disabled::KeepLast) => self.level,
             Command::Disabled(_) => rules.off_fv(settings.fv.0),
             Command::Control(pv) if pv.is_valid() => settings.field_value(pv.value, rules),
-            Command::Control(_) => 0.0,
+            Command::Control(_) => rules.uncontrolled(self.level),
         };
         let target = target.clamp(0.0, self.kind.largest());
         self.level = match rules.is_ramped(command) {
@@ -345,7 +348,7 @@ impl Output {
             commanded: (commanded, signal(commanded)),
             feedback: (feedback, signal(feedback).failing(fault)),
             driven,
-            dithers: self.kind == Kind::Current
+            dithers: rules.dithers(self.kind == Kind::Current)
                 && settings.dither > 0.0
                 && driven.milliamperes > 0.0,
             drives_digital: is_digital && self.digital.drive,
@@ -369,9 +372,11 @@ impl OutputSettings {
         let [control, enable, overriding] = inputs;
         let fault = rules.input_fault(inputs.map(Signal::has_failed));
         let on = |signal: Signal| signal.is_valid().then(|| rules.is_on(signal));
-        let disabled = on(enable).and_then(|on| rules.disabled(self.responses.enable, on));
-        let overrides =
-            on(overriding).is_some_and(|on| rules.overrides(self.responses.overriding, on));
+        let enabling = on(enable).or(rules.absent(1));
+        let disabled = enabling.and_then(|on| rules.disabled(self.responses.enable, on));
+        let overrides = on(overriding)
+            .or(rules.absent(2))
+            .is_some_and(|on| rules.overrides(self.responses.overriding, on));
         rules.decide(Interventions { fault, overrides, disabled }, control)
     }
 }

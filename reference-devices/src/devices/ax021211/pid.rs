@@ -48,6 +48,7 @@ impl Gains {
 
 impl PidSettings {
     pub(super) fn read(od: Parameters<'_>, place: usize) -> Self {
+        let place = od.rules.block(PID_GAIN, place);
         let digits = od.byte(PID_DIGITS, place);
         let time = |index| od.rules.pid_time(od.scaled(index, place, digits));
         Self {
@@ -72,6 +73,8 @@ impl PidSettings {
 pub(super) struct Pid {
     /// When the algorithm is called next; `None` while the loop is disabled.
     next: Option<Instant>,
+    /// Its sources were taken away, and it does not run again.
+    stopped: bool,
     /// The last call changed nothing, and neither would another one with the same inputs.
     idle: bool,
     sum: f64,
@@ -96,10 +99,12 @@ impl Pid {
         let sources = [settings.target, settings.feedback];
         let usable = |signal: Signal| signal.is_valid() || signal.has_failed();
         let chosen = sources.iter().all(|link| link.is_used());
-        if !rules.pid_is_enabled(chosen && usable(target) && usable(feedback), sources) {
-            let output = self.output;
-            *self = Self { output, ..Self::default() };
-            return (rules.pid_disabled(digits(output, 1)), Signal::ABSENT);
+        let enabled = rules.pid_is_enabled(chosen && usable(target) && usable(feedback), sources);
+        if !enabled || self.stopped {
+            let stopped = self.stopped || self.next.is_some() && !rules.pid_resumes();
+            let kept = if rules.forgets() { Self::default() } else { *self };
+            *self = Self { output: self.output, stopped, next: None, ..kept };
+            return (rules.pid_disabled(digits(self.output, 1)), Signal::ABSENT);
         }
         let failed = target.has_failed() || feedback.has_failed();
         if failed {
@@ -118,10 +123,7 @@ impl Pid {
         difference: f64,
         rules: &dyn Ax021211Rules,
     ) {
-        let error = match rules.is_tolerated(difference.abs(), settings.tolerance) {
-            true => 0.0,
-            false => difference,
-        };
+        let error = rules.counted(difference, settings.tolerance);
         let cycle = Duration::from_secs_f64(settings.cycle);
         let mut next = self.next.unwrap_or(now);
         if self.idle && next < now {
@@ -159,7 +161,7 @@ impl Pid {
 fn difference(target: Signal, feedback: Signal, rules: &dyn Ax021211Rules) -> f64 {
     let of_feedback = feedback.limits.or(target.limits).unwrap_or(PERCENT);
     let of_target = rules.target_limits(target.limits, of_feedback);
-    rules.pid_error(target.percent(of_target), feedback.percent(of_feedback))
+    rules.pid_error(rules.percent(target, of_target), rules.percent(feedback, of_feedback))
 }
 
 /// The output that a response of table 11 makes of the result of figure 8, in per cent.

@@ -1,7 +1,9 @@
 //! Every decision of the function blocks that a test can observe.
 
 mod deviations;
+mod inputs;
 mod parameters;
+mod results;
 
 use std::time::Duration;
 
@@ -13,7 +15,7 @@ use super::math;
 use super::output::{self, Command, Disabled, Interventions, Kind};
 use super::pid::{self, Gains};
 use super::ramp::Ramp;
-use super::signal::{Link, Signal};
+use super::signal::{self, Link, Signal};
 use super::table::{self, POINTS};
 
 pub(super) use deviations::{named, names};
@@ -58,6 +60,36 @@ pub(super) trait Ax021211Rules: Send {
     }
 
     // Sources
+
+    /// Tables 4 and 5.
+    fn link(&self, link: Link) -> Link {
+        link
+    }
+
+    /// What is written is in force at once.
+    fn takes_over(&self, _index: u16) -> bool {
+        true
+    }
+
+    /// Each block has settings of its own; a kind of blocks is named by the first of its objects.
+    fn block(&self, _kind: u16, place: usize) -> usize {
+        place
+    }
+
+    /// Where a value is between two limits (tables 5 and 6).
+    fn share(&self, value: f64, low: f64, high: f64) -> f64 {
+        signal::share(value, low, high)
+    }
+
+    /// The supply in volts and the temperature in degrees Celsius (2.4.79, 2.4.80).
+    fn measured(&self, volts: f64, degrees: f64) -> (f64, f64) {
+        (volts, degrees)
+    }
+
+    /// After a reset no block knows what was before.
+    fn forgets(&self) -> bool {
+        true
+    }
 
     /// A message controls a digital output by a bit, any other by its process value (1.2, table 5).
     fn message_is_bit(&self, is_digital: bool) -> bool {
@@ -129,6 +161,11 @@ pub(super) trait Ax021211Rules: Send {
         false
     }
 
+    /// What an object of the output has by default for its new type (1.3, 1.8).
+    fn type_default(&self, mux: Mux, value: i64) -> (Mux, i64) {
+        (mux, value)
+    }
+
     // Lookup table
 
     /// A table without source has no output.
@@ -139,11 +176,6 @@ pub(super) trait Ax021211Rules: Send {
     /// A new source leaves the X-axis to the user (1.5).
     fn source_spreads_points(&self) -> bool {
         false
-    }
-
-    /// The first point of a time response is set to [0,0] in its objects (1.5.4).
-    fn first_point_is_shown(&self) -> bool {
-        true
     }
 
     /// The responses of table 12.
@@ -222,8 +254,39 @@ pub(super) trait Ax021211Rules: Send {
     }
 
     /// The X-axis is in the unit of the source (1.5.1).
-    fn table_input(&self, x: f64) -> f64 {
+    fn table_input(&self, x: f64, _repeats: bool) -> f64 {
         x
+    }
+
+    /// A profile begins when its input comes on (1.5.4).
+    fn sequence_runs(&self, on: bool) -> bool {
+        on
+    }
+
+    /// A time response sets the first point and the digits of its X-axis to 0 (1.5.4), by the last
+    /// digit of the object.
+    fn first_point(&self, _item: u16) -> Option<i64> {
+        Some(0)
+    }
+
+    /// The X-axis of a time response has no decimal digits (1.5.4).
+    fn digits_of_time(&self, _digits: u8) -> u8 {
+        0
+    }
+
+    /// The limits of an X-axis are those of its source (1.5.1).
+    fn x_limits(&self, limits: Option<(f64, f64)>) -> Option<(f64, f64)> {
+        limits
+    }
+
+    /// A point of an X-axis lies between the points beside it in the same table (1.5.1).
+    fn neighbours(&self, place: usize) -> usize {
+        place
+    }
+
+    /// It may be equal to them (1.5.1).
+    fn x_range(&self, low: i64, high: i64) -> (i64, i64) {
+        (low, high)
     }
 
     // PID control
@@ -246,6 +309,21 @@ pub(super) trait Ax021211Rules: Send {
     /// A difference smaller than the tolerance is none (1.4).
     fn is_tolerated(&self, difference: f64, tolerance: f64) -> bool {
         difference < tolerance
+    }
+
+    /// How much of a difference counts (1.4).
+    fn counted(&self, difference: f64, tolerance: f64) -> f64 {
+        if self.is_tolerated(difference.abs(), tolerance) { 0.0 } else { difference }
+    }
+
+    /// Target and feedback are percentages of the limits of their sources (1.4).
+    fn percent(&self, signal: Signal, limits: (f64, f64)) -> f64 {
+        signal.percent(limits)
+    }
+
+    /// A loop that has its sources back runs again (1.4).
+    fn pid_resumes(&self) -> bool {
+        true
     }
 
     /// The gains of figure 8.
@@ -298,6 +376,21 @@ pub(super) trait Ax021211Rules: Send {
     /// A block that is not enabled is at 0 (2.4.65).
     fn math_is_enabled(&self, configured: bool) -> bool {
         configured
+    }
+
+    /// There are three functions (1.7).
+    fn functions(&self) -> usize {
+        3
+    }
+
+    /// 4y02h (2.4.72).
+    fn function_number(&self, code: u8) -> u8 {
+        code
+    }
+
+    /// Only of its own block an input can take a function (1.7).
+    fn is_own_block(&self, is_own: bool) -> bool {
+        is_own
     }
 
     /// A function needs both inputs (1.7).
@@ -396,6 +489,21 @@ pub(super) trait Ax021211Rules: Send {
         control || enable || overriding
     }
 
+    /// An input without a source, 1 for enable and 2 for override, has no say (1.3).
+    fn absent(&self, _input: usize) -> Option<bool> {
+        None
+    }
+
+    /// Without a control source an output is off.
+    fn uncontrolled(&self, _level: f64) -> f64 {
+        0.0
+    }
+
+    /// 7320h and 7322h have the digits of 6302h (2.3.8).
+    fn digits_of_scaling(&self, digits: u8) -> u8 {
+        digits
+    }
+
     /// The responses of table 8.
     fn disabled(&self, response: u8, on: bool) -> Option<Disabled> {
         output::disabled(response, on)
@@ -472,8 +580,8 @@ pub(super) trait Ax021211Rules: Send {
         matches!(command, Command::Control(_) | Command::Disabled(Disabled::RampOff))
     }
 
-    /// What the output stage does is what was commanded.
-    fn stage(&self, stage: Stage) -> Stage {
+    /// What the output stage does is what was commanded; a dither leaves the mean as it is.
+    fn stage(&self, stage: Stage, _dither: f64) -> Stage {
         stage
     }
 
@@ -500,6 +608,16 @@ pub(super) trait Ax021211Rules: Send {
     /// A short circuit, or a feedback out of the tolerance, while the output drives (1.3).
     fn is_wrong(&self, drives: bool, shorted: bool, difference: f64, tolerance: f64) -> bool {
         drives && (shorted || difference > tolerance)
+    }
+
+    /// Only a current is watched (3.2).
+    fn watches(&self, is_current: bool) -> bool {
+        is_current
+    }
+
+    /// The feedback is compared with the field value, on a ramp, too (1.3).
+    fn difference(&self, fv: f64, _target: f64, feedback: f64, _seen: (Driven, f64)) -> f64 {
+        (fv - feedback).abs()
     }
 
     /// 2312h (2.4.10).
@@ -544,6 +662,11 @@ pub(super) trait Ax021211Rules: Send {
         configured
     }
 
+    /// A delay is for on/off outputs (1.2).
+    fn hotshot_is_delayed(&self) -> bool {
+        false
+    }
+
     /// Each time the output comes on it begins with the hotshot (figure 3).
     fn hotshot_is_armed_again(&self) -> bool {
         true
@@ -560,6 +683,11 @@ pub(super) trait Ax021211Rules: Send {
     }
 
     /// A dither belongs to a current output (1.3).
+    fn dithers(&self, is_current: bool) -> bool {
+        is_current
+    }
+
+    /// 2321h (2.4.12).
     fn dither(&self, amplitude: f64) -> f64 {
         amplitude
     }

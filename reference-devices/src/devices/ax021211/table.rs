@@ -37,12 +37,13 @@ pub(super) enum Response {
 
 impl TableSettings {
     pub(super) fn read(od: Parameters<'_>, place: usize) -> Self {
+        let place = od.rules.block(table(0, 0), place);
         let index = |item| table(place, item);
         let x_digits = od.var(index(3)) as u8;
         let y_digits = od.var(index(4)) as u8;
         let timed = od.int(index(5), 0) == 1;
         // In a time response the X-axis has no digits (1.5.4).
-        let x_digits = if timed { 0 } else { x_digits };
+        let x_digits = if timed { od.rules.digits_of_time(x_digits) } else { x_digits };
         let response = |point| match od.rules.point_response(od.byte(index(5), point)) {
             0 => Response::Ignore,
             2 => Response::Jump,
@@ -59,7 +60,7 @@ impl TableSettings {
             limits: PERCENT,
         };
         let mut settings = Self { limits: settings.limits(od.rules), ..settings };
-        if timed && !od.rules.first_point_is_shown() {
+        if timed && od.rules.first_point(7).is_none() {
             settings.y_points[0] = 0.0;
         }
         settings
@@ -175,8 +176,8 @@ impl Table {
         }
         let y = match settings.timed {
             _ if x.has_failed() => rules.table_in_error(self.held),
-            true => self.sequence(now, settings, rules.is_on(x), rules),
-            false => settings.over_data(rules.table_input(x.value), rules),
+            true => self.sequence(now, settings, rules.sequence_runs(rules.is_on(x)), rules),
+            false => settings.over_data(rules.table_input(x.value, settings.repeats), rules),
         };
         self.held = y;
         let shown = digits(y, settings.y_digits);

@@ -16,18 +16,20 @@ use super::super::pid::{self, Gains};
 use super::super::ramp::Ramp;
 use super::super::signal::{Link, Signal, share};
 use super::super::table::POINTS;
-use super::Ax021211Rules;
-use super::parameters;
+use super::{Ax021211Rules, inputs, parameters, results};
 use crate::devices::deviating::{self, Deviation, deviating};
 
 /// The names of the devices that break one decision.
 pub(in super::super) fn names() -> impl Iterator<Item = &'static str> {
-    parameters::names().chain(deviating::names(DEVIATIONS))
+    let named = [inputs::DEVIATIONS, DEVIATIONS, results::DEVIATIONS];
+    parameters::names().chain(named.into_iter().flat_map(deviating::names))
 }
 
 /// The rules of the device that breaks the decision of that name; `None` when there is none.
 pub(in super::super) fn named(name: &str) -> Option<Box<dyn Ax021211Rules>> {
-    parameters::named(name).or_else(|| deviating::named(DEVIATIONS, name))
+    let named = [inputs::DEVIATIONS, DEVIATIONS, results::DEVIATIONS];
+    let found = named.into_iter().find_map(|all| deviating::named(all, name));
+    found.or_else(|| parameters::named(name))
 }
 
 const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
@@ -390,7 +392,7 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
         fn digital_states(&self, logic: bool, drive: bool) -> (bool, bool) { (drive, logic) }
     }
     "stage-at-half-power" {
-        fn stage(&self, stage: Stage) -> Stage {
+        fn stage(&self, stage: Stage, _dither: f64) -> Stage {
             match stage {
                 Stage::Current(milliamperes) => Stage::Current(milliamperes / 2.0),
                 other => other,
@@ -564,7 +566,7 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
         fn source_spreads_points(&self) -> bool { true }
     }
     "first-point-not-shown" {
-        fn first_point_is_shown(&self) -> bool { false }
+        fn first_point(&self, item: u16) -> Option<i64> { (item == 3).then_some(0) }
     }
     "jump-begins-with-its-point" {
         fn is_before_table(&self, x: f64, first: f64) -> bool { x < first }
