@@ -7,7 +7,7 @@ use std::sync::{Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread;
 
 use canopen::Stamped;
-use reports::Event;
+use reports::{CaseEnded, CaseStarted, Event};
 
 /// How many workers this machine has use for.
 pub fn processors() -> usize {
@@ -84,10 +84,12 @@ type Chunks = Vec<Vec<Held>>;
 /// How many events a chunk holds.
 const CHUNK: usize = 4096;
 
-/// An event that waits for its turn. Nearly all of them are frames, and a frame is a tenth of the
-/// largest event.
+/// An event that waits for its turn, in as little memory as it needs. Nearly all of them are
+/// frames, and a frame is a tenth of the largest event; most of the others are those of cases.
 enum Held {
     Frame(Stamped),
+    Started(Box<CaseStarted>),
+    Ended(Box<CaseEnded>),
     Other(Box<Event>),
 }
 
@@ -161,6 +163,8 @@ impl From<Event> for Held {
     fn from(event: Event) -> Self {
         match event {
             Event::Frame(seen) => Self::Frame(seen),
+            Event::CaseStarted(case) => Self::Started(Box::new(case)),
+            Event::CaseEnded(case) => Self::Ended(Box::new(case)),
             other => Self::Other(Box::new(other)),
         }
     }
@@ -170,6 +174,8 @@ impl From<Held> for Event {
     fn from(held: Held) -> Self {
         match held {
             Held::Frame(seen) => Self::Frame(seen),
+            Held::Started(case) => Self::CaseStarted(*case),
+            Held::Ended(case) => Self::CaseEnded(*case),
             Held::Other(event) => *event,
         }
     }
