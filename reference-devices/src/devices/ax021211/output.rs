@@ -372,10 +372,10 @@ impl OutputSettings {
         let [control, enable, overriding] = inputs;
         let fault = rules.input_fault(inputs.map(Signal::has_failed));
         let on = |signal: Signal| signal.is_valid().then(|| rules.is_on(signal));
-        let enabling = on(enable).or(rules.absent(1));
+        let enabling = on(enable).or_else(|| rules.absent(1));
         let disabled = enabling.and_then(|on| rules.disabled(self.responses.enable, on));
         let overrides = on(overriding)
-            .or(rules.absent(2))
+            .or_else(|| rules.absent(2))
             .is_some_and(|on| rules.overrides(self.responses.overriding, on));
         rules.decide(Interventions { fault, overrides, disabled }, control)
     }
