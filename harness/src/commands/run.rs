@@ -113,7 +113,7 @@ impl Sessions<'_> {
         let apart = sessions.iter().all(|(target, _)| target.is_simulation());
         let workers = if apart { self.args.jobs.map_or_else(processors, Into::into) } else { 1 };
         let sessions = sessions.into_iter().enumerate().collect();
-        let events = InTurn::new(tell, workers);
+        let events = InTurn::new(tell, workers.saturating_sub(1));
         let interrupted = AtomicBool::new(false);
         let ended = parallel::map(sessions, workers, |(place, (target, plan))| {
             let mut session = events.session(place);
