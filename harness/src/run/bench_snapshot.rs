@@ -1,6 +1,7 @@
 //! The bench as it was before a case, and its way back.
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 
 use canopen::bench::{INTERFACE, POWER, moved_by};
 use canopen::{BenchError, Value};
@@ -33,11 +34,11 @@ impl BenchSnapshot {
         value: &Value,
     ) -> Result<(), Trouble> {
         for name in [Some(name.to_owned()), moved_by(name)].into_iter().flatten() {
-            if !self.before.contains_key(&name) {
-                // What cannot be read is left as the case leaves it.
-                if let Ok(before) = bench(link)?.get(&name) {
-                    self.before.insert(name, before);
-                }
+            // What cannot be read is left as the case leaves it.
+            if let Entry::Vacant(slot) = self.before.entry(name)
+                && let Ok(before) = bench(link)?.get(slot.key())
+            {
+                slot.insert(before);
             }
         }
         link.look_from_now()?;

@@ -43,8 +43,8 @@ pub(super) struct NodeFacts {
     /// Whether communication starts anew when LSS configuration state is left after its settings
     /// were stored.
     lss_restarts: Option<bool>,
-    /// Whether LSS requests may be as short as their data, and are answered alike, where CiA 305 has eight
-    /// bytes.
+    /// Whether LSS requests may be as short as their data, and are answered alike, where CiA 305
+    /// has eight bytes.
     lss_short_requests: Option<bool>,
 }
 
