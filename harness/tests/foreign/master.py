@@ -101,7 +101,9 @@ class Session:
                 check(len(data) * 8 == len(variable), f"{named(variable)} has {len(data)} bytes")
             if variable.default is not None and variable.access_type != "ro":
                 value = variable.decode_raw(data)
-                check(value == variable.default, f"{named(variable)} is {value!r}")
+                # A REAL32 is nearest to the number that the data sheet writes.
+                default = variable.decode_raw(variable.encode_raw(variable.default))
+                check(value == default, f"{named(variable)} is {value!r}")
             count += 1
         self.did.append(f"{count} objects read")
 
