@@ -53,6 +53,9 @@ pub enum BusError {
     Controller(String),
     /// The user asked to stop while the bus was waiting.
     Interrupted,
+    /// The frame was not sent, since it does to a device what must not be done; the text says what
+    /// that is and what protects the device.
+    Withheld(String),
     /// A simulated device asked to be polled again and again without time passing.
     Spinning {
         /// The device's place on the bus, counted from 0.
@@ -65,7 +68,7 @@ pub enum BusError {
 impl fmt::Display for BusError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Open(why) | Self::Io(why) => f.write_str(why),
+            Self::Open(why) | Self::Io(why) | Self::Withheld(why) => f.write_str(why),
             Self::Controller(what) => write!(f, "the CAN controller reports {what}"),
             Self::Interrupted => f.write_str("interrupted"),
             Self::Spinning { station, at } => {

@@ -1,11 +1,15 @@
 //! The command line.
 
+mod device_file;
+
 use std::num::NonZero;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use reports::{FORMATS, Format, Grade};
 
+use crate::device_file::{DeviceFile, GradeWord};
 use crate::suite::{CatalogueFolder, Folders};
 use crate::waivers::check_date;
 
@@ -56,7 +60,7 @@ pub enum Command {
     Eds(EdsCommand),
     /// Write a first file of waivers from the journal of a run
     Waive(WaiveArgs),
-    /// Print the JSON schema of suites, register, devices, mutants, waivers or catalogue
+    /// Print the JSON schema of suites, devices, waivers, device files and others
     Schema(SchemaArgs),
 }
 
@@ -66,6 +70,10 @@ pub struct Selection {
     /// Suites and cases: names or globs, such as `cia301/nmt` or `'*/heartbeat-*'`
     #[arg(value_name = "SUITE|CASE")]
     pub patterns: Vec<String>,
+    /// Device file: target, data sheet, suites, and what must not be done to the device; the other
+    /// options beat it
+    #[arg(long, value_name = "FILE")]
+    pub dut: Option<PathBuf>,
     /// `vcan0`, `can0`, `sim:drr460`, `sim:drr460?mutant=NAME`, or `sim:PATH` for a device that is
     /// described in a folder; every reference device when absent
     #[arg(long)]
@@ -98,6 +106,12 @@ pub struct Selection {
     /// say so by `ObjFlags=0`; may be repeated
     #[arg(long, value_name = "INDEX", value_parser = hex_index)]
     pub free_to_write: Vec<u16>,
+    /// What was read from `dut`.
+    #[arg(skip)]
+    pub(crate) file: Option<Arc<DeviceFile>>,
+    /// The options that name the same again, beside a device file.
+    #[arg(skip)]
+    pub(crate) typed: Option<String>,
 }
 
 impl Selection {
@@ -105,6 +119,7 @@ impl Selection {
     pub fn of_target(target: Option<&str>) -> Self {
         Self {
             patterns: Vec::new(),
+            dut: None,
             target: target.map(str::to_owned),
             node: None,
             eds: None,
@@ -114,6 +129,27 @@ impl Selection {
             bench: None,
             without: Vec::new(),
             free_to_write: Vec::new(),
+            file: None,
+            typed: None,
+        }
+    }
+
+    /// Adds what else a verdict depends on to the options that repeat a run.
+    pub(crate) fn say_the_rest(&self, options: &mut String) {
+        if let Some(path) = &self.eds {
+            options.push_str(&format!(" --eds {}", path.display()));
+        }
+        if let (Some(_), Some(name)) = (&self.target, &self.device) {
+            options.push_str(&format!(" --device {name}"));
+        }
+        if let Some(bit_rate) = self.bitrate {
+            options.push_str(&format!(" --bitrate {bit_rate}"));
+        }
+        for option in &self.without {
+            options.push_str(&format!(" --without {option}"));
+        }
+        for index in &self.free_to_write {
+            options.push_str(&format!(" --free-to-write {index:04X}"));
         }
     }
 }
@@ -140,9 +176,9 @@ pub struct RunArgs {
     /// Write the journal: all events, one JSON object per line
     #[arg(long, value_name = "FILE")]
     pub journal: Option<PathBuf>,
-    /// With `strict`, a LENIENT case counts as a failure
-    #[arg(long, default_value = "lenient")]
-    pub grade: GradeName,
+    /// With `strict`, a LENIENT case counts as a failure; `lenient` when absent
+    #[arg(long)]
+    pub grade: Option<GradeName>,
     /// Waivers: causes that are known and do not make the run red
     #[arg(long, value_name = "FILE")]
     pub waivers: Option<PathBuf>,
@@ -160,9 +196,9 @@ pub struct RunArgs {
     pub every_index: bool,
     /// Multiplies `within` of `until` and `observe` in suites of a profile, for a unit that fills
     /// and vents before it heats; the documents of profiles limit no such time
-    #[arg(long, value_name = "FACTOR", default_value_t = 1)]
+    #[arg(long, value_name = "FACTOR")]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=100))]
-    pub patience: u32,
+    pub patience: Option<u32>,
     /// Stop after this number of failures
     #[arg(long, value_name = "N")]
     pub max_fail: Option<usize>,
@@ -214,7 +250,7 @@ impl FromArgMatches for ReportArgs {
 }
 
 /// Arguments of `list`.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 pub struct ListArgs {
     /// What to run, against what.
     #[command(flatten)]
@@ -415,6 +451,8 @@ pub enum SchemaName {
     Personalities,
     /// Files of waivers
     Waivers,
+    /// Device files, which say what is tested, how, and what is protected
+    Dut,
     /// Files of the catalogue of profiles
     Catalogue,
 }
@@ -444,6 +482,15 @@ impl From<GradeName> for Grade {
         match name {
             GradeName::Strict => Self::Strict,
             GradeName::Lenient => Self::Lenient,
+        }
+    }
+}
+
+impl From<GradeWord> for GradeName {
+    fn from(word: GradeWord) -> Self {
+        match word {
+            GradeWord::Strict => Self::Strict,
+            GradeWord::Lenient => Self::Lenient,
         }
     }
 }

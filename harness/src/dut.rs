@@ -3,12 +3,15 @@
 mod sheet;
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use canopen::Mux;
 use canopen::bench::Needs;
 use canopen::eds::Eds;
 use canopen::pdo::Mapping;
+
+use crate::protect::{Protection, Wire};
 
 pub(crate) use sheet::{COMPOSED, Sheet};
 
@@ -38,6 +41,30 @@ pub struct Dut {
     pub told: Option<String>,
     /// Entries without a default value whose value was longer than four bytes when it was asked.
     pub long: BTreeSet<Mux>,
+    /// What must not be done to it.
+    pub(crate) protection: Arc<Protection>,
+    /// How it takes frames, by its data sheet.
+    pub(crate) wire: Arc<Wire>,
+    /// What brings it back when it does not answer.
+    pub(crate) hooks: Hooks,
+}
+
+/// Programs of the user's.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Hooks {
+    /// Resets the device.
+    pub reset: Option<Hook>,
+    /// Switches its supply; the last argument is `off` or `on`.
+    pub power: Option<Hook>,
+}
+
+/// A program with its arguments, which blanks separate, and where it runs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Hook {
+    /// As the user writes it.
+    pub command: String,
+    /// The folder that its path and its arguments are relative to.
+    pub folder: PathBuf,
 }
 
 impl Dut {
@@ -55,6 +82,9 @@ impl Dut {
             without: Vec::new(),
             told: None,
             long: BTreeSet::new(),
+            protection: Arc::default(),
+            wire: Arc::default(),
+            hooks: Hooks::default(),
         }
     }
 

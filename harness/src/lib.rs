@@ -7,11 +7,13 @@
 pub mod bus;
 pub mod cli;
 pub mod commands;
+mod device_file;
 pub mod dut;
 pub mod exit;
 pub mod parallel;
 pub mod plan;
 pub mod properties;
+mod protect;
 mod reporter;
 mod rig;
 pub mod run;

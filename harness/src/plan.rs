@@ -3,6 +3,7 @@
 mod bind;
 mod bytes;
 mod check;
+mod deeds;
 mod each;
 mod instance;
 mod kind;
@@ -13,6 +14,7 @@ mod scope;
 pub use bind::plan;
 pub(crate) use bind::plan_cases;
 pub(crate) use bytes::{fill, mapping_word, parse_bytes, show_bytes};
+pub(crate) use deeds::{deeds, nmt_frame};
 pub(crate) use each::{index_range, matching_entries};
 pub use instance::Plan;
 pub(crate) use instance::{Instance, is_named};

@@ -5,6 +5,7 @@ mod baseline;
 mod bench;
 mod bench_snapshot;
 mod case;
+mod hook;
 mod judge;
 mod ladder;
 mod limits;

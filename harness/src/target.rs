@@ -42,6 +42,10 @@ pub fn resolve(
 ) -> Result<Vec<Target>, Refused> {
     options::known(&selection.without, catalogue)?;
     let mut targets = match selection.target.as_deref() {
+        None if selection.file.is_some() => Err(Refused::usage(
+            "the device file has no `target`, and there is no --target: name the interface that \
+             the device is on, such as `target: can0`",
+        )),
         None if selection.eds.is_some() => Err(Refused::usage(
             "--eds is the data sheet of one device: --target names the interface it is on, such \
              as `--target can0`; `harness list --eds FILE` shows what would run",
@@ -65,6 +69,10 @@ pub fn resolve(
     }?;
     for target in &mut targets {
         options::free_to_write(selection, &mut target.dut)?;
+        options::protect(selection, &mut target.dut);
+        if let Some(typed) = &selection.typed {
+            target.options.clone_from(typed);
+        }
     }
     Ok(targets)
 }

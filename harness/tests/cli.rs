@@ -59,6 +59,7 @@ fn the_committed_schemas_are_those_of_the_program() {
         ("personalities", "reference-devices/personalities"),
         ("catalogue", "canopen/catalogue/catalogue"),
         ("waivers", "suites/waivers"),
+        ("dut", "suites/device-under-test"),
     ] {
         let output = harness().args(["schema", name]).output().unwrap();
         let path = project().join(file).with_extension("schema.json");

@@ -21,6 +21,7 @@ use crate::target::{self, reference_device};
 /// # Errors
 /// What keeps a run from starting, too.
 pub(super) fn run(args: &ListArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
+    let args = &args.with_file()?;
     let library = Library::load(&args.selection.folders)?;
     if let [what] = args.selection.patterns.as_slice()
         && let Some(listed) = list_of(what, &library, &args.selection)

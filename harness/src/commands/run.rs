@@ -10,7 +10,7 @@ use reports::{Event, RunEnded, RunStarted, Verdict};
 
 use super::select::select;
 use crate::bus::unix_time;
-use crate::cli::{DEFAULT_BIT_RATE, RunArgs};
+use crate::cli::{DEFAULT_BIT_RATE, GradeName, RunArgs};
 use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
@@ -28,6 +28,7 @@ use crate::waivers::Waivers;
 /// # Errors
 /// What kept everything from running.
 pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
+    let args = &args.with_file()?;
     let library = thread::scope(|scope| {
         // The reference devices are read once, which need not wait for the suites.
         scope.spawn(|| devices::all().count());
@@ -56,7 +57,7 @@ pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refuse
         harness: env!("CARGO_PKG_VERSION").to_owned(),
         target: args.selection.target.clone().unwrap_or_else(|| "sim".to_owned()),
         seed: (args.shuffle || args.seed.is_some()).then(|| args.seed.unwrap_or(1)),
-        grade: args.grade.into(),
+        grade: args.grade.unwrap_or(GradeName::Lenient).into(),
         began: targets.iter().any(|target| !target.is_simulation()).then(unix_time),
     }));
     let sessions = targets.into_iter().zip(plans).filter(|(_, plan)| !plan.instances.is_empty());
@@ -139,7 +140,7 @@ impl Sessions<'_> {
                     plan,
                     register: &self.library.register,
                     policy: Policy {
-                        patience: args.patience,
+                        patience: args.patience.unwrap_or(1),
                         seed: args.seed.unwrap_or(1),
                         every_index: args.every_index,
                         ..Policy::at_bit_rate(target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE))
@@ -253,9 +254,10 @@ fn of_verdicts(reporter: &Reporter) -> Exit {
 
 /// The command that runs a case of this target again, without the name of the case.
 fn rerun(args: &RunArgs, target: &Target) -> String {
-    let patience = match args.patience {
-        1 => String::new(),
-        factor => format!(" --patience {factor}"),
-    };
+    if let Some(typed) = &args.selection.typed {
+        return format!("harness {typed}");
+    }
+    let patience = args.patience.map(|factor| format!(" --patience {factor}"));
+    let patience = patience.unwrap_or_default();
     format!("harness {}{patience}{}", target.options, args.selection.folders.options())
 }

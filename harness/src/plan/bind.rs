@@ -7,6 +7,7 @@ use canopen::eds::Eds;
 use canopen::{heartbeat, lss, sdo};
 
 use super::check::{self, no_object};
+use super::deeds::protected;
 use super::each::{each_scope, has_access};
 use super::instance::{Instance, Plan};
 use super::kind;
@@ -121,6 +122,9 @@ fn bind_case(
         bound.skip = checked.lacking.or(unknown);
         if checked.complaints.is_empty() {
             bound.scope.keep(&checked.used);
+        }
+        if bound.skip.is_none() {
+            bound.skip = protected(bound, dut);
         }
         match dut.sheet.trusted {
             true => complaints.extend(checked.complaints),

@@ -279,6 +279,19 @@ impl Scope {
         }
     }
 
+    /// The pattern as far as names are bound; `None` when its identifier is not.
+    pub fn known_pattern(&self, text: &FrameText, node: u8) -> Option<Pattern> {
+        let lookup = |name: &str| self.frame_bytes(&Name(name.to_owned())).ok();
+        let pattern = text.pattern.bind(node, &lookup);
+        match &text.id {
+            None => Some(pattern),
+            Some(name) => match self.get(name) {
+                Ok(Binding::Id(id)) => Some(pattern.with_id(Id::standard(*id))),
+                _ => None,
+            },
+        }
+    }
+
     fn frame_bytes(&self, name: &Name) -> Result<Vec<u8>, Wrong> {
         match self.get(name)? {
             Binding::Mux(mux) => Ok(mux.bytes().to_vec()),

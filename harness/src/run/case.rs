@@ -134,9 +134,11 @@ impl CaseRun<'_, '_> {
             Err(error) => return self.bus_failed(error),
         };
         // Bad frames on the wire spoil this case, not those that follow.
-        let lasts = |error: &BusError| !matches!(error, BusError::Controller(_));
+        let lasts =
+            |error: &BusError| !matches!(error, BusError::Controller(_) | BusError::Withheld(_));
         let (outcome, stop) = match self.steps() {
             Ok(outcome) => (self.with_way_out(outcome), None),
+            Err(BusError::Withheld(why)) => (Outcome::Skip(why), None),
             Err(error) => (self.bus_failed(error.clone()).0, Some(error)),
         };
         let bench_alone = !self.bench_snapshot.any();
@@ -416,6 +418,13 @@ fn run_phase(
         match judgement {
             Ok(None) => {}
             Ok(Some(difference)) => result.lenient(phase, step.place, difference),
+            Err(Trouble::Bus(BusError::Withheld(why))) => {
+                // What else is set back in the end does not depend on it.
+                result.withheld(why);
+                if phase != Phase::Finally {
+                    return Ok(false);
+                }
+            }
             Err(Trouble::Bus(error)) => return Err(error),
             Err(Trouble::Device(difference)) if phase == Phase::Setup => {
                 result.setup_failed(step.place, difference);
@@ -497,6 +506,13 @@ impl CaseOutcome<'_> {
             Some(id) => Outcome::Blocked(format!("{id}: {reason}")),
             None => Outcome::Error { reason, problem: Some(problem) },
         };
+    }
+
+    /// A frame was not sent, so that the case says nothing.
+    fn withheld(&mut self, why: String) {
+        if !matches!(self.outcome, Outcome::Fail(_)) {
+            self.outcome = Outcome::Skip(why);
+        }
     }
 
     /// The device failed where steps go on after that, although what follows cannot be made then.

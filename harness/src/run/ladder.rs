@@ -8,10 +8,12 @@ use canopen::{Abort, BusError, Mux, sdo};
 use reports::Identity;
 
 use super::baseline::Baseline;
+use super::hook;
 use super::link::Link;
 use super::policy::Policy;
 use super::settle;
 use crate::dut::Dut;
+use crate::protect::Deed;
 
 /// One way to get a device back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,10 +32,14 @@ pub(super) enum Rung {
     ResetAll,
     /// Its node id, given by layer setting services.
     NodeId,
+    /// A program of the user's that resets it.
+    ResetHook,
+    /// A program of the user's that switches its supply off and on.
+    PowerHook,
 }
 
 /// All of them, in order. A server may keep a transfer through a reset, hence the second abort.
-pub(super) const LADDER: [Rung; 8] = [
+pub(super) const LADDER: [Rung; 10] = [
     Rung::Patience,
     Rung::Abort,
     Rung::PreOperational,
@@ -42,6 +48,8 @@ pub(super) const LADDER: [Rung; 8] = [
     Rung::Abort,
     Rung::ResetAll,
     Rung::NodeId,
+    Rung::ResetHook,
+    Rung::PowerHook,
 ];
 
 impl Rung {
@@ -55,10 +63,26 @@ impl Rung {
             Self::ResetNode => "reset node",
             Self::ResetAll => "reset of all nodes",
             Self::NodeId => "LSS, which configured its node id",
+            Self::ResetHook => "the program `reset`",
+            Self::PowerHook => "the program `power`",
         }
     }
 
-    /// Tries it; `false` when there is no use in looking at the device.
+    /// What it does to the device, from which it may be protected.
+    pub(super) const fn deeds(self) -> &'static [Deed] {
+        match self {
+            Self::Patience | Self::Abort | Self::PreOperational => &[],
+            // What the user names for it may be done.
+            Self::ResetHook | Self::PowerHook => &[],
+            Self::ResetCommunication => &[Deed::ResetCommunication],
+            Self::ResetNode => &[Deed::ResetNode],
+            Self::ResetAll => &[Deed::ResetNode, Deed::AllNodes],
+            Self::NodeId => &[Deed::NodeId, Deed::ResetCommunication, Deed::AllNodes],
+        }
+    }
+
+    /// Tries it, unless the device is protected from it; `false` when there is no use in looking at
+    /// the device.
     ///
     /// # Errors
     /// Whatever the bus reports.
@@ -69,6 +93,9 @@ impl Rung {
         dut: &Dut,
         baseline: &Baseline,
     ) -> Result<bool, BusError> {
+        if self.deeds().iter().any(|deed| dut.protection.refuses(*deed).is_some()) {
+            return Ok(false);
+        }
         let reset = match self {
             Self::Patience => {
                 let until = link.mark() + policy.sdo_timeout;
@@ -88,6 +115,19 @@ impl Rung {
             Self::ResetCommunication => (Service::RESET_COMMUNICATION, dut.node),
             Self::ResetNode => (Service::RESET_NODE, dut.node),
             Self::ResetAll => (Service::RESET_NODE, ALL_NODES),
+            Self::ResetHook => {
+                let Some(hook) = &dut.hooks.reset else { return Ok(false) };
+                let done = hook::call(link, hook, None)?;
+                return Ok(done && settle::first_answer(link, policy, dut)?);
+            }
+            Self::PowerHook => {
+                let Some(hook) = &dut.hooks.power else { return Ok(false) };
+                let off = hook::call(link, hook, Some("off"))?;
+                let until = link.mark() + WITHOUT_SUPPLY;
+                link.wait(until)?;
+                let on = hook::call(link, hook, Some("on"))?;
+                return Ok(off && on && settle::first_answer(link, policy, dut)?);
+            }
             Self::NodeId => {
                 if !dut.eds.device.lss || !node_id(link, dut, &baseline.identity)? {
                     return Ok(false);
@@ -100,6 +140,8 @@ impl Rung {
 }
 
 const ALL_NODES: u8 = 0;
+/// How long a device is without supply, for its capacitors to be empty.
+const WITHOUT_SUPPLY: Duration = Duration::from_secs(1);
 
 /// Resets the device; whether it came back, which then is in PRE-OPERATIONAL.
 fn restart(

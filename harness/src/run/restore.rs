@@ -196,7 +196,12 @@ fn writes(
     value: &[u8],
 ) -> Result<bool, BusError> {
     let flow = Transfer::usual(value.len());
-    Ok(sdo::download(link, policy, dut.node, mux, value, flow)?.result.is_ok())
+    match sdo::download(link, policy, dut.node, mux, value, flow) {
+        Ok(ended) => Ok(ended.result.is_ok()),
+        // The others are written back all the same.
+        Err(BusError::Withheld(_)) => Ok(false),
+        Err(error) => Err(error),
+    }
 }
 
 const fn in_pdo_record(index: u16) -> bool {

@@ -17,7 +17,8 @@ use super::reliance::Reliance;
 use super::sdo;
 use super::settle::{self, Left};
 use crate::dut::Dut;
-use crate::plan::{Instance, Plan};
+use crate::plan::{Instance, Plan, deeds};
+use crate::protect::Wire;
 use crate::source::At;
 use crate::suite::profile::BlockDirections;
 use crate::suite::{Level, Register, Suite};
@@ -92,7 +93,8 @@ impl Session<'_> {
             rerun: self.rerun.clone(),
             remark: self.remark(&baseline),
         }));
-        let blocks = match self.knows_blocks(&mut link) {
+        let looked = self.look_at_channels(&mut link).and_then(|()| self.knows_blocks(&mut link));
+        let blocks = match looked {
             Ok(blocks) => blocks,
             Err(error) => return Ending::Bus(error),
         };
@@ -141,6 +143,28 @@ impl Session<'_> {
         sdo::knows_blocks(link, &self.policy, self.plan.dut.node, asked)
     }
 
+    /// Reads by which frames the device is written, since what it stored may differ from its data
+    /// sheet. The guard of a protected device listens.
+    fn look_at_channels(&self, link: &mut Link) -> Result<(), BusError> {
+        let dut = &self.plan.dut;
+        if dut.protection.is_none() {
+            return Ok(());
+        }
+        for entry in dut.eds.entries() {
+            if Wire::concerns(entry.mux) && entry.access.readable() {
+                _ = sdo::upload(link, &self.policy, dut.node, entry.mux)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Why the device does not bear what the case stores, after those that ran.
+    fn exceeds(&self, instance: &Instance) -> Option<String> {
+        let protection = &self.plan.dut.protection;
+        let limited = protection.has_budgets() && instance.needs_device();
+        limited.then(|| protection.exceeded(&deeds(instance, &self.plan.dut)))?
+    }
+
     fn cases(&self, link: &mut Link, baseline: &Baseline, blocks: BlockDirections) -> Ending {
         let mut starts = Starts { register: self.register, last: None };
         let (mut left, mut failed) = (Left::Calm, 0);
@@ -161,7 +185,7 @@ impl Session<'_> {
                     (_, true) => Some("the device has no SDO block download".to_owned()),
                     _ => None,
                 };
-            let unfit = || instance.unfit_for(baseline.habits);
+            let unfit = || instance.unfit_for(baseline.habits).or_else(|| self.exceeds(instance));
             if let Some(reason) = instance.skip.clone().or(no_blocks).or_else(unfit) {
                 link.emit(ended(link, &started, Outcome::Skip(reason)));
                 continue;

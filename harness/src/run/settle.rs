@@ -13,6 +13,7 @@ use super::link::Link;
 use super::policy::Policy;
 use super::sdo;
 use crate::dut::Dut;
+use crate::protect::Deed;
 use crate::suite::model::State;
 
 /// How a case left the device.
@@ -60,9 +61,10 @@ pub(super) fn settle(
         },
     };
     // What answers, and has errors, needs no gentler way than the one that clears them.
+    let may_reset = dut.protection.refuses(Deed::ResetNode).is_none();
     let first = match &unrest {
-        Some(Unrest::Silent(_) | Unrest::Odd(_)) => 0,
-        Some(Unrest::Errors(..)) | None => RESET_NODE,
+        Some(Unrest::Errors(..)) | None if may_reset => RESET_NODE,
+        _ => 0,
     };
     for (place, rung) in LADDER.into_iter().enumerate().skip(first) {
         if !rung.climb(link, policy, dut, baseline)? {

@@ -3,7 +3,6 @@
 use std::time::Duration;
 
 use canopen::catalogue::Catalogue;
-use canopen::nmt::{Command, Service};
 use canopen::pdo::CobId;
 use canopen::{Abort, BusError, Frame, Instant, Mux, Pattern, Stamped, lss, sdo, sync};
 
@@ -13,7 +12,7 @@ use super::link::{Lateness, Link};
 use super::policy::Policy;
 use super::proof::Proof;
 use crate::dut::Dut;
-use crate::plan::{Binding, Scope};
+use crate::plan::{Binding, Scope, nmt_frame};
 use crate::source::At;
 use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, show_time};
@@ -256,14 +255,7 @@ impl Steps<'_, '_> {
     }
 
     fn nmt(&mut self, nmt: Nmt) -> Judgement {
-        let service = match nmt {
-            Nmt::Start => Service::START,
-            Nmt::Stop => Service::STOP,
-            Nmt::PreOperational => Service::ENTER_PRE_OPERATIONAL,
-            Nmt::ResetNode => Service::RESET_NODE,
-            Nmt::ResetCommunication => Service::RESET_COMMUNICATION,
-        };
-        self.send_now(&Command { service, node: self.dut.node }.frame())?;
+        self.send_now(&nmt_frame(nmt, self.dut.node))?;
         Ok(None)
     }
 

@@ -7,7 +7,7 @@ use canopen::catalogue::Catalogue;
 
 use super::connection::{Connection, Target, open_interface};
 use super::long::long_values;
-use super::options::{rig, say_the_rest, without};
+use super::options::{rig, without};
 use super::reference::reference_device;
 use super::scan::{Found, scan};
 use super::sheet;
@@ -35,7 +35,7 @@ pub(super) fn target(
         sheet::of_found(&selection, &found, &mut *bus, catalogue)?
     };
     let mut options = format!("--target {name} --node {}", found.node);
-    say_the_rest(selection, &mut options);
+    selection.say_the_rest(&mut options);
     let own = selection.device.as_ref().or(found.device.as_ref());
     let own = own.and_then(|name| reference_device(name, catalogue).ok());
     let (rig, offer) = rig(selection, &mut options)?.unzip();

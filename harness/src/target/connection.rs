@@ -11,6 +11,7 @@ use reference_devices::rules::Specification;
 use crate::bus::Interface;
 use crate::dut::Dut;
 use crate::exit::Refused;
+use crate::protect::Guarded;
 use crate::rig::{Rig, WithRig};
 
 /// A device under test and the bus it is on.
@@ -62,9 +63,14 @@ impl Target {
             }
             Connection::Interface(interface) => open_interface(interface, stop)?,
         };
-        Ok(match &self.rig {
+        let bus: Box<dyn Bus> = match &self.rig {
             Some(rig) => Box::new(WithRig { bus, rig: Arc::clone(rig) }),
             None => bus,
+        };
+        let (protection, wire) = (&self.dut.protection, &self.dut.wire);
+        Ok(match protection.is_none() {
+            true => bus,
+            false => Box::new(Guarded::new(bus, Arc::clone(protection), (**wire).clone())),
         })
     }
 }

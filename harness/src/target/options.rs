@@ -11,6 +11,7 @@ use crate::cli::Selection;
 use crate::dut::Dut;
 use crate::exit::Refused;
 use crate::nearest::did_you_mean;
+use crate::protect::Wire;
 use crate::rig::Rig;
 
 /// Checks that there are options of these names.
@@ -55,22 +56,16 @@ pub(super) fn free_to_write(selection: &Selection, dut: &mut Dut) -> Result<(), 
     Ok(())
 }
 
-/// Adds what else a verdict depends on to the options that repeat a run.
-pub(super) fn say_the_rest(selection: &Selection, options: &mut String) {
-    if let Some(path) = &selection.eds {
-        options.push_str(&format!(" --eds {}", path.display()));
-    }
-    if let (Some(_), Some(name)) = (&selection.target, &selection.device) {
-        options.push_str(&format!(" --device {name}"));
-    }
-    if let Some(bit_rate) = selection.bitrate {
-        options.push_str(&format!(" --bitrate {bit_rate}"));
-    }
-    for option in &selection.without {
-        options.push_str(&format!(" --without {option}"));
-    }
-    for index in &selection.free_to_write {
-        options.push_str(&format!(" --free-to-write {index:04X}"));
+/// Protects the device from what its file says.
+pub(super) fn protect(selection: &Selection, dut: &mut Dut) {
+    const GENERIC_IO: u16 = 401;
+    dut.wire = Arc::new(Wire::of(&dut.eds));
+    let Some(file) = &selection.file else { return };
+    let generic_io = dut.profile_number() == Some(GENERIC_IO);
+    dut.protection = Arc::new(file.protection(&dut.eds, generic_io));
+    dut.hooks = file.hooks();
+    for complaint in file.absent_objects(&dut.eds) {
+        eprintln!("{}\n", complaint.to_string().replacen("error", "warning", 1));
     }
 }
 

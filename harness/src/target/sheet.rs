@@ -14,6 +14,7 @@ use reference_devices::describe::Description;
 use reference_devices::devices::{self, ReferenceDevice};
 
 use super::compose::compose;
+use super::options;
 use super::reference::reference_device;
 use super::scan::Found;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
@@ -59,12 +60,14 @@ pub(crate) fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
 /// As [`read_eds`].
 pub(crate) fn dut_of_file(selection: &Selection, path: &Path) -> Result<Dut, Refused> {
     let (sheet, eds) = read_eds(path)?;
-    Ok(Dut {
+    let mut dut = Dut {
         sheet: Arc::new(sheet),
         bit_rate: selection.bitrate.or(Some(DEFAULT_BIT_RATE)),
         without: selection.without.clone(),
         ..Dut::new(name_of(selection, path), selection.node.unwrap_or(1), eds)
-    })
+    };
+    options::protect(selection, &mut dut);
+    Ok(dut)
 }
 
 /// What reports call the device with the data sheet at `path`.

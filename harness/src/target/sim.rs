@@ -1,7 +1,6 @@
 //! Simulated devices: `sim:NAME`, and with a deviation `sim:NAME?mutant=NAME`, or the path of a
 //! device for its name.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use canopen::Device;
@@ -11,7 +10,7 @@ use reference_devices::rules::Specification;
 
 use super::connection::{Connection, Target};
 use super::long::long_values;
-use super::options::{rig, say_the_rest, without};
+use super::options::{rig, without};
 use super::reference::{Named, reference_device};
 use super::scan::{Found, scan};
 use super::sheet::{own_sheet, read_eds};
@@ -52,7 +51,7 @@ pub(super) fn target(
     if let Some(node) = selection.node {
         options.push_str(&format!(" --node {node}"));
     }
-    say_the_rest(selection, &mut options);
+    selection.say_the_rest(&mut options);
     let (rig, (bench, bench_needs)) = match rig(selection, &mut options)? {
         Some((rig, offer)) => (Some(rig), offer),
         None => {
@@ -63,17 +62,13 @@ pub(super) fn target(
     let without = without(selection, Some(&device));
     let mut target = Target {
         dut: Dut {
-            name: own_name(selection).unwrap_or(&device.description.device).to_owned(),
-            node,
-            eds: Arc::new(eds),
             sheet: Arc::new(sheet),
             bench,
             own_bench: selection.bench.is_some(),
             bench_needs,
             bit_rate: Some(bit_rate),
             without,
-            told: None,
-            long: BTreeSet::new(),
+            ..Dut::new(own_name(selection).unwrap_or(&device.description.device), node, eds)
         },
         rig,
         connection: Connection::Simulation { device, deviation, bit_rate },
