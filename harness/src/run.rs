@@ -29,7 +29,7 @@ mod tests;
 pub use link::Link;
 pub use policy::Policy;
 pub(crate) use probe::{Lost, objects as probe};
-pub use proof::Shown;
+pub use proof::{Shown, Witness};
 pub(crate) use sdo::is_long;
 pub use sdo::{Ended, transfer};
 pub(crate) use session::{Ending, exists, read_number, read_text};

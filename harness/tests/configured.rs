@@ -61,7 +61,7 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        shown: None,
+        witness: None,
         stop: &stop,
     };
     let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);

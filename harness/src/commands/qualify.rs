@@ -1,5 +1,6 @@
 //! `harness qualify`: the proofs of the suites, in virtual time. Every case can fail: the kill
-//! matrix of mutants, and the assertions that the kills rest on. No case is unjust: nothing is red
+//! matrix of mutants, and the assertions that the kills rest on; what no mutant proves is proved by
+//! slips, deviations that happen once and late in a case. No case is unjust: nothing is red
 //! on a device that uses the freedoms which the documents leave, one at a time, as a personality or
 //! mixed at random.
 
@@ -7,6 +8,8 @@ mod assertion;
 mod assertions;
 mod freedoms;
 mod matrix;
+mod slip;
+mod slips;
 mod trial;
 
 use reference_devices::devices;
@@ -23,6 +26,7 @@ use assertions::Assertions;
 pub(super) use assertions::Judged;
 use freedoms::Freedoms;
 use matrix::Matrix;
+use slips::Slips;
 
 /// Runs the qualification and prints the matrix and what the freedoms showed.
 ///
@@ -47,9 +51,13 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
         matrix.show(&mut text, args.verbose);
         freedoms.show(&mut text, args.verbose);
     }
-    let assertions = Assertions::of(&library, &matrices, &freedoms);
+    let slips = slips_of(&library, &matrices, &freedoms, &|_| true)?;
+    let assertions = Assertions::of(&library, &matrices, &freedoms, &slips);
     holes.extend(assertions.holes());
     assertions.show(&mut text, args);
+    if args.verbose {
+        text.push_str(&format!("slips: {} runs of cases\n", slips.runs()));
+    }
     say(&text);
     if holes.is_empty() {
         return Ok(Exit::Green);
@@ -72,5 +80,20 @@ pub(super) fn assertions_of<'l>(
     let fits = |other: &Case| std::ptr::eq(other, case);
     let matrices = home.map(|name| Matrix::of_cases(library, name, &fits));
     let matrices = matrices.collect::<Result<Vec<_>, _>>()?;
-    Ok(Assertions::of(library, &matrices, &[]).about(case))
+    let slips = slips_of(library, &matrices, &[], &fits)?;
+    Ok(Assertions::of(library, &matrices, &[], &slips).about(case))
+}
+
+/// What slips prove of the cases that fit, beside mutants and freedoms.
+fn slips_of(
+    library: &Library,
+    matrices: &[Matrix],
+    freedoms: &[Freedoms],
+    fits: &(dyn Fn(&Case) -> bool + Sync),
+) -> Result<Slips, Refused> {
+    let devices: Vec<&str> = matrices.iter().map(Matrix::device).collect();
+    let all = matrices.iter().flat_map(Matrix::proofs);
+    let all = all.chain(freedoms.iter().flat_map(Freedoms::proofs));
+    let known = all.map(|(assertion, _)| assertion).collect();
+    Slips::of(library, &devices, &known, fits)
 }

@@ -148,7 +148,7 @@ impl Sessions<'_> {
                     rerun: rerun(args, target),
                     waivers: self.waivers,
                     max_fail: args.max_fail,
-                    shown: None,
+                    witness: None,
                     stop: self.stop,
                 };
                 session.run(&mut *bus, &mut tell)

@@ -15,7 +15,7 @@ use super::judge::{Difference, Trouble, excerpt};
 use super::link::Link;
 use super::policy::Policy;
 use super::promise;
-use super::proof::{Proof, Shown};
+use super::proof::{Proof, Shown, Witness};
 use super::restore::Snapshot;
 use super::settle::{self, Left, Unsettled};
 use super::steps::Steps;
@@ -55,17 +55,17 @@ pub(super) fn run(
     baseline: &Baseline,
     instance: &Instance,
     left: Left,
-    proves: bool,
+    witness: Option<&dyn Witness>,
 ) -> Finished {
     let mut left = left;
     let mut attempt = 0;
     loop {
         attempt += 1;
         let (link, bench_snapshot) = (&mut *link, BenchSnapshot::default());
-        let proof = proves.then(Proof::default);
+        let proof = witness.map(Proof::of);
         let late = None;
         let mut run =
-            CaseRun { link, policy, dut, baseline, instance, bench_snapshot, late, proof };
+            CaseRun { link, policy, dut, baseline, instance, bench_snapshot, late, proof, witness };
         let (outcome, aftermath) = run.run(left);
         let late = run.late.map(|late| show_time(Duration::from_millis(late.as_millis() as u64)));
         run.link.take_trace();
@@ -111,6 +111,8 @@ struct CaseRun<'r, 'b> {
     late: Option<Duration>,
     /// What the run shows about the assertions, where somebody wants to know.
     proof: Option<Proof>,
+    /// Who that is.
+    witness: Option<&'r dyn Witness>,
 }
 
 impl CaseRun<'_, '_> {
@@ -203,9 +205,11 @@ impl CaseRun<'_, '_> {
             bench_snapshot: &mut self.bench_snapshot,
             proof: self.proof.take(),
         };
-        let mut alive = run_phase(&mut steps, &case.setup, Phase::Setup, &mut result)?;
-        alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut result)?;
-        run_phase(&mut steps, &case.finally, Phase::Finally, &mut result)?;
+        let mut alive = run_phase(&mut steps, &case.setup, Phase::Setup, &mut result, None)?;
+        let witness = self.witness;
+        alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut result, witness)?;
+        witness.inspect(|witness| witness.steps_over());
+        run_phase(&mut steps, &case.finally, Phase::Finally, &mut result, None)?;
         self.proof = steps.proof.take();
         if let Some(what) = result.declined.take() {
             self.note(format!(
@@ -381,10 +385,15 @@ fn run_phase(
     list: &[At<Step>],
     phase: Phase,
     result: &mut CaseOutcome,
+    witness: Option<&dyn Witness>,
 ) -> Result<bool, BusError> {
     for (place, step) in list.iter().enumerate() {
+        witness.inspect(|witness| witness.step_begins(place, steps.link.mark()));
         if let Some(proof) = &mut steps.proof {
             proof.step = (phase == Phase::Step).then_some(place);
+            if proof.leaves_out() {
+                continue;
+            }
         }
         let promised = |difference: Difference, steps: &Steps| Difference {
             sheet: difference.sheet.clone().or_else(|| {
@@ -397,6 +406,7 @@ fn run_phase(
             Err(Trouble::Device(difference)) => Err(Trouble::Device(promised(difference, steps))),
             other => other,
         };
+        witness.inspect(|witness| witness.step_ended(place, steps.link.mark(), &steps.scope));
         if let Some(proof) = &mut steps.proof {
             proof.difference().into_iter().for_each(|first| result.fail(phase, step.place, first));
             if matches!(judgement, Err(Trouble::Device(_) | Trouble::Impossible(_))) {

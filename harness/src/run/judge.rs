@@ -157,14 +157,22 @@ impl Condition {
             let lengths = (format!("{length} bytes"), format!("{} bytes", got.len()));
             wrong.push((Constraint::Length, Difference::new(lengths.0, lengths.1)));
         }
+        // Where the step demands a length, that of the type is not judged as well.
         if let Some(size) = entry.and_then(|entry| entry.data_type.size())
             && size != got.len()
+            && self.length.is_none()
         {
             let data_type = entry.map_or(DataType::DOMAIN, |entry| entry.data_type);
-            let first = wrong.into_iter().next().map(|(_, difference)| difference);
-            let length = || differs(format!("{size} bytes of {data_type}"));
-            return Judged::Wrong(Vec::new(), first.unwrap_or_else(length));
+            return Judged::Wrong(Vec::new(), differs(format!("{size} bytes of {data_type}")));
         }
+        // Of another length than demanded, it may still be the same value.
+        let mut sized = got.to_vec();
+        if !wrong.is_empty()
+            && let Some(length) = self.length
+        {
+            sized.resize(length, 0);
+        }
+        let got = sized.as_slice();
         if let Some(most) = self.characters
             && !is_text(got, most)
         {
@@ -251,6 +259,24 @@ pub(super) fn excerpt(source: &Source, place: Place) -> Excerpt {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_length_and_a_value_are_judged_apart() {
+        let (length, value) = (Some(1), Some(vec![5]));
+        let condition = Condition { length, value, ..Condition::default() };
+        for (got, broken) in [
+            (&[5][..], None),
+            (&[5, 0], Some(&[Constraint::Length][..])),
+            (&[6], Some(&[Constraint::Value])),
+            (&[6, 0], Some(&[Constraint::Length, Constraint::Value])),
+        ] {
+            let judged = match condition.judge(None, got) {
+                Judged::Wrong(constraints, _) => Some(constraints),
+                _ => None,
+            };
+            assert_eq!(judged.as_deref(), broken, "{got:?}");
+        }
+    }
 
     #[test]
     fn a_text_is_readable_and_not_too_long() {

@@ -1,6 +1,5 @@
 //! A session: one device, its plan, case after case, reported as events.
 
-use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -12,7 +11,7 @@ use super::baseline::Baseline;
 use super::case::{self, Aftermath};
 use super::link::Link;
 use super::policy::Policy;
-use super::proof::Shown;
+use super::proof::Witness;
 use super::reliance::Reliance;
 use super::sdo;
 use super::settle::{self, Left};
@@ -55,9 +54,9 @@ pub struct Session<'s> {
     pub max_fail: Option<usize>,
     /// Set when the user wants the run to end.
     pub stop: &'s AtomicBool,
-    /// Where each case leaves what it shows about its assertions, before it ends. With it, steps go
-    /// on after the first thing that is wrong.
-    pub shown: Option<&'s Cell<Shown>>,
+    /// Who learns what each case shows about its assertions, before it ends. For it, steps go on
+    /// after the first thing that is wrong.
+    pub witness: Option<&'s dyn Witness>,
 }
 
 impl Session<'_> {
@@ -201,10 +200,9 @@ impl Session<'_> {
                 continue;
             }
             let (policy, dut) = (&self.policy, &self.plan.dut);
-            let finished =
-                case::run(link, policy, dut, baseline, instance, left, self.shown.is_some());
-            if let Some(cell) = self.shown {
-                cell.set(finished.shown.unwrap_or_default());
+            let finished = case::run(link, policy, dut, baseline, instance, left, self.witness);
+            if let Some(witness) = self.witness {
+                witness.shows(finished.shown.unwrap_or_default());
             }
             let outcome = match self.is_binding(instance) {
                 true => finished.outcome,

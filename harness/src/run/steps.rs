@@ -365,6 +365,9 @@ impl Steps<'_, '_> {
     }
 
     pub(super) fn pattern(&self, text: &At<FrameText>) -> Result<Pattern, Trouble> {
+        if let Some(part) = self.open() {
+            return self.pattern_without(text, std::slice::from_ref(part));
+        }
         self.scope.pattern(&text.value, self.dut.node).map_err(Trouble::Impossible)
     }
 

@@ -136,7 +136,7 @@ fn run(bus: &mut Odd, cases: usize, steps: &str) -> Ran {
         rerun: String::new(),
         waivers: &crate::waivers::Waivers::default(),
         max_fail: None,
-        shown: None,
+        witness: None,
         stop: &stop,
     };
     let (mut outcomes, mut notes, mut remark) = (Vec::new(), Vec::new(), String::new());

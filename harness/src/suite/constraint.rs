@@ -113,10 +113,16 @@ impl Step {
             Self::Expect(expect) => {
                 !expect.optional || expect.after.is_some() || expect.length.is_some()
             }
-            Self::Reply(_)
-            | Self::Ask(_)
-            | Self::Never(_)
-            | Self::Defaults(_)
+            // What comes instead ends the steps: it only finds out whether they say something.
+            Self::Never(never) => never.or_else.iter().all(|text| text.value != never.frame.value),
+            Self::Reply(reply) => {
+                !reply.or_silence || self.constraints().iter().any(Constraint::is_demand)
+            }
+            Self::Ask(ask) => {
+                let silence = ask.or_silence || ask.accept_silence;
+                !silence || self.constraints().iter().any(Constraint::is_demand)
+            }
+            Self::Defaults(_)
             | Self::Until(_)
             | Self::Measure(_)
             | Self::Collect(_)

@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::trial::Trial;
+use crate::run::Shown;
 use crate::suite::constraint::Constraint;
 
 /// A part of a case that can be proved.
@@ -17,13 +18,12 @@ pub(super) struct Assertion {
 }
 
 impl Assertion {
-    /// The step and the constraints without which a mutant would have passed.
-    pub(super) fn proved_by(trial: &Trial) -> BTreeSet<Self> {
-        let Trial { case, shown, .. } = trial;
+    /// The step and the constraints without which a device would have passed.
+    pub(super) fn proved_by(case: &str, shown: &Shown) -> BTreeSet<Self> {
         let Some(step) = shown.step.filter(|_| shown.alone) else { return BTreeSet::new() };
         let constraints = shown.constraints.iter().cloned().map(Some);
         let all = [None].into_iter().chain(constraints);
-        all.map(|constraint| Self { case: case.clone(), step, constraint }).collect()
+        all.map(|constraint| Self { case: case.to_owned(), step, constraint }).collect()
     }
 
     /// The step that fails, although without it another one would.
@@ -33,9 +33,9 @@ impl Assertion {
     }
 
     /// What was accepted beside what was expected.
-    pub(super) fn used_by(trial: &Trial) -> impl Iterator<Item = Self> {
-        trial.shown.allowed.iter().map(|(step, allowance)| Self {
-            case: trial.case.clone(),
+    pub(super) fn used_by(case: &str, shown: &Shown) -> impl Iterator<Item = Self> {
+        shown.allowed.iter().map(|(step, allowance)| Self {
+            case: case.to_owned(),
             step: *step,
             constraint: Some(Constraint::Allowance(*allowance)),
         })

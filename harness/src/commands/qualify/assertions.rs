@@ -8,6 +8,7 @@ use std::ops::Add;
 use super::assertion::Assertion;
 use super::freedoms::Freedoms;
 use super::matrix::Matrix;
+use super::slips::Slips;
 use crate::cli::QualifyArgs;
 use crate::suite::constraint::{Constraint, assertion_name};
 use crate::suite::model::Case;
@@ -34,10 +35,16 @@ pub(crate) struct Judged<'l> {
 
 impl<'l> Assertions<'l> {
     /// Those of the cases that are proved on the devices of these matrices.
-    pub(super) fn of(library: &'l Library, matrices: &[Matrix], freedoms: &[Freedoms]) -> Self {
+    pub(super) fn of(
+        library: &'l Library,
+        matrices: &[Matrix],
+        freedoms: &[Freedoms],
+        slips: &Slips,
+    ) -> Self {
         let mut proofs = BTreeMap::<&Assertion, &str>::new();
         let all = matrices.iter().flat_map(Matrix::proofs);
-        for (assertion, by) in all.chain(freedoms.iter().flat_map(Freedoms::proofs)) {
+        let all = all.chain(freedoms.iter().flat_map(Freedoms::proofs)).chain(slips.proofs());
+        for (assertion, by) in all {
             proofs.entry(assertion).or_insert(by);
         }
         let failing: BTreeSet<&Assertion> = matrices.iter().flat_map(Matrix::failing).collect();

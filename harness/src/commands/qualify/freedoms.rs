@@ -168,7 +168,7 @@ impl Compared<'_> {
         let (affected, allowed) = (BTreeSet::new(), BTreeSet::new());
         let mut tried = Tried { query, red: Vec::new(), affected, noticed, allowed };
         for trial in ran.trials {
-            tried.allowed.extend(Assertion::used_by(&trial));
+            tried.allowed.extend(Assertion::used_by(&trial.case, &trial.shown));
             let clean = self.trials.get(&trial.name);
             let frames = clean.is_none_or(|clean| clean.frames != trial.frames);
             tried.noticed |= frames || clean.is_none_or(|clean| clean.timing != trial.timing);

@@ -72,7 +72,7 @@ impl Matrix {
         let mut clean = BTreeMap::<String, BTreeSet<Verdict>>::new();
         let (mut allowed, mut held) = (BTreeSet::new(), BTreeSet::new());
         for result in device_alone.run(fits)? {
-            allowed.extend(Assertion::used_by(&result));
+            allowed.extend(Assertion::used_by(&result.case, &result.shown));
             if result.kills {
                 held.insert(result.case.clone());
             }
@@ -86,6 +86,11 @@ impl Matrix {
         let is_variant = device.description.device != device.first;
         let device = device.description.device.clone();
         Ok(Self { device, is_variant, clean, allowed, rows })
+    }
+
+    /// The name of the device.
+    pub(super) fn device(&self) -> &str {
+        &self.device
     }
 
     /// Whether suites of that device are proved on this one.
@@ -147,7 +152,8 @@ fn row(
     let meets = |case: &Case| fits(case) && broken_by(case);
     let ran = clean.deviating(mutant.deviation(), &Wanted::Cases(&meets))?;
     let killing = || ran.trials.iter().filter(|trial| trial.kills);
-    let assertions = killing().flat_map(Assertion::proved_by).collect();
+    let assertions =
+        killing().flat_map(|trial| Assertion::proved_by(&trial.case, &trial.shown)).collect();
     let failing = killing().filter_map(Assertion::failing).collect();
     let kills: BTreeSet<String> =
         ran.trials.into_iter().filter(|trial| trial.kills).map(|trial| trial.case).collect();
@@ -228,7 +234,7 @@ pub(super) fn is_home(device: &str, suite: &Suite) -> bool {
 
 /// The device on which the cases of a suite are proved, with its variants: the one it is for, the
 /// one that bears the name of its profile, else the one with everything.
-fn home(suite: &Suite) -> &str {
+pub(super) fn home(suite: &Suite) -> &str {
     let device = suite.file.device.as_ref().map(|device| device.value.as_str());
     let of_profile =
         suite.profile().and_then(|profile| devices::with_variants(&profile.name).next());

@@ -45,8 +45,8 @@ pub(super) struct Trial {
 
 /// A device without deviation, and its plan: what deviating devices are made of.
 pub(super) struct Clean<'l> {
-    library: &'l Library,
-    target: Target,
+    pub library: &'l Library,
+    pub target: Target,
     pub plan: Plan,
 }
 
@@ -157,7 +157,7 @@ fn run(library: &Library, plan: &Plan, target: &Target) -> Result<(Vec<Trial>, E
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        shown: Some(&shown),
+        witness: Some(&shown),
         stop: &stop,
     };
     let mut trials = Vec::new();

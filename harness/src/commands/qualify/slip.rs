@@ -1,0 +1,97 @@
+//! Slips: what a device in order does wrong once, late in a case, and what becomes of its frames
+//! then.
+
+mod candidates;
+mod edits;
+mod frames;
+mod objects;
+mod tape;
+mod times;
+mod values;
+
+use std::time::Duration;
+
+use canopen::{Frame, Id};
+
+pub(super) use candidates::{Heard, Moment, candidates};
+pub(super) use tape::{Answers, Part, SlippingBus, Tape};
+
+use edits::Edit;
+use values::Odd;
+
+/// What goes wrong, and with which frames.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Slip {
+    /// What such firmware does, for people.
+    pub what: String,
+    changes: Vec<Change>,
+    /// Frames that come of their own accord, so long after the steps began.
+    unasked: Vec<(Duration, Frame)>,
+    /// What is seen on the physical side instead, while this step runs.
+    observed: Option<(usize, Odd)>,
+    /// The request that the device takes for another one, while this step runs.
+    misheard: Option<usize>,
+    /// The step after which the answers are those of a device that did not slip.
+    healed: Option<usize>,
+}
+
+/// What happens to frames of one identifier.
+#[derive(Clone, Debug)]
+struct Change {
+    id: Id,
+    /// The first frame, counted from the begin of the steps.
+    from: u32,
+    /// The frame behind the last one.
+    to: u32,
+    /// The step outside which nothing happens.
+    step: Option<usize>,
+    fate: Fate,
+}
+
+/// What happens to a frame.
+#[derive(Clone, Debug)]
+enum Fate {
+    /// It is not sent.
+    Lost,
+    /// It is another one.
+    Edited(Edit),
+    /// It is sent so much later.
+    Late(Duration),
+    /// It is sent later by this part of the time since then.
+    Slow(Duration, f64),
+}
+
+impl Slip {
+    fn new(what: impl Into<String>) -> Self {
+        Self { what: what.into(), ..Self::default() }
+    }
+
+    /// The same, while the steps after this one see answers of a device in order.
+    pub(super) fn healed_after(self, step: usize) -> Self {
+        Self { healed: Some(step), ..self }
+    }
+
+    fn with(mut self, change: Change) -> Self {
+        self.changes.push(change);
+        self
+    }
+
+    fn and_unasked(mut self, after: Duration, frame: Frame) -> Self {
+        self.unasked.push((after, frame));
+        self
+    }
+}
+
+impl Change {
+    /// Of one frame.
+    const fn once(heard: &Heard, fate: Fate) -> Self {
+        let Heard { frame, ordinal, .. } = heard;
+        Self { id: frame.id, from: *ordinal, to: *ordinal + 1, step: None, fate }
+    }
+
+    /// Of this frame and those that follow while the step runs.
+    const fn from(heard: &Heard, step: usize, fate: Fate) -> Self {
+        let Heard { frame, ordinal, .. } = heard;
+        Self { id: frame.id, from: *ordinal, to: u32::MAX, step: Some(step), fate }
+    }
+}
