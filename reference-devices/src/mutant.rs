@@ -11,7 +11,7 @@ use canopen::source::{Complaint, Source, read_yaml};
 use crate::change::Origin;
 use crate::devices::ReferenceDevice;
 
-pub use data::{Mutant, MutantFile};
+pub use data::{Mistake, Mutant, MutantFile};
 
 /// Mutants that any device can be: deviations from CiA 301 in the stack they share.
 const COMMON: &[(&str, &str)] = &[

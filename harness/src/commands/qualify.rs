@@ -8,6 +8,7 @@ mod assertion;
 mod assertions;
 mod freedoms;
 mod matrix;
+mod mistakes;
 mod slip;
 mod slips;
 mod trial;
@@ -58,6 +59,7 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     if args.verbose {
         text.push_str(&format!("slips: {} runs of cases\n", slips.runs()));
     }
+    text.push_str(&mistakes::line(&matrices));
     say(&text);
     if holes.is_empty() {
         return Ok(Exit::Green);

@@ -28,6 +28,10 @@ pub struct Mutant {
     /// The variant of the device it lives on, where it is proved; the device itself, unless given.
     #[serde(default)]
     pub on: Option<String>,
+    /// The mistake in the source of a firmware that leads to such a device; absent for a device
+    /// that was built otherwise on purpose.
+    #[serde(default, rename = "as")]
+    pub mistake: Option<Mistake>,
     /// Whether the deviation cannot be seen: it must survive, or the proof itself is broken.
     #[serde(default)]
     pub canary: bool,
@@ -39,6 +43,56 @@ pub struct Mutant {
     /// Where it stands.
     #[serde(skip)]
     pub(super) origin: Origin,
+}
+
+/// A mistake as it is made in the source of a firmware.
+#[derive(Clone, Copy, Debug, Deserialize, JsonSchema, PartialEq, Eq, PartialOrd, Ord)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mistake {
+    /// A count, an index or a bound is one too many or too few.
+    OffByOne,
+    /// A flag, a counter or a value is left from before.
+    Stale,
+    /// The bytes of a value are in the wrong order.
+    ByteOrder,
+    /// A value is kept in too few bits, digits or entries.
+    Truncation,
+    /// The sign of a value is lost or wrong.
+    Sign,
+    /// A value is in another unit, or is rounded in another way.
+    Unit,
+    /// A timer or a trigger is not armed again.
+    ReArm,
+    /// The right thing is done with the wrong object, channel or bit.
+    Instance,
+    /// A state or a mode is not asked for, or the wrong one is.
+    StateCheck,
+    /// The right things are done in the wrong order, or one of them too early or too late.
+    Order,
+    /// A bound is inclusive instead of exclusive, or the other way round.
+    Inclusive,
+    /// One case of several is forgotten.
+    Missing,
+}
+
+impl Mistake {
+    /// The word in files of mutants.
+    pub const fn word(self) -> &'static str {
+        match self {
+            Self::OffByOne => "off-by-one",
+            Self::Stale => "stale",
+            Self::ByteOrder => "byte-order",
+            Self::Truncation => "truncation",
+            Self::Sign => "sign",
+            Self::Unit => "unit",
+            Self::ReArm => "re-arm",
+            Self::Instance => "instance",
+            Self::StateCheck => "state-check",
+            Self::Order => "order",
+            Self::Inclusive => "inclusive",
+            Self::Missing => "missing",
+        }
+    }
 }
 
 impl Mutant {

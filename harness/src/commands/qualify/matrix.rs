@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 use reference_devices::devices;
-use reference_devices::mutant::Mutant;
+use reference_devices::mutant::{Mistake, Mutant};
 use reports::Verdict;
 
 use super::assertion::Assertion;
@@ -111,6 +111,11 @@ impl Matrix {
     /// The steps that fail, although without them another one would.
     pub(super) fn failing(&self) -> impl Iterator<Item = &Assertion> {
         self.rows.iter().flat_map(|row| &row.failing)
+    }
+
+    /// The mistakes in source that its mutants are, and whether a case noticed them.
+    pub(super) fn mistakes(&self) -> impl Iterator<Item = (Mistake, bool)> {
+        self.rows.iter().filter_map(|row| Some((row.mutant.mistake?, !row.kills.is_empty())))
     }
 
     /// Adds the summary, and with `verbose` the rows.
