@@ -224,7 +224,7 @@ impl Behaviour for Em66 {
     fn reset(&mut self, _now: Instant, od: &mut Dictionary) {
         self.touched = true;
         self.stimuli.fit(od);
-        self.faults = Faults::default();
+        self.faults.restart(&*self.rules);
         self.operation = Operation::new(self.codes);
         self.controller.restart();
         self.alarms.reset(od, &*self.rules);

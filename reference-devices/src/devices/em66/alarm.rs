@@ -317,8 +317,8 @@ fn compare(kind: AlarmType, sides: &Sides, rules: &dyn Em66Rules) -> bool {
         AlarmType::BELOW => rules.alarm_below(input, reference + back),
         AlarmType::DIFFERENCE_ABOVE => rules.alarm_difference_above(difference, level - back),
         AlarmType::DIFFERENCE_BELOW => rules.alarm_difference_below(difference, level + back),
-        AlarmType::INSIDE => rules.alarm_inside(input, reference, hysteresis),
-        AlarmType::OUTSIDE => !rules.alarm_inside(input, reference, hysteresis),
+        AlarmType::INSIDE => rules.alarm_window(kind, input, reference, hysteresis),
+        AlarmType::OUTSIDE => !rules.alarm_window(kind, input, reference, hysteresis),
         _ => false,
     }
 }

@@ -14,7 +14,7 @@ use super::objects::{
     NO_SENSOR, OPERATING_MODE, OUTPUT, SECOND_SET_POINT, SET_POINT, STATUS, UPPER_LIMIT, set,
     value,
 };
-use super::rules::Em66Rules;
+use super::rules::{Activity, Em66Rules};
 use super::{Drive, Duty, Options, Pump, Sensed};
 
 use pid::Pid;
@@ -96,12 +96,18 @@ impl Controller {
     ) -> Drive {
         let codes = self.codes;
         let control = value(od, CONTROL_BYTE);
-        let manual = value(od, OPERATING_MODE) == codes.manual;
         let second = rules.second_set_point(control & codes.control_second != 0);
+        let manual = rules.is_manual(value(od, OPERATING_MODE) == codes.manual, second);
         let chosen = value(od, if second { SECOND_SET_POINT } else { SET_POINT });
         let effective = sensed.effective(duty.mode);
+        if effective.is_none() && !rules.goes_on_without_sensor() {
+            return Drive { output: self.output, pump: pump(duty), draining: duty.evacuating };
+        }
         let shown = rules.effective_value(effective.unwrap_or(NO_SENSOR));
-        self.move_set_point(elapsed, duty.on, chosen, effective, rates(second, od, rules), rules);
+        let waiting = rules.set_point_while_off(chosen, value(od, SET_POINT));
+        let chosen_now = if duty.on { chosen } else { waiting };
+        let rates = rates(second, od, rules);
+        self.move_set_point(elapsed, duty.on, chosen_now, effective, rates, rules);
 
         let (low, high) = limits(od, rules);
         let missing = effective.map(|effective| self.ramp.present() - effective as f64);
@@ -148,7 +154,7 @@ impl Controller {
         }
         self.ramp.follow(chosen, start, rates);
         if !elapsed.is_zero() {
-            self.ramp.advance(elapsed, chosen, rates);
+            self.ramp.advance(elapsed, chosen, rates, rules);
         }
     }
 
@@ -164,7 +170,7 @@ impl Controller {
     ) {
         let ready = duty.on && !duty.cooling_down && !duty.evacuating && !duty.blocked;
         let wanted = rules.tunes(asked, ready, manual, self.relay.is_some());
-        self.answered &= wanted;
+        self.answered = rules.tuning_answered(self.answered, wanted, duty.on);
         match missing.filter(|_| wanted) {
             None => self.relay = None,
             Some(missing) if !self.answered => {
@@ -188,13 +194,19 @@ impl Controller {
         };
         if duty.cooling_down {
             self.pid.restart();
-            return sight.low;
+            return rules.limits_while(Activity::CoolingDown, sight.low, sight.high).0;
         }
         let held = sight.manual && rules.manual_holds();
+        let activity =
+            if held { Some(Activity::Manual) } else { self.relay.map(|_| Activity::Tuning) };
+        let (low, high) = match activity {
+            Some(activity) => rules.limits_while(activity, sight.low, sight.high),
+            None => (sight.low, sight.high),
+        };
         if held || !sight.sampled {
-            return self.output.clamp(sight.low, sight.high);
+            return self.output.clamp(low, high);
         }
-        self.control(missing, sight.low, sight.high)
+        self.control(missing, low, high)
     }
 
     /// One sample of the relay or of the controller.

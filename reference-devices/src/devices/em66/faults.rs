@@ -24,6 +24,11 @@ pub(super) struct Faults {
 }
 
 impl Faults {
+    /// Begins anew after a reset.
+    pub(super) fn restart(&mut self, rules: &dyn Em66Rules) {
+        *self = Self { causes: rules.causes_after_reset(self.causes), ..Self::default() };
+    }
+
     /// Shows the errors in 2008h and reports them. Returns whether one forbids heating and cooling.
     pub(super) fn judge(
         &mut self,
@@ -34,7 +39,9 @@ impl Faults {
         rules: &dyn Em66Rules,
     ) -> bool {
         let causes = causes(sensed, mode, value(od, CONTROL_ERRORS), rules);
-        let appeared = causes & !std::mem::replace(&mut self.causes, causes);
+        let before = self.causes;
+        self.causes = rules.causes_seen(before, causes);
+        let appeared = causes & !before;
         self.told = self.told & (causes | rules.lasting_errors()) | appeared;
         let control_word = value(od, CONTROL_WORD);
         let before = std::mem::replace(&mut self.control_word, control_word);

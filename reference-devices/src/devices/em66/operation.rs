@@ -55,6 +55,8 @@ impl Operation {
     /// The network has written the object at `mux`.
     pub(super) fn written(&mut self, mux: Mux, od: &mut Dictionary, rules: &dyn Em66Rules) {
         match mux {
+            CONTROLLER_MODE
+                if self.switch_off.is_busy() && !rules.mode_changes_while_switching_off() => {}
             CONTROLLER_MODE if rules.mode_changes(self.switch_off.is_running()) => {
                 self.mode = Mode::of(value(od, CONTROLLER_MODE));
                 self.chosen = true;

@@ -8,7 +8,7 @@ mod operation;
 mod value;
 
 pub(crate) use alarm::AlarmRules;
-pub(crate) use control::ControlRules;
+pub(crate) use control::{Activity, ControlRules};
 pub(crate) use fault::FaultRules;
 pub(crate) use operation::OperationRules;
 pub(crate) use value::ValueRules;

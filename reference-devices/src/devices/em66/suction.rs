@@ -44,7 +44,9 @@ impl Suction {
         let hindered = conflict || late || off;
         self.error =
             rules.suction_error(requested, hindered) || self.error && rules.suction_error_stays();
-        self.given_up = requested && (self.given_up || self.waits) && !rules.suction_comes_later();
+        let interrupted = self.active && delayed && !rules.suction_resumes(situation.off);
+        let given_up = self.waits && !rules.suction_comes_later() || interrupted;
+        self.given_up = requested && (self.given_up || given_up);
         self.active = wanted && !conflict && !delayed && !self.given_up;
     }
 

@@ -41,7 +41,9 @@ impl SwitchOff {
         match self.state {
             State::Off if rises => self.state = State::Running,
             State::Running if !asked => self.begin(rules),
-            State::CoolingDown | State::Evacuating if rises && rules.on_again_runs() => {
+            State::CoolingDown | State::Evacuating
+                if rises && rules.on_again_runs() && rules.on_again_ends(self.present) =>
+            {
                 self.state = State::Running;
             }
             _ => {}
@@ -77,6 +79,7 @@ impl SwitchOff {
 
     fn begin(&mut self, rules: &dyn Em66Rules) {
         self.present = self.chosen;
+        self.chosen = rules.switch_off_mode_after_use(self.chosen);
         [self.state, _] = order(rules);
     }
 

@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use crate::devices::em66::rules::Em66Rules;
+
 /// The way from one set point to another. Values are tenths of a degree.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Ramp {
@@ -41,11 +43,17 @@ impl Ramp {
     }
 
     /// Time goes by.
-    pub(super) fn advance(&mut self, elapsed: Duration, chosen: i64, rates: Rates) {
+    pub(super) fn advance(
+        &mut self,
+        elapsed: Duration,
+        chosen: i64,
+        rates: Rates,
+        rules: &dyn Em66Rules,
+    ) {
         let step = self.rate(chosen, rates) as f64 * elapsed.as_secs_f64() / 60.0;
         let missing = chosen as f64 - self.present;
         if self.running {
-            self.present += missing.clamp(-step, step);
+            self.present += rules.ramp_step(missing, step);
         }
     }
 
@@ -64,12 +72,13 @@ impl Ramp {
 mod tests {
     use super::*;
     use crate::devices::em66::PERIOD;
+    use crate::devices::em66::rules::Conformant;
 
     const SLOW: Rates = Rates { heating: 600, cooling: 300 };
 
     fn after(ramp: &mut Ramp, samples: u32, chosen: i64, rates: Rates) -> f64 {
         for _ in 0..samples {
-            ramp.advance(PERIOD, chosen, rates);
+            ramp.advance(PERIOD, chosen, rates, &Conformant);
         }
         (ramp.present() * 1e6).round() / 1e6
     }

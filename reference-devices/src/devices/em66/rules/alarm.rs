@@ -5,7 +5,7 @@ use canopen::pdo::Mapping;
 
 use super::mutants;
 use crate::devices::em66::alarm_kinds::{AlarmType, Quantity, SetPoints, Wait};
-use crate::devices::em66::objects::{EFFECTIVE_SET_POINT, SET_POINT};
+use crate::devices::em66::objects::{EFFECTIVE_SET_POINT, SECOND_SET_POINT, SET_POINT};
 
 /// The decisions about alarms. Levels and inputs are in the unit of the input. Steps are those of
 /// the order in which an alarm is parameterised (3.3).
@@ -140,6 +140,11 @@ pub(crate) trait AlarmRules {
     /// Types 6h and 16h; 7h and 17h are the rest. `width` is half the window.
     fn alarm_inside(&self, input: i64, reference: i64, width: i64) -> bool {
         (input - reference).abs() <= width
+    }
+
+    /// A window is the same with and without start condition (3.3).
+    fn alarm_window(&self, _kind: AlarmType, input: i64, reference: i64, width: i64) -> bool {
+        self.alarm_inside(input, reference, width)
     }
 
     /// The hysteresis that keeps an alarm of this type.
@@ -400,6 +405,28 @@ mutants! {
     }
     "alarm-without-hysteresis" {
         fn alarm_hysteresis(&self, _kind: AlarmType, _hysteresis: i64) -> i64 { 0 }
+    }
+    "alarm-hysteresis-of-plain-types-only" {
+        fn alarm_hysteresis(&self, kind: AlarmType, hysteresis: i64) -> i64 {
+            if kind.has_start() { 0 } else { hysteresis }
+        }
+    }
+    "alarm-window-with-start-has-no-lower-border" {
+        fn alarm_window(&self, kind: AlarmType, input: i64, reference: i64, width: i64) -> bool {
+            self.alarm_inside(input, reference, width)
+                || kind.has_start() && input < reference - width
+        }
+    }
+    "alarm-window-with-start-without-its-borders" {
+        fn alarm_window(&self, kind: AlarmType, input: i64, reference: i64, width: i64) -> bool {
+            let width = if kind.has_start() { width - 1 } else { width };
+            self.alarm_inside(input, reference, width)
+        }
+    }
+    "alarm-compares-with-the-first-set-point" {
+        fn alarm_input(&self, mux: Mux) -> Mux {
+            if mux == SECOND_SET_POINT { SET_POINT } else { mux }
+        }
     }
     "alarm-hysteresis-on-the-wrong-side" {
         fn alarm_hysteresis(&self, _kind: AlarmType, hysteresis: i64) -> i64 { -hysteresis }

@@ -5,6 +5,17 @@ use canopen::Mux;
 use super::mutants;
 use crate::devices::em66::codes::Codes;
 
+/// What the controller is doing while the limits of the output hold.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Activity {
+    /// Manual mode holds the output.
+    Manual,
+    /// Self-optimisation makes the process swing.
+    Tuning,
+    /// It cools down before it is off.
+    CoolingDown,
+}
+
 /// The decisions of the controller block (3.2) and of the ramps (3.4.14).
 pub(crate) trait ControlRules {
     /// Temperatures are degrees Celsius with one digit, the output is a percentage with one digit;
@@ -52,6 +63,36 @@ pub(crate) trait ControlRules {
     /// In manual mode the output stays as it was (3.2.2).
     fn manual_holds(&self) -> bool {
         true
+    }
+
+    /// The limits are the same whatever the controller is doing (3.2, 6413h, 6414h).
+    fn limits_while(&self, _activity: Activity, low: i64, high: i64) -> (i64, i64) {
+        (low, high)
+    }
+
+    /// Manual mode is one of either set point (3.2, 6423h).
+    fn is_manual(&self, asked: bool, _second: bool) -> bool {
+        asked
+    }
+
+    /// A controller whose sensor tells nothing can be switched off like any other (3.2.1).
+    fn goes_on_without_sensor(&self) -> bool {
+        true
+    }
+
+    /// A request for self-optimisation is answered until it goes or the controller is off (3.2.1).
+    fn tuning_answered(&self, answered: bool, wanted: bool, _on: bool) -> bool {
+        answered && wanted
+    }
+
+    /// While the controller is off, the set point that is selected is shown (3.2, 7401h).
+    fn set_point_while_off(&self, chosen: i64, _first: i64) -> i64 {
+        chosen
+    }
+
+    /// The last step of a ramp ends at the set point (3.4.14).
+    fn ramp_step(&self, missing: f64, step: f64) -> f64 {
+        missing.clamp(-step, step)
     }
 
     /// Self-optimisation goes on while it is asked for, in automatic mode and while the controller
@@ -160,7 +201,34 @@ mutants! {
         fn manual_holds(&self) -> bool { false }
     }
 
+    "lower-limit-not-in-manual-mode" {
+        fn limits_while(&self, activity: Activity, low: i64, high: i64) -> (i64, i64) {
+            if activity == Activity::Manual { (-1000, high) } else { (low, high) }
+        }
+    }
+    "upper-limit-not-in-self-optimisation" {
+        fn limits_while(&self, activity: Activity, low: i64, high: i64) -> (i64, i64) {
+            if activity == Activity::Tuning { (low, 1000) } else { (low, high) }
+        }
+    }
+    "cools-down-without-limit" {
+        fn limits_while(&self, activity: Activity, low: i64, high: i64) -> (i64, i64) {
+            if activity == Activity::CoolingDown { (-1000, high) } else { (low, high) }
+        }
+    }
+    "manual-mode-of-the-first-set-point-only" {
+        fn is_manual(&self, asked: bool, second: bool) -> bool { asked && !second }
+    }
+    "stands-still-without-its-sensor" {
+        fn goes_on_without_sensor(&self) -> bool { false }
+    }
+
     // Self-optimisation
+    "self-optimisation-request-forgotten-while-on-only" {
+        fn tuning_answered(&self, answered: bool, wanted: bool, on: bool) -> bool {
+            answered && (wanted || !on)
+        }
+    }
     "self-optimisation-ignored" {
         fn tunes(&self, _asked: bool, _on: bool, _manual: bool, _tuning: bool) -> bool { false }
     }
@@ -235,6 +303,20 @@ mutants! {
     }
     "ramp-begins-at-zero" {
         fn ramp_start(&self, _effective: i64, _chosen: i64) -> i64 { 0 }
+    }
+    "ramp-begins-at-zero-or-above" {
+        fn ramp_start(&self, effective: i64, _chosen: i64) -> i64 { effective.max(0) }
+    }
+    "ramp-rates-of-twelve-bits" {
+        fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) {
+            (heating & 0xFFF, cooling & 0xFFF)
+        }
+    }
+    "ramp-steps-beyond-its-end" {
+        fn ramp_step(&self, missing: f64, step: f64) -> f64 { step.copysign(missing) }
+    }
+    "first-set-point-shown-while-off" {
+        fn set_point_while_off(&self, _chosen: i64, first: i64) -> i64 { first }
     }
     "ramp-begins-anew-at-each-set-point" {
         fn ramp_goes_on(&self) -> bool { false }

@@ -7,6 +7,16 @@ use crate::devices::em66::objects::{
 
 /// The decisions about errors and sensors (3.4.7, 3.4.9 to 3.4.15).
 pub(crate) trait FaultRules {
+    /// A cause that comes again is another error (3.4.7).
+    fn causes_seen(&self, _before: u8, now: u8) -> u8 {
+        now
+    }
+
+    /// After a reset, a cause that is present is an error as it was before (3.4.7).
+    fn causes_after_reset(&self, _causes: u8) -> u8 {
+        0
+    }
+
     /// There is too little fluid, in tenths of a percent of the tank (3.4.7).
     fn level_is_low(&self, level: i64) -> bool {
         level < LOWEST_LEVEL
@@ -135,6 +145,31 @@ mutants! {
     "failure-reset-at-1-hides-all" {
         fn resets_failures(&self, _before: i64, now: i64) -> bool { now & FAILURE_RESET != 0 }
         fn after_failure_reset(&self, _told: u8, _causes: u8) -> u8 { 0 }
+    }
+    "leak-told-once" {
+        fn causes_seen(&self, before: u8, now: u8) -> u8 { now | before & LOW_LEVEL }
+    }
+    "safety-limit-told-once" {
+        fn causes_seen(&self, before: u8, now: u8) -> u8 { now | before & SAFETY_LIMIT }
+    }
+    "sensor-failure-told-once" {
+        fn causes_seen(&self, before: u8, now: u8) -> u8 { now | before & SENSOR }
+    }
+    "general-failure-told-once" {
+        fn causes_seen(&self, before: u8, now: u8) -> u8 { now | before & GENERAL }
+    }
+    "errors-forgotten-at-reset" {
+        fn causes_after_reset(&self, causes: u8) -> u8 { causes }
+    }
+    "failure-reset-needs-all-causes-gone" {
+        fn after_failure_reset(&self, told: u8, causes: u8) -> u8 {
+            if causes == 0 { 0 } else { told }
+        }
+    }
+    "failure-reset-not-with-a-suction-request" {
+        fn resets_failures(&self, before: i64, now: i64) -> bool {
+            now & !before & FAILURE_RESET != 0 && now & 1 == 0
+        }
     }
     "failure-reset-is-an-error" {
         fn after_failure_reset(&self, told: u8, causes: u8) -> u8 {

@@ -44,6 +44,11 @@ pub(crate) trait OperationRules {
         true
     }
 
+    /// Suction that was interrupted comes back as soon as possible while it is asked for (3.4.2).
+    fn suction_resumes(&self, _off: bool) -> bool {
+        true
+    }
+
     /// Suction ends when the request does (3.4.2).
     fn suction_ends(&self) -> bool {
         true
@@ -101,6 +106,11 @@ pub(crate) trait OperationRules {
 
     /// The mode can be changed at any time (3.4.4).
     fn mode_changes(&self, _running: bool) -> bool {
+        true
+    }
+
+    /// Also while the device switches off, for the next time (3.4.4).
+    fn mode_changes_while_switching_off(&self) -> bool {
         true
     }
 
@@ -166,6 +176,11 @@ pub(crate) trait OperationRules {
         present
     }
 
+    /// A mode is used until another one is written (3.4.5).
+    fn switch_off_mode_after_use(&self, chosen: u8) -> u8 {
+        chosen
+    }
+
     /// 2006h shows the mode of the switch-off that goes on, else of the next one (3.4.5).
     fn switch_off_display(&self, switching_off: bool, present: u8, chosen: u8) -> u8 {
         if switching_off { present } else { chosen }
@@ -178,6 +193,11 @@ pub(crate) trait OperationRules {
 
     /// Switched on again, it runs again (3.4.5).
     fn on_again_runs(&self) -> bool {
+        true
+    }
+
+    /// In whichever mode it switches off (3.4.5).
+    fn on_again_ends(&self, _mode: u8) -> bool {
         true
     }
 
@@ -231,6 +251,12 @@ mutants! {
     "suction-now-or-never" {
         fn suction_comes_later(&self) -> bool { false }
     }
+    "suction-interrupted-by-the-temperature-ends" {
+        fn suction_resumes(&self, off: bool) -> bool { off }
+    }
+    "suction-interrupted-by-switching-off-ends" {
+        fn suction_resumes(&self, off: bool) -> bool { !off }
+    }
     "suction-goes-on" {
         fn suction_ends(&self) -> bool { false }
     }
@@ -281,6 +307,17 @@ mutants! {
     }
 
     // Controller mode
+    "mode-written-while-switching-off-is-lost" {
+        fn mode_changes_while_switching_off(&self) -> bool { false }
+    }
+    "switch-off-mode-4-is-2-the-next-time" {
+        fn switch_off_mode_after_use(&self, chosen: u8) -> u8 {
+            if chosen == 4 { 2 } else { chosen }
+        }
+    }
+    "on-again-does-not-end-a-switch-off-in-mode-4" {
+        fn on_again_ends(&self, mode: u8) -> bool { mode != 4 }
+    }
     "mode-2-without-return-line" {
         fn mode_accepted(&self, mode: u8, _return_line: bool, external: bool) -> bool {
             matches!(mode, 1 | 2) || mode == 3 && external

@@ -79,6 +79,31 @@ mutants! {
             if of.index == 0x3080 { 10 } else { tenths }
         }
     }
+    "flow-of-ten-bits" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3050 { tenths & 0x3FF } else { tenths }
+        }
+    }
+    "pressure-of-eight-bits" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3080 { i64::from(tenths as i8) } else { tenths }
+        }
+    }
+    "external-temperature-of-two-digits-below-zero" {
+        fn shown(&self, of: Mux, tenths: i64) -> i64 {
+            if of.index == 0x3040 { tenths.max(-99) } else { tenths }
+        }
+    }
+    "difference-of-eight-bits" {
+        fn difference(&self, main: i64, return_line: i64) -> i64 {
+            (main - return_line).abs() & 0xFF
+        }
+    }
+    "difference-ends-at-99-9" {
+        fn difference(&self, main: i64, return_line: i64) -> i64 {
+            (main - return_line).abs().min(999)
+        }
+    }
     "lines-mixed-up" {
         fn lines(&self, main: i64, return_line: i64) -> (i64, i64) { (return_line, main) }
     }
