@@ -5,14 +5,14 @@ pub mod socketcan;
 
 use std::fmt;
 use std::str::FromStr;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use canopen::{Bus, BusError};
 
 use socketcan::SocketCan;
 
-pub use calendar::unix_time;
+use crate::stop::Stop;
+
+pub use calendar::{monotonic, unix_time};
 
 /// A CAN interface by the name that a user gives it. A new backend is a variant here: the compiler
 /// then asks how it is written and opened, and the test below how it is read.
@@ -34,9 +34,9 @@ impl Interface {
     ///
     /// # Errors
     /// [`BusError::Open`] with the reason, and what to do about it.
-    pub fn open(&self, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>, BusError> {
+    pub fn open(&self, stop: &Stop) -> Result<Box<dyn Bus>, BusError> {
         match self {
-            Self::SocketCan(name) => Ok(Box::new(SocketCan::open(name, Arc::clone(stop))?)),
+            Self::SocketCan(name) => Ok(Box::new(SocketCan::open(name, stop.clone())?)),
         }
     }
 }

@@ -14,18 +14,14 @@ mod serve;
 mod trace;
 mod waive;
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use crate::cli::{Cli, Command};
 use crate::exit::{Exit, Refused};
+use crate::reporter::unsaid;
+use crate::stop::Stop;
 
 /// Carries out what the command line asks for.
 pub fn run(cli: Cli) -> Exit {
-    let stop = Arc::new(AtomicBool::new(false));
-    let flag = Arc::clone(&stop);
-    // Without a handler Ctrl-C ends the process at once, which is all that is lost.
-    _ = ctrlc::set_handler(move || flag.store(true, Ordering::SeqCst));
+    let stop = Stop::on_signals();
     let done = match cli.command {
         None => run::run(&cli.run, &stop),
         Some(Command::Run(args)) => run::run(&args, &stop),
@@ -40,8 +36,9 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Waive(args)) => waive::run(&args),
         Some(Command::Schema(args)) => schema::run(&args),
     };
-    done.unwrap_or_else(|Refused { exit, message }| {
+    let exit = done.unwrap_or_else(|Refused { exit, message }| {
         eprintln!("{message}");
         exit
-    })
+    });
+    if unsaid() { exit.max(Exit::File) } else { exit }
 }

@@ -11,7 +11,7 @@ pub enum Exit {
     Failed = 1,
     /// The command line is wrong: unknown flag, a pattern that matches nothing, unknown target.
     Usage = 2,
-    /// A file does not load; nothing ran.
+    /// A file cannot be read, and nothing ran; or a report cannot be written.
     File = 3,
     /// There was nothing to run.
     NothingRan = 4,
@@ -30,7 +30,7 @@ pub enum Exit {
 }
 
 /// Why a command could not be carried out: the exit code, and the sentence that helps.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Refused {
     /// The exit status of the process.
     pub exit: Exit,
@@ -42,6 +42,11 @@ impl Refused {
     /// Something is wrong with the command line.
     pub fn usage(message: impl Into<String>) -> Self {
         Self { exit: Exit::Usage, message: format!("error: {}", message.into()) }
+    }
+
+    /// The user stopped it.
+    pub fn interrupted() -> Self {
+        Self { exit: Exit::Interrupted, message: "error: interrupted".to_owned() }
     }
 
     /// The bus cannot be used.

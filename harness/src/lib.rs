@@ -17,6 +17,7 @@ mod protect;
 mod reporter;
 mod rig;
 pub mod run;
+pub mod stop;
 pub mod suite;
 pub mod target;
 pub mod waivers;

@@ -1,5 +1,6 @@
 //! The `harness` program.
 
+use std::io::Write;
 use std::process::ExitCode;
 
 use clap::Parser;
@@ -12,9 +13,13 @@ fn main() -> ExitCode {
     let exit = std::panic::catch_unwind(|| match Cli::try_parse() {
         Ok(cli) => commands::run(cli),
         Err(error) => {
-            // When standard output is closed, no reader is left for the message.
-            _ = error.print();
-            if error.use_stderr() { Exit::Usage } else { Exit::Green }
+            let printed = error.print().and_then(|()| std::io::stdout().flush());
+            match printed {
+                // When standard output is closed, no reader is left for the message.
+                Err(why) if why.kind() != std::io::ErrorKind::BrokenPipe => Exit::File,
+                _ if error.use_stderr() => Exit::Usage,
+                _ => Exit::Green,
+            }
         }
     });
     let exit = exit.unwrap_or_else(|_| {

@@ -1,20 +1,26 @@
 //! Takes the events of a run to where the user wants them: terminal, journal and reports.
 
 mod journal;
+mod output;
+mod unfinished;
 
-use std::fs::File;
-use std::io::{IsTerminal, Write};
+use std::io::{ErrorKind, IsTerminal, Write};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use reports::terminal::{Printer, Verbosity};
-use reports::{Event, Keep, Run, Style, github};
+use reports::{Event, Format, Keep, Run, Style, github};
 
-use crate::cli::{ReportArgs, RunArgs, When};
+use crate::cli::{RunArgs, When};
 use crate::exit::{Exit, Refused};
-use crate::target::Address;
 
 use journal::JournalFile;
+use output::Output;
+use unfinished::is_on_real_bus;
+
+pub(crate) use output::words;
+pub(crate) use unfinished::started;
 
 /// Tells of a run while it runs, and writes its reports at the end.
 pub(crate) struct Reporter {
@@ -24,23 +30,25 @@ pub(crate) struct Reporter {
     bar: ProgressBar,
     journal: Option<JournalFile>,
     /// The reports to write at the end.
-    reports: ReportArgs,
+    reports: Reports,
+    /// Whether a file could not be written so far.
+    unwritten: bool,
 }
 
 impl Reporter {
-    /// Opens what the arguments ask for. Files are created now, so that a wrong path is found
-    /// before anything runs.
+    /// Opens what the arguments ask for. Until the run is over, its reports say that it is not, so
+    /// that a wrong path is found before anything runs, and none of another run is left.
     ///
     /// # Errors
-    /// When a file cannot be written.
-    pub(crate) fn new(args: &RunArgs, cases: usize) -> Result<Self, Refused> {
+    /// When a file cannot be written, or two are one.
+    pub(crate) fn new(args: &RunArgs) -> Result<Self, Refused> {
         let on_terminal = std::io::stderr().is_terminal();
         let color = match args.color {
             When::Always => true,
             When::Never => false,
             When::Auto => std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none(),
         };
-        let bar = ProgressBar::new(cases as u64);
+        let bar = ProgressBar::new(0);
         let verbosity = match (args.quiet, args.verbose) {
             (true, _) => Verbosity::Quiet,
             (false, true) => Verbosity::Verbose,
@@ -54,35 +62,27 @@ impl Reporter {
         if let Ok(style) = ProgressStyle::with_template("{bar:32} {pos}/{len} {wide_msg}") {
             bar.set_style(style);
         }
-        let refused = |path: &Path, error| Refused {
-            exit: Exit::File,
-            message: format!("error: {}: {error}", path.display()),
-        };
-        let journal = match &args.journal {
-            Some(path) => {
-                let journal = JournalFile::create(path, is_on_real_bus(args));
-                Some(journal.map_err(|error| refused(path, error))?)
-            }
-            None => None,
-        };
-        for (_, path) in &args.reports.0 {
-            File::create(path).map_err(|error| refused(path, error))?;
-        }
+        let (journal, reports) = open(args)?;
         Ok(Self {
             run: Run::new(Keep::Unusual),
             printer: Printer::new(Style { color }, verbosity),
             annotate: std::env::var_os("GITHUB_ACTIONS").is_some(),
             bar,
             journal,
-            reports: args.reports.clone(),
+            reports,
+            unwritten: false,
         })
+    }
+
+    /// So many cases are to come.
+    pub(crate) fn expect(&self, cases: usize) {
+        self.bar.set_length(cases as u64);
     }
 
     /// Takes an event.
     pub(crate) fn tell(&mut self, event: &Event) {
-        if let Some(journal) = &mut self.journal {
-            journal.write(event);
-        }
+        let written = self.journal.as_mut().map_or(Ok(()), |journal| journal.write(event));
+        written.unwrap_or_else(|failure| self.not_written(&failure));
         // The order of events is the runner's business; out of order is a bug.
         self.run.apply(event).unwrap_or_else(|error| panic!("{error}"));
         match event {
@@ -96,19 +96,35 @@ impl Reporter {
     pub(crate) fn finish(&mut self) -> Exit {
         self.bar.finish_and_clear();
         say(&self.printer.summary(&self.run));
-        let mut failure = self.journal.as_mut().and_then(JournalFile::finish);
-        for (format, path) in &self.reports.0 {
-            if let Err(error) = std::fs::write(path, (format.write)(&self.run)) {
-                failure.get_or_insert_with(|| format!("{}: {error}", path.display()));
+        self.write_reports();
+        if self.unwritten { Exit::File } else { Exit::Green }
+    }
+
+    /// Nothing could be run. The reports say why.
+    pub(crate) fn refused(mut self, args: &RunArgs, refused: &Refused) {
+        let why = refused.message.trim_start_matches("error: ");
+        let why = why.lines().next().unwrap_or_default();
+        for event in unfinished::events(args, why, refused.exit as u8) {
+            let written = self.journal.as_mut().map_or(Ok(()), |journal| journal.write(&event));
+            written.unwrap_or_else(|failure| self.not_written(&failure));
+            self.run.apply(&event).unwrap_or_else(|error| panic!("{error}"));
+        }
+        self.write_reports();
+    }
+
+    /// One that cannot be written is no reason to leave out the others.
+    fn write_reports(&mut self) {
+        for (format, output) in &self.reports {
+            if let Err(error) = output.write(&(format.write)(&self.run)) {
+                eprintln!("error: {}: {}", output.path().display(), words(&error));
+                self.unwritten = true;
             }
         }
-        match failure {
-            Some(failure) => {
-                eprintln!("error: {failure}");
-                Exit::File
-            }
-            None => Exit::Green,
-        }
+    }
+
+    fn not_written(&mut self, failure: &str) {
+        self.bar.suspend(|| eprintln!("error: {failure}"));
+        self.unwritten = true;
     }
 
     /// The run so far.
@@ -128,15 +144,62 @@ impl Reporter {
     }
 }
 
-/// Whether the frames come from hardware. What the target is otherwise wrong with is found when it
-/// is resolved.
-fn is_on_real_bus(args: &RunArgs) -> bool {
-    let address = args.selection.target.as_deref().map(str::parse);
-    matches!(address, Some(Ok(Address::Interface(_))))
+type Reports = Vec<(Format, Output)>;
+
+/// The journal and the reports that the arguments ask for.
+fn open(args: &RunArgs) -> Result<(Option<JournalFile>, Reports), Refused> {
+    let refused = |path: &Path, error: &std::io::Error| Refused {
+        exit: Exit::File,
+        message: format!("error: {}: {}", path.display(), words(error)),
+    };
+    let paths = args.reports.0.iter().map(|(format, path)| (format.flag, path));
+    let paths = args.journal.iter().map(|path| ("journal", path)).chain(paths);
+    let mut outputs: Vec<(&str, Output)> = Vec::new();
+    for (flag, path) in paths {
+        let output = Output::new(path).map_err(|error| refused(path, &error))?;
+        let files = [("eds", &args.selection.eds), ("waivers", &args.waivers)];
+        let files = files.into_iter().filter_map(|(flag, path)| Some((flag, path.as_deref()?)));
+        let others = outputs.iter().map(|(flag, other)| (*flag, other.path()));
+        if let Some((other, _)) = files.chain(others).find(|(_, path)| output.is_same(path)) {
+            return Err(Refused::usage(format!(
+                "--{flag} and --{other} are one file, {}: each needs one of its own",
+                path.display()
+            )));
+        }
+        outputs.push((flag, output));
+    }
+    let journal = args.journal.as_ref().map(|path| {
+        JournalFile::create(path, is_on_real_bus(args)).map_err(|error| refused(path, &error))
+    });
+    let journal = journal.transpose()?;
+    let outputs = outputs.split_off(usize::from(journal.is_some()));
+    let mut reports = Vec::new();
+    for ((format, _), (_, output)) in args.reports.0.iter().zip(outputs) {
+        if output.is_file() {
+            let unfinished = unfinished::run(args, Exit::Internal as u8);
+            let written = output.write(&(format.write)(&unfinished));
+            written.map_err(|error| refused(output.path(), &error))?;
+        }
+        reports.push((*format, output));
+    }
+    Ok((journal, reports))
 }
 
-/// Prints to standard output. A reader that went away (`| head`) does not stop the run,
-/// whose reports are still to be written.
+/// Prints to standard output. A reader that went away (`| head`) does not stop the run, whose
+/// reports are still to be written, and is no failure.
 pub(crate) fn say(text: &str) {
-    _ = std::io::stdout().write_all(text.as_bytes());
+    let mut stdout = std::io::stdout().lock();
+    let written = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush());
+    let failed = written.err().filter(|error| error.kind() != ErrorKind::BrokenPipe);
+    if let Some(error) = failed.filter(|_| !UNSAID.swap(true, Ordering::SeqCst)) {
+        eprintln!("error: standard output: {}", words(&error));
+    }
+}
+
+/// Whether something could not be said, which whoever prints it does not ask.
+static UNSAID: AtomicBool = AtomicBool::new(false);
+
+/// Whether something could not be printed to standard output.
+pub(crate) fn unsaid() -> bool {
+    UNSAID.load(Ordering::SeqCst)
 }

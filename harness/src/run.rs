@@ -25,6 +25,7 @@ mod settle;
 mod steps;
 #[cfg(test)]
 mod tests;
+mod undo;
 
 pub use link::Link;
 pub use policy::Policy;
@@ -34,3 +35,4 @@ pub(crate) use sdo::is_long;
 pub use sdo::{Ended, transfer};
 pub(crate) use session::{Ending, exists, read_number, read_text};
 pub use session::{Session, identity};
+pub use undo::Undo;

@@ -12,14 +12,12 @@ mod scan;
 mod sheet;
 mod sim;
 
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-
 use canopen::catalogue::Catalogue;
 use reference_devices::devices;
 
 use crate::cli::Selection;
 use crate::exit::Refused;
+use crate::stop::Stop;
 
 pub(crate) use address::Address;
 pub(crate) use can::{nobody, only};
@@ -38,7 +36,7 @@ pub use sheet::models;
 pub fn resolve(
     selection: &Selection,
     catalogue: &Catalogue,
-    stop: &Arc<AtomicBool>,
+    stop: &Stop,
 ) -> Result<Vec<Target>, Refused> {
     options::known(&selection.without, catalogue)?;
     let mut targets = match selection.target.as_deref() {

@@ -1,13 +1,11 @@
 //! Runs against a device that somebody has set up before, as that of a user is.
 
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
-
 use canopen::eds::Term;
 use canopen::{Mux, Value, VirtualBus};
 use harness::cli::{DEFAULT_BIT_RATE, Selection};
 use harness::plan::{self, Plan};
-use harness::run::{Policy, Session};
+use harness::run::{Policy, Session, Undo};
+use harness::stop::Stop;
 use harness::suite::{Folders, Library};
 use harness::target;
 use harness::waivers::Waivers;
@@ -45,7 +43,7 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
     }
     let library = Library::load(&Folders::default()).expect("the suites load");
     let selection = Selection::of_target(Some("sim:em66"));
-    let targets = target::resolve(&selection, &library.catalogue, &Arc::default());
+    let targets = target::resolve(&selection, &library.catalogue, &Stop::default());
     let targets = targets.map_err(|refused| refused.message);
     let dut = targets.expect("a simulated device").remove(0).dut;
     let plan = plan::plan(&library, &dut, &target::models(&dut.eds)).expect("the suites fit");
@@ -53,7 +51,7 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
         plan.instances.into_iter().filter(|instance| instance.suite.name().starts_with(suites));
     let plan = Plan { instances: instances.collect(), ..plan };
     assert!(plan.instances.len() > 100);
-    let stop = AtomicBool::new(false);
+    let stop = Stop::default();
     let session = Session {
         plan: &plan,
         register: &library.register,
@@ -63,6 +61,7 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
         max_fail: None,
         witness: None,
         stop: &stop,
+        undo: &Undo::default(),
     };
     let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);
     bus.attach(device.node(dut.node, Box::new(Specification)));

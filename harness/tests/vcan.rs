@@ -10,11 +10,12 @@ use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Stdio};
-use std::sync::{Arc, Mutex, MutexGuard};
+use std::sync::{Mutex, MutexGuard};
 use std::time::Duration;
 
 use canopen::Bus;
 use harness::bus::socketcan::SocketCan;
+use harness::stop::Stop;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use reports::{CaseRun, Run, Verdict};
@@ -134,7 +135,7 @@ fn ctrl_c_restores_what_was_touched_and_reports_what_ran() {
     let _wire = wire();
     let files = Files::new();
     let _served = Served::start();
-    let mut seen = SocketCan::open("vcan0", Arc::default()).expect("vcan0 is up");
+    let mut seen = SocketCan::open("vcan0", Stop::default()).expect("vcan0 is up");
     let run = files.start(&["interrupted/short", "interrupted/long"]);
     wait_for_the_write(&mut seen);
     interrupt(&run);
@@ -156,7 +157,7 @@ fn a_device_that_dies_in_the_middle_still_gives_a_report() {
     let _wire = wire();
     let files = Files::new();
     let mut served = Served::start();
-    let mut seen = SocketCan::open("vcan0", Arc::default()).expect("vcan0 is up");
+    let mut seen = SocketCan::open("vcan0", Stop::default()).expect("vcan0 is up");
     let run = files.start(&["gone"]);
     wait_for_the_write(&mut seen);
     served.0.kill().unwrap();

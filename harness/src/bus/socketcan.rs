@@ -7,8 +7,6 @@ mod stamp;
 use std::collections::VecDeque;
 use std::io;
 use std::os::fd::AsFd;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, SystemTime};
 
 use canopen::{Bus, BusError, Data, Frame, Id, Instant, Stamped};
@@ -21,6 +19,8 @@ use socketcan::{
 };
 
 use stamp::Clock;
+
+use crate::stop::Stop;
 
 /// An open SocketCAN interface. Its time starts at zero when it is opened.
 ///
@@ -35,21 +35,19 @@ pub struct SocketCan {
     held: VecDeque<Stamped>,
     /// The kernel's count of frames that found the receive queue full.
     dropped: u32,
-    stop: Arc<AtomicBool>,
+    stop: Stop,
 }
 
 impl SocketCan {
     /// Opens the interface `name`.
     ///
-    /// Whoever sets `stop` (a Ctrl-C handler) makes the next [`Bus::recv`], or one that waits,
-    /// return [`BusError::Interrupted`] within 50 ms and without losing a frame. That takes the
-    /// flag back, so the bus can still be used to leave the device as it was found, and a second
-    /// Ctrl-C ends that too.
+    /// As long as the user [asks to stop](Stop::asked), every [`Bus::recv`], one that waits
+    /// included, returns [`BusError::Interrupted`] within 50 ms and without losing a frame.
     ///
     /// # Errors
     /// [`BusError::Open`] with what to do about it: there is no CAN in the kernel, no such
     /// interface, it is down, or it is not a CAN interface.
-    pub fn open(name: &str, stop: Arc<AtomicBool>) -> Result<Self, BusError> {
+    pub fn open(name: &str, stop: Stop) -> Result<Self, BusError> {
         let socket = CanSocket::open(name).map_err(|why| fault::open(name, &why, has_can()))?;
         prepare(&socket)
             .and_then(|()| socket.as_raw_socket().take_error())
@@ -146,7 +144,7 @@ impl Bus for SocketCan {
                 Ok(()) => return Ok(()),
                 Err(why) if why.kind() == io::ErrorKind::Interrupted => {}
                 Err(why) if is_queue_full(&why) => {
-                    if self.stop.swap(false, Ordering::Relaxed) {
+                    if self.stop.asked() {
                         return Err(BusError::Interrupted);
                     }
                     if self.clock.now() >= give_up {
@@ -174,7 +172,7 @@ impl Bus for SocketCan {
     /// gone or frames were lost, [`BusError::Interrupted`].
     fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
         loop {
-            if self.stop.swap(false, Ordering::Relaxed) {
+            if self.stop.asked() {
                 return Err(BusError::Interrupted);
             }
             // The time is taken before looking, so that nothing slips through between the two.
@@ -285,7 +283,7 @@ mod tests {
     }
 
     fn open(name: &str) -> SocketCan {
-        SocketCan::open(name, Arc::default()).expect("vcan0 is up")
+        SocketCan::open(name, Stop::default()).expect("vcan0 is up")
     }
 
     fn next(bus: &mut SocketCan) -> Stamped {
@@ -310,14 +308,14 @@ mod tests {
 
     #[test]
     fn an_interface_that_does_not_exist_is_refused_with_a_hint() {
-        let refused = SocketCan::open("vcan99", Arc::default()).expect_err("there is no vcan99");
+        let refused = SocketCan::open("vcan99", Stop::default()).expect_err("there is no vcan99");
         assert!(matches!(&refused, BusError::Open(why) if why.contains("scripts/with-vcan")));
     }
 
     #[test]
     #[ignore = "needs vcan0: scripts/with-vcan"]
     fn an_interface_that_is_no_can_is_refused() {
-        let refused = SocketCan::open("lo", Arc::default()).expect_err("lo is no CAN");
+        let refused = SocketCan::open("lo", Stop::default()).expect_err("lo is no CAN");
         assert_eq!(refused.to_string(), "lo is not a CAN interface");
     }
 
@@ -368,19 +366,21 @@ mod tests {
 
     #[test]
     #[ignore = "needs vcan0: scripts/with-vcan"]
-    fn a_request_to_stop_ends_a_wait_once_and_loses_nothing() {
+    fn a_request_to_stop_ends_every_wait_and_loses_nothing() {
         let _wire = wire();
-        let stop = Arc::new(AtomicBool::new(false));
+        let stop = Stop::default();
         let mut bus = SocketCan::open("vcan0", stop.clone()).expect("vcan0 is up");
         bus.send(&Frame::new(0x123, [1])).expect("vcan0 takes it");
-        stop.store(true, Ordering::Relaxed);
+        stop.signal();
         assert_eq!(bus.recv(Instant::NEVER), Err(BusError::Interrupted));
+        assert_eq!(bus.recv(Instant::NEVER), Err(BusError::Interrupted));
+        stop.clean(true);
         assert_eq!(next(&mut bus).frame, Frame::new(0x123, [1]));
 
         let asked = bus.now();
         let later = std::thread::spawn(move || {
             open("vcan0").recv(Instant(30_000_000)).expect("vcan0 works");
-            stop.store(true, Ordering::Relaxed);
+            stop.signal();
         });
         assert_eq!(bus.recv(Instant::NEVER), Err(BusError::Interrupted));
         let took = bus.now().since(asked);
@@ -435,7 +435,7 @@ mod tests {
     #[ignore = "needs root and vcan0: scripts/with-vcan"]
     fn an_interface_that_goes_down_or_away_says_so() {
         ip("link add dev vcan8 type vcan");
-        let refused = SocketCan::open("vcan8", Arc::default()).expect_err("it is down");
+        let refused = SocketCan::open("vcan8", Stop::default()).expect_err("it is down");
         assert_eq!(
             refused,
             BusError::Open("the interface vcan8 is down: `ip link set vcan8 up`".to_owned())

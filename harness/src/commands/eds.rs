@@ -5,8 +5,6 @@ use std::fmt::Write as _;
 use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use canopen::catalogue::Catalogue;
 use canopen::eds::{self, Severity};
@@ -15,6 +13,7 @@ use super::counted::counted;
 use crate::cli::{EdsCommand, ProbeArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
+use crate::stop::Stop;
 use crate::suite::step::Step;
 use crate::suite::{Folders, Library};
 use crate::target::{self, Address, compose, reference_device, scan};
@@ -23,7 +22,7 @@ use crate::target::{self, Address, compose, reference_device, scan};
 ///
 /// # Errors
 /// When a file cannot be read or written, or the device is unknown.
-pub(super) fn run(command: &EdsCommand, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
+pub(super) fn run(command: &EdsCommand, stop: &Stop) -> Result<Exit, Refused> {
     match command {
         EdsCommand::Check { file } => check(file),
         EdsCommand::Probe(args) => probe(args, stop),
@@ -99,7 +98,7 @@ fn judges() -> BTreeMap<String, String> {
 }
 
 /// Writes the data sheet, for the user to complete.
-fn probe(args: &ProbeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
+fn probe(args: &ProbeArgs, stop: &Stop) -> Result<Exit, Refused> {
     if let Some(path) = args.out.as_deref().filter(|path| path.exists()) {
         return Err(exists(path));
     }

@@ -1,8 +1,6 @@
 //! `harness list`: what would run, and why the rest would not.
 
 use std::fmt::Write;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use reference_devices::devices::ReferenceDevice;
 use reference_devices::{devices, freedom, mutant};
@@ -13,6 +11,7 @@ use super::select::select;
 use crate::cli::{ListArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
+use crate::stop::Stop;
 use crate::suite::Library;
 use crate::target::{self, reference_device};
 
@@ -20,7 +19,7 @@ use crate::target::{self, reference_device};
 ///
 /// # Errors
 /// What keeps a run from starting, too.
-pub(super) fn run(args: &ListArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
+pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
     let args = &args.with_file()?;
     let library = Library::load(&args.selection.folders)?;
     if let [what] = args.selection.patterns.as_slice()

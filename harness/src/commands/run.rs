@@ -1,12 +1,10 @@
 //! `harness run`: suites against devices, and the reports of it.
 
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
-use canopen::BusError;
+use canopen::{BusError, Instant};
 use reference_devices::devices;
-use reports::{Event, RunEnded, RunStarted, Verdict};
+use reports::{Event, Note, RunEnded, Verdict};
 
 use super::select::select;
 use crate::bus::unix_time;
@@ -16,71 +14,108 @@ use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
 use crate::parallel::{self, InTurn, processors};
 use crate::plan::{self, Instance, Plan};
-use crate::reporter::Reporter;
-use crate::run::{Ending, Policy, Session};
+use crate::reporter::{Reporter, started};
+use crate::run::{Ending, Policy, Session, Undo};
 use crate::source::{At, Complaint};
+use crate::stop::Stop;
 use crate::suite::{Library, Register};
 use crate::target::{self, Target};
 use crate::waivers::Waivers;
 
-/// Runs what the arguments select. The reports of what ran are written whatever happens.
+/// Runs what the arguments select. The reports are written whatever happens.
 ///
 /// # Errors
 /// What kept everything from running.
-pub(super) fn run(args: &RunArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
-    let args = &args.with_file()?;
-    let library = thread::scope(|scope| {
-        // The reference devices are read once, which need not wait for the suites.
-        scope.spawn(|| devices::all().count());
-        Library::load(&args.selection.folders)
-    })?;
-    let targets = target::resolve(&args.selection, &library.catalogue, stop)?;
-    let waivers = waivers_of(args, &library.register)?;
-    let mut plans = plan_all(&library, &targets)?;
-    let names = names_of(&plans, args.waivers.is_some());
-    select(&mut plans, &args.selection.patterns)?;
-    if args.shuffle || args.seed.is_some() {
-        let seed = args.seed.unwrap_or(1);
-        plans
-            .iter_mut()
-            .for_each(|plan| fastrand::Rng::with_seed(seed).shuffle(&mut plan.instances));
+pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
+    let with_file = args.with_file();
+    let args = with_file.as_ref().unwrap_or(args);
+    let mut reporter = Reporter::new(args)?;
+    // What the bench started ends with it.
+    let held = args.selection.bench.as_ref().map(|_| stop.hold());
+    let prepared = match &with_file {
+        Ok(args) => Prepared::new(args, stop),
+        Err(refused) => Err(refused.clone()),
+    };
+    let prepared = match prepared {
+        Ok(_) if stop.asked() => Err(Refused::interrupted()),
+        prepared => prepared,
+    };
+    let prepared = match prepared {
+        Ok(prepared) => prepared,
+        Err(refused) => {
+            reporter.refused(args, &refused);
+            return Err(refused);
+        }
+    };
+    let _held = (stop.hold(), held);
+    Ok(prepared.run(args, stop, &mut reporter))
+}
+
+/// What is to run, and what is known of it before.
+struct Prepared {
+    library: Library,
+    waivers: Waivers,
+    targets: Vec<Target>,
+    plans: Vec<Plan>,
+    /// The cases that there are, whatever is selected.
+    names: Vec<String>,
+}
+
+impl Prepared {
+    fn new(args: &RunArgs, stop: &Stop) -> Result<Self, Refused> {
+        let library = thread::scope(|scope| {
+            // The reference devices are read once, which need not wait for the suites.
+            scope.spawn(|| devices::all().count());
+            Library::load(&args.selection.folders)
+        })?;
+        let targets = target::resolve(&args.selection, &library.catalogue, stop)?;
+        let waivers = waivers_of(args, &library.register)?;
+        let mut plans = plan_all(&library, &targets)?;
+        let names = names_of(&plans, args.waivers.is_some());
+        select(&mut plans, &args.selection.patterns)?;
+        if args.shuffle || args.seed.is_some() {
+            let seed = args.seed.unwrap_or(1);
+            plans
+                .iter_mut()
+                .for_each(|plan| fastrand::Rng::with_seed(seed).shuffle(&mut plan.instances));
+        }
+        if plans.iter().all(|plan| plan.instances.is_empty()) {
+            let left_out = plans.iter().find_map(Plan::said_left_out);
+            let why = left_out.map(|said| format!(": {said}")).unwrap_or_default();
+            let message = format!("error: there is nothing to run{why}");
+            return Err(Refused { exit: Exit::NothingRan, message });
+        }
+        Ok(Self { library, waivers, targets, plans, names })
     }
-    let cases = plans.iter().map(|plan| plan.instances.len()).sum();
-    if cases == 0 {
-        let left_out = plans.iter().find_map(Plan::said_left_out);
-        let why = left_out.map(|said| format!(": {said}")).unwrap_or_default();
-        let message = format!("error: there is nothing to run{why}");
-        return Err(Refused { exit: Exit::NothingRan, message });
+
+    fn run(self, args: &RunArgs, stop: &Stop, reporter: &mut Reporter) -> Exit {
+        let Self { library, waivers, targets, plans, names } = self;
+        reporter.expect(plans.iter().map(|plan| plan.instances.len()).sum());
+        let real = targets.iter().any(|target| !target.is_simulation());
+        reporter.tell(&Event::RunStarted(started(args, real)));
+        let sessions =
+            targets.into_iter().zip(plans).filter(|(_, plan)| !plan.instances.is_empty());
+        let all = Sessions { args, library: &library, waivers: &waivers, stop };
+        let endings = all.run(sessions.collect(), |event| reporter.tell(&event));
+        let (mut stopped, mut reason) = (Exit::Green, None);
+        for (exit, why) in endings {
+            stopped = stopped.max(exit);
+            reason = reason.or(why);
+        }
+        let outdated = waivers.out_of_date(reporter.run(), &names);
+        let of_waivers = if outdated.is_empty() { Exit::Green } else { Exit::Waivers };
+        let worst = stopped.max(of_verdicts(reporter)).max(of_waivers);
+        // That enough failed is what the user asked for.
+        if let Some(reason) = reason.as_ref().filter(|_| stopped > Exit::Green) {
+            eprintln!("error: {reason}");
+        }
+        reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason }));
+        let finished = reporter.finish();
+        for complaint in outdated {
+            eprintln!("{complaint}\n");
+        }
+        worst.max(finished)
     }
-    let mut reporter = Reporter::new(args, cases)?;
-    reporter.tell(&Event::RunStarted(RunStarted {
-        harness: env!("CARGO_PKG_VERSION").to_owned(),
-        target: args.selection.target.clone().unwrap_or_else(|| "sim".to_owned()),
-        seed: (args.shuffle || args.seed.is_some()).then(|| args.seed.unwrap_or(1)),
-        grade: args.grade.unwrap_or(GradeName::Lenient).into(),
-        began: targets.iter().any(|target| !target.is_simulation()).then(unix_time),
-    }));
-    let sessions = targets.into_iter().zip(plans).filter(|(_, plan)| !plan.instances.is_empty());
-    let all = Sessions { args, library: &library, waivers: &waivers, stop };
-    let endings = all.run(sessions.collect(), |event| reporter.tell(&event));
-    let (mut stopped, mut reason) = (Exit::Green, None);
-    for (exit, why) in endings {
-        stopped = stopped.max(exit);
-        reason = reason.or(why);
-    }
-    let outdated = waivers.out_of_date(reporter.run(), &names);
-    let of_waivers = if outdated.is_empty() { Exit::Green } else { Exit::Waivers };
-    let worst = stopped.max(of_verdicts(&reporter)).max(of_waivers);
-    // That enough failed is what the user asked for.
-    if let Some(reason) = reason.as_ref().filter(|_| stopped > Exit::Green) {
-        eprintln!("error: {reason}");
-    }
-    reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason }));
-    let finished = reporter.finish();
-    for complaint in outdated {
-        eprintln!("{complaint}\n");
-    }
-    Ok(worst.max(finished))
 }
 
 /// What is waived, by the date of today.
@@ -101,7 +136,7 @@ struct Sessions<'r> {
     args: &'r RunArgs,
     library: &'r Library,
     waivers: &'r Waivers,
-    stop: &'r Arc<AtomicBool>,
+    stop: &'r Stop,
 }
 
 /// How a session ended, and why if not with its last case.
@@ -115,46 +150,43 @@ impl Sessions<'_> {
         let workers = if apart { self.args.jobs.map_or_else(processors, Into::into) } else { 1 };
         let sessions = sessions.into_iter().enumerate().collect();
         let events = InTurn::new(tell, workers.saturating_sub(1));
-        let interrupted = AtomicBool::new(false);
-        let ended = parallel::map(sessions, workers, |(place, (target, plan))| {
+        parallel::map(sessions, workers, |(place, (target, plan))| {
             let mut session = events.session(place);
-            let before = interrupted.load(Ordering::SeqCst);
-            let ended =
-                (!before).then(|| self.session(&target, &plan, |event| session.emit(event)));
-            drop(session);
-            if ended.as_ref().is_some_and(|(exit, _)| *exit == Exit::Interrupted) {
-                interrupted.store(true, Ordering::SeqCst);
-                // This session took the flag back, and the others have not seen it.
-                self.stop.store(true, Ordering::SeqCst);
-            }
-            ended
-        });
-        ended.into_iter().flatten().collect()
+            self.session(&target, &plan, |event| session.emit(event))
+        })
     }
 
     fn session(&self, target: &Target, plan: &Plan, mut tell: impl FnMut(Event)) -> Ended {
-        let args = self.args;
-        let ending = match target.open(self.stop) {
-            Ok(mut bus) => {
-                let session = Session {
-                    plan,
-                    register: &self.library.register,
-                    policy: Policy {
-                        patience: args.patience.unwrap_or(1),
-                        seed: args.seed.unwrap_or(1),
-                        every_index: args.every_index,
-                        ..Policy::at_bit_rate(target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE))
-                    },
-                    rerun: rerun(args, target),
-                    waivers: self.waivers,
-                    max_fail: args.max_fail,
-                    witness: None,
-                    stop: self.stop,
-                };
-                session.run(&mut *bus, &mut tell)
-            }
-            Err(refused) => Ending::Bus(BusError::Open(refused.message)),
+        let (args, stop, undo) = (self.args, self.stop.of_session(), Undo::default());
+        let session = Session {
+            plan,
+            register: &self.library.register,
+            policy: Policy {
+                patience: args.patience.unwrap_or(1),
+                seed: args.seed.unwrap_or(1),
+                every_index: args.every_index,
+                ..Policy::at_bit_rate(target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE))
+            },
+            rerun: rerun(args, target),
+            waivers: self.waivers,
+            max_fail: args.max_fail,
+            witness: None,
+            stop: &stop,
+            undo: &undo,
         };
+        let ending = match target.open(&stop) {
+            Ok(mut bus) => session.run(&mut *bus, &mut tell),
+            Err(refused) => {
+                let ending = Ending::Bus(BusError::Open(refused.message));
+                session.not_run(&mut tell, &ending);
+                ending
+            }
+        };
+        if let Some(changed) = undo.said() {
+            let why = format!("node {} of {}: {changed}", target.dut.node, target.dut.name);
+            tell(Event::Note(Note { at: Instant::ZERO, text: why.clone() }));
+            eprintln!("warning: {why}");
+        }
         after(&ending, target)
     }
 }

@@ -1,21 +1,20 @@
 //! `harness scan`: shows who is on the bus.
 
 use std::fmt::Write;
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use reports::Identity;
 
 use crate::cli::{ScanArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
+use crate::stop::Stop;
 use crate::target::{self, Address, Found, scan};
 
 /// Prints the nodes on a bus.
 ///
 /// # Errors
 /// When the bus cannot be used or no node answers.
-pub(crate) fn run(args: &ScanArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
+pub(crate) fn run(args: &ScanArgs, stop: &Stop) -> Result<Exit, Refused> {
     let catalogue = args.catalogue.load()?;
     let found = match args.target.parse()? {
         Address::Simulation { .. } => {

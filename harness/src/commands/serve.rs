@@ -3,8 +3,6 @@
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread;
 use std::time::Duration;
@@ -17,6 +15,7 @@ use crate::bus::Interface;
 use crate::cli::ServeArgs;
 use crate::exit::{Exit, Refused};
 use crate::rig;
+use crate::stop::Stop;
 use crate::target::{Named, open_interface, reference_device};
 
 /// How long a request of a bench may wait.
@@ -26,7 +25,7 @@ const SLICE: Duration = Duration::from_millis(1);
 ///
 /// # Errors
 /// When the device, the interface or the socket is not there, or the interface fails for good.
-pub(super) fn run(args: &ServeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refused> {
+pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
     let device = reference_device(&args.device, &*args.catalogue.load()?)?;
     let node = args.node.unwrap_or_else(|| device.description.default_node);
     let named = args.mutant.clone().map(Named::Mutant);
@@ -40,6 +39,8 @@ pub(super) fn run(args: &ServeArgs, stop: &Arc<AtomicBool>) -> Result<Exit, Refu
     let interface: Interface = args.target.parse().map_err(|_| {
         Refused::usage(format!("no interface is called `{}`: write `vcan0` or `can0`", args.target))
     })?;
+    // The socket of the bench goes with the device.
+    let _held = stop.hold();
     let mut bus = open_interface(&interface, stop)?;
     let socket = args.bench_socket.as_deref().map(Socket::open).transpose()?;
     let deviation = deviation.map(|with| format!(" with {}", with.query)).unwrap_or_default();

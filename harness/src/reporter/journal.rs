@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 
 use reports::{Event, journal};
 
+use super::output::words;
+
 /// A journal that is written while the run goes on, so that a run that is killed leaves what it
 /// has seen.
 pub(super) struct JournalFile {
@@ -15,7 +17,8 @@ pub(super) struct JournalFile {
     /// In virtual time a flush for each of a million frames would take longer than the run: there
     /// every case starts on disk, and its frames follow by the buffer.
     every_event: bool,
-    failure: Option<String>,
+    /// Whether it could not be written to its end.
+    ended: bool,
 }
 
 impl JournalFile {
@@ -25,32 +28,25 @@ impl JournalFile {
     /// When it cannot be created.
     pub(super) fn create(path: &Path, every_event: bool) -> io::Result<Self> {
         let file = BufWriter::new(File::create(path)?);
-        Ok(Self { path: path.to_owned(), file, every_event, failure: None })
+        Ok(Self { path: path.to_owned(), file, every_event, ended: false })
     }
 
     /// Adds an event.
-    pub(super) fn write(&mut self, event: &Event) {
+    ///
+    /// # Errors
+    /// What went wrong, once: a line that was cut off is the last one, so nothing follows.
+    pub(super) fn write(&mut self, event: &Event) -> Result<(), String> {
+        if self.ended {
+            return Ok(());
+        }
         let written = self.file.write_all(journal::line(event).as_bytes());
-        self.note(written);
-        if self.every_event || matches!(event, Event::CaseStarted(_)) {
-            self.flush();
-        }
-    }
-
-    /// Writes what is left, and returns the first thing that went wrong.
-    pub(super) fn finish(&mut self) -> Option<String> {
-        self.flush();
-        self.failure.take()
-    }
-
-    fn flush(&mut self) {
-        let flushed = self.file.flush();
-        self.note(flushed);
-    }
-
-    fn note(&mut self, result: io::Result<()>) {
-        if let Err(error) = result {
-            self.failure.get_or_insert_with(|| format!("{}: {error}", self.path.display()));
-        }
+        let at_once =
+            self.every_event || matches!(event, Event::CaseStarted(_) | Event::RunEnded(_));
+        let written = if at_once { written.and_then(|()| self.file.flush()) } else { written };
+        written.map_err(|error| {
+            self.ended = true;
+            let place = self.path.display();
+            format!("{place}: {}; the journal ends here, and the run goes on", words(&error))
+        })
     }
 }

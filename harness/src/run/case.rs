@@ -1,5 +1,6 @@
 //! One case: settle, steps, restore, judgement.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use canopen::monitor::{self, Breach, Seen};
@@ -19,6 +20,7 @@ use super::proof::{Proof, Shown, Witness};
 use super::restore::Snapshot;
 use super::settle::{self, Left, Unsettled};
 use super::steps::Steps;
+use super::undo::Undo;
 use crate::dut::Dut;
 use crate::plan::Instance;
 use crate::source::{At, Place, Source};
@@ -47,16 +49,24 @@ pub(super) enum Aftermath {
     Stop(BusError),
 }
 
+/// What the cases of a session have in common.
+#[derive(Clone, Copy)]
+pub(super) struct Common<'r> {
+    /// What to wait for and how long.
+    pub policy: &'r Policy,
+    /// The device.
+    pub dut: &'r Dut,
+    /// How it was before the first case.
+    pub baseline: &'r Baseline,
+    /// What was changed in it.
+    pub undo: &'r Undo,
+    /// Who learns what the cases show about their assertions.
+    pub witness: Option<&'r dyn Witness>,
+}
+
 /// Runs one instance.
-pub(super) fn run(
-    link: &mut Link,
-    policy: &Policy,
-    dut: &Dut,
-    baseline: &Baseline,
-    instance: &Instance,
-    left: Left,
-    witness: Option<&dyn Witness>,
-) -> Finished {
+pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Left) -> Finished {
+    let Common { policy, dut, baseline, undo, witness } = common;
     let mut left = left;
     let mut attempt = 0;
     loop {
@@ -64,9 +74,20 @@ pub(super) fn run(
         let (link, bench_snapshot) = (&mut *link, BenchSnapshot::default());
         let proof = witness.map(Proof::of);
         let late = None;
-        let mut run =
-            CaseRun { link, policy, dut, baseline, instance, bench_snapshot, late, proof, witness };
+        let mut run = CaseRun {
+            link,
+            policy,
+            dut,
+            baseline,
+            instance,
+            bench_snapshot,
+            undo,
+            late,
+            proof,
+            witness,
+        };
         let (outcome, aftermath) = run.run(left);
+        run.link.clean(false);
         let late = run.late.map(|late| show_time(Duration::from_millis(late.as_millis() as u64)));
         run.link.take_trace();
         let shown = run.proof.take().map(Proof::end);
@@ -107,6 +128,7 @@ struct CaseRun<'r, 'b> {
     baseline: &'r Baseline,
     instance: &'r Instance,
     bench_snapshot: BenchSnapshot,
+    undo: &'r Undo,
     /// How late the tester was, when that may be the reason of the outcome.
     late: Option<Duration>,
     /// What the run shows about the assertions, where somebody wants to know.
@@ -131,10 +153,12 @@ impl CaseRun<'_, '_> {
                 return (error(reason.clone()), Aftermath::Gone(reason));
             }
         }
-        let snapshot = match Snapshot::take(self.link, self.policy, self.dut, self.instance) {
+        let taken = Snapshot::take(self.link, self.policy, self.dut, self.instance);
+        let mut snapshot = match taken {
             Ok(snapshot) => snapshot,
             Err(error) => return self.bus_failed(error),
         };
+        self.undo.begin(&mut snapshot);
         // Bad frames on the wire spoil this case, not those that follow.
         let lasts =
             |error: &BusError| !matches!(error, BusError::Controller(_) | BusError::Withheld(_));
@@ -151,7 +175,15 @@ impl CaseRun<'_, '_> {
             Outcome::Lenient(_) => true,
             other => other.problem().is_none(),
         };
-        match (self.restore(&snapshot, still, passed), stop) {
+        let mut changed = snapshot.touched(self.link, self.dut.node);
+        self.link.clean(true);
+        let restored = self.restore(&snapshot, still, passed, &mut changed);
+        self.undo.end(&snapshot, &changed);
+        if !changed.is_empty() {
+            let changed: Vec<String> = changed.iter().map(Mux::to_string).collect();
+            self.note(format!("not every object could be restored: {}", changed.join(", ")));
+        }
+        match (restored, stop) {
             (_, Some(error)) | (Err(error), None) if lasts(&error) => {
                 (outcome, Aftermath::Stop(error))
             }
@@ -205,12 +237,18 @@ impl CaseRun<'_, '_> {
             bench_snapshot: &mut self.bench_snapshot,
             proof: self.proof.take(),
         };
-        let mut alive = run_phase(&mut steps, &case.setup, Phase::Setup, &mut result, None)?;
         let witness = self.witness;
-        alive = alive && run_phase(&mut steps, &case.steps, Phase::Step, &mut result, witness)?;
+        let ran = match run_phase(&mut steps, &case.setup, Phase::Setup, &mut result, None) {
+            Ok(true) => run_phase(&mut steps, &case.steps, Phase::Step, &mut result, witness),
+            other => other,
+        };
         witness.inspect(|witness| witness.steps_over());
-        run_phase(&mut steps, &case.finally, Phase::Finally, &mut result, None)?;
+        // Whatever ended the steps, what they set up is undone.
+        steps.link.clean(true);
+        let undone = run_phase(&mut steps, &case.finally, Phase::Finally, &mut result, None);
         self.proof = steps.proof.take();
+        let alive = ran?;
+        undone?;
         if let Some(what) = result.declined.take() {
             self.note(format!(
                 "the device refused {what}, which is allowed; the remaining steps were skipped"
@@ -273,6 +311,7 @@ impl CaseRun<'_, '_> {
         snapshot: &Snapshot,
         still: bool,
         passed: bool,
+        changed: &mut BTreeSet<Mux>,
     ) -> Result<Restored, BusError> {
         let without_supply = self.bench_snapshot.off;
         match self.bench_snapshot.undo_silence(self.link) {
@@ -300,14 +339,11 @@ impl CaseRun<'_, '_> {
             from = self.link.trace().len();
             settle::pre_operational(self.link, self.policy, self.dut)?;
         }
-        let whole = snapshot.restore(self.link, self.policy, self.dut)?;
+        let whole = snapshot.restore(self.link, self.policy, self.dut.node, changed)?;
         // What the stimuli cause then, such as the end of an error or of a slow filter, takes as
         // long as with the parameters from before the case.
         self.undo_stimuli()?;
         self.rest_after_emergencies()?;
-        if !whole {
-            self.note("not every object could be restored".to_owned());
-        }
         Ok(Restored { whole, still: settle::is_still(self.link, self.dut, from) })
     }
 

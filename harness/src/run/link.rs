@@ -10,6 +10,8 @@ use canopen::monitor::Seen;
 use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped};
 use reports::Event;
 
+use crate::stop::Stop;
+
 /// The frames that wait for the wire at once. The transmit queue of a CAN interface is usually ten
 /// frames long, and one that is full costs a wait.
 const MOST_AHEAD: usize = 8;
@@ -27,6 +29,7 @@ pub struct Link<'b> {
     /// Whether a case is open, to which the frames belong.
     in_case: bool,
     lateness: Lateness,
+    stop: Stop,
 }
 
 /// How late the tester was on a bus where it can be. In virtual time all of it stays zero.
@@ -68,14 +71,25 @@ impl<'b> Link<'b> {
             emit: None,
             in_case: false,
             lateness: Lateness::default(),
+            stop: Stop::default(),
         }
     }
 
     /// The same, with a receiver of events: those of [`emit`](Self::emit), and every frame of a
     /// case at the moment when it is seen. A run that is killed then leaves the frames of its last
-    /// case.
-    pub(super) fn reporting(bus: &'b mut dyn Bus, emit: &'b mut dyn FnMut(Event)) -> Self {
-        Self { emit: Some(emit), ..Self::new(bus) }
+    /// case. As long as the user [asks to stop](Stop::asked), nothing is received.
+    pub(super) fn reporting(
+        bus: &'b mut dyn Bus,
+        emit: &'b mut dyn FnMut(Event),
+        stop: &Stop,
+    ) -> Self {
+        Self { emit: Some(emit), stop: stop.clone(), ..Self::new(bus) }
+    }
+
+    /// What follows leaves the device as it was found, or does not any more: one signal is
+    /// remembered until then.
+    pub(super) fn clean(&self, cleaning: bool) {
+        self.stop.clean(cleaning);
     }
 
     /// Reports an event.
@@ -322,6 +336,10 @@ impl<'b> Link<'b> {
 
     /// One more frame into the trace; its place, or `None` when `until` has come.
     fn pull(&mut self, until: Instant) -> Result<Option<usize>, BusError> {
+        // A real bus looks while it waits; a simulated one never waits.
+        if self.stop.asked() {
+            return Err(BusError::Interrupted);
+        }
         let got = match self.bus.is_real() {
             true => self.watchful(until)?,
             false => self.bus.recv(until)?,

@@ -1,7 +1,7 @@
 //! Leaving the device as it was: what a case will write is read before it begins, and written
 //! back after it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use canopen::eds::Eds;
 use canopen::pdo::{CobId, Mapping};
@@ -21,9 +21,9 @@ use crate::suite::literal::FrameText;
 /// The values of the objects that a case may change.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Snapshot {
-    values: BTreeMap<Mux, Vec<u8>>,
+    pub values: BTreeMap<Mux, Vec<u8>>,
     /// Whether the case may change what is stored.
-    stores: bool,
+    pub stores: bool,
 }
 
 impl Snapshot {
@@ -57,7 +57,25 @@ impl Snapshot {
         self.values.is_empty() && !self.stores
     }
 
-    /// Writes everything back that reads differently now. `false` when the device did not take it.
+    /// The objects whose values the trace may have changed: those that were written, and those of
+    /// the application once a process data object was sent.
+    pub(super) fn touched(&self, link: &Link, node: u8) -> BTreeSet<Mux> {
+        let requests = Some(REQUEST_COB_ID + u16::from(node));
+        let sent = link.trace().iter().map(|seen| seen.stamped).filter(|seen| seen.own);
+        let sent: Vec<Frame> = sent.map(|seen| seen.frame).collect();
+        let written: BTreeSet<Mux> = sent
+            .iter()
+            .filter(|frame| frame.data_id() == requests)
+            .filter_map(|frame| written_by(&Request::decode(&frame.data).ok()?))
+            .collect();
+        let pdo = |frame: &Frame| frame.data_id().is_some_and(|id| (0x180..0x580).contains(&id));
+        let by_pdo = sent.iter().any(pdo);
+        let touched = |mux: &Mux| written.contains(mux) || by_pdo && mux.index >= 0x2000;
+        self.values.keys().copied().filter(touched).collect()
+    }
+
+    /// Writes everything back that reads differently now. What the device did not take, and what
+    /// was not reached when the bus failed, is in `changed` afterwards, and nothing else.
     ///
     /// # Errors
     /// Whatever the bus reports.
@@ -65,16 +83,25 @@ impl Snapshot {
         &self,
         link: &mut Link,
         policy: &Policy,
-        dut: &Dut,
+        node: u8,
+        changed: &mut BTreeSet<Mux>,
     ) -> Result<bool, BusError> {
-        let mut whole = true;
-        for record in self.changed_records(link, policy, dut)? {
-            whole &= self.restore_record(link, policy, dut, record)?;
+        let to = &mut Restoring { link, policy, node, silent: 0 };
+        for record in self.changed_records(to, changed)? {
+            let whole = self.restore_record(to, record)?;
+            let of_record = self.values.iter().filter(|(mux, _)| record_of(mux.index) == record);
+            for (mux, value) in of_record {
+                match whole || to.reads(*mux, value)? {
+                    true => changed.remove(mux),
+                    false => changed.insert(*mux),
+                };
+            }
         }
-        whole &= self.restore_values(link, policy, dut)?;
-        if self.stores && stored(link, dut.node) {
+        self.restore_values(to, changed)?;
+        let mut whole = changed.is_empty();
+        if self.stores && stored(to.link, node) {
             const SAVE: [u8; 4] = *b"save";
-            whole &= writes(link, policy, dut, Mux::new(0x1010, 1), &SAVE)?;
+            whole &= to.writes(Mux::new(0x1010, 1), &SAVE)?;
         }
         Ok(whole)
     }
@@ -83,24 +110,25 @@ impl Snapshot {
     /// once others are back.
     fn restore_values(
         &self,
-        link: &mut Link,
-        policy: &Policy,
-        dut: &Dut,
-    ) -> Result<bool, BusError> {
+        to: &mut Restoring,
+        changed: &mut BTreeSet<Mux>,
+    ) -> Result<(), BusError> {
         let values = self.values.iter().rev().filter(|(mux, _)| !in_pdo_record(mux.index));
         let mut wrong: Vec<_> = values.collect();
         loop {
             let mut still = Vec::new();
             for (mux, value) in &wrong {
-                let back = reads(link, policy, dut, **mux, value)?
-                    || writes(link, policy, dut, **mux, value)?
-                        && reads(link, policy, dut, **mux, value)?;
-                if !back {
+                let back = to.reads(**mux, value)?
+                    || to.writes(**mux, value)? && to.reads(**mux, value)?;
+                if back {
+                    changed.remove(mux);
+                } else {
                     still.push((*mux, *value));
                 }
             }
             if still.is_empty() || still.len() == wrong.len() {
-                return Ok(still.is_empty());
+                changed.extend(still.into_iter().map(|(mux, _)| *mux));
+                return Ok(());
             }
             wrong = still;
         }
@@ -109,33 +137,31 @@ impl Snapshot {
     /// The communication parameters of the PDOs of which something changed.
     fn changed_records(
         &self,
-        link: &mut Link,
-        policy: &Policy,
-        dut: &Dut,
+        to: &mut Restoring,
+        changed: &mut BTreeSet<Mux>,
     ) -> Result<Vec<u16>, BusError> {
         let mut records = Vec::new();
         for (mux, value) in self.values.iter().filter(|(mux, _)| in_pdo_record(mux.index)) {
-            let record = mux.index & !0x0200;
-            if !records.contains(&record) && !reads(link, policy, dut, *mux, value)? {
-                records.push(record);
+            let record = record_of(mux.index);
+            if records.contains(&record) {
+                continue;
+            }
+            match to.reads(*mux, value)? {
+                true => _ = changed.remove(mux),
+                false => records.push(record),
             }
         }
         Ok(records)
     }
 
     /// In the order of CiA 301, 7.5.2.36: invalid, count 0, entries, count, parameters, valid.
-    fn restore_record(
-        &self,
-        link: &mut Link,
-        policy: &Policy,
-        dut: &Dut,
-        record: u16,
-    ) -> Result<bool, BusError> {
+    fn restore_record(&self, to: &mut Restoring, record: u16) -> Result<bool, BusError> {
         let (cob_id, mapping) = (Mux::new(record, 1), record | 0x0200);
         let mut whole = true;
         let mut write = |mux: Mux, value: &[u8]| -> Result<(), BusError> {
-            if dut.eds.entry(mux).is_some_and(|entry| entry.access.writable()) {
-                whole &= writes(link, policy, dut, mux, value)?;
+            // What cannot be written is not among them.
+            if self.values.contains_key(&mux) {
+                whole &= to.writes(mux, value)?;
             }
             Ok(())
         };
@@ -178,30 +204,64 @@ fn stored(link: &Link, node: u8) -> bool {
     })
 }
 
-fn reads(
-    link: &mut Link,
-    policy: &Policy,
-    dut: &Dut,
-    mux: Mux,
-    value: &[u8],
-) -> Result<bool, BusError> {
-    sdo::reads(link, policy, dut.node, mux, value)
+/// The device whose objects are set back.
+struct Restoring<'r, 'b> {
+    link: &'r mut Link<'b>,
+    policy: &'r Policy,
+    node: u8,
+    /// How many transfers in a row had no answer.
+    silent: u32,
 }
 
-fn writes(
-    link: &mut Link,
-    policy: &Policy,
-    dut: &Dut,
-    mux: Mux,
-    value: &[u8],
-) -> Result<bool, BusError> {
-    let flow = Transfer::usual(value.len());
-    match sdo::download(link, policy, dut.node, mux, value, flow) {
-        Ok(ended) => Ok(ended.result.is_ok()),
-        // The others are written back all the same.
-        Err(BusError::Withheld(_)) => Ok(false),
-        Err(error) => Err(error),
+impl Restoring<'_, '_> {
+    fn reads(&mut self, mux: Mux, value: &[u8]) -> Result<bool, BusError> {
+        self.unless_silent(|to| sdo::reads(to.link, to.policy, to.node, mux, value))
     }
+
+    fn writes(&mut self, mux: Mux, value: &[u8]) -> Result<bool, BusError> {
+        let flow = Transfer::usual(value.len());
+        self.unless_silent(|to| {
+            match sdo::download(to.link, to.policy, to.node, mux, value, flow) {
+                Ok(ended) => Ok(ended.result.is_ok()),
+                // The others are written back all the same.
+                Err(BusError::Withheld(_)) => Ok(false),
+                Err(error) => Err(error),
+            }
+        })
+    }
+
+    /// A device that has gone is not asked for every object.
+    fn unless_silent(
+        &mut self,
+        transfer: impl FnOnce(&mut Self) -> Result<bool, BusError>,
+    ) -> Result<bool, BusError> {
+        const GONE: u32 = 3;
+        if self.silent == GONE {
+            return Ok(false);
+        }
+        let before = self.link.trace().len();
+        let done = transfer(self)?;
+        let answers = Some(RESPONSE_COB_ID + u16::from(self.node));
+        let seen = self.link.trace()[before..].iter().map(|seen| seen.stamped);
+        let answered = seen.filter(|seen| !seen.own).any(|seen| seen.frame.data_id() == answers);
+        self.silent = if answered { 0 } else { self.silent + 1 };
+        Ok(done)
+    }
+}
+
+/// The object that a request to the server begins to write.
+const fn written_by(request: &Request) -> Option<Mux> {
+    match request {
+        Request::Download(mux, _) | Request::Block(BlockRequest::Download { mux, .. }) => {
+            Some(*mux)
+        }
+        _ => None,
+    }
+}
+
+/// The communication parameter of the PDO that an object of a PDO record belongs to.
+const fn record_of(index: u16) -> u16 {
+    index & !0x0200
 }
 
 const fn in_pdo_record(index: u16) -> bool {
@@ -214,7 +274,7 @@ fn with_record(mux: Mux, eds: &Eds) -> Vec<Mux> {
         return vec![mux];
     }
     // The mapping of a PDO stands 200h above its communication parameter.
-    let cob_id = Mux::new(mux.index & !0x0200, 1);
+    let cob_id = Mux::new(record_of(mux.index), 1);
     if mux.index & 0x0200 == 0 {
         return vec![mux, cob_id];
     }
@@ -249,12 +309,8 @@ fn changed_by_frame(text: &At<FrameText>, scope: &Scope, dut: &Dut) -> Vec<Mux> 
     let pattern = scope.pattern(&text.value, dut.node).ok();
     let Some(frame) = pattern.and_then(|pattern| pattern.frame()) else { return Vec::new() };
     if frame.data_id() == Some(REQUEST_COB_ID + u16::from(dut.node)) {
-        return match Request::decode(&frame.data) {
-            Ok(Request::Download(mux, _) | Request::Block(BlockRequest::Download { mux, .. })) => {
-                vec![mux]
-            }
-            _ => Vec::new(),
-        };
+        let request = Request::decode(&frame.data).ok();
+        return request.and_then(|request| written_by(&request)).into_iter().collect();
     }
     mapped_into(&frame, dut)
 }

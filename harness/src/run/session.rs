@@ -1,24 +1,25 @@
 //! A session: one device, its plan, case after case, reported as events.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use canopen::sdo::Failure;
 use canopen::{Abort, Bus, BusError, DataType, Instant, Mux, Value};
 use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Outcome, Versions};
 
 use super::baseline::Baseline;
-use super::case::{self, Aftermath};
+use super::case::{self, Aftermath, Common};
 use super::link::Link;
 use super::policy::Policy;
 use super::proof::Witness;
 use super::reliance::Reliance;
 use super::sdo;
 use super::settle::{self, Left};
+use super::undo::Undo;
 use crate::dut::Dut;
 use crate::plan::{Instance, Plan, deeds};
 use crate::protect::Wire;
 use crate::source::At;
+use crate::stop::Stop;
 use crate::suite::profile::BlockDirections;
 use crate::suite::{Level, Register, Suite};
 use crate::waivers::Waivers;
@@ -53,7 +54,9 @@ pub struct Session<'s> {
     /// Stop after so many cases that failed.
     pub max_fail: Option<usize>,
     /// Set when the user wants the run to end.
-    pub stop: &'s AtomicBool,
+    pub stop: &'s Stop,
+    /// What the cases change, until it is set back.
+    pub undo: &'s Undo,
     /// Who learns what each case shows about its assertions, before it ends. For it, steps go on
     /// after the first thing that is wrong.
     pub witness: Option<&'s dyn Witness>,
@@ -62,43 +65,124 @@ pub struct Session<'s> {
 impl Session<'_> {
     /// Runs the plan on `bus` and passes every event to `emit` at the moment when it happens.
     pub fn run(&self, bus: &mut dyn Bus, emit: &mut dyn FnMut(Event)) -> Ending {
-        let mut link = Link::reporting(bus, emit);
+        let mut link = Link::reporting(bus, emit, self.stop);
         let dut = &self.plan.dut;
         match settle::first_answer(&mut link, &self.policy, dut) {
             Ok(true) => {}
-            Ok(false) => return Ending::Nobody,
-            Err(error) => return Ending::Bus(error),
+            Ok(false) => return self.not_begun(&mut link, Ending::Nobody),
+            Err(error) => return self.not_begun(&mut link, Ending::Bus(error)),
         }
-        let identity = match identity(&mut link, &self.policy, dut) {
-            Ok(identity) => identity,
-            Err(error) => return Ending::Bus(error),
-        };
-        let baseline = match self.baseline(&mut link, identity) {
-            Ok(baseline) => baseline,
-            Err(error) => return Ending::Bus(error),
-        };
-        let versions = match versions(&mut link, &self.policy, dut) {
-            Ok(versions) => versions,
-            Err(error) => return Ending::Bus(error),
+        let (baseline, versions, blocks) = match self.get_to_know(&mut link) {
+            Ok(known) => known,
+            Err(error) => return self.not_begun(&mut link, Ending::Bus(error)),
         };
         link.emit(Event::DeviceStarted(DeviceStarted {
+            identity: baseline.identity,
+            versions,
+            remark: self.remark(&baseline),
+            ..self.device()
+        }));
+        link.take_trace();
+        let ending = self.cases(&mut link, &baseline, blocks);
+        self.set_back(&mut link, &ending);
+        ending
+    }
+
+    /// What is to be known of the device before the first case.
+    fn get_to_know(
+        &self,
+        link: &mut Link,
+    ) -> Result<(Baseline, Versions, BlockDirections), BusError> {
+        let identity = identity(link, &self.policy, &self.plan.dut)?;
+        let baseline = self.baseline(link, identity)?;
+        let versions = versions(link, &self.policy, &self.plan.dut)?;
+        self.look_at_channels(link)?;
+        Ok((baseline, versions, self.knows_blocks(link)?))
+    }
+
+    /// The device, as far as it is known without asking it.
+    fn device(&self) -> DeviceStarted {
+        let dut = &self.plan.dut;
+        DeviceStarted {
             device: dut.name.clone(),
             node: dut.node,
-            identity,
-            versions,
+            identity: Identity::default(),
+            versions: Versions::default(),
             sheet: Some(dut.sheet.used()),
             objects: Arc::clone(&dut.sheet.names),
             bit_rate: dut.bit_rate,
             rerun: self.rerun.clone(),
-            remark: self.remark(&baseline),
-        }));
-        let looked = self.look_at_channels(&mut link).and_then(|()| self.knows_blocks(&mut link));
-        let blocks = match looked {
-            Ok(blocks) => blocks,
-            Err(error) => return Ending::Bus(error),
+            remark: None,
+        }
+    }
+
+    /// Reports that no case was run, as where the bus cannot be opened.
+    pub fn not_run(&self, emit: &mut dyn FnMut(Event), ending: &Ending) {
+        emit(Event::DeviceStarted(self.device()));
+        let instances: Vec<&Instance> = self.plan.instances.iter().collect();
+        self.rest_not_run(emit, Instant::ZERO, &instances, ending, true);
+    }
+
+    fn not_begun(&self, link: &mut Link, ending: Ending) -> Ending {
+        self.not_run(&mut |event| link.emit(event), &ending);
+        ending
+    }
+
+    /// Reports cases that were not run because the session has ended like this. What the user
+    /// stopped is skipped, except for the case at which that happened, `at_first`.
+    fn rest_not_run(
+        &self,
+        emit: &mut dyn FnMut(Event),
+        at: Instant,
+        rest: &[&Instance],
+        ending: &Ending,
+        at_first: bool,
+    ) {
+        let mut starts = Starts { register: self.register, last: None };
+        let why = match ending {
+            Ending::Complete => return,
+            Ending::Nobody => format!("node {} does not answer", self.plan.dut.node),
+            Ending::Gone(why) => why.clone(),
+            Ending::Bus(BusError::Interrupted) => "interrupted".to_owned(),
+            Ending::Bus(error) => format!("the bus failed: {error}"),
+            Ending::Enough(_) => "enough cases have failed, as `--max-fail` says".to_owned(),
         };
-        link.take_trace();
-        self.cases(&mut link, &baseline, blocks)
+        let failed = match ending {
+            Ending::Enough(_) => 0,
+            Ending::Bus(BusError::Interrupted) => usize::from(at_first),
+            _ => rest.len(),
+        };
+        for (place, instance) in rest.iter().enumerate() {
+            let started = starts.of(instance, at);
+            let outcome = match &instance.skip {
+                Some(reason) => Outcome::Skip(reason.clone()),
+                None if place >= failed => Outcome::Skip(format!("not run: {why}")),
+                None => Outcome::not_run(&why),
+            };
+            emit(Event::CaseStarted(started.clone()));
+            emit(Event::CaseEnded(CaseEnded::of(&started, at, outcome)));
+        }
+    }
+
+    /// Tries once more to set back what cases left changed, where the device can still be asked.
+    fn set_back(&self, link: &mut Link, ending: &Ending) {
+        let left = self.undo.snapshot();
+        let lost = match ending {
+            Ending::Nobody | Ending::Gone(_) => true,
+            Ending::Bus(error) => *error != BusError::Interrupted,
+            Ending::Complete | Ending::Enough(_) => false,
+        };
+        if lost || left.values.is_empty() {
+            return;
+        }
+        link.clean(true);
+        let mut changed = left.values.keys().copied().collect();
+        let dut = &self.plan.dut;
+        // What is not set back is named by whoever asked for the session.
+        _ = settle::pre_operational(link, &self.policy, dut)
+            .and_then(|()| left.restore(link, &self.policy, dut.node, &mut changed));
+        self.undo.end(&left, &changed);
+        link.clean(false);
     }
 
     /// How the device is from the start. One that no case needs is left alone.
@@ -169,11 +253,18 @@ impl Session<'_> {
         let (mut left, mut failed) = (Left::Calm, 0);
         let mut gone: Option<String> = None;
         let mut reliance = Reliance::of(self.plan);
+        let common = Common {
+            policy: &self.policy,
+            dut: &self.plan.dut,
+            baseline,
+            undo: self.undo,
+            witness: self.witness,
+        };
         let instances = reliance.order(self.plan);
         for (place, &instance) in instances.iter().enumerate() {
-            // A real bus notices while it waits; a simulated one never waits.
-            if self.stop.swap(false, Ordering::SeqCst) {
-                return Ending::Bus(BusError::Interrupted);
+            if self.stop.asked() {
+                let ending = Ending::Bus(BusError::Interrupted);
+                return self.rest_of(link, &instances[place..], ending, true);
             }
             let started = starts.of(instance, link.mark());
             link.emit(Event::CaseStarted(started.clone()));
@@ -199,8 +290,7 @@ impl Session<'_> {
                 link.emit(ended(link, &started, Outcome::not_run(reason)));
                 continue;
             }
-            let (policy, dut) = (&self.policy, &self.plan.dut);
-            let finished = case::run(link, policy, dut, baseline, instance, left, self.witness);
+            let finished = case::run(link, common, instance, left);
             if let Some(witness) = self.witness {
                 witness.shows(finished.shown.unwrap_or_default());
             }
@@ -217,13 +307,27 @@ impl Session<'_> {
                 Aftermath::Left(how) => left = how,
                 // What is about the data sheet needs no device.
                 Aftermath::Gone(reason) => gone = Some(reason),
-                Aftermath::Stop(error) => return Ending::Bus(error),
+                Aftermath::Stop(error) => {
+                    return self.rest_of(link, rest, Ending::Bus(error), false);
+                }
             }
             if self.max_fail.is_some_and(|most| failed >= most) {
-                return Ending::Enough(rest.len());
+                return self.rest_of(link, rest, Ending::Enough(rest.len()), false);
             }
         }
         gone.map_or(Ending::Complete, Ending::Gone)
+    }
+
+    fn rest_of(
+        &self,
+        link: &mut Link,
+        rest: &[&Instance],
+        ending: Ending,
+        at_first: bool,
+    ) -> Ending {
+        let at = link.mark();
+        self.rest_not_run(&mut |event| link.emit(event), at, rest, &ending, at_first);
+        ending
     }
 
     /// Whether a case checks a requirement that a conformant device must keep.

@@ -3,7 +3,6 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 
 use canopen::catalogue::Catalogue;
@@ -12,10 +11,11 @@ use reference_devices::devices;
 use reference_devices::rules::Specification;
 use reports::{Event, Outcome, Verdict};
 
-use super::{Ending, Policy, Session};
+use super::{Ending, Policy, Session, Undo};
 use crate::dut::Dut;
 use crate::plan;
 use crate::source::Source;
+use crate::stop::Stop;
 use crate::suite::Library;
 
 const BIT_RATE: u32 = 1_000_000;
@@ -114,6 +114,11 @@ struct Ran {
 
 /// Runs as many cases with these steps.
 fn run(bus: &mut Odd, cases: usize, steps: &str) -> Ran {
+    run_until(bus, cases, steps, &Stop::default(), &Undo::default())
+}
+
+/// The same until the user stops it.
+fn run_until(bus: &mut Odd, cases: usize, steps: &str, stop: &Stop, undo: &Undo) -> Ran {
     let mut text = "suite: any\ncases:\n".to_owned();
     for case in 0..cases {
         text.push_str(&format!(
@@ -128,7 +133,6 @@ fn run(bus: &mut Odd, cases: usize, steps: &str) -> Ran {
     let eds = eds::read(devices::device("drr460").unwrap().eds_text().as_bytes()).eds;
     let dut = Dut { bit_rate: Some(BIT_RATE), ..Dut::new("drr460", NODE, eds) };
     let plan = plan::plan(&library, &dut, &BTreeMap::new()).unwrap();
-    let stop = AtomicBool::new(false);
     let session = Session {
         plan: &plan,
         register: &library.register,
@@ -137,7 +141,8 @@ fn run(bus: &mut Odd, cases: usize, steps: &str) -> Ran {
         waivers: &crate::waivers::Waivers::default(),
         max_fail: None,
         witness: None,
-        stop: &stop,
+        stop,
+        undo,
     };
     let (mut outcomes, mut notes, mut remark) = (Vec::new(), Vec::new(), String::new());
     let ending = session.run(bus, &mut |event| match event {
@@ -250,4 +255,55 @@ fn a_device_that_no_reset_brings_back_is_given_up() {
     let ran = run(&mut bus, 3, "[ nmt: stop, wait: 100 ms ]");
     assert!(matches!(&ran.ending, Ending::Gone(why) if why.contains("resets")), "{:?}", ran.ending);
     assert_eq!(verdicts(&ran), [Verdict::Pass, Verdict::Error, Verdict::Error]);
+}
+
+const CHANGES: &str = "[ write: { object: '1017:00', value: 100 }, wait: 60 s ]\n    \
+                       finally: [ send: '123#' ]";
+/// The device has taken the value, and says so when it is to be restored.
+const CHANGED: &str = "581#6017100000000000";
+const READ_BACK: &str = "581#4B17100064000000";
+
+/// A bus on which the user sends a signal whenever one of these frames is seen for the first time.
+fn signalled(stop: &Stop, at: &'static [&'static str]) -> Odd {
+    let (stop, mut left) = (stop.clone(), at.to_vec());
+    odd(Box::new(move |_, seen| {
+        let before = left.len();
+        left.retain(|frame| seen.frame.to_string() != *frame);
+        (left.len()..before).for_each(|_| stop.signal());
+        Some(seen)
+    }))
+}
+
+#[test]
+fn a_signal_ends_the_steps_and_not_what_undoes_them() {
+    let (stop, undo) = (Stop::default(), Undo::default());
+    let mut bus = signalled(&stop, &[CHANGED]);
+    let ran = run_until(&mut bus, 3, CHANGES, &stop, &undo);
+    assert_eq!(ran.ending, Ending::Bus(BusError::Interrupted));
+    assert_eq!(verdicts(&ran), [Verdict::Error, Verdict::Skip, Verdict::Skip]);
+    assert_eq!(ran.outcomes[1], Outcome::Skip("not run: interrupted".to_owned()));
+    assert!(bus.sent.contains(&Frame::new(0x123, [])), "`finally` was not run");
+    assert!(bus.sent.contains(&Frame::new(0x601, [0x2B, 0x17, 0x10, 0, 0, 0, 0, 0])));
+    assert_eq!(undo.said(), None);
+    assert!(ran.took < Duration::from_secs(10), "{:?}", ran.took);
+}
+
+#[test]
+fn a_signal_while_objects_are_set_back_is_remembered() {
+    let (stop, undo) = (Stop::default(), Undo::default());
+    let ran = run_until(&mut signalled(&stop, &[READ_BACK]), 3, CHANGES, &stop, &undo);
+    assert_eq!(ran.ending, Ending::Bus(BusError::Interrupted));
+    assert_eq!(verdicts(&ran), [Verdict::Pass, Verdict::Error, Verdict::Skip]);
+    assert_eq!(undo.said(), None);
+}
+
+#[test]
+fn a_second_signal_names_what_stays_changed() {
+    let (stop, undo) = (Stop::default(), Undo::default());
+    let ran = run_until(&mut signalled(&stop, &[CHANGED, READ_BACK]), 2, CHANGES, &stop, &undo);
+    assert_eq!(ran.ending, Ending::Bus(BusError::Interrupted));
+    assert_eq!(verdicts(&ran), [Verdict::Error, Verdict::Skip]);
+    let said = "these objects may not be as they were before the run: 1017:00 (was 00 00)";
+    assert_eq!(undo.said().as_deref(), Some(said));
+    assert_eq!(ran.notes, ["not every object could be restored: 1017:00"]);
 }

@@ -1,7 +1,6 @@
 //! Devices on a CAN interface.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use canopen::catalogue::Catalogue;
 
@@ -15,6 +14,7 @@ use crate::bus::Interface;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::dut::Dut;
 use crate::exit::Refused;
+use crate::stop::Stop;
 
 /// The device that answers on an interface.
 ///
@@ -24,7 +24,7 @@ pub(super) fn target(
     selection: &Selection,
     interface: &Interface,
     catalogue: &Catalogue,
-    stop: &Arc<AtomicBool>,
+    stop: &Stop,
 ) -> Result<Target, Refused> {
     let mut bus = open_interface(interface, stop)?;
     let bit_rate = selection.bitrate.or_else(|| interface.bit_rate(DEFAULT_BIT_RATE));

@@ -1,6 +1,5 @@
 //! A device under test and how it is reached.
 
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use canopen::{Bus, VirtualBus};
@@ -13,6 +12,7 @@ use crate::dut::Dut;
 use crate::exit::Refused;
 use crate::protect::Guarded;
 use crate::rig::{Rig, WithRig};
+use crate::stop::Stop;
 
 /// A device under test and the bus it is on.
 pub struct Target {
@@ -51,7 +51,7 @@ impl Target {
     ///
     /// # Errors
     /// When the interface cannot be used, or the deviation cannot be built.
-    pub fn open(&self, stop: &Arc<AtomicBool>) -> Result<Box<dyn Bus>, Refused> {
+    pub fn open(&self, stop: &Stop) -> Result<Box<dyn Bus>, Refused> {
         let bus: Box<dyn Bus> = match &self.connection {
             Connection::Simulation { device, deviation, bit_rate } => {
                 let mut bus = VirtualBus::new(*bit_rate);
@@ -79,9 +79,6 @@ impl Target {
 ///
 /// # Errors
 /// Why it cannot be opened, and what to do about it.
-pub(crate) fn open_interface(
-    interface: &Interface,
-    stop: &Arc<AtomicBool>,
-) -> Result<Box<dyn Bus>, Refused> {
+pub(crate) fn open_interface(interface: &Interface, stop: &Stop) -> Result<Box<dyn Bus>, Refused> {
     interface.open(stop).map_err(|error| Refused::bus(error.to_string()))
 }

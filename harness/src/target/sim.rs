@@ -17,6 +17,7 @@ use super::sheet::{own_sheet, read_eds};
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::dut::Dut;
 use crate::exit::Refused;
+use crate::stop::Stop;
 
 /// The reference device of that name, with that deviation.
 ///
@@ -76,7 +77,7 @@ pub(super) fn target(
     };
     if selection.eds.is_some() {
         // A data sheet of ours names the profile; another one may leave it to the device.
-        let mut bus = target.open(&Arc::default())?;
+        let mut bus = target.open(&Stop::default())?;
         let found = scan(&mut *bus, Some(node), catalogue)?;
         target.dut.told = found.first().and_then(Found::recognised);
         let long = long_values(&mut *bus, &target.dut);

@@ -4,8 +4,6 @@ use std::cell::Cell;
 use std::collections::hash_map::DefaultHasher;
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{Hash, Hasher};
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 
 use canopen::Instant;
 use reference_devices::change::Deviation;
@@ -15,7 +13,8 @@ use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::commands::run::plan_all;
 use crate::exit::Refused;
 use crate::plan::{Instance, Plan, plan_cases};
-use crate::run::{Ending, Policy, Session, Shown};
+use crate::run::{Ending, Policy, Session, Shown, Undo};
+use crate::stop::Stop;
 use crate::suite::model::Case;
 use crate::suite::{Library, Suite};
 use crate::target::{self, Target};
@@ -78,7 +77,7 @@ impl<'l> Clean<'l> {
     pub(super) fn of(library: &'l Library, name: &str) -> Result<Self, Refused> {
         let name = format!("sim:{name}");
         let selection = Selection::of_target(Some(&name));
-        let mut targets = target::resolve(&selection, &library.catalogue, &Arc::default())?;
+        let mut targets = target::resolve(&selection, &library.catalogue, &Stop::default())?;
         let mut plan = plan_all(library, &targets)?.remove(0);
         plan.leave_out_foreign();
         Ok(Self { library, target: targets.remove(0), plan })
@@ -147,7 +146,7 @@ impl Wanted<'_> {
 
 /// Runs a plan.
 fn run(library: &Library, plan: &Plan, target: &Target) -> Result<(Vec<Trial>, Ending), Refused> {
-    let stop = Arc::new(AtomicBool::new(false));
+    let stop = Stop::default();
     let mut bus = target.open(&stop)?;
     let shown = Cell::default();
     let session = Session {
@@ -159,6 +158,7 @@ fn run(library: &Library, plan: &Plan, target: &Target) -> Result<(Vec<Trial>, E
         max_fail: None,
         witness: Some(&shown),
         stop: &stop,
+        undo: &Undo::default(),
     };
     let mut trials = Vec::new();
     let (mut case, mut name, mut start) = (String::new(), String::new(), Instant::ZERO);

@@ -1,0 +1,143 @@
+//! Files that reports go to: written at once, or not at all.
+
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use nix::errno::Errno;
+
+/// A file that a report goes to.
+#[derive(Clone, Debug)]
+pub(super) struct Output {
+    /// As the user named it.
+    path: PathBuf,
+    /// Where it is; of a link, what it leads to.
+    place: PathBuf,
+}
+
+impl Output {
+    /// The file of that name, which need not be there.
+    ///
+    /// # Errors
+    /// When there is no such folder.
+    pub(super) fn new(path: &Path) -> io::Result<Self> {
+        Ok(Self { path: path.to_owned(), place: place(path)? })
+    }
+
+    /// As the user named it.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether whatever is written there stays apart from what else is: a device such as
+    /// `/dev/null` takes anything.
+    pub(super) fn is_same(&self, other: &Path) -> bool {
+        self.is_file() && place(other).is_ok_and(|other| other == self.place)
+    }
+
+    /// Whether it is a file, or will be one.
+    pub(super) fn is_file(&self) -> bool {
+        fs::metadata(&self.place).map_or(true, |found| found.is_file())
+    }
+
+    /// Writes the whole text. Whoever reads the file sees what was there before, or all of this.
+    ///
+    /// # Errors
+    /// Whatever keeps it from being written. What was there before is left then.
+    pub(super) fn write(&self, text: &str) -> io::Result<()> {
+        if !self.is_file() {
+            return fs::write(&self.place, text);
+        }
+        let name = self.place.file_name().unwrap_or_default().to_string_lossy();
+        let beside = self.place.with_file_name(format!(".{name}.{}", std::process::id()));
+        let written = write_synced(&beside, text).and_then(|()| fs::rename(&beside, &self.place));
+        written.or_else(|error| {
+            // It may not have come into being.
+            _ = fs::remove_file(&beside);
+            match stands_alone(&error) {
+                true => fs::write(&self.place, text),
+                false => Err(error),
+            }
+        })
+    }
+}
+
+/// What an operating system says of an error, without the number.
+pub(crate) fn words(error: &io::Error) -> String {
+    let words = error.to_string();
+    words.split(" (os error").next().unwrap_or_default().to_owned()
+}
+
+fn write_synced(path: &Path, text: &str) -> io::Result<()> {
+    let mut file = File::create(path)?;
+    file.write_all(text.as_bytes())?;
+    file.sync_all()
+}
+
+/// Whether a file can be written where nothing can be put beside it, or in its place: it is in a
+/// folder of somebody else's, or mounted alone.
+fn stands_alone(error: &io::Error) -> bool {
+    let errno = error.raw_os_error().map(Errno::from_raw);
+    matches!(errno, Some(Errno::EACCES | Errno::EPERM | Errno::EROFS | Errno::EBUSY | Errno::EXDEV))
+}
+
+fn place(path: &Path) -> io::Result<PathBuf> {
+    if let Ok(place) = path.canonicalize() {
+        return Ok(place);
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+    let folder = folder.unwrap_or_else(|| Path::new(".")).canonicalize()?;
+    Ok(folder.join(path.file_name().ok_or(io::ErrorKind::IsADirectory)?))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let entries = fs::read_dir(folder).unwrap();
+        entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_file_is_replaced_as_a_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("report.xml");
+        let output = Output::new(&path).unwrap();
+        for text in ["first", "second, which is longer", ""] {
+            output.write(text).unwrap();
+            assert_eq!(fs::read_to_string(&path).unwrap(), text);
+        }
+        assert_eq!(names(folder.path()), ["report.xml"]);
+    }
+
+    #[test]
+    fn a_link_stays_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let (link, path) = (folder.path().join("link"), folder.path().join("file"));
+        fs::write(&path, "before").unwrap();
+        std::os::unix::fs::symlink(&path, &link).unwrap();
+        Output::new(&link).unwrap().write("after").unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "after");
+        assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+        assert!(Output::new(&link).unwrap().is_same(&path));
+    }
+
+    #[test]
+    fn a_device_takes_what_is_written_and_stays() {
+        let null = Output::new(Path::new("/dev/null")).unwrap();
+        null.write("anything").unwrap();
+        assert!(!null.is_same(Path::new("/dev/null")));
+        let full = Output::new(Path::new("/dev/full")).unwrap();
+        assert_eq!(words(&full.write("anything").unwrap_err()), "No space left on device");
+    }
+
+    #[test]
+    fn what_cannot_be_written_leaves_nothing_behind() {
+        let folder = tempfile::tempdir().unwrap();
+        assert!(Output::new(&folder.path().join("none/report.xml")).is_err());
+        let output = Output::new(folder.path()).unwrap();
+        assert!(output.write("anything").is_err(), "a folder is not a file");
+        assert_eq!(names(folder.path()), Vec::<String>::new());
+    }
+}

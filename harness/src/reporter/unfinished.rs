@@ -1,0 +1,77 @@
+//! What reports say of a run that did not come to its cases, or not yet to its end: one case, which
+//! is an error. A report that is not written again never looks like a run in which all was well.
+
+use std::sync::Arc;
+
+use canopen::Instant;
+use reports::{
+    CaseEnded, CaseStarted, DeviceStarted, Event, Identity, Keep, Outcome, Run, RunEnded,
+    RunStarted, Versions,
+};
+
+use crate::bus::unix_time;
+use crate::cli::{GradeName, RunArgs};
+use crate::target::Address;
+
+/// How a run begins that the arguments ask for.
+pub(crate) fn started(args: &RunArgs, on_real_bus: bool) -> RunStarted {
+    RunStarted {
+        harness: env!("CARGO_PKG_VERSION").to_owned(),
+        target: args.selection.target.clone().unwrap_or_else(|| "sim".to_owned()),
+        seed: (args.shuffle || args.seed.is_some()).then(|| args.seed.unwrap_or(1)),
+        grade: args.grade.unwrap_or(GradeName::Lenient).into(),
+        began: on_real_bus.then(unix_time),
+    }
+}
+
+/// The events of a run of which nothing is known but why.
+pub(super) fn events(args: &RunArgs, why: &str, exit: u8) -> Vec<Event> {
+    let selection = &args.selection;
+    let target = selection.target.clone().unwrap_or_else(|| "sim".to_owned());
+    let case = CaseStarted {
+        at: Instant::ZERO,
+        suite: "harness".into(),
+        case: "run".into(),
+        instance: None,
+        title: "The cases can be run.".into(),
+        checks: Arc::default(),
+        file: "".into(),
+        line: 0,
+        column: 0,
+    };
+    let outcome = Outcome::not_run(why);
+    vec![
+        Event::RunStarted(started(args, is_on_real_bus(args))),
+        Event::DeviceStarted(DeviceStarted {
+            device: selection.device.clone().unwrap_or(target),
+            node: selection.node.unwrap_or_default(),
+            identity: Identity::default(),
+            versions: Versions::default(),
+            sheet: None,
+            objects: Arc::default(),
+            bit_rate: selection.bitrate,
+            rerun: String::new(),
+            remark: None,
+        }),
+        Event::CaseStarted(case.clone()),
+        Event::CaseEnded(CaseEnded::of(&case, Instant::ZERO, outcome)),
+        Event::RunEnded(RunEnded { exit, reason: Some(why.to_owned()) }),
+    ]
+}
+
+/// A run that has begun and not come to its end.
+pub(super) fn run(args: &RunArgs, exit: u8) -> Run {
+    let mut run = Run::new(Keep::Unusual);
+    let why = "the run did not come to its end: its journal has what ran";
+    for event in events(args, why, exit) {
+        run.apply(&event).unwrap_or_else(|error| panic!("{error}"));
+    }
+    run
+}
+
+/// Whether the frames come from hardware. What the target is otherwise wrong with is found when it
+/// is resolved.
+pub(super) fn is_on_real_bus(args: &RunArgs) -> bool {
+    let address = args.selection.target.as_deref().map(str::parse);
+    matches!(address, Some(Ok(Address::Interface(_))))
+}
