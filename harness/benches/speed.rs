@@ -52,7 +52,8 @@ fn whole_run(bench: &mut Criterion) {
 fn sdo_round_trips(bench: &mut Criterion) {
     let (device, node) = (drr460(), 5);
     let sheet = eds::read(device.eds_text().as_bytes()).eds;
-    let dut = Dut { bit_rate: Some(1_000_000), ..Dut::new("drr460", node, sheet) };
+    let mut dut = Dut::new("drr460", node, sheet);
+    dut.bit_rate = Some(1_000_000);
     let policy = Policy::at_bit_rate(BIT_RATE);
     let mut bus = VirtualBus::new(BIT_RATE);
     bus.attach(device.node(node, Box::new(Specification)));

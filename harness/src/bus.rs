@@ -12,7 +12,7 @@ use socketcan::SocketCan;
 
 use crate::stop::Stop;
 
-pub use calendar::{monotonic, unix_time};
+pub use calendar::unix_time;
 
 /// A CAN interface by the name that a user gives it. A new backend is a variant here: the compiler
 /// then asks how it is written and opened, and the test below how it is read.

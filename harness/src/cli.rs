@@ -60,6 +60,8 @@ pub enum Command {
     Eds(EdsCommand),
     /// Write a first file of waivers from the journal of a run
     Waive(WaiveArgs),
+    /// Set back what a run that was killed left changed in a device; without a run, list them
+    Restore(RestoreArgs),
     /// Print the JSON schema of suites, devices, waivers, device files and others
     Schema(SchemaArgs),
 }
@@ -420,6 +422,16 @@ pub struct WaiveArgs {
     /// File to write, which must not exist; printed when absent
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+}
+
+/// Arguments of `restore`.
+#[derive(Debug, Args)]
+pub struct RestoreArgs {
+    /// The run, as `harness restore` lists it, or the path of its undo log
+    pub run: Option<String>,
+    /// The interface, when the device is now on another one
+    #[arg(long)]
+    pub target: Option<String>,
 }
 
 /// Arguments of `schema`.

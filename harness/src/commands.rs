@@ -6,6 +6,7 @@ mod eds;
 mod explain;
 mod list;
 mod qualify;
+mod restore;
 mod run;
 mod scan;
 mod schema;
@@ -34,6 +35,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Explain(args)) => explain::run(&args),
         Some(Command::Eds(command)) => eds::run(&command, &stop),
         Some(Command::Waive(args)) => waive::run(&args),
+        Some(Command::Restore(args)) => restore::run(&args, &stop),
         Some(Command::Schema(args)) => schema::run(&args),
     };
     let exit = done.unwrap_or_else(|Refused { exit, message }| {

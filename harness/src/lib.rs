@@ -10,6 +10,7 @@ pub mod commands;
 mod device_file;
 pub mod dut;
 pub mod exit;
+mod files;
 pub mod parallel;
 pub mod plan;
 pub mod properties;
@@ -20,6 +21,7 @@ pub mod run;
 pub mod stop;
 pub mod suite;
 pub mod target;
+mod undo_log;
 pub mod waivers;
 
 use canopen::{nearest, source};

@@ -14,12 +14,12 @@ use reports::{Event, Format, Keep, Run, Style, github};
 
 use crate::cli::{RunArgs, When};
 use crate::exit::{Exit, Refused};
+use crate::files::words;
 
 use journal::JournalFile;
 use output::Output;
 use unfinished::is_on_real_bus;
 
-pub(crate) use output::words;
 pub(crate) use unfinished::started;
 
 /// Tells of a run while it runs, and writes its reports at the end.

@@ -4,6 +4,7 @@ mod ask;
 mod baseline;
 mod bench;
 mod bench_snapshot;
+mod bring_back;
 mod case;
 mod hook;
 mod judge;
@@ -27,6 +28,7 @@ mod steps;
 mod tests;
 mod undo;
 
+pub(crate) use bring_back::{Abandoned, BroughtBack};
 pub use link::Link;
 pub use policy::Policy;
 pub(crate) use probe::{Lost, objects as probe};

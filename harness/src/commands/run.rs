@@ -1,14 +1,15 @@
 //! `harness run`: suites against devices, and the reports of it.
 
+use std::collections::BTreeMap;
 use std::thread;
 
 use canopen::{BusError, Instant};
 use reference_devices::devices;
-use reports::{Event, Note, RunEnded, Verdict};
+use reports::{Event, Identity, Note, RunEnded, Verdict};
 
 use super::select::select;
 use crate::bus::unix_time;
-use crate::cli::{DEFAULT_BIT_RATE, GradeName, RunArgs};
+use crate::cli::{DEFAULT_BIT_RATE, RunArgs};
 use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
@@ -19,7 +20,8 @@ use crate::run::{Ending, Policy, Session, Undo};
 use crate::source::{At, Complaint};
 use crate::stop::Stop;
 use crate::suite::{Library, Register};
-use crate::target::{self, Target};
+use crate::target::{self, Connection, Target};
+use crate::undo_log::{self, Changes, UndoLog};
 use crate::waivers::Waivers;
 
 /// Runs what the arguments select. The reports are written whatever happens.
@@ -157,7 +159,13 @@ impl Sessions<'_> {
     }
 
     fn session(&self, target: &Target, plan: &Plan, mut tell: impl FnMut(Event)) -> Ended {
-        let (args, stop, undo) = (self.args, self.stop.of_session(), Undo::default());
+        let (args, stop, undo) = (self.args, self.stop.of_session(), undo(target));
+        let mut tell = |event| {
+            if let Some(why) = undo.failure() {
+                eprintln!("warning: {why}");
+            }
+            tell(event);
+        };
         let session = Session {
             plan,
             register: &self.library.register,
@@ -183,12 +191,47 @@ impl Sessions<'_> {
             }
         };
         if let Some(changed) = undo.said() {
-            let why = format!("node {} of {}: {changed}", target.dut.node, target.dut.name);
+            let log = undo.log_name();
+            let log = log.map(|name| format!("; `harness restore {name}` sets them back"));
+            let (name, node) = (&target.dut.name, target.dut.node);
+            let why = format!("{name}, node {node}: {changed}{}", log.unwrap_or_default());
             tell(Event::Note(Note { at: Instant::ZERO, text: why.clone() }));
             eprintln!("warning: {why}");
         }
         after(&ending, target)
     }
+}
+
+/// Where a session notes what it changes: on disk, when the device outlives this process. Says what
+/// another run left changed in the same device.
+fn undo(target: &Target) -> Undo {
+    let Connection::Interface(interface) = &target.connection else { return Undo::default() };
+    let (folder, dut) = (undo_log::folder(), &target.dut);
+    let changes = Changes {
+        target: interface.to_string(),
+        node: dut.node,
+        device: dut.name.clone(),
+        bit_rate: dut.bit_rate,
+        lss: dut.eds.device.lss,
+        protected: !dut.protection.is_none(),
+        identity: Identity::default(),
+        process: std::process::id(),
+        stores: false,
+        objects: BTreeMap::new(),
+    };
+    let same = |other: &Changes| (&other.target, other.node) == (&changes.target, changes.node);
+    for (name, left) in undo_log::all(&folder) {
+        if same(&left) && !left.is_running() {
+            let objects: Vec<&str> = left.objects.keys().map(String::as_str).collect();
+            eprintln!(
+                "note: a run that was killed may have left changed in node {}: {}; `harness \
+                 restore {name}` sets them back",
+                left.node,
+                objects.join(", ")
+            );
+        }
+    }
+    Undo::on_disk(UndoLog::new(folder, changes))
 }
 
 /// A plan for each target.

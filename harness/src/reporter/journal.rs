@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use reports::{Event, journal};
 
-use super::output::words;
+use crate::files::words;
 
 /// A journal that is written while the run goes on, so that a run that is killed leaves what it
 /// has seen.

@@ -1,10 +1,12 @@
 //! Files that reports go to: written at once, or not at all.
 
-use std::fs::{self, File};
-use std::io::{self, Write};
+use std::fs;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use nix::errno::Errno;
+
+use crate::files::write_synced;
 
 /// A file that a report goes to.
 #[derive(Clone, Debug)]
@@ -62,18 +64,6 @@ impl Output {
     }
 }
 
-/// What an operating system says of an error, without the number.
-pub(crate) fn words(error: &io::Error) -> String {
-    let words = error.to_string();
-    words.split(" (os error").next().unwrap_or_default().to_owned()
-}
-
-fn write_synced(path: &Path, text: &str) -> io::Result<()> {
-    let mut file = File::create(path)?;
-    file.write_all(text.as_bytes())?;
-    file.sync_all()
-}
-
 /// Whether a file can be written where nothing can be put beside it, or in its place: it is in a
 /// folder of somebody else's, or mounted alone.
 fn stands_alone(error: &io::Error) -> bool {
@@ -93,6 +83,7 @@ fn place(path: &Path) -> io::Result<PathBuf> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::files::words;
 
     fn names(folder: &Path) -> Vec<String> {
         let entries = fs::read_dir(folder).unwrap();

@@ -158,7 +158,12 @@ impl CaseRun<'_, '_> {
             Ok(snapshot) => snapshot,
             Err(error) => return self.bus_failed(error),
         };
-        self.undo.begin(&mut snapshot);
+        if self.undo.begin(&mut snapshot) {
+            // The disk took time, which belongs to no step.
+            if let Err(error) = self.link.look_from_now() {
+                return self.bus_failed(error);
+            }
+        }
         // Bad frames on the wire spoil this case, not those that follow.
         let lasts =
             |error: &BusError| !matches!(error, BusError::Controller(_) | BusError::Withheld(_));
@@ -456,10 +461,7 @@ fn run_phase(
             other => other,
         };
         result.at = steps.link.now();
-        let failed = match &judgement {
-            Err(Trouble::Device(difference)) => Some(difference),
-            _ => None,
-        };
+        let failed = judgement.as_ref().err().and_then(Trouble::of_device);
         result.late = result.late.max(steps.late(&step.value, failed));
         match judgement {
             Ok(None) => {}
@@ -472,12 +474,11 @@ fn run_phase(
                 }
             }
             Err(Trouble::Bus(error)) => return Err(error),
-            Err(Trouble::Device(difference)) if phase == Phase::Setup => {
-                result.setup_failed(step.place, difference);
-                return Ok(false);
-            }
             Err(Trouble::Device(difference)) => {
-                result.fail(phase, step.place, difference);
+                match phase {
+                    Phase::Setup => result.setup_failed(step.place, difference),
+                    _ => result.fail(phase, step.place, difference),
+                }
                 return Ok(false);
             }
             Err(Trouble::Impossible(reason)) => {

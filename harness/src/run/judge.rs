@@ -50,6 +50,16 @@ pub(super) enum Trouble {
     Declined(String),
 }
 
+impl Trouble {
+    /// What the device did otherwise than expected.
+    pub(super) const fn of_device(&self) -> Option<&Difference> {
+        match self {
+            Self::Device(difference) => Some(difference),
+            Self::Bus(_) | Self::Impossible(_) | Self::Declined(_) => None,
+        }
+    }
+}
+
 impl From<BusError> for Trouble {
     fn from(error: BusError) -> Self {
         Self::Bus(error)

@@ -94,6 +94,7 @@ impl Session<'_> {
         link: &mut Link,
     ) -> Result<(Baseline, Versions, BlockDirections), BusError> {
         let identity = identity(link, &self.policy, &self.plan.dut)?;
+        self.undo.identify(identity);
         let baseline = self.baseline(link, identity)?;
         let versions = versions(link, &self.policy, &self.plan.dut)?;
         self.look_at_channels(link)?;

@@ -91,6 +91,30 @@ pub(super) fn settle(
     }
 }
 
+/// Makes the device answer, as gently as possible, whatever errors it shows; why it was given up.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(super) fn wake(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    baseline: &Baseline,
+    may_reset: bool,
+) -> Result<Result<(), String>, BusError> {
+    pre_operational(link, policy, dut)?;
+    if answers(link, policy, dut)? {
+        return Ok(Ok(()));
+    }
+    for rung in LADDER.into_iter().filter(|rung| may_reset || rung.deeds().is_empty()) {
+        if rung.climb(link, policy, dut, baseline)? && answers(link, policy, dut)? {
+            pre_operational(link, policy, dut)?;
+            return Ok(Ok(()));
+        }
+    }
+    Ok(Err(lost("it does not answer", dut)))
+}
+
 /// The place of [`Rung::ResetNode`] in [`LADDER`].
 const RESET_NODE: usize = 4;
 

@@ -1,21 +1,33 @@
-//! What a run changed in the device and has not set back yet.
+//! What a run changed in the device and has not set back yet; on a real bus also on disk, since a
+//! run that is killed sets nothing back.
 
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 
 use canopen::Mux;
+use reports::Identity;
 
 use super::restore::Snapshot;
 use crate::plan::show_bytes;
+use crate::undo_log::UndoLog;
 
 /// The objects that are not, or perhaps not, as they were before the run, with their values from
 /// then.
 #[derive(Debug, Default)]
 pub struct Undo {
     left: RefCell<Snapshot>,
+    log: Option<RefCell<UndoLog>>,
+    /// Why the log could not be written, which is said once.
+    failure: RefCell<Option<String>>,
+    failed: Cell<bool>,
 }
 
 impl Undo {
+    /// With a log on disk.
+    pub(crate) fn on_disk(log: UndoLog) -> Self {
+        Self { log: Some(RefCell::new(log)), ..Self::default() }
+    }
+
     /// What is not set back.
     pub fn left(&self) -> BTreeMap<Mux, Vec<u8>> {
         self.left.borrow().values.clone()
@@ -32,14 +44,40 @@ impl Undo {
         })
     }
 
+    /// The name of the log, when it holds something that is not set back.
+    pub(crate) fn log_name(&self) -> Option<String> {
+        self.log.as_ref().and_then(|log| log.borrow().name_if_written())
+    }
+
+    /// Why the log could not be written, the first time that it could not.
+    pub(crate) fn failure(&self) -> Option<String> {
+        self.failure.take()
+    }
+
+    /// Says what the device is, which is found out before anything is changed.
+    pub(super) fn identify(&self, identity: Identity) {
+        if let Some(log) = &self.log {
+            log.borrow_mut().identify(identity);
+        }
+    }
+
     /// A case begins that may change what is in the snapshot. What an earlier case left changed is
-    /// set back to the value from before that.
-    pub(super) fn begin(&self, snapshot: &mut Snapshot) {
-        for (mux, value) in &self.left.borrow().values {
+    /// set back to the value from before that. Returns whether that took time.
+    pub(super) fn begin(&self, snapshot: &mut Snapshot) -> bool {
+        let left = self.left.borrow();
+        for (mux, value) in &left.values {
             if let Some(now) = snapshot.values.get_mut(mux) {
                 now.clone_from(value);
             }
         }
+        if snapshot.is_empty() || self.log.is_none() {
+            return false;
+        }
+        let mut all = left.clone();
+        all.values.extend(snapshot.values.clone());
+        all.stores |= snapshot.stores;
+        self.write(&all);
+        true
     }
 
     /// The case is over, and of its snapshot that is still changed.
@@ -51,10 +89,23 @@ impl Undo {
                 false => _ = left.values.remove(mux),
             }
         }
+        left.stores = !left.values.is_empty() && (left.stores || snapshot.stores);
+        if !snapshot.is_empty() {
+            self.write(&left);
+        }
     }
 
     /// Everything that is still changed.
     pub(super) fn snapshot(&self) -> Snapshot {
         self.left.borrow().clone()
+    }
+
+    fn write(&self, all: &Snapshot) {
+        let Some(log) = &self.log else { return };
+        if let Err(why) = log.borrow_mut().write(&all.values, all.stores)
+            && !self.failed.replace(true)
+        {
+            *self.failure.borrow_mut() = Some(why);
+        }
     }
 }

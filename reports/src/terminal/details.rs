@@ -34,14 +34,18 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     }
     match problem {
         Some(problem) => block.place(problem),
+        // The one case of a run that did not come to its cases stands in no file.
+        None if case.info.file.is_empty() => {}
         None => {
             let info = &case.info;
             block.field("in", &format!("{}:{}:{}", info.file, info.line, info.column));
         }
     }
     block.trace(case);
-    let again = format!("{} {}", device.info.rerun, shell_word(&case.info.name()));
-    block.field("run again", &again);
+    if !device.info.rerun.is_empty() {
+        let again = format!("{} {}", device.info.rerun, shell_word(&case.info.name()));
+        block.field("run again", &again);
+    }
     block.text
 }
 

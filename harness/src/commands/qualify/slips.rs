@@ -3,8 +3,6 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use canopen::Id;
 use canopen::sdo::RESPONSE_COB_ID;
@@ -19,7 +17,8 @@ use crate::dut::Dut;
 use crate::exit::Refused;
 use crate::parallel;
 use crate::plan::{Instance, Plan};
-use crate::run::{Policy, Session, Shown};
+use crate::run::{Policy, Session, Shown, Undo};
+use crate::stop::Stop;
 use crate::suite::Library;
 use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::model::Case;
@@ -135,7 +134,7 @@ impl Search {
         let most = 1 + RUNS * self.open.len();
         let instances = vec![instance.clone(); most];
         let plan = Plan { dut: clean.target.dut.clone(), instances, left_out: BTreeMap::new() };
-        let stop = Arc::new(AtomicBool::new(false));
+        let (stop, undo) = (Stop::default(), Undo::default());
         let tape = Rc::new(Tape::default());
         let mut bus = SlippingBus::new(clean.target.open(&stop)?, Rc::clone(&tape));
         let session = Session {
@@ -147,12 +146,15 @@ impl Search {
             max_fail: None,
             witness: Some(&*tape),
             stop: &stop,
+            undo: &undo,
         };
         let node = plan.dut.node;
         let mut queue: Option<Queue> = None;
         let mut trial: Option<Trial> = None;
         let mut in_order = Rc::new(Answers::new());
         session.run(&mut bus, &mut |event| match event {
+            // The rest is not run.
+            _ if stop.asked() => {}
             Event::CaseStarted(_) => {
                 let Trial { slip, open, .. } = trial.clone().unwrap_or_default();
                 tape.begin(slip, open, (node, Rc::clone(&in_order)));
@@ -169,7 +171,7 @@ impl Search {
                 }
                 trial = next.or_else(|| queue.as_mut().and_then(|queue| queue.next(&self.open)));
                 if trial.is_none() {
-                    stop.store(true, Ordering::SeqCst);
+                    stop.signal();
                 }
             }
             _ => {}

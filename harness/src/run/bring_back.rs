@@ -1,0 +1,69 @@
+//! Setting back what a run that was killed left changed.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use canopen::sdo::Transfer;
+use canopen::{Bus, BusError, Mux};
+use reports::Identity;
+
+use super::baseline::Baseline;
+use super::link::Link;
+use super::policy::Policy;
+use super::restore::Snapshot;
+use super::sdo;
+use super::settle;
+use crate::dut::Dut;
+use crate::stop::Stop;
+
+/// What came of it.
+pub(crate) enum BroughtBack {
+    /// The device does not answer; why it was given up.
+    Lost(String),
+    /// It answers, and these objects it did not take.
+    Except(BTreeSet<Mux>),
+}
+
+/// A device as a run left it that was killed.
+pub(crate) struct Abandoned<'d> {
+    /// The device.
+    pub dut: &'d Dut,
+    /// What it said of itself before.
+    pub identity: Identity,
+    /// The objects with their values from before the run.
+    pub values: BTreeMap<Mux, Vec<u8>>,
+    /// Whether it may have stored what was changed.
+    pub stores: bool,
+    /// Whether it may be reset to get it back.
+    pub may_reset: bool,
+}
+
+impl Abandoned<'_> {
+    /// Sets everything back.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub(crate) fn bring_back(
+        &self,
+        bus: &mut dyn Bus,
+        policy: &Policy,
+        stop: &Stop,
+    ) -> Result<BroughtBack, BusError> {
+        let mut nobody = |_| {};
+        let (dut, link) = (self.dut, &mut Link::reporting(bus, &mut nobody, stop));
+        let baseline = Baseline::of(self.identity);
+        if let Err(lost) = settle::wake(link, policy, dut, &baseline, self.may_reset)? {
+            return Ok(BroughtBack::Lost(lost));
+        }
+        let snapshot = Snapshot { values: self.values.clone(), stores: false };
+        let mut changed = self.values.keys().copied().collect();
+        snapshot.restore(link, policy, dut.node, &mut changed)?;
+        if self.stores && !self.values.is_empty() {
+            const STORE: Mux = Mux::new(0x1010, 1);
+            let saved = sdo::download(link, policy, dut.node, STORE, b"save", Transfer::Expedited)?;
+            if saved.result.is_err() {
+                changed.insert(STORE);
+            }
+        }
+        Ok(BroughtBack::Except(changed))
+    }
+}

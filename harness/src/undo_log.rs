@@ -1,0 +1,266 @@
+//! The undo log: what a run on a real bus has changed in a device, on disk, for the case that the
+//! run is killed. It is written before the first change of an object and removed when every object
+//! is back; `harness restore` reads it.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use canopen::Mux;
+use reports::Identity;
+use serde::{Deserialize, Serialize};
+
+use crate::files::{words, write_synced};
+
+/// What the log says of the device.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Changes {
+    /// The interface, as the user wrote it.
+    pub target: String,
+    /// The node id.
+    pub node: u8,
+    /// What reports call the device.
+    pub device: String,
+    /// The bit rate of the bus in bit/s, when it is known.
+    pub bit_rate: Option<u32>,
+    /// Whether the device has layer setting services, so that its node id may be gone.
+    pub lss: bool,
+    /// Whether the device must be protected from resets and layer setting services.
+    pub protected: bool,
+    /// What it said of itself.
+    pub identity: Identity,
+    /// The process that made the changes.
+    pub process: u32,
+    /// Whether the device may have stored them.
+    pub stores: bool,
+    /// The objects with their values from before, in hexadecimal.
+    pub objects: BTreeMap<String, String>,
+}
+
+impl Changes {
+    /// The objects with their values from before.
+    ///
+    /// # Errors
+    /// What is not an address or a value.
+    pub(crate) fn values(&self) -> Result<BTreeMap<Mux, Vec<u8>>, String> {
+        let value = |(object, bytes): (&String, &String)| {
+            let mux = object.parse().map_err(|_| format!("`{object}` is not an address"))?;
+            let bytes = unhex(bytes).ok_or_else(|| format!("`{bytes}` is not a value"))?;
+            Ok((mux, bytes))
+        };
+        self.objects.iter().map(value).collect()
+    }
+
+    /// Whether the process is still there, so that it may set its changes back itself.
+    pub(crate) fn is_running(&self) -> bool {
+        Path::new("/proc").join(self.process.to_string()).exists()
+    }
+}
+
+/// The log of one session.
+#[derive(Debug)]
+pub(crate) struct UndoLog {
+    folder: PathBuf,
+    name: Option<String>,
+    changes: Changes,
+    written: bool,
+}
+
+impl UndoLog {
+    /// A log that is not written yet.
+    pub(crate) fn new(folder: PathBuf, changes: Changes) -> Self {
+        Self { folder, name: None, changes, written: false }
+    }
+
+    /// Its name, when it is on disk.
+    pub(crate) fn name_if_written(&self) -> Option<String> {
+        self.name.clone().filter(|_| self.written)
+    }
+
+    /// Says what the device is, which is found out before anything is changed.
+    pub(crate) fn identify(&mut self, identity: Identity) {
+        self.changes.identity = identity;
+    }
+
+    /// Replaces what is on disk. Without objects, there is no log.
+    ///
+    /// # Errors
+    /// Why it cannot be written.
+    pub(crate) fn write(
+        &mut self,
+        values: &BTreeMap<Mux, Vec<u8>>,
+        stores: bool,
+    ) -> Result<(), String> {
+        self.changes.objects =
+            values.iter().map(|(mux, value)| (mux.to_string(), hex(value))).collect();
+        self.changes.stores = stores;
+        if values.is_empty() && !stores {
+            return self.remove();
+        }
+        let name = match &self.name {
+            Some(name) => name.clone(),
+            None => self.free_name().map_err(|error| self.failed(&error))?,
+        };
+        self.name = Some(name.clone());
+        let path = path(&self.folder, &name);
+        let text = serde_json::to_string_pretty(&self.changes).expect("only string keys") + "\n";
+        let beside = path.with_extension("new");
+        let written = write_synced(&beside, &text).and_then(|()| fs::rename(&beside, &path));
+        written.map_err(|error| self.failed(&error))?;
+        self.written = true;
+        Ok(())
+    }
+
+    fn remove(&mut self) -> Result<(), String> {
+        let Some(name) = self.name_if_written() else { return Ok(()) };
+        fs::remove_file(path(&self.folder, &name)).map_err(|error| self.failed(&error))?;
+        self.written = false;
+        Ok(())
+    }
+
+    /// Another run may have left one for the same device.
+    fn free_name(&self) -> io::Result<String> {
+        fs::create_dir_all(&self.folder)?;
+        let Changes { target, node, process, .. } = &self.changes;
+        let first = format!("{target}-node{node}-{process}");
+        let names = (2..).map(|count| format!("{first}-{count}"));
+        let mut names = std::iter::once(first.clone()).chain(names);
+        Ok(names.find(|name| !path(&self.folder, name).exists()).unwrap_or(first))
+    }
+
+    fn failed(&self, error: &io::Error) -> String {
+        format!(
+            "the undo log in {} cannot be written: {}; if this run is killed, `harness restore` \
+             cannot set back what it changed",
+            self.folder.display(),
+            words(error)
+        )
+    }
+}
+
+/// Where the logs are: `harness/undo` in `$XDG_STATE_HOME`, which is `~/.local/state` when it is not
+/// set.
+pub(crate) fn folder() -> PathBuf {
+    let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from);
+    let home = || Some(PathBuf::from(std::env::var_os("HOME")?).join(".local/state"));
+    let state = state.filter(|path| path.is_absolute()).or_else(home);
+    state.unwrap_or_else(std::env::temp_dir).join("harness/undo")
+}
+
+/// The logs that are there, by name.
+pub(crate) fn all(folder: &Path) -> Vec<(String, Changes)> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let name = |path: &Path| Some(path.file_name()?.to_str()?.strip_suffix(".json")?.to_owned());
+    let names = entries.filter_map(|entry| name(&entry.path()));
+    let log = |name: String| read(folder, &name).ok().map(|changes| (name, changes));
+    let mut logs: Vec<_> = names.filter_map(log).collect();
+    logs.sort_by(|one, other| one.0.cmp(&other.0));
+    logs
+}
+
+/// The log of that name, or at that path.
+///
+/// # Errors
+/// Why it cannot be read.
+pub(crate) fn read(folder: &Path, name: &str) -> Result<Changes, String> {
+    let path = find(folder, name);
+    let said = |why: String| format!("{}: {why}", path.display());
+    let text = fs::read_to_string(&path).map_err(|error| said(words(&error)))?;
+    serde_json::from_str(&text).map_err(|_| said("this is not an undo log".to_owned()))
+}
+
+/// Removes the log of that name, or at that path.
+///
+/// # Errors
+/// Why it cannot be removed.
+pub(crate) fn remove(folder: &Path, name: &str) -> Result<(), String> {
+    let path = find(folder, name);
+    fs::remove_file(&path).map_err(|error| format!("{}: {}", path.display(), words(&error)))
+}
+
+fn find(folder: &Path, name: &str) -> PathBuf {
+    match name.contains('/') {
+        true => PathBuf::from(name),
+        false => path(folder, name),
+    }
+}
+
+fn path(folder: &Path, name: &str) -> PathBuf {
+    folder.join(format!("{}.json", name.trim_end_matches(".json")))
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02X}")).collect()
+}
+
+fn unhex(text: &str) -> Option<Vec<u8>> {
+    let digits = text.as_bytes();
+    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
+    let whole = digits.len().is_multiple_of(2) && text.is_ascii();
+    whole.then(|| digits.chunks(2).map(byte).collect())?
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn changes() -> Changes {
+        Changes {
+            target: "can0".to_owned(),
+            node: 5,
+            device: "mine".to_owned(),
+            bit_rate: Some(500_000),
+            lss: true,
+            protected: false,
+            identity: Identity::default(),
+            process: u32::MAX,
+            stores: false,
+            objects: BTreeMap::new(),
+        }
+    }
+
+    #[test]
+    fn a_log_is_there_while_something_is_changed() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path().join("undo");
+        let mut log = UndoLog::new(folder.clone(), changes());
+        let values: BTreeMap<Mux, Vec<u8>> =
+            [(Mux::new(0x1017, 0), vec![0x64, 0]), (Mux::new(0x2000, 1), Vec::new())].into();
+        assert!(all(&folder).is_empty());
+        log.write(&values, true).unwrap();
+        assert_eq!(log.name_if_written().as_deref(), Some("can0-node5-4294967295"));
+        let left = all(&folder);
+        assert_eq!(left.len(), 1);
+        assert_eq!((left[0].1.values(), left[0].1.stores), (Ok(values.clone()), true));
+        assert!(!left[0].1.is_running());
+
+        let mut other = UndoLog::new(folder.clone(), changes());
+        other.write(&values, false).unwrap();
+        assert_eq!(other.name_if_written().as_deref(), Some("can0-node5-4294967295-2"));
+
+        log.write(&BTreeMap::new(), false).unwrap();
+        assert_eq!(log.name_if_written(), None);
+        assert_eq!(all(&folder).len(), 1);
+        remove(&folder, "can0-node5-4294967295-2").unwrap();
+        assert!(all(&folder).is_empty());
+    }
+
+    #[test]
+    fn a_log_that_cannot_be_written_or_read_says_why() {
+        let mut log = UndoLog::new("/dev/null/undo".into(), changes());
+        let why = log.write(&BTreeMap::new(), true).unwrap_err();
+        assert!(why.contains("/dev/null/undo cannot be written: Not a directory;"), "{why}");
+        let folder = tempfile::tempdir().unwrap();
+        let none = read(folder.path(), "none").unwrap_err();
+        assert!(none.ends_with("none.json: No such file or directory"), "{none}");
+        fs::write(folder.path().join("odd.json"), "{}").unwrap();
+        assert!(read(folder.path(), "odd").unwrap_err().ends_with("this is not an undo log"));
+        assert!(all(folder.path()).is_empty());
+        for (object, bytes) in [("1017", "00"), ("1017:00", "0"), ("1017:00", "0x")] {
+            let objects = [(object.to_owned(), bytes.to_owned())].into();
+            assert!(Changes { objects, ..changes() }.values().is_err(), "{object} {bytes}");
+        }
+    }
+}
