@@ -65,8 +65,14 @@ pub trait Monitor {
 
 /// The monitors that watch node `node` in every case. `known` are the identifiers it may use
 /// beside those of the predefined connection set, `standing` the errors that it had before the
-/// first case and reports whenever it starts.
-pub fn all(node: u8, known: Vec<u16>, standing: Vec<EmcyCode>) -> Vec<Box<dyn Monitor>> {
+/// first case and reports whenever it starts, and `slack` how late a frame may be because others
+/// are on a slow wire; there, each frame of the tester may hold up a heartbeat as long.
+pub fn all(
+    node: u8,
+    known: Vec<u16>,
+    standing: Vec<EmcyCode>,
+    slack: Duration,
+) -> Vec<Box<dyn Monitor>> {
     vec![
         Box::new(NoSurprise {
             node,
@@ -81,7 +87,7 @@ pub fn all(node: u8, known: Vec<u16>, standing: Vec<EmcyCode>) -> Vec<Box<dyn Mo
             interrupted: None,
         }),
         Box::new(KnownIdentifiers { node, known }),
-        Box::new(HeartbeatAlive { node, asked: None, period: None, last: None }),
+        Box::new(HeartbeatAlive { node, slack, own: 0, asked: None, period: None, last: None }),
         Box::new(SilentWhenStopped { node, stopped: false, asked: false }),
     ]
 }
@@ -255,6 +261,9 @@ impl Monitor for KnownIdentifiers {
 /// Once a heartbeat period is set and the heartbeat has begun, no gap of more than two periods.
 struct HeartbeatAlive {
     node: u8,
+    slack: Duration,
+    /// How many frames of the tester came since the last heartbeat.
+    own: u32,
     asked: Option<Duration>,
     period: Option<Duration>,
     last: Option<Instant>,
@@ -266,7 +275,7 @@ impl HeartbeatAlive {
     fn gap(&self, now: Instant) -> Option<Duration> {
         let (period, last) = self.period.zip(self.last)?;
         let gap = now.since(last);
-        (gap > period * 2 + Self::SLACK).then_some(gap)
+        (gap > period * 2 + Self::SLACK + self.slack * (self.own + 1)).then_some(gap)
     }
 
     /// A frame in front of the heartbeat, and a host that is late by a few milliseconds.
@@ -284,6 +293,7 @@ impl Monitor for HeartbeatAlive {
     fn observe(&mut self, seen: &Seen) -> Result<(), Breach> {
         let Stamped { at, frame, own } = seen.stamped;
         let node = u16::from(self.node);
+        self.own += u32::from(own);
         match frame.data_id() {
             Some(nmt::COB_ID) if own => {
                 let command = nmt::Command::decode(&frame.data).ok();
@@ -315,7 +325,7 @@ impl Monitor for HeartbeatAlive {
             }
             Some(id) if !own && id == heartbeat::COB_ID + node => {
                 let judged = self.judge(at, Some(frame));
-                self.last = Some(at);
+                (self.last, self.own) = (Some(at), 0);
                 return judged;
             }
             _ => {}

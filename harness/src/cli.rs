@@ -49,6 +49,8 @@ pub enum Command {
     Serve(ServeArgs),
     /// List the nodes on a bus and the data sheets that match
     Scan(ScanArgs),
+    /// Look at a device and write a first device file about it
+    Init(InitArgs),
     /// Prove that every case can fail: the kill matrix of mutants and cases
     Qualify(QualifyArgs),
     /// Print the requirement matrix; holes are an error
@@ -187,6 +189,9 @@ pub struct RunArgs {
     /// The date on which waivers expire, instead of that of the clock
     #[arg(long, value_name = "DATE", hide = true, value_parser = date)]
     pub today: Option<String>,
+    /// Print what a run would write, reset and store, and what is protected, and send nothing
+    #[arg(long)]
+    pub dry_run: bool,
     /// Run the cases in random order
     #[arg(long)]
     pub shuffle: bool,
@@ -309,6 +314,31 @@ pub struct ScanArgs {
     /// The interface, such as `vcan0`, or `sim:drr460`
     #[arg(long)]
     pub target: String,
+    /// Which profiles.
+    #[command(flatten)]
+    pub catalogue: CatalogueFolder,
+}
+
+/// Arguments of `init`.
+#[derive(Debug, Args)]
+pub struct InitArgs {
+    /// The interface, such as `can0`, or `sim:drr460`
+    #[arg(long)]
+    pub target: String,
+    /// Node id of the device; a bus is scanned when absent
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    pub node: Option<u8>,
+    /// Data sheet of the device; without it and without one in this program, one is generated from
+    /// the answers of the device
+    #[arg(long, value_name = "FILE")]
+    pub eds: Option<PathBuf>,
+    /// File to write, which must not exist
+    #[arg(long, value_name = "FILE", default_value = "device-under-test.yaml")]
+    pub out: PathBuf,
+    /// Bit rate of the bus in bit/s; that of the interface when absent
+    #[arg(long, value_name = "BITS")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub bitrate: Option<u32>,
     /// Which profiles.
     #[command(flatten)]
     pub catalogue: CatalogueFolder,

@@ -2,8 +2,10 @@
 
 mod check;
 mod counted;
+mod dry_run;
 mod eds;
 mod explain;
+mod init;
 mod list;
 mod qualify;
 mod restore;
@@ -36,6 +38,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Eds(command)) => eds::run(&command, &stop),
         Some(Command::Waive(args)) => waive::run(&args),
         Some(Command::Restore(args)) => restore::run(&args, &stop),
+        Some(Command::Init(args)) => init::run(&args, &stop),
         Some(Command::Schema(args)) => schema::run(&args),
     };
     let exit = done.unwrap_or_else(|Refused { exit, message }| {

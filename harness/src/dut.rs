@@ -6,10 +6,10 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use canopen::Mux;
 use canopen::bench::Needs;
 use canopen::eds::Eds;
 use canopen::pdo::Mapping;
+use canopen::{Mux, lss};
 
 use crate::protect::{Protection, Wire};
 
@@ -97,6 +97,16 @@ impl Dut {
     /// The number of the device profile: the low 16 bits of 1000h, by the data sheet.
     pub fn profile_number(&self) -> Option<u16> {
         self.default_int(Mux::new(0x1000, 0)).map(|device_type| device_type as u16)
+    }
+
+    /// Why layer setting services cannot leave the bit rate as it is: nobody knows it, or it has no
+    /// place in their table.
+    pub(crate) fn unlisted_bit_rate(&self) -> Option<String> {
+        match self.bit_rate {
+            None => Some("the bit rate of the bus is unknown: --bitrate".to_owned()),
+            rate if lss::BIT_RATES.contains(&rate) => None,
+            Some(rate) => Some(format!("{rate} bit/s has no place in the table of CiA 305")),
+        }
     }
 
     /// The addresses and lengths that a PDO maps by default; `mapping` is its mapping parameter.

@@ -109,6 +109,11 @@ impl Protection {
         self.budgets.insert(index, Budget { limit, used: Arc::default(), by });
     }
 
+    /// Whether an entry of the object is protected for what it is by the data sheet.
+    pub(crate) fn has_entries_of(&self, index: u16) -> bool {
+        self.entries.keys().any(|mux| mux.index == index)
+    }
+
     /// Why the deed is refused, in one sentence.
     pub(crate) fn refuses(&self, deed: Deed) -> Option<String> {
         let by = match deed {
@@ -135,6 +140,11 @@ impl Protection {
         named.map(|(_, by)| by.as_str()).or_else(|| Some(self.entries.get(&mux)?))
     }
 
+    /// Whether objects are protected.
+    pub(crate) fn has_objects(&self) -> bool {
+        !self.objects.is_empty() || !self.entries.is_empty()
+    }
+
     /// Whether something may be done a number of times only.
     pub(crate) fn has_budgets(&self) -> bool {
         !self.budgets.is_empty()
@@ -149,7 +159,7 @@ impl Protection {
             (count as u32 > left).then(|| {
                 let times =
                     if count == 1 { "1 write".to_owned() } else { format!("{count} writes") };
-                format!("{times} of {index:04X}h: protected by {}, {left} left", budget.by)
+                format!("{times} of {index:04X}h, {left} left: protected by {}", budget.by)
             })
         })
     }
@@ -195,7 +205,7 @@ mod tests {
         protection.limit(0x1010, 2, "`stores: 2` in dut.yaml:3".to_owned());
         let store = Deed::Write(Mux::new(0x1010, 1), None);
         assert_eq!(protection.exceeded(&[store, store]), None);
-        let why = "3 writes of 1010h: protected by `stores: 2` in dut.yaml:3, 2 left";
+        let why = "3 writes of 1010h, 2 left: protected by `stores: 2` in dut.yaml:3";
         assert_eq!(protection.exceeded(&[store; 3]).as_deref(), Some(why));
         protection.spend(store);
         assert_eq!(protection.refuses(store), None);

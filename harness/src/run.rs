@@ -35,6 +35,7 @@ pub(crate) use probe::{Lost, objects as probe};
 pub use proof::{Shown, Witness};
 pub(crate) use sdo::is_long;
 pub use sdo::{Ended, transfer};
-pub(crate) use session::{Ending, exists, read_number, read_text};
+pub use session::Ending;
 pub use session::{Session, identity};
+pub(crate) use session::{exists, read_number, read_text};
 pub use undo::Undo;

@@ -26,8 +26,8 @@ pub(crate) use connection::open_interface;
 pub use connection::{Connection, Target};
 pub(crate) use reference::{Named, holds_device, reference_device, with_variants};
 pub(crate) use scan::{Found, scan};
-pub(crate) use sheet::dut_of_file;
 pub use sheet::models;
+pub(crate) use sheet::{dut_of_file, read_eds};
 
 /// The devices a selection means; those in folders are described with these profiles.
 ///

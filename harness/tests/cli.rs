@@ -117,6 +117,35 @@ fn a_scan_names_each_reference_device() {
     }
 }
 
+/// A device file that `init` wrote is one that a run can begin with. A device that nobody knows
+/// gets a data sheet, too.
+#[test]
+fn a_written_device_file_is_one_to_begin_with() {
+    let targets = [("sim:generic", false), ("sim:em66", false), ("sim:mcm260x-2ad", false)];
+    for (target, has_sheet) in targets.into_iter().chain([("sim:em66?mutant=vendor-id-0", true)]) {
+        let folder = tempfile::tempdir().unwrap();
+        let run = |args: &[&str]| harness().current_dir(folder.path()).args(args).output().unwrap();
+        let output = run(&["init", "--target", target]);
+        assert_eq!(output.status.code(), Some(0), "{target}: {}", text(&output.stderr));
+        let said = text(&output.stdout);
+        assert!(said.starts_with("device-under-test.yaml: read it, then\n"), "{said}");
+        assert_eq!(folder.path().join("device-under-test.eds").exists(), has_sheet, "{target}");
+        let file = fs::read_to_string(folder.path().join("device-under-test.yaml")).unwrap();
+        assert!(file.contains("outputs: false") && file.contains("stores: 0"), "{file}");
+        for args in [&["--dry-run"][..], &["cia301/nmt", "cia301/sdo*"]] {
+            let output = run(&[&["--dut", "device-under-test.yaml"], args].concat());
+            let said = [text(&output.stdout), text(&output.stderr)].concat();
+            // A mutant is one all the same.
+            let expected = if has_sheet { &[0, 1][..] } else { &[0] };
+            assert!(expected.contains(&output.status.code().unwrap()), "{target}: {said}");
+        }
+        let output = run(&["init", "--target", target]);
+        assert_eq!(output.status.code(), Some(2));
+        let refused = "error: device-under-test.yaml exists and is not overwritten\n";
+        assert_eq!(text(&output.stderr), refused);
+    }
+}
+
 /// The example of reference-devices/README.md, in a folder whose name has a blank.
 #[test]
 fn a_device_in_a_folder_is_run_like_one_in_the_program() {

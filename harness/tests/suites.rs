@@ -48,6 +48,18 @@ fn every_suite_passes_on_every_device_of_this_program() {
     assert_eq!(run.ended.expect("the run ended").exit, 0);
 }
 
+/// What a slow wire leaves no room for is skipped, and 100 kbit/s has no place in the table of
+/// CiA 305; what runs is green. The usual bit rate is that of the other tests.
+#[test]
+fn every_bit_rate_is_green() {
+    for bit_rate in [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000] {
+        let mut command = harness();
+        let output = command.args(["-q", "--bitrate", &bit_rate.to_string()]).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stdout);
+        assert_eq!(output.status.code(), Some(0), "{bit_rate} bit/s: {said}");
+    }
+}
+
 /// Whatever the number of devices that are tested at the same time, also the one of this machine.
 #[test]
 fn every_run_writes_the_same_journal_and_the_same_report() {

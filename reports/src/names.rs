@@ -20,6 +20,11 @@ impl ObjectNames {
         self.0.is_empty()
     }
 
+    /// The name of an object.
+    pub fn of(&self, mux: Mux) -> Option<&str> {
+        self.0.get(&mux.to_string()).map(String::as_str)
+    }
+
     /// `text` with the name of each object after its address: `upload 1017:00 Producer heartbeat
     /// time`.
     pub fn in_text<'t>(&self, text: &'t str) -> Cow<'t, str> {

@@ -11,7 +11,7 @@ impl RunArgs {
     ///
     /// # Errors
     /// What is wrong with the file.
-    pub(crate) fn with_file(&self) -> Result<Self, Refused> {
+    pub fn with_file(&self) -> Result<Self, Refused> {
         let Some(file) = self.selection.load()? else { return Ok(self.clone()) };
         let mut typed = self.selection.typed();
         if let Some(factor) = self.patience {

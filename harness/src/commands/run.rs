@@ -7,6 +7,7 @@ use canopen::{BusError, Instant};
 use reference_devices::devices;
 use reports::{Event, Identity, Note, RunEnded, Verdict};
 
+use super::dry_run;
 use super::select::select;
 use crate::bus::unix_time;
 use crate::cli::{DEFAULT_BIT_RATE, RunArgs};
@@ -15,6 +16,7 @@ use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
 use crate::parallel::{self, InTurn, processors};
 use crate::plan::{self, Instance, Plan};
+use crate::protect::Deed;
 use crate::reporter::{Reporter, started};
 use crate::run::{Ending, Policy, Session, Undo};
 use crate::source::{At, Complaint};
@@ -29,6 +31,9 @@ use crate::waivers::Waivers;
 /// # Errors
 /// What kept everything from running.
 pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
+    if args.dry_run {
+        return dry_run::run(&args.with_file()?, stop);
+    }
     let with_file = args.with_file();
     let args = with_file.as_ref().unwrap_or(args);
     let mut reporter = Reporter::new(args)?;
@@ -213,7 +218,9 @@ fn undo(target: &Target) -> Undo {
         device: dut.name.clone(),
         bit_rate: dut.bit_rate,
         lss: dut.eds.device.lss,
-        protected: !dut.protection.is_none(),
+        protected: [Deed::ResetNode, Deed::NodeId]
+            .into_iter()
+            .any(|deed| dut.protection.refuses(deed).is_some()),
         identity: Identity::default(),
         process: std::process::id(),
         stores: false,

@@ -80,7 +80,8 @@ fn bind_case(
 ) -> Result<Vec<Instance>, Vec<Complaint>> {
     let instance = |label, scope, skip| {
         let suite = Arc::clone(suite);
-        Instance { suite, case: place, label, scope, skip, foreign: false, unfit: None }
+        let (protected, foreign, unfit) = (false, false, None);
+        Instance { suite, case: place, label, scope, skip, protected, foreign, unfit }
     };
     check::requires(suite, case, dut).map_err(|complaint| vec![complaint])?;
     let lacks = || case.requires.iter().find_map(|requires| lacks(&requires.value, dut, suite));
@@ -117,14 +118,14 @@ fn bind_case(
     for bound in &mut bound {
         let checked = check::case(bound, dut, model);
         // A guess would move the device to a bit rate that the bus does not have.
-        let unknown = dut.bit_rate.is_none() && checked.used.contains(BIT_RATE);
-        let unknown = unknown.then(|| "the bit rate of the bus is unknown: --bitrate".to_owned());
+        let unknown = dut.unlisted_bit_rate().filter(|_| checked.used.contains(BIT_RATE));
         bound.skip = checked.lacking.or(unknown);
         if checked.complaints.is_empty() {
             bound.scope.keep(&checked.used);
         }
         if bound.skip.is_none() {
             bound.skip = protected(bound, dut);
+            bound.protected = bound.skip.is_some();
         }
         match dut.sheet.trusted {
             true => complaints.extend(checked.complaints),
@@ -177,6 +178,11 @@ fn lacks(requires: &Requires, dut: &Dut, suite: &Suite) -> Option<String> {
     }
     if is_lss(&requires.lacks) && dut.eds.device.lss {
         return Some("the data sheet declares LSS".to_owned());
+    }
+    if let Some((least, bit_rate)) = requires.bit_rate.zip(dut.bit_rate)
+        && bit_rate < least
+    {
+        return Some(format!("the case applies to a bus of at least {least} bit/s"));
     }
     if let Some(reason) = wrong_option(requires, dut, suite) {
         return Some(reason);

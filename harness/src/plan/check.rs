@@ -31,11 +31,12 @@ pub(super) fn requires(suite: &Suite, case: &Case, dut: &Dut) -> Result<(), Comp
         check_capabilities(requires, suite)
             .map_err(|wrong| Complaint::at(&suite.source, wrong.place, wrong.value))?;
         let objects = [&requires.object, &requires.absent];
-        let named = requires.supports.is_some() || requires.lacks.is_some();
+        let named =
+            requires.supports.is_some() || requires.lacks.is_some() || requires.bit_rate.is_some();
         let nothing = !named && objects.iter().all(|object| object.is_none());
         if nothing || requires.access.is_some() && requires.object.is_none() {
             let message = "a case requires an `object`, with an `access` if need be, one that is \
-                           `absent`, or what the device `supports` or `lacks`";
+                           `absent`, what the device `supports` or `lacks`, or a `bit-rate`";
             return Err(Complaint::at(&suite.source, *place, message));
         }
         for object in objects.into_iter().flatten() {

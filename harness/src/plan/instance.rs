@@ -39,6 +39,8 @@ pub struct Instance {
     pub scope: Scope,
     /// Why it cannot run.
     pub skip: Option<String>,
+    /// Whether that is so because it needs what the device is protected from.
+    pub protected: bool,
     /// Whether that is so because its suite is about a profile that the device does not follow.
     pub foreign: bool,
     /// What in its steps the data sheet contradicts.

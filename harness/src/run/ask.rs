@@ -36,7 +36,7 @@ impl Steps<'_, '_> {
     fn exchange(&mut self, ask: &Ask, taken: &mut Vec<Duration>) -> Judgement {
         let request = self.frame(&ask.send)?;
         let strict = self.pattern(&ask.reply)?;
-        let within = self.optional_time(&ask.within, DEFAULT_REPLY)?;
+        let within = self.optional_time(&ask.within, DEFAULT_REPLY)? + self.policy.slow_wire;
         let tries = ask.tries.unwrap_or(1);
         let id = strict.id();
         for _ in 0..tries {

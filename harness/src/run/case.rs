@@ -302,7 +302,8 @@ impl CaseRun<'_, '_> {
         let frames = &self.link.trace()[from..];
         let now = self.link.mark();
         let known = data_sheet_identifiers(self.dut);
-        let mut monitors = monitor::all(self.dut.node, known, self.baseline.emergencies());
+        let mut monitors =
+            monitor::all(self.dut.node, known, self.baseline.emergencies(), self.policy.slow_wire);
         monitors.iter_mut().find_map(|monitor| {
             let seen = frames.iter().find_map(|seen| monitor.observe(&waited_for(seen)).err());
             // Without power, silence is expected.
@@ -466,7 +467,7 @@ fn run_phase(
         match judgement {
             Ok(None) => {}
             Ok(Some(difference)) => result.lenient(phase, step.place, difference),
-            Err(Trouble::Bus(BusError::Withheld(why))) => {
+            Err(Trouble::Unjudged(why)) => {
                 // What else is set back in the end does not depend on it.
                 result.withheld(why);
                 if phase != Phase::Finally {
@@ -555,7 +556,7 @@ impl CaseOutcome<'_> {
         };
     }
 
-    /// A frame was not sent, so that the case says nothing.
+    /// A frame was not sent, or the bus is too slow, so that the case says nothing.
     fn withheld(&mut self, why: String) {
         if !matches!(self.outcome, Outcome::Fail(_)) {
             self.outcome = Outcome::Skip(why);

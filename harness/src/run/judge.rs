@@ -44,6 +44,8 @@ pub(super) enum Trouble {
     Device(Difference),
     /// The step could not be made; no statement about the device.
     Impossible(String),
+    /// The step says nothing on this bus, or about this device, which is protected from it.
+    Unjudged(String),
     /// The bus failed.
     Bus(BusError),
     /// The device refused, as it may, so that there is nothing left to judge: what it refused.
@@ -55,14 +57,17 @@ impl Trouble {
     pub(super) const fn of_device(&self) -> Option<&Difference> {
         match self {
             Self::Device(difference) => Some(difference),
-            Self::Bus(_) | Self::Impossible(_) | Self::Declined(_) => None,
+            Self::Bus(_) | Self::Impossible(_) | Self::Unjudged(_) | Self::Declined(_) => None,
         }
     }
 }
 
 impl From<BusError> for Trouble {
     fn from(error: BusError) -> Self {
-        Self::Bus(error)
+        match error {
+            BusError::Withheld(why) => Self::Unjudged(why),
+            error => Self::Bus(error),
+        }
     }
 }
 

@@ -29,7 +29,7 @@ impl Limits {
             let (low, high) = scope.bounds(tolerance).map_err(Trouble::Impossible)?;
             let tolerance = high.saturating_sub(low);
             if high != Duration::MAX && tolerance < slack {
-                return Err(Trouble::Impossible(format!(
+                return Err(Trouble::Unjudged(format!(
                     "one frame on this bus takes {}, which is more than the tolerance of {}",
                     show_time(slack),
                     show_time(tolerance)

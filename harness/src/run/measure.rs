@@ -134,7 +134,7 @@ impl Steps<'_, '_> {
     pub(super) fn collect(&mut self, collect: &Collect) -> Judgement {
         let pattern = self.pattern(&collect.frame)?;
         let wanted = self.scope.int(&collect.count.value).map_err(Trouble::Impossible)?;
-        let time = self.time(&collect.time)?;
+        let time = self.time(&collect.time)? + self.policy.slow_wire;
         let start = self.link.mark();
         self.stimulate(collect.during.as_ref())?;
         let until = self.link.mark() + time;

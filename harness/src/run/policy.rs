@@ -22,6 +22,9 @@ pub struct Policy {
     pub rest_after_stimuli: Duration,
     /// How late a frame may be because another one is on the wire.
     pub bus_slack: Duration,
+    /// How much longer a device has for what a step waits for, since on a slow wire other frames
+    /// are in front of it.
+    pub slow_wire: Duration,
     /// How many times as long as a suite of a profile says the application of the device may take.
     pub patience: u32,
     /// What a sample of many is chosen by.
@@ -35,6 +38,13 @@ impl Policy {
     pub fn at_bit_rate(bit_rate: u32) -> Self {
         /// The longest classical frame with 11-bit identifier, intermission included.
         const LONGEST_FRAME_BITS: u64 = 135;
+        /// From this bit rate on, what suites say of times leaves room for other frames.
+        const FAST: u64 = 125_000;
+        /// As many frames may be in front of one.
+        const IN_FRONT: u32 = 4;
+        let frame =
+            |bit_rate: u64| Duration::from_nanos(LONGEST_FRAME_BITS * 1_000_000_000 / bit_rate);
+        let bus_slack = frame(bit_rate.into());
         Self {
             sdo_timeout: Duration::from_secs(1),
             boot_timeout: Duration::from_secs(10),
@@ -43,9 +53,8 @@ impl Policy {
             quiet_after_start: Duration::from_millis(50),
             quiet_after_emergency: Duration::from_millis(30),
             rest_after_stimuli: Duration::from_millis(100),
-            bus_slack: Duration::from_nanos(
-                LONGEST_FRAME_BITS * 1_000_000_000 / u64::from(bit_rate),
-            ),
+            bus_slack,
+            slow_wire: bus_slack.saturating_sub(frame(FAST)) * IN_FRONT,
             patience: 1,
             seed: 1,
             every_index: false,

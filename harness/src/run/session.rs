@@ -231,7 +231,7 @@ impl Session<'_> {
     /// sheet. The guard of a protected device listens.
     fn look_at_channels(&self, link: &mut Link) -> Result<(), BusError> {
         let dut = &self.plan.dut;
-        if dut.protection.is_none() {
+        if !dut.protection.has_objects() {
             return Ok(());
         }
         for entry in dut.eds.entries() {

@@ -84,7 +84,7 @@ impl Steps<'_, '_> {
 
     fn reply(&mut self, reply: &Reply) -> Judgement {
         let strict = self.pattern(&reply.frame)?;
-        let within = self.optional_time(&reply.within, DEFAULT_REPLY)?;
+        let within = self.optional_time(&reply.within, DEFAULT_REPLY)? + self.policy.slow_wire;
         let until = self.link.mark() + within;
         let id = strict.id();
         let answer = self.link.find(until, |seen| !seen.own && seen.frame.id == id)?;
@@ -149,7 +149,7 @@ impl Steps<'_, '_> {
         for text in &expect.lenient {
             patterns.push(self.pattern(text)?);
         }
-        let within = self.time(&expect.within)?;
+        let within = self.time(&expect.within)? + self.policy.slow_wire;
         let start = self.link.mark();
         self.stimulate(expect.during.as_ref())?;
         let sent = self.link.mark().max(start);
@@ -225,9 +225,12 @@ impl Steps<'_, '_> {
         let until = self.link.mark() + time;
         self.link_rewind(never.during.is_some(), start);
         let mut lenient = None;
-        while let Some(got) =
-            self.link.find(until, |seen| !seen.own && pattern.matches(&seen.frame))?
-        {
+        // What was on its way on a slow wire comes all the same.
+        let from = start + self.policy.slow_wire;
+        let fits = |seen: &Stamped| {
+            !seen.own && (from == start || seen.at > from) && pattern.matches(&seen.frame)
+        };
+        while let Some(got) = self.link.find(until, fits)? {
             let expected = format!("no {pattern} for {}", show_time(time));
             let meaning = canopen::meaning(&got.frame);
             for (text, place) in never.or_else.iter().zip(1..) {

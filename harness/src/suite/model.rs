@@ -121,6 +121,9 @@ pub struct Requires {
     /// The absence of this entry of the data sheet.
     #[serde(default)]
     pub absent: Option<At<ObjectRef>>,
+    /// A bus of at least so many bit/s, where what is judged leaves no room for slow transfers.
+    #[serde(default)]
+    pub bit_rate: Option<u32>,
     /// This capability, or option of the profile.
     #[serde(default)]
     pub supports: Option<At<Capability>>,

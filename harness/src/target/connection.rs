@@ -67,11 +67,18 @@ impl Target {
             Some(rig) => Box::new(WithRig { bus, rig: Arc::clone(rig) }),
             None => bus,
         };
+        Ok(self.guard(bus))
+    }
+}
+
+impl Target {
+    /// The bus with a guard that sends nothing from which the device is protected.
+    pub fn guard(&self, bus: Box<dyn Bus>) -> Box<dyn Bus> {
         let (protection, wire) = (&self.dut.protection, &self.dut.wire);
-        Ok(match protection.is_none() {
+        match protection.is_none() {
             true => bus,
             false => Box::new(Guarded::new(bus, Arc::clone(protection), (**wire).clone())),
-        })
+        }
     }
 }
 

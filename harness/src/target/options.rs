@@ -11,7 +11,7 @@ use crate::cli::Selection;
 use crate::dut::Dut;
 use crate::exit::Refused;
 use crate::nearest::did_you_mean;
-use crate::protect::Wire;
+use crate::protect::{Deed, Protection, Wire};
 use crate::rig::Rig;
 
 /// Checks that there are options of these names.
@@ -56,17 +56,24 @@ pub(super) fn free_to_write(selection: &Selection, dut: &mut Dut) -> Result<(), 
     Ok(())
 }
 
-/// Protects the device from what its file says.
+/// Protects the device from what its file says, and from another bit rate where nobody could set
+/// back the one of the bus.
 pub(super) fn protect(selection: &Selection, dut: &mut Dut) {
     const GENERIC_IO: u16 = 401;
     dut.wire = Arc::new(Wire::of(&dut.eds));
-    let Some(file) = &selection.file else { return };
-    let generic_io = dut.profile_number() == Some(GENERIC_IO);
-    dut.protection = Arc::new(file.protection(&dut.eds, generic_io));
-    dut.hooks = file.hooks();
-    for complaint in file.absent_objects(&dut.eds) {
-        eprintln!("{}\n", complaint.to_string().replacen("error", "warning", 1));
+    let mut protection = Protection::default();
+    if let Some(file) = &selection.file {
+        let generic_io = dut.profile_number() == Some(GENERIC_IO);
+        protection = file.protection(&dut.eds, generic_io);
+        dut.hooks = file.hooks();
+        for complaint in file.absent_objects(&dut.eds) {
+            eprintln!("{}\n", complaint.to_string().replacen("error", "warning", 1));
+        }
     }
+    if let Some(why) = dut.unlisted_bit_rate() {
+        protection.forbid(Deed::BitTiming, format!("its bit rate ({why})"));
+    }
+    dut.protection = Arc::new(protection);
 }
 
 /// A bench of the user's, what it offers, and how the device must be set up for it.

@@ -38,6 +38,11 @@ impl Found {
         self.profile.as_ref().map(|(profile, _)| profile.name.clone())
     }
 
+    /// Whether it says that it is a generic I/O module of CiA 401.
+    pub(crate) fn is_generic_io(&self) -> bool {
+        self.identity.device_type.is_some_and(|device_type| device_type as u16 == 401)
+    }
+
     /// What it is, by its profile: `EUROMAP 66 heating/cooling device 1.1` or `CiA 401`; `None`
     /// when it does not say.
     pub(crate) fn follows(&self) -> Option<String> {

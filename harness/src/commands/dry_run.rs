@@ -1,0 +1,207 @@
+//! `harness --dry-run`: what a run would do to the device, without a bus.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write;
+
+use canopen::Mux;
+
+use super::counted::counted;
+use super::run::plan_for;
+use super::select::select;
+use crate::cli::RunArgs;
+use crate::dut::Dut;
+use crate::exit::{Exit, Refused};
+use crate::plan::{Plan, deeds};
+use crate::protect::Deed;
+use crate::reporter::say;
+use crate::stop::Stop;
+use crate::suite::Library;
+use crate::target::{self, Address, Target};
+
+/// Prints what would be done to each device.
+///
+/// # Errors
+/// What keeps a run from starting, too; and when there is no data sheet.
+pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
+    let library = Library::load(&args.selection.folders)?;
+    let duts = duts(args, &library, stop)?;
+    let mut plans = plan_for(&library, &duts.iter().collect::<Vec<_>>())?;
+    select(&mut plans, &args.selection.patterns)?;
+    let texts: Vec<String> = plans.iter().map(|plan| report(plan, args.verbose)).collect();
+    say(&texts.join("\n"));
+    Ok(Exit::Green)
+}
+
+/// The devices, without asking any that is not simulated.
+fn duts(args: &RunArgs, library: &Library, stop: &Stop) -> Result<Vec<Dut>, Refused> {
+    let selection = &args.selection;
+    let address = selection.target.as_deref().map(str::parse).transpose()?;
+    match (address, &selection.eds) {
+        (Some(Address::Interface(_)) | None, Some(path)) => {
+            Ok(vec![target::dut_of_file(selection, path)?])
+        }
+        (Some(Address::Interface(_)), None) => Err(Refused::usage(
+            "a dry run asks no device: the data sheet says what would be done to it, and --eds or \
+             `eds` in a device file names it",
+        )),
+        (Some(Address::Simulation { .. }), _) | (None, None) => {
+            let targets = target::resolve(selection, &library.catalogue, stop)?;
+            Ok(targets.into_iter().map(|Target { dut, .. }| dut).collect())
+        }
+    }
+}
+
+/// What the cases of a run do, all together.
+#[derive(Default)]
+struct Sum {
+    /// In how many cases something is done; objects that are written are counted apart.
+    cases: BTreeMap<Deed, usize>,
+    /// In how many cases an object is written, and in how many of them by a PDO.
+    written: BTreeMap<Mux, (usize, usize)>,
+    /// How often 1010h and 1011h are written.
+    stores: BTreeMap<u16, usize>,
+    /// What protects from how many cases, with their names and what each would do.
+    protected: BTreeMap<String, Vec<String>>,
+    running: usize,
+    skipped: usize,
+    asks_for_blocks: bool,
+}
+
+impl Sum {
+    fn of(plan: &Plan) -> Self {
+        let mut sum = Self::default();
+        for instance in &plan.instances {
+            let deeds = match instance.skip.is_none() && instance.needs_device() {
+                true => deeds(instance, &plan.dut),
+                false => Vec::new(),
+            };
+            let skip = instance.skip.clone().map(|reason| (reason, instance.protected));
+            let exceeded = || plan.dut.protection.exceeded(&deeds).map(|reason| (reason, true));
+            match skip.or_else(exceeded) {
+                None => sum.runs(&deeds, plan),
+                Some((reason, protected)) => {
+                    sum.skipped += 1;
+                    let (deed, by) = reason.split_once(": protected by ").unwrap_or(("", &reason));
+                    if protected {
+                        let case = format!("{}  {deed}", instance.name());
+                        sum.protected.entry(by.to_owned()).or_default().push(case);
+                    }
+                }
+            }
+            sum.asks_for_blocks |= instance.blocks().download;
+        }
+        sum
+    }
+
+    fn runs(&mut self, deeds: &[Deed], plan: &Plan) {
+        self.running += 1;
+        for deed in deeds {
+            plan.dut.protection.spend(*deed);
+            if let Some(index @ (0x1010 | 0x1011)) = deed.written() {
+                *self.stores.entry(index).or_default() += 1;
+            }
+        }
+        let (mut written, mut by_pdo) = (BTreeSet::new(), BTreeSet::new());
+        for deed in BTreeSet::from_iter(deeds) {
+            match deed {
+                Deed::Write(mux, None) => _ = written.insert(*mux),
+                Deed::Write(mux, Some(_)) => _ = by_pdo.insert(*mux),
+                other => *self.cases.entry(*other).or_default() += 1,
+            }
+        }
+        for mux in written.union(&by_pdo) {
+            let (all, of_pdo) = self.written.entry(*mux).or_default();
+            *all += 1;
+            *of_pdo += usize::from(by_pdo.contains(mux));
+        }
+    }
+}
+
+fn report(plan: &Plan, verbose: bool) -> String {
+    let (dut, sum) = (&plan.dut, Sum::of(plan));
+    let mut text = format!(
+        "{}, node {}, {}\nnothing is sent: {} would run, {} would be skipped\n",
+        dut.name,
+        dut.node,
+        dut.sheet.source.name,
+        counted(sum.running, "case"),
+        sum.skipped,
+    );
+    objects(&mut text, &sum, dut);
+    resets(&mut text, &sum, dut);
+    services(&mut text, &sum);
+    protected(&mut text, &sum, verbose);
+    text
+}
+
+// Writing to a string cannot fail.
+
+fn objects(text: &mut String, sum: &Sum, dut: &Dut) {
+    _ = writeln!(text, "\nobjects that would be written, and set back");
+    let name = |mux| dut.sheet.names.of(mux).unwrap_or_default();
+    let width = sum.written.keys().map(|mux| name(*mux).chars().count()).max().unwrap_or(0);
+    for (mux, (cases, by_pdo)) in &sum.written {
+        let of_pdo = match by_pdo {
+            0 => String::new(),
+            count => format!(", {count} of them by PDO"),
+        };
+        let cases = counted(*cases, "case");
+        _ = writeln!(text, "  {mux}  {:<width$}  {cases}{of_pdo}", name(*mux));
+    }
+    if sum.asks_for_blocks {
+        let mux = Mux::new(0x1000, 0);
+        let why = "once, to ask for block download; a device refuses it";
+        _ = writeln!(text, "  {mux}  {:<width$}  {why}", name(mux));
+    }
+    if sum.written.is_empty() && !sum.asks_for_blocks {
+        _ = writeln!(text, "  none");
+    }
+}
+
+fn resets(text: &mut String, sum: &Sum, dut: &Dut) {
+    _ = writeln!(text, "\nresets");
+    for deed in [Deed::ResetNode, Deed::ResetCommunication, Deed::AllNodes] {
+        if let Some(cases) = sum.cases.get(&deed) {
+            _ = writeln!(text, "  {:<24}  {}", deed.to_string(), counted(*cases, "case"));
+        }
+    }
+    let beside = match dut.protection.refuses(Deed::ResetNode) {
+        None => {
+            "the node is reset at the start unless it has just booted, and before a case that \
+                 follows one that failed"
+        }
+        Some(_) => "no further ones: a device that a case leaves in disorder is waited for",
+    };
+    _ = writeln!(text, "  {beside}");
+}
+
+fn services(text: &mut String, sum: &Sum) {
+    _ = writeln!(text, "\nstored");
+    for (index, times) in &sum.stores {
+        let what = if *index == 0x1010 { "store" } else { "restore default" };
+        let times = counted(*times, "write");
+        _ = writeln!(text, "  {index:04X}h {what} parameters: at most {times}");
+    }
+    for deed in [Deed::NodeId, Deed::BitTiming, Deed::StoreLss] {
+        if let Some(cases) = sum.cases.get(&deed) {
+            _ = writeln!(text, "  {deed}: {}", counted(*cases, "case"));
+        }
+    }
+    let of_lss = [Deed::NodeId, Deed::BitTiming, Deed::StoreLss];
+    if sum.stores.is_empty() && !of_lss.iter().any(|deed| sum.cases.contains_key(deed)) {
+        _ = writeln!(text, "  nothing");
+    }
+}
+
+fn protected(text: &mut String, sum: &Sum, verbose: bool) {
+    if sum.protected.is_empty() {
+        return;
+    }
+    _ = writeln!(text, "\nskipped because it is protected");
+    for (by, cases) in &sum.protected {
+        _ = writeln!(text, "  {}, by {by}", counted(cases.len(), "case"));
+        for case in cases.iter().filter(|_| verbose) {
+            _ = writeln!(text, "    {case}");
+        }
+    }
+}

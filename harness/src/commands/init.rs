@@ -1,0 +1,256 @@
+//! `harness init`: looks at a device and writes a first device file about it.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::{fs, io};
+
+use canopen::Bus;
+use canopen::eds::Eds;
+use reports::Identity;
+
+use crate::cli::{DEFAULT_BIT_RATE, InitArgs, Selection};
+use crate::exit::{Exit, Refused};
+use crate::protect::Protection;
+use crate::reporter::say;
+use crate::stop::Stop;
+use crate::target::{self, Address, Found, compose, reference_device, scan};
+
+/// Writes the device file, and a data sheet if there is none.
+///
+/// # Errors
+/// When no single device answers, or a file is there already or cannot be written.
+pub(super) fn run(args: &InitArgs, stop: &Stop) -> Result<Exit, Refused> {
+    if args.out.exists() {
+        return Err(is_there(&args.out));
+    }
+    let catalogue = args.catalogue.load()?;
+    let (mut bus, node, bit_rate) = open(args, &catalogue, stop)?;
+    let found = target::only(scan(&mut *bus, node, &catalogue)?, &args.target, args.node)?;
+    let (sheet, eds) = sheet(args, &found, &mut *bus, bit_rate, &catalogue)?;
+    create(&args.out, &text(args, &found, &sheet, &eds, bit_rate))?;
+    let out = args.out.display();
+    say(&format!(
+        "{out}: read it, then\n  harness --dut {out} --dry-run    what would be written\n  \
+         harness --dut {out}\n"
+    ));
+    Ok(Exit::Green)
+}
+
+/// A bus, the node id to ask for, and the bit rate.
+type Opened = (Box<dyn Bus>, Option<u8>, Option<u32>);
+
+fn open(
+    args: &InitArgs,
+    catalogue: &canopen::catalogue::Catalogue,
+    stop: &Stop,
+) -> Result<Opened, Refused> {
+    match args.target.parse()? {
+        Address::Simulation { .. } => {
+            let selection = Selection {
+                node: args.node,
+                bitrate: args.bitrate,
+                ..Selection::of_target(Some(&args.target))
+            };
+            let targets = target::resolve(&selection, catalogue, stop)?;
+            let target = targets.first().ok_or_else(|| target::nobody(&args.target, args.node))?;
+            Ok((target.open(stop)?, Some(target.dut.node), target.dut.bit_rate))
+        }
+        Address::Interface(interface) => {
+            let bit_rate = args.bitrate.or_else(|| interface.bit_rate(DEFAULT_BIT_RATE));
+            Ok((target::open_interface(&interface, stop)?, args.node, bit_rate))
+        }
+    }
+}
+
+/// The data sheet that the file names, if it must name one, and what it says.
+fn sheet(
+    args: &InitArgs,
+    found: &Found,
+    bus: &mut dyn Bus,
+    bit_rate: Option<u32>,
+    catalogue: &canopen::catalogue::Catalogue,
+) -> Result<(Sheet, Eds), Refused> {
+    if let Some(path) = &args.eds {
+        let (_, eds) = target::read_eds(path)?;
+        return Ok((Sheet::Given(path.clone()), eds));
+    }
+    if let Some(name) = &found.device {
+        let eds = reference_device(name, catalogue)?.description.eds.clone();
+        return Ok((Sheet::OfProgram(name.clone()), eds));
+    }
+    let path = args.out.with_extension("eds");
+    let (sheet, eds) = compose(bus, found, bit_rate.unwrap_or(DEFAULT_BIT_RATE), catalogue)?;
+    create(&path, &sheet.source.text)?;
+    Ok((Sheet::Generated(path), eds))
+}
+
+/// Where the data sheet is from.
+enum Sheet {
+    /// The user's file.
+    Given(PathBuf),
+    /// Of the reference device with this name.
+    OfProgram(String),
+    /// Generated into this file.
+    Generated(PathBuf),
+}
+
+// Writing to a string cannot fail.
+
+fn text(args: &InitArgs, found: &Found, sheet: &Sheet, eds: &Eds, bit_rate: Option<u32>) -> String {
+    let mut text = format!(
+        "# Device file, written by `harness init --target {}`.\n\
+         # `harness --dut FILE --dry-run` prints what a run would write, reset and store, and\n\
+         # `harness --dut FILE` runs it. `harness schema dut` prints the JSON schema of these\n\
+         # files. Paths are relative to the file.\n\n",
+        args.target
+    );
+    _ = writeln!(text, "target: {}", quoted(&args.target));
+    _ = writeln!(text, "node: {}  # {}", found.node, identity(found));
+    say_sheet(&mut text, args, sheet, eds);
+    match bit_rate {
+        Some(bit_rate) => _ = writeln!(text, "bit-rate: {bit_rate}  # bit/s"),
+        None => {
+            _ = writeln!(text, "# The bit rate in bit/s, which the interface does not say:");
+            _ = writeln!(text, "# bit-rate: 500000");
+        }
+    }
+    text.push_str(USUAL);
+    text.push_str("\nprotect:\n");
+    text.push_str(
+        "  # Objects that are never written: \"2000\", \"2000:01\", \"2000..20FF\".\n  \
+         objects: []\n",
+    );
+    let mut domains = Protection::default();
+    domains.protect_domains(eds, &Arc::from(""));
+    say_objects(&mut text, "Objects that the data sheet calls DOMAIN", &domains, eds);
+    text.push_str("  domains: true\n");
+    text.push_str(STORES);
+    let nmt = if args.node.is_some() { "all-nodes" } else { "" };
+    text.push_str(
+        "  # NMT commands that are not sent: reset-node, reset-communication, all-nodes.\n",
+    );
+    _ = writeln!(text, "  nmt: [{nmt}]");
+    text.push_str("\nallow:\n");
+    let mut outputs = Protection::default();
+    outputs.protect_outputs(eds, found.is_generic_io(), &Arc::from(""));
+    say_objects(&mut text, "Objects that drive outputs, by the data sheet", &outputs, eds);
+    text.push_str("  # Set this to true where nothing can come to harm.\n  outputs: false\n");
+    text
+}
+
+/// What most devices need, commented out.
+const USUAL: &str = "
+# Suites of your own beside those in the program, and the suites and cases that run.
+# suites: [my-suites]
+# select: [cia301, cia305]
+
+# Options of the profile that the device does not have.
+# without: [suction]
+
+# LENIENT is not good enough; causes that are known.
+# grade: strict
+# waivers: waivers.yaml
+
+# A program or a socket that operates the inputs and outputs of the device, and programs that bring
+# it back: `reset` resets it, `power off` and `power on` switch its supply.
+# bench: ./rig.py
+# reset: ./reset.sh
+# power: ./power.sh
+";
+
+/// How memory is protected at first.
+const STORES: &str = "  \
+    # How often 1010h (store) and 1011h (restore defaults) may be written in a run.\n  \
+    stores: 0\n  \
+    loads: 0\n  \
+    # Layer setting services that are not used: bit-timing, node-id, store.\n  \
+    lss: [bit-timing, store]\n";
+
+fn say_sheet(text: &mut String, args: &InitArgs, sheet: &Sheet, eds: &Eds) {
+    let relative = |path: &Path| {
+        let folder = args.out.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let inside = folder.and_then(|folder| path.strip_prefix(folder).ok());
+        let path = match (inside, folder) {
+            (Some(inside), _) => inside.to_owned(),
+            (None, None) => path.to_owned(),
+            (None, Some(_)) => path.canonicalize().unwrap_or_else(|_| path.to_owned()),
+        };
+        quoted(&path.display().to_string())
+    };
+    let count = eds.objects.len();
+    match sheet {
+        Sheet::Given(path) => _ = writeln!(text, "eds: {}  # {count} objects", relative(path)),
+        Sheet::OfProgram(name) => {
+            _ = writeln!(text, "# The data sheet of this device is part of the program.");
+            _ = writeln!(text, "# eds: my.eds");
+            _ = writeln!(text, "device: {name}");
+        }
+        Sheet::Generated(path) => {
+            text.push_str("# Generated from the answers of the device: the vendor's is better.\n");
+            _ = writeln!(text, "eds: {}  # {count} objects", relative(path));
+        }
+    }
+}
+
+/// A comment that lists objects, the first of them by name.
+fn say_objects(text: &mut String, what: &str, of: &Protection, eds: &Eds) {
+    const MOST: usize = 8;
+    let objects: Vec<_> =
+        eds.objects.iter().filter(|object| of.has_entries_of(object.index)).collect();
+    let Some((first, rest)) = objects.split_at_checked(objects.len().min(MOST)) else { return };
+    if first.is_empty() {
+        _ = writeln!(text, "  # {what}: none.");
+        return;
+    }
+    _ = writeln!(text, "  # {what}:");
+    for object in first {
+        _ = writeln!(text, "  #   {:04X}h  {}", object.index, printable(&object.name));
+    }
+    if !rest.is_empty() {
+        _ = writeln!(text, "  #   and {} more", rest.len());
+    }
+}
+
+fn identity(found: &Found) -> String {
+    let hex = |number: Option<u32>| number.map_or_else(|| "-".to_owned(), |n| format!("{n:08X}h"));
+    let Identity { vendor, product, revision, .. } = found.identity;
+    let name = found.name.as_deref().map(printable).unwrap_or_default();
+    let follows = found.follows().map(|follows| format!(", {follows}")).unwrap_or_default();
+    let numbers =
+        format!("vendor {}, product {}, revision {}", hex(vendor), hex(product), hex(revision));
+    let what = [name.as_str(), &numbers].into_iter().filter(|word| !word.trim().is_empty());
+    what.collect::<Vec<_>>().join(", ") + &follows
+}
+
+/// What a device or a file says, fit for a comment.
+fn printable(text: &str) -> String {
+    text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
+}
+
+/// A text of YAML.
+fn quoted(text: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./".contains(c);
+    match text.chars().all(plain) && text.starts_with(|c: char| c.is_ascii_alphabetic()) {
+        true => text.to_owned(),
+        false => serde_json::Value::from(text).to_string(),
+    }
+}
+
+/// Writes a file that is not there yet.
+fn create(path: &Path, text: &str) -> Result<(), Refused> {
+    let failed = |error: &io::Error| Refused {
+        exit: Exit::File,
+        message: format!("error: {}: {error}", path.display()),
+    };
+    let mut file = fs::File::create_new(path).map_err(|error| match error.kind() {
+        io::ErrorKind::AlreadyExists => is_there(path),
+        _ => failed(&error),
+    })?;
+    file.write_all(text.as_bytes()).map_err(|error| failed(&error))
+}
+
+fn is_there(path: &Path) -> Refused {
+    Refused::usage(format!("{} exists and is not overwritten", path.display()))
+}
