@@ -247,7 +247,7 @@ impl Behaviour for Ax021211 {
         if !self.rules.forgets() {
             self.network.remember(&before);
         }
-        for place in 0..OUTPUTS {
+        for place in (0..OUTPUTS).filter(|_| self.rules.reads_types_at_a_start()) {
             self.kinds[place] = od.int(Mux::new(OUTPUT_TYPE, place as u8 + 1)).unwrap_or(0);
         }
         (self.start, self.last, self.next) = (now, now, None);
@@ -288,7 +288,7 @@ impl Behaviour for Ax021211 {
     }
 
     fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
-        let timed_out = diagnosis::timed_out(errors, od);
+        let timed_out = diagnosis::timed_out(errors, od, &*self.rules);
         self.touched |= std::mem::replace(&mut self.outside.timed_out, timed_out) != timed_out;
         while let Some(due) = self.next.filter(|due| *due <= now) {
             self.cycle(due);

@@ -21,7 +21,7 @@ pub(super) fn report(
             errors.clear(error);
         } else if !errors.has(error) {
             errors.raise(error, OUTPUT_OVERLOAD, GENERIC, [rules.channel(place), 0x10, 0, 0, 0]);
-            if let Some(group) = rules.fault_group() {
+            if let Some(group) = rules.fault_group().filter(|_| rules.reacts(place)) {
                 errors.react(group);
             }
         }
@@ -36,12 +36,12 @@ pub(super) fn report(
 }
 
 /// The messages of table 5 that are mapped into an RPDO which has timed out.
-pub(super) fn timed_out(errors: &Errors, od: &Dictionary) -> [bool; 24] {
+pub(super) fn timed_out(errors: &Errors, od: &Dictionary, rules: &dyn Ax021211Rules) -> [bool; 24] {
     let mut messages = [false; 24];
     for rpdo in (0..6).filter(|rpdo| errors.has_fault(FaultKind::RpdoTimeout, rpdo + 1)) {
         let mapping = MAPPINGS + rpdo;
         let count = od.int(Mux::new(mapping, 0)).unwrap_or(0) as u8;
-        for sub in 1..=count {
+        for sub in (1..=count).filter(|sub| rules.is_supervised(rpdo, *sub)) {
             let mapped = od.int(Mux::new(mapping, sub)).unwrap_or(0);
             let (index, place) = ((mapped >> 16) as u16, (mapped >> 8 & 0xFF) as usize);
             match index {

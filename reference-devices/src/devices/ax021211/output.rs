@@ -265,7 +265,9 @@ impl Output {
         rules: &dyn Ax021211Rules,
     ) -> Stage {
         let target = match command {
-            Command::Fault if rules.keeps(settings.keeps_on_fault) => self.level,
+            Command::Fault if rules.keeps(settings.keeps_on_fault) => {
+                rules.kept_on_fault(self.level, self.target)
+            }
             Command::Fault => settings.fault_fv,
             Command::Override => rules.override_fv(settings.override_fv, self.level),
             Command::Disabled(Disabled::KeepLast) => self.level,

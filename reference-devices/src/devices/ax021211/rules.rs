@@ -59,6 +59,26 @@ pub(super) trait Ax021211Rules: Send {
         Err(abort)
     }
 
+    /// The type of each output is known from the start, so that the next one is a change (1.3).
+    fn reads_types_at_a_start(&self) -> bool {
+        true
+    }
+
+    /// An open circuit at any output is a reason to change the state (2.2.13).
+    fn reacts(&self, _place: usize) -> bool {
+        true
+    }
+
+    /// Everything that an RPDO carries has an error when it fails to come (1.2, 2.2.14).
+    fn is_supervised(&self, _rpdo: u16, _sub: u8) -> bool {
+        true
+    }
+
+    /// Fault mode 0 keeps what the output has, not what it is on its way to (1.3, table 10).
+    fn kept_on_fault(&self, level: f64, _target: f64) -> f64 {
+        level
+    }
+
     // Sources
 
     /// Tables 4 and 5.

@@ -11,6 +11,45 @@ use super::Ax021211Rules;
 use crate::devices::deviating::{Deviation, deviating};
 
 pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
+    "types-forgotten-over-reset" {
+        fn reads_types_at_a_start(&self) -> bool { false }
+    }
+    "last-target-kept-on-fault" {
+        fn kept_on_fault(&self, _level: f64, target: f64) -> f64 { target }
+    }
+    "only-output-1-changes-the-state" {
+        fn reacts(&self, place: usize) -> bool { place == 0 }
+    }
+    "rpdos-beyond-4-unsupervised" {
+        fn is_supervised(&self, rpdo: u16, _sub: u8) -> bool { rpdo < 4 }
+    }
+    "fourth-object-unsupervised" {
+        fn is_supervised(&self, _rpdo: u16, sub: u8) -> bool { sub < 4 }
+    }
+    "hotshot-of-two-seconds" {
+        fn hotshot_time(&self, configured: std::time::Duration) -> std::time::Duration {
+            configured.min(std::time::Duration::from_secs(2))
+        }
+    }
+    "math-compares-per-mille" {
+        fn math_result(&self, operator: u8, a: f64, b: f64) -> f64 {
+            let cut = |part: f64| (part * 1000.0).trunc();
+            let [a, b] = if operator <= 5 { [cut(a), cut(b)] } else { [a, b] };
+            math::operate(operator, a, b)
+        }
+    }
+    "supply-ends-at-51-1" {
+        fn measured(&self, volts: f64, degrees: f64) -> (f64, f64) { (volts.min(51.1), degrees) }
+    }
+    "pid-sum-not-below-zero" {
+        fn error_sum(&self, sum: f64, error: f64) -> f64 { (sum + error).max(0.0) }
+    }
+    "math-quotient-saturates-inside" {
+        fn math_result(&self, operator: u8, a: f64, b: f64) -> f64 {
+            let result = math::operate(operator, a, b);
+            if operator == 15 { result.min(1.0) } else { result }
+        }
+    }
     "pid-tolerance-absent" {
         fn is_tolerated(&self, _difference: f64, _tolerance: f64) -> bool { false }
     }
