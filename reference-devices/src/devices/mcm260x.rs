@@ -154,7 +154,7 @@ impl Mcm260x {
             return;
         }
         for place in 0..self.encoders.len() {
-            let preset = Mux::new(PRESETS, place as u8 + 1);
+            let preset = Mux::new(PRESETS, self.rules.preset_place(place) as u8 + 1);
             let Some((high, low)) = self.table.preset(place) else { continue };
             if written == preset {
                 let words = self.rules.preset_words(value);
@@ -162,7 +162,7 @@ impl Mcm260x {
                 od.set_int(low, words.1);
             } else if written == high || written == low {
                 let words = [high, low].map(|mux| od.int(mux).unwrap_or(0));
-                od.set_int(preset, words[0] << 16 | words[1] & 0xFFFF);
+                od.set_int(preset, self.rules.joined_words(words[0], words[1]));
             }
         }
     }

@@ -68,6 +68,11 @@ impl Mcm260x {
             if mode == 0 {
                 self.encoders[place].forget_intervals();
             }
+            let turns = self.encoders[place].motion.millihertz != 0;
+            let mode = match turns && !self.rules.takes_a_setup_while_turning() {
+                true => self.setups[place].mode,
+                false => mode,
+            };
             if mode != self.setups[place].mode {
                 self.encoders[place].set_up_anew(&*self.rules);
             }

@@ -104,8 +104,10 @@ impl Encoder {
     /// Begins anew with nothing counted. The shaft stays where it is.
     pub(super) fn restart(&mut self, now: Instant, rules: &dyn Mcm260xRules) {
         let (motion, without_b) = (self.motion, self.without_b);
+        let waits_for_index = self.waits_for_index && rules.waits_over_a_start();
         let count = rules.count_at_start(self.count);
-        *self = Self { motion, without_b, seen: motion.at(now), count, ..Self::default() };
+        let seen = motion.at(now);
+        *self = Self { motion, without_b, seen, count, waits_for_index, ..Self::default() };
     }
 
     /// Counts what has passed until `now`.
@@ -128,6 +130,7 @@ impl Encoder {
         let sees = rules.sees_index(setup.mode);
         match self.motion.index(from, to).filter(|_| sees) {
             Some(index) => {
+                let index = rules.loaded_at(index, to);
                 self.count = rules.count(self.count, counts(from, index));
                 self.see_index(setup, rules);
                 self.count = rules.count(self.count, counts(index, to));
@@ -158,7 +161,8 @@ impl Encoder {
         if rules.loads_now(command) {
             self.load(setup.preset, rules);
         }
-        self.waits_for_index = rules.loads_at_index(command);
+        let kept = self.waits_for_index && !rules.command_replaces_the_last();
+        self.waits_for_index = rules.loads_at_index(command) || kept;
         self.open_commands(command, rules)
     }
 

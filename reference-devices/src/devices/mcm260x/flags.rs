@@ -35,7 +35,9 @@ impl Mcm260x {
         for (place, (input, faults)) in self.inputs.iter().zip(&mut self.faults).enumerate() {
             faults.follow(input.is_out_of_range());
             if !faults.now {
-                errors.clear(OUT_OF_RANGE + place as u16);
+                if self.rules.ends(place) {
+                    errors.clear(OUT_OF_RANGE + place as u16);
+                }
                 continue;
             }
             flags |= self.rules.channel_flag(place);

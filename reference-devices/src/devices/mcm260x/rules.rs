@@ -249,6 +249,51 @@ pub(crate) trait Mcm260xRules: Send {
         true
     }
 
+    /// The preset that two words are (11.3.4).
+    fn joined_words(&self, high: i64, low: i64) -> i64 {
+        high << 16 | low & 0xFFFF
+    }
+
+    /// Each preset has words of its own (11.3.4).
+    fn preset_place(&self, place: usize) -> usize {
+        place
+    }
+
+    /// A command that waits for phase Z is forgotten with a start (11.3.5).
+    fn waits_over_a_start(&self) -> bool {
+        false
+    }
+
+    /// What passes after phase Z is counted from the preset on (11.3.5).
+    fn loaded_at(&self, index: i64, _to: i64) -> i64 {
+        index
+    }
+
+    /// A new command takes the place of the last one (11.3.5).
+    fn command_replaces_the_last(&self) -> bool {
+        true
+    }
+
+    /// A setup is in force at once, also while the shaft turns (6.c, 8.d).
+    fn takes_a_setup_while_turning(&self) -> bool {
+        true
+    }
+
+    /// An input that is back in its range ends its error (11.9).
+    fn ends(&self, _place: usize) -> bool {
+        true
+    }
+
+    /// A sample counts that is near the value, above or below it (7.b, 8.b).
+    fn is_near(&self, difference: f64, near: f64) -> bool {
+        difference.abs() <= near
+    }
+
+    /// The time of rejection begins anew after a sample that counts (7.b, 8.b).
+    fn rejection_begins_anew(&self) -> bool {
+        true
+    }
+
     /// High word and low word of a preset (11.3.4).
     fn preset_words(&self, preset: i64) -> (i64, i64) {
         (preset >> 16, i64::from(preset as i16))

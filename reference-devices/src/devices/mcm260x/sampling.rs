@@ -113,8 +113,9 @@ impl AnalogueInput {
     /// the average begins anew.
     fn accepts(&mut self, now: Instant, digits: f64, place: usize, parameters: Parameters) -> bool {
         let near = parameters.value(Item::MaximumDifference, place) as f64;
-        if self.samples.is_empty() || (digits - self.value as f64).abs() <= near {
-            self.discarding = None;
+        let difference = digits - self.value as f64;
+        if self.samples.is_empty() || parameters.rules.is_near(difference, near) {
+            self.discarding = self.discarding.filter(|_| !parameters.rules.rejection_begins_anew());
             return true;
         }
         let tenths = parameters.value(Item::MaximumRejection, place).max(0) as u64;

@@ -130,6 +130,55 @@ const FIXED: &[(&str, Item, i64)] = &[
 ];
 
 const DEVIATIONS: &[Deviation<dyn Mcm260xRules>] = deviating! { Mcm260xRules;
+    "low-word-with-sign" {
+        fn joined_words(&self, high: i64, low: i64) -> i64 { (high << 16) + low }
+    }
+    "fourth-preset-in-the-third" {
+        fn preset_place(&self, place: usize) -> usize { place.min(2) }
+    }
+    "command-for-z-outlives-a-reset" {
+        fn waits_over_a_start(&self) -> bool { true }
+    }
+    "loads-when-it-looks" {
+        fn loaded_at(&self, _index: i64, to: i64) -> i64 { to }
+    }
+    "command-for-z-cannot-be-withdrawn" {
+        fn command_replaces_the_last(&self) -> bool { false }
+    }
+    "setup-taken-at-rest-only" {
+        fn takes_a_setup_while_turning(&self) -> bool { false }
+    }
+    "second-of-the-last-tenth" {
+        fn windows(&self, _second: i64, tenth: i64) -> (i64, i64) { (tenth * 10, tenth) }
+    }
+    "counter-down-knows-the-direction" {
+        fn counts(&self, mode: i64, from: i64, to: i64) -> i64 {
+            let counts = encoder::counts(mode, from, to);
+            if mode == 6 && to < from { -counts } else { counts }
+        }
+    }
+    "low-supply-hides-the-inputs" {
+        fn flags(&self, _before: i64, now: i64) -> i64 {
+            if now & 0x0800 != 0 { now & 0x0FFF } else { now }
+        }
+    }
+    "error-of-the-first-input-ends-only" {
+        fn ends(&self, place: usize) -> bool { place == 0 }
+    }
+    "falls-are-always-near" {
+        fn is_near(&self, difference: f64, near: f64) -> bool { difference <= near }
+    }
+    "rejection-counts-from-the-first-peak" {
+        fn rejection_begins_anew(&self) -> bool { false }
+    }
+    "gain-ends-at-a-tenth" {
+        fn calibrated(&self, digits: f64, gain: f64, offset: f64) -> f64 {
+            digits * (1.0 + gain.clamp(-100.0, 100.0) / 1000.0) + offset
+        }
+    }
+    "second-error-mode-not-mirrored" {
+        fn mirrors(&self, written: Mux) -> bool { written != Mux::new(0x6443, 2) }
+    }
     "parameters-of-the-first-channel" {
         fn channel(&self, _item: Item, _place: usize) -> usize { 0 }
     }
