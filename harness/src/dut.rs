@@ -32,6 +32,8 @@ pub struct Dut {
     pub own_bench: bool,
     /// How the device must be set up for a stimulus of that bench to reach it.
     pub bench_needs: Needs,
+    /// The interface that it is on, when it is not simulated.
+    pub interface: Option<String>,
     /// Bit rate of its bus in bit/s, when it is known.
     pub bit_rate: Option<u32>,
     /// Options of its profile that it does not have.
@@ -78,6 +80,7 @@ impl Dut {
             bench: Vec::new(),
             own_bench: false,
             bench_needs: Needs::new(),
+            interface: None,
             bit_rate: None,
             without: Vec::new(),
             told: None,
@@ -86,6 +89,23 @@ impl Dut {
             wire: Arc::default(),
             hooks: Hooks::default(),
         }
+    }
+
+    /// What may bring it back when it does not answer, the gentlest first; of a simulated device,
+    /// nothing.
+    pub(crate) fn ways_back(&self) -> Option<String> {
+        let interface = self.interface.as_ref()?;
+        let send = |frame: &str| format!("`cansend {interface} {frame}`");
+        let mut ways = vec![send(&format!("000#82{:02X}", self.node)), send("000#8100")];
+        if self.eds.device.lss {
+            let lss = ["7E5#0401000000000000", &format!("7E5#11{:02X}000000000000", self.node)];
+            let lss = lss.into_iter().chain(["7E5#0400000000000000", "000#8200"]);
+            let frames: Vec<String> = lss.map(send).collect();
+            let frames = frames.join(", ");
+            ways.push(format!("{frames}, which give it its node id where no other LSS slave is"));
+        }
+        ways.push("its supply switched off and on".to_owned());
+        Some(format!("what may bring it back: {}", ways.join("; ")))
     }
 
     /// The whole number that the data sheet gives as default at `mux`.

@@ -23,6 +23,7 @@ mod restore;
 mod sdo;
 mod session;
 mod settle;
+mod silence;
 mod steps;
 #[cfg(test)]
 mod tests;

@@ -17,7 +17,7 @@ use crate::nearest::did_you_mean;
 use crate::parallel::{self, InTurn, processors};
 use crate::plan::{self, Instance, Plan};
 use crate::protect::Deed;
-use crate::reporter::{Reporter, started};
+use crate::reporter::{Reporter, harmless, started};
 use crate::run::{Ending, Policy, Session, Undo};
 use crate::source::{At, Complaint};
 use crate::stop::Stop;
@@ -114,12 +114,12 @@ impl Prepared {
         let worst = stopped.max(of_verdicts(reporter)).max(of_waivers);
         // That enough failed is what the user asked for.
         if let Some(reason) = reason.as_ref().filter(|_| stopped > Exit::Green) {
-            eprintln!("error: {reason}");
+            eprintln!("error: {}", harmless(reason));
         }
         reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason }));
         let finished = reporter.finish();
         for complaint in outdated {
-            eprintln!("{complaint}\n");
+            eprintln!("{}\n", harmless(&complaint.to_string()));
         }
         worst.max(finished)
     }
@@ -201,7 +201,7 @@ impl Sessions<'_> {
             let (name, node) = (&target.dut.name, target.dut.node);
             let why = format!("{name}, node {node}: {changed}{}", log.unwrap_or_default());
             tell(Event::Note(Note { at: Instant::ZERO, text: why.clone() }));
-            eprintln!("warning: {why}");
+            eprintln!("warning: {}", harmless(&why));
         }
         after(&ending, target)
     }
@@ -308,7 +308,10 @@ fn after(ending: &Ending, target: &Target) -> Ended {
         Ending::Nobody => {
             (Exit::Bus, Some(format!("{name}: node {} does not answer", target.dut.node)))
         }
-        Ending::Gone(why) => (Exit::DeviceGone, Some(format!("{name}: {why}"))),
+        Ending::Gone(why) => {
+            let ways = target.dut.ways_back().map(|ways| format!("; {ways}"));
+            (Exit::DeviceGone, Some(format!("{name}: {why}{}", ways.unwrap_or_default())))
+        }
         Ending::Bus(BusError::Interrupted) => (Exit::Interrupted, Some("interrupted".to_owned())),
         Ending::Bus(error) => (Exit::Bus, Some(error.to_string())),
     }

@@ -50,6 +50,7 @@ impl Abandoned<'_> {
     ) -> Result<BroughtBack, BusError> {
         let mut nobody = |_| {};
         let (dut, link) = (self.dut, &mut Link::reporting(bus, &mut nobody, stop));
+        link.listen_to(dut.node);
         let baseline = Baseline::of(self.identity);
         if let Err(lost) = settle::wake(link, policy, dut, &baseline, self.may_reset)? {
             return Ok(BroughtBack::Lost(lost));

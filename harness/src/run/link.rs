@@ -10,6 +10,7 @@ use canopen::monitor::Seen;
 use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped};
 use reports::Event;
 
+use super::silence::Silence;
 use crate::stop::Stop;
 
 /// The frames that wait for the wire at once. The transmit queue of a CAN interface is usually ten
@@ -30,6 +31,7 @@ pub struct Link<'b> {
     in_case: bool,
     lateness: Lateness,
     stop: Stop,
+    silence: Silence,
 }
 
 /// How late the tester was on a bus where it can be. In virtual time all of it stays zero.
@@ -72,6 +74,7 @@ impl<'b> Link<'b> {
             in_case: false,
             lateness: Lateness::default(),
             stop: Stop::default(),
+            silence: Silence::default(),
         }
     }
 
@@ -84,6 +87,16 @@ impl<'b> Link<'b> {
         stop: &Stop,
     ) -> Self {
         Self { emit: Some(emit), stop: stop.clone(), ..Self::new(bus) }
+    }
+
+    /// Listens for when the device with this node id falls silent.
+    pub(super) fn listen_to(&mut self, node: u8) {
+        self.silence = Silence::of(node);
+    }
+
+    /// What the device heard last, when it has sent nothing since.
+    pub(super) const fn silence(&self) -> &Silence {
+        &self.silence
     }
 
     /// What follows leaves the device as it was found, or does not any more: one signal is
@@ -345,6 +358,7 @@ impl<'b> Link<'b> {
             false => self.bus.recv(until)?,
         };
         let Some(stamped) = got else { return Ok(None) };
+        self.silence.see(&stamped);
         self.trace.push(Seen { stamped, expected: false });
         if self.in_case {
             self.emit(Event::Frame(stamped));

@@ -4,7 +4,9 @@ use std::sync::Arc;
 
 use canopen::sdo::Failure;
 use canopen::{Abort, Bus, BusError, DataType, Instant, Mux, Value};
-use reports::{CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Outcome, Versions};
+use reports::{
+    CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Note, Outcome, Versions,
+};
 
 use super::baseline::Baseline;
 use super::case::{self, Aftermath, Common};
@@ -67,6 +69,7 @@ impl Session<'_> {
     pub fn run(&self, bus: &mut dyn Bus, emit: &mut dyn FnMut(Event)) -> Ending {
         let mut link = Link::reporting(bus, emit, self.stop);
         let dut = &self.plan.dut;
+        link.listen_to(dut.node);
         match settle::first_answer(&mut link, &self.policy, dut) {
             Ok(true) => {}
             Ok(false) => return self.not_begun(&mut link, Ending::Nobody),
@@ -143,7 +146,7 @@ impl Session<'_> {
         let why = match ending {
             Ending::Complete => return,
             Ending::Nobody => format!("node {} does not answer", self.plan.dut.node),
-            Ending::Gone(why) => why.clone(),
+            Ending::Gone(why) => shortly(why).to_owned(),
             Ending::Bus(BusError::Interrupted) => "interrupted".to_owned(),
             Ending::Bus(error) => format!("the bus failed: {error}"),
             Ending::Enough(_) => "enough cases have failed, as `--max-fail` says".to_owned(),
@@ -288,7 +291,7 @@ impl Session<'_> {
                 continue;
             }
             if let Some(reason) = gone.as_ref().filter(|_| instance.needs_device()) {
-                link.emit(ended(link, &started, Outcome::not_run(reason)));
+                link.emit(ended(link, &started, Outcome::not_run(shortly(reason))));
                 continue;
             }
             let finished = case::run(link, common, instance, left);
@@ -300,6 +303,9 @@ impl Session<'_> {
                 false => finished.outcome.capped(),
             };
             reliance.learn(instance, &outcome);
+            if matches!(finished.aftermath, Aftermath::Gone(_)) {
+                self.say_ways_back(link);
+            }
             let outcome = self.waivers.apply(&self.plan.dut.name, &started, outcome);
             failed += usize::from(matches!(outcome, Outcome::Fail(_)));
             link.emit(ended(link, &started, outcome));
@@ -317,6 +323,12 @@ impl Session<'_> {
             }
         }
         gone.map_or(Ending::Complete, Ending::Gone)
+    }
+
+    fn say_ways_back(&self, link: &mut Link) {
+        if let Some(text) = self.plan.dut.ways_back() {
+            link.emit(Event::Note(Note { at: link.mark(), text }));
+        }
     }
 
     fn rest_of(
@@ -388,6 +400,11 @@ impl Starts<'_> {
             column: case.id.place.column as u32,
         }
     }
+}
+
+/// The first half of the sentence: the case in which the device was lost has all of it.
+fn shortly(why: &str) -> &str {
+    why.split("; ").next().unwrap_or(why)
 }
 
 fn ended(link: &Link, case: &CaseStarted, outcome: Outcome) -> Event {

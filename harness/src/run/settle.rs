@@ -86,8 +86,8 @@ pub(super) fn settle(
     match unrest {
         // Who answers is there; what it answers is for the case to judge.
         Some(Unrest::Odd(what) | Unrest::Errors(what, _)) => Ok(Some(what)),
-        Some(Unrest::Silent(what)) => Err(Unsettled::Device(lost(&what, dut))),
-        None => Err(Unsettled::Device(lost("nothing after a reset", dut))),
+        Some(Unrest::Silent(what)) => Err(Unsettled::Device(lost(&what, link, dut))),
+        None => Err(Unsettled::Device(lost("nothing after a reset", link, dut))),
     }
 }
 
@@ -112,24 +112,17 @@ pub(super) fn wake(
             return Ok(Ok(()));
         }
     }
-    Ok(Err(lost("it does not answer", dut)))
+    Ok(Err(lost("it does not answer", link, dut)))
 }
 
 /// The place of [`Rung::ResetNode`] in [`LADDER`].
 const RESET_NODE: usize = 4;
 
-/// Why a device is given up, and what may help where it can lose its node id.
-fn lost(what: &str, dut: &Dut) -> String {
-    let tried = format!("{what}; resets, one of all nodes included, did not help");
-    match dut.eds.device.lss {
-        true => format!(
-            "{tried}, nor did LSS. If its node id is gone, these frames give it back: 7E5#0401, \
-             7E5#11{:02X}, 7E5#0400, each with zeros up to eight bytes, on a bus without other LSS \
-             slaves",
-            dut.node
-        ),
-        false => tried,
-    }
+/// Why a device is given up.
+fn lost(what: &str, link: &Link, dut: &Dut) -> String {
+    let silence = link.silence().said().map(|said| format!("; {said}")).unwrap_or_default();
+    let lss = if dut.eds.device.lss { ", nor did LSS" } else { "" };
+    format!("{what}{silence}; resets, one of all nodes included, did not help{lss}")
 }
 
 /// Waits for a device to answer for the first time.
@@ -144,7 +137,7 @@ pub(super) fn first_answer(link: &mut Link, policy: &Policy, dut: &Dut) -> Resul
     while link.mark() < end {
         match sdo::upload(link, &eager, dut.node, DEVICE_TYPE)?.result {
             Ok(_) => return Ok(true),
-            Err(failure) => refused = matches!(failure, Failure::Aborted(_)),
+            Err(failure) => refused = failure != Failure::Timeout,
         }
         // Who boots is asked often, and who is slow is waited for.
         eager.sdo_timeout = policy.sdo_timeout.min(eager.sdo_timeout * 2);
@@ -152,7 +145,7 @@ pub(super) fn first_answer(link: &mut Link, policy: &Policy, dut: &Dut) -> Resul
         let pause = link.mark() + policy.quiet;
         link.wait(pause)?;
     }
-    // Who refuses this to the end answers as well.
+    // Who refuses this to the end, or answers otherwise than it should, answers as well.
     Ok(refused)
 }
 

@@ -45,6 +45,7 @@ pub(super) fn target(
         bench,
         own_bench: selection.bench.is_some(),
         bench_needs,
+        interface: Some(name.clone()),
         bit_rate,
         without: without(selection, own.as_deref()),
         told: found.recognised(),

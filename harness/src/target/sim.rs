@@ -67,6 +67,7 @@ pub(super) fn target(
             bench,
             own_bench: selection.bench.is_some(),
             bench_needs,
+            interface: None,
             bit_rate: Some(bit_rate),
             without,
             ..Dut::new(own_name(selection).unwrap_or(&device.description.device), node, eds)
