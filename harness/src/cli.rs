@@ -30,7 +30,7 @@ pub struct Cli {
 }
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 green, 1 a case failed, 2 usage, 3 a file does not load, 4 nothing ran,
+Exit codes: 0 green, 1 a case failed, 2 usage, 3 a file cannot be read or written, 4 nothing ran,
 5 waivers out of date, 6 bus or bench, or a case is ERROR and none failed,
 7 the device did not come back,
 9 holes in qualification or trace, 70 internal error, 130 interrupted. The highest applies.";

@@ -14,11 +14,13 @@ mod common;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Output;
+use std::process::{Child, Command, Output, Stdio};
 use std::sync::Mutex;
 use std::thread;
 
 use common::{harness, project};
+use nix::sys::signal::{Signal, kill};
+use nix::unistd::Pid;
 use reports::{Keep, Run, Verdict};
 
 #[test]
@@ -256,17 +258,107 @@ fn a_device_that_dies_in_the_middle_still_gives_reports() {
 #[test]
 fn a_run_that_is_killed_leaves_the_frames_of_its_open_case() {
     let folder = tempfile::tempdir().unwrap();
-    let suites = folder.path().join("suites");
+    let mut child = endless(folder.path());
+    child.kill().unwrap();
+    child.wait().unwrap();
+    let path = folder.path().join("journal");
+    let run = Run::fold(&fs::read_to_string(&path).unwrap(), Keep::All).unwrap();
+    let cases: Vec<_> = run.devices[0].cases().collect();
+    let verdicts: Vec<Verdict> = cases.iter().map(|case| case.verdict()).collect();
+    assert_eq!(verdicts, [Verdict::Pass, Verdict::Error], "a case that did not end is an error");
+    assert!(cases[1].trace.len() >= 100, "{} frames", cases[1].trace.len());
+    assert!(run.ended.is_none());
+    let junit = fs::read_to_string(folder.path().join("junit.xml")).unwrap();
+    assert!(junit.contains("<error") && junit.contains("did not come to its end"), "{junit}");
+}
+
+/// In virtual time nothing waits, so that nothing but the runner notices a signal.
+#[test]
+fn each_signal_ends_a_run_with_complete_reports() {
+    for signal in [Signal::SIGINT, Signal::SIGTERM, Signal::SIGHUP] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut child = endless(folder.path());
+        kill(Pid::from_raw(child.id().cast_signed()), signal).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(130), "{signal}");
+        let journal = fs::read_to_string(folder.path().join("journal")).unwrap();
+        let run = Run::fold(&journal, Keep::All).unwrap();
+        let verdicts: Vec<Verdict> = run.cases().map(|(_, case)| case.verdict()).collect();
+        assert_eq!(verdicts, [Verdict::Pass, Verdict::Error, Verdict::Skip], "{signal}");
+        assert_eq!(run.ended.map(|ended| ended.exit), Some(130));
+        let junit = fs::read_to_string(folder.path().join("junit.xml")).unwrap();
+        assert_eq!(junit.matches("<testcase").count(), 3, "{junit}");
+        assert!(junit.contains("message=\"not run: interrupted\""), "{junit}");
+    }
+}
+
+#[test]
+fn a_disk_that_is_full_is_said_and_spoils_no_other_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let junit = folder.path().join("junit.xml");
+    let output = demo("run/green").args(["--journal", "/dev/full", "--junit"]).arg(&junit).output();
+    let output = output.unwrap();
+    let said = text(&output.stderr);
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(said.starts_with("error: /dev/full: No space left on device; the journal"), "{said}");
+    assert!(fs::read_to_string(junit).unwrap().contains("<testcase"));
+}
+
+#[test]
+fn standard_output_that_takes_nothing_is_an_error_unless_its_reader_went_away() {
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    let output = demo("run/green").stdout(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(3));
+    assert_eq!(text(&output.stderr), "error: standard output: No space left on device\n");
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = demo("run/green").stdout(writer).output().unwrap();
+    assert_eq!((output.status.code(), text(&output.stderr)), (Some(0), ""));
+}
+
+#[test]
+fn a_run_that_cannot_start_says_so_in_its_reports() {
+    let folder = tempfile::tempdir().unwrap();
+    let [junit, journal] = ["junit.xml", "journal"].map(|name| folder.path().join(name));
+    fs::write(&junit, "what an earlier run left").unwrap();
+    let output = demo("run/green")
+        .args(["no/such-case", "--junit"])
+        .arg(&junit)
+        .arg("--journal")
+        .arg(&journal)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let junit = fs::read_to_string(junit).unwrap();
+    assert_eq!(junit.matches("<error").count(), 1, "{junit}");
+    assert!(junit.contains("`no/such-case` names no suite"), "{junit}");
+    let run = Run::fold(&fs::read_to_string(journal).unwrap(), Keep::All).unwrap();
+    assert_eq!(run.ended.map(|ended| ended.exit), Some(2));
+}
+
+/// A run in the folder of a transcript.
+fn demo(folder: &str) -> Command {
+    let mut command = harness();
+    command.current_dir(cli().join(folder)).args(read(&cli().join(folder), "args").lines());
+    command
+}
+
+/// A run that is within a case that lasts longer than anybody waits, with reports in that folder.
+fn endless(folder: &Path) -> Child {
+    let suites = folder.join("suites");
     fs::create_dir_all(suites.join("requirements")).unwrap();
     let register = cli().join("run/failing/suites/requirements/demo.yaml");
     fs::copy(register, suites.join("requirements/demo.yaml")).unwrap();
     fs::write(suites.join("demo.yaml"), ENDLESS).unwrap();
-    let path = folder.path().join("journal");
+    let path = folder.join("journal");
     let mut child = harness()
         .args(["--target", "sim:generic", "--only-suites"])
         .arg(&suites)
         .arg("--journal")
         .arg(&path)
+        .arg("--junit")
+        .arg(folder.join("junit.xml"))
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
         .spawn()
         .unwrap();
     let mut journal = String::new();
@@ -275,14 +367,7 @@ fn a_run_that_is_killed_leaves_the_frames_of_its_open_case() {
         thread::yield_now();
         journal = fs::read_to_string(&path).unwrap_or_default();
     }
-    child.kill().unwrap();
-    child.wait().unwrap();
-    let run = Run::fold(&fs::read_to_string(&path).unwrap(), Keep::All).unwrap();
-    let cases: Vec<_> = run.devices[0].cases().collect();
-    let verdicts: Vec<Verdict> = cases.iter().map(|case| case.verdict()).collect();
-    assert_eq!(verdicts, [Verdict::Pass, Verdict::Error], "a case that did not end is an error");
-    assert!(cases[1].trace.len() >= 100, "{} frames", cases[1].trace.len());
-    assert!(run.ended.is_none());
+    child
 }
 
 const ENDLESS: &str = "\
@@ -297,7 +382,12 @@ cases:
     title: The device bears SYNC messages.
     checks: [DEMO-1]
     steps:
-      - produce: { frame: '080#', count: 1000000000, every: 1 ms }
+      - produce: { frame: '080#', count: 1000000, every: 1 ms }
+  - id: after
+    title: The device can be read.
+    checks: [DEMO-1]
+    steps:
+      - read: { object: '1000:00' }
 ";
 
 /// What `check` finds in each folder, in the order of the folders, on as many threads as the

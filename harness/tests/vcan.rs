@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
-use std::process::{Child, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, MutexGuard};
 use std::time::Duration;
 
@@ -153,6 +153,37 @@ fn ctrl_c_restores_what_was_touched_and_reports_what_ran() {
 
 #[test]
 #[ignore = "needs vcan0: scripts/with-vcan"]
+fn what_a_run_that_was_killed_left_changed_is_set_back() {
+    let _wire = wire();
+    let files = Files::new();
+    let _served = Served::start();
+    let mut seen = SocketCan::open("vcan0", Stop::default()).expect("vcan0 is up");
+    let mut run = files.start(&["interrupted/long"]);
+    wait_for_the_write(&mut seen);
+    run.kill().unwrap();
+    run.wait().unwrap();
+
+    let restore = |arguments: &[&str]| {
+        let mut command = files.harness();
+        let output = command.arg("restore").args(arguments).output().unwrap();
+        (text(&output.stdout).to_owned(), output.status.code())
+    };
+    let (listed, _) = restore(&[]);
+    assert!(listed.ends_with("drr460, node 1 on vcan0: 1017:00\n"), "{listed}");
+    let name = listed.split_whitespace().next().unwrap();
+    let (said, exit) = restore(&[name]);
+    assert_eq!(
+        (&*said, exit),
+        ("1017:00 = 00 00\n1 object of node 1 on vcan0 set back\n", Some(0))
+    );
+    assert_eq!(restore(&[]).0, "no run has left anything changed\n");
+
+    let output = files.start(&["interrupted/restored"]).wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+}
+
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
 fn a_device_that_dies_in_the_middle_still_gives_a_report() {
     let _wire = wire();
     let files = Files::new();
@@ -278,10 +309,17 @@ impl Files {
         [journal, self.path("journal.jsonl"), junit, self.path("junit.xml")]
     }
 
+    /// The program, which keeps its undo logs here.
+    fn harness(&self) -> Command {
+        let mut command = harness();
+        command.env("XDG_STATE_HOME", self.0.path());
+        command
+    }
+
     /// Starts a run of the suites beside this file.
     fn start(&self, cases: &[&str]) -> Child {
         let suites = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vcan/suites");
-        let mut command = harness();
+        let mut command = self.harness();
         command
             .args(["--target", "vcan0", "--only-suites", suites])
             .args(cases)
