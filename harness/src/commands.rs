@@ -19,7 +19,7 @@ mod waive;
 
 use crate::cli::{Cli, Command};
 use crate::exit::{Exit, Refused};
-use crate::reporter::unsaid;
+use crate::reporter::{harmless, unsaid};
 use crate::stop::Stop;
 
 /// Carries out what the command line asks for.
@@ -42,7 +42,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Schema(args)) => schema::run(&args),
     };
     let exit = done.unwrap_or_else(|Refused { exit, message }| {
-        eprintln!("{message}");
+        eprintln!("{}", harmless(&message));
         exit
     });
     if unsaid() { exit.max(Exit::File) } else { exit }

@@ -10,6 +10,7 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
 use crate::dut::{Hook, Hooks};
+use crate::files::{read_text, words};
 use crate::nearest::did_you_mean;
 use crate::protect::{Deed, Objects, Protection};
 use crate::source::{At, Complaint, Place, Source, read_yaml};
@@ -216,9 +217,9 @@ impl DeviceFile {
     /// Everything that is wrong with it.
     pub(crate) fn load(path: &Path) -> Result<Self, Vec<Complaint>> {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| {
+        let text = read_text(path).map_err(|error| {
             let source = Arc::new(Source { name: name.clone(), text: String::new() });
-            vec![Complaint { source, place: None, message: error.to_string() }]
+            vec![Complaint { source, place: None, message: words(&error) }]
         })?;
         let source = Arc::new(Source { name, text });
         let said: DutFile = read_yaml(&source).map_err(|complaint| vec![complaint])?;

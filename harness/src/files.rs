@@ -1,13 +1,54 @@
-//! Files on disk, and what is said of them.
+//! Files on disk: how large they may be, and what is said of them.
 
-use std::fs::File;
-use std::io::{self, Write};
+use std::fs::{self, File};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 /// What an operating system says of an error, without the number.
 pub(crate) fn words(error: &io::Error) -> String {
     let words = error.to_string();
     words.split(" (os error").next().unwrap_or_default().to_owned()
+}
+
+/// The largest file that describes something: a data sheet, a suite, a device.
+pub(crate) const LARGEST: u64 = 4 << 20;
+/// The largest journal.
+pub(crate) const LARGEST_JOURNAL: u64 = 1 << 30;
+
+/// The bytes of a file that has `most` at most.
+///
+/// # Errors
+/// Whatever keeps it from being read, and that it is larger.
+pub(crate) fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 <= most {
+        return Ok(bytes);
+    }
+    let has = fs::metadata(path).map_or(most + 1, |found| found.len().max(most + 1));
+    let mib = |bytes: u64| format!("{:.1} MiB", bytes as f64 / f64::from(1 << 20));
+    let has = if has == most + 1 { format!("more than {}", mib(most)) } else { mib(has) };
+    Err(io::Error::other(format!("it has {has}, and may have {}", mib(most))))
+}
+
+/// The text of a file that describes something.
+///
+/// # Errors
+/// As [`read`], and that it is not UTF-8.
+pub(crate) fn read_text(path: &Path) -> io::Result<String> {
+    text(read(path, LARGEST)?)
+}
+
+/// Bytes as a text.
+///
+/// # Errors
+/// That they are not UTF-8, and where.
+pub(crate) fn text(bytes: Vec<u8>) -> io::Result<String> {
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = error.utf8_error().valid_up_to();
+        let line = 1 + error.as_bytes()[..valid].iter().filter(|byte| **byte == b'\n').count();
+        io::Error::new(io::ErrorKind::InvalidData, format!("line {line} is not UTF-8"))
+    })
 }
 
 /// Writes a file, and returns once it is on disk.
@@ -18,4 +59,24 @@ pub(crate) fn write_synced(path: &Path, text: &str) -> io::Result<()> {
     let mut file = File::create(path)?;
     file.write_all(text.as_bytes())?;
     file.sync_all()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_is_too_large_is_not_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("large");
+        fs::write(&path, "12345678").unwrap();
+        assert_eq!(read(&path, 8).unwrap(), b"12345678");
+        File::create(&path).unwrap().set_len(20 << 20).unwrap();
+        let why = words(&read_text(&path).unwrap_err());
+        assert_eq!(why, "it has 20.0 MiB, and may have 4.0 MiB");
+        let why = words(&read(Path::new("/dev/zero"), 1 << 20).unwrap_err());
+        assert_eq!(why, "it has more than 1.0 MiB, and may have 1.0 MiB");
+        fs::write(&path, b"one\n\xFF").unwrap();
+        assert_eq!(words(&read_text(&path).unwrap_err()), "line 2 is not UTF-8");
+    }
 }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use reports::terminal::{Printer, Verbosity};
-use reports::{Event, Format, Keep, Run, Style, github};
+use reports::{Event, Format, Keep, Run, Style, github, printable};
 
 use crate::cli::{RunArgs, When};
 use crate::exit::{Exit, Refused};
@@ -95,7 +95,7 @@ impl Reporter {
     /// Writes what is written at the end, and says what is to be said.
     pub(crate) fn finish(&mut self) -> Exit {
         self.bar.finish_and_clear();
-        say(&self.printer.summary(&self.run));
+        print(&self.printer.summary(&self.run));
         self.write_reports();
         if self.unwritten { Exit::File } else { Exit::Green }
     }
@@ -140,7 +140,7 @@ impl Reporter {
             let is_there = |file: &str| Path::new(file).is_file();
             text.extend(github::annotation(device, case, is_there));
         }
-        self.bar.suspend(|| say(&text));
+        self.bar.suspend(|| print(&text));
     }
 }
 
@@ -185,9 +185,23 @@ fn open(args: &RunArgs) -> Result<(Option<JournalFile>, Reports), Refused> {
     Ok((journal, reports))
 }
 
+/// Prints to standard output what devices and files may have chosen parts of.
+pub(crate) fn say(text: &str) {
+    print(&harmless(text));
+}
+
+/// A text with control characters spelled out, except for those that only arrange it.
+pub(crate) fn harmless(text: &str) -> String {
+    let lines = text.split("\r\n").map(|line| {
+        let parts: Vec<_> = line.split('\t').map(printable).collect();
+        parts.join("\t")
+    });
+    lines.collect::<Vec<_>>().join("\r\n")
+}
+
 /// Prints to standard output. A reader that went away (`| head`) does not stop the run, whose
 /// reports are still to be written, and is no failure.
-pub(crate) fn say(text: &str) {
+fn print(text: &str) {
     let mut stdout = std::io::stdout().lock();
     let written = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush());
     let failed = written.err().filter(|error| error.kind() != ErrorKind::BrokenPipe);
@@ -202,4 +216,15 @@ static UNSAID: AtomicBool = AtomicBool::new(false);
 /// Whether something could not be printed to standard output.
 pub(crate) fn unsaid() -> bool {
     UNSAID.load(Ordering::SeqCst)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_device_and_no_file_chooses_what_a_terminal_does() {
+        assert_eq!(harmless("a\tb\r\nc\n"), "a\tb\r\nc\n");
+        assert_eq!(harmless("a\u{1b}[2J\0\rb\u{9b}"), "a\\u{1b}[2J\\u{0}\\rb\\u{9b}");
+    }
 }

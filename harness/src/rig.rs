@@ -82,7 +82,8 @@ impl Rig {
     ) -> Self {
         let (sender, receiver) = mpsc::channel();
         thread::spawn(move || {
-            for line in BufReader::new(answers).lines() {
+            let mut answers = BufReader::new(answers);
+            while let Some(line) = answer_line(&mut answers) {
                 if sender.send(line).is_err() {
                     return;
                 }
@@ -182,6 +183,26 @@ impl Bench for Rig {
         let answer = self.ask(&request)?;
         let value = answer.get("value").and_then(from_json);
         value.ok_or_else(|| self.nonsense(&request, &answer))
+    }
+}
+
+/// The longest line of a rig, in bytes.
+const LONGEST_LINE: u64 = 64 << 10;
+
+/// The next line, without its end; `None` when nothing more comes.
+fn answer_line(answers: &mut impl BufRead) -> Option<std::io::Result<String>> {
+    let mut line = String::new();
+    match answers.take(LONGEST_LINE).read_line(&mut line) {
+        Ok(0) => None,
+        Ok(count) if count as u64 == LONGEST_LINE && !line.ends_with('\n') => {
+            let text = format!("a line may have {} KiB, and this one has more", LONGEST_LINE >> 10);
+            Some(Err(std::io::Error::other(text)))
+        }
+        Ok(_) => {
+            line.truncate(line.trim_end_matches(['\n', '\r']).len());
+            Some(Ok(line))
+        }
+        Err(error) => Some(Err(error)),
     }
 }
 
@@ -391,6 +412,21 @@ mod tests {
             let needs = rig.names().and_then(|_| rig.needs());
             assert_eq!(needs.ok(), expected, "{answer}");
         }
+    }
+
+    #[test]
+    fn a_line_of_a_rig_has_an_end() {
+        let lines = |text: &str| -> Vec<Result<String, String>> {
+            let mut text = text.as_bytes();
+            let line = std::iter::from_fn(|| answer_line(&mut text));
+            line.take(3).map(|line| line.map_err(|error| error.to_string())).collect()
+        };
+        let ok = |text: &str| Ok(text.to_owned());
+        assert_eq!(lines("{}\r\n\n{\n"), [ok("{}"), ok(""), ok("{")]);
+        let long = "x".repeat(LONGEST_LINE as usize - 1);
+        assert_eq!(lines(&format!("{long}\n{long}")), [ok(&long), ok(&long)]);
+        let too_long = "a line may have 64 KiB, and this one has more";
+        assert_eq!(lines(&format!("{long}xyz"))[0], Err(too_long.to_owned()));
     }
 
     #[test]

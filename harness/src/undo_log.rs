@@ -11,7 +11,7 @@ use canopen::Mux;
 use reports::Identity;
 use serde::{Deserialize, Serialize};
 
-use crate::files::{words, write_synced};
+use crate::files::{read_text, words, write_synced};
 
 /// What the log says of the device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -140,8 +140,8 @@ impl UndoLog {
     }
 }
 
-/// Where the logs are: `harness/undo` in `$XDG_STATE_HOME`, which is `~/.local/state` when it is not
-/// set.
+/// Where the logs are: `harness/undo` in `$XDG_STATE_HOME`, or where that is not set, in
+/// `~/.local/state`.
 pub(crate) fn folder() -> PathBuf {
     let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from);
     let home = || Some(PathBuf::from(std::env::var_os("HOME")?).join(".local/state"));
@@ -167,7 +167,7 @@ pub(crate) fn all(folder: &Path) -> Vec<(String, Changes)> {
 pub(crate) fn read(folder: &Path, name: &str) -> Result<Changes, String> {
     let path = find(folder, name);
     let said = |why: String| format!("{}: {why}", path.display());
-    let text = fs::read_to_string(&path).map_err(|error| said(words(&error)))?;
+    let text = read_text(&path).map_err(|error| said(words(&error)))?;
     serde_json::from_str(&text).map_err(|_| said("this is not an undo log".to_owned()))
 }
 

@@ -14,6 +14,7 @@ use serde::de::{self, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use wildmatch::WildMatch;
 
+use crate::files::{read_text, words};
 use crate::nearest::did_you_mean;
 use crate::plan::is_named;
 use crate::source::{At, Complaint, Source, read_yaml};
@@ -100,9 +101,9 @@ impl Waivers {
     /// Everything that is wrong with it.
     pub fn load(path: &Path, today: &str, register: &Register) -> Result<Self, Vec<Complaint>> {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| {
+        let text = read_text(path).map_err(|error| {
             let source = Arc::new(Source { name: name.clone(), text: String::new() });
-            vec![Complaint { source, place: None, message: error.to_string() }]
+            vec![Complaint { source, place: None, message: words(&error) }]
         })?;
         let source = Arc::new(Source { name, text });
         let WaiverFile(entries) = read_yaml(&source).map_err(|complaint| vec![complaint])?;

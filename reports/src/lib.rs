@@ -24,5 +24,5 @@ pub use format::{FORMATS, Format};
 pub use junit::date;
 pub use names::ObjectNames;
 pub use run::{CaseRun, Counts, DeviceRun, Keep, OutOfOrder, Run, SuiteRun};
-pub use style::Style;
+pub use style::{Style, printable};
 pub use verdict::{Excerpt, Grade, Outcome, Phase, Problem, Verdict, Waiver};

@@ -62,7 +62,7 @@ impl<T: fmt::Display> fmt::Display for Painted<T> {
 
 /// `text` with control characters spelled out, line ends excepted: a device chooses some of what
 /// we print, and must not choose what the terminal does.
-pub(crate) fn printable(text: &str) -> Cow<'_, str> {
+pub fn printable(text: &str) -> Cow<'_, str> {
     let harmless = |symbol: char| symbol == '\n' || !symbol.is_control();
     if text.chars().all(harmless) {
         return Cow::Borrowed(text);

@@ -81,12 +81,21 @@ impl fmt::Display for Failure {
         match self {
             Self::Aborted(code) => write!(f, "refused with {code}"),
             Self::Timeout => f.write_str("no answer"),
-            Self::Violation { expected, got } => write!(f, "{got:?} instead of {expected}"),
+            Self::Violation { expected, got } => {
+                let bytes = got.encode();
+                let bytes: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
+                write!(f, "{} instead of {expected}", bytes.join(" "))
+            }
         }
     }
 }
 
 impl Client {
+    /// What is transferred.
+    pub const fn mux(&self) -> Mux {
+        self.state.mux()
+    }
+
     /// Begins to read `mux`.
     pub const fn upload(mux: Mux) -> (Self, Request) {
         (State::UploadInitiated { mux }.client(), Request::Upload(mux))

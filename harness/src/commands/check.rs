@@ -11,6 +11,7 @@ use super::counted::counted;
 use super::run::plan_all;
 use crate::cli::{CheckArgs, Selection};
 use crate::exit::{Exit, Refused};
+use crate::files::{read_text, words};
 use crate::nearest::did_you_mean;
 use crate::reporter::say;
 use crate::source::{Complaint, Source};
@@ -143,9 +144,9 @@ fn with_register(folders: &Folders, files: &[PathBuf]) -> Result<Library, Refuse
     let mut sources = Library::register_sources(folders)?;
     for path in files {
         let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| {
+        let text = read_text(path).map_err(|error| {
             let source = Arc::new(Source { name: name.clone(), text: String::new() });
-            Refused::from(vec![Complaint { source, place: None, message: error.to_string() }])
+            Refused::from(vec![Complaint { source, place: None, message: words(&error) }])
         })?;
         sources.push(Arc::new(Source { name, text }));
     }

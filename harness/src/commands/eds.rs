@@ -12,6 +12,7 @@ use canopen::eds::{self, Severity};
 use super::counted::counted;
 use crate::cli::{EdsCommand, ProbeArgs, Selection};
 use crate::exit::{Exit, Refused};
+use crate::files::{LARGEST, read, words};
 use crate::reporter::say;
 use crate::stop::Stop;
 use crate::suite::step::Step;
@@ -33,7 +34,7 @@ pub(super) fn run(command: &EdsCommand, stop: &Stop) -> Result<Exit, Refused> {
 }
 
 fn check(path: &Path) -> Result<Exit, Refused> {
-    let bytes = fs::read(path).map_err(|error| file_error(path, &error))?;
+    let bytes = read(path, LARGEST).map_err(|error| file_error(path, &error))?;
     let reading = eds::read(&bytes);
     let diagnostics = reading.diagnostics;
     let text = eds::decode(&bytes);
@@ -156,5 +157,5 @@ fn write(name: &str, out: Option<PathBuf>, catalogue: &Catalogue) -> Result<Exit
 }
 
 fn file_error(path: &Path, error: &std::io::Error) -> Refused {
-    Refused { exit: Exit::File, message: format!("error: {}: {error}", path.display()) }
+    Refused { exit: Exit::File, message: format!("error: {}: {}", path.display(), words(error)) }
 }

@@ -9,6 +9,7 @@ use reports::{CaseRun, Cause, Keep, Run, Verdict};
 use super::counted::counted;
 use crate::cli::WaiveArgs;
 use crate::exit::{Exit, Refused};
+use crate::files::{LARGEST_JOURNAL, read, text, words};
 use crate::reporter::say;
 
 /// Writes a waiver for each cause that makes the run of a journal red.
@@ -18,8 +19,9 @@ use crate::reporter::say;
 pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
     let path = args.journal.display().to_string();
     let refused = |message: String| Refused { exit: Exit::File, message };
-    let journal = std::fs::read_to_string(&args.journal)
-        .map_err(|error| refused(format!("error: {path}: {error}")))?;
+    let journal = read(&args.journal, LARGEST_JOURNAL)
+        .and_then(text)
+        .map_err(|error| refused(format!("error: {path}: {}", words(&error))))?;
     let run = Run::fold(&journal, Keep::Unusual)
         .map_err(|error| refused(format!("error: {path}: {error}")))?;
     let text = waivers(&run);

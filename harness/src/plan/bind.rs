@@ -102,6 +102,17 @@ fn bind_case(
         let reason = case.each.as_ref().map(|each| kind::absent(&each.value));
         return Ok(vec![instance(None, Scope::default(), reason)]);
     }
+    let wanted = case
+        .matrix
+        .values()
+        .fold(scopes.len(), |all, values| all.saturating_mul(values.value.len()));
+    if wanted > MOST_INSTANCES {
+        let message = format!(
+            "`{}` has {wanted} instances, and a case may have {MOST_INSTANCES}",
+            case.id.value
+        );
+        return Err(vec![Complaint::at(&suite.source, case.id.place, message)]);
+    }
     for (name, values) in &case.matrix {
         scopes = cross(scopes, name, &values.value);
     }
@@ -135,6 +146,9 @@ fn bind_case(
     }
     if complaints.is_empty() { Ok(bound) } else { Err(dedup(complaints)) }
 }
+
+/// So many take hours on a real bus.
+const MOST_INSTANCES: usize = 20_000;
 
 /// The name that stands for the place of the bit rate in the table of CiA 305.
 const BIT_RATE: &str = "bit-rate";

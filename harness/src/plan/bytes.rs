@@ -60,8 +60,28 @@ fn word(literal: &Literal, scope: &Scope) -> Result<u32, String> {
     word.try_into().map_err(|_| "a mapping entry has 32 bits".to_owned())
 }
 
-/// Bytes for people: `E8 03`.
+/// Bytes for people: `E8 03`, and of many the first and how many there are.
 pub(crate) fn show_bytes(bytes: &[u8]) -> String {
-    let words: Vec<String> = bytes.iter().map(|byte| format!("{byte:02X}")).collect();
-    words.join(" ")
+    /// 16 lines of 16.
+    const MOST: usize = 256;
+    let shown = &bytes[..bytes.len().min(MOST)];
+    let words: Vec<String> = shown.iter().map(|byte| format!("{byte:02X}")).collect();
+    match bytes.len() {
+        ..=MOST => words.join(" "),
+        count => format!("{} ... ({count} bytes)", words.join(" ")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn many_bytes_are_cut_off_with_their_number() {
+        assert_eq!(show_bytes(&[0xE8, 3]), "E8 03");
+        assert_eq!(show_bytes(&[0; 256]).len(), 256 * 3 - 1);
+        let cut = show_bytes(&[0; 196_736]);
+        assert_eq!(cut.len(), 256 * 3 - 1 + " ... (196736 bytes)".len());
+        assert!(cut.ends_with(" 00 ... (196736 bytes)"), "{cut}");
+    }
 }

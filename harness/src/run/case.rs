@@ -533,7 +533,7 @@ impl CaseOutcome<'_> {
         let problem = self.problem(phase, place, difference);
         match &mut self.outcome {
             Outcome::Pass => self.outcome = Outcome::Lenient(problem),
-            Outcome::Lenient(first) => first.notes.push(summary(&problem)),
+            Outcome::Lenient(first) => note(&mut first.notes, &problem),
             _ => {}
         }
     }
@@ -541,7 +541,7 @@ impl CaseOutcome<'_> {
     fn fail(&mut self, phase: Phase, place: Place, difference: Difference) {
         let problem = self.problem(phase, place, difference);
         match &mut self.outcome {
-            Outcome::Fail(first) => first.notes.push(summary(&problem)),
+            Outcome::Fail(first) => note(&mut first.notes, &problem),
             Outcome::Error { .. } => {}
             _ => self.outcome = Outcome::Fail(problem),
         }
@@ -585,6 +585,16 @@ impl CaseOutcome<'_> {
             notes,
             capped: false,
         })
+    }
+}
+
+/// What else is wrong, as far as anybody reads.
+fn note(notes: &mut Vec<String>, problem: &Problem) {
+    const MOST: usize = 100;
+    match notes.len() {
+        ..MOST => notes.push(summary(problem)),
+        MOST => notes.push(format!("and more: these are the first {MOST}")),
+        _ => {}
     }
 }
 

@@ -162,18 +162,27 @@ pub fn transfer(
 /// A transfer under way.
 struct Running {
     client: Client,
+    /// What is transferred.
+    mux: Mux,
     /// What is to be sent before the next answer.
     requests: Vec<Request>,
     /// An answer that was received and not looked at.
     answer: Option<Option<Frame>>,
     protocol: Transfer,
     unsized_data: bool,
+    /// How many answers may still come.
+    left: u32,
 }
 
 impl Running {
+    /// A transfer of 1 MiB in segments, which takes minutes on a real bus, has less answers.
+    const MOST_ANSWERS: u32 = 160_000;
+
     fn new(client: Client, request: Request) -> Self {
-        let protocol = Transfer::Expedited;
-        Self { client, requests: vec![request], answer: None, protocol, unsized_data: false }
+        let mux = client.mux();
+        let (protocol, left) = (Transfer::Expedited, Self::MOST_ANSWERS);
+        let requests = vec![request];
+        Self { client, mux, requests, answer: None, protocol, unsized_data: false, left }
     }
 
     /// Sends what is to be sent and waits for the answer.
@@ -206,8 +215,14 @@ impl Running {
             };
             self.answer = None;
             let (protocol, unsized_data) = (&mut self.protocol, &mut self.unsized_data);
+            self.left = self.left.saturating_sub(1);
             let next = match raw.map(|frame| self.client.decode(&frame.data)) {
                 None => self.client.timeout(),
+                Some(Ok(got)) if self.left == 0 => {
+                    let expected = format!("the end after {} answers", Self::MOST_ANSWERS);
+                    let abort = Request::Abort(self.mux, Abort::MEMORY);
+                    Next::Failed(Failure::Violation { expected, got }, Some(abort))
+                }
                 Some(Ok(response)) => {
                     match response {
                         Response::Upload(_, initiate) => {
@@ -225,7 +240,10 @@ impl Running {
                 }
                 Some(Err(malformed)) => {
                     let expected = format!("an answer of 8 bytes: {malformed}");
-                    let got = Response::Unknown([0; 8]);
+                    let mut bytes = [0; 8];
+                    let sent = raw.map(|frame| frame.data).unwrap_or_default();
+                    bytes.iter_mut().zip(&*sent).for_each(|(byte, sent)| *byte = *sent);
+                    let got = Response::Unknown(bytes);
                     Next::Failed(Failure::Violation { expected, got }, None)
                 }
             };

@@ -278,6 +278,12 @@ impl Steps<'_, '_> {
     }
 
     fn repeat(&mut self, frame: &Frame, count: usize, every: Duration) -> Result<(), Trouble> {
+        /// So many take a quarter of an hour where the wire is idle between none of them.
+        const MOST: usize = 1_000_000;
+        if count > MOST {
+            let text = format!("a step may send {MOST} frames, and this one sends {count}");
+            return Err(Trouble::Impossible(text));
+        }
         let mut next = self.link.mark();
         for place in 0..count {
             if place > 0 {

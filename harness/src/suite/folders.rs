@@ -9,6 +9,7 @@ use canopen::catalogue::Catalogue;
 use clap::Args;
 use include_dir::{Dir, include_dir};
 
+use crate::files::{read_text, words};
 use crate::source::{Complaint, Source};
 
 /// Which suites are read.
@@ -108,14 +109,14 @@ fn embedded() -> Vec<Source> {
 fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint> {
     let complain = |path: &Path, error: std::io::Error| {
         let source = Source { name: shown(path), text: String::new() };
-        Complaint { source: Arc::new(source), place: None, message: error.to_string() }
+        Complaint { source: Arc::new(source), place: None, message: words(&error) }
     };
     for entry in fs::read_dir(folder).map_err(|error| complain(folder, error))? {
         let path = entry.map_err(|error| complain(folder, error))?.path();
         if path.is_dir() {
             read_folder(&path, sources)?;
         } else if path.extension().is_some_and(|extension| extension == "yaml") {
-            let text = fs::read_to_string(&path).map_err(|error| complain(&path, error))?;
+            let text = read_text(&path).map_err(|error| complain(&path, error))?;
             sources.push(Source { name: shown(&path), text });
         }
     }

@@ -9,6 +9,7 @@ use std::sync::Arc;
 use canopen::catalogue::Catalogue;
 use reference_devices::devices::{DeviceFiles, ReferenceDevice};
 
+use crate::files::{read_text, words};
 use crate::nearest::did_you_mean;
 use crate::source::{Complaint, Source};
 
@@ -118,10 +119,10 @@ fn parts(path: &Path) -> (PathBuf, Option<String>) {
 
 /// A text file; `None` when there is none.
 fn read(path: &Path) -> Result<Option<Arc<Source>>, Complaint> {
-    match fs::read_to_string(path) {
+    match read_text(path) {
         Ok(text) => Ok(Some(Arc::new(Source { name: shown(path), text }))),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(missing(path, &error.to_string())),
+        Err(error) => Err(missing(path, &words(&error))),
     }
 }
 

@@ -2,7 +2,6 @@
 //! device.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -20,6 +19,7 @@ use super::scan::Found;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::dut::{Dut, Sheet};
 use crate::exit::{Exit, Refused};
+use crate::files::{LARGEST, read, words};
 
 /// The data sheets of the reference devices of the same vendor and product, by the
 /// names by which suites ask for them.
@@ -38,9 +38,9 @@ pub fn models(eds: &Eds) -> BTreeMap<&'static str, &'static Eds> {
 /// # Errors
 /// When it cannot be read at all.
 pub(crate) fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
-    let bytes = fs::read(path).map_err(|error| Refused {
+    let bytes = read(path, LARGEST).map_err(|error| Refused {
         exit: Exit::File,
-        message: format!("error: {}: {error}", path.display()),
+        message: format!("error: {}: {}", path.display(), words(&error)),
     })?;
     let (sheet, eds) = Sheet::read(path.display().to_string(), &bytes);
     if sheet.diagnostics.iter().any(|found| found.severity == Severity::Error) {
