@@ -392,7 +392,7 @@ mod tests {
 
     /// Feeds `ms frame` lines (`>` in front of own ones, `!` of expected ones) to every monitor.
     fn breaches(lines: &[&str]) -> Vec<String> {
-        let mut monitors = all(5, vec![0x333], vec![EmcyCode(0x5030)]);
+        let mut monitors = all(5, vec![0x333], vec![EmcyCode(0x5030)], Duration::ZERO);
         let mut found = Vec::new();
         for line in lines {
             let (ms, text) = line.split_once(' ').unwrap();
