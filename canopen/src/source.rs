@@ -135,8 +135,26 @@ impl fmt::Display for Complaint {
         let gutter = line.to_string().len();
         writeln!(f, "{:gutter$}--> {}:{line}:{column}", "", self.source.name)?;
         writeln!(f, "{:gutter$} |", "")?;
-        writeln!(f, "{line} | {}", self.source.line(line))?;
+        let (text, column) = around(self.source.line(line), column);
+        writeln!(f, "{line} | {text}")?;
         write!(f, "{:gutter$} | {:>column$}", "", "^")
+    }
+}
+
+/// The part of a long line around a column, and the column in it.
+fn around(line: &str, column: usize) -> (String, usize) {
+    /// What is shown, and how much of it stands before the column.
+    const MOST: usize = 240;
+    const BEFORE: usize = 60;
+    const CUT: &str = "... ";
+    if column <= MOST && line.chars().nth(MOST).is_none() {
+        return (line.to_owned(), column);
+    }
+    let from = column.saturating_sub(BEFORE + 1);
+    let part: String = line.chars().skip(from).take(MOST).collect();
+    match from {
+        0 => (part, column),
+        _ => (format!("{CUT}{part}"), column - from + CUT.len()),
     }
 }
 
@@ -209,7 +227,14 @@ fn in_our_words(message: &str) -> String {
         Some("bool" | "boolean") => return "`true` or `false` belongs here".to_owned(),
         _ => {}
     }
+    if message.contains("budget") {
+        return "the file holds more values than are read: split it into several".to_owned();
+    }
+    if message.contains("from_str_multiple") {
+        return "a second document begins here, and a file has one".to_owned();
+    }
     match message {
+        "recursion limit exceeded" => "values are nested too deeply here".to_owned(),
         "expected sequence start" => "a list belongs here: `[one, another]`".to_owned(),
         "expected mapping start" => "keys and values belong here: `{ key: value }`".to_owned(),
         "expected string scalar" => "a text belongs here".to_owned(),
@@ -242,6 +267,39 @@ fn unknown(message: &str, prefix: &str, noun: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_is_too_much_for_the_library_is_said_in_our_words() {
+        let read = |text: String| {
+            let source = Arc::new(Source { name: "much".to_owned(), text });
+            read_yaml::<Outline>(&source).err().map(|complaint| complaint.message)
+        };
+        let deep = format!("a: {}{}", "[".repeat(5000), "]".repeat(5000));
+        let wide = format!("a: [{}]", vec!["a"; 600_000].join(", "));
+        for (text, said) in [
+            (deep, "values are nested too deeply here"),
+            (wide, "the file holds more values than are read: split it into several"),
+            ("a: 1\n---\nb: 2\n".to_owned(), "a second document begins here, and a file has one"),
+        ] {
+            assert_eq!(read(text).as_deref(), Some(said));
+        }
+    }
+
+    #[test]
+    fn of_a_long_line_the_part_around_the_mistake_is_shown() {
+        let line = format!("{}x{}", "a".repeat(100_000), "b".repeat(100_000));
+        let source = Arc::new(Source { name: "long".to_owned(), text: line });
+        for column in [1, 60, 100_001, 200_001, 4_000_000] {
+            let said = Complaint::at(&source, Place::new(1, column), "wrong").to_string();
+            let lines: Vec<&str> = said.lines().collect();
+            assert!(lines.iter().all(|line| line.len() < 300), "{column}: {said}");
+            let caret = lines[4].find('^').unwrap();
+            if column == 100_001 {
+                assert_eq!(&lines[3][caret..=caret], "x");
+            }
+        }
+        assert_eq!(around("short", 3), ("short".to_owned(), 3));
+    }
 
     #[test]
     fn lines_end_in_three_ways() {
