@@ -13,12 +13,21 @@ pub(super) fn names<R: ?Sized>(all: &[Deviation<R>]) -> impl Iterator<Item = &'s
     all.iter().map(|(name, _)| *name)
 }
 
-/// The deviations of a trait of decisions: each is its name and the one method that differs.
+/// The deviations of a trait of decisions: each is its name and the one method that differs. What
+/// else such rules decide, in other traits, is as usual.
 macro_rules! deviating {
     ($rules:ident; $($name:literal { $($method:tt)* })*) => {
         &[$(($name, || {
             struct Deviating;
             impl $rules for Deviating { $($method)* }
+            Box::new(Deviating)
+        })),*]
+    };
+    ($rules:ident and $others:ident; $($name:literal { $($method:tt)* })*) => {
+        &[$(($name, || {
+            struct Deviating;
+            impl $rules for Deviating { $($method)* }
+            impl $others for Deviating {}
             Box::new(Deviating)
         })),*]
     };

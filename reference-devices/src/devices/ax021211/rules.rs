@@ -1,6 +1,7 @@
 //! Every decision of the function blocks that a test can observe.
 
 mod deviations;
+mod digital;
 mod inputs;
 mod parameters;
 mod results;
@@ -19,15 +20,17 @@ use super::signal::{self, Link, Signal};
 use super::table::{self, POINTS};
 
 pub(super) use deviations::{named, names};
+pub(super) use digital::DigitalRules;
 
 /// A controller that keeps to its manual; clauses are those of the manual.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Manual;
 
+impl DigitalRules for Manual {}
 impl Ax021211Rules for Manual {}
 
 /// The decisions. The default methods are a summary of what the manual says.
-pub(super) trait Ax021211Rules: Send {
+pub(super) trait Ax021211Rules: DigitalRules + Send {
     /// A parameter is in force as it is written.
     fn parameter(&self, _mux: Mux, configured: i64) -> i64 {
         configured
@@ -653,67 +656,5 @@ pub(super) trait Ax021211Rules: Send {
     /// A fault ends when the feedback is within the tolerance again (1.3).
     fn error_ends(&self) -> bool {
         true
-    }
-
-    // Digital output
-
-    /// 6202h inverts the drive state (table 1).
-    fn polarity(&self, inverse: bool) -> bool {
-        inverse
-    }
-
-    /// There is no third polarity (table 1).
-    fn blinks(&self, _polarity: i64) -> bool {
-        false
-    }
-
-    /// A delay is for normal polarity (1.2).
-    fn delays(&self, inverse: bool) -> bool {
-        !inverse
-    }
-
-    /// 2225h says which state is reached late (2.4.6).
-    fn is_delayed_edge(&self, wanted: bool, delayed_state: bool) -> bool {
-        wanted == delayed_state
-    }
-
-    /// 2224h (2.4.5).
-    fn delay(&self, configured: Duration) -> Duration {
-        configured
-    }
-
-    /// A delay is for on/off outputs (1.2).
-    fn hotshot_is_delayed(&self) -> bool {
-        false
-    }
-
-    /// Each time the output comes on it begins with the hotshot (figure 3).
-    fn hotshot_is_armed_again(&self) -> bool {
-        true
-    }
-
-    /// 2222h (2.4.3).
-    fn hotshot_time(&self, configured: Duration) -> Duration {
-        configured
-    }
-
-    /// 2220h first, 2221h then (figure 3).
-    fn hotshot_currents(&self, hotshot: f64, hold: f64) -> (f64, f64) {
-        (hotshot, hold)
-    }
-
-    /// A dither belongs to a current output (1.3).
-    fn dithers(&self, is_current: bool) -> bool {
-        is_current
-    }
-
-    /// 2321h (2.4.12).
-    fn dither(&self, amplitude: f64) -> f64 {
-        amplitude
-    }
-
-    /// The sub-index of 2320h from 0 on for an output (2.4.11).
-    fn dither_bank(&self, place: usize) -> usize {
-        place / 4
     }
 }

@@ -16,23 +16,24 @@ use super::super::pid::{self, Gains};
 use super::super::ramp::Ramp;
 use super::super::signal::{Link, Signal, share};
 use super::super::table::POINTS;
-use super::{Ax021211Rules, inputs, parameters, results};
+use super::{Ax021211Rules, DigitalRules, digital, inputs, parameters, results};
 use crate::devices::deviating::{self, Deviation, deviating};
 
 /// The names of the devices that break one decision.
 pub(in super::super) fn names() -> impl Iterator<Item = &'static str> {
-    let named = [inputs::DEVIATIONS, DEVIATIONS, results::DEVIATIONS];
+    let named = [inputs::DEVIATIONS, DEVIATIONS, digital::DEVIATIONS, results::DEVIATIONS];
     parameters::names().chain(named.into_iter().flat_map(deviating::names))
 }
 
 /// The rules of the device that breaks the decision of that name; `None` when there is none.
 pub(in super::super) fn named(name: &str) -> Option<Box<dyn Ax021211Rules>> {
-    let named = [inputs::DEVIATIONS, DEVIATIONS, results::DEVIATIONS];
+    let named = [inputs::DEVIATIONS, DEVIATIONS, digital::DEVIATIONS, results::DEVIATIONS];
     let found = named.into_iter().find_map(|all| deviating::named(all, name));
     found.or_else(|| parameters::named(name))
 }
 
-const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
+const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
+    Ax021211Rules and DigitalRules;
     "half-is-on" {
         fn is_on(&self, signal: Signal) -> bool { signal.value >= 50.0 }
     }
@@ -426,44 +427,6 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
     "fault-is-latched" {
         fn error_ends(&self) -> bool { false }
     }
-    "polarity-ignored" {
-        fn polarity(&self, _inverse: bool) -> bool { false }
-    }
-    "polarity-inverted" {
-        fn polarity(&self, inverse: bool) -> bool { !inverse }
-    }
-    "delay-with-inverse-polarity" {
-        fn delays(&self, _inverse: bool) -> bool { true }
-    }
-    "delay-on-both-edges" {
-        fn is_delayed_edge(&self, _wanted: bool, _delayed_state: bool) -> bool { true }
-    }
-    "delay-on-other-edge" {
-        fn is_delayed_edge(&self, wanted: bool, delayed_state: bool) -> bool {
-            wanted != delayed_state
-        }
-    }
-    "delay-doubled" {
-        fn delay(&self, configured: Duration) -> Duration { configured * 2 }
-    }
-    "hotshot-once" {
-        fn hotshot_is_armed_again(&self) -> bool { false }
-    }
-    "hotshot-skipped" {
-        fn hotshot_time(&self, _configured: Duration) -> Duration { Duration::ZERO }
-    }
-    "hotshot-lasts" {
-        fn hotshot_time(&self, configured: Duration) -> Duration { configured * 10 }
-    }
-    "hotshot-currents-swapped" {
-        fn hotshot_currents(&self, hotshot: f64, hold: f64) -> (f64, f64) { (hold, hotshot) }
-    }
-    "dither-missing" {
-        fn dither(&self, _amplitude: f64) -> f64 { 0.0 }
-    }
-    "dither-of-first-bank" {
-        fn dither_bank(&self, _place: usize) -> usize { 0 }
-    }
     "takes-what-is-out-of-range" {
         fn refused(&self, _mux: Mux, _abort: Abort) -> Result<(), Abort> { Ok(()) }
     }
@@ -579,9 +542,6 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
     }
     "selection-stays" {
         fn keeps_selection(&self) -> bool { true }
-    }
-    "polarity-3-blinks" {
-        fn blinks(&self, polarity: i64) -> bool { polarity == 3 }
     }
     "takes-any-point" {
         fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {

@@ -3,7 +3,7 @@
 use canopen::Mux;
 
 use super::super::objects::{logic, math, table_of};
-use super::Ax021211Rules;
+use super::{Ax021211Rules, DigitalRules};
 
 /// The names of the devices that break one decision.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
@@ -63,6 +63,8 @@ struct Fixed {
     value: i64,
 }
 
+impl DigitalRules for Fixed {}
+
 impl Ax021211Rules for Fixed {
     fn parameter(&self, mux: Mux, configured: i64) -> i64 {
         if self.item.is(mux) { self.value } else { configured }
@@ -76,6 +78,8 @@ struct TakenFor {
     to: i64,
 }
 
+impl DigitalRules for TakenFor {}
+
 impl Ax021211Rules for TakenFor {
     fn parameter(&self, mux: Mux, configured: i64) -> i64 {
         if configured == self.from && self.item.is(mux) { self.to } else { configured }
@@ -88,6 +92,8 @@ struct Misplaced {
     from: usize,
     to: usize,
 }
+
+impl DigitalRules for Misplaced {}
 
 impl Ax021211Rules for Misplaced {
     fn place(&self, index: u16, place: usize) -> usize {

@@ -7,10 +7,11 @@ use super::super::math;
 use super::super::output::{self, Command, Interventions};
 use super::super::pid::Gains;
 use super::super::signal::Signal;
-use super::Ax021211Rules;
+use super::{Ax021211Rules, DigitalRules};
 use crate::devices::deviating::{Deviation, deviating};
 
-pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax021211Rules;
+pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
+    Ax021211Rules and DigitalRules;
     "types-forgotten-over-reset" {
         fn reads_types_at_a_start(&self) -> bool { false }
     }
@@ -25,11 +26,6 @@ pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax02
     }
     "fourth-object-unsupervised" {
         fn is_supervised(&self, _rpdo: u16, sub: u8) -> bool { sub < 4 }
-    }
-    "hotshot-of-two-seconds" {
-        fn hotshot_time(&self, configured: std::time::Duration) -> std::time::Duration {
-            configured.min(std::time::Duration::from_secs(2))
-        }
     }
     "math-compares-per-mille" {
         fn math_result(&self, operator: u8, a: f64, b: f64) -> f64 {
@@ -360,9 +356,6 @@ pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax02
     "drive-state-missing" {
         fn digital_states(&self, logic: bool, _drive: bool) -> (bool, bool) { (logic, false) }
     }
-    "hotshot-is-delayed" {
-        fn hotshot_is_delayed(&self) -> bool { true }
-    }
     "every-type-is-watched" {
         fn watches(&self, _is_current: bool) -> bool { true }
         fn difference(&self, _fv: f64, _target: f64, _feedback: f64, seen: (Driven, f64)) -> f64 {
@@ -396,12 +389,6 @@ pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! { Ax02
         fn is_wrong(&self, drives: bool, shorted: bool, difference: f64, tolerance: f64) -> bool {
             drives && !shorted && difference > tolerance
         }
-    }
-    "dither-of-every-type" {
-        fn dithers(&self, _is_current: bool) -> bool { true }
-    }
-    "dither-by-default" {
-        fn dither(&self, amplitude: f64) -> f64 { amplitude.max(100.0) }
     }
     "update-of-the-next-output" {
         fn type_default(&self, mux: Mux, value: i64) -> (Mux, i64) {
