@@ -54,7 +54,7 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     }
     let slips = slips_of(&library, &matrices, &freedoms, &|_| true)?;
     let assertions = Assertions::of(&library, &matrices, &freedoms, &slips);
-    holes.extend(assertions.holes());
+    holes.extend(assertions.holes(args.device.is_none()));
     assertions.show(&mut text, args);
     if args.verbose {
         text.push_str(&format!("slips: {} runs of cases\n", slips.runs()));

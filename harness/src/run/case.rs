@@ -12,7 +12,7 @@ use reports::{Event, Note, Outcome, Phase, Problem};
 use super::baseline::Baseline;
 use super::bench;
 use super::bench_snapshot::BenchSnapshot;
-use super::judge::{Difference, Trouble, excerpt};
+use super::judge::{Difference, Judgement, Trouble, excerpt};
 use super::link::Link;
 use super::policy::Policy;
 use super::promise;
@@ -437,17 +437,7 @@ fn run_phase(
                 continue;
             }
         }
-        let promised = |difference: Difference, steps: &Steps| Difference {
-            sheet: difference.sheet.clone().or_else(|| {
-                promise::promised(&step.value, &difference, &steps.scope, steps.dut).map(Box::new)
-            }),
-            ..difference
-        };
-        let judgement = match steps.run(&step.value) {
-            Ok(lenient) => Ok(lenient.map(|difference| promised(difference, steps))),
-            Err(Trouble::Device(difference)) => Err(Trouble::Device(promised(difference, steps))),
-            other => other,
-        };
+        let judgement = promised(steps, &step.value);
         witness.inspect(|witness| witness.step_ended(place, steps.link.mark(), &steps.scope));
         if let Some(proof) = &mut steps.proof {
             proof.difference().into_iter().for_each(|first| result.fail(phase, step.place, first));
@@ -498,6 +488,22 @@ fn run_phase(
         }
     }
     Ok(true)
+}
+
+/// Runs a step; a difference from what the data sheet promises names its line.
+fn promised(steps: &mut Steps, step: &Step) -> Judgement {
+    let judgement = steps.run(step);
+    let promised = |difference: Difference| {
+        let sheet = difference.sheet.clone().or_else(|| {
+            promise::promised(step, &difference, &steps.scope, steps.dut).map(Box::new)
+        });
+        Difference { sheet, ..difference }
+    };
+    match judgement {
+        Ok(lenient) => Ok(lenient.map(promised)),
+        Err(Trouble::Device(difference)) => Err(Trouble::Device(promised(difference))),
+        other => other,
+    }
 }
 
 /// What the application prevents now by local control or its state, as CiA 301 lets it, before

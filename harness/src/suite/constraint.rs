@@ -9,7 +9,7 @@ use std::ops::Range;
 use canopen::sdo::RESPONSE_COB_ID;
 use canopen::{Word, emcy, heartbeat};
 
-use super::literal::{FrameText, Literal, Tolerance};
+use super::literal::{Flow, FrameText, Literal, Tolerance};
 use super::model::Case;
 use super::refusal::Refusal;
 use super::step::{Ask, Bounds, Collect, Expect, LssStep, Measure, Read, Reply, Step, Until};
@@ -267,7 +267,8 @@ fn of_read(read: &Read) -> Vec<Constraint> {
     let others = [
         read.length.as_ref().map(|_| Constraint::Length),
         read.characters.map(|_| Constraint::Characters),
-        read.transfer.map(|_| Constraint::Transfer),
+        // A client that asks for blocks takes nothing else.
+        read.transfer.filter(|flow| *flow != Flow::Block).map(|_| Constraint::Transfer),
     ];
     of_value(read.value.is_some(), read.min.is_some(), read.max.is_some())
         .chain(others.into_iter().flatten())
@@ -507,7 +508,7 @@ mod tests {
             &["value", "min", "max", "tolerated 1"],
         ),
         (
-            "read: { object: '1008:00', length: 4, characters: 4, transfer: block, \
+            "read: { object: '1008:00', length: 4, characters: 4, transfer: segmented, \
              lenient: [0x08000024] }",
             &["length", "characters", "transfer", "lenient 1"],
         ),

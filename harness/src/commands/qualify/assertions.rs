@@ -98,15 +98,35 @@ impl<'l> Assertions<'l> {
         }
     }
 
-    /// The excuses that nothing needs.
-    pub(super) fn holes(&self) -> impl Iterator<Item = String> {
+    /// The excuses that nothing needs; of a `whole` run, too little that is proved.
+    pub(super) fn holes(&self, whole: bool) -> Vec<String> {
         let excused = self.all.iter().filter(|judged| {
             let name = judged.name();
             judged.by.is_some() && judged.case.unproved.contains_key(&name)
         });
-        excused.map(|judged| format!("{judged} is proved, and need not be excused"))
+        let mut holes: Vec<String> =
+            excused.map(|judged| format!("{judged} is proved, and need not be excused")).collect();
+        for (of_steps, least) in [(true, LEAST_STEPS), (false, LEAST_CONSTRAINTS)] {
+            let all = self.all.iter().filter(|judged| judged.constraint.is_none() == of_steps);
+            let proved = all.clone().filter(|judged| judged.by.is_some()).count();
+            let all = all.count();
+            if whole && proved * 100 < all * least {
+                let what = if of_steps { "steps" } else { "constraints" };
+                holes.push(format!(
+                    "{proved} of {all} {what} are proved, fewer than {least} %: `--unproved` lists \
+                     the rest"
+                ));
+            }
+        }
+        holes
     }
 }
+
+/// How many of a hundred steps must be proved.
+const LEAST_STEPS: usize = 99;
+
+/// How many of a hundred constraints must be proved.
+const LEAST_CONSTRAINTS: usize = 95;
 
 impl Judged<'_> {
     /// As excuses name it.

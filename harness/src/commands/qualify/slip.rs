@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use canopen::{Frame, Id};
 
-pub(super) use candidates::{Heard, Moment, candidates};
+pub(super) use candidates::{Heard, Moment, candidates, not_declining};
 pub(super) use tape::{Answers, Part, SlippingBus, Tape};
 
 use edits::Edit;
@@ -29,8 +29,6 @@ pub(super) struct Slip {
     unasked: Vec<(Duration, Frame)>,
     /// What is seen on the physical side instead, while this step runs.
     observed: Option<(usize, Odd)>,
-    /// The request that the device takes for another one, while this step runs.
-    misheard: Option<usize>,
     /// The step after which the answers are those of a device that did not slip.
     healed: Option<usize>,
 }
@@ -39,12 +37,10 @@ pub(super) struct Slip {
 #[derive(Clone, Debug)]
 struct Change {
     id: Id,
-    /// The first frame, counted from the begin of the steps.
-    from: u32,
-    /// The frame behind the last one.
-    to: u32,
-    /// The step outside which nothing happens.
-    step: Option<usize>,
+    /// The step, and the first frame in it.
+    from: (usize, u32),
+    /// The step, and the frame after the last one.
+    to: (usize, u32),
     fate: Fate,
 }
 
@@ -71,6 +67,12 @@ impl Slip {
         Self { healed: Some(step), ..self }
     }
 
+    /// The same, beside another one.
+    pub(super) fn beside(mut self, other: &Self) -> Self {
+        self.changes.splice(0..0, other.changes.iter().cloned());
+        self
+    }
+
     fn with(mut self, change: Change) -> Self {
         self.changes.push(change);
         self
@@ -85,13 +87,24 @@ impl Slip {
 impl Change {
     /// Of one frame.
     const fn once(heard: &Heard, fate: Fate) -> Self {
-        let Heard { frame, ordinal, .. } = heard;
-        Self { id: frame.id, from: *ordinal, to: *ordinal + 1, step: None, fate }
+        let Heard { frame, step, ordinal, .. } = heard;
+        Self { id: frame.id, from: (*step, *ordinal), to: (*step, *ordinal + 1), fate }
     }
 
-    /// Of this frame and those that follow while the step runs.
-    const fn from(heard: &Heard, step: usize, fate: Fate) -> Self {
-        let Heard { frame, ordinal, .. } = heard;
-        Self { id: frame.id, from: *ordinal, to: u32::MAX, step: Some(step), fate }
+    /// Of this frame and those after it in its step.
+    const fn rest(heard: &Heard, fate: Fate) -> Self {
+        let Heard { frame, step, ordinal, .. } = heard;
+        Self { id: frame.id, from: (*step, *ordinal), to: (*step, u32::MAX), fate }
+    }
+
+    /// Of all such frames in the step.
+    const fn during(heard: &Heard, step: usize, fate: Fate) -> Self {
+        Self { id: heard.frame.id, from: (step, 0), to: (step, u32::MAX), fate }
+    }
+
+    /// Of this frame and all after it.
+    const fn always(heard: &Heard, fate: Fate) -> Self {
+        let Heard { frame, step, ordinal, .. } = heard;
+        Self { id: frame.id, from: (*step, *ordinal), to: (usize::MAX, u32::MAX), fate }
     }
 }

@@ -10,7 +10,9 @@ use reports::{Event, Outcome};
 
 use super::assertion::Assertion;
 use super::matrix::home;
-use super::slip::{Answers, Heard, Moment, Part, Slip, SlippingBus, Tape, candidates};
+use super::slip::{
+    Answers, Heard, Moment, Part, Slip, SlippingBus, Tape, candidates, not_declining,
+};
 use super::trial::{Clean, case_name};
 use crate::cli::DEFAULT_BIT_RATE;
 use crate::dut::Dut;
@@ -29,10 +31,10 @@ use crate::waivers::Waivers;
 const INSTANCES: usize = 4;
 
 /// How many runs there are for each assertion of a case at most, on average.
-const RUNS: usize = 12;
+const RUNS: usize = 40;
 
 /// How many slips there are for a case at most, for each of its assertions.
-const SLIPS: usize = 24;
+const SLIPS: usize = 30;
 
 /// How many of them are tried once more while later steps see a device in order.
 const HEALED: usize = 6;
@@ -163,13 +165,16 @@ impl Search {
                 self.runs += 1;
                 let (shown, heard, moments) = tape.end();
                 let mut next = None;
-                if let Some(trial) = &trial {
-                    next = self.learn(&shown, &end.outcome, trial);
-                } else if passes(&end.outcome) && shown.step.is_none() {
+                let clean = trial.as_ref().is_none_or(|trial| trial.target.is_none());
+                if clean && passes(&end.outcome) && shown.step.is_none() {
                     in_order = Rc::new(answers(node, &heard, &moments));
-                    queue = Some(self.queue(instance.case(), &heard, &moments, &plan.dut));
+                    let base = trial.take().map(|trial| trial.slip);
+                    let scenes = Scenes { heard: &heard, moments: &moments, dut: &plan.dut };
+                    queue.get_or_insert_default().extend(self.queue(instance, scenes, base));
+                } else if let Some(trial) = &trial {
+                    next = self.learn(&shown, &end.outcome, trial);
                 }
-                trial = next.or_else(|| queue.as_mut().and_then(|queue| queue.next(&self.open)));
+                trial = next.or_else(|| next_of(queue.as_mut()?, &self.open));
                 if trial.is_none() {
                     stop.signal();
                 }
@@ -179,16 +184,45 @@ impl Search {
         Ok(queue.is_some())
     }
 
-    /// The slips that may prove what is open, by what was heard on a device in order.
-    fn queue(&self, case: &Case, heard: &[Heard], moments: &[Moment], dut: &Dut) -> Queue {
-        let make = |one: &Assertion| {
-            let moment = moments.iter().find(|moment| moment.step == one.step);
-            let begin = moments.first().map(|first| first.from);
-            let Some(places) = moment.zip(begin) else { return Vec::new() };
-            let step = &case.steps[one.step].value;
-            candidates(step, one.constraint.as_ref(), places, heard, (dut.node, &dut.eds))
-        };
-        Queue::of(self.open.iter().cloned(), make)
+    /// The slips that may prove what is open, by what was heard on a device in order, or on one
+    /// with the slip `base` that may be so.
+    fn queue(&self, instance: &Instance, scenes: Scenes, base: Option<Slip>) -> Vec<Trial> {
+        let Scenes { heard, moments, dut } = scenes;
+        let Some(begin) = moments.first().map(|first| first.from) else { return Vec::new() };
+        let (case, device) = (instance.case(), (dut.node, &*dut.eds));
+        let mut trials = Vec::new();
+        // A constraint proves its step, too.
+        let (steps, constraints): (Vec<_>, Vec<_>) =
+            self.open.iter().partition(|one| one.constraint.is_none());
+        for target in constraints.into_iter().chain(steps) {
+            let Some(moment) = moments.iter().find(|moment| moment.step == target.step) else {
+                continue;
+            };
+            let step = &case.steps[target.step].value;
+            let part = target.constraint.as_ref();
+            let slips = candidates(step, part, (moment, begin), heard, device);
+            let slips: Vec<Slip> = slips.into_iter().take(SLIPS).collect();
+            let healed = slips.iter().take(HEALED);
+            let healed: Vec<Slip> =
+                healed.map(|slip| slip.clone().healed_after(target.step)).collect();
+            trials.extend(slips.into_iter().chain(healed).map(|slip| Trial {
+                target: Some(target.clone()),
+                slip: base.iter().fold(slip, Slip::beside),
+                open: None,
+            }));
+        }
+        // What a device in order refuses may end the steps; another one goes on.
+        let last = moments.last().filter(|last| last.step + 1 < case.steps.len());
+        if let Some(last) = last.filter(|_| base.is_none())
+            && let Some(first) = self.open.iter().find(|one| one.step > last.step)
+            && let Some(slip) =
+                not_declining(&case.steps[last.step].value, (last, begin), heard, device)
+        {
+            let target = Some(first.clone());
+            trials.push(Trial { target: None, slip: slip.clone(), open: None });
+            trials.push(Trial { target, slip, open: None });
+        }
+        trials
     }
 
     /// What one run proves; what is to be run next, if it is not clear.
@@ -209,12 +243,16 @@ impl Search {
             proved.extend(Assertion::proved_by(&target.case, shown));
         } else if passes {
             proved.extend(Assertion::used_by(&target.case, shown));
+            // Without the demand, the case would be PASS and not LENIENT.
             let lenient = |(step, allowance): &(usize, Allowance)| {
-                *step == target.step && matches!(allowance, Allowance::Lenient(_))
+                let accepted = matches!(allowance, Allowance::Lenient(_) | Allowance::Tolerated(_));
+                *step == target.step && accepted
             };
-            // Without this part of the frame, the case would be PASS and not LENIENT.
-            let of_frame = target.constraint.as_ref().is_some_and(Constraint::is_of_frame);
-            if of_frame && shown.allowed.iter().any(lenient) {
+            let judged = match &target.constraint {
+                Some(constraint) => constraint.is_of_frame() || *constraint == Constraint::Value,
+                None => true,
+            };
+            if judged && shown.allowed.iter().any(lenient) {
                 proved.insert(target.clone());
             }
         }
@@ -254,36 +292,23 @@ fn answers(node: u8, heard: &[Heard], moments: &[Moment]) -> Answers {
     all
 }
 
-/// The slips that are still to be tried, by what they may prove.
-struct Queue(VecDeque<(Assertion, VecDeque<Slip>)>);
+/// What was heard on a device, step by step.
+#[derive(Clone, Copy)]
+struct Scenes<'s> {
+    heard: &'s [Heard],
+    moments: &'s [Moment],
+    dut: &'s Dut,
+}
 
-impl Queue {
-    fn of(
-        targets: impl Iterator<Item = Assertion>,
-        make: impl Fn(&Assertion) -> Vec<Slip>,
-    ) -> Self {
-        let mut all: VecDeque<_> = VecDeque::new();
-        // A constraint proves its step, too.
-        let (steps, constraints): (Vec<_>, Vec<_>) =
-            targets.partition(|one| one.constraint.is_none());
-        for target in constraints.into_iter().chain(steps) {
-            let slips: Vec<Slip> = make(&target).into_iter().take(SLIPS).collect();
-            let healed = |slip: &Slip| slip.clone().healed_after(target.step);
-            let healed: Vec<Slip> = slips.iter().take(HEALED).map(healed).collect();
-            all.push_back((target, slips.into_iter().chain(healed).collect()));
-        }
-        Self(all)
-    }
+/// What is still to be run, in its order.
+type Queue = VecDeque<Trial>;
 
-    fn next(&mut self, open: &BTreeSet<Assertion>) -> Option<Trial> {
-        loop {
-            let (target, slips) = self.0.front_mut()?;
-            if open.contains(target)
-                && let Some(slip) = slips.pop_front()
-            {
-                return Some(Trial { target: Some(target.clone()), slip, open: None });
-            }
-            self.0.pop_front();
+/// The next run for something that is still open.
+fn next_of(queue: &mut Queue, open: &BTreeSet<Assertion>) -> Option<Trial> {
+    loop {
+        let trial = queue.pop_front()?;
+        if trial.target.as_ref().is_none_or(|target| open.contains(target)) {
+            return Some(trial);
         }
     }
 }

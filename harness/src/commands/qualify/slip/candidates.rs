@@ -21,7 +21,9 @@ pub(in super::super) struct Heard {
     pub frame: Frame,
     /// Whether the tester sent it.
     pub own: bool,
-    /// Which of the frames of its identifier it is, counted from 0.
+    /// The step that ran when it was taken from the bus.
+    pub step: usize,
+    /// Which of the frames of its identifier it is in that step, counted from 0.
     pub ordinal: u32,
 }
 
@@ -86,6 +88,16 @@ pub(in super::super) fn candidates(
     }
 }
 
+/// How a device goes on where one in order ended the steps by what it may refuse.
+pub(in super::super) fn not_declining(
+    step: &Step,
+    (moment, begin): (&Moment, Instant),
+    all: &[Heard],
+    (node, eds): (u8, &Eds),
+) -> Option<Slip> {
+    objects::not_declining(&Scene { step, moment, begin, all, node, eds })
+}
+
 impl Scene<'_> {
     /// What came while the step ran.
     pub(super) fn heard(&self) -> impl DoubleEndedIterator<Item = &Heard> {
@@ -112,7 +124,7 @@ impl Scene<'_> {
     /// The frame of that identifier before this one, in whose buffer it may be built.
     pub(super) fn before(&self, heard: &Heard) -> Option<&Heard> {
         let same = |other: &&Heard| !other.own && other.frame.id == heard.frame.id;
-        self.all.iter().filter(same).take_while(|other| other.ordinal < heard.ordinal).last()
+        self.all.iter().filter(same).take_while(|other| other.at < heard.at).last()
     }
 
     pub(super) fn pattern(&self, text: &At<FrameText>) -> Option<Pattern> {
@@ -158,8 +170,10 @@ impl Scene<'_> {
         }
         for heard in ids {
             let id = heard.frame.id;
-            let lost = Change::from(heard, self.moment.step, Fate::Lost);
+            let lost = Change::during(heard, self.moment.step, Fate::Lost);
             slips.push(Slip::new(format!("no frame {id} is sent")).with(lost));
+            let once = Change::once(heard, Fate::Lost);
+            slips.push(Slip::new(format!("a frame {id} is not sent")).with(once));
         }
         slips.extend(values::observed(self));
         slips

@@ -14,7 +14,11 @@ pub(super) enum Edit {
     Length,
     /// The data of an expedited upload are others.
     Value(Vec<u8>),
-    /// The data of an expedited upload are others, where they are these.
+    /// The number in the answer to an expedited upload of this object is so much larger.
+    Larger([u8; 3], u32),
+    /// This frame becomes that one.
+    Swapped(Frame, Frame),
+    /// These data of an expedited upload become those.
     Instead(Vec<u8>, Vec<u8>),
     /// A refusal becomes a confirmation of what was asked for.
     Taken,
@@ -98,10 +102,22 @@ impl Edit {
                     data.copy_from_slice(value);
                 }
             }
-            Self::Instead(old, value) => {
-                let data = expedited(&mut bytes).and_then(|all| all.get_mut(..value.len()));
+            Self::Larger(mux, by) => {
+                let unused = bytes.first().map_or(0, |first| usize::from(first >> 2 & 3));
+                let same = bytes.get(1..4) == Some(&mux[..]);
+                if let Some(data) = expedited(&mut bytes).filter(|_| same) {
+                    let number = u32::from_le_bytes([data[0], data[1], data[2], data[3]]);
+                    let larger = number.wrapping_add(*by).to_le_bytes();
+                    let used = 4 - unused;
+                    data[..used].copy_from_slice(&larger[..used]);
+                }
+            }
+            Self::Swapped(old, other) if frame == old => return *other,
+            Self::Swapped(..) => {}
+            Self::Instead(old, other) => {
+                let data = expedited(&mut bytes).and_then(|all| all.get_mut(..other.len()));
                 if let Some(data) = data.filter(|data| **data == old[..]) {
-                    data.copy_from_slice(value);
+                    data.copy_from_slice(other);
                 }
             }
             Self::Taken => {
@@ -175,9 +191,9 @@ mod tests {
         assert_eq!(edited(Edit::Refused(0x0800_0000), answer, request), "585#8017100000000008");
         let value = Edit::Value(vec![0x34, 0x12]);
         assert_eq!(edited(value, answer, request), "585#4B17100034120000");
-        let others = Edit::Instead(vec![1, 0], vec![2, 0]);
-        assert_eq!(edited(others, answer, request), answer);
-        let same = Edit::Instead(vec![0x0A, 0], vec![0x0B, 0]);
-        assert_eq!(edited(same, answer, request), "585#4B1710000B000000");
+        let other = Edit::Larger([0x18, 0x10, 0], 1);
+        assert_eq!(edited(other, answer, request), answer);
+        let same = Edit::Larger([0x17, 0x10, 0], 0xFFFF);
+        assert_eq!(edited(same, answer, request), "585#4B17100009000000");
     }
 }

@@ -73,7 +73,9 @@ pub(super) fn breaking(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
         }
         Constraint::Length => {
             let edit = Fate::Edited(Edit::Length);
-            vec![Slip::new(format!("{id} has another length")).with(Change::once(first, edit))]
+            let slip = Slip::new(format!("{id} has another length"));
+            let always = Change::during(first, scene.moment.step, edit.clone());
+            vec![slip.clone().with(Change::once(first, edit)), slip.with(always)]
         }
         _ => words(scene, first, constraint),
     }
@@ -113,16 +115,10 @@ fn words(scene: &Scene, heard: &Heard, constraint: &Constraint) -> Vec<Slip> {
         let edit = Fate::Edited(Edit::Byte(place, odd));
         slips.push(Slip::new(what.clone()).with(Change::once(heard, edit.clone())));
         if lasts {
-            let from = first_of(scene, heard);
-            slips.push(Slip::new(what).with(Change::from(from, scene.moment.step, edit)));
+            slips.push(Slip::new(what).with(Change::during(heard, scene.moment.step, edit)));
         }
     }
     slips
-}
-
-/// The first frame of that identifier in the step.
-fn first_of<'s>(scene: &'s Scene, heard: &'s Heard) -> &'s Heard {
-    scene.sent().find(|other| other.frame.id == heard.frame.id).unwrap_or(heard)
 }
 
 /// Each byte of the frame, in each way that changes it.
@@ -182,7 +178,7 @@ pub(super) fn taking(scene: &Scene, allowance: Allowance) -> Vec<Slip> {
         }
         Allowance::OrSilence | Allowance::AcceptSilence | Allowance::Optional => {
             let lost = |heard: &Heard| {
-                let lost = Change::from(heard, scene.moment.step, Fate::Lost);
+                let lost = Change::during(heard, scene.moment.step, Fate::Lost);
                 let once = Change::once(heard, Fate::Lost);
                 let what = format!("{} is not sent", heard.frame.id);
                 [Slip::new(what.clone()).with(lost), Slip::new(what).with(once)]
@@ -220,7 +216,7 @@ fn instead(
         let slip = Slip::new(format!("answers {frame}"));
         slips.push(slip.clone().with(Change::once(heard, edit.clone())));
         if matches!(scene.step, Step::Expect(_)) {
-            slips.push(slip.with(Change::from(heard, scene.moment.step, edit)));
+            slips.push(slip.with(Change::during(heard, scene.moment.step, edit)));
         }
     }
     slips

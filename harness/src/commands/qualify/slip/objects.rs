@@ -59,7 +59,7 @@ fn taken(scene: &Scene) -> Vec<Slip> {
     let all = scene.answers().next().unwrap_or(aborted);
     let what = "what is to be refused is confirmed";
     vec![
-        Slip::new(what).with(Change::from(all, scene.moment.step, Fate::Edited(Edit::Taken))),
+        Slip::new(what).with(Change::during(all, scene.moment.step, Fate::Edited(Edit::Taken))),
         Slip::new(what).with(Change::once(aborted, Fate::Edited(Edit::Taken))),
     ]
 }
@@ -193,7 +193,7 @@ impl<'s> Uploaded<'s> {
         let mut slip = Slip::new(format!("the value is {}h", hex.concat()));
         if let (Step::Until(_), [only]) = (scene.step, &self.answers[..]) {
             let edit = Fate::Edited(Edit::Value(data.to_vec()));
-            return slip.with(Change::from(only, scene.moment.step, edit));
+            return slip.with(Change::during(only, scene.moment.step, edit));
         }
         let mut all: Vec<(&Heard, [u8; 8])> = self.answers.iter().copied().zip(frames).collect();
         if let Some(end) = self.end {
@@ -214,8 +214,17 @@ impl<'s> Uploaded<'s> {
     fn held(&self, data: &[u8]) -> Option<Slip> {
         let [only] = self.answers[..] else { return None };
         let edit = Fate::Edited(Edit::Instead(self.data.clone(), data.to_vec()));
-        let change = Change { to: u32::MAX, ..Change::once(only, edit) };
+        let change = Change::always(only, edit);
         Some(Slip::new("the device holds another value").with(change))
+    }
+
+    /// A number that is larger by so much, in this answer and in every later one.
+    fn larger(&self, by: u32) -> Option<Slip> {
+        let [only] = self.answers[..] else { return None };
+        let mux = *only.frame.data.get(1..)?.first_chunk::<3>()?;
+        let edit = Fate::Edited(Edit::Larger(mux, by));
+        let change = Change::always(only, edit);
+        Some(Slip::new(format!("the value is larger by {:08X}h from now on", by)).with(change))
     }
 }
 
@@ -272,8 +281,15 @@ fn values(scene: &Scene) -> Vec<Slip> {
     let mut bell = data.clone();
     bell[0] = 0x07;
     add(bell);
-    let held = others.iter().take(4).filter_map(|other| uploaded.held(other));
-    others.iter().map(|other| uploaded.with(scene, other)).chain(held).collect()
+    let number = data.first_chunk::<4>().map_or_else(
+        || data.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte)),
+        |bytes| u32::from_le_bytes(*bytes),
+    );
+    let steps = [1, u32::MAX, number.wrapping_neg(), 0x400, 0x400_u32.wrapping_neg(), 0x40, 0x8000];
+    let larger = steps.into_iter().filter_map(|by| uploaded.larger(by));
+    let held = others.iter().take(3).filter_map(|other| uploaded.held(other));
+    let others = others.iter().map(|other| uploaded.with(scene, other));
+    others.chain(larger).chain(held).collect()
 }
 
 /// The value is a byte shorter, or longer.
@@ -307,19 +323,46 @@ fn other_length(scene: &Scene) -> Vec<Slip> {
     slips
 }
 
-/// The value comes in one frame.
+/// The value comes in one frame, or in segments though it would fit.
 fn other_protocol(scene: &Scene) -> Vec<Slip> {
-    let Some(first) = scene.answers().next() else { return Vec::new() };
+    let Some(uploaded) = Uploaded::of(scene) else { return Vec::new() };
+    let first = uploaded.answers[0];
     let mut bytes = first.frame.data.padded();
-    let misheard = Some(scene.moment.step);
-    let blocks = Slip { misheard, ..Slip::new("a block upload is begun as another one") };
-    let lengths = [0x43, 0x47, 0x4B, 0x4F].map(|command| {
+    let begin: Vec<u8> = uploaded.data.iter().copied().chain([0; 4]).take(4).collect();
+    if bytes[0] & 0xE2 == 0x42 {
+        return vec![in_segments(first, &uploaded.data)];
+    }
+    bytes[4..].copy_from_slice(&begin);
+    let commands = [0x43, 0x47, 0x4B, 0x4F].map(|command| {
         bytes[0] = command;
         let frame = Frame { data: bytes.into(), ..first.frame };
-        let edit = Fate::Edited(Edit::Frame(frame));
-        Slip::new("the value comes in one frame").with(Change::once(first, edit))
+        Fate::Edited(Edit::Frame(frame))
     });
-    [blocks].into_iter().chain(lengths).collect()
+    let what = "the value comes in one frame";
+    let once = commands.iter().map(|edit| Slip::new(what).with(Change::once(first, edit.clone())));
+    // In this step and in every later one that asks for the same.
+    let always = commands.iter().filter_map(|edit| {
+        let Fate::Edited(Edit::Frame(frame)) = edit else { return None };
+        let swapped = Fate::Edited(Edit::Swapped(first.frame, *frame));
+        let change = Change::always(first, swapped);
+        Some(Slip::new(what).with(change))
+    });
+    once.chain(always).collect()
+}
+
+/// The value of at most four bytes in a segment, which the device refuses to send.
+fn in_segments(first: &Heard, data: &[u8]) -> Slip {
+    let mut initiate = first.frame.data.padded();
+    (initiate[0], initiate[4]) = (0x41, data.len() as u8);
+    initiate[5..].fill(0);
+    let mut segment = [0; 8];
+    segment[0] = ((7 - data.len() as u8) << 1) | 1;
+    segment[1..=data.len()].copy_from_slice(data);
+    let with =
+        |bytes: [u8; 8]| Fate::Edited(Edit::Frame(Frame { data: bytes.into(), ..first.frame }));
+    let mut next = Change::once(first, with(segment));
+    (next.from.1, next.to.1) = (next.from.1 + 1, next.to.1 + 1);
+    Slip::new("the value comes in segments").with(Change::once(first, with(initiate))).with(next)
 }
 
 /// What makes use of something that the step accepts, too.
@@ -376,4 +419,13 @@ fn tolerated(scene: &Scene, object: &At<ObjectRef>, value: &At<Literal>) -> Vec<
     let bytes = scene.eds.entry(mux).and_then(|entry| scope.bytes(&value.value, entry).ok());
     let (Some(bytes), Some(uploaded)) = (bytes, Uploaded::of(scene)) else { return Vec::new() };
     vec![uploaded.with(scene, &bytes)]
+}
+
+/// The device takes what it may refuse in this step: the confirmation of the write, or the answer
+/// that does not end the steps.
+pub(super) fn not_declining(scene: &Scene) -> Option<Slip> {
+    let Step::Write(_) = scene.step else { return None };
+    let aborted = aborted(scene)?;
+    let edit = Fate::Edited(Edit::Taken);
+    Some(Slip::new("what may be refused is confirmed").with(Change::once(aborted, edit)))
 }

@@ -30,7 +30,7 @@ struct Recording {
     /// When the steps began; `None` before and after them.
     begin: Option<Instant>,
     step: usize,
-    /// How many frames the device sent, by identifier.
+    /// How many frames the device sent in the step, by identifier.
     counts: BTreeMap<Id, u32>,
     /// What is on its way, with the time at which it comes.
     under_way: Vec<(Instant, Frame)>,
@@ -45,8 +45,6 @@ struct Recording {
     /// How many of them the step that runs had.
     answered: usize,
     answers: Option<Id>,
-    /// What the tester sent, and what the device heard.
-    misheard: Option<(Frame, Frame)>,
 }
 
 /// The answers of an SDO server, by step.
@@ -79,6 +77,7 @@ impl Witness for Tape {
     fn step_begins(&self, step: usize, from: Instant) {
         let recording = &mut *self.0.borrow_mut();
         (recording.step, recording.answered) = (step, 0);
+        recording.counts.clear();
         if recording.begin.is_none() {
             recording.begin = Some(from);
             let unasked = std::mem::take(&mut recording.slip.unasked).into_iter();
@@ -122,7 +121,8 @@ impl Recording {
                 *count - 1
             }
         };
-        self.heard.push(Heard { at, frame, own, ordinal });
+        let place = (self.step, ordinal);
+        self.heard.push(Heard { at, frame, own, step: self.step, ordinal });
         if own {
             self.request = Some(frame);
             return Some(stamped);
@@ -135,10 +135,7 @@ impl Recording {
             self.answered += 1;
         }
         for change in &self.slip.changes {
-            let meant = change.id == frame.id
-                && (change.from..change.to).contains(&ordinal)
-                && change.step.is_none_or(|step| step == self.step);
-            if !meant {
+            if change.id != frame.id || !(change.from..change.to).contains(&place) {
                 continue;
             }
             let late = match &change.fate {
@@ -156,23 +153,6 @@ impl Recording {
             return None;
         }
         Some(Stamped { frame: sent, ..stamped })
-    }
-
-    /// What the device hears of a request: the initiation of a block upload may be taken for that
-    /// of another upload.
-    fn mishear(&mut self, frame: &Frame) -> Frame {
-        let meant = self.begin.is_some() && self.slip.misheard == Some(self.step);
-        let first = frame.data.first().copied().unwrap_or(0);
-        self.misheard = None;
-        if !meant || first & 0xE3 != 0xA0 {
-            return *frame;
-        }
-        let mut bytes = frame.data.padded();
-        bytes[0] = 0x40;
-        bytes[4..].fill(0);
-        let heard = Frame { data: bytes.into(), ..*frame };
-        self.misheard = Some((*frame, heard));
-        heard
     }
 
     fn next(&self) -> Instant {
@@ -197,8 +177,7 @@ impl Bus for SlippingBus {
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
-        let heard = self.tape.0.borrow_mut().mishear(frame);
-        self.bus.send(&heard)
+        self.bus.send(frame)
     }
 
     fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
@@ -207,13 +186,7 @@ impl Bus for SlippingBus {
             let got = self.bus.recv(until.min(next))?;
             let recording = &mut *self.tape.0.borrow_mut();
             match got {
-                Some(mut stamped) => {
-                    if let Some((sent, heard)) = recording.misheard
-                        && stamped.own
-                        && stamped.frame == heard
-                    {
-                        stamped.frame = sent;
-                    }
+                Some(stamped) => {
                     if let Some(sent) = recording.pass(stamped) {
                         return Ok(Some(sent));
                     }
@@ -311,18 +284,18 @@ mod tests {
     fn a_slip_happens_to_one_frame_or_to_all_from_there_on() {
         let ms = Duration::from_millis;
         let id = Id::standard(ID);
-        let second = |fate| Change { id, from: 1, to: 2, step: None, fate };
+        let second = |fate| Change { id, from: (0, 1), to: (0, 2), fate };
         let slip = |fate| Slip::new("").with(second(fate));
         assert_eq!(heard(Slip::default()), [(1, 1), (2, 2), (3, 3)]);
         assert_eq!(heard(slip(Fate::Lost)), [(1, 1), (3, 3)]);
         assert_eq!(heard(slip(Fate::Late(ms(5)))), [(1, 1), (3, 3), (7, 2)]);
         let ones = Fate::Edited(Edit::Byte(0, Odd::Ones));
         assert_eq!(heard(slip(ones.clone())), [(1, 1), (2, 0xFF), (3, 3)]);
-        let from = Change { to: u32::MAX, step: Some(0), ..second(ones.clone()) };
+        let from = Change { to: (0, u32::MAX), ..second(ones.clone()) };
         assert_eq!(heard(Slip::new("").with(from.clone())), [(1, 1), (2, 0xFF), (3, 0xFF)]);
-        let elsewhere = Change { step: Some(1), ..from };
+        let elsewhere = Change { from: (1, 1), to: (1, 2), ..from };
         assert_eq!(heard(Slip::new("").with(elsewhere)), [(1, 1), (2, 2), (3, 3)]);
-        let slow = Change { from: 0, to: 3, ..second(Fate::Slow(ms(1), 1.0)) };
+        let slow = Change { from: (0, 0), to: (0, 3), ..second(Fate::Slow(ms(1), 1.0)) };
         assert_eq!(heard(Slip::new("").with(slow)), [(1, 1), (3, 2), (5, 3)]);
         let unasked = Slip::new("").and_unasked(ms(10), Frame::new(ID, [9]));
         assert_eq!(heard(unasked), [(1, 1), (2, 2), (3, 3), (10, 9)]);

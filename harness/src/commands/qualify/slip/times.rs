@@ -11,7 +11,7 @@ use crate::suite::constraint::{Constraint, Time};
 use crate::suite::step::Step;
 
 /// Parts of a time by which a frame comes at another one.
-const PARTS: [f64; 10] = [1.0, 0.5, 0.3, 0.2, 0.15, 0.1, 0.05, 0.03, 0.02, 2.0];
+const PARTS: [f64; 12] = [1.0, 0.5, 0.3, 0.2, 0.15, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 2.0];
 
 /// How much later an answer comes, in milliseconds.
 const LATER_MS: [f64; 14] =
@@ -49,7 +49,7 @@ fn early(scene: &Scene) -> Vec<Slip> {
     let parts = [0.01, 0.25, 0.5, 0.75, 0.9, 0.95];
     let same = |other: &&Heard| !other.own && other.frame.id == heard.frame.id;
     let later: Vec<&Heard> =
-        scene.all.iter().filter(same).filter(|other| other.ordinal >= heard.ordinal).collect();
+        scene.all.iter().filter(same).filter(|other| other.at >= heard.at).collect();
     let mut slips = Vec::new();
     for part in parts {
         let sooner = span.mul_f64(1.0 - part).saturating_sub(Duration::from_micros(1));
@@ -92,7 +92,7 @@ fn slow(scene: &Scene) -> Vec<Slip> {
     let since = scene.after(first.at);
     let slips = PARTS.map(|part| {
         Slip::new(format!("{} comes slower by {} %", first.frame.id, part * 100.0))
-            .with(Change::from(first, scene.moment.step, Fate::Slow(since, part)))
+            .with(Change::during(first, scene.moment.step, Fate::Slow(since, part)))
     });
     slips.into()
 }
@@ -104,7 +104,7 @@ fn fast(scene: &Scene) -> Vec<Slip> {
     let parts = PARTS.iter().filter(|part| **part < 1.0);
     let slips = parts.map(|part| {
         let mut slip = Slip::new(format!("{} comes faster by {} %", first.frame.id, part * 100.0));
-        for heard in taken.iter().skip(1) {
+        for heard in &taken {
             let after = heard.at.since(first.at).mul_f64(1.0 - part);
             let lost = Change::once(heard, Fate::Lost);
             slip = slip.with(lost).and_unasked(scene.after(first.at) + after, heard.frame);
@@ -121,11 +121,7 @@ fn one_late(scene: &Scene, time: Time) -> Vec<Slip> {
     let place = taken[taken.len() / 2];
     let slips = PARTS.map(|part| {
         let late = Fate::Late(period.mul_f64(part));
-        Slip::new(format!("{} comes late once", place.frame.id)).with(Change::from(
-            place,
-            scene.moment.step,
-            late,
-        ))
+        Slip::new(format!("{} comes late once", place.frame.id)).with(Change::rest(place, late))
     });
     slips.into()
 }
