@@ -4,107 +4,14 @@
 mod candidates;
 mod edits;
 mod frames;
+mod model;
 mod objects;
+mod scene;
 mod tape;
 mod times;
 mod values;
 
-use std::time::Duration;
-
-use canopen::{Frame, Id};
-
-pub(super) use candidates::{Heard, Moment, candidates, not_declining};
+pub(super) use candidates::{candidates, not_declining};
+pub(super) use model::Slip;
+pub(super) use scene::{Heard, Moment};
 pub(super) use tape::{Answers, Part, SlippingBus, Tape};
-
-use edits::Edit;
-use values::Odd;
-
-/// What goes wrong, and with which frames.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Slip {
-    /// What such firmware does, for people.
-    pub what: String,
-    changes: Vec<Change>,
-    /// Frames that come of their own accord, so long after the steps began.
-    unasked: Vec<(Duration, Frame)>,
-    /// What is seen on the physical side instead, while this step runs.
-    observed: Option<(usize, Odd)>,
-    /// The step after which the answers are those of a device that did not slip.
-    healed: Option<usize>,
-}
-
-/// What happens to frames of one identifier.
-#[derive(Clone, Debug)]
-struct Change {
-    id: Id,
-    /// The step, and the first frame in it.
-    from: (usize, u32),
-    /// The step, and the frame after the last one.
-    to: (usize, u32),
-    fate: Fate,
-}
-
-/// What happens to a frame.
-#[derive(Clone, Debug)]
-enum Fate {
-    /// It is not sent.
-    Lost,
-    /// It is another one.
-    Edited(Edit),
-    /// It is sent so much later.
-    Late(Duration),
-    /// It is sent later by this part of the time since then.
-    Slow(Duration, f64),
-}
-
-impl Slip {
-    fn new(what: impl Into<String>) -> Self {
-        Self { what: what.into(), ..Self::default() }
-    }
-
-    /// The same, while the steps after this one see answers of a device in order.
-    pub(super) fn healed_after(self, step: usize) -> Self {
-        Self { healed: Some(step), ..self }
-    }
-
-    /// The same, beside another one.
-    pub(super) fn beside(mut self, other: &Self) -> Self {
-        self.changes.splice(0..0, other.changes.iter().cloned());
-        self
-    }
-
-    fn with(mut self, change: Change) -> Self {
-        self.changes.push(change);
-        self
-    }
-
-    fn and_unasked(mut self, after: Duration, frame: Frame) -> Self {
-        self.unasked.push((after, frame));
-        self
-    }
-}
-
-impl Change {
-    /// Of one frame.
-    const fn once(heard: &Heard, fate: Fate) -> Self {
-        let Heard { frame, step, ordinal, .. } = heard;
-        Self { id: frame.id, from: (*step, *ordinal), to: (*step, *ordinal + 1), fate }
-    }
-
-    /// Of this frame and those after it in its step.
-    const fn rest(heard: &Heard, fate: Fate) -> Self {
-        let Heard { frame, step, ordinal, .. } = heard;
-        Self { id: frame.id, from: (*step, *ordinal), to: (*step, u32::MAX), fate }
-    }
-
-    /// Of all such frames in the step.
-    const fn during(heard: &Heard, step: usize, fate: Fate) -> Self {
-        Self { id: heard.frame.id, from: (step, 0), to: (step, u32::MAX), fate }
-    }
-
-    /// Of this frame and all after it.
-    const fn always(heard: &Heard, fate: Fate) -> Self {
-        let Heard { frame, step, ordinal, .. } = heard;
-        Self { id: frame.id, from: (*step, *ordinal), to: (usize::MAX, u32::MAX), fate }
-    }
-}

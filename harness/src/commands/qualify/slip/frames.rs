@@ -4,9 +4,10 @@ use std::time::Duration;
 
 use canopen::{Frame, Pattern};
 
-use super::candidates::{Heard, Scene};
 use super::edits::{Edit, Odd};
-use super::{Change, Fate, Slip, times};
+use super::model::{Change, Fate, Slip};
+use super::scene::{Heard, Scene};
+use super::times;
 use crate::source::At;
 use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::literal::FrameText;

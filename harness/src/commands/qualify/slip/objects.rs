@@ -6,9 +6,9 @@ use canopen::sdo::REQUEST_COB_ID;
 use canopen::sdo::block::crc;
 use canopen::{Frame, Id};
 
-use super::candidates::{Heard, Scene};
 use super::edits::Edit;
-use super::{Change, Fate, Slip};
+use super::model::{Change, Fate, Slip};
+use super::scene::{Heard, Scene};
 use crate::source::At;
 use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::literal::{Literal, ObjectRef};

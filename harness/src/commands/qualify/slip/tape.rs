@@ -8,21 +8,21 @@ use canopen::bench::Needs;
 use canopen::sdo::RESPONSE_COB_ID;
 use canopen::{Bench, BenchError, Bus, BusError, Frame, Id, Instant, Stamped, Value};
 
-use super::candidates::{Heard, Moment};
-use super::{Fate, Slip};
+use super::model::{Fate, Slip};
+use super::scene::{Heard, Moment};
 use crate::plan::Scope;
 use crate::run::{Shown, Witness};
 use crate::suite::constraint::Constraint;
 
 /// A bus with a device that slips as the tape says.
-pub(in super::super) struct SlippingBus {
+pub(crate) struct SlippingBus {
     bus: Box<dyn Bus>,
     tape: Rc<Tape>,
 }
 
 /// What goes wrong in the case that runs, and what was heard in it since its steps began.
 #[derive(Default)]
-pub(in super::super) struct Tape(RefCell<Recording>);
+pub(crate) struct Tape(RefCell<Recording>);
 
 #[derive(Default)]
 struct Recording {
@@ -48,15 +48,15 @@ struct Recording {
 }
 
 /// The answers of an SDO server, by step.
-pub(in super::super) type Answers = BTreeMap<usize, Vec<Frame>>;
+pub(crate) type Answers = BTreeMap<usize, Vec<Frame>>;
 
 /// A part of a step, the whole when there is none.
-pub(in super::super) type Part = (usize, Option<Constraint>);
+pub(crate) type Part = (usize, Option<Constraint>);
 
 impl Tape {
     /// Begins a case, with what goes wrong in it, what does not count in it, and how a device in
     /// order answers.
-    pub(in super::super) fn begin(
+    pub(crate) fn begin(
         &self,
         slip: Slip,
         open: Option<Part>,
@@ -67,7 +67,7 @@ impl Tape {
     }
 
     /// What the case shows, what was heard in it, and its steps.
-    pub(in super::super) fn end(&self) -> (Shown, Vec<Heard>, Vec<Moment>) {
+    pub(crate) fn end(&self) -> (Shown, Vec<Heard>, Vec<Moment>) {
         let recording = self.0.take();
         (recording.shown, recording.heard, recording.moments)
     }
@@ -162,7 +162,7 @@ impl Recording {
 
 impl SlippingBus {
     /// Puts the tape between the bus and the tester.
-    pub(in super::super) const fn new(bus: Box<dyn Bus>, tape: Rc<Tape>) -> Self {
+    pub(crate) const fn new(bus: Box<dyn Bus>, tape: Rc<Tape>) -> Self {
         Self { bus, tape }
     }
 
@@ -239,7 +239,7 @@ mod tests {
     use std::time::Duration;
 
     use super::super::edits::{Edit, Odd};
-    use super::super::{Change, Slip};
+    use super::super::model::{Change, Slip};
     use super::*;
 
     /// A device that sends its frames 1 ms apart.

@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use canopen::Instant;
 
-use super::candidates::{Heard, Scene};
 use super::frames::taken;
-use super::{Change, Fate, Slip};
+use super::model::{Change, Fate, Slip};
+use super::scene::{Heard, Scene};
 use crate::suite::constraint::{Constraint, Time};
 use crate::suite::step::Step;
 

@@ -2,8 +2,8 @@
 
 use canopen::Value;
 
-use super::Slip;
-use super::candidates::Scene;
+use super::model::Slip;
+use super::scene::Scene;
 use crate::suite::step::Step;
 
 /// How what is seen is wrong.
