@@ -10,7 +10,7 @@ use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
 use crate::dut::{Hook, Hooks};
-use crate::files::{read_text, words};
+use crate::files::read_source;
 use crate::nearest::did_you_mean;
 use crate::protect::{Deed, Objects, Protection};
 use crate::source::{At, Complaint, Place, Source, read_yaml};
@@ -216,12 +216,7 @@ impl DeviceFile {
     /// # Errors
     /// Everything that is wrong with it.
     pub(crate) fn load(path: &Path) -> Result<Self, Vec<Complaint>> {
-        let name = path.display().to_string();
-        let text = read_text(path).map_err(|error| {
-            let source = Arc::new(Source { name: name.clone(), text: String::new() });
-            vec![Complaint { source, place: None, message: words(&error) }]
-        })?;
-        let source = Arc::new(Source { name, text });
+        let source = read_source(path).map_err(|complaint| vec![complaint])?;
         let said: DutFile = read_yaml(&source).map_err(|complaint| vec![complaint])?;
         let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
         let complaints = said.wrong(&source);

@@ -3,6 +3,9 @@
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::Path;
+use std::sync::Arc;
+
+use crate::source::{Complaint, Source};
 
 /// What an operating system says of an error, without the number.
 pub(crate) fn words(error: &io::Error) -> String {
@@ -37,6 +40,21 @@ pub(crate) fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
 /// As [`read`], and that it is not UTF-8.
 pub(crate) fn read_text(path: &Path) -> io::Result<String> {
     text(read(path, LARGEST)?)
+}
+
+/// A file that describes something, with its name for complaints.
+///
+/// # Errors
+/// As [`read_text`], as a complaint about the file.
+pub(crate) fn read_source(path: &Path) -> Result<Arc<Source>, Complaint> {
+    let name = path.display().to_string();
+    match read_text(path) {
+        Ok(text) => Ok(Arc::new(Source { name, text })),
+        Err(error) => {
+            let source = Arc::new(Source { name, text: String::new() });
+            Err(Complaint { source, place: None, message: words(&error) })
+        }
+    }
 }
 
 /// Bytes as a text.

@@ -14,7 +14,7 @@ use serde::de::{self, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use wildmatch::WildMatch;
 
-use crate::files::{read_text, words};
+use crate::files::read_source;
 use crate::nearest::did_you_mean;
 use crate::plan::is_named;
 use crate::source::{At, Complaint, Source, read_yaml};
@@ -100,12 +100,7 @@ impl Waivers {
     /// # Errors
     /// Everything that is wrong with it.
     pub fn load(path: &Path, today: &str, register: &Register) -> Result<Self, Vec<Complaint>> {
-        let name = path.display().to_string();
-        let text = read_text(path).map_err(|error| {
-            let source = Arc::new(Source { name: name.clone(), text: String::new() });
-            vec![Complaint { source, place: None, message: words(&error) }]
-        })?;
-        let source = Arc::new(Source { name, text });
+        let source = read_source(path).map_err(|complaint| vec![complaint])?;
         let WaiverFile(entries) = read_yaml(&source).map_err(|complaint| vec![complaint])?;
         let wrong = entries.iter().flat_map(|entry| entry.value.wrong(&source, register));
         let complaints: Vec<Complaint> = wrong.collect();

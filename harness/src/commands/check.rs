@@ -11,10 +11,10 @@ use super::counted::counted;
 use super::run::plan_all;
 use crate::cli::{CheckArgs, Selection};
 use crate::exit::{Exit, Refused};
-use crate::files::{read_text, words};
+use crate::files::read_source;
 use crate::nearest::did_you_mean;
 use crate::reporter::say;
-use crate::source::{Complaint, Source};
+use crate::source::Complaint;
 use crate::suite::{Folders, Library, Register};
 use crate::target;
 
@@ -143,12 +143,8 @@ pub(super) fn sound_freedoms(
 fn with_register(folders: &Folders, files: &[PathBuf]) -> Result<Library, Refused> {
     let mut sources = Library::register_sources(folders)?;
     for path in files {
-        let name = path.display().to_string();
-        let text = read_text(path).map_err(|error| {
-            let source = Arc::new(Source { name: name.clone(), text: String::new() });
-            Refused::from(vec![Complaint { source, place: None, message: words(&error) }])
-        })?;
-        sources.push(Arc::new(Source { name, text }));
+        let source = read_source(path).map_err(|complaint| Refused::from(vec![complaint]))?;
+        sources.push(source);
     }
     Ok(Library::from_sources(&sources, &folders.catalogue.load()?)?)
 }
