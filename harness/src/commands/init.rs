@@ -12,6 +12,7 @@ use reports::Identity;
 
 use crate::cli::{DEFAULT_BIT_RATE, InitArgs, Selection};
 use crate::exit::{Exit, Refused};
+use crate::files::words;
 use crate::protect::Protection;
 use crate::reporter::say;
 use crate::stop::Stop;
@@ -242,7 +243,7 @@ fn quoted(text: &str) -> String {
 fn create(path: &Path, text: &str) -> Result<(), Refused> {
     let failed = |error: &io::Error| Refused {
         exit: Exit::File,
-        message: format!("error: {}: {error}", path.display()),
+        message: format!("error: {}: {}", path.display(), words(error)),
     };
     let mut file = fs::File::create_new(path).map_err(|error| match error.kind() {
         io::ErrorKind::AlreadyExists => is_there(path),

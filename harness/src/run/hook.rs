@@ -13,6 +13,7 @@ use reports::{Event, Note};
 
 use super::link::Link;
 use crate::dut::Hook;
+use crate::files::words;
 
 /// How long a program may take.
 const LIMIT: Duration = Duration::from_secs(60);
@@ -26,7 +27,7 @@ const TURN: Duration = Duration::from_millis(100);
 pub(super) fn call(link: &mut Link, hook: &Hook, argument: Option<&str>) -> Result<bool, BusError> {
     let failed = match start(hook, argument) {
         Ok(child) => end(link, child)?,
-        Err(error) => Some(error.to_string()),
+        Err(error) => Some(words(&error)),
     };
     link.moved();
     let Some(why) = failed else { return Ok(true) };
@@ -64,7 +65,7 @@ fn end(link: &mut Link, mut child: Child) -> Result<Option<String>, BusError> {
     let kill = || _ = killpg(group, Signal::SIGKILL);
     for _ in 0..LIMIT.as_millis() / TURN.as_millis() {
         match ended.recv_timeout(TURN) {
-            Ok(status) => return Ok(status.map_or_else(|error| Some(error.to_string()), said)),
+            Ok(status) => return Ok(status.map_or_else(|error| Some(words(&error)), said)),
             Err(RecvTimeoutError::Disconnected) => break,
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(error) = link.look_from_now() {
