@@ -12,6 +12,7 @@ use reports::Identity;
 use serde::{Deserialize, Serialize};
 
 use crate::files::{read_text, words, write_synced};
+use crate::plan::parse_bytes;
 
 /// What the log says of the device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,7 +48,7 @@ impl Changes {
     pub(crate) fn values(&self) -> Result<BTreeMap<Mux, Vec<u8>>, String> {
         let value = |(object, bytes): (&String, &String)| {
             let mux = object.parse().map_err(|_| format!("`{object}` is not an address"))?;
-            let bytes = unhex(bytes).ok_or_else(|| format!("`{bytes}` is not a value"))?;
+            let bytes = parse_bytes(bytes).ok_or_else(|| format!("`{bytes}` is not a value"))?;
             Ok((mux, bytes))
         };
         self.objects.iter().map(value).collect()
@@ -193,13 +194,6 @@ fn path(folder: &Path, name: &str) -> PathBuf {
 
 fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02X}")).collect()
-}
-
-fn unhex(text: &str) -> Option<Vec<u8>> {
-    let digits = text.as_bytes();
-    let byte = |pair: &[u8]| u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok();
-    let whole = digits.len().is_multiple_of(2) && text.is_ascii();
-    whole.then(|| digits.chunks(2).map(byte).collect())?
 }
 
 #[cfg(test)]
