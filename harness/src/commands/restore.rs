@@ -58,6 +58,13 @@ pub(super) fn run(args: &RestoreArgs, stop: &Stop) -> Result<Exit, Refused> {
             exit: Exit::DeviceGone,
             message: format!("error: node {node} on {target} does not come back: {why}"),
         }),
+        Ok(BroughtBack::Another) => Err(Refused {
+            exit: Exit::Failed,
+            message: format!(
+                "error: node {node} on {target} is another device than the run changed, by 1000h \
+                 and 1018h; nothing was written"
+            ),
+        }),
         Ok(BroughtBack::Except(left)) if left.is_empty() => {
             undo_log::remove(&folder, name).map_err(file_error)?;
             let mut text = String::new();

@@ -11,6 +11,7 @@ use super::link::Link;
 use super::policy::Policy;
 use super::restore::Snapshot;
 use super::sdo;
+use super::session;
 use super::settle;
 use crate::dut::Dut;
 use crate::stop::Stop;
@@ -19,6 +20,8 @@ use crate::stop::Stop;
 pub(crate) enum BroughtBack {
     /// The device does not answer; why it was given up.
     Lost(String),
+    /// Another device has its node id; nothing was written to it.
+    Another,
     /// It answers, and these objects it did not take.
     Except(BTreeSet<Mux>),
 }
@@ -55,6 +58,9 @@ impl Abandoned<'_> {
         if let Err(lost) = settle::wake(link, policy, dut, &baseline, self.may_reset)? {
             return Ok(BroughtBack::Lost(lost));
         }
+        if differs(&session::identity(link, policy, dut)?, &self.identity) {
+            return Ok(BroughtBack::Another);
+        }
         let snapshot = Snapshot { values: self.values.clone(), stores: false };
         let mut changed = self.values.keys().copied().collect();
         snapshot.restore(link, policy, dut.node, &mut changed)?;
@@ -66,5 +72,24 @@ impl Abandoned<'_> {
             }
         }
         Ok(BroughtBack::Except(changed))
+    }
+}
+
+/// Whether these are two devices, by what both say of themselves.
+fn differs(one: &Identity, other: &Identity) -> bool {
+    let parts = |it: &Identity| [it.device_type, it.vendor, it.product, it.revision, it.serial];
+    parts(one).into_iter().zip(parts(other)).any(|(a, b)| a.is_some() && b.is_some() && a != b)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_device_does_not_say_makes_no_other_device_of_it() {
+        let mine = Identity { vendor: Some(1), serial: Some(7), ..Identity::default() };
+        assert!(!differs(&mine, &mine));
+        assert!(!differs(&Identity { serial: None, ..mine }, &mine));
+        assert!(differs(&Identity { serial: Some(8), ..mine }, &mine));
     }
 }
