@@ -14,6 +14,7 @@ mod link;
 mod lss;
 mod measure;
 mod objects;
+mod oddities;
 mod policy;
 mod probe;
 mod promise;
@@ -27,10 +28,12 @@ mod silence;
 mod steps;
 #[cfg(test)]
 mod tests;
+mod traffic;
 mod undo;
 
 pub(crate) use bring_back::{Abandoned, BroughtBack};
 pub use link::Link;
+pub(crate) use oddities::oddities;
 pub use policy::Policy;
 pub(crate) use probe::{Lost, objects as probe};
 pub use proof::{Shown, Witness};

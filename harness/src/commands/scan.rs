@@ -40,8 +40,8 @@ pub(crate) fn run(args: &ScanArgs, stop: &Stop) -> Result<Exit, Refused> {
         "node  vendor    product   revision  name                  {:<width$}  data sheet\n",
         "profile"
     );
-    for found in found {
-        let profile = follows(&found);
+    for found in &found {
+        let profile = follows(found);
         let hex =
             |number: Option<u32>| number.map_or_else(|| "-".to_owned(), |n| format!("{n:08X}h"));
         let Identity { vendor, product, revision, .. } = found.identity;
@@ -59,6 +59,11 @@ pub(crate) fn run(args: &ScanArgs, stop: &Stop) -> Result<Exit, Refused> {
                 .as_deref()
                 .unwrap_or("none in this program: use --eds FILE, or one is generated"),
         );
+    }
+    for found in &found {
+        for odd in &found.odd {
+            _ = writeln!(text, "node {}: {odd}", found.node);
+        }
     }
     say(&text);
     Ok(Exit::Green)

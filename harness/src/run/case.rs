@@ -20,6 +20,7 @@ use super::proof::{Proof, Shown, Witness};
 use super::restore::Snapshot;
 use super::settle::{self, Left, Unsettled};
 use super::steps::Steps;
+use super::traffic::Traffic;
 use super::undo::Undo;
 use crate::dut::Dut;
 use crate::plan::Instance;
@@ -86,8 +87,10 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             proof,
             witness,
         };
-        let (outcome, aftermath) = run.run(left);
+        run.link.forget_traffic();
+        let (mut outcome, aftermath) = run.run(left);
         run.link.clean(false);
+        outcome = under_load(outcome, run.link.traffic());
         let late = run.late.map(|late| show_time(Duration::from_millis(late.as_millis() as u64)));
         run.link.take_trace();
         let shown = run.proof.take().map(Proof::end);
@@ -107,6 +110,24 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             }
             _ => return Finished { outcome, aftermath, shown },
         }
+    }
+}
+
+/// A case that failed while others left hardly any room on the bus says nothing about the device.
+fn under_load(outcome: Outcome, traffic: &Traffic) -> Outcome {
+    match (outcome, traffic.said(Traffic::WORTH_A_WORD)) {
+        (Outcome::Fail(problem), Some(load)) if traffic.load() >= Traffic::FULL => {
+            let reason = format!("{load}, so that what came late or not at all proves nothing");
+            Outcome::Error { reason, problem: Some(problem) }
+        }
+        (Outcome::Fail(mut problem), Some(load)) => {
+            problem.notes.push(load);
+            Outcome::Fail(problem)
+        }
+        (Outcome::Error { reason, problem }, Some(load)) => {
+            Outcome::Error { reason: format!("{reason}; {load}"), problem }
+        }
+        (outcome, _) => outcome,
     }
 }
 
@@ -613,7 +634,7 @@ fn error(reason: String) -> Outcome {
 }
 
 /// The identifiers the data sheet gives to TPDOs, SYNC and TIME.
-fn data_sheet_identifiers(dut: &Dut) -> Vec<u16> {
+pub(super) fn data_sheet_identifiers(dut: &Dut) -> Vec<u16> {
     let cob_id = |mux| dut.default_int(mux).map(|cob_id| CobId(cob_id as u32).can_id());
     let tpdos = dut.eds.objects.iter().map(|object| object.index);
     let tpdos = tpdos.filter(|index| (0x1800..0x1A00).contains(index));

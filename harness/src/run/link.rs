@@ -11,6 +11,7 @@ use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped};
 use reports::Event;
 
 use super::silence::Silence;
+use super::traffic::Traffic;
 use crate::stop::Stop;
 
 /// The frames that wait for the wire at once. The transmit queue of a CAN interface is usually ten
@@ -32,6 +33,7 @@ pub struct Link<'b> {
     lateness: Lateness,
     stop: Stop,
     silence: Silence,
+    traffic: Traffic,
 }
 
 /// How late the tester was on a bus where it can be. In virtual time all of it stays zero.
@@ -75,6 +77,7 @@ impl<'b> Link<'b> {
             lateness: Lateness::default(),
             stop: Stop::default(),
             silence: Silence::default(),
+            traffic: Traffic::default(),
         }
     }
 
@@ -92,6 +95,22 @@ impl<'b> Link<'b> {
     /// Listens for when the device with this node id falls silent.
     pub(super) fn listen_to(&mut self, node: u8) {
         self.silence = Silence::of(node);
+    }
+
+    /// Measures from now on how much of the bus others take.
+    pub(super) fn watch(&mut self, traffic: Traffic) {
+        self.traffic = traffic;
+        self.traffic.forget(self.mark);
+    }
+
+    /// Begins to measure anew how much of the bus others take.
+    pub(super) fn forget_traffic(&mut self) {
+        self.traffic.forget(self.mark);
+    }
+
+    /// How much of the bus others take.
+    pub(super) const fn traffic(&self) -> &Traffic {
+        &self.traffic
     }
 
     /// What the device heard last, when it has sent nothing since.
@@ -229,7 +248,9 @@ impl<'b> Link<'b> {
     /// Waits until an own frame is complete on the wire.
     fn complete(&mut self, frame: &Frame) -> Result<(), BusError> {
         const PATIENCE: Duration = Duration::from_secs(2);
-        let give_up = self.bus.now() + PATIENCE;
+        /// So many in that time leave no room for another one.
+        const MANY: usize = 200;
+        let (give_up, before) = (self.bus.now() + PATIENCE, self.trace.len());
         while let Some(place) = self.pull(give_up)? {
             let stamped = self.trace[place].stamped;
             if stamped.own && stamped.frame == *frame {
@@ -237,9 +258,14 @@ impl<'b> Link<'b> {
                 return Ok(());
             }
         }
-        Err(BusError::Io(format!(
-            "frame {frame} was not acknowledged: is another node on the bus?"
-        )))
+        let others = self.trace[before..].iter().filter(|seen| !seen.stamped.own).count();
+        Err(BusError::Io(match others {
+            ..MANY => format!("frame {frame} was not acknowledged: is another node on the bus?"),
+            _ => format!(
+                "frame {frame} was not sent within 2 s, in which {others} frames of others came: \
+                 they leave no room on the bus"
+            ),
+        }))
     }
 
     /// The next frame from the cursor on that `fits`, if it is complete by `until`. It counts as
@@ -359,6 +385,7 @@ impl<'b> Link<'b> {
         };
         let Some(stamped) = got else { return Ok(None) };
         self.silence.see(&stamped);
+        self.traffic.see(&stamped);
         self.trace.push(Seen { stamped, expected: false });
         if self.in_case {
             self.emit(Event::Frame(stamped));

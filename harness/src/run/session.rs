@@ -11,11 +11,13 @@ use reports::{
 use super::baseline::Baseline;
 use super::case::{self, Aftermath, Common};
 use super::link::Link;
+use super::oddities::oddities;
 use super::policy::Policy;
 use super::proof::Witness;
 use super::reliance::Reliance;
 use super::sdo;
 use super::settle::{self, Left};
+use super::traffic::Traffic;
 use super::undo::Undo;
 use crate::dut::Dut;
 use crate::plan::{Instance, Plan, deeds};
@@ -39,6 +41,14 @@ pub enum Ending {
     Bus(BusError),
     /// So many cases failed that the rest was not run, which is so many.
     Enough(usize),
+}
+
+/// What is found out about a device before the first case.
+struct Known {
+    baseline: Baseline,
+    versions: Versions,
+    /// What is odd about its answers, and about the bus.
+    odd: Vec<String>,
 }
 
 /// Runs a plan.
@@ -70,38 +80,47 @@ impl Session<'_> {
         let mut link = Link::reporting(bus, emit, self.stop);
         let dut = &self.plan.dut;
         link.listen_to(dut.node);
+        link.watch(Traffic::beside(dut, case::data_sheet_identifiers(dut)));
         match settle::first_answer(&mut link, &self.policy, dut) {
             Ok(true) => {}
-            Ok(false) => return self.not_begun(&mut link, Ending::Nobody),
+            Ok(false) => {
+                let ending = match link.traffic().said(Traffic::FULL) {
+                    None => Ending::Nobody,
+                    Some(full) => {
+                        let why = format!("node {} does not answer; {full}", dut.node);
+                        Ending::Bus(BusError::Io(why))
+                    }
+                };
+                return self.not_begun(&mut link, ending);
+            }
             Err(error) => return self.not_begun(&mut link, Ending::Bus(error)),
         }
-        let (baseline, versions, blocks) = match self.get_to_know(&mut link) {
+        let (known, blocks) = match self.get_to_know(&mut link) {
             Ok(known) => known,
             Err(error) => return self.not_begun(&mut link, Ending::Bus(error)),
         };
         link.emit(Event::DeviceStarted(DeviceStarted {
-            identity: baseline.identity,
-            versions,
-            remark: self.remark(&baseline),
+            identity: known.baseline.identity,
+            remark: self.remark(&known),
+            versions: known.versions,
             ..self.device()
         }));
         link.take_trace();
-        let ending = self.cases(&mut link, &baseline, blocks);
+        let ending = self.cases(&mut link, &known.baseline, blocks);
         self.set_back(&mut link, &ending);
         ending
     }
 
     /// What is to be known of the device before the first case.
-    fn get_to_know(
-        &self,
-        link: &mut Link,
-    ) -> Result<(Baseline, Versions, BlockDirections), BusError> {
+    fn get_to_know(&self, link: &mut Link) -> Result<(Known, BlockDirections), BusError> {
         let identity = identity(link, &self.policy, &self.plan.dut)?;
         self.undo.identify(identity);
         let baseline = self.baseline(link, identity)?;
         let versions = versions(link, &self.policy, &self.plan.dut)?;
         self.look_at_channels(link)?;
-        Ok((baseline, versions, self.knows_blocks(link)?))
+        let mut odd = oddities(link.trace(), self.plan.dut.node);
+        odd.extend(link.traffic().said(Traffic::WORTH_A_WORD));
+        Ok((Known { baseline, versions, odd }, self.knows_blocks(link)?))
     }
 
     /// The device, as far as it is known without asking it.
@@ -199,7 +218,7 @@ impl Session<'_> {
     }
 
     /// What readers of a report must know of how the device was tested.
-    fn remark(&self, baseline: &Baseline) -> Option<String> {
+    fn remark(&self, known: &Known) -> Option<String> {
         let sheet = &self.plan.dut.sheet;
         let composed = sheet.composed.then(|| {
             format!(
@@ -214,7 +233,8 @@ impl Session<'_> {
         let patience = (factor > 1).then(|| format!("with `--patience {factor}`"));
         let remarks = composed.into_iter().chain(options).chain(patience);
         let remarks = remarks.chain(self.plan.said_left_out());
-        let remarks: Vec<String> = remarks.chain(baseline.remarks()).collect();
+        let remarks = remarks.chain(known.odd.iter().cloned());
+        let remarks: Vec<String> = remarks.chain(known.baseline.remarks()).collect();
         (!remarks.is_empty()).then(|| remarks.join("; "))
     }
 

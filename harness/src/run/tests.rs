@@ -257,6 +257,49 @@ fn a_device_that_no_reset_brings_back_is_given_up() {
     assert_eq!(verdicts(&ran), [Verdict::Pass, Verdict::Error, Verdict::Error]);
 }
 
+#[test]
+fn two_devices_with_one_node_id_are_named() {
+    let mut bus = odd(Box::new(|_, seen| Some(seen)));
+    bus.bus.attach(devices::device("em66").unwrap().node(NODE, Box::new(Specification)));
+    // Both have started long ago.
+    while bus.bus.recv(Instant::ZERO + Duration::from_secs(20)).unwrap().is_some() {}
+    let ran = run(&mut bus, 2, "[ read: { object: '1000:00' } ]");
+    let said = "two devices may have node id 1, or one device sends twice: 2 uploads of 1000:00 \
+                had 4 answers, such as 581#4300100091010E00 and 581#4300100094013000";
+    assert!(ran.remark.contains(said), "{}", ran.remark);
+}
+
+#[test]
+fn answers_of_four_bytes_are_named_and_no_silence() {
+    let mut bus = odd(Box::new(|_, seen| {
+        let cut = Frame::new(0x581, [seen.frame.data[0], 0, 0x10, 0]);
+        let frame = if seen.frame.data_id() == Some(0x581) { cut } else { seen.frame };
+        Some(Stamped { frame, ..seen })
+    }));
+    let ran = run(&mut bus, 2, "[ read: { object: '1000:00' } ]");
+    assert_eq!(verdicts(&ran), [Verdict::Fail; 2]);
+    assert!(
+        ran.remark.contains("it answers SDO with 4 bytes where 8 are required"),
+        "{}",
+        ran.remark
+    );
+    assert_eq!(ran.ending, Ending::Complete);
+}
+
+#[test]
+fn answers_that_are_garbage_are_named() {
+    let mut bus = odd(Box::new(|_, seen| {
+        let noise = Frame::new(0x581, [0xFF, 1, 2, 3, 4, 5, 6, 7]);
+        let frame = if seen.frame.data_id() == Some(0x581) { noise } else { seen.frame };
+        Some(Stamped { frame, ..seen })
+    }));
+    let ran = run(&mut bus, 2, "[ read: { object: '1000:00' } ]");
+    assert_eq!(verdicts(&ran), [Verdict::Fail; 2]);
+    let said = "it answers an upload of 1000:00 with 581#FF01020304050607";
+    assert!(ran.remark.contains(said), "{:?} {}", ran.ending, ran.remark);
+    assert_eq!(ran.ending, Ending::Complete);
+}
+
 const CHANGES: &str = "[ write: { object: '1017:00', value: 100 }, wait: 60 s ]\n    \
                        finally: [ send: '123#' ]";
 /// The device has taken the value, and says so when it is to be restored.

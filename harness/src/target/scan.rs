@@ -13,7 +13,7 @@ use reports::Identity;
 
 use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
-use crate::run::{Link, Policy, exists, identity, read_number, read_text};
+use crate::run::{Link, Policy, exists, identity, oddities, read_number, read_text};
 
 /// A profile of the catalogue, and the version that a device has of it.
 type Recognised = (Arc<Profile>, Option<String>);
@@ -30,6 +30,8 @@ pub(crate) struct Found {
     pub device: Option<String>,
     /// The profile of the catalogue by which it is recognised.
     pub profile: Option<Recognised>,
+    /// What is odd about its answers.
+    pub odd: Vec<String>,
 }
 
 impl Found {
@@ -128,7 +130,8 @@ fn ask(link: &mut Link, node: u8, catalogue: &Catalogue) -> Result<Found, BusErr
     let name = read_text(link, &policy, node, DEVICE_NAME)?;
     let device = reference(link, &policy, &identity, node)?;
     let profile = recognise(link, &policy, node, catalogue)?;
-    Ok(Found { node, identity, name, device, profile })
+    let odd = oddities(link.trace(), node);
+    Ok(Found { node, identity, name, device, profile, odd })
 }
 
 /// The reference device of this vendor and product: of several the one of this device type and this
