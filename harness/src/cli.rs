@@ -164,6 +164,15 @@ fn hex_index(text: &str) -> Result<u16, String> {
     u16::from_str_radix(digits, 16).map_err(|_| "an index has up to four hex digits".to_owned())
 }
 
+/// After how many failures to stop. A run that stops before the first one tests nothing.
+fn failures(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(0) => Err("with 0 nothing would be tested; 1 stops at the first failure".to_owned()),
+        Ok(most) => Ok(most),
+        Err(_) => Err("a whole number of failures belongs here".to_owned()),
+    }
+}
+
 /// Bit rate of the virtual bus, and of one that nobody knows, unless something else is said, in
 /// bit/s.
 pub const DEFAULT_BIT_RATE: u32 = 1_000_000;
@@ -207,7 +216,7 @@ pub struct RunArgs {
     #[arg(value_parser = clap::value_parser!(u32).range(1..=100))]
     pub patience: Option<u32>,
     /// Stop after this number of failures
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = failures)]
     pub max_fail: Option<usize>,
     /// Simulated devices that are tested at the same time; as many as there are processors when
     /// absent

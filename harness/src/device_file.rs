@@ -56,7 +56,7 @@ pub(crate) struct DutFile {
     pub catalogue: Option<PathBuf>,
     /// Which suites and cases run: names or globs; all that apply when absent.
     #[serde(default)]
-    pub select: Vec<String>,
+    pub select: Vec<At<String>>,
     /// Options of the profile that the device does not have, such as `suction`.
     #[serde(default)]
     pub without: Vec<String>,

@@ -157,7 +157,8 @@ fn open(args: &RunArgs) -> Result<(Option<JournalFile>, Reports), Refused> {
     let mut outputs: Vec<(&str, Output)> = Vec::new();
     for (flag, path) in paths {
         let output = Output::new(path).map_err(|error| refused(path, &error))?;
-        let files = [("eds", &args.selection.eds), ("waivers", &args.waivers)];
+        let selection = &args.selection;
+        let files = [("dut", &selection.dut), ("eds", &selection.eds), ("waivers", &args.waivers)];
         let files = files.into_iter().filter_map(|(flag, path)| Some((flag, path.as_deref()?)));
         let others = outputs.iter().map(|(flag, other)| (*flag, other.path()));
         if let Some((other, _)) = files.chain(others).find(|(_, path)| output.is_same(path)) {

@@ -24,6 +24,7 @@ pub(crate) use can::{nobody, only};
 pub(crate) use compose::compose;
 pub(crate) use connection::open_interface;
 pub use connection::{Connection, Target};
+pub(crate) use options::protect;
 pub(crate) use reference::{Named, holds_device, reference_device, with_variants};
 pub(crate) use scan::{Found, scan};
 pub use sheet::models;
@@ -67,7 +68,7 @@ pub fn resolve(
     }?;
     for target in &mut targets {
         options::free_to_write(selection, &mut target.dut)?;
-        options::protect(selection, &mut target.dut);
+        protect(selection, &mut target.dut);
         if let Some(typed) = &selection.typed {
             target.options.clone_from(typed);
         }

@@ -30,6 +30,10 @@ pub(crate) struct Changes {
     pub lss: bool,
     /// Whether the device must be protected from resets and layer setting services.
     pub protected: bool,
+    /// The device file that says from what else.
+    pub device_file: Option<PathBuf>,
+    /// The data sheet of the user's.
+    pub eds: Option<PathBuf>,
     /// What it said of itself.
     pub identity: Identity,
     /// The process that made the changes.
@@ -208,6 +212,8 @@ mod tests {
             bit_rate: Some(500_000),
             lss: true,
             protected: false,
+            device_file: None,
+            eds: None,
             identity: Identity::default(),
             process: u32::MAX,
             stores: false,

@@ -70,7 +70,7 @@ impl Selection {
         all.bitrate = self.bitrate.or_else(|| said.bit_rate.as_ref().map(|rate| rate.value));
         all.bench = self.bench.clone().or_else(|| file.bench());
         if all.patterns.is_empty() {
-            all.patterns.clone_from(&said.select);
+            all.patterns = said.select.iter().map(|pattern| pattern.value.clone()).collect();
         }
         all.without.extend(said.without.iter().cloned());
         let free = said.free_to_write.iter().flat_map(|range| range.objects.indices.clone());

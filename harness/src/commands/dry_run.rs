@@ -7,7 +7,7 @@ use canopen::Mux;
 
 use super::counted::counted;
 use super::run::plan_for;
-use super::select::select;
+use super::select::{known_device, select};
 use crate::cli::RunArgs;
 use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
@@ -24,9 +24,10 @@ use crate::target::{self, Address, Target};
 /// What keeps a run from starting, too; and when there is no data sheet.
 pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
     let library = Library::load(&args.selection.folders)?;
+    known_device(&args.selection, &library)?;
     let duts = duts(args, &library, stop)?;
     let mut plans = plan_for(&library, &duts.iter().collect::<Vec<_>>())?;
-    select(&mut plans, &args.selection.patterns)?;
+    select(&mut plans, &args.selection)?;
     let texts: Vec<String> = plans.iter().map(|plan| report(plan, args.verbose)).collect();
     say(&texts.join("\n"));
     Ok(Exit::Green)

@@ -7,7 +7,7 @@ use reference_devices::{devices, freedom, mutant};
 
 use super::counted::counted;
 use super::run::{plan_all, plan_for};
-use super::select::select;
+use super::select::{known_device, select};
 use crate::cli::{ListArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
@@ -27,6 +27,7 @@ pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
     {
         return listed;
     }
+    known_device(&args.selection, &library)?;
     let mut plans = match (&args.selection.target, &args.selection.eds) {
         (None, Some(path)) => {
             let dut = target::dut_of_file(&args.selection, path)?;
@@ -34,7 +35,7 @@ pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
         }
         _ => plan_all(&library, &target::resolve(&args.selection, &library.catalogue, stop)?)?,
     };
-    select(&mut plans, &args.selection.patterns)?;
+    select(&mut plans, &args.selection)?;
     let instances = plans
         .iter()
         .flat_map(|plan| plan.instances.iter().map(move |instance| (&plan.dut.name, instance)));

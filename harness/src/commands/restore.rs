@@ -1,20 +1,23 @@
 //! `harness restore`: sets back what a run that was killed left changed in a device.
 
 use std::fmt::Write;
+use std::sync::Arc;
 
-use canopen::BusError;
-use canopen::eds::Eds;
+use canopen::{BusError, eds};
+use reference_devices::devices;
 
 use super::counted::counted;
 use crate::bus::Interface;
-use crate::cli::{DEFAULT_BIT_RATE, RestoreArgs};
+use crate::cli::{DEFAULT_BIT_RATE, RestoreArgs, Selection};
+use crate::device_file::DeviceFile;
 use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
 use crate::plan::show_bytes;
+use crate::protect::Guarded;
 use crate::reporter::say;
 use crate::run::{Abandoned, BroughtBack, Policy};
 use crate::stop::Stop;
-use crate::target::open_interface;
+use crate::target::{dut_of_file, open_interface, protect};
 use crate::undo_log::{self, Changes};
 
 /// Sets back what the run changed; without a run, lists those that left something changed.
@@ -39,9 +42,7 @@ pub(super) fn run(args: &RestoreArgs, stop: &Stop) -> Result<Exit, Refused> {
     let target = args.target.as_ref().unwrap_or(&changes.target);
     let interface: Interface =
         target.parse().map_err(|_| Refused::usage(format!("no interface is called `{target}`")))?;
-    let mut eds = Eds::default();
-    eds.device.lss = changes.lss;
-    let dut = Dut::new(&changes.device, changes.node, eds);
+    let dut = dut(&changes)?;
     let abandoned = Abandoned {
         dut: &dut,
         identity: changes.identity,
@@ -51,9 +52,10 @@ pub(super) fn run(args: &RestoreArgs, stop: &Stop) -> Result<Exit, Refused> {
     };
     let policy = Policy::at_bit_rate(changes.bit_rate.unwrap_or(DEFAULT_BIT_RATE));
     let _held = stop.hold();
-    let mut bus = open_interface(&interface, stop)?;
+    let bus = open_interface(&interface, stop)?;
+    let mut bus = Guarded::new(bus, Arc::clone(&dut.protection), (*dut.wire).clone());
     let node = changes.node;
-    match abandoned.bring_back(&mut *bus, &policy, stop) {
+    match abandoned.bring_back(&mut bus, &policy, stop) {
         Ok(BroughtBack::Lost(why)) => Err(Refused {
             exit: Exit::DeviceGone,
             message: format!("error: node {node} on {target} does not come back: {why}"),
@@ -84,6 +86,31 @@ pub(super) fn run(args: &RestoreArgs, stop: &Stop) -> Result<Exit, Refused> {
         Err(BusError::Interrupted) => Err(Refused::interrupted()),
         Err(error) => Err(Refused::bus(error.to_string())),
     }
+}
+
+/// The device, with what protected it from the run.
+fn dut(changes: &Changes) -> Result<Dut, Refused> {
+    let mut selection = Selection::of_target(None);
+    selection.node = Some(changes.node);
+    selection.bitrate = changes.bit_rate;
+    if let Some(path) = &changes.device_file {
+        selection.file = Some(Arc::new(DeviceFile::load(path)?));
+    }
+    let mut dut = match &changes.eds {
+        Some(path) => dut_of_file(&selection, path)?,
+        None => {
+            // What a device with a data sheet of ours has is protected by it, too.
+            let device = devices::device(&changes.device);
+            let eds = device.map(|device| eds::read(device.eds_text().as_bytes()).eds);
+            let mut dut = Dut::new(&changes.device, changes.node, eds.unwrap_or_default());
+            dut.bit_rate = changes.bit_rate;
+            protect(&selection, &mut dut);
+            dut
+        }
+    };
+    dut.name.clone_from(&changes.device);
+    Arc::make_mut(&mut dut.eds).device.lss = changes.lss;
+    Ok(dut)
 }
 
 /// A line for each run that left something changed.

@@ -1,6 +1,7 @@
 //! `harness run`: suites against devices, and the reports of it.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::thread;
 
 use canopen::{BusError, Instant};
@@ -8,9 +9,9 @@ use reference_devices::devices;
 use reports::{Event, Identity, Note, RunEnded, Verdict};
 
 use super::dry_run;
-use super::select::select;
+use super::select::{known_device, select};
 use crate::bus::unix_time;
-use crate::cli::{DEFAULT_BIT_RATE, RunArgs};
+use crate::cli::{DEFAULT_BIT_RATE, RunArgs, Selection};
 use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
@@ -75,11 +76,12 @@ impl Prepared {
             scope.spawn(|| devices::all().count());
             Library::load(&args.selection.folders)
         })?;
+        known_device(&args.selection, &library)?;
         let targets = target::resolve(&args.selection, &library.catalogue, stop)?;
         let waivers = waivers_of(args, &library.register)?;
         let mut plans = plan_all(&library, &targets)?;
         let names = names_of(&plans, args.waivers.is_some());
-        select(&mut plans, &args.selection.patterns)?;
+        select(&mut plans, &args.selection)?;
         if args.shuffle || args.seed.is_some() {
             let seed = args.seed.unwrap_or(1);
             plans
@@ -164,7 +166,8 @@ impl Sessions<'_> {
     }
 
     fn session(&self, target: &Target, plan: &Plan, mut tell: impl FnMut(Event)) -> Ended {
-        let (args, stop, undo) = (self.args, self.stop.of_session(), undo(target));
+        let (args, stop) = (self.args, self.stop.of_session());
+        let undo = undo(target, &args.selection);
         let mut tell = |event| {
             if let Some(why) = undo.failure() {
                 eprintln!("warning: {why}");
@@ -209,7 +212,7 @@ impl Sessions<'_> {
 
 /// Where a session notes what it changes: on disk, when the device outlives this process. Says what
 /// another run left changed in the same device.
-fn undo(target: &Target) -> Undo {
+fn undo(target: &Target, selection: &Selection) -> Undo {
     let Connection::Interface(interface) = &target.connection else { return Undo::default() };
     let (folder, dut) = (undo_log::folder(), &target.dut);
     let changes = Changes {
@@ -221,6 +224,8 @@ fn undo(target: &Target) -> Undo {
         protected: [Deed::ResetNode, Deed::NodeId]
             .into_iter()
             .any(|deed| dut.protection.refuses(deed).is_some()),
+        device_file: absolute(&selection.dut),
+        eds: absolute(&selection.eds),
         identity: Identity::default(),
         process: std::process::id(),
         stores: false,
@@ -239,6 +244,12 @@ fn undo(target: &Target) -> Undo {
         }
     }
     Undo::on_disk(UndoLog::new(folder, changes))
+}
+
+/// A path that means the same in another folder.
+fn absolute(path: &Option<PathBuf>) -> Option<PathBuf> {
+    let path = path.as_ref()?;
+    Some(path.canonicalize().unwrap_or_else(|_| path.clone()))
 }
 
 /// A plan for each target.

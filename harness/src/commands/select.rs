@@ -3,11 +3,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use clap::CommandFactory;
+use reference_devices::devices;
 
-use crate::cli::Cli;
+use crate::cli::{Cli, Selection};
 use crate::exit::Refused;
 use crate::nearest::{did_you_mean, nearest};
 use crate::plan::{Instance, Plan, is_named};
+use crate::source::Complaint;
+use crate::suite::Library;
 
 /// Keeps the instances that a pattern names: a glob over the full name, or the name of a suite, of
 /// a folder of suites or of a case. Without patterns everything is kept but the suites of profiles
@@ -15,11 +18,18 @@ use crate::plan::{Instance, Plan, is_named};
 ///
 /// # Errors
 /// The pattern that names nothing on any device.
-pub(super) fn select(plans: &mut [Plan], patterns: &[String]) -> Result<(), Refused> {
+pub(super) fn select(plans: &mut [Plan], selection: &Selection) -> Result<(), Refused> {
+    let patterns = &selection.patterns;
     for pattern in patterns {
         let mut all = plans.iter().flat_map(|plan| &plan.instances);
         if !all.any(|instance| names(pattern, instance)) {
-            return Err(nothing_named(pattern, plans));
+            let message = nothing_named(pattern, plans);
+            let file = selection.file.as_ref();
+            let in_file = file.and_then(|file| {
+                let said = file.said.select.iter().find(|said| said.value == *pattern)?;
+                Some(Complaint::at(&file.source, said.place, message.clone()))
+            });
+            return Err(in_file.map_or_else(|| Refused::usage(message), Refused::from));
         }
     }
     for plan in plans {
@@ -34,11 +44,11 @@ pub(super) fn select(plans: &mut [Plan], patterns: &[String]) -> Result<(), Refu
 }
 
 /// The sentence for a pattern that matches nothing.
-fn nothing_named(pattern: &str, plans: &[Plan]) -> Refused {
+fn nothing_named(pattern: &str, plans: &[Plan]) -> String {
     if Cli::command().find_subcommand(pattern).is_some() {
-        return Refused::usage(format!(
+        return format!(
             "`{pattern}` is a command: write it before the options, `harness {pattern} ...`"
-        ));
+        );
     }
     let mut names = BTreeSet::new();
     for instance in plans.iter().flat_map(|plan| &plan.instances) {
@@ -63,9 +73,36 @@ fn nothing_named(pattern: &str, plans: &[Plan]) -> Refused {
         true => of_end().unwrap_or_default(),
         false => whole,
     };
-    Refused::usage(format!(
-        "`{pattern}` names no suite and no case; `harness list` shows all names{meant}"
-    ))
+    format!("`{pattern}` names no suite and no case; `harness list` shows all names{meant}")
+}
+
+/// Checks that there is a device or a suite of the name that `--device` gives. A device with a data
+/// sheet or a folder of its own may have any name, which a slip makes useless for its suites.
+///
+/// # Errors
+/// The name that means nothing.
+pub(super) fn known_device(selection: &Selection, library: &Library) -> Result<(), Refused> {
+    let (Some(name), Some(target)) = (&selection.device, &selection.target) else { return Ok(()) };
+    let mut known = BTreeSet::new();
+    devices::names().for_each(|name| _ = known.insert(name));
+    for suite in &library.suites {
+        known.extend(suite.file.device.as_ref().map(|device| device.value.as_str()));
+    }
+    if known.contains(name.as_str()) {
+        return Ok(());
+    }
+    let meant = did_you_mean(name, known.into_iter());
+    let in_folder = target.strip_prefix("sim:").is_some_and(|device| device.contains('/'));
+    if selection.eds.is_none() && !in_folder {
+        return Err(Refused::usage(format!(
+            "--device {name}: no reference device and no suite is for a device of this name; for a \
+             device of your own, --eds FILE{meant}"
+        )));
+    }
+    if !meant.is_empty() {
+        eprintln!("note: --device {name}: no suite is for a device of this name{meant}");
+    }
+    Ok(())
 }
 
 fn names(pattern: &str, instance: &Instance) -> bool {

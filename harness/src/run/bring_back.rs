@@ -66,9 +66,10 @@ impl Abandoned<'_> {
         snapshot.restore(link, policy, dut.node, &mut changed)?;
         if self.stores && !self.values.is_empty() {
             const STORE: Mux = Mux::new(0x1010, 1);
-            let saved = sdo::download(link, policy, dut.node, STORE, b"save", Transfer::Expedited)?;
-            if saved.result.is_err() {
-                changed.insert(STORE);
+            match sdo::download(link, policy, dut.node, STORE, b"save", Transfer::Expedited) {
+                Ok(saved) if saved.result.is_ok() => {}
+                Ok(_) | Err(BusError::Withheld(_)) => _ = changed.insert(STORE),
+                Err(error) => return Err(error),
             }
         }
         Ok(BroughtBack::Except(changed))

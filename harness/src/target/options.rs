@@ -58,7 +58,7 @@ pub(super) fn free_to_write(selection: &Selection, dut: &mut Dut) -> Result<(), 
 
 /// Protects the device from what its file says, and from another bit rate where nobody could set
 /// back the one of the bus.
-pub(super) fn protect(selection: &Selection, dut: &mut Dut) {
+pub(crate) fn protect(selection: &Selection, dut: &mut Dut) {
     const GENERIC_IO: u16 = 401;
     dut.wire = Arc::new(Wire::of(&dut.eds));
     let mut protection = Protection::default();
