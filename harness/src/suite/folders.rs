@@ -83,12 +83,25 @@ impl Folders {
         for folder in folders {
             let mut found = Vec::new();
             read_folder(&folder, &mut found).map_err(|complaint| vec![complaint])?;
+            if folder == here && differ(&found, &embedded()) {
+                eprintln!(
+                    "note: the suites of ./suites are read, which differ from those in this program"
+                );
+            }
             add(&mut sources, &folder, found);
         }
         let mut sources: Vec<Arc<Source>> = sources.into_values().collect();
         sources.sort_by(|a, b| a.name.cmp(&b.name));
         Ok(sources)
     }
+}
+
+/// Whether these are other files, or say something else.
+fn differ(some: &[Source], others: &[Source]) -> bool {
+    let texts = |sources: &[Source]| -> BTreeMap<String, String> {
+        sources.iter().map(|each| (each.name.clone(), each.text.clone())).collect()
+    };
+    texts(some) != texts(others)
 }
 
 /// Adds the files of a folder by their names within it.
