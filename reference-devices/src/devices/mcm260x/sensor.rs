@@ -1,44 +1,9 @@
 //! From what is at the terminals of an analogue input to digits (manual, chapters 6 to 8).
 
 use super::parameters::{Item, Parameters, TEN_VOLTS};
-use super::rules::Mcm260xRules;
-use crate::devices::pixsys::SENSOR_RANGES;
 
-/// What is connected to an analogue input. A sensor sees only what it measures.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Connected {
-    pub(super) millivolts: f64,
-    pub(super) microamperes: f64,
-    /// Of whatever temperature sensor is selected.
-    pub(super) celsius: f64,
-    /// The wiper of a potentiometer.
-    pub(super) percent: f64,
-    /// The whole of that potentiometer.
-    pub(super) kilohms: f64,
-    pub(super) wiring: Wiring,
-}
-
-/// The wires of a sensor.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Wiring {
-    #[default]
-    Connected,
-    Broken,
-    Shorted,
-}
-
-impl Default for Connected {
-    fn default() -> Self {
-        Self {
-            millivolts: 0.0,
-            microamperes: 0.0,
-            celsius: 25.0,
-            percent: 0.0,
-            kilohms: 10.0,
-            wiring: Wiring::Connected,
-        }
-    }
-}
+pub(super) use crate::devices::pixsys::sensor::{Connected, Wiring};
+use crate::devices::pixsys::sensor::{Seen, Sensor};
 
 /// What a sample says.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,12 +29,14 @@ pub(super) fn sample(
     let connected = Connected { wiring, ..connected };
     let (seen, digits): (Seen, &dyn Fn(f64) -> f64) = match sensor {
         1..=14 => {
-            let seen = temperature(connected, terminals, sensor, parameters.rules);
+            // Beyond its range the compensation of the cold junction lags behind the terminals.
+            let lag = parameters.rules.junction_error(terminals);
+            let seen = Sensor::Temperature(sensor as usize - 1).see(connected, terminals, lag);
             (seen, &|celsius| degrees(celsius, parameters))
         }
         15..=21 => {
             let kilohms = parameters.value(Item::Potentiometer, place);
-            let seen = linear(connected, sensor, kilohms as f64);
+            let seen = linear(sensor, kilohms as f64).see(connected, terminals, 0.0);
             (seen, &move |share| scaled(share, place, parameters))
         }
         _ => return Sample::Off,
@@ -84,42 +51,6 @@ pub(super) fn sample(
     }
 }
 
-/// In the unit of the sensor: degrees Celsius, or the share of a linear signal's range.
-enum Seen {
-    Value(f64),
-    Outside(f64),
-}
-
-fn temperature(
-    connected: Connected,
-    terminals: f64,
-    sensor: i64,
-    rules: &dyn Mcm260xRules,
-) -> Seen {
-    let Some(&(low, high)) = SENSOR_RANGES.get(sensor as usize - 1) else {
-        return Seen::Outside(0.0);
-    };
-    let (hot, cold) = (Seen::Outside(high), Seen::Outside(low));
-    let is_thermocouple = sensor <= THERMOCOUPLES;
-    let celsius = match connected.wiring {
-        Wiring::Connected if is_thermocouple => {
-            // Beyond its range the compensation of the cold junction lags behind the terminals.
-            connected.celsius - rules.junction_error(terminals)
-        }
-        Wiring::Connected => connected.celsius,
-        // A short circuit is a junction at the terminals.
-        Wiring::Shorted if is_thermocouple => terminals,
-        // The resistance of an NTC falls with the temperature.
-        Wiring::Shorted => return if sensor == NTC { hot } else { cold },
-        Wiring::Broken => return if sensor == NTC { cold } else { hot },
-    };
-    match celsius {
-        _ if celsius < low => Seen::Outside(low),
-        _ if celsius > high => Seen::Outside(high),
-        _ => Seen::Value(celsius),
-    }
-}
-
 /// The digits of a temperature: tenths of a degree in the unit that is selected.
 fn degrees(celsius: f64, parameters: Parameters) -> f64 {
     let degrees = match parameters.common(Item::Degree) {
@@ -130,32 +61,16 @@ fn degrees(celsius: f64, parameters: Parameters) -> f64 {
     degrees * 10.0
 }
 
-/// The share of its range that a linear signal has. `kilohms` is what the module takes a
-/// potentiometer for.
-fn linear(connected: Connected, sensor: i64, kilohms: f64) -> Seen {
-    let too_much = Seen::Outside(1.0 + MARGIN);
-    let (low, high, seen) = match sensor {
-        15 => (0.0, 1000.0, connected.millivolts),
-        16 => (0.0, 5000.0, connected.millivolts),
-        TEN_VOLTS => (0.0, 10_000.0, connected.millivolts),
-        18 => (0.0, 20_000.0, connected.microamperes),
-        19 => (4000.0, 20_000.0, connected.microamperes),
-        20 => (0.0, 60.0, connected.millivolts),
-        _ => (0.0, kilohms, connected.percent / 100.0 * connected.kilohms),
-    };
-    let seen = match (connected.wiring, sensor) {
-        (Wiring::Connected, _) => seen,
-        // A wiper without a track, and a transmitter that only the supply limits.
-        (Wiring::Broken, POTENTIOMETER) | (Wiring::Shorted, 18 | 19) => return too_much,
-        // No current and no voltage are values like others.
-        (Wiring::Broken | Wiring::Shorted, _) => 0.0,
-    };
-    let share = (seen - low) / (high - low);
-    // What rounding adds to the margin is no error.
-    match share {
-        _ if share < -MARGIN - ROUNDING => Seen::Outside(-MARGIN),
-        _ if share > 1.0 + MARGIN + ROUNDING => too_much,
-        _ => Seen::Value(share),
+/// The linear signal of a code. `kilohms` is what the module takes a potentiometer for.
+const fn linear(code: i64, kilohms: f64) -> Sensor {
+    match code {
+        15 => Sensor::Voltage(1000.0),
+        16 => Sensor::Voltage(5000.0),
+        TEN_VOLTS => Sensor::Voltage(10_000.0),
+        18 => Sensor::Current(0.0),
+        19 => Sensor::Current(4000.0),
+        20 => Sensor::Voltage(60.0),
+        _ => Sensor::Potentiometer(kilohms),
     }
 }
 
@@ -169,19 +84,10 @@ fn scaled(share: f64, place: usize, parameters: Parameters) -> f64 {
     parameters.rules.linear_digits(digits, parameters.common(Item::Degree))
 }
 
-/// The last code of a thermocouple.
-const THERMOCOUPLES: i64 = 8;
-/// The code of the NTC of 10 kilohms at 25 degrees.
-const NTC: i64 = 11;
-const POTENTIOMETER: i64 = 21;
-/// How far a linear signal may leave its range before that is an error, as a share of the range.
-/// The manual leaves it open.
-const MARGIN: f64 = 0.05;
-const ROUNDING: f64 = 1e-9;
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::pixsys::SENSOR_RANGES;
     use crate::devices::mcm260x::parameters::{Table, parameters_only};
     use crate::devices::mcm260x::rules::Manual;
 

@@ -1,0 +1,167 @@
+//! What the inputs of the Pixsys devices see of a sensor, before they make digits of it.
+
+use super::SENSOR_RANGES;
+
+/// What is connected to an analogue input. A sensor sees only what it measures.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Connected {
+    pub(crate) millivolts: f64,
+    pub(crate) microamperes: f64,
+    /// Of whatever temperature sensor is selected.
+    pub(crate) celsius: f64,
+    /// The wiper of a potentiometer.
+    pub(crate) percent: f64,
+    /// The whole of that potentiometer.
+    pub(crate) kilohms: f64,
+    pub(crate) wiring: Wiring,
+}
+
+/// The wires of a sensor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Wiring {
+    #[default]
+    Connected,
+    Broken,
+    Shorted,
+}
+
+impl Default for Connected {
+    fn default() -> Self {
+        Self {
+            millivolts: 0.0,
+            microamperes: 0.0,
+            celsius: 25.0,
+            percent: 0.0,
+            kilohms: 10.0,
+            wiring: Wiring::Connected,
+        }
+    }
+}
+
+/// A kind of sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Sensor {
+    /// A temperature sensor, by its place in [`SENSOR_RANGES`].
+    Temperature(usize),
+    /// From 0 to so many millivolts.
+    Voltage(f64),
+    /// From so many microamperes to 20 mA.
+    Current(f64),
+    /// A potentiometer of so many kilohms.
+    Potentiometer(f64),
+}
+
+/// What an input sees, in the unit of the sensor: degrees Celsius, or the share of a linear
+/// signal's range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Seen {
+    /// A value of the range.
+    Value(f64),
+    /// The end of the range that the signal lies beyond.
+    Outside(f64),
+}
+
+impl Sensor {
+    /// Whether the temperature of the terminals has a part in what it gives.
+    pub(crate) const fn is_thermocouple(self) -> bool {
+        matches!(self, Self::Temperature(..THERMOCOUPLES))
+    }
+
+    /// What is seen of what is connected. `terminals` are the degrees Celsius of the terminals, and
+    /// `lag` is what the compensation of the cold junction misses of them.
+    pub(crate) fn see(self, connected: Connected, terminals: f64, lag: f64) -> Seen {
+        match self {
+            Self::Temperature(place) => {
+                let Some(range) = SENSOR_RANGES.get(place) else { return Seen::Outside(0.0) };
+                temperature(connected, place, *range, (terminals, lag))
+            }
+            Self::Voltage(high) => self.linear(connected, connected.millivolts / high),
+            Self::Current(low) => {
+                let share = |microamperes: f64| (microamperes - low) / (FULL_CURRENT - low);
+                let flows = connected.wiring == Wiring::Connected;
+                let seen = if flows { connected.microamperes } else { 0.0 };
+                self.linear(connected, share(seen))
+            }
+            Self::Potentiometer(kilohms) => {
+                self.linear(connected, connected.percent / 100.0 * connected.kilohms / kilohms)
+            }
+        }
+    }
+
+    fn linear(self, connected: Connected, share: f64) -> Seen {
+        let too_much = Seen::Outside(1.0 + MARGIN);
+        let share = match (connected.wiring, self) {
+            // A wiper without a track, and a transmitter that only the supply limits.
+            (Wiring::Broken, Self::Potentiometer(_)) | (Wiring::Shorted, Self::Current(_)) => {
+                return too_much;
+            }
+            (Wiring::Connected, _) | (Wiring::Broken, Self::Current(_)) => share,
+            // No voltage is a value like others.
+            _ => 0.0,
+        };
+        match share {
+            // What rounding adds to the margin is no error.
+            _ if share < -MARGIN - ROUNDING => Seen::Outside(-MARGIN),
+            _ if share > 1.0 + MARGIN + ROUNDING => too_much,
+            _ => Seen::Value(share),
+        }
+    }
+}
+
+fn temperature(
+    connected: Connected,
+    place: usize,
+    (low, high): (f64, f64),
+    (terminals, lag): (f64, f64),
+) -> Seen {
+    let (hot, cold) = (Seen::Outside(high), Seen::Outside(low));
+    let celsius = match connected.wiring {
+        Wiring::Connected if place < THERMOCOUPLES => connected.celsius - lag,
+        Wiring::Connected => connected.celsius,
+        // A short circuit is a junction at the terminals.
+        Wiring::Shorted if place < THERMOCOUPLES => terminals,
+        // The resistance of an NTC falls with the temperature.
+        Wiring::Shorted => return if place == NTC { hot } else { cold },
+        Wiring::Broken => return if place == NTC { cold } else { hot },
+    };
+    match celsius {
+        _ if celsius < low => cold,
+        _ if celsius > high => hot,
+        _ => Seen::Value(celsius),
+    }
+}
+
+/// So many of the temperature sensors, the first ones, are thermocouples.
+const THERMOCOUPLES: usize = 8;
+/// The place of the NTC of 10 kilohms at 25 degrees.
+const NTC: usize = 10;
+/// In microamperes.
+const FULL_CURRENT: f64 = 20_000.0;
+/// How far a linear signal may leave its range before that is an error, as a share of the range.
+/// The manuals leave it open.
+const MARGIN: f64 = 0.05;
+const ROUNDING: f64 = 1e-9;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn broken_and_shorted_wires_are_seen_by_the_kind_of_sensor() {
+        let wired = |wiring| Connected { wiring, ..Connected::default() };
+        let table = [
+            (Sensor::Temperature(0), Seen::Outside(1360.0), Seen::Value(31.0)),
+            (Sensor::Temperature(8), Seen::Outside(600.0), Seen::Outside(-100.0)),
+            (Sensor::Temperature(NTC), Seen::Outside(-40.0), Seen::Outside(125.0)),
+            (Sensor::Voltage(60.0), Seen::Value(0.0), Seen::Value(0.0)),
+            (Sensor::Current(0.0), Seen::Value(0.0), Seen::Outside(1.05)),
+            (Sensor::Current(4000.0), Seen::Outside(-0.05), Seen::Outside(1.05)),
+            (Sensor::Potentiometer(10.0), Seen::Outside(1.05), Seen::Value(0.0)),
+        ];
+        for (sensor, broken, shorted) in table {
+            let seen = [Wiring::Broken, Wiring::Shorted]
+                .map(|wiring| sensor.see(wired(wiring), 31.0, 0.0));
+            assert_eq!(seen, [broken, shorted], "{sensor:?}");
+        }
+    }
+}
