@@ -1,0 +1,49 @@
+//! The filter of the analogue input (manual, 11.3.2, parameter 10).
+
+use std::collections::VecDeque;
+
+/// The average of the last samples.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Filter {
+    samples: VecDeque<f64>,
+}
+
+impl Filter {
+    /// A sample, and how many are averaged. The first one fills the average, so that no time is
+    /// spent on the way from zero.
+    pub(super) fn take(&mut self, sample: f64, wanted: i64) -> f64 {
+        let wanted = usize::try_from(wanted).unwrap_or(1).max(1);
+        self.samples.push_back(sample);
+        while self.samples.len() < wanted {
+            self.samples.push_front(self.samples[0]);
+        }
+        while self.samples.len() > wanted {
+            self.samples.pop_front();
+        }
+        self.samples.iter().sum::<f64>() / self.samples.len() as f64
+    }
+
+    /// Begins anew.
+    pub(super) fn clear(&mut self) {
+        self.samples.clear();
+    }
+
+    /// Whether another sample like the last one would change nothing.
+    pub(super) fn is_settled(&self) -> bool {
+        self.samples.iter().all(|sample| Some(sample) == self.samples.back())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_arrives_in_as_many_samples_as_are_averaged() {
+        let mut filter = Filter::default();
+        assert_eq!(filter.take(100.0, 4), 100.0);
+        assert_eq!([(); 5].map(|()| filter.take(200.0, 4)), [125.0, 150.0, 175.0, 200.0, 200.0]);
+        assert!(filter.is_settled());
+        assert_eq!(filter.take(0.0, 1), 0.0);
+    }
+}

@@ -1,0 +1,59 @@
+//! The parameters of 3000h as the controller uses them (manual, 11.3.2).
+
+use canopen::{Dictionary, Mux};
+
+use super::rules::Rules;
+
+/// Reads the parameters by their numbers.
+#[derive(Clone, Copy)]
+pub(crate) struct Parameters<'a> {
+    source: Source<'a>,
+    pub(super) rules: &'a dyn Rules,
+}
+
+#[derive(Clone, Copy)]
+enum Source<'a> {
+    Objects(&'a Dictionary),
+    #[cfg(test)]
+    Listed(&'a [(u8, i64)]),
+}
+
+impl<'a> Parameters<'a> {
+    /// Those of a device.
+    pub(crate) const fn of(od: &'a Dictionary, rules: &'a dyn Rules) -> Self {
+        Self { source: Source::Objects(od), rules }
+    }
+
+    /// Those that are listed; the others are 0.
+    #[cfg(test)]
+    pub(super) const fn listed(list: &'a [(u8, i64)], rules: &'a dyn Rules) -> Self {
+        Self { source: Source::Listed(list), rules }
+    }
+
+    /// The parameter of that number.
+    pub(super) fn get(&self, sub: u8) -> i64 {
+        let configured = match self.source {
+            Source::Objects(od) => od.int(Mux::new(0x3000, sub)).unwrap_or(0),
+            #[cfg(test)]
+            Source::Listed(list) => {
+                list.iter().find(|(known, _)| *known == sub).map_or(0, |(_, value)| *value)
+            }
+        };
+        self.rules.parameter(sub, configured)
+    }
+
+    /// A parameter that switches something on.
+    pub(super) fn is_set(&self, sub: u8) -> bool {
+        self.get(sub) != 0
+    }
+
+    /// A parameter in seconds.
+    pub(super) fn seconds(&self, sub: u8) -> f64 {
+        self.get(sub) as f64
+    }
+
+    /// A parameter in tenths.
+    pub(super) fn tenths(&self, sub: u8) -> f64 {
+        self.get(sub) as f64 / 10.0
+    }
+}

@@ -1,0 +1,192 @@
+//! From the terminals of the input to the process value (manual, 11.3.2, parameters 1 to 10).
+
+use super::filter::Filter;
+use super::latch::{self, Latch};
+use super::parameters::Parameters;
+use super::rules::Rules;
+use crate::devices::pixsys::sensor::{Connected, Seen, Sensor};
+
+/// The settings of the input.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Settings {
+    pub(super) sensor: Sensor,
+    unit: i64,
+    beyond: bool,
+    offset: f64,
+    gain: f64,
+    samples: i64,
+    pub(super) latch: latch::Settings,
+}
+
+impl Settings {
+    pub(super) fn of(parameters: &Parameters) -> Self {
+        Self {
+            sensor: sensor(parameters.get(1), parameters.get(5)),
+            unit: parameters.get(2),
+            beyond: parameters.is_set(6),
+            offset: parameters.get(7) as f64,
+            gain: parameters.get(8) as f64,
+            samples: parameters.get(10),
+            latch: latch::Settings::of(parameters),
+        }
+    }
+}
+
+/// The sensor of a code, which for a potentiometer has so many kilohms.
+fn sensor(code: i64, kilohms: i64) -> Sensor {
+    match code {
+        14 => Sensor::Voltage(10_000.0),
+        15 => Sensor::Current(0.0),
+        16 => Sensor::Current(4000.0),
+        17 => Sensor::Voltage(60.0),
+        18 => Sensor::Potentiometer(kilohms.max(1) as f64),
+        temperature => Sensor::Temperature(usize::try_from(temperature).unwrap_or(0)),
+    }
+}
+
+/// The input.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Input {
+    pub(super) latch: Latch,
+    filter: Filter,
+    /// The sensor that the samples are of.
+    sensor: Option<Sensor>,
+    /// The share of its range that a linear signal has, for latch-on.
+    pub(super) share: f64,
+}
+
+/// What a sample says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Reading {
+    /// Digits: the process value, or the end of the range that the signal lies beyond.
+    pub(super) process: i64,
+    /// The signal is out of the range of the sensor.
+    pub(super) is_error: bool,
+}
+
+impl Input {
+    /// Takes a sample of what is connected, with so many degrees Celsius at the terminals.
+    pub(super) fn sample(
+        &mut self,
+        (connected, terminals): (Connected, f64),
+        settings: &Settings,
+        rules: &dyn Rules,
+    ) -> Reading {
+        let lag = terminals - rules.compensated(terminals);
+        if self.sensor.replace(settings.sensor) != Some(settings.sensor) {
+            self.filter.clear();
+        }
+        match settings.sensor.see(connected, terminals, lag) {
+            Seen::Value(value) => {
+                let digits = self.digits(value, settings);
+                let digits = rules.calibrated(digits, settings.gain, settings.offset);
+                let process = whole(self.filter.take(digits, settings.samples));
+                Reading { process, is_error: false }
+            }
+            Seen::Outside(end) => {
+                self.filter.clear();
+                Reading { process: whole(self.digits(end, settings)), is_error: true }
+            }
+        }
+    }
+
+    fn digits(&mut self, value: f64, settings: &Settings) -> f64 {
+        if matches!(settings.sensor, Sensor::Temperature(_)) {
+            let degrees = match settings.unit {
+                1 => value * 1.8 + 32.0,
+                2 => value + 273.15,
+                _ => value,
+            };
+            return degrees * 10.0;
+        }
+        self.share = value;
+        let on_scale = self.latch.on_scale(value, &settings.latch);
+        let within = if settings.beyond { on_scale } else { on_scale.clamp(0.0, 1.0) };
+        self.latch.digits(within, &settings.latch)
+    }
+
+    /// Whether another sample of the same signal would say the same.
+    pub(super) fn is_settled(&self) -> bool {
+        self.filter.is_settled()
+    }
+}
+
+fn whole(digits: f64) -> i64 {
+    digits.round().clamp(f64::from(-i16::MAX), f64::from(i16::MAX)) as i64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::pixsys::SENSOR_RANGES;
+    use crate::devices::pixsys::sensor::Wiring;
+
+    fn read(list: &[(u8, i64)], connected: Connected, terminals: f64) -> (i64, bool) {
+        let settings = Settings::of(&Parameters::listed(list, &Manual));
+        let reading = Input::default().sample((connected, terminals), &settings, &Manual);
+        (reading.process, reading.is_error)
+    }
+
+    fn celsius(celsius: f64) -> Connected {
+        Connected { celsius, ..Connected::default() }
+    }
+
+    #[test]
+    fn each_temperature_sensor_has_its_range() {
+        for (code, (low, high)) in (0..).zip(SENSOR_RANGES) {
+            let of = |degrees| read(&[(1, code)], celsius(degrees), 25.0);
+            let [low_digits, high_digits] = [low, high].map(|end| (end * 10.0) as i64);
+            assert_eq!((of(low), of(high)), ((low_digits, false), (high_digits, false)));
+            assert_eq!(of(low - 0.1), (low_digits, true), "{code}");
+            assert_eq!(of(high + 0.1), (high_digits, true), "{code}");
+        }
+    }
+
+    #[test]
+    fn unit_and_calibration() {
+        let table: [(&[(u8, i64)], f64, i64); 5] = [
+            (&[], 25.0, 250),
+            (&[(2, 1)], 25.0, 770),
+            (&[(2, 2)], 25.0, 2982),
+            (&[(7, -300)], 25.0, -50),
+            (&[(8, 100), (7, 5)], 100.0, 1105),
+        ];
+        for (list, degrees, digits) in table {
+            assert_eq!(read(list, celsius(degrees), 25.0), (digits, false), "{list:?}");
+        }
+    }
+
+    #[test]
+    fn linear_signals_have_their_scale_and_its_limits() {
+        let millivolts = |millivolts| Connected { millivolts, ..Connected::default() };
+        let current = |microamperes| Connected { microamperes, ..Connected::default() };
+        let wiper = |percent, kilohms| Connected { percent, kilohms, ..Connected::default() };
+        let table = [
+            (14, 0, millivolts(5000.0), (500, false)),
+            (14, 0, millivolts(10_300.0), (1000, false)),
+            (14, 1, millivolts(10_300.0), (1030, false)),
+            (14, 1, millivolts(10_600.0), (1050, true)),
+            (15, 0, current(5000.0), (250, false)),
+            (16, 0, current(12_000.0), (500, false)),
+            (16, 1, current(3000.0), (-50, true)),
+            (17, 0, millivolts(30.0), (500, false)),
+            (18, 0, wiper(40.0, 10.0), (400, false)),
+            (18, 0, wiper(40.0, 5.0), (200, false)),
+        ];
+        for (code, beyond, connected, expected) in table {
+            let list = [(1, code), (3, 0), (4, 1000), (5, 10), (6, beyond)];
+            assert_eq!(read(&list, connected, 25.0), expected, "{code} {connected:?}");
+        }
+    }
+
+    #[test]
+    fn a_cold_junction_is_compensated_within_its_range() {
+        for (terminals, digits) in [(0.0, 1000), (50.0, 1000), (60.0, 900), (-10.0, 1100)] {
+            assert_eq!(read(&[], celsius(100.0), terminals), (digits, false), "{terminals}");
+        }
+        assert_eq!(read(&[(1, 8)], celsius(100.0), 60.0), (1000, false));
+        let broken = Connected { wiring: Wiring::Broken, ..Connected::default() };
+        assert_eq!(read(&[], broken, 25.0), (13_600, true));
+    }
+}

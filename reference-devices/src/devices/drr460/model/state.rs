@@ -1,0 +1,42 @@
+//! What an output is while it has no decision of its own: in STOP, and in case of an error (manual,
+//! 11.3.2, parameters 20, 21, 59, 60, 71, 72, 104 and 105).
+
+use super::rules::Rules;
+
+/// A state of an output, by its code.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct State(pub(super) i64);
+
+impl State {
+    /// Whether a contact is closed.
+    pub(super) fn is_closed(self, rules: &dyn Rules) -> bool {
+        rules.closed(self.0)
+    }
+
+    /// What the analogue output gives.
+    pub(super) fn microamperes(self, rules: &dyn Rules) -> f64 {
+        rules.milliamperes(self.0) * 1000.0
+    }
+
+    /// Where a valve goes: 1 is open.
+    pub(super) fn valve(self, rules: &dyn Rules) -> f64 {
+        if rules.closed(self.0) { 0.0 } else { 1.0 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::drr460::model::rules::Manual;
+
+    #[test]
+    fn each_code_has_a_contact_a_current_and_a_valve() {
+        let table = [(0, false, 0.0), (1, true, 4000.0), (2, false, 20_000.0), (3, true, 21_500.0)];
+        for (code, closed, microamperes) in table {
+            let state = State(code);
+            assert_eq!(state.is_closed(&Manual), closed, "{code}");
+            assert_eq!(state.microamperes(&Manual), microamperes, "{code}");
+            assert_eq!(state.valve(&Manual), f64::from(u8::from(!closed)), "{code}");
+        }
+    }
+}
