@@ -4,8 +4,13 @@
 mod parameters;
 mod rules;
 
+mod cycle;
 mod delay;
 mod filter;
 mod latch;
+mod on_off;
+mod pid;
 mod reading;
 mod state;
+mod valve;
+mod wiring;

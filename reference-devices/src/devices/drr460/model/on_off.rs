@@ -1,0 +1,111 @@
+//! On/off control with hysteresis, delay and reset by hand (manual, 11.3.2, parameters 19, 22 and
+//! 23).
+
+use super::delay::Delayed;
+use super::parameters::Parameters;
+
+/// The settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Settings {
+    hysteresis: i64,
+    reset: i64,
+    delay: f64,
+    kept: bool,
+}
+
+impl Settings {
+    pub(super) fn of(parameters: &Parameters) -> Self {
+        let reset = parameters.get(22);
+        Self {
+            hysteresis: parameters.get(19),
+            reset,
+            delay: parameters.seconds(23),
+            kept: parameters.rules.kept_over_power_off(reset),
+        }
+    }
+}
+
+/// The memory of on/off control.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct OnOff {
+    wanted: bool,
+    switched: Delayed,
+    /// Waits to be reset by hand.
+    latched: bool,
+}
+
+impl OnOff {
+    /// Whether the command is on, with so many digits missing to the set point. It goes off at the
+    /// set point and on where the hysteresis is missing; a negative one lies beyond the set point.
+    pub(super) fn step(&mut self, missing: i64, settings: &Settings, elapsed: f64) -> bool {
+        if missing <= settings.hysteresis.min(0) {
+            self.wanted = false;
+        } else if missing >= settings.hysteresis.max(0) {
+            self.wanted = true;
+        }
+        let on = self.switched.follow(self.wanted, settings.delay, elapsed);
+        self.latched = settings.reset != 0 && (self.latched || on);
+        on || self.latched
+    }
+
+    /// Whether it can be reset by hand, as 400Ah shows.
+    pub(super) const fn resettable(&self) -> bool {
+        self.latched && !self.switched.is_on()
+    }
+
+    /// Resets it by hand; nothing happens while control wants it on.
+    pub(super) const fn reset(&mut self) {
+        self.latched &= self.switched.is_on();
+    }
+
+    /// The device was switched on, or the controller was stopped.
+    pub(super) fn restart(&mut self, settings: &Settings) {
+        *self = Self { latched: self.latched && settings.kept, ..Self::default() };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::drr460::model::rules::Manual;
+
+    fn settings(list: &[(u8, i64)]) -> Settings {
+        Settings::of(&Parameters::listed(list, &Manual))
+    }
+
+    #[test]
+    fn it_keeps_its_state_within_the_hysteresis() {
+        let table = [
+            (20, [(19, false), (20, true), (1, true), (0, false)]),
+            (-20, [(-1, false), (0, true), (-19, true), (-20, false)]),
+        ];
+        for (hysteresis, steps) in table {
+            let (settings, mut control) = (settings(&[(19, hysteresis)]), OnOff::default());
+            for (missing, on) in steps {
+                assert_eq!(control.step(missing, &settings, 0.1), on, "{hysteresis} {missing}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_reset_by_hand_ends_what_control_wants_no_more() {
+        for (reset, kept) in [(1, false), (2, true)] {
+            let (settings, mut control) = (settings(&[(22, reset)]), OnOff::default());
+            assert!(control.step(10, &settings, 0.1) && !control.resettable());
+            control.reset();
+            assert!(control.step(-10, &settings, 0.1) && control.resettable());
+            let mut restarted = control;
+            restarted.restart(&settings);
+            assert_eq!(restarted.step(-10, &settings, 0.1), kept);
+            control.reset();
+            assert!(!control.step(-10, &settings, 0.1) && !control.resettable());
+        }
+    }
+
+    #[test]
+    fn a_delay_has_its_side() {
+        let (settings, mut control) = (settings(&[(23, 2)]), OnOff::default());
+        assert!(!control.step(10, &settings, 0.0) && !control.step(10, &settings, 1.9));
+        assert!(control.step(10, &settings, 0.1) && !control.step(-10, &settings, 0.1));
+    }
+}
