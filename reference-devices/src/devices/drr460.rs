@@ -22,6 +22,8 @@ mod alarm;
 mod control;
 mod delay;
 mod input;
+#[allow(dead_code, reason = "the application changes over to it")]
+mod model;
 mod objects;
 mod plant;
 mod rules;

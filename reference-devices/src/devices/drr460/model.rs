@@ -4,13 +4,22 @@
 mod parameters;
 mod rules;
 
+mod alarm;
+mod current;
 mod cycle;
 mod delay;
+mod expansion;
 mod filter;
+mod flags;
 mod latch;
+mod load;
 mod on_off;
 mod pid;
 mod reading;
+mod retransmission;
+mod soft_start;
 mod state;
+mod switches;
+mod tuning;
 mod valve;
 mod wiring;

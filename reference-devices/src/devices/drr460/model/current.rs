@@ -1,0 +1,167 @@
+//! The current transformer: heater break and over-current (manual, 7.7 and 11.3.2, parameters 90 to
+//! 94 and 131).
+
+use super::parameters::Parameters;
+use super::rules::Rules;
+
+/// The settings. Currents are in tenths of an ampere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Settings {
+    enabled: bool,
+    full_scale: i64,
+    break_threshold: f64,
+    over_threshold: f64,
+    delay: f64,
+    /// The digital output, counted from 0, that drives the load.
+    pub(super) output: usize,
+}
+
+impl Settings {
+    pub(super) fn of(parameters: &Parameters) -> Self {
+        Self {
+            enabled: parameters.is_set(90),
+            full_scale: parameters.get(91),
+            break_threshold: parameters.get(92) as f64,
+            over_threshold: parameters.get(93) as f64,
+            delay: parameters.seconds(94),
+            output: usize::from(parameters.is_set(131)),
+        }
+    }
+}
+
+/// What is watched, in the order of bits 7 to 10 of 4007h: the switch in short circuit, switch or
+/// load open, the load broken in part, too much current.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Transformer {
+    watched: [Watched; 4],
+    /// In tenths of an ampere.
+    amperes: f64,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Watched {
+    is_error: bool,
+    waited: f64,
+}
+
+impl Watched {
+    /// `condition` is `None` while nothing can be said, in which the time stands still.
+    fn follow(&mut self, condition: Option<bool>, delay: f64, elapsed: f64) {
+        match condition {
+            None => {}
+            Some(false) => *self = Self::default(),
+            Some(true) => {
+                self.waited += elapsed;
+                self.is_error |= self.waited + ROUNDING >= delay;
+            }
+        }
+    }
+}
+
+impl Transformer {
+    /// The transformer gives so many milliamperes, while its output is on or off.
+    pub(super) fn step(
+        &mut self,
+        (milliamperes, on): (f64, bool),
+        settings: &Settings,
+        elapsed: f64,
+        rules: &dyn Rules,
+    ) {
+        if !settings.enabled {
+            *self = Self::default();
+            return;
+        }
+        self.amperes = rules.tenths_of_amperes(milliamperes, settings.full_scale);
+        let (amperes, threshold) = (self.amperes, settings.break_threshold);
+        let nothing = amperes <= threshold * NOTHING;
+        let watches = threshold > 0.0;
+        let conditions = [
+            (!on).then_some(watches && !nothing),
+            on.then_some(watches && nothing),
+            on.then_some(watches && !nothing && amperes < threshold),
+            Some(settings.over_threshold > 0.0 && amperes > settings.over_threshold),
+        ];
+        for (watched, condition) in self.watched.iter_mut().zip(conditions) {
+            watched.follow(condition, settings.delay, elapsed);
+        }
+    }
+
+    /// Bits 7 to 10 of 4007h.
+    pub(super) fn flags(&self) -> i64 {
+        let bits = self.watched.iter().zip(7..);
+        bits.map(|(watched, bit)| i64::from(watched.is_error) << bit).sum()
+    }
+
+    /// Whether alarm kind 10 is met.
+    pub(super) fn is_error(&self) -> bool {
+        self.flags() != 0
+    }
+
+    /// In tenths of an ampere.
+    pub(super) const fn amperes(&self) -> f64 {
+        self.amperes
+    }
+
+    /// The threshold that the key teaches, in tenths of an ampere; `None` without a current (7.7
+    /// has no figure).
+    pub(super) fn taught(&self) -> Option<i64> {
+        let threshold = (self.amperes * TAUGHT).round() as i64;
+        (threshold > 0).then_some(threshold)
+    }
+}
+
+/// A share of the threshold below which no current flows. The manual leaves it open.
+const NOTHING: f64 = 0.1;
+/// The share of the present current that becomes the threshold.
+const TAUGHT: f64 = 0.8;
+/// In seconds.
+const ROUNDING: f64 = 1e-6;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::devices::drr460::model::rules::Manual;
+
+    fn settings(delay: i64) -> Settings {
+        let list = [(90, 1), (91, 50), (92, 100), (93, 300), (94, delay)];
+        Settings::of(&Parameters::listed(&list, &Manual))
+    }
+
+    #[test]
+    fn each_fault_has_its_flag() {
+        let table = [
+            (true, 20.0, 0),
+            (false, 0.0, 0),
+            (false, 5.0, 1 << 7),
+            (true, 0.5, 1 << 8),
+            (true, 5.0, 1 << 9),
+            (true, 10.0, 0),
+            (true, 30.0, 0),
+            (true, 31.0, 1 << 10),
+        ];
+        for (on, milliamperes, flags) in table {
+            let mut transformer = Transformer::default();
+            transformer.step((milliamperes, on), &settings(0), 0.1, &Manual);
+            assert_eq!(transformer.flags(), flags, "{on} {milliamperes}");
+        }
+    }
+
+    #[test]
+    fn the_delay_stands_still_while_the_output_is_off() {
+        let (settings, mut transformer) = (settings(2), Transformer::default());
+        let mut step = |on, elapsed| {
+            transformer.step((0.0, on), &settings, elapsed, &Manual);
+            transformer.flags()
+        };
+        assert_eq!([step(true, 1.5), step(false, 9.0), step(true, 0.4)], [0; 3]);
+        assert_eq!([step(true, 0.1), step(false, 1.0)], [1 << 8; 2]);
+    }
+
+    #[test]
+    fn a_threshold_is_taught() {
+        let mut transformer = Transformer::default();
+        assert_eq!(transformer.taught(), None);
+        transformer.step((10.0, true), &settings(0), 0.1, &Manual);
+        assert_eq!(transformer.taught(), Some(80));
+    }
+}
