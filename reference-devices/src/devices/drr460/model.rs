@@ -5,6 +5,7 @@ mod parameters;
 mod rules;
 
 mod alarm;
+mod controller;
 mod current;
 mod cycle;
 mod delay;

@@ -1,7 +1,5 @@
 //! The faults of the device itself, as 4007h shows them (manual, 11.3.10).
 
-use super::parameters::Parameters;
-
 /// What fails, beside sensor and load.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Faults {
@@ -77,8 +75,7 @@ impl Flags {
 
 /// Whether flags of 4007h leave the controller without a process value, which is what parameters
 /// 20, 59, 71 and 104 call an error.
-pub(super) fn is_error(flags: i64, parameters: &Parameters) -> bool {
-    let is_thermocouple = parameters.get(1) <= LAST_THERMOCOUPLE;
+pub(super) const fn is_error(flags: i64, is_thermocouple: bool) -> bool {
     let junction = if is_thermocouple { COLD_JUNCTION } else { 0 };
     flags & (WITHOUT_PROCESS | junction) != 0
 }
@@ -90,12 +87,10 @@ const GENERIC: i64 = 1 << 5;
 const HARDWARE: i64 = 1 << 6;
 /// Sensor, missing calibration, hardware, calibrations and their constants.
 const WITHOUT_PROCESS: i64 = SENSOR | 1 << 4 | HARDWARE | 1 << 16 | 1 << 17;
-const LAST_THERMOCOUPLE: i64 = 7;
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
 
     #[test]
     fn memory_shows_when_it_is_used() {
@@ -124,14 +119,19 @@ mod tests {
 
     #[test]
     fn some_flags_leave_no_process_value() {
-        let is_error = |flags, sensor| {
-            is_error(flags, &Parameters::listed(&[(1, sensor)], &Manual))
-        };
-        for (flags, sensor, expected) in
-            [(0, 0, false), (1, 0, true), (1, 8, false), (2, 8, true), (4, 0, false),
-             (0x40, 0, true), (0x80, 0, false), (1 << 18, 0, false), (1 << 17, 0, true)]
-        {
-            assert_eq!(is_error(flags, sensor), expected, "{flags:#X} {sensor}");
+        let table = [
+            (0, true, false),
+            (1, true, true),
+            (1, false, false),
+            (2, false, true),
+            (4, true, false),
+            (0x40, true, true),
+            (0x80, true, false),
+            (1 << 17, true, true),
+            (1 << 18, true, false),
+        ];
+        for (flags, is_thermocouple, expected) in table {
+            assert_eq!(is_error(flags, is_thermocouple), expected, "{flags:#X}");
         }
     }
 }

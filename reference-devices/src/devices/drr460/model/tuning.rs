@@ -2,6 +2,7 @@
 //! PID control from how the process swings (manual, 7.2 to 7.5 and 11.3.17).
 
 use super::parameters::Parameters;
+use super::rules::Rules;
 
 /// The settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,10 +126,10 @@ impl Tuning {
         at_start: bool,
         (process, set_point): (i64, i64),
         settings: &Settings,
-        parameters: &Parameters,
+        rules: &dyn Rules,
     ) {
         let gap = set_point - process;
-        let asked = parameters.rules.gap_asks_for_tuning(gap, settings.greatest_gap);
+        let asked = rules.gap_asks_for_tuning(gap, settings.greatest_gap);
         let begins = match settings.kind {
             AUTOMATIC => asked,
             ONCE => at_start,
@@ -312,7 +313,7 @@ mod tests {
             let (list, mut tuning) = (list(kind), Tuning::default());
             let parameters = Parameters::listed(&list, &Keeps);
             let settings = Settings::of(&parameters);
-            tuning.started(at_start, (500, 500 + gap), &settings, &parameters);
+            tuning.started(at_start, (500, 500 + gap), &settings, &Keeps);
             assert_eq!(tuning.shown(&settings), i64::from(begins), "{kind} {at_start} {gap}");
         }
     }
