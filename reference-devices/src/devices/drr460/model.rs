@@ -5,6 +5,7 @@ mod parameters;
 mod rules;
 
 mod alarm;
+mod bench;
 mod controller;
 mod current;
 mod cycle;

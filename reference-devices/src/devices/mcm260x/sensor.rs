@@ -87,9 +87,9 @@ fn scaled(share: f64, place: usize, parameters: Parameters) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::pixsys::SENSOR_RANGES;
     use crate::devices::mcm260x::parameters::{Table, parameters_only};
     use crate::devices::mcm260x::rules::Manual;
+    use crate::devices::pixsys::SENSOR_RANGES;
 
     fn sampled(settings: &[(Item, i64)], connected: Connected, terminals: f64) -> Sample {
         let mut od = parameters_only();

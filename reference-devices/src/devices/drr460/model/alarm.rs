@@ -184,7 +184,8 @@ mod tests {
     impl Fixture {
         fn new(number: usize, limit: i64, list: &[(u8, i64)]) -> Self {
             let first = FIRST_PARAMETER[number];
-            let list: Vec<_> = list.iter().map(|(offset, value)| (first + offset, *value)).collect();
+            let list: Vec<_> =
+                list.iter().map(|(offset, value)| (first + offset, *value)).collect();
             let settings = Settings::of(number, &Parameters::listed(&list, &Manual));
             let sight = Sight { limit, running: true, ..Sight::default() };
             Self { alarm: Alarm::default(), settings, sight }

@@ -234,8 +234,9 @@ impl Controller {
             Command::Analogue => None,
         };
         let alarms = functions.alarms;
-        let cooling =
-            alarms.iter().filter_map(|alarm| self.cycles.alarms.next(*alarm, settings.cooling_cycle));
+        let cooling = alarms
+            .iter()
+            .filter_map(|alarm| self.cycles.alarms.next(*alarm, settings.cooling_cycle));
         command.into_iter().chain(cooling).reduce(f64::min)
     }
 
@@ -313,7 +314,8 @@ impl Controller {
             self.on_off.restart(&settings.on_off);
             self.pid = Pid::default();
             self.output = if manual { inputs.output } else { 0.0 };
-            let off = if inputs.running { Wanted::Share(0.0) } else { Wanted::State(settings.stop) };
+            let off =
+                if inputs.running { Wanted::Share(0.0) } else { Wanted::State(settings.stop) };
             return (off, manual, None);
         }
         if manual {
@@ -361,9 +363,8 @@ impl Controller {
         let Some(functions) = &mut self.functions else { return };
         let Cycles { command, alarms } = self.cycles;
         functions.command_closed = command.is_closed(functions.command, settings.cycle, rules);
-        functions.alarms_closed = functions
-            .alarms
-            .map(|alarm| alarms.is_closed(alarm, settings.cooling_cycle, rules));
+        functions.alarms_closed =
+            functions.alarms.map(|alarm| alarms.is_closed(alarm, settings.cooling_cycle, rules));
         if settings.wiring.command == Command::Valve {
             self.valve.go_to(valve_target(functions.command, rules));
         }
@@ -461,11 +462,7 @@ mod tests {
         fixture.inputs.set_point = 1000;
         let found = (0..10_000).find_map(|_| fixture.tenths(1).found).unwrap();
         assert!(found.band >= 50 && found.integral_time >= 400, "{found:?}");
-        let list = [
-            (33, found.band),
-            (34, found.integral_time),
-            (35, found.derivative_time),
-        ];
+        let list = [(33, found.band), (34, found.integral_time), (35, found.derivative_time)];
         let all: Vec<_> = list.into_iter().chain(BASE).collect();
         fixture.settings = Settings::of(&Parameters::listed(&all, &Manual));
         let outcome = fixture.tenths(18_000);

@@ -306,10 +306,14 @@ mod tests {
 
     #[test]
     fn a_gap_begins_an_automatic_tuning_and_a_start_the_only_one() {
-        for (kind, at_start, gap, begins) in
-            [(1, false, 31, true), (1, true, -31, true), (1, true, 30, false), (3, true, 0, true),
-             (3, false, 500, false), (2, true, 500, false)]
-        {
+        for (kind, at_start, gap, begins) in [
+            (1, false, 31, true),
+            (1, true, -31, true),
+            (1, true, 30, false),
+            (3, true, 0, true),
+            (3, false, 500, false),
+            (2, true, 500, false),
+        ] {
             let (list, mut tuning) = (list(kind), Tuning::default());
             let parameters = Parameters::listed(&list, &Keeps);
             let settings = Settings::of(&parameters);

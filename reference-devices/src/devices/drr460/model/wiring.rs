@@ -71,9 +71,7 @@ impl Wiring {
     pub(super) fn connect(self, functions: &Functions, rules: &dyn Rules) -> Terminals {
         let contacts = match self.command {
             Command::Contact => [functions.command_closed, functions.alarms_closed[0]],
-            Command::Valve => {
-                [functions.valve == Motion::Opens, functions.valve == Motion::Closes]
-            }
+            Command::Valve => [functions.valve == Motion::Opens, functions.valve == Motion::Closes],
             Command::Analogue => functions.alarms_closed,
         };
         let microamperes = match (self.analogue_alarm(), functions.retransmitted) {
