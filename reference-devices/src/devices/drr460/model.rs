@@ -10,6 +10,7 @@ mod controller;
 mod current;
 mod cycle;
 mod delay;
+mod emergency;
 mod expansion;
 mod filter;
 mod flags;

@@ -1,0 +1,104 @@
+//! The errors that the device reports with an emergency message, beside those of the stack (manual,
+//! 11.9).
+
+use canopen::emcy::EmcyCode;
+
+use super::bench::{BusFault, Module, Surroundings};
+
+/// An emergency message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Report {
+    /// The application's own number for the error.
+    pub(crate) error: u16,
+    pub(crate) code: EmcyCode,
+    pub(crate) register: u8,
+    pub(crate) vendor: [u8; 5],
+    /// 67FEh says what becomes of the state.
+    pub(crate) reacts: bool,
+}
+
+/// What the device found out when it started or stored, which lasts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Found {
+    /// The hardware is another one than at the last store command.
+    pub(crate) changed_hardware: bool,
+    /// Parameters could not be stored.
+    pub(crate) not_stored: bool,
+    /// The bit of 4007h of the part of the configuration that could not be read.
+    pub(crate) unread: Option<u8>,
+}
+
+/// The errors that are present.
+pub(crate) fn reports(found: Found, around: &Surroundings) -> impl Iterator<Item = Report> {
+    let device = |error, vendor| Report {
+        error,
+        code: EmcyCode(0x5000),
+        register: 0x81,
+        vendor,
+        reacts: false,
+    };
+    let changed = found.changed_hardware.then(|| device(1, [0, 1, 0, 0, 0]));
+    let not_stored = found.not_stored.then(|| device(2, [0, 2, 0, 0, 0]));
+    let cause = found.unread.map(|bit| bit.saturating_sub(FIRST_PART - 1));
+    let unread = cause.map(|cause| device(3, [0, 3, PLACE, PLACE, cause]));
+    let bus = match around.bus {
+        BusFault::None => None,
+        BusFault::ReceiveOverflow => Some((0x8110, 1)),
+        BusFault::TransmitOverflow => Some((0x8110, 2)),
+        BusFault::ErrorPassive => Some((0x8120, 3)),
+    };
+    let bus = bus.map(|(code, number)| Report {
+        error: 0x10 + u16::from(number),
+        code: EmcyCode(code),
+        register: 0x11,
+        vendor: [0, number, 0, 0, 0],
+        // Only the overflows change the state (11.9).
+        reacts: code == 0x8110,
+    });
+    let module = match around.module {
+        Module::Fitted | Module::Other => None,
+        Module::Broken => Some((0x20, [0, 6, PLACE, 0, 0])),
+        Module::Faulty => Some((0x21, [1, 7, PLACE, 1, 1])),
+    };
+    let module = module.map(|(error, vendor)| Report {
+        error,
+        code: EmcyCode(0xFF00),
+        register: 0x81,
+        vendor,
+        reacts: false,
+    });
+    [changed, not_stored, unread, bus, module].into_iter().flatten()
+}
+
+/// The only module.
+const PLACE: u8 = 1;
+/// The bit of 4007h of the first part of the EEPROM.
+const FIRST_PART: u8 = 16;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn messages(found: Found, around: &Surroundings) -> Vec<(u16, u8, [u8; 5])> {
+        reports(found, around)
+            .map(|report| (report.code.0, report.register, report.vendor))
+            .collect()
+    }
+
+    #[test]
+    fn each_error_has_its_message() {
+        let healthy = Surroundings::default();
+        assert_eq!(messages(Found::default(), &healthy), []);
+        let found = Found { changed_hardware: true, not_stored: true, unread: Some(18) };
+        let all = [[0, 1, 0, 0, 0], [0, 2, 0, 0, 0], [0, 3, 1, 1, 3]];
+        assert_eq!(messages(found, &healthy), all.map(|vendor| (0x5000, 0x81, vendor)));
+        let bus = |bus| messages(Found::default(), &Surroundings { bus, ..healthy });
+        assert_eq!(bus(BusFault::ReceiveOverflow), [(0x8110, 0x11, [0, 1, 0, 0, 0])]);
+        assert_eq!(bus(BusFault::TransmitOverflow), [(0x8110, 0x11, [0, 2, 0, 0, 0])]);
+        assert_eq!(bus(BusFault::ErrorPassive), [(0x8120, 0x11, [0, 3, 0, 0, 0])]);
+        let module = |module| messages(Found::default(), &Surroundings { module, ..healthy });
+        assert_eq!(module(Module::Broken), [(0xFF00, 0x81, [0, 6, 1, 0, 0])]);
+        assert_eq!(module(Module::Faulty), [(0xFF00, 0x81, [1, 7, 1, 1, 1])]);
+        assert_eq!(module(Module::Other), []);
+    }
+}
