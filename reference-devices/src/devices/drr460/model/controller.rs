@@ -262,8 +262,8 @@ impl Controller {
 
     /// The device was switched on; what it keeps is given back by its parts.
     pub(crate) fn restart(&mut self, settings: &Settings, faults: Faults) {
-        let mut input = Input { latch: self.input.latch, ..Input::default() };
-        input.latch.restart();
+        let mut input = std::mem::take(&mut self.input);
+        input.restart();
         let (mut alarms, mut on_off, mut flags) = (self.alarms, self.on_off, self.flags);
         alarms.iter_mut().zip(&settings.alarms).for_each(|(alarm, set)| alarm.restart(set));
         on_off.restart(&settings.on_off);

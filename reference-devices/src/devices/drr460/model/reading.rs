@@ -105,6 +105,13 @@ impl Input {
         self.latch.digits(within, &settings.latch)
     }
 
+    /// The device was switched on: only what was learned is left.
+    pub(super) fn restart(&mut self) {
+        let mut latch = self.latch;
+        latch.restart();
+        *self = Self { latch, ..Self::default() };
+    }
+
     /// Whether another sample of the same signal would say the same.
     pub(super) fn is_settled(&self) -> bool {
         self.filter.is_settled()
