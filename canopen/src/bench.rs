@@ -110,6 +110,12 @@ pub const NAMES: &[&str] = &[
     "run-led",
     "com-led",
     "display",
+    "transformer-current-",
+    "dip-switch-",
+    "key",
+    "memory-fault",
+    "bus-fault",
+    "module-",
 ];
 
 /// Why a bench could not do what it was asked for, in one sentence. Says nothing about the device.

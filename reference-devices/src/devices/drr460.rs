@@ -1,94 +1,92 @@
 //! What the DRR460-12A-CAN does: a temperature controller with two alarms on a simulated plant.
 //!
-//! Every 20 ms it samples, decides and drives; what the network writes is seen at the next
-//! sample. The plant is a body of the first order: 25.0 degrees ambient, 5 s time constant, 100 K
-//! above ambient at full heat.
+//! `model` holds what the manual describes, as types without objects and without a clock. This
+//! module lets them see the objects, the terminals and the time. The controller decides every
+//! 100 ms while something moves, and at once when something happens to it; cycles, valves and the
+//! plant have exact times. When nothing moves, nothing is computed.
 //!
-//! Modelled: on/off, P, PI and PID control with dead band, limits, cycle time and delay; START and
-//! STOP with the states in STOP; manual mode; both soft starts; alarms on process value, band,
-//! deviation, set point, status, sensor and remote with hysteresis, delay, polarity and manual
-//! reset; the outputs in expansion mode; analogue triggers; forcing of the output by synchronised
-//! tuning. A temperature outside the range of the selected sensor is the sensor error.
-//!
-//! Not modelled, so that the objects hold what was written to them: linear inputs, filter and
-//! latch-on (3000h subs 3 to 6, 9, 10; 4011h), the calculation of tuning (3000h subs 31 to 50),
-//! the valve (codes 2 and 3 of 3000h sub 16 drive nothing), manual reset of the command (sub 22,
-//! 400Ah), double action cooling (alarm kind 9, 4005h), the current transformer (alarm kind 10,
-//! subs 90 to 94), retransmission (subs 100 to 105, 4010h), silence (sub 115) and the error states
-//! of expansion mode (subs 123 to 131). 400Eh never turns to 4 or 5. A sensor error shows in
-//! 4007h only, since the manual has no emergency code for it.
+//! Not modelled: USB and RS485 (3000h subs 113 and 114), and the frequency of the mains (sub 90: 1
+//! and 2 are the same). What lasts over a loss of supply without a store command is in `memory`.
 
-mod alarm;
-mod control;
-mod delay;
-mod input;
-#[allow(dead_code, reason = "the application changes over to it")]
+mod memory;
 mod model;
 mod objects;
-mod plant;
-mod rules;
-mod soft_start;
+mod panel;
+mod terminals;
 
 use std::time::Duration;
 
 use canopen::eds::Eds;
-use canopen::{Abort, Dictionary, Instant, Mux};
+use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
 use crate::profiles::cia401::{self, IoBlock};
-use crate::stack::{Behaviour, CommunicationEvent, Errors};
+use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, earlier};
 
 use super::pixsys::PixsysIo;
 
-use alarm::{Alarm, Sight, is_closed};
-use control::{ACTION, Control, FULL_OUTPUT, Wiring};
+use memory::{Memory, TUNE};
+use model::bench::{BusFault, Module, Surroundings};
+use model::controller::{Controller, Inputs, Outcome, Settings};
+use model::emergency::{self, Found};
+use model::expansion::{self, Silence};
+use model::flags::MemoryFault;
+use model::load::{Drive, Load};
+use model::parameters::Parameters;
+use model::rules::{self, Manual, Rules};
+use model::switches::Switches;
+use model::wiring::Terminals;
 use objects::{
-    ALARMS_RESET, COLD_JUNCTION, ERROR_FLAGS, MANUAL, MASTER_ANALOGUE, MASTER_OUTPUTS, OUTPUT,
-    OUTPUTS, REAL_SET_POINT, SET_POINT, START, TUNING, parameter, value,
+    ALARMS_RESET, BIT_RATE, COLD_JUNCTION, COLD_OUTPUT, COMMAND_RESET, ERROR_FLAGS, LATCH_ON, MANUAL,
+    MASTER_ANALOGUE, MASTER_OUTPUTS, NODE_ID, OUTPUT, OUTPUTS, PARAMETERS, REAL_SET_POINT,
+    REMOTE_ALARMS, RESTORE, RETRANSMITTED, SET_POINT, START, STORE, TUNING, parameter,
+    set_parameter, value,
 };
-use plant::{AMBIENT, Plant};
-use rules::{Drr460Rules, Manual};
-use soft_start::SoftStart;
+use panel::{Panel, Shown};
 
 /// The application of a DRR460.
 pub(crate) struct Drr460 {
-    rules: Box<dyn Drr460Rules>,
+    rules: Box<dyn Rules>,
     io: IoBlock,
-    plant: Plant,
-    control: Control,
-    soft_start: SoftStart,
-    alarms: [Alarm; 2],
-    running: bool,
-    before_power_off: BeforePowerOff,
-    next_sample: Instant,
-}
-
-/// What the controller keeps over a loss of supply without a store command.
-#[derive(Clone, Copy, Debug)]
-struct BeforePowerOff {
-    started: bool,
-    manual: bool,
-    output: i64,
-}
-
-/// What the command output does after a sample.
-#[derive(Clone, Copy, Debug)]
-struct Command {
-    closed: bool,
-    share: f64,
+    settings: Settings,
+    expansion: expansion::Settings,
+    controller: Controller,
+    inputs: Inputs,
+    outcome: Outcome,
+    silence: Silence,
+    memory: Memory,
+    found: Found,
+    around: Surroundings,
+    /// When the buffer that ran over is an error no more.
+    overflow_ends: Option<Instant>,
+    load: Load,
+    panel: Panel,
+    state: NmtState,
+    powered: bool,
+    /// The code of the bit rate of this bus; `None` before the device was first switched on.
+    bus_rate: Option<i64>,
+    /// Until when everything is computed.
+    at: Instant,
+    decided: Instant,
+    next_decision: Option<Instant>,
+    /// Something happened since the last decision.
+    changed: bool,
+    /// The objects have something new since the last run.
+    news: bool,
 }
 
 impl Drr460 {
-    /// A controller at ambient temperature that keeps to its manual.
+    /// A controller at room temperature that keeps to its manual.
     pub(crate) fn new(eds: &Eds) -> Self {
         Self::with(Box::new(Manual), IoBlock::new(eds, Box::new(PixsysIo::default())))
     }
 
     /// The controller that takes the decision of that name otherwise; `None` when there is none.
     pub(crate) fn deviating(eds: &Eds, name: &str) -> Option<Self> {
+        let own = Box::new(PixsysIo::default());
         if let Some(rules) = rules::named(name) {
-            return Some(Self::with(rules, IoBlock::new(eds, Box::new(PixsysIo::default()))));
+            return Some(Self::with(rules, IoBlock::new(eds, own)));
         }
-        let io = cia401::deviation(name)?.of(Box::new(PixsysIo::default()));
+        let io = cia401::deviation(name)?.of(own);
         Some(Self::with(Box::new(Manual), IoBlock::new(eds, io)))
     }
 
@@ -97,193 +95,468 @@ impl Drr460 {
         rules::names().chain(cia401::names())
     }
 
-    fn with(rules: Box<dyn Drr460Rules>, io: IoBlock) -> Self {
+    fn with(rules: Box<dyn Rules>, io: IoBlock) -> Self {
+        let parameters = Parameters::none(&*rules);
         Self {
+            settings: Settings::of(&parameters),
+            expansion: expansion::Settings::of(&parameters),
             rules,
             io,
-            plant: Plant::new(),
-            control: Control::default(),
-            soft_start: SoftStart::default(),
-            alarms: [Alarm::default(); 2],
-            running: false,
-            before_power_off: BeforePowerOff { started: true, manual: false, output: 0 },
-            next_sample: Instant::ZERO + PERIOD,
+            controller: Controller::default(),
+            inputs: Inputs::default(),
+            outcome: Outcome::default(),
+            silence: Silence::default(),
+            memory: Memory::default(),
+            found: Found::default(),
+            around: Surroundings::default(),
+            overflow_ends: None,
+            load: Load::default(),
+            panel: Panel::default(),
+            state: NmtState::INITIALISING,
+            powered: true,
+            bus_rate: None,
+            at: Instant::ZERO,
+            decided: Instant::ZERO,
+            next_decision: None,
+            changed: true,
+            news: true,
         }
     }
 
-    fn sample(&mut self, od: &mut Dictionary) {
-        let measured = input::process_value(self.plant.celsius(), od, &*self.rules);
-        let (Ok(process) | Err(process)) = measured;
-        let sensor_error = measured.is_err();
-        self.io.measure(PROCESS_INPUT, process, od);
-        od.set_int(ERROR_FLAGS, if sensor_error { SENSOR_ERROR } else { 0 });
-        od.set_int(COLD_JUNCTION, (AMBIENT * 10.0) as i64);
-
-        if self.is_expansion(od) {
-            self.io.drive(od);
-            let [q1, q2] = [1, 2].map(|bit| self.io.digital_output(0) & bit != 0);
-            self.connect(od, Command { closed: q1, share: f64::from(u8::from(q1)) }, [q1, q2]);
-        } else {
-            let running = self.rules.controls(value(od, START) == 1);
-            let set_point = self.set_point(running, process, od);
-            od.set_int(REAL_SET_POINT, set_point);
-            self.decide(od, &Sight { process, set_point, sensor_error, running });
-        }
-        self.before_power_off = BeforePowerOff {
-            started: value(od, START) == 1,
-            manual: self.is_manual(od),
-            output: value(od, OUTPUT),
-        };
+    /// Reads the parameters anew.
+    fn configure(&mut self, od: &Dictionary) {
+        let parameters = Parameters::of(od, &*self.rules);
+        self.settings = Settings::of(&parameters);
+        self.expansion = expansion::Settings::of(&parameters);
     }
 
-    /// The set point in force; the controller may just have started.
-    fn set_point(&mut self, running: bool, process: i64, od: &Dictionary) -> i64 {
-        let wanted = value(od, SET_POINT);
-        if running && !self.running {
-            let kind = self.rules.soft_start(parameter(od, soft_start::KIND));
-            self.soft_start = SoftStart::begin(kind, process);
-        }
-        self.running = running;
-        match running {
-            true => self.soft_start.set_point(wanted, process, od),
-            false => wanted,
-        }
-    }
-
-    /// Command, alarms and outputs.
-    fn decide(&mut self, od: &mut Dictionary, sight: &Sight) {
-        let command = self.command(od, sight);
-        let [first, second] = &mut self.alarms;
-        let alarms =
-            [first.sample(0, sight, od, &*self.rules), second.sample(1, sight, od, &*self.rules)];
-        let resettable = self.alarms.map(|alarm| alarm.resettable());
-        od.set_int(ALARMS_RESET, i64::from(resettable[0]) | i64::from(resettable[1]) << 1);
-        let outputs = match Wiring::of(od) {
-            Wiring::Contact => [command.closed, alarms[0]],
-            Wiring::Valve => [false, false],
-            Wiring::Analogue { .. } => alarms,
-        };
-        self.connect(od, command, outputs);
-    }
-
-    fn command(&mut self, od: &mut Dictionary, sight: &Sight) -> Command {
-        let wiring = Wiring::of(od);
-        let state = |code| Command { closed: is_closed(code), share: wiring.state_share(code) };
-        if !sight.running {
-            self.control = Control::default();
-            if !self.is_manual(od) {
-                od.set_int(OUTPUT, 0);
+    /// Lets time pass up to `now`, with the decisions that come due on the way.
+    fn follow(&mut self, now: Instant, od: &mut Dictionary) {
+        while self.at < now {
+            let until = self.next_step().filter(|due| *due < now).unwrap_or(now);
+            self.pass(until);
+            if self.next_decision.is_some_and(|due| due <= until) {
+                self.decide(od);
             }
-            return state(self.rules.stop_state(parameter(od, STOP_STATE)));
+            self.show_outputs(od);
         }
-        if sight.sensor_error && parameter(od, MANUAL_ALLOWED) == MANUAL_WITH_MEMORY {
-            // Without a process value the master is left with the output as it was.
+    }
+
+    /// Plant and outputs go on without a decision.
+    fn pass(&mut self, until: Instant) {
+        let elapsed = until.since(self.at).as_secs_f64();
+        self.load.advance(self.controller.drive(&self.settings), elapsed);
+        self.controller.advance(elapsed, &self.settings, &*self.rules);
+        self.at = until;
+        if self.silence.advance(elapsed, &self.expansion) {
+            self.next_decision = Some(until);
+        }
+    }
+
+    /// When an output changes by itself, or a decision is due; later than now.
+    fn next_step(&self) -> Option<Instant> {
+        let edge = self.controller.next(&self.settings, &*self.rules);
+        let silence = self.silence.next(&self.expansion);
+        let after = |seconds: f64| self.at + Duration::from_nanos((seconds * 1e9).max(1.0) as u64);
+        [edge.map(after), silence.map(after)].into_iter().fold(self.next_decision, earlier)
+    }
+
+    /// Looks at everything and decides anew.
+    fn decide(&mut self, od: &mut Dictionary) {
+        let elapsed = self.at.since(self.decided).as_secs_f64();
+        (self.decided, self.next_decision) = (self.at, None);
+        if std::mem::take(&mut self.changed) {
+            self.hear(od);
+        }
+        self.look();
+        self.obey(od);
+        let (settings, rules) = (&self.settings, &*self.rules);
+        let outcome = self.controller.decide(&self.inputs, settings, elapsed, rules);
+        if let Some(found) = outcome.found {
+            self.memory.tuned(found, od, &*self.rules);
+            self.configure(od);
+        }
+        self.show_outcome(outcome, od);
+        self.memory.keep(od);
+        if !self.is_settled() {
+            self.next_decision = Some(self.at + DECISIONS);
+        }
+    }
+
+    /// What the network has written.
+    fn hear(&mut self, od: &Dictionary) {
+        let number = |mux| value(od, mux);
+        let limit = |alarm| number(self.rules.alarm_set_point(alarm));
+        self.inputs = Inputs {
+            set_point: number(SET_POINT),
+            limits: [limit(0), limit(1)],
+            running: self.rules.controls(number(START) == 1),
+            manual: number(MANUAL) == 1,
+            output: number(OUTPUT) as f64 / FULL_OUTPUT,
+            remote: REMOTE_ALARMS.map(|mux| self.rules.remote_alarm(number(mux))),
+            retransmitted: number(RETRANSMITTED),
+            ..self.inputs
+        };
+    }
+
+    /// What is at the terminals.
+    fn look(&mut self) {
+        let mut connected = self.around.connected;
+        if self.around.in_process {
+            connected.celsius = self.load.sensor();
+        }
+        let around = &self.around;
+        self.inputs = Inputs {
+            connected,
+            terminals: around.terminals,
+            milliamperes: around.milliamperes,
+            faults: around.faults,
+            offline: self.silence.is_offline(&self.expansion),
+            test: self.panel.is_pressed() && self.rules.key_enables(),
+            ..self.inputs
+        };
+    }
+
+    /// In expansion mode the master has the outputs, until it is lost.
+    fn obey(&mut self, od: &mut Dictionary) {
+        self.inputs.master = self.expansion.enabled.then(|| {
+            self.io.drive(od);
+            let (outputs, analogue) = self.commanded();
+            self.expansion.connect(outputs, analogue, &*self.rules)
+        });
+    }
+
+    /// 6200h and 6411h as the outputs of an expansion module follow them.
+    fn commanded(&self) -> (i64, i64) {
+        (self.io.digital_output(0), self.io.analogue_output(0).unwrap_or(0))
+    }
+
+    /// An error of the device or silence sets the outputs of an expansion module.
+    fn commute(&mut self, od: &mut Dictionary) {
+        if !self.expansion.enabled {
+            return;
+        }
+        self.io.drive(od);
+        let (outputs, analogue) = self.expansion.in_error(self.commanded(), &*self.rules);
+        for (mux, value) in [(MASTER_OUTPUTS, outputs), (MASTER_ANALOGUE, analogue)] {
+            od.set_int(mux, value);
+            self.io.written(self.at, mux, od);
+        }
+    }
+
+    /// Whether nothing changes until something happens outside.
+    fn is_settled(&self) -> bool {
+        let rests = self.load.rests(self.controller.drive(&self.settings));
+        (rests || !self.around.in_process) && self.controller.is_settled(&self.settings)
+    }
+
+    /// The objects of what was decided.
+    fn show_outcome(&mut self, outcome: Outcome, od: &mut Dictionary) {
+        let share = |share: f64| (share * FULL_OUTPUT).round() as i64;
+        self.io.measure(PROCESS_INPUT, outcome.process, od);
+        let (command, alarms) = self.controller.resettable(&*self.rules);
+        let shown = [
+            (COLD_OUTPUT, share(outcome.cooling)),
+            (COLD_JUNCTION, (self.around.terminals * 10.0).round() as i64),
+            (ERROR_FLAGS, outcome.flags),
+            (REAL_SET_POINT, outcome.set_point),
+            (COMMAND_RESET, command),
+            (ALARMS_RESET, alarms),
+            (TUNING, self.controller.tuning(&self.settings)),
+            (Mux::new(LATCH_ON, 1), self.controller.latch().is_enabled().into()),
+        ];
+        shown.into_iter().for_each(|(mux, value)| od.set_int(mux, value));
+        if outcome.manual {
             od.set_int(MANUAL, 1);
         }
-        if !self.is_manual(od) {
-            if sight.sensor_error {
-                od.set_int(OUTPUT, 0);
-                return state(parameter(od, ERROR_STATE));
+        if outcome.manual || self.rules.sets_output() {
+            od.set_int(OUTPUT, share(outcome.output));
+        }
+        (self.inputs.manual, self.inputs.output) = (value(od, MANUAL) == 1, outcome.output);
+        let commutes = outcome.error && !self.outcome.error;
+        let falls_silent = self.inputs.offline && !self.outcome.offline;
+        self.outcome = outcome;
+        if commutes || falls_silent {
+            self.commute(od);
+            self.changed = true;
+        }
+        self.news = true;
+    }
+
+    /// 4009h follows the outputs between two decisions as well.
+    fn show_outputs(&mut self, od: &mut Dictionary) {
+        let [q1, q2] = self.controller.terminals().contacts;
+        let outputs = self.rules.outputs_status(q1, q2);
+        if value(od, OUTPUTS) != outputs {
+            od.set_int(OUTPUTS, outputs);
+            self.news = true;
+        }
+    }
+
+    /// What is at the terminals of the outputs.
+    fn terminals(&self) -> Terminals {
+        if self.powered { self.controller.terminals() } else { Terminals::default() }
+    }
+
+    /// The network had to do with the device.
+    fn meet(&mut self, reads: bool) {
+        if self.rules.ends_silence(reads) {
+            self.changed |= self.silence.is_offline(&self.expansion);
+            self.silence.end();
+        }
+    }
+
+    /// What is special about an object that the network has written.
+    fn take(&mut self, mux: Mux, od: &mut Dictionary) {
+        let written = value(od, mux);
+        match mux {
+            COMMAND_RESET if self.rules.resets(written) => self.controller.reset_command(),
+            ALARMS_RESET if self.rules.resets(written) => self.controller.reset_alarms(),
+            TUNING => {
+                let sight = (self.outcome.process, value(od, SET_POINT));
+                self.controller.command_tuning(written, sight, &self.settings);
             }
-            let controlled = self.control.output(sight, od, &*self.rules);
-            let forced = self.forced(od).or_else(|| self.soft_start.output(od));
-            if self.rules.sets_output() {
-                od.set_int(OUTPUT, forced.unwrap_or(controlled));
+            STORE => {
+                self.found.not_stored = !self.controller.store(self.around.faults);
+                self.found.changed_hardware = false;
+                self.memory.module = self.around.module;
+            }
+            RESTORE => {
+                self.memory.forget();
+                self.controller.forget();
+            }
+            Mux { index: LATCH_ON, sub } => self.controller.command_latch(sub, written as u8),
+            Mux { index: PARAMETERS, sub } => {
+                if sub == COOLING_FLUID {
+                    let (multiplier, cycle) = self.rules.fluid(written);
+                    set_parameter(od, COOLING_MULTIPLIER, multiplier);
+                    set_parameter(od, COOLING_CYCLE, cycle);
+                }
+                if sub == TUNE {
+                    self.memory.tune_again();
+                }
+                self.configure(od);
+            }
+            _ => {}
+        }
+    }
+
+    /// The key was pressed long enough: the present current becomes the threshold.
+    fn teach(&mut self, od: &mut Dictionary) {
+        if self.panel.teaches(self.at, &*self.rules) {
+            let threshold = self.controller.taught(&*self.rules);
+            if let Some(threshold) = threshold {
+                set_parameter(od, HEATER_BREAK, threshold);
+                self.configure(od);
+                self.changed = true;
+            }
+            self.panel.taught(threshold.is_some());
+        }
+    }
+
+    /// Raises the errors that are present, and ends the others.
+    fn report(&mut self, now: Instant, errors: &mut Errors) {
+        if self.overflow_ends.is_some_and(|end| end <= now) {
+            self.overflow_ends = None;
+        }
+        let passed = self.overflow_ends.is_none() && self.around.bus != BusFault::ErrorPassive;
+        let bus = if passed { BusFault::None } else { self.around.bus };
+        let around = Surroundings { bus, ..self.around };
+        let present: Vec<_> = emergency::reports(self.found, &around).collect();
+        for error in emergency::ERRORS {
+            if present.iter().all(|report| report.error != error) {
+                errors.clear(error);
             }
         }
-        let output = value(od, OUTPUT);
-        let closed = self.control.contact(output, od);
-        let share = match wiring {
-            Wiring::Contact => f64::from(u8::from(closed)),
-            Wiring::Valve => 0.0,
-            Wiring::Analogue { .. } => output as f64 / FULL_OUTPUT as f64,
+        for report in present.iter().filter(|report| !errors.has(report.error)).collect::<Vec<_>>() {
+            errors.raise(report.error, report.code, report.register, report.vendor);
+            if report.reacts {
+                errors.react(COMMUNICATION_ERROR);
+            }
+            if report.stops {
+                errors.enter(NmtState::STOPPED);
+            }
+        }
+    }
+
+    fn light(&mut self, now: Instant, error: bool) {
+        let shown = Shown {
+            node: (self.state, error),
+            contacts: self.controller.terminals().contacts,
+            error: self.outcome.flags != 0,
+            command_on_q1: Controller::command_is_on_q1(&self.settings),
+            loads_defaults: self.loads_defaults(),
         };
-        Command { closed, share }
+        self.panel.show(now, &shown, &*self.rules);
     }
 
-    /// Puts the outputs on the terminals and the command on the plant.
-    fn connect(&mut self, od: &mut Dictionary, command: Command, [q1, q2]: [bool; 2]) {
-        od.set_int(OUTPUTS, self.rules.outputs_status(q1, q2));
-        self.plant.drive(command.share, self.rules.cools(parameter(od, ACTION)));
-    }
-
-    /// The output that synchronised tuning forces.
-    fn forced(&self, od: &Dictionary) -> Option<i64> {
-        match value(od, TUNING) {
-            _ if !self.rules.tuning_forces(parameter(od, TUNE)) => None,
-            1 => Some(0),
-            2 => Some(FULL_OUTPUT as i64),
-            _ => None,
+    /// The first time, the switches are as the device was given its node-ID and its bit rate.
+    fn set_switches(&mut self, od: &mut Dictionary) {
+        if self.bus_rate.is_none() {
+            let rate = value(od, BIT_RATE);
+            let address = value(od, NODE_ID) as u8;
+            self.around.switches = Switches { address, rate: (rate + 1) as u8 };
+            self.bus_rate = Some(rate);
         }
-    }
-
-    fn is_manual(&self, od: &Dictionary) -> bool {
-        self.rules.manual(parameter(od, MANUAL_ALLOWED), value(od, MANUAL))
-    }
-
-    fn is_expansion(&self, od: &Dictionary) -> bool {
-        self.rules.expansion(parameter(od, EXPANSION))
+        let code = Parameters::of(od, &*self.rules).get(BIT_RATE_CODE);
+        let rate = self.around.switches.rate(code);
+        od.set_int(BIT_RATE, rate);
     }
 }
 
 impl Behaviour for Drr460 {
     fn reset(&mut self, now: Instant, od: &mut Dictionary) {
+        if std::mem::replace(&mut self.powered, true) {
+            self.follow(now, od);
+        } else {
+            self.load.advance(Drive::default(), now.since(self.at).as_secs_f64());
+        }
+        (self.at, self.decided) = (now, now);
         self.io.reset(now, od);
-        let before = self.before_power_off;
-        let started = self.rules.starts(parameter(od, INITIAL_STATE), before.started);
-        od.set_int(START, started.into());
-        if parameter(od, MANUAL_ALLOWED) == MANUAL_WITH_MEMORY && before.manual {
-            od.set_int(MANUAL, 1);
-            od.set_int(OUTPUT, before.output);
+        self.set_switches(od);
+        if self.loads_defaults() {
+            self.memory.forget();
+            self.controller.forget();
         }
-        if self.is_expansion(od) {
-            od.set_int(MASTER_OUTPUTS, parameter(od, INITIAL_OUTPUTS));
-            od.set_int(MASTER_ANALOGUE, parameter(od, INITIAL_ANALOGUE));
+        self.memory.give_back(od, &*self.rules);
+        self.configure(od);
+        self.controller.restart(&self.settings, self.around.faults, &*self.rules);
+        self.found = Found {
+            changed_hardware: self.around.module == Module::Other
+                && self.memory.module != Module::Other,
+            not_stored: false,
+            unread: match self.around.faults.memory {
+                MemoryFault::AtPowerOn(bit) if bit >= FIRST_PART => Some(bit),
+                _ => None,
+            },
+        };
+        if self.expansion.enabled && self.rules.sets_initial_values() {
+            od.set_int(MASTER_OUTPUTS, self.expansion.initial_outputs);
+            od.set_int(MASTER_ANALOGUE, self.expansion.initial_analogue);
         }
-        self.running = false;
-        self.control = Control::default();
-        for (number, alarm) in (0..).zip(&mut self.alarms) {
-            alarm.restart(number, od);
-        }
-        self.sample(od);
+        self.silence.end();
+        self.state = NmtState::INITIALISING;
+        self.outcome = Outcome::default();
+        self.changed = true;
+        self.decide(od);
+        self.show_outputs(od);
     }
 
     fn supply_lost(&mut self) {
+        self.powered = false;
+        self.panel.go_dark();
         self.io.supply_lost();
+    }
+
+    fn attachment(&self, od: &Dictionary) -> Attachment {
+        let parameters = Parameters::of(od, &*self.rules);
+        let configured = [ADDRESS, BIT_RATE_CODE].map(|sub| parameters.get(sub));
+        let bus = self.bus_rate.unwrap_or_default();
+        self.rules.attachment(self.around.switches, configured.into(), bus)
+    }
+
+    fn loads_defaults(&self) -> bool {
+        self.rules.loads_defaults(self.around.switches)
+    }
+
+    fn show(&mut self, now: Instant, od: &mut Dictionary) {
+        self.follow(now, od);
     }
 
     fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {
         match (mux, bytes) {
-            (TUNING, [value]) => self.rules.tuning_accepts(parameter(od, TUNE), *value),
+            (TUNING, [value]) => {
+                let soft_start = parameter(od, SOFT_START) != 0;
+                self.rules.tuning_accepts(parameter(od, TUNE), soft_start, *value)
+            }
+            (Mux { index: LATCH_ON, sub }, [value]) => {
+                let accepted = self.controller.latch().accepts(sub, *value, self.settings.latch());
+                if accepted { Ok(()) } else { Err(Abort::DEVICE_STATE) }
+            }
+            (STORE, _) if self.around.faults.memory == MemoryFault::Write => Err(Abort::HARDWARE),
             _ => Ok(()),
         }
     }
 
     fn written(&mut self, now: Instant, mux: Mux, od: &mut Dictionary) {
+        self.changed = true;
+        self.meet(false);
+        self.take(mux, od);
         // A value for an output ends what a communication error made of it.
         self.io.written(now, mux, od);
-        if mux == ALARMS_RESET && value(od, ALARMS_RESET) == 0 {
-            self.alarms.iter_mut().for_each(Alarm::reset);
+    }
+
+    fn refused(&mut self, _now: Instant, mux: Mux, _bytes: &[u8], _od: &mut Dictionary) {
+        self.meet(false);
+        if mux == STORE && self.around.faults.memory == MemoryFault::Write {
+            self.found.not_stored = !self.controller.store(self.around.faults);
+            self.changed = true;
         }
     }
 
+    fn uploaded(&mut self, mux: Mux, od: &mut Dictionary) {
+        self.meet(true);
+        if mux == TUNING {
+            self.controller.tuning_read();
+        }
+        self.io.uploaded(mux, od);
+        self.news = true;
+    }
+
     fn event(&mut self, now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
+        self.follow(now, od);
+        self.changed = true;
+        if let CommunicationEvent::Entered(state) = event {
+            self.state = state;
+            self.meet(false);
+        }
         // Otherwise the outputs are the controller's own, and the network has no part in them.
-        if self.is_expansion(od) {
+        if self.expansion.enabled {
             self.io.event(now, event, od);
         }
     }
 
-    fn run(&mut self, now: Instant, od: &mut Dictionary, _errors: &mut Errors) {
-        while self.next_sample <= now {
-            self.plant.advance();
-            self.sample(od);
-            self.next_sample += PERIOD;
+    fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
+        self.follow(now, od);
+        self.teach(od);
+        for _ in 0..2 {
+            // What a decision makes of the outputs of the master needs another one.
+            if self.changed {
+                self.decide(od);
+                self.show_outputs(od);
+            }
         }
+        self.report(now, errors);
+        self.light(now, errors.register() != 0);
+        self.news = false;
     }
 
     fn poll_at(&self) -> Option<Instant> {
-        Some(self.next_sample)
+        let now = self.news.then_some(self.at);
+        let rest = [self.panel.poll_at(&*self.rules), self.overflow_ends, now];
+        rest.into_iter().fold(self.next_step(), earlier)
+    }
+
+    fn bench_names(&self) -> Vec<String> {
+        Self::names().map(str::to_owned).collect()
+    }
+
+    fn stimulate(
+        &mut self,
+        now: Instant,
+        name: &str,
+        value: &Value,
+        od: &mut Dictionary,
+    ) -> Result<(), BenchError> {
+        if self.powered {
+            self.follow(now, od);
+        }
+        self.changed = true;
+        self.set(now, name, value)
+    }
+
+    fn observe(&self, name: &str, _od: &Dictionary) -> Option<Value> {
+        self.see(name)
     }
 
     fn has_edges(&self, mux: Mux) -> bool {
@@ -297,20 +570,22 @@ impl Behaviour for Drr460 {
 
 /// The analogue input of the process value.
 const PROCESS_INPUT: usize = 0;
-/// Time from one sample to the next.
-const PERIOD: Duration = Duration::from_millis(20);
+/// Time from one decision to the next while something moves.
+const DECISIONS: Duration = Duration::from_millis((model::PERIOD * 1000.0) as u64);
+/// 100 % in hundredths of a per cent.
+const FULL_OUTPUT: f64 = 10_000.0;
+/// The sub of 1029h.
+const COMMUNICATION_ERROR: u8 = 1;
+/// The bit of 4007h of the first part of the EEPROM.
+const FIRST_PART: u8 = 16;
 
-const INITIAL_STATE: u8 = 17;
-const ERROR_STATE: u8 = 20;
-const STOP_STATE: u8 = 21;
-const MANUAL_ALLOWED: u8 = 25;
-const MANUAL_WITH_MEMORY: i64 = 2;
-const TUNE: u8 = 31;
-const EXPANSION: u8 = 121;
-const INITIAL_OUTPUTS: u8 = 122;
-const INITIAL_ANALOGUE: u8 = 128;
-/// Bit 1 of 4007h.
-const SENSOR_ERROR: i64 = 2;
+const COOLING_FLUID: u8 = 41;
+const COOLING_MULTIPLIER: u8 = 42;
+const COOLING_CYCLE: u8 = 44;
+const SOFT_START: u8 = 80;
+const HEATER_BREAK: u8 = 92;
+const ADDRESS: u8 = 111;
+const BIT_RATE_CODE: u8 = 112;
 
 #[cfg(test)]
 mod tests;

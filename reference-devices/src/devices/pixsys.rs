@@ -1,7 +1,8 @@
 //! What the devices of Pixsys share: their manuals read CiA 401 in the same words and list the
 //! same sensors.
 
-pub(super) mod sensor;
+pub(crate) mod led;
+pub(crate) mod sensor;
 
 use std::time::Duration;
 

@@ -22,6 +22,11 @@ pub(crate) trait Behaviour: Send {
         Attachment::AsIs
     }
 
+    /// Whether power-on or reset node forgets what was stored, as a switch of the device asks for.
+    fn loads_defaults(&self) -> bool {
+        false
+    }
+
     /// Whether the device starts anew because of what a bench has just done.
     fn takes_restart(&mut self) -> bool {
         false

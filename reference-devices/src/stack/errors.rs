@@ -2,6 +2,7 @@
 
 use std::collections::VecDeque;
 
+use canopen::NmtState;
 use canopen::emcy::{Emcy, EmcyCode};
 
 use crate::rules::Rules;
@@ -14,6 +15,8 @@ pub(crate) struct Errors {
     active: Vec<Active>,
     news: VecDeque<News>,
     reaction: Option<u8>,
+    /// The state that an error leads to, whatever 1029h says.
+    order: Option<NmtState>,
 }
 
 /// What happened to an error.
@@ -53,6 +56,16 @@ impl Errors {
     /// OPERATIONAL, that entry says what becomes of its state (CiA 301, 7.5.2.32).
     pub(crate) fn react(&mut self, sub: u8) {
         self.reaction = Some(sub);
+    }
+
+    /// An error that was raised leads to this state, whatever 1029h says.
+    pub(crate) fn enter(&mut self, state: NmtState) {
+        self.order = Some(state);
+    }
+
+    /// The state that an error since the last call leads to, whatever 1029h says.
+    pub(crate) fn take_order(&mut self) -> Option<NmtState> {
+        self.order.take()
     }
 
     /// The application's error `error` is gone. Nothing happens when it was not there.
@@ -131,6 +144,7 @@ impl Errors {
         self.active.retain(stays);
         self.news.clear();
         self.reaction = None;
+        self.order = None;
     }
 
     pub(crate) fn take_news(&mut self) -> Option<News> {

@@ -113,6 +113,9 @@ impl Services {
     pub(crate) fn reset(&mut self, now: Instant, reset: Reset) {
         // A reset leaves the supply on, so a save under way comes to its end.
         self.storage.finish();
+        if reset == Reset::Node && self.behaviour.loads_defaults() {
+            self.storage.forget();
+        }
         let base = &mut self.base;
         if base.rules.reset_restores(reset) {
             base.od.restore(self.storage.image(), reset.objects());
@@ -282,6 +285,12 @@ impl Services {
 
     /// The state that an error since the last call leads to.
     pub(crate) fn take_reaction(&mut self, now: Instant) -> Option<NmtState> {
+        // A node that starts obeys when it has booted up.
+        if self.base.state != NmtState::INITIALISING
+            && let Some(state) = self.base.errors.take_order()
+        {
+            return Some(state);
+        }
         let sub = self.base.errors.take_reaction()?;
         if sub == COMMUNICATION_ERROR {
             self.behaviour.event(now, CommunicationEvent::CommunicationError, &mut self.base.od);

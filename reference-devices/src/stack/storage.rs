@@ -164,6 +164,11 @@ impl Storage {
         self.load();
     }
 
+    /// Forgets everything that was stored.
+    pub(crate) fn forget(&mut self) {
+        self.commit(Values::new());
+    }
+
     /// Reads the newest bank.
     fn load(&mut self) {
         let mut image = self.defaults.clone();

@@ -1,28 +1,31 @@
 //! What a DRR460 does, as small types that know neither objects nor a clock: each has settings,
 //! looks at inputs, and is given the time that went by.
 
-mod parameters;
-mod rules;
+pub(crate) mod parameters;
+pub(crate) mod rules;
 
 mod alarm;
-mod bench;
-mod controller;
+pub(crate) mod bench;
+pub(crate) mod controller;
 mod current;
 mod cycle;
 mod delay;
-mod emergency;
-mod expansion;
+pub(crate) mod emergency;
+pub(crate) mod expansion;
 mod filter;
-mod flags;
+pub(crate) mod flags;
 mod latch;
-mod load;
+pub(crate) mod load;
 mod on_off;
 mod pid;
 mod reading;
 mod retransmission;
 mod soft_start;
 mod state;
-mod switches;
-mod tuning;
+pub(crate) mod switches;
+pub(crate) mod tuning;
 mod valve;
-mod wiring;
+pub(crate) mod wiring;
+
+/// Seconds from one decision to the next while something moves. The manual leaves it open.
+pub(crate) const PERIOD: f64 = 0.1;

@@ -138,10 +138,10 @@ impl Services {
             let size = entry.data_type.size();
             entry.access.writable() && size.is_none_or(|size| size == bytes.len())
         });
-        if !fits || is_command(mux) {
+        if !fits {
             return;
         }
-        if base.rules.refused_write_changes_nothing(mux) {
+        if is_command(mux) || base.rules.refused_write_changes_nothing(mux) {
             self.behaviour.refused(now, mux, bytes, &mut base.od);
             self.touched = true;
         } else {

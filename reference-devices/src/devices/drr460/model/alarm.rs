@@ -22,15 +22,14 @@ pub(super) struct Settings {
 impl Settings {
     /// Those of an alarm, counted from 0.
     pub(super) fn of(number: usize, parameters: &Parameters) -> Self {
-        let first = FIRST_PARAMETER[number];
-        let get = |offset| parameters.get(first + offset);
+        let get = |offset| parameters.get(parameters.rules.alarm_parameter(number, offset));
         Self {
             kind: get(0),
             contact: get(1),
             hysteresis: get(2),
             error: State(get(3)),
             stop: State(get(4)),
-            latches: get(5) != 0,
+            latches: parameters.rules.latches(get(5)),
             kept: parameters.rules.kept_over_power_off(get(5)),
             delay: get(6) as f64,
         }
@@ -84,7 +83,6 @@ impl Alarm {
         &mut self,
         sight: &Sight,
         settings: &Settings,
-        elapsed: f64,
         rules: &dyn Rules,
     ) -> Wanted {
         if settings.kind != self.kind {
@@ -94,8 +92,7 @@ impl Alarm {
             return Wanted::Level(false);
         }
         if !sight.running && settings.stop.0 != WORKS_IN_STOP {
-            let Self { kind, latched, .. } = *self;
-            *self = Self { kind, latched, ..Self::default() };
+            self.stop(rules);
             return Wanted::State(settings.stop);
         }
         if sight.error && NEEDS_PROCESS.contains(&settings.kind) {
@@ -108,15 +105,32 @@ impl Alarm {
         self.condition = self.is_met(sight, settings, rules);
         self.was_absent |= !self.condition || !rules.waits_for_absence(settings.contact);
         let condition = self.condition && self.was_absent;
-        let active = self.active.follow(condition, settings.delay, elapsed);
+        let active = self.active.follow(condition, settings.delay, rules);
         self.latched = settings.latches && (self.latched || active);
         let alarm = active || self.latched;
         Wanted::Level(alarm != rules.normally_closed(settings.kind, settings.contact))
     }
 
+    /// The controller is in STOP: the next START finds nothing but what waits for a reset by hand.
+    fn stop(&mut self, rules: &dyn Rules) {
+        let Self { kind, latched, was_absent, .. } = *self;
+        let was_absent = was_absent && rules.armed_over_stop();
+        *self = Self { kind, latched, was_absent, ..Self::default() };
+    }
+
+    /// Time goes by.
+    pub(super) fn advance(&mut self, elapsed: f64) {
+        self.active.advance(elapsed);
+    }
+
+    /// Whether it waits for the end of its delay.
+    pub(super) const fn waits(&self) -> bool {
+        self.active.waits()
+    }
+
     /// Whether it can be reset by hand, as 400Bh shows.
-    pub(super) const fn resettable(&self) -> bool {
-        self.latched && !self.active.is_on()
+    pub(super) fn resettable(&self, rules: &dyn Rules) -> bool {
+        rules.resettable(self.latched, self.active.is_on())
     }
 
     /// Resets it by hand; nothing happens while its condition lasts.
@@ -131,7 +145,7 @@ impl Alarm {
     }
 
     fn is_met(&self, sight: &Sight, settings: &Settings, rules: &dyn Rules) -> bool {
-        let deviation = sight.process - sight.set_point;
+        let deviation = rules.deviation(sight.process, sight.set_point);
         let above = |value, limit| self.above(value, limit, settings, rules);
         let below = |value, limit| self.below(value, limit, settings, rules);
         match settings.kind {
@@ -153,16 +167,15 @@ impl Alarm {
     /// Between both thresholds the condition stays what it is.
     fn above(&self, value: i64, limit: i64, settings: &Settings, rules: &dyn Rules) -> bool {
         let other = rules.second_threshold(limit, settings.hysteresis);
-        value >= limit.max(other) || self.condition && value >= limit.min(other)
+        rules.reaches(value, limit.max(other)) || self.condition && value >= limit.min(other)
     }
 
     fn below(&self, value: i64, limit: i64, settings: &Settings, rules: &dyn Rules) -> bool {
         let other = rules.second_threshold(limit, settings.hysteresis);
-        value <= limit.min(other) || self.condition && value <= limit.max(other)
+        rules.reaches(-value, -limit.min(other)) || self.condition && value <= limit.max(other)
     }
 }
 
-const FIRST_PARAMETER: [u8; 2] = [56, 68];
 const OFF: i64 = 0;
 const COOLING: i64 = 9;
 const WORKS_IN_STOP: i64 = 4;
@@ -183,16 +196,15 @@ mod tests {
 
     impl Fixture {
         fn new(number: usize, limit: i64, list: &[(u8, i64)]) -> Self {
-            let first = FIRST_PARAMETER[number];
-            let list: Vec<_> =
-                list.iter().map(|(offset, value)| (first + offset, *value)).collect();
+            let at = |offset| Manual.alarm_parameter(number, offset);
+            let list: Vec<_> = list.iter().map(|(offset, value)| (at(*offset), *value)).collect();
             let settings = Settings::of(number, &Parameters::listed(&list, &Manual));
             let sight = Sight { limit, running: true, ..Sight::default() };
             Self { alarm: Alarm::default(), settings, sight }
         }
 
         fn step(&mut self) -> Wanted {
-            self.alarm.step(&self.sight, &self.settings, 0.1, &Manual)
+            self.alarm.step(&self.sight, &self.settings, &Manual)
         }
 
         fn at(&mut self, process: i64) -> bool {
@@ -251,15 +263,15 @@ mod tests {
     fn a_reset_by_hand_works_when_the_condition_is_gone() {
         for (reset, kept) in [(1, false), (2, true)] {
             let mut fixture = Fixture::new(1, 100, &[(0, 1), (5, reset)]);
-            assert!(fixture.at(100) && !fixture.alarm.resettable());
+            assert!(fixture.at(100) && !fixture.alarm.resettable(&Manual));
             fixture.alarm.reset();
-            assert!(fixture.at(100) && fixture.at(0) && fixture.alarm.resettable());
+            assert!(fixture.at(100) && fixture.at(0) && fixture.alarm.resettable(&Manual));
             let before = fixture.alarm;
             fixture.alarm.restart(&fixture.settings);
             assert_eq!(fixture.at(0), kept);
             fixture.alarm = before;
             fixture.alarm.reset();
-            assert!(!fixture.at(0) && !fixture.alarm.resettable());
+            assert!(!fixture.at(0) && !fixture.alarm.resettable(&Manual));
         }
     }
 

@@ -13,13 +13,11 @@ pub(crate) struct Surroundings {
     pub(crate) connected: Connected,
     /// The sensor is in the load of the plant.
     pub(crate) in_process: bool,
-    /// Volts at the terminals of the supply.
-    pub(crate) supply: f64,
     /// Degrees Celsius at the terminals of the sensor.
     pub(crate) terminals: f64,
     /// Of the current transformer.
     pub(crate) milliamperes: f64,
-    pub(super) switches: Switches,
+    pub(crate) switches: Switches,
     pub(crate) key: bool,
     pub(crate) faults: Faults,
     pub(crate) bus: BusFault,
@@ -57,7 +55,6 @@ impl Default for Surroundings {
         Self {
             connected: Connected::default(),
             in_process: true,
-            supply: 24.0,
             terminals: 25.0,
             milliamperes: 0.0,
             switches: Switches { address: 1, rate: 7 },
@@ -89,7 +86,6 @@ impl Surroundings {
             RESISTANCE => self.connected.kilohms = number(0.0, 1000.0, "kilohms")?,
             WIRING => self.connected.wiring = word(name, value, &WIRES)?,
             TERMINALS => self.terminals = number(-60.0, 150.0, "degrees Celsius")?,
-            SUPPLY => self.supply = number(0.0, 30.0, "V")?,
             TRANSFORMER => self.milliamperes = number(0.0, 60.0, "mA")?,
             ADDRESS => self.switches.address = contacts(255.0)?,
             RATE => self.switches.rate = contacts(15.0)?,
@@ -117,7 +113,6 @@ impl Surroundings {
             RESISTANCE => Value::Real(self.connected.kilohms),
             WIRING => said(&self.connected.wiring, &WIRES)?,
             TERMINALS => Value::Real(self.terminals),
-            SUPPLY => Value::Real(self.supply),
             TRANSFORMER => Value::Real(self.milliamperes),
             ADDRESS => Value::Int(self.switches.address.into()),
             RATE => Value::Int(self.switches.rate.into()),
@@ -145,7 +140,6 @@ const WIPER: &str = "input-potentiometer-1";
 const RESISTANCE: &str = "input-resistance-1";
 const WIRING: &str = "input-wiring-1";
 const TERMINALS: &str = "terminal-temperature";
-const SUPPLY: &str = "supply-voltage";
 const TRANSFORMER: &str = "transformer-current-1";
 const ADDRESS: &str = "dip-switch-1";
 const RATE: &str = "dip-switch-2";
@@ -155,7 +149,7 @@ const MACHINE: &str = "machine-fault";
 const BUS: &str = "bus-fault";
 const MODULE: &str = "module-1";
 
-const NAMES: [&str; 16] = [
+const NAMES: [&str; 15] = [
     TEMPERATURE,
     VOLTAGE,
     CURRENT,
@@ -163,7 +157,6 @@ const NAMES: [&str; 16] = [
     RESISTANCE,
     WIRING,
     TERMINALS,
-    SUPPLY,
     TRANSFORMER,
     ADDRESS,
     RATE,

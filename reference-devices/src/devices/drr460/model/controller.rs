@@ -6,6 +6,7 @@ use super::alarm::{self, Alarm};
 use super::current::{self, Transformer};
 use super::cycle::{Cycle, Wanted};
 use super::flags::{self, Faults, Flags};
+use super::latch::{self, Latch};
 use super::load::Drive;
 use super::on_off::{self, OnOff};
 use super::parameters::Parameters;
@@ -47,8 +48,9 @@ pub(crate) struct Settings {
 
 impl Settings {
     pub(crate) fn of(parameters: &Parameters) -> Self {
+        let rules = parameters.rules;
         let alarms = [0, 1].map(|number| alarm::Settings::of(number, parameters));
-        let cools = parameters.get(18) == 1;
+        let cools = rules.cools(parameters.get(18));
         let double_loop = !cools && alarms.iter().any(alarm::Settings::cools);
         let is_on_off = pid::Settings::is_on_off(parameters);
         let reading = reading::Settings::of(parameters);
@@ -74,6 +76,13 @@ impl Settings {
     }
 }
 
+impl Settings {
+    /// Those of latch-on.
+    pub(crate) const fn latch(&self) -> &latch::Settings {
+        &self.reading.latch
+    }
+}
+
 /// What the controller sees when it decides.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Inputs {
@@ -94,6 +103,10 @@ pub(crate) struct Inputs {
     /// What 4010h holds.
     pub(crate) retransmitted: i64,
     pub(crate) offline: bool,
+    /// The key enables the command.
+    pub(crate) test: bool,
+    /// The terminals as the master of an expansion module has them.
+    pub(crate) master: Option<Terminals>,
 }
 
 /// What a decision says, for the objects.
@@ -108,28 +121,45 @@ pub(crate) struct Outcome {
     /// The controller is in manual mode, maybe by itself.
     pub(crate) manual: bool,
     pub(crate) found: Option<Found>,
+    /// There is no process value to go by.
+    pub(crate) error: bool,
+    /// The network has fallen silent.
+    pub(crate) offline: bool,
+}
+
+/// What there is to be seen.
+#[derive(Clone, Copy, Debug)]
+struct Measured {
+    process: i64,
+    sensor_error: bool,
+    flags: i64,
+    error: bool,
 }
 
 /// The controller.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Controller {
-    pub(super) input: Input,
-    pub(super) alarms: [Alarm; 2],
-    pub(super) on_off: OnOff,
-    pub(super) tuning: Tuning,
-    pub(super) transformer: Transformer,
-    pub(super) flags: Flags,
+    input: Input,
+    alarms: [Alarm; 2],
+    on_off: OnOff,
+    tuning: Tuning,
+    transformer: Transformer,
+    flags: Flags,
     pid: Pid,
     soft_start: SoftStart,
     valve: Valve,
     cycles: Cycles,
     running: bool,
+    /// It has been in START since power-on.
+    has_run: bool,
     last_set_point: i64,
     last_real_set_point: i64,
     /// A share of full output.
     output: f64,
     cooling: f64,
     was_manual: bool,
+    /// PID control has the command.
+    is_automatic: bool,
     functions: Option<Functions>,
     terminals: Terminals,
 }
@@ -150,37 +180,16 @@ impl Controller {
         elapsed: f64,
         rules: &dyn Rules,
     ) -> Outcome {
-        let connected = (inputs.connected, inputs.terminals);
-        let reading = self.input.sample(connected, &settings.reading, rules);
-        self.input.latch.advance(elapsed, &settings.reading.latch);
-        let on = self.terminals.contacts[settings.current.output];
-        self.transformer.step((inputs.milliamperes, on), &settings.current, elapsed, rules);
-        let flags = self.flags.shown(inputs.faults, reading.is_error, inputs.terminals)
-            | self.transformer.flags();
-        let error = flags::is_error(flags, settings.is_thermocouple);
-        let set_point = self.set_point(inputs, reading.process, settings, elapsed, rules);
-
-        let sight = Sight { process: reading.process, set_point, error };
-        let (command, manual, found) = self.command(inputs, &sight, settings, elapsed);
-        let seen = |number: usize| alarm::Sight {
-            process: reading.process,
-            set_point,
-            limit: inputs.limits[number],
-            error,
-            sensor_error: reading.is_error,
-            running: inputs.running,
-            remote: inputs.remote[number],
-            current_error: self.transformer.is_error(),
-            cooling: self.cooling,
-        };
-        let seen = [seen(0), seen(1)];
-        let [first, second] = &mut self.alarms;
-        let alarms = [
-            first.step(&seen[0], &settings.alarms[0], elapsed, rules),
-            second.step(&seen[1], &settings.alarms[1], elapsed, rules),
-        ];
+        let measured = self.measure(inputs, settings, elapsed, rules);
+        let Measured { process, error, .. } = measured;
+        if let Some(master) = inputs.master {
+            return self.expand(master, measured, inputs);
+        }
+        let set_point = self.set_point(inputs, process, settings, rules);
+        let sight = Sight { process, set_point, error };
+        let (command, manual, found) = self.command(inputs, &sight, settings, elapsed, rules);
         let sources = Sources {
-            process: reading.process,
+            process,
             set_point,
             alarms: inputs.limits,
             amperes: self.transformer.amperes(),
@@ -192,34 +201,109 @@ impl Controller {
             command,
             command_closed: false,
             valve: self.valve.motion(),
-            alarms,
+            alarms: self.alarms(inputs, &sight, measured.sensor_error, settings, rules),
             alarms_closed: [false; 2],
             retransmitted: retransmission::microamperes(&sources, &settings.retransmission, rules),
         });
         self.connect(settings, rules);
-        Outcome {
+        let (output, cooling) = (self.output, self.cooling);
+        let (flags, offline) = (measured.flags, inputs.offline);
+        Outcome { process, flags, set_point, output, cooling, manual, found, error, offline }
+    }
+
+    /// What there is to be seen, whoever has the outputs.
+    fn measure(
+        &mut self,
+        inputs: &Inputs,
+        settings: &Settings,
+        elapsed: f64,
+        rules: &dyn Rules,
+    ) -> Measured {
+        let connected = (inputs.connected, inputs.terminals);
+        let reading = self.input.sample(connected, &settings.reading, elapsed, rules);
+        let on = self.terminals.contacts[settings.current.output];
+        self.transformer.step((inputs.milliamperes, on), &settings.current, rules);
+        let seen = (reading.is_error, inputs.terminals);
+        let flags = self.flags.shown(inputs.faults, seen, rules) | self.transformer.flags(rules);
+        Measured {
             process: reading.process,
+            sensor_error: reading.is_error,
             flags,
-            set_point,
-            output: self.output,
-            cooling: self.cooling,
-            manual,
-            found,
+            error: flags::is_error(flags, settings.is_thermocouple),
         }
     }
 
-    /// So many seconds go by without a decision: cycles and the valve move.
-    pub(crate) fn advance(
+    /// The master has the outputs, and nothing is controlled.
+    fn expand(&mut self, master: Terminals, measured: Measured, inputs: &Inputs) -> Outcome {
+        self.functions = None;
+        self.terminals = master;
+        self.running = false;
+        self.output = 0.0;
+        self.cooling = 0.0;
+        self.tuning.abandon();
+        let Measured { process, flags, error, .. } = measured;
+        let (set_point, manual, offline) = (inputs.set_point, inputs.manual, inputs.offline);
+        Outcome { process, flags, set_point, manual, error, offline, ..Outcome::default() }
+    }
+
+    fn alarms(
         &mut self,
-        elapsed: f64,
+        inputs: &Inputs,
+        sight: &Sight,
+        sensor_error: bool,
         settings: &Settings,
         rules: &dyn Rules,
-    ) -> Terminals {
+    ) -> [Wanted; 2] {
+        let current_error = self.transformer.is_error(rules);
+        let cooling = self.cooling;
+        [0, 1].map(|number| {
+            let seen = alarm::Sight {
+                process: sight.process,
+                set_point: sight.set_point,
+                limit: inputs.limits[number],
+                error: sight.error,
+                sensor_error,
+                running: inputs.running,
+                remote: inputs.remote[number],
+                current_error,
+                cooling,
+            };
+            self.alarms[number].step(&seen, &settings.alarms[number], rules)
+        })
+    }
+
+    /// So many seconds go by without a decision: cycles and the valve move, and delays run.
+    pub(crate) fn advance(&mut self, elapsed: f64, settings: &Settings, rules: &dyn Rules) {
         self.cycles.command.advance(elapsed, settings.cycle);
         self.cycles.alarms.advance(elapsed, settings.cooling_cycle);
         self.valve.advance(elapsed, settings.travel);
+        self.input.latch.advance(elapsed, &settings.reading.latch);
+        self.alarms.iter_mut().for_each(|alarm| alarm.advance(elapsed));
+        self.on_off.advance(elapsed);
+        self.soft_start.advance(elapsed);
+        self.tuning.advance(elapsed);
+        self.transformer.advance(elapsed);
         self.connect(settings, rules);
+    }
+
+    /// Whether another decision would be the same as the last one if nothing happens outside.
+    pub(crate) fn is_settled(&self, settings: &Settings) -> bool {
+        let waits = self.alarms.iter().any(Alarm::waits) || self.on_off.waits();
+        let is_under_way = self.soft_start.is_active() || !self.tuning.rests();
+        let watches = self.transformer.waits() || self.input.latch.is_enabled();
+        let controls = settings.pid.as_ref().is_some_and(|pid| !self.pid.is_settled(pid));
+        let moves = controls && self.is_automatic;
+        self.input.is_settled() && !waits && !is_under_way && !watches && !moves
+    }
+
+    /// What is at the terminals.
+    pub(crate) const fn terminals(&self) -> Terminals {
         self.terminals
+    }
+
+    /// Whether the command is on Q1, or on neither digital output.
+    pub(crate) fn command_is_on_q1(settings: &Settings) -> bool {
+        settings.wiring.command != Command::Analogue
     }
 
     /// Seconds until an output changes without a decision.
@@ -261,13 +345,13 @@ impl Controller {
     }
 
     /// The device was switched on; what it keeps is given back by its parts.
-    pub(crate) fn restart(&mut self, settings: &Settings, faults: Faults) {
+    pub(crate) fn restart(&mut self, settings: &Settings, faults: Faults, rules: &dyn Rules) {
         let mut input = std::mem::take(&mut self.input);
         input.restart();
         let (mut alarms, mut on_off, mut flags) = (self.alarms, self.on_off, self.flags);
         alarms.iter_mut().zip(&settings.alarms).for_each(|(alarm, set)| alarm.restart(set));
         on_off.restart(&settings.on_off);
-        flags.restart(faults);
+        flags.restart(faults, rules);
         *self = Self { input, alarms, on_off, flags, valve: self.valve, ..Self::default() };
     }
 
@@ -277,24 +361,24 @@ impl Controller {
         inputs: &Inputs,
         process: i64,
         settings: &Settings,
-        elapsed: f64,
         rules: &dyn Rules,
     ) -> i64 {
         let wanted = inputs.set_point;
         let starts = inputs.running && !self.running;
-        if starts {
+        if starts && rules.soft_starts(self.has_run) {
             self.soft_start = SoftStart::begin(process, &settings.soft_start);
-            self.last_real_set_point = wanted;
         }
         if starts || inputs.running && wanted != self.last_set_point {
             self.tuning.started(starts, (process, wanted), &settings.tuning, rules);
         }
         self.running = inputs.running;
+        self.has_run |= inputs.running;
         self.last_set_point = wanted;
         if !inputs.running {
+            self.soft_start = SoftStart::default();
             return wanted;
         }
-        self.soft_start.set_point(wanted, process, &settings.soft_start, elapsed)
+        self.soft_start.set_point(wanted, process, &settings.soft_start, rules)
     }
 
     /// What is wanted of the command, whether the mode is manual, and what a tuning found.
@@ -304,58 +388,135 @@ impl Controller {
         sight: &Sight,
         settings: &Settings,
         elapsed: f64,
+        rules: &dyn Rules,
     ) -> (Wanted, bool, Option<Found>) {
-        let asked = settings.manual != 0 && inputs.manual;
-        let breaks = sight.error && settings.manual == WITH_MEMORY && inputs.running;
+        let asked = rules.manual(settings.manual, inputs.manual);
+        let breaks = sight.error && rules.break_leads_to_manual(settings.manual) && inputs.running;
         let manual = asked || breaks;
-        self.cooling = 0.0;
+        (self.cooling, self.is_automatic) = (0.0, false);
         if !inputs.running || inputs.offline {
             self.tuning.abandon();
             self.on_off.restart(&settings.on_off);
             self.pid = Pid::default();
-            self.output = if manual { inputs.output } else { 0.0 };
-            let off =
-                if inputs.running { Wanted::Share(0.0) } else { Wanted::State(settings.stop) };
-            return (off, manual, None);
+            self.output = if asked { inputs.output } else { 0.0 };
+            let stopped = Wanted::State(settings.stop);
+            let off = if inputs.running { Wanted::Share(0.0) } else { stopped };
+            return (if inputs.test { Wanted::Level(true) } else { off }, asked, None);
         }
-        if manual {
+        let (command, found) = if manual {
             self.tuning.abandon();
             // The network may have written the output; what a broken sensor leaves stays.
             self.output = if asked { inputs.output } else { self.output };
             self.was_manual = true;
-            return (Wanted::Share(self.output), true, None);
-        }
-        if sight.error {
+            (Wanted::Share(self.output), None)
+        } else if sight.error {
             self.tuning.abandon();
             self.output = 0.0;
-            return (Wanted::State(settings.error), false, None);
-        }
+            (Wanted::State(settings.error), None)
+        } else {
+            self.tuned(sight, settings, elapsed, rules)
+        };
+        (if inputs.test { Wanted::Level(true) } else { command }, manual, found)
+    }
+
+    /// The command of automatic mode, which a tuning may have.
+    fn tuned(
+        &mut self,
+        sight: &Sight,
+        settings: &Settings,
+        elapsed: f64,
+        rules: &dyn Rules,
+    ) -> (Wanted, Option<Found>) {
         let step = self.tuning.step(sight.process, &settings.tuning, elapsed);
         self.output = match step.forced {
             Some(on) => f64::from(u8::from(on)),
-            None => self.automatic(sight, settings, elapsed),
+            None => self.automatic(sight, settings, elapsed, rules),
         };
         self.was_manual = false;
-        (Wanted::Share(self.output), false, step.found)
+        (Wanted::Share(self.output), step.found)
     }
 
-    fn automatic(&mut self, sight: &Sight, settings: &Settings, elapsed: f64) -> f64 {
+    fn automatic(
+        &mut self,
+        sight: &Sight,
+        settings: &Settings,
+        elapsed: f64,
+        rules: &dyn Rules,
+    ) -> f64 {
         let direction = if settings.cools { -1 } else { 1 };
         let missing = direction * (sight.set_point - sight.process);
         let moved = direction * (sight.set_point - self.last_real_set_point);
         self.last_real_set_point = sight.set_point;
         let output = match &settings.pid {
-            None => f64::from(u8::from(self.on_off.step(missing, &settings.on_off, elapsed))),
+            None => f64::from(u8::from(self.on_off.step(missing, &settings.on_off, rules))),
             Some(pid) => {
                 if self.was_manual {
                     self.pid.restart(self.output, pid);
                 }
-                let outputs = self.pid.step((missing, moved), pid, elapsed);
+                self.is_automatic = true;
+                let outputs = self.pid.step((missing, moved), pid, elapsed, rules);
                 self.cooling = outputs.cooling;
                 outputs.command
             }
         };
         self.soft_start.output(&settings.soft_start).unwrap_or(output)
+    }
+
+    /// The command output is reset by hand, as 400Ah asks for (11.3.13).
+    pub(crate) const fn reset_command(&mut self) {
+        self.on_off.reset();
+    }
+
+    /// The alarms are reset by hand, as 400Bh asks for (11.3.14).
+    pub(crate) fn reset_alarms(&mut self) {
+        self.alarms.iter_mut().for_each(Alarm::reset);
+    }
+
+    /// What 400Ah and 400Bh show.
+    pub(crate) fn resettable(&self, rules: &dyn Rules) -> (i64, i64) {
+        let [first, second] = self.alarms.map(|alarm| i64::from(alarm.resettable(rules)));
+        (self.on_off.resettable(rules).into(), first | second << 1)
+    }
+
+    /// What 400Eh shows.
+    pub(crate) const fn tuning(&self, settings: &Settings) -> i64 {
+        self.tuning.shown(&settings.tuning)
+    }
+
+    /// The master has written 400Eh; a tuning begins at this process value.
+    pub(crate) fn command_tuning(&mut self, value: i64, sight: (i64, i64), settings: &Settings) {
+        self.tuning.command(value, sight, &settings.tuning);
+    }
+
+    /// The master has read 400Eh.
+    pub(crate) const fn tuning_read(&mut self) {
+        self.tuning.read();
+    }
+
+    /// Latch-on, and its settings.
+    pub(crate) const fn latch(&self) -> &Latch {
+        &self.input.latch
+    }
+
+    /// 4011h `sub` was written.
+    pub(crate) fn command_latch(&mut self, sub: u8, value: u8) {
+        let share = self.input.share;
+        self.input.latch.command(sub, value, share);
+    }
+
+    /// What latch-on learned is forgotten.
+    pub(crate) fn forget(&mut self) {
+        self.input.latch = Latch::default();
+    }
+
+    /// The device writes its EEPROM. Returns whether it can.
+    pub(crate) fn store(&mut self, faults: Faults) -> bool {
+        self.flags.write(faults)
+    }
+
+    /// The threshold of heater break that the key teaches now, in tenths of an ampere.
+    pub(crate) fn taught(&self, rules: &dyn Rules) -> Option<i64> {
+        self.transformer.taught(rules)
     }
 
     /// Puts what is wanted on the terminals, as it is in its cycle now.
@@ -388,8 +549,6 @@ fn valve_target(command: Wanted, rules: &dyn Rules) -> f64 {
         Wanted::State(state) => state.valve(rules),
     }
 }
-
-const WITH_MEMORY: i64 = 2;
 
 #[cfg(test)]
 mod tests {

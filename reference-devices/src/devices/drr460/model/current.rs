@@ -41,19 +41,25 @@ pub(super) struct Transformer {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Watched {
     is_error: bool,
+    /// Seconds for which the condition has been met.
     waited: f64,
+    counts: bool,
 }
 
 impl Watched {
     /// `condition` is `None` while nothing can be said, in which the time stands still.
-    fn follow(&mut self, condition: Option<bool>, delay: f64, elapsed: f64) {
+    fn follow(&mut self, condition: Option<bool>, delay: f64) {
+        self.counts = condition == Some(true);
         match condition {
             None => {}
             Some(false) => *self = Self::default(),
-            Some(true) => {
-                self.waited += elapsed;
-                self.is_error |= self.waited + ROUNDING >= delay;
-            }
+            Some(true) => self.is_error |= self.waited + ROUNDING >= delay,
+        }
+    }
+
+    fn advance(&mut self, elapsed: f64) {
+        if self.counts {
+            self.waited += elapsed;
         }
     }
 }
@@ -64,7 +70,6 @@ impl Transformer {
         &mut self,
         (milliamperes, on): (f64, bool),
         settings: &Settings,
-        elapsed: f64,
         rules: &dyn Rules,
     ) {
         if !settings.enabled {
@@ -75,26 +80,38 @@ impl Transformer {
         let (amperes, threshold) = (self.amperes, settings.break_threshold);
         let nothing = amperes <= threshold * NOTHING;
         let watches = threshold > 0.0;
+        let weak = rules.current_is_low(amperes, threshold);
+        let over = settings.over_threshold;
         let conditions = [
             (!on).then_some(watches && !nothing),
             on.then_some(watches && nothing),
-            on.then_some(watches && !nothing && amperes < threshold),
-            Some(settings.over_threshold > 0.0 && amperes > settings.over_threshold),
+            on.then_some(watches && !nothing && weak),
+            Some(over > 0.0 && rules.current_is_high(amperes, over)),
         ];
-        for (watched, condition) in self.watched.iter_mut().zip(conditions) {
-            watched.follow(condition, settings.delay, elapsed);
+        for (number, (watched, condition)) in self.watched.iter_mut().zip(conditions).enumerate() {
+            watched.follow(condition, rules.current_delay(number, settings.delay));
         }
     }
 
+    /// Time goes by.
+    pub(super) fn advance(&mut self, elapsed: f64) {
+        self.watched.iter_mut().for_each(|watched| watched.advance(elapsed));
+    }
+
+    /// Whether it waits for the end of a delay.
+    pub(super) fn waits(&self) -> bool {
+        self.watched.iter().any(|watched| watched.counts && !watched.is_error)
+    }
+
     /// Bits 7 to 10 of 4007h.
-    pub(super) fn flags(&self) -> i64 {
+    pub(super) fn flags(&self, rules: &dyn Rules) -> i64 {
         let bits = self.watched.iter().zip(7..);
-        bits.map(|(watched, bit)| i64::from(watched.is_error) << bit).sum()
+        bits.map(|(watched, bit)| i64::from(watched.is_error) << rules.flag(bit)).sum()
     }
 
     /// Whether alarm kind 10 is met.
-    pub(super) fn is_error(&self) -> bool {
-        self.flags() != 0
+    pub(super) fn is_error(&self, rules: &dyn Rules) -> bool {
+        rules.current_alarm(self.watched.map(|watched| watched.is_error))
     }
 
     /// In tenths of an ampere.
@@ -104,16 +121,14 @@ impl Transformer {
 
     /// The threshold that the key teaches, in tenths of an ampere; `None` without a current (7.7
     /// has no figure).
-    pub(super) fn taught(&self) -> Option<i64> {
-        let threshold = (self.amperes * TAUGHT).round() as i64;
+    pub(super) fn taught(&self, rules: &dyn Rules) -> Option<i64> {
+        let threshold = rules.taught(self.amperes).round() as i64;
         (threshold > 0).then_some(threshold)
     }
 }
 
 /// A share of the threshold below which no current flows. The manual leaves it open.
 const NOTHING: f64 = 0.1;
-/// The share of the present current that becomes the threshold.
-const TAUGHT: f64 = 0.8;
 /// In seconds.
 const ROUNDING: f64 = 1e-6;
 
@@ -141,8 +156,8 @@ mod tests {
         ];
         for (on, milliamperes, flags) in table {
             let mut transformer = Transformer::default();
-            transformer.step((milliamperes, on), &settings(0), 0.1, &Manual);
-            assert_eq!(transformer.flags(), flags, "{on} {milliamperes}");
+            transformer.step((milliamperes, on), &settings(0), &Manual);
+            assert_eq!(transformer.flags(&Manual), flags, "{on} {milliamperes}");
         }
     }
 
@@ -150,8 +165,10 @@ mod tests {
     fn the_delay_stands_still_while_the_output_is_off() {
         let (settings, mut transformer) = (settings(2), Transformer::default());
         let mut step = |on, elapsed| {
-            transformer.step((0.0, on), &settings, elapsed, &Manual);
-            transformer.flags()
+            transformer.step((0.0, on), &settings, &Manual);
+            transformer.advance(elapsed);
+            transformer.step((0.0, on), &settings, &Manual);
+            transformer.flags(&Manual)
         };
         assert_eq!([step(true, 1.5), step(false, 9.0), step(true, 0.4)], [0; 3]);
         assert_eq!([step(true, 0.1), step(false, 1.0)], [1 << 8; 2]);
@@ -160,8 +177,8 @@ mod tests {
     #[test]
     fn a_threshold_is_taught() {
         let mut transformer = Transformer::default();
-        assert_eq!(transformer.taught(), None);
-        transformer.step((10.0, true), &settings(0), 0.1, &Manual);
-        assert_eq!(transformer.taught(), Some(80));
+        assert_eq!(transformer.taught(&Manual), None);
+        transformer.step((10.0, true), &settings(0), &Manual);
+        assert_eq!(transformer.taught(&Manual), Some(80));
     }
 }

@@ -45,7 +45,7 @@ impl Cycle {
     /// Whether the contact is closed now. Each cycle begins closed.
     pub(super) fn is_closed(&self, wanted: Wanted, period: f64, rules: &dyn Rules) -> bool {
         match wanted {
-            Wanted::Share(share) => self.at + ROUNDING < share * period,
+            Wanted::Share(share) => rules.in_share(self.at + ROUNDING, share, period),
             Wanted::Level(on) => on,
             Wanted::State(state) => state.is_closed(rules),
         }

@@ -1,32 +1,45 @@
 //! A state that follows a condition late, one way or the other (manual, 11.3.2, parameters 23, 62
 //! and 74).
 
+use super::rules::Rules;
+
 /// Follows a condition with a delay.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Delayed {
     on: bool,
     /// Seconds for which the condition has been otherwise.
-    waited: f64,
+    waited: Option<f64>,
 }
 
 impl Delayed {
-    /// So many seconds went by, and this is the condition now: `delay` above 0 is the delay on the
-    /// way to on, below 0 on the way to off.
-    pub(super) fn follow(&mut self, condition: bool, delay: f64, elapsed: f64) -> bool {
+    /// This is the condition now: `delay` above 0 is the delay on the way to on, below 0 on the way
+    /// to off. A condition that goes meanwhile starts over.
+    pub(super) fn follow(&mut self, condition: bool, delay: f64, rules: &dyn Rules) -> bool {
         if condition == self.on {
-            self.waited = 0.0;
+            self.waited = self.waited.filter(|_| !rules.delay_starts_over());
             return self.on;
         }
-        let delay = if condition { delay } else { -delay };
-        self.waited += elapsed;
-        if self.waited + ROUNDING >= delay {
-            *self = Self { on: condition, waited: 0.0 };
+        let waited = *self.waited.get_or_insert(0.0);
+        if waited + ROUNDING >= rules.delay(condition, delay) {
+            *self = Self { on: condition, waited: None };
         }
         self.on
     }
 
+    /// Time goes by.
+    pub(super) fn advance(&mut self, elapsed: f64) {
+        if let Some(waited) = &mut self.waited {
+            *waited += elapsed;
+        }
+    }
+
     pub(super) const fn is_on(self) -> bool {
         self.on
+    }
+
+    /// Whether it waits for the end of its delay.
+    pub(super) const fn waits(self) -> bool {
+        self.waited.is_some()
     }
 }
 
@@ -36,11 +49,13 @@ const ROUNDING: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::drr460::model::rules::Manual;
 
-    /// Tenths of a second before the state is `to`; the condition appears with the first one.
+    /// Tenths of a second before the state is `to`; the condition appears with the first look.
     fn tenths(state: &mut Delayed, to: bool, delay: f64) -> u32 {
         let mut steps = 0;
-        while state.follow(to, delay, if steps == 0 { 0.0 } else { 0.1 }) != to {
+        while state.follow(to, delay, &Manual) != to {
+            state.advance(0.1);
             steps += 1;
         }
         steps
@@ -58,7 +73,10 @@ mod tests {
     #[test]
     fn a_condition_that_goes_meanwhile_starts_over() {
         let mut state = Delayed::default();
-        assert!(!state.follow(true, 1.0, 0.9) && !state.follow(false, 1.0, 0.5));
-        assert!(!state.follow(true, 1.0, 0.9) && state.follow(true, 1.0, 0.1));
+        assert!(!state.follow(true, 1.0, &Manual));
+        state.advance(0.9);
+        assert!(!state.follow(true, 1.0, &Manual) && state.waits());
+        assert!(!state.follow(false, 1.0, &Manual) && !state.waits());
+        assert_eq!(tenths(&mut state, true, 1.0), 10);
     }
 }

@@ -15,6 +15,8 @@ pub(crate) struct Report {
     pub(crate) vendor: [u8; 5],
     /// 67FEh says what becomes of the state.
     pub(crate) reacts: bool,
+    /// The state becomes STOPPED.
+    pub(crate) stops: bool,
 }
 
 /// What the device found out when it started or stored, which lasts.
@@ -36,6 +38,7 @@ pub(crate) fn reports(found: Found, around: &Surroundings) -> impl Iterator<Item
         register: 0x81,
         vendor,
         reacts: false,
+        stops: false,
     };
     let changed = found.changed_hardware.then(|| device(1, [0, 1, 0, 0, 0]));
     let not_stored = found.not_stored.then(|| device(2, [0, 2, 0, 0, 0]));
@@ -48,17 +51,18 @@ pub(crate) fn reports(found: Found, around: &Surroundings) -> impl Iterator<Item
         BusFault::ErrorPassive => Some((0x8120, 3)),
     };
     let bus = bus.map(|(code, number)| Report {
-        error: 0x10 + u16::from(number),
+        error: BUS + u16::from(number),
         code: EmcyCode(code),
         register: 0x11,
         vendor: [0, number, 0, 0, 0],
         // Only the overflows change the state (11.9).
         reacts: code == 0x8110,
+        stops: false,
     });
     let module = match around.module {
         Module::Fitted | Module::Other => None,
-        Module::Broken => Some((0x20, [0, 6, PLACE, 0, 0])),
-        Module::Faulty => Some((0x21, [1, 7, PLACE, 1, 1])),
+        Module::Broken => Some((BROKEN, [0, 6, PLACE, 0, 0])),
+        Module::Faulty => Some((BROKEN + 1, [1, 7, PLACE, 1, 1])),
     };
     let module = module.map(|(error, vendor)| Report {
         error,
@@ -66,10 +70,15 @@ pub(crate) fn reports(found: Found, around: &Surroundings) -> impl Iterator<Item
         register: 0x81,
         vendor,
         reacts: false,
+        stops: error == BROKEN,
     });
     [changed, not_stored, unread, bus, module].into_iter().flatten()
 }
 
+/// The application's numbers for all errors.
+pub(crate) const ERRORS: [u16; 8] = [1, 2, 3, BUS + 1, BUS + 2, BUS + 3, BROKEN, BROKEN + 1];
+const BUS: u16 = 0x10;
+const BROKEN: u16 = 0x20;
 /// The only module.
 const PLACE: u8 = 1;
 /// The bit of 4007h of the first part of the EEPROM.

@@ -7,16 +7,16 @@ use super::wiring::Terminals;
 
 /// The settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Settings {
-    pub(super) enabled: bool,
+pub(crate) struct Settings {
+    pub(crate) enabled: bool,
     /// Q1 and Q2 in bits 0 and 1, as in what follows.
-    pub(super) initial_outputs: i64,
+    pub(crate) initial_outputs: i64,
     commutes: i64,
     error_outputs: i64,
     live_zero: bool,
     low: f64,
     high: f64,
-    pub(super) initial_analogue: i64,
+    pub(crate) initial_analogue: i64,
     analogue_commutes: bool,
     error_analogue: i64,
     /// In seconds; 0 is never.
@@ -24,9 +24,9 @@ pub(super) struct Settings {
 }
 
 impl Settings {
-    pub(super) fn of(parameters: &Parameters) -> Self {
+    pub(crate) fn of(parameters: &Parameters) -> Self {
         Self {
-            enabled: parameters.get(121) == 1,
+            enabled: parameters.rules.expansion(parameters.get(121)),
             initial_outputs: parameters.get(122),
             commutes: parameters.get(123) & BOTH,
             error_outputs: parameters.get(124),
@@ -36,19 +36,23 @@ impl Settings {
             initial_analogue: parameters.get(128),
             analogue_commutes: parameters.is_set(129),
             error_analogue: parameters.get(130),
-            offline: parameters.tenths(115),
+            offline: parameters.rules.offline_time(parameters.get(115)),
         }
     }
 
     /// What an error makes of the values of the master: 6200h and 6411h. They stay so until the
     /// master writes anew.
-    pub(super) const fn in_error(&self, outputs: i64, analogue: i64) -> (i64, i64) {
-        let outputs = outputs & !self.commutes | self.error_outputs & self.commutes;
+    pub(crate) fn in_error(
+        &self,
+        (outputs, analogue): (i64, i64),
+        rules: &dyn Rules,
+    ) -> (i64, i64) {
+        let outputs = rules.commutes(outputs, self.commutes, self.error_outputs);
         (outputs, if self.analogue_commutes { self.error_analogue } else { analogue })
     }
 
     /// The terminals for values of 6200h and 6411h.
-    pub(super) fn connect(&self, outputs: i64, analogue: i64, rules: &dyn Rules) -> Terminals {
+    pub(crate) fn connect(&self, outputs: i64, analogue: i64, rules: &dyn Rules) -> Terminals {
         let share = rules.share(analogue as f64, self.low, self.high);
         Terminals {
             contacts: [outputs & 1 != 0, outputs & 2 != 0],
@@ -59,29 +63,29 @@ impl Settings {
 
 /// How long the network has had nothing to do with the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Silence {
+pub(crate) struct Silence {
     since: f64,
 }
 
 impl Silence {
     /// The network had to do with the device.
-    pub(super) const fn end(&mut self) {
+    pub(crate) const fn end(&mut self) {
         self.since = 0.0;
     }
 
     /// Time goes by. Returns whether the device has just become off-line.
-    pub(super) fn advance(&mut self, elapsed: f64, settings: &Settings) -> bool {
+    pub(crate) fn advance(&mut self, elapsed: f64, settings: &Settings) -> bool {
         let before = self.is_offline(settings);
         self.since += elapsed;
         self.is_offline(settings) && !before
     }
 
-    pub(super) fn is_offline(&self, settings: &Settings) -> bool {
+    pub(crate) fn is_offline(&self, settings: &Settings) -> bool {
         settings.offline > 0.0 && self.since + ROUNDING >= settings.offline
     }
 
     /// Seconds until the device is off-line.
-    pub(super) fn next(&self, settings: &Settings) -> Option<f64> {
+    pub(crate) fn next(&self, settings: &Settings) -> Option<f64> {
         let waits = settings.offline > 0.0 && !self.is_offline(settings);
         waits.then_some(settings.offline - self.since)
     }
@@ -124,7 +128,7 @@ mod tests {
             (&[(129, 1), (130, 77)], (1, 77)),
         ];
         for (list, expected) in table {
-            assert_eq!(settings(list).in_error(1, 500), expected, "{list:?}");
+            assert_eq!(settings(list).in_error((1, 500), &Manual), expected, "{list:?}");
         }
     }
 

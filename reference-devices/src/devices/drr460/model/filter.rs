@@ -2,17 +2,28 @@
 
 use std::collections::VecDeque;
 
+use super::PERIOD;
+
 /// The average of the last samples.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Filter {
     samples: VecDeque<f64>,
+    /// Seconds since the last sample.
+    since: f64,
 }
 
 impl Filter {
-    /// A sample, and how many are averaged. The first one fills the average, so that no time is
-    /// spent on the way from zero.
-    pub(super) fn take(&mut self, sample: f64, wanted: i64) -> f64 {
+    /// A sample, so many seconds after the last one, and how many are averaged. The first one fills
+    /// the average, so that no time is spent on the way from zero; one that comes early takes the
+    /// place of the last.
+    pub(super) fn take(&mut self, sample: f64, wanted: i64, elapsed: f64) -> f64 {
         let wanted = usize::try_from(wanted).unwrap_or(1).max(1);
+        self.since += elapsed;
+        if self.since + ROUNDING < PERIOD {
+            self.samples.pop_back();
+        } else {
+            self.since = 0.0;
+        }
         self.samples.push_back(sample);
         while self.samples.len() < wanted {
             self.samples.push_front(self.samples[0]);
@@ -25,7 +36,7 @@ impl Filter {
 
     /// Begins anew.
     pub(super) fn clear(&mut self) {
-        self.samples.clear();
+        *self = Self::default();
     }
 
     /// Whether another sample like the last one would change nothing.
@@ -34,6 +45,8 @@ impl Filter {
     }
 }
 
+const ROUNDING: f64 = 1e-6;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -41,9 +54,10 @@ mod tests {
     #[test]
     fn a_step_arrives_in_as_many_samples_as_are_averaged() {
         let mut filter = Filter::default();
-        assert_eq!(filter.take(100.0, 4), 100.0);
-        assert_eq!([(); 5].map(|()| filter.take(200.0, 4)), [125.0, 150.0, 175.0, 200.0, 200.0]);
+        assert_eq!(filter.take(100.0, 4, 0.1), 100.0);
+        assert_eq!([(); 5].map(|()| filter.take(200.0, 4, 0.1)), [125.0, 150.0, 175.0, 200.0, 200.0]);
         assert!(filter.is_settled());
-        assert_eq!(filter.take(0.0, 1), 0.0);
+        assert_eq!([(); 2].map(|()| filter.take(240.0, 4, 0.05)), [210.0, 220.0]);
+        assert_eq!(filter.take(0.0, 1, 0.1), 0.0);
     }
 }

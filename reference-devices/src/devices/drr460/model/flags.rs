@@ -1,5 +1,7 @@
 //! The faults of the device itself, as 4007h shows them (manual, 11.3.10).
 
+use super::rules::Rules;
+
 /// What fails, beside sensor and load.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Faults {
@@ -40,36 +42,41 @@ impl MemoryFault {
 
 /// What the device has found of its faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Flags {
+pub(crate) struct Flags {
     memory: i64,
 }
 
 impl Flags {
     /// The device reads its EEPROM at power-on.
-    pub(super) const fn restart(&mut self, faults: Faults) {
+    pub(super) fn restart(&mut self, faults: Faults, rules: &dyn Rules) {
         self.memory = match faults.memory {
-            MemoryFault::AtPowerOn(bit) => 1 << bit,
+            MemoryFault::AtPowerOn(bit) => 1 << rules.flag(bit),
             MemoryFault::None | MemoryFault::Write => 0,
         };
     }
 
     /// The device wrote its EEPROM. Returns whether it could.
-    pub(super) const fn write(&mut self, faults: Faults) -> bool {
+    pub(crate) const fn write(&mut self, faults: Faults) -> bool {
         let fails = matches!(faults.memory, MemoryFault::Write);
         self.memory = if fails { self.memory | WRITE } else { self.memory & !WRITE };
         !fails
     }
 
     /// 4007h but for bits 7 to 10.
-    pub(super) fn shown(self, faults: Faults, sensor: bool, terminals: f64) -> i64 {
+    pub(super) fn shown(
+        self,
+        faults: Faults,
+        (sensor, terminals): (bool, f64),
+        rules: &dyn Rules,
+    ) -> i64 {
         let bits = [
-            (!(0.0..=50.0).contains(&terminals), COLD_JUNCTION),
-            (sensor, SENSOR),
-            (faults.module, GENERIC),
-            (faults.machine, HARDWARE),
+            (!rules.junction_works(terminals), 0),
+            (sensor, 1),
+            (faults.module, 5),
+            (faults.machine, 6),
         ];
-        let now: i64 = bits.iter().filter(|(is_set, _)| *is_set).map(|(_, bit)| bit).sum();
-        now | self.memory
+        let set = bits.iter().filter(|(is_set, _)| *is_set);
+        set.map(|(_, bit)| 1 << rules.flag(*bit)).sum::<i64>() | self.memory
     }
 }
 
@@ -83,7 +90,6 @@ pub(super) const fn is_error(flags: i64, is_thermocouple: bool) -> bool {
 const COLD_JUNCTION: i64 = 1;
 const SENSOR: i64 = 1 << 1;
 const WRITE: i64 = 1 << 2;
-const GENERIC: i64 = 1 << 5;
 const HARDWARE: i64 = 1 << 6;
 /// Sensor, missing calibration, hardware, calibrations and their constants.
 const WITHOUT_PROCESS: i64 = SENSOR | 1 << 4 | HARDWARE | 1 << 16 | 1 << 17;
@@ -91,16 +97,17 @@ const WITHOUT_PROCESS: i64 = SENSOR | 1 << 4 | HARDWARE | 1 << 16 | 1 << 17;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::drr460::model::rules::Manual;
 
     #[test]
     fn memory_shows_when_it_is_used() {
         let mut flags = Flags::default();
         for (word, memory) in MemoryFault::WORDS {
             let faults = Faults { memory, ..Faults::default() };
-            assert_eq!(flags.shown(faults, false, 25.0), 0, "{word}");
+            assert_eq!(flags.shown(faults, (false, 25.0), &Manual), 0, "{word}");
             assert_eq!(flags.write(faults), word != "write");
-            flags.restart(faults);
-            let is_seen = flags.shown(faults, false, 25.0) != 0;
+            flags.restart(faults, &Manual);
+            let is_seen = flags.shown(faults, (false, 25.0), &Manual) != 0;
             assert_eq!(is_seen, !matches!(word, "none" | "write"), "{word}");
             flags = Flags::default();
         }
@@ -108,7 +115,9 @@ mod tests {
 
     #[test]
     fn the_rest_shows_at_once() {
-        let shown = |faults, sensor, terminals| Flags::default().shown(faults, sensor, terminals);
+        let shown = |faults, sensor, terminals| {
+            Flags::default().shown(faults, (sensor, terminals), &Manual)
+        };
         let machine = Faults { machine: true, ..Faults::default() };
         let module = Faults { module: true, ..Faults::default() };
         assert_eq!(shown(machine, false, 25.0), 0x40);

@@ -5,7 +5,7 @@ use super::parameters::Parameters;
 
 /// What was learned, and the procedure under way.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Latch {
+pub(crate) struct Latch {
     pub(super) learned: Learned,
     /// Seconds since the procedure began.
     since: Option<f64>,
@@ -21,13 +21,14 @@ pub(super) struct Learned {
 
 /// The settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Settings {
+pub(crate) struct Settings {
     /// Parameter 9.
     kind: i64,
     low: f64,
     high: f64,
     longest: f64,
     zero_keeps_ends: bool,
+    needs_enabling: bool,
 }
 
 impl Settings {
@@ -39,6 +40,7 @@ impl Settings {
             high: parameters.get(4) as f64,
             longest: parameters.rules.latch_time(),
             zero_keeps_ends: parameters.rules.zero_keeps_ends(kind),
+            needs_enabling: parameters.rules.latch_needs_enabling(),
         }
     }
 
@@ -55,16 +57,16 @@ impl Default for Latch {
 
 impl Latch {
     /// Whether the procedure is under way, as 4011h sub 1 shows.
-    pub(super) const fn is_enabled(&self) -> bool {
+    pub(crate) const fn is_enabled(&self) -> bool {
         self.since.is_some()
     }
 
     /// Whether 4011h `sub` takes `value`.
-    pub(super) fn accepts(&self, sub: u8, value: u8, settings: &Settings) -> bool {
+    pub(crate) fn accepts(&self, sub: u8, value: u8, settings: &Settings) -> bool {
         match (sub, value) {
             (_, 0) => true,
             (1, 1) => settings.kind != 0,
-            (2 | 3, 1) => self.is_enabled(),
+            (2 | 3, 1) => self.is_enabled() || !settings.needs_enabling,
             (4, 1 | 2) => settings.has_zero(),
             _ => false,
         }
@@ -86,7 +88,7 @@ impl Latch {
     pub(super) fn advance(&mut self, elapsed: f64, settings: &Settings) {
         if let Some(since) = &mut self.since {
             *since += elapsed;
-            if settings.kind == 0 || settings.kind == 1 && *since >= settings.longest {
+            if settings.kind == 0 || settings.kind == 1 && *since + ROUNDING >= settings.longest {
                 self.since = None;
             }
         }
@@ -121,6 +123,9 @@ impl Latch {
         }
     }
 }
+
+/// In seconds.
+const ROUNDING: f64 = 1e-6;
 
 #[cfg(test)]
 mod tests {

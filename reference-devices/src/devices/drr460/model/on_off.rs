@@ -3,12 +3,13 @@
 
 use super::delay::Delayed;
 use super::parameters::Parameters;
+use super::rules::Rules;
 
 /// The settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Settings {
     hysteresis: i64,
-    reset: i64,
+    latches: bool,
     delay: f64,
     kept: bool,
 }
@@ -18,7 +19,7 @@ impl Settings {
         let reset = parameters.get(22);
         Self {
             hysteresis: parameters.get(19),
-            reset,
+            latches: parameters.rules.latches(reset),
             delay: parameters.seconds(23),
             kept: parameters.rules.kept_over_power_off(reset),
         }
@@ -37,20 +38,31 @@ pub(super) struct OnOff {
 impl OnOff {
     /// Whether the command is on, with so many digits missing to the set point. It goes off at the
     /// set point and on where the hysteresis is missing; a negative one lies beyond the set point.
-    pub(super) fn step(&mut self, missing: i64, settings: &Settings, elapsed: f64) -> bool {
-        if missing <= settings.hysteresis.min(0) {
+    pub(super) fn step(&mut self, missing: i64, settings: &Settings, rules: &dyn Rules) -> bool {
+        let (off, on) = rules.on_off(settings.hysteresis);
+        if missing <= off {
             self.wanted = false;
-        } else if missing >= settings.hysteresis.max(0) {
+        } else if missing >= on {
             self.wanted = true;
         }
-        let on = self.switched.follow(self.wanted, settings.delay, elapsed);
-        self.latched = settings.reset != 0 && (self.latched || on);
+        let on = self.switched.follow(self.wanted, settings.delay, rules);
+        self.latched = settings.latches && (self.latched || on);
         on || self.latched
     }
 
+    /// Time goes by.
+    pub(super) fn advance(&mut self, elapsed: f64) {
+        self.switched.advance(elapsed);
+    }
+
+    /// Whether it waits for the end of its delay.
+    pub(super) const fn waits(&self) -> bool {
+        self.switched.waits()
+    }
+
     /// Whether it can be reset by hand, as 400Ah shows.
-    pub(super) const fn resettable(&self) -> bool {
-        self.latched && !self.switched.is_on()
+    pub(super) fn resettable(&self, rules: &dyn Rules) -> bool {
+        rules.resettable(self.latched, self.switched.is_on())
     }
 
     /// Resets it by hand; nothing happens while control wants it on.
@@ -82,7 +94,7 @@ mod tests {
         for (hysteresis, steps) in table {
             let (settings, mut control) = (settings(&[(19, hysteresis)]), OnOff::default());
             for (missing, on) in steps {
-                assert_eq!(control.step(missing, &settings, 0.1), on, "{hysteresis} {missing}");
+                assert_eq!(control.step(missing, &settings, &Manual), on, "{hysteresis} {missing}");
             }
         }
     }
@@ -91,21 +103,24 @@ mod tests {
     fn a_reset_by_hand_ends_what_control_wants_no_more() {
         for (reset, kept) in [(1, false), (2, true)] {
             let (settings, mut control) = (settings(&[(22, reset)]), OnOff::default());
-            assert!(control.step(10, &settings, 0.1) && !control.resettable());
+            assert!(control.step(10, &settings, &Manual) && !control.resettable(&Manual));
             control.reset();
-            assert!(control.step(-10, &settings, 0.1) && control.resettable());
+            assert!(control.step(-10, &settings, &Manual) && control.resettable(&Manual));
             let mut restarted = control;
             restarted.restart(&settings);
-            assert_eq!(restarted.step(-10, &settings, 0.1), kept);
+            assert_eq!(restarted.step(-10, &settings, &Manual), kept);
             control.reset();
-            assert!(!control.step(-10, &settings, 0.1) && !control.resettable());
+            assert!(!control.step(-10, &settings, &Manual) && !control.resettable(&Manual));
         }
     }
 
     #[test]
     fn a_delay_has_its_side() {
         let (settings, mut control) = (settings(&[(23, 2)]), OnOff::default());
-        assert!(!control.step(10, &settings, 0.0) && !control.step(10, &settings, 1.9));
-        assert!(control.step(10, &settings, 0.1) && !control.step(-10, &settings, 0.1));
+        assert!(!control.step(10, &settings, &Manual));
+        control.advance(1.9);
+        assert!(!control.step(10, &settings, &Manual));
+        control.advance(0.1);
+        assert!(control.step(10, &settings, &Manual) && !control.step(-10, &settings, &Manual));
     }
 }

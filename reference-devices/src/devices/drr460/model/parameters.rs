@@ -14,6 +14,7 @@ pub(crate) struct Parameters<'a> {
 #[derive(Clone, Copy)]
 enum Source<'a> {
     Objects(&'a Dictionary),
+    Nothing,
     #[cfg(test)]
     Listed(&'a [(u8, i64)]),
 }
@@ -24,6 +25,11 @@ impl<'a> Parameters<'a> {
         Self { source: Source::Objects(od), rules }
     }
 
+    /// Those of a device that was never switched on: all are 0.
+    pub(crate) const fn none(rules: &'a dyn Rules) -> Self {
+        Self { source: Source::Nothing, rules }
+    }
+
     /// Those that are listed; the others are 0.
     #[cfg(test)]
     pub(super) const fn listed(list: &'a [(u8, i64)], rules: &'a dyn Rules) -> Self {
@@ -31,8 +37,9 @@ impl<'a> Parameters<'a> {
     }
 
     /// The parameter of that number.
-    pub(super) fn get(&self, sub: u8) -> i64 {
+    pub(crate) fn get(&self, sub: u8) -> i64 {
         let configured = match self.source {
+            Source::Nothing => 0,
             Source::Objects(od) => od.int(Mux::new(0x3000, sub)).unwrap_or(0),
             #[cfg(test)]
             Source::Listed(list) => {

@@ -1,6 +1,7 @@
 //! P, PI, PD and PID control, with heating and cooling (manual, 7.8 and 11.3.2, parameters 33 to 46).
 
 use super::parameters::Parameters;
+use super::rules::Rules;
 
 /// The settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,6 +53,9 @@ pub(super) struct Pid {
     /// A share of the full output.
     integral: f64,
     last_missing: Option<i64>,
+    /// Digits by which the set point moved since then, and the seconds.
+    moved: i64,
+    since: f64,
     /// Shares of full output in a second.
     rate: f64,
 }
@@ -72,17 +76,11 @@ impl Pid {
         (missing, moved): (i64, i64),
         settings: &Settings,
         elapsed: f64,
+        rules: &dyn Rules,
     ) -> Outputs {
-        let proportional = if missing.abs() <= settings.dead_band && settings.dead_band > 0 {
-            0.0
-        } else {
-            missing as f64 / settings.band
-        };
-        let last = self.last_missing.replace(missing).unwrap_or(missing);
-        if elapsed > 0.0 {
-            let approach = (last + moved - missing) as f64;
-            self.rate = approach / settings.band / elapsed;
-        }
+        let is_dead = settings.dead_band > 0 && rules.in_dead_band(missing, settings.dead_band);
+        let proportional = if is_dead { 0.0 } else { missing as f64 / settings.band };
+        self.approach(missing, rules.set_point_step(moved), settings.band, elapsed);
         let derivative = self.rate * settings.derivative_time;
         let centre = if settings.centred { 0.5 } else { 0.0 };
         let lowest = if settings.cooling_band.is_some() { -1.0 } else { 0.0 };
@@ -92,14 +90,34 @@ impl Pid {
             time => {
                 let grown = self.integral + proportional * elapsed / time;
                 // What the output cannot give is not saved up.
-                grown.clamp((lowest - rest).min(0.0), (1.0 - rest).max(0.0))
+                let limits = ((lowest - rest).min(0.0), (1.0 - rest).max(0.0));
+                rules.integral(grown, limits)
             }
         };
         let wanted = rest + self.integral;
-        let over = settings.off_over.is_some_and(|threshold| -missing > threshold);
+        let over = settings.off_over.is_some_and(|threshold| rules.is_over(-missing, threshold));
         let (low, high) = settings.limits;
         let command = if over { 0.0 } else { wanted.clamp(0.0, 1.0).clamp(low, high) };
         Outputs { command, cooling: self.cooling(wanted, settings) }
+    }
+
+    /// How fast the process approaches the set point, from one second to the next.
+    fn approach(&mut self, missing: i64, moved: i64, band: f64, elapsed: f64) {
+        let Some(last) = self.last_missing else {
+            self.last_missing = Some(missing);
+            return;
+        };
+        self.moved += moved;
+        self.since = (self.since + elapsed).min(SECOND);
+        if self.since + ROUNDING >= SECOND {
+            self.rate = (last + self.moved - missing) as f64 / band / self.since;
+            (self.last_missing, self.moved, self.since) = (Some(missing), 0, 0.0);
+        }
+    }
+
+    /// Whether another look at the same process would say the same.
+    pub(super) fn is_settled(&self, settings: &Settings) -> bool {
+        settings.integral_time == 0.0 && self.rate == 0.0
     }
 
     /// Cooling begins where heating ends, or earlier by the overlap.
@@ -117,6 +135,10 @@ impl Pid {
     }
 }
 
+/// Between two looks at how fast the process moves.
+const SECOND: f64 = 1.0;
+const ROUNDING: f64 = 1e-6;
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -129,7 +151,8 @@ mod tests {
     }
 
     fn outputs(list: &[(u8, i64)], double_loop: bool, missing: i64) -> (i64, i64) {
-        let outputs = Pid::default().step((missing, 0), &settings(list, double_loop), 0.1);
+        let mut outputs = Pid::default();
+        let outputs = outputs.step((missing, 0), &settings(list, double_loop), 0.1, &Manual);
         ((outputs.command * 1e4).round() as i64, (outputs.cooling * 1e4).round() as i64)
     }
 
@@ -172,26 +195,26 @@ mod tests {
     #[test]
     fn an_integral_grows_with_its_time_and_a_derivative_resists() {
         let (integrating, mut pid) = (settings(&[(34, 100)], false), Pid::default());
-        let last = (0..100).map(|_| pid.step((50, 0), &integrating, 0.1).command).last();
+        let last = (0..100).map(|_| pid.step((50, 0), &integrating, 0.1, &Manual).command).last();
         assert!((last.unwrap() - 0.5).abs() < 1e-6);
         let (resisting, mut pid) = (settings(&[(35, 10)], false), Pid::default());
-        assert_eq!(pid.step((50, 0), &resisting, 0.1).command, 0.25);
-        assert!((pid.step((49, 0), &resisting, 0.1).command - 0.195).abs() < 1e-9);
+        assert_eq!(pid.step((50, 0), &resisting, 0.1, &Manual).command, 0.25);
+        assert!((pid.step((40, 0), &resisting, 1.0, &Manual).command - 0.15).abs() < 1e-9);
         // A step of the set point has no part in it.
         let (resisting, mut pid) = (settings(&[(35, 10)], false), Pid::default());
-        pid.step((50, 0), &resisting, 0.1);
-        assert_eq!(pid.step((100, 50), &resisting, 0.1).command, 0.5);
+        pid.step((50, 0), &resisting, 0.1, &Manual);
+        assert_eq!(pid.step((100, 50), &resisting, 1.0, &Manual).command, 0.5);
     }
 
     #[test]
     fn an_integral_is_not_saved_up() {
         let (settings, mut pid) = (settings(&[(34, 10)], false), Pid::default());
         for _ in 0..10_000 {
-            pid.step((400, 0), &settings, 0.1);
+            pid.step((400, 0), &settings, 0.1, &Manual);
         }
         for _ in 0..200 {
-            pid.step((-20, 0), &settings, 0.1);
+            pid.step((-20, 0), &settings, 0.1, &Manual);
         }
-        assert_eq!(pid.step((-20, 0), &settings, 0.1).command, 0.0);
+        assert_eq!(pid.step((-20, 0), &settings, 0.1, &Manual).command, 0.0);
     }
 }

@@ -70,6 +70,7 @@ impl Input {
         &mut self,
         (connected, terminals): (Connected, f64),
         settings: &Settings,
+        elapsed: f64,
         rules: &dyn Rules,
     ) -> Reading {
         let lag = terminals - rules.compensated(terminals);
@@ -78,26 +79,21 @@ impl Input {
         }
         match settings.sensor.see(connected, terminals, lag) {
             Seen::Value(value) => {
-                let digits = self.digits(value, settings);
+                let digits = self.digits(value, settings, rules);
                 let digits = rules.calibrated(digits, settings.gain, settings.offset);
-                let process = whole(self.filter.take(digits, settings.samples));
+                let process = whole(self.filter.take(digits, settings.samples, elapsed));
                 Reading { process, is_error: false }
             }
             Seen::Outside(end) => {
                 self.filter.clear();
-                Reading { process: whole(self.digits(end, settings)), is_error: true }
+                Reading { process: whole(self.digits(end, settings, rules)), is_error: true }
             }
         }
     }
 
-    fn digits(&mut self, value: f64, settings: &Settings) -> f64 {
+    fn digits(&mut self, value: f64, settings: &Settings, rules: &dyn Rules) -> f64 {
         if matches!(settings.sensor, Sensor::Temperature(_)) {
-            let degrees = match settings.unit {
-                1 => value * 1.8 + 32.0,
-                2 => value + 273.15,
-                _ => value,
-            };
-            return degrees * 10.0;
+            return rules.degrees(value, settings.unit) * 10.0;
         }
         self.share = value;
         let on_scale = self.latch.on_scale(value, &settings.latch);
@@ -131,7 +127,7 @@ mod tests {
 
     fn read(list: &[(u8, i64)], connected: Connected, terminals: f64) -> (i64, bool) {
         let settings = Settings::of(&Parameters::listed(list, &Manual));
-        let reading = Input::default().sample((connected, terminals), &settings, &Manual);
+        let reading = Input::default().sample((connected, terminals), &settings, 0.1, &Manual);
         (reading.process, reading.is_error)
     }
 

@@ -2,7 +2,12 @@
 
 mod deviations;
 
-#[allow(unused_imports, reason = "the application takes its deviations from here")]
+use canopen::{Abort, Mux};
+
+use super::switches::Switches;
+use crate::devices::pixsys::led::Pattern;
+use crate::stack::Attachment;
+
 pub(crate) use deviations::{named, names};
 
 /// A controller that keeps to its manual; clauses are those of the manual.
@@ -18,6 +23,15 @@ pub(crate) trait Rules: Send {
         configured
     }
 
+    /// Degrees Celsius in the unit of sub 2 (11.3.2).
+    fn degrees(&self, celsius: f64, unit: i64) -> f64 {
+        match unit {
+            1 => celsius * 1.8 + 32.0,
+            2 => celsius + 273.15,
+            _ => celsius,
+        }
+    }
+
     /// The process value is the input with gain and offset (11.3.2, subs 7 and 8).
     fn calibrated(&self, digits: f64, gain: f64, offset: f64) -> f64 {
         digits * (1.0 + gain / 1000.0) + offset
@@ -28,6 +42,11 @@ pub(crate) trait Rules: Send {
         terminals.clamp(0.0, 50.0)
     }
 
+    /// Beyond that the cold junction is an error (11.3.10, bit 0).
+    fn junction_works(&self, terminals: f64) -> bool {
+        (0.0..=50.0).contains(&terminals)
+    }
+
     /// In the standard procedure latch-on ends after 120 s (7.11).
     fn latch_time(&self) -> f64 {
         120.0
@@ -36,6 +55,11 @@ pub(crate) trait Rules: Send {
     /// With a virtual zero both ends of the scale stay where they are (7.11).
     fn zero_keeps_ends(&self, kind: i64) -> bool {
         kind == 2
+    }
+
+    /// A minimum or a maximum is only taken while latch-on is enabled (7.11).
+    fn latch_needs_enabling(&self) -> bool {
+        true
     }
 
     /// The state of a contact: closed for odd codes (11.3.2, subs 20, 21, 59, 60, 71, 72).
@@ -53,35 +77,110 @@ pub(crate) trait Rules: Send {
         }
     }
 
-    /// The second threshold lies as far from the first as the hysteresis says, above it when that
-    /// is positive (chapter 9).
-    fn second_threshold(&self, first: i64, hysteresis: i64) -> i64 {
-        first + hysteresis
+    /// Where a valve goes in a state: 1 is open (11.3.2, subs 20 and 21).
+    fn valve_state(&self, code: i64) -> f64 {
+        if code % 2 == 1 { 0.0 } else { 1.0 }
     }
 
-    /// A lower deviation alarm lies as far below the set point as its own set point says (9.e).
-    fn lower_deviation(&self, alarm_set_point: i64) -> i64 {
-        -alarm_set_point
+    /// Q1 opens a valve and Q2 closes it (11.3.2, sub 16).
+    fn valve_contacts(&self, opens: bool, closes: bool) -> [bool; 2] {
+        [opens, closes]
     }
 
-    /// A band alarm has two sides (9.c).
-    fn band(&self, deviation: i64) -> i64 {
-        deviation.abs()
+    /// In STOP the controller does not control (11.3.6).
+    fn controls(&self, started: bool) -> bool {
+        started
     }
 
-    /// The contact opens in alarm (11.3.2, sub 57); cooling has no rest position.
-    fn normally_closed(&self, kind: i64, contact: i64) -> bool {
-        contact % 2 == 1 && kind != 9
+    /// Sub 17: start, stop, or what was before the power failure (11.3.2).
+    fn starts(&self, initial_state: i64, before: bool) -> bool {
+        match initial_state {
+            1 => false,
+            2 => before,
+            _ => true,
+        }
     }
 
-    /// The alarm waits until its condition was absent once (11.3.2, sub 57).
-    fn waits_for_absence(&self, contact: i64) -> bool {
-        contact >= 2
+    /// Sub 18: 1 is cooling (11.3.2).
+    fn cools(&self, action: i64) -> bool {
+        action == 1
+    }
+
+    /// On/off control goes off and on where so many digits are missing to the set point (11.3.2,
+    /// sub 19).
+    fn on_off(&self, hysteresis: i64) -> (i64, i64) {
+        (hysteresis.min(0), hysteresis.max(0))
+    }
+
+    /// A delay in seconds: above 0 on the way to on, below on the way to off (11.3.2, subs 23, 62
+    /// and 74).
+    fn delay(&self, to_on: bool, delay: f64) -> f64 {
+        if to_on { delay } else { -delay }
+    }
+
+    /// What goes before its delay is over has its whole delay again.
+    fn delay_starts_over(&self) -> bool {
+        true
+    }
+
+    /// Subs 22, 61 and 73: what is reset by hand stays after its condition went (11.3.2).
+    fn latches(&self, reset: i64) -> bool {
+        reset != 0
     }
 
     /// What waits for a reset by hand is kept over a power failure (11.3.2, subs 22, 61, 73).
     fn kept_over_power_off(&self, reset: i64) -> bool {
         reset == 2
+    }
+
+    /// 400Ah and 400Bh show what can be reset: nothing whose condition lasts (11.3.13, 11.3.14).
+    fn resettable(&self, latched: bool, active: bool) -> bool {
+        latched && !active
+    }
+
+    /// 400Ah and 400Bh reset when 0 is written (11.3.13, 11.3.14).
+    fn resets(&self, written: i64) -> bool {
+        written == 0
+    }
+
+    /// Manual mode is what 400Fh asks for and sub 25 allows (7.6).
+    fn manual(&self, allowed: i64, asked: bool) -> bool {
+        allowed != 0 && asked
+    }
+
+    /// With memory, a broken sensor leads to manual mode (7.6).
+    fn break_leads_to_manual(&self, allowed: i64) -> bool {
+        allowed == 2
+    }
+
+    /// With memory, manual mode and its output outlast the loss of supply (7.6).
+    fn manual_kept(&self, allowed: i64) -> bool {
+        allowed == 2
+    }
+
+    /// In automatic mode the controller sets 4004h (7.6).
+    fn sets_output(&self) -> bool {
+        true
+    }
+
+    /// Within the dead band nothing is missing (11.3.2, sub 36).
+    fn in_dead_band(&self, missing: i64, dead_band: i64) -> bool {
+        missing.abs() <= dead_band
+    }
+
+    /// The derivative looks at the process alone, so a set point that moves is taken out of it.
+    fn set_point_step(&self, moved: i64) -> i64 {
+        moved
+    }
+
+    /// The integral part saves up nothing that the output cannot give.
+    fn integral(&self, grown: f64, (low, high): (f64, f64)) -> f64 {
+        grown.clamp(low, high)
+    }
+
+    /// The output is off beyond its threshold over the set point (11.3.2, subs 38 and 39).
+    fn is_over(&self, over: i64, threshold: i64) -> bool {
+        over > threshold
     }
 
     /// The proportional band of cooling is that of heating times its multiplier (7.8).
@@ -103,9 +202,70 @@ pub(crate) trait Rules: Send {
         }
     }
 
-    /// The master has to read 400Eh within this time in seconds (7.5).
-    fn longest_silence_in_tuning(&self) -> f64 {
-        10.0
+    /// Whether a contact is closed so many seconds after its cycle began (11.3.2, subs 40, 44).
+    fn in_share(&self, at: f64, share: f64, period: f64) -> bool {
+        at < share * period
+    }
+
+    /// The parameters of alarm 1 begin at sub 56, those of alarm 2 at sub 68 (11.3.2).
+    fn alarm_parameter(&self, alarm: usize, offset: u8) -> u8 {
+        [56, 68][alarm] + offset
+    }
+
+    /// Alarm 1 has its set point in 4001h and alarm 2 in 4002h (11.3.4, 11.3.5).
+    fn alarm_set_point(&self, alarm: u16) -> Mux {
+        Mux::new(0x4001 + alarm, 0)
+    }
+
+    /// Deviation and band alarms compare the distance from the set point in force (9.c to 9.e).
+    fn deviation(&self, process: i64, set_point: i64) -> i64 {
+        process - set_point
+    }
+
+    /// An alarm begins at its threshold (chapter 9).
+    fn reaches(&self, value: i64, threshold: i64) -> bool {
+        value >= threshold
+    }
+
+    /// The second threshold lies as far from the first as the hysteresis says, above it when that
+    /// is positive (chapter 9).
+    fn second_threshold(&self, first: i64, hysteresis: i64) -> i64 {
+        first + hysteresis
+    }
+
+    /// A lower deviation alarm lies as far below the set point as its own set point says (9.e).
+    fn lower_deviation(&self, alarm_set_point: i64) -> i64 {
+        -alarm_set_point
+    }
+
+    /// A band alarm has two sides (9.c).
+    fn band(&self, deviation: i64) -> i64 {
+        deviation.abs()
+    }
+
+    /// 400Ch and 400Dh are values, 1 is an alarm (11.3.15).
+    fn remote_alarm(&self, value: i64) -> bool {
+        value == 1
+    }
+
+    /// The contact opens in alarm (11.3.2, sub 57); cooling has no rest position.
+    fn normally_closed(&self, kind: i64, contact: i64) -> bool {
+        contact % 2 == 1 && kind != 9
+    }
+
+    /// The alarm waits until its condition was absent once (11.3.2, sub 57).
+    fn waits_for_absence(&self, contact: i64) -> bool {
+        contact >= 2
+    }
+
+    /// STOP does not count as absence of the condition, nor does what was before (11.3.2, sub 57).
+    fn armed_over_stop(&self) -> bool {
+        false
+    }
+
+    /// A change of the set point begins an automatic tuning, as START does (11.3.2, sub 31).
+    fn set_point_tunes(&self) -> bool {
+        true
     }
 
     /// A tuning at START or at a change of the set point begins when the gap is greater than the
@@ -114,14 +274,113 @@ pub(crate) trait Rules: Send {
         gap.abs() > greatest
     }
 
+    /// The threshold of manual tuning lies that much before the set point (7.3).
+    fn tuning_deviation(&self, configured: i64) -> i64 {
+        configured
+    }
+
+    /// After its success, tuning at the next start is off (7.4).
+    fn tunes_once(&self) -> bool {
+        true
+    }
+
+    /// While it tunes in step with its neighbours, the master forces the output (7.5).
+    fn tuning_forces(&self) -> bool {
+        true
+    }
+
+    /// With synchronised tuning the output stays off until the master has seen the end (7.5).
+    fn tuning_waits_for_master(&self) -> bool {
+        true
+    }
+
+    /// With a soft start there is no synchronised tuning (7.5).
+    fn soft_start_prevents_tuning(&self, kind: i64) -> bool {
+        kind != 0
+    }
+
+    /// The master has to read 400Eh within this time in seconds (7.5).
+    fn longest_silence_in_tuning(&self) -> f64 {
+        10.0
+    }
+
+    /// 400Eh takes what the kind of tuning, sub 31, has a meaning for (7.5, 11.3.17).
+    ///
+    /// # Errors
+    /// [`Abort::VALUE`] for what is only read or means nothing, [`Abort::DEVICE_STATE`] while the
+    /// controller tunes by itself, or when a soft start is selected.
+    fn tuning_accepts(&self, kind: i64, soft_start: bool, value: u8) -> Result<(), Abort> {
+        match (kind, value) {
+            (1 | 3, _) => Err(Abort::DEVICE_STATE),
+            (_, 4..) | (2, 2..) => Err(Abort::VALUE),
+            (4, 1..) if soft_start => Err(Abort::DEVICE_STATE),
+            _ => Ok(()),
+        }
+    }
+
+    /// A soft start follows START, also after a STOP (7.9).
+    fn soft_starts(&self, _since_power_on: bool) -> bool {
+        true
+    }
+
     /// The gradient moves the set point by so many digits in a second (7.9).
     fn gradient(&self, digits_per_hour: i64) -> f64 {
         digits_per_hour as f64 / 3600.0
     }
 
+    /// The gradient holds for the way down as well (11.3.2, sub 81).
+    fn gradient_falls(&self) -> bool {
+        true
+    }
+
+    /// The output is held up to the threshold (7.9).
+    fn soft_start_ends(&self, process: i64, threshold: i64) -> bool {
+        process >= threshold
+    }
+
+    /// The longest soft start is in minutes (11.3.2, sub 84); in seconds.
+    fn minutes(&self, configured: i64) -> f64 {
+        configured as f64 * 60.0
+    }
+
     /// 50 mA of the transformer are the amperes of sub 91 (3.2), in tenths.
     fn tenths_of_amperes(&self, milliamperes: f64, full_scale: i64) -> f64 {
         milliamperes / 50.0 * full_scale as f64 * 10.0
+    }
+
+    /// Too little current flows below the threshold (7.7).
+    fn current_is_low(&self, current: f64, threshold: f64) -> bool {
+        current < threshold
+    }
+
+    /// Too much current flows above the threshold (7.7).
+    fn current_is_high(&self, current: f64, threshold: f64) -> bool {
+        current > threshold
+    }
+
+    /// Every fault of the load has the delay of sub 94 (11.3.2); `fault` counts from bit 7.
+    fn current_delay(&self, _fault: usize, delay: f64) -> f64 {
+        delay
+    }
+
+    /// Heater break and over-current are one alarm (11.3.2, subs 56 and 68, 10).
+    fn current_alarm(&self, faults: [bool; 4]) -> bool {
+        faults.contains(&true)
+    }
+
+    /// The key teaches this share of the present current as threshold. The manual leaves it open.
+    fn taught(&self, current: f64) -> f64 {
+        current * 0.8
+    }
+
+    /// The key has to be pressed so long to teach, in milliseconds (6.2).
+    fn teaching_time(&self) -> u64 {
+        3000
+    }
+
+    /// The pressed key enables the command (6.2).
+    fn key_enables(&self) -> bool {
+        true
     }
 
     /// The retransmitted value stays within the range of the output (7.10).
@@ -132,5 +391,69 @@ pub(crate) trait Rules: Send {
     /// 4 to 20 mA begin at 4 mA (11.3.2, subs 16, 101 and 125).
     fn microamperes(&self, share: f64, live_zero: bool) -> f64 {
         if live_zero { 4000.0 + 16_000.0 * share } else { 20_000.0 * share }
+    }
+
+    /// The analogue output retransmits when it is not the command (7.10).
+    fn retransmits(&self, is_command: bool) -> bool {
+        !is_command
+    }
+
+    /// In expansion mode the master has the outputs (7.12).
+    fn expansion(&self, configured: i64) -> bool {
+        configured == 1
+    }
+
+    /// At a start the outputs of an expansion module have their initial values (7.12).
+    fn sets_initial_values(&self) -> bool {
+        true
+    }
+
+    /// Which outputs of an expansion module commute in case of an error (11.3.2, sub 123).
+    fn commutes(&self, outputs: i64, mask: i64, values: i64) -> i64 {
+        outputs & !mask | values & mask
+    }
+
+    /// The off-line time in seconds (11.3.2, sub 115).
+    fn offline_time(&self, configured: i64) -> f64 {
+        configured as f64 / 10.0
+    }
+
+    /// What the network does ends the silence, reading included (11.3.2, sub 115).
+    fn ends_silence(&self, _reads: bool) -> bool {
+        true
+    }
+
+    /// A flag of 4007h has this bit (11.3.10).
+    fn flag(&self, bit: u8) -> u8 {
+        bit
+    }
+
+    /// 4009h: bit 0 is Q1 and bit 1 is Q2 (11.3.12).
+    fn outputs_status(&self, q1: bool, q2: bool) -> i64 {
+        i64::from(q1) | i64::from(q2) << 1
+    }
+
+    /// The node-ID and the bit rate of the switches or of subs 111 and 112; `rate` is the contacts
+    /// of the bit rate of this bus (6.3).
+    fn attachment(&self, switches: Switches, (address, code): (i64, i64), bus: i64) -> Attachment {
+        match switches.node(address) {
+            Some(node) if switches.rate(code) == bus => Attachment::Node(node),
+            _ => Attachment::Off,
+        }
+    }
+
+    /// Contact 4 of DIP 2 loads the defaults at power-on (6.3, 7.1).
+    fn loads_defaults(&self, switches: Switches) -> bool {
+        switches.loads_defaults()
+    }
+
+    /// What RUN shows (chapter 10).
+    fn run_led(&self, pattern: Pattern) -> Pattern {
+        pattern
+    }
+
+    /// What OUT1 and OUT2 show, counted from 0: an error in turns (6.1).
+    fn error_leds(&self, alternate: [Pattern; 2]) -> [Pattern; 2] {
+        alternate
     }
 }

@@ -1,6 +1,7 @@
 //! The way to the set point after a START (manual, 7.9 and 11.3.2, parameters 80 to 84).
 
 use super::parameters::Parameters;
+use super::rules::Rules;
 
 /// The settings.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,13 +23,8 @@ impl Settings {
             gradient: parameters.rules.gradient(parameters.get(81)),
             held: parameters.get(82) as f64 / 100.0,
             threshold: parameters.get(83),
-            longest: parameters.seconds(84) * 60.0,
+            longest: parameters.rules.minutes(parameters.get(84)),
         }
-    }
-
-    /// Whether a soft start is selected, which synchronised tuning does not go with (7.5).
-    pub(super) const fn is_selected(&self) -> bool {
-        self.kind != 0
     }
 }
 
@@ -39,6 +35,8 @@ pub(super) struct SoftStart {
     kind: i64,
     /// Seconds since it began.
     since: f64,
+    /// Seconds since the set point moved.
+    not_moved: f64,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -59,7 +57,7 @@ impl SoftStart {
             2 => Phase::Percentage,
             _ => Phase::Done,
         };
-        Self { phase, kind: settings.kind, since: 0.0 }
+        Self { phase, kind: settings.kind, since: 0.0, not_moved: 0.0 }
     }
 
     /// The set point in force. A soft start that is no longer selected is over.
@@ -68,17 +66,17 @@ impl SoftStart {
         wanted: i64,
         process: i64,
         settings: &Settings,
-        elapsed: f64,
+        rules: &dyn Rules,
     ) -> i64 {
-        self.since += elapsed;
-        let over = settings.longest > 0.0 && self.since >= settings.longest;
+        let over = settings.longest > 0.0 && self.since + ROUNDING >= settings.longest;
         if over || settings.kind != self.kind {
             self.phase = Phase::Done;
         }
         match self.phase {
             Phase::Gradient { at } => {
-                let (step, left) = (settings.gradient * elapsed, wanted as f64 - at);
-                if left.abs() <= step {
+                let step = settings.gradient * std::mem::take(&mut self.not_moved);
+                let left = wanted as f64 - at;
+                if left.abs() <= step || left < 0.0 && !rules.gradient_falls() {
                     self.phase = Phase::Done;
                     return wanted;
                 }
@@ -86,12 +84,18 @@ impl SoftStart {
                 self.phase = Phase::Gradient { at };
                 at.round() as i64
             }
-            Phase::Percentage if process >= settings.threshold => {
+            Phase::Percentage if rules.soft_start_ends(process, settings.threshold) => {
                 self.phase = Phase::Done;
                 wanted
             }
             Phase::Percentage | Phase::Done => wanted,
         }
+    }
+
+    /// Time goes by.
+    pub(super) fn advance(&mut self, elapsed: f64) {
+        self.since += elapsed;
+        self.not_moved += elapsed;
     }
 
     /// The share of full output that is held; `None` when the controller decides.
@@ -104,6 +108,9 @@ impl SoftStart {
         self.phase != Phase::Done
     }
 }
+
+/// In seconds.
+const ROUNDING: f64 = 1e-6;
 
 #[cfg(test)]
 mod tests {
@@ -118,7 +125,10 @@ mod tests {
     fn a_gradient_is_so_many_digits_in_an_hour() {
         let settings = settings(&[(80, 1), (81, 3600)]);
         let mut start = SoftStart::begin(250, &settings);
-        let wanted = [1000, 1000, 0, 251, 9000].map(|set| start.set_point(set, 0, &settings, 1.0));
+        let wanted = [1000, 1000, 0, 251, 9000].map(|set| {
+            start.advance(1.0);
+            start.set_point(set, 0, &settings, &Manual)
+        });
         assert_eq!(wanted, [251, 252, 251, 251, 9000]);
     }
 
@@ -127,7 +137,7 @@ mod tests {
         let settings = settings(&[(80, 2), (82, 30), (83, 500)]);
         let mut start = SoftStart::begin(250, &settings);
         for (process, held) in [(499, Some(0.3)), (500, None), (0, None)] {
-            assert_eq!(start.set_point(900, process, &settings, 0.1), 900);
+            assert_eq!(start.set_point(900, process, &settings, &Manual), 900);
             assert_eq!(start.output(&settings), held, "{process}");
         }
     }
@@ -136,12 +146,15 @@ mod tests {
     fn a_soft_start_ends_after_its_time_or_when_it_is_not_selected() {
         let timed = settings(&[(80, 1), (81, 60), (84, 1)]);
         let mut start = SoftStart::begin(0, &timed);
-        assert_eq!(start.set_point(9000, 0, &timed, 59.0), 1);
-        assert_eq!(start.set_point(9000, 0, &timed, 1.0), 9000);
+        start.advance(59.0);
+        assert_eq!(start.set_point(9000, 0, &timed, &Manual), 1);
+        start.advance(1.0);
+        assert_eq!(start.set_point(9000, 0, &timed, &Manual), 9000);
         assert!(!start.is_active());
         let endless = settings(&[(80, 1), (81, 60)]);
         let mut start = SoftStart::begin(0, &endless);
-        assert_eq!(start.set_point(9000, 0, &endless, 60.0), 1);
-        assert_eq!(start.set_point(9000, 0, &settings(&[]), 0.1), 9000);
+        start.advance(60.0);
+        assert_eq!(start.set_point(9000, 0, &endless, &Manual), 1);
+        assert_eq!(start.set_point(9000, 0, &settings(&[]), &Manual), 9000);
     }
 }

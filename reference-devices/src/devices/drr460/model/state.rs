@@ -20,7 +20,7 @@ impl State {
 
     /// Where a valve goes: 1 is open.
     pub(super) fn valve(self, rules: &dyn Rules) -> f64 {
-        if rules.closed(self.0) { 0.0 } else { 1.0 }
+        rules.valve_state(self.0)
     }
 }
 

@@ -2,15 +2,15 @@
 
 /// The switches as they were at power-on: contact 1 is bit 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Switches {
-    pub(super) address: u8,
-    pub(super) rate: u8,
+pub(crate) struct Switches {
+    pub(crate) address: u8,
+    pub(crate) rate: u8,
 }
 
 impl Switches {
     /// The node-ID: that of the contacts or, with all of them off, of parameter 111. `None` when
     /// there is no such node-ID, with which the device keeps off the bus.
-    pub(super) fn node(self, configured: i64) -> Option<u8> {
+    pub(crate) fn node(self, configured: i64) -> Option<u8> {
         // Contact 8 is to be kept off, so nothing is read from it.
         let set = self.address & 0x7F;
         let node = if set == 0 { u8::try_from(configured).ok()? } else { set };
@@ -19,7 +19,7 @@ impl Switches {
 
     /// The code of the bit rate as 2000h sub 1 has it: that of the contacts or, with all of them
     /// off, of parameter 112.
-    pub(super) fn rate(self, configured: i64) -> i64 {
+    pub(crate) fn rate(self, configured: i64) -> i64 {
         match self.rate & 7 {
             0 => configured,
             set => i64::from(set) - 1,
@@ -27,17 +27,10 @@ impl Switches {
     }
 
     /// Whether contact 4 asks for the defaults.
-    pub(super) const fn loads_defaults(self) -> bool {
+    pub(crate) const fn loads_defaults(self) -> bool {
         self.rate & 8 != 0
     }
 }
-
-/// The bit rate of a code in bits a second.
-pub(super) fn bits_per_second(code: i64) -> Option<u32> {
-    usize::try_from(code).ok().and_then(|code| BIT_RATES.get(code)).copied()
-}
-
-const BIT_RATES: [u32; 7] = [50_000, 62_500, 100_000, 125_000, 250_000, 500_000, 1_000_000];
 
 #[cfg(test)]
 mod tests {
@@ -61,11 +54,9 @@ mod tests {
 
     #[test]
     fn the_rate_comes_from_the_contacts_or_a_parameter() {
-        for (rate, configured, bits) in [(0, 2, 100_000), (1, 2, 50_000), (7, 2, 1_000_000)] {
-            let code = Switches { address: 0, rate }.rate(configured);
-            assert_eq!(bits_per_second(code), Some(bits), "{rate}");
+        for (rate, configured, code) in [(0, 2, 2), (1, 2, 0), (7, 2, 6), (8, 3, 3)] {
+            assert_eq!(Switches { address: 0, rate }.rate(configured), code, "{rate}");
         }
-        assert_eq!(bits_per_second(7), None);
         assert!(Switches { address: 0, rate: 15 }.loads_defaults());
     }
 }

@@ -17,20 +17,25 @@ pub(super) struct Settings {
     soft_start: bool,
     /// 1 heats, -1 cools.
     direction: i64,
+    waits_for_master: bool,
+    forces: bool,
 }
 
 impl Settings {
     pub(super) fn of(parameters: &Parameters) -> Self {
+        let rules = parameters.rules;
         let (low, high) = (parameters.get(48) as f64, parameters.get(49) as f64);
         Self {
             kind: parameters.get(31),
-            deviation: parameters.get(32),
+            deviation: rules.tuning_deviation(parameters.get(32)),
             greatest_gap: parameters.get(47),
             bands: (low.max(1.0), high.max(low).max(1.0)),
             least_integral_time: parameters.tenths(50),
-            longest_silence: parameters.rules.longest_silence_in_tuning(),
-            soft_start: parameters.is_set(80),
-            direction: if parameters.get(18) == 1 { -1 } else { 1 },
+            longest_silence: rules.longest_silence_in_tuning(),
+            soft_start: rules.soft_start_prevents_tuning(parameters.get(80)),
+            direction: if rules.cools(parameters.get(18)) { -1 } else { 1 },
+            waits_for_master: rules.tuning_waits_for_master(),
+            forces: rules.tuning_forces(),
         }
     }
 }
@@ -53,6 +58,8 @@ pub(super) enum Status {
 /// A tuning.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Tuning {
+    /// Another kind ends what is under way.
+    kind: i64,
     status: Status,
     swing: Option<Swing>,
     /// Seconds since the master showed that it is there.
@@ -74,12 +81,12 @@ struct Swing {
 
 /// The parameters that a tuning found, as 3000h has them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Found {
+pub(crate) struct Found {
     /// In digits.
-    pub(super) band: i64,
+    pub(crate) band: i64,
     /// In tenths of a second, as the next one.
-    pub(super) integral_time: i64,
-    pub(super) derivative_time: i64,
+    pub(crate) integral_time: i64,
+    pub(crate) derivative_time: i64,
 }
 
 /// What a step of a tuning says.
@@ -112,7 +119,7 @@ impl Tuning {
             (SYNCHRONISED, 2) => Status::ForcedOn,
             _ => Status::Off,
         };
-        *self = Self { status, ..Self::default() };
+        *self = Self { kind: settings.kind, status, ..Self::default() };
     }
 
     /// The master has read 400Eh.
@@ -131,7 +138,7 @@ impl Tuning {
         let gap = set_point - process;
         let asked = rules.gap_asks_for_tuning(gap, settings.greatest_gap);
         let begins = match settings.kind {
-            AUTOMATIC => asked,
+            AUTOMATIC => asked && (at_start || rules.set_point_tunes()),
             ONCE => at_start,
             _ => false,
         };
@@ -155,27 +162,38 @@ impl Tuning {
             lowest: process,
             highest: process,
         };
-        *self = Self { status: Status::Active, swing: Some(swing), silence: 0.0 };
+        let kind = settings.kind;
+        *self = Self { kind, status: Status::Active, swing: Some(swing), silence: 0.0 };
     }
 
     /// Ends a tuning that cannot go on: the controller stops, or there is no process value.
     pub(super) fn abandon(&mut self) {
         if self.status == Status::Active {
-            *self = Self::default();
+            *self = Self { kind: self.kind, ..Self::default() };
         }
     }
 
-    /// Time goes by, with this process value.
-    pub(super) fn step(&mut self, process: i64, settings: &Settings, elapsed: f64) -> Step {
-        if settings.kind == 0 || settings.kind == SYNCHRONISED && settings.soft_start {
-            *self = Self::default();
-        }
+    /// Time goes by without the master.
+    pub(super) fn advance(&mut self, elapsed: f64) {
         self.silence += elapsed;
-        if settings.kind == SYNCHRONISED && self.silence > settings.longest_silence {
-            *self = Self::default();
+    }
+
+    /// Whether it is neither under way nor waits for the master.
+    pub(super) fn rests(&self) -> bool {
+        self.status == Status::Off
+    }
+
+    /// Looks at the process; `elapsed` are the seconds since the last look.
+    pub(super) fn step(&mut self, process: i64, settings: &Settings, elapsed: f64) -> Step {
+        if settings.kind != self.kind || settings.kind == SYNCHRONISED && settings.soft_start {
+            *self = Self { kind: settings.kind, ..Self::default() };
+        }
+        if settings.kind == SYNCHRONISED && self.silence > settings.longest_silence + ROUNDING {
+            *self = Self { kind: settings.kind, ..Self::default() };
         }
         let forced = match self.status {
             Status::Off => None,
+            Status::ForcedOff | Status::ForcedOn if !settings.forces => None,
             Status::ForcedOff | Status::Completed => Some(false),
             Status::ForcedOn => Some(true),
             Status::Active => return self.swing(process, settings, elapsed),
@@ -190,9 +208,9 @@ impl Tuning {
             return Step { forced: Some(swing.on), found: None };
         };
         let found = found(amplitude, swing.period, settings);
-        let completed = settings.kind == SYNCHRONISED;
+        let completed = settings.kind == SYNCHRONISED && settings.waits_for_master;
         let status = if completed { Status::Completed } else { Status::Off };
-        *self = Self { status, swing: None, silence: self.silence };
+        *self = Self { status, swing: None, ..*self };
         Step { forced: completed.then_some(false), found: Some(found) }
     }
 }
@@ -231,9 +249,12 @@ fn found(amplitude: f64, period: f64, settings: &Settings) -> Found {
     }
 }
 
+/// In seconds.
+const ROUNDING: f64 = 1e-6;
+
 const AUTOMATIC: i64 = 1;
 const MANUAL: i64 = 2;
-const ONCE: i64 = 3;
+pub(super) const ONCE: i64 = 3;
 const SYNCHRONISED: i64 = 4;
 
 #[cfg(test)]
@@ -255,6 +276,7 @@ mod tests {
     fn tune(tuning: &mut Tuning, settings: &Settings) -> Option<Found> {
         let (mut process, mut speed) = (250_i64, 0_i64);
         for _ in 0..100_000 {
+            tuning.advance(0.1);
             let step = tuning.step(process, settings, 0.1);
             if step.found.is_some() {
                 return step.found;
@@ -296,12 +318,13 @@ mod tests {
     fn the_master_has_to_read_in_time() {
         let (settings, mut tuning) = (settings(4), Tuning::default());
         tuning.command(2, (250, 1000), &settings);
-        tuning.step(250, &settings, 9.0);
+        tuning.advance(9.0);
         tuning.read();
-        tuning.step(250, &settings, 9.9);
-        assert_eq!(tuning.shown(&settings), 2);
-        tuning.step(250, &settings, 0.2);
-        assert_eq!(tuning.shown(&settings), 0);
+        for (seconds, shown) in [(10.0, 2), (0.1, 0)] {
+            tuning.advance(seconds);
+            tuning.step(250, &settings, seconds);
+            assert_eq!(tuning.shown(&settings), shown);
+        }
     }
 
     #[test]

@@ -71,12 +71,17 @@ impl Wiring {
     pub(super) fn connect(self, functions: &Functions, rules: &dyn Rules) -> Terminals {
         let contacts = match self.command {
             Command::Contact => [functions.command_closed, functions.alarms_closed[0]],
-            Command::Valve => [functions.valve == Motion::Opens, functions.valve == Motion::Closes],
+            Command::Valve => {
+                let [opens, closes] = [Motion::Opens, Motion::Closes];
+                rules.valve_contacts(functions.valve == opens, functions.valve == closes)
+            }
             Command::Analogue => functions.alarms_closed,
         };
-        let microamperes = match (self.analogue_alarm(), functions.retransmitted) {
-            (None, _) => functions.command.microamperes(self.live_zero, rules),
-            (Some(_), Some(retransmitted)) => retransmitted,
+        let alarm = self.analogue_alarm();
+        let retransmitted = functions.retransmitted.filter(|_| rules.retransmits(alarm.is_none()));
+        let microamperes = match (alarm, retransmitted) {
+            (_, Some(retransmitted)) => retransmitted,
+            (None, None) => functions.command.microamperes(self.live_zero, rules),
             (Some(alarm), None) => functions.alarms[alarm].microamperes(self.live_zero, rules),
         };
         Terminals { contacts, microamperes }
