@@ -3,7 +3,7 @@
 mod applications;
 pub mod ax021211;
 mod deviating;
-mod drr460;
+pub mod drr460;
 pub mod em66;
 mod generic;
 mod master;

@@ -8,6 +8,7 @@
 //! Not modelled: USB and RS485 (3000h subs 113 and 114), and the frequency of the mains (sub 90: 1
 //! and 2 are the same). What lasts over a loss of supply without a store command is in `memory`.
 
+pub mod hour;
 mod memory;
 mod model;
 mod objects;
@@ -262,10 +263,13 @@ impl Drr460 {
             (REAL_SET_POINT, outcome.set_point),
             (COMMAND_RESET, command),
             (ALARMS_RESET, alarms),
-            (TUNING, self.controller.tuning(&self.settings)),
             (Mux::new(LATCH_ON, 1), self.controller.latch().is_enabled().into()),
         ];
         shown.into_iter().for_each(|(mux, value)| od.set_int(mux, value));
+        // Without tuning, 400Eh is a value without a meaning.
+        if parameter(od, TUNE) != 0 {
+            od.set_int(TUNING, self.controller.tuning(&self.settings));
+        }
         if outcome.manual {
             od.set_int(MANUAL, 1);
         }
@@ -500,7 +504,6 @@ impl Behaviour for Drr460 {
             self.controller.tuning_read();
         }
         self.io.uploaded(mux, od);
-        self.news = true;
     }
 
     fn event(&mut self, now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
@@ -532,7 +535,7 @@ impl Behaviour for Drr460 {
     }
 
     fn poll_at(&self) -> Option<Instant> {
-        let now = self.news.then_some(self.at);
+        let now = (self.news || self.changed).then_some(self.at);
         let rest = [self.panel.poll_at(&*self.rules), self.overflow_ends, now];
         rest.into_iter().fold(self.next_step(), earlier)
     }
