@@ -37,8 +37,8 @@ use model::rules::{self, Manual, Rules};
 use model::switches::Switches;
 use model::wiring::Terminals;
 use objects::{
-    ALARMS_RESET, BIT_RATE, COLD_JUNCTION, COLD_OUTPUT, COMMAND_RESET, ERROR_FLAGS, LATCH_ON, MANUAL,
-    MASTER_ANALOGUE, MASTER_OUTPUTS, NODE_ID, OUTPUT, OUTPUTS, PARAMETERS, REAL_SET_POINT,
+    ALARMS_RESET, BIT_RATE, COLD_JUNCTION, COLD_OUTPUT, COMMAND_RESET, ERROR_FLAGS, LATCH_ON,
+    MANUAL, MASTER_ANALOGUE, MASTER_OUTPUTS, NODE_ID, OUTPUT, OUTPUTS, PARAMETERS, REAL_SET_POINT,
     REMOTE_ALARMS, RESTORE, RETRANSMITTED, SET_POINT, START, STORE, TUNING, parameter,
     set_parameter, value,
 };
@@ -59,6 +59,8 @@ pub(crate) struct Drr460 {
     around: Surroundings,
     /// When the buffer that ran over is an error no more.
     overflow_ends: Option<Instant>,
+    /// A bench has set the switches.
+    switched: bool,
     load: Load,
     panel: Panel,
     state: NmtState,
@@ -111,6 +113,7 @@ impl Drr460 {
             found: Found::default(),
             around: Surroundings::default(),
             overflow_ends: None,
+            switched: false,
             load: Load::default(),
             panel: Panel::default(),
             state: NmtState::INITIALISING,
@@ -372,7 +375,8 @@ impl Drr460 {
                 errors.clear(error);
             }
         }
-        for report in present.iter().filter(|report| !errors.has(report.error)).collect::<Vec<_>>() {
+        for report in present.iter().filter(|report| !errors.has(report.error)).collect::<Vec<_>>()
+        {
             errors.raise(report.error, report.code, report.register, report.vendor);
             if report.reacts {
                 errors.react(COMMUNICATION_ERROR);
@@ -394,7 +398,8 @@ impl Drr460 {
         self.panel.show(now, &shown, &*self.rules);
     }
 
-    /// The first time, the switches are as the device was given its node-ID and its bit rate.
+    /// Before a bench sets them, the switches are as the device was given its node-ID and its bit
+    /// rate.
     fn set_switches(&mut self, od: &mut Dictionary) {
         if self.bus_rate.is_none() {
             let rate = value(od, BIT_RATE);
@@ -455,8 +460,12 @@ impl Behaviour for Drr460 {
     fn attachment(&self, od: &Dictionary) -> Attachment {
         let parameters = Parameters::of(od, &*self.rules);
         let configured = [ADDRESS, BIT_RATE_CODE].map(|sub| parameters.get(sub));
-        let bus = self.bus_rate.unwrap_or_default();
-        self.rules.attachment(self.around.switches, configured.into(), bus)
+        match self.bus_rate {
+            Some(bus) if self.switched => {
+                self.rules.attachment(self.around.switches, configured.into(), bus)
+            }
+            _ => Attachment::AsIs,
+        }
     }
 
     fn loads_defaults(&self) -> bool {

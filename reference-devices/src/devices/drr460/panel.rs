@@ -85,7 +85,8 @@ impl Panel {
             outputs = rules.error_leds([Pattern::Second, Pattern::SecondOff]);
         }
         if shown.command_on_q1 && self.is_pressed() {
-            outputs[0] = if self.key == Key::Taught(true) { Pattern::Second } else { Pattern::Fast };
+            outputs[0] =
+                if self.key == Key::Taught(true) { Pattern::Second } else { Pattern::Fast };
         }
         for (led, pattern) in self.outputs.iter_mut().zip(outputs) {
             led.show(now, pattern);

@@ -26,12 +26,11 @@ impl Drr460 {
         }
         let before = self.around;
         self.around.set(name, value)?;
+        self.switched |= self.around.switches != before.switches;
         self.panel.press(now, self.around.key);
         if self.around.bus != before.bus {
-            let passes = matches!(
-                self.around.bus,
-                BusFault::ReceiveOverflow | BusFault::TransmitOverflow
-            );
+            let passes =
+                matches!(self.around.bus, BusFault::ReceiveOverflow | BusFault::TransmitOverflow);
             self.overflow_ends = passes.then_some(now + OVERFLOW);
         }
         Ok(())

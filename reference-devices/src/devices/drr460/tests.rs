@@ -126,7 +126,9 @@ fn a_power_failure_keeps_what_is_to_be_remembered() {
     fixture.after(20, OUTPUT);
     // What a reset loads, before the application gives anything back.
     let load = |fixture: &mut Fixture| {
-        [(START, 1), (MANUAL, 0), (OUTPUT, 0)].map(|(mux, at)| fixture.od.set_int(mux, at));
+        for (mux, at) in [(START, 1), (MANUAL, 0), (OUTPUT, 0)] {
+            fixture.od.set_int(mux, at);
+        }
         fixture.power_on();
     };
     load(&mut fixture);

@@ -79,12 +79,7 @@ pub(super) struct Alarm {
 
 impl Alarm {
     /// What the alarm wants of its output.
-    pub(super) fn step(
-        &mut self,
-        sight: &Sight,
-        settings: &Settings,
-        rules: &dyn Rules,
-    ) -> Wanted {
+    pub(super) fn step(&mut self, sight: &Sight, settings: &Settings, rules: &dyn Rules) -> Wanted {
         if settings.kind != self.kind {
             *self = Self { kind: settings.kind, ..Self::default() };
         }

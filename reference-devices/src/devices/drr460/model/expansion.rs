@@ -1,5 +1,5 @@
-//! The outputs as those of an expansion module, and silence on the network (manual, 7.12 and 11.3.2,
-//! parameters 115 and 121 to 130).
+//! The outputs as those of an expansion module, and silence on the network (manual, 7.12 and
+//! 11.3.2, parameters 115 and 121 to 130).
 
 use super::parameters::Parameters;
 use super::rules::Rules;

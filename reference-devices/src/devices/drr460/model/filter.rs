@@ -55,7 +55,10 @@ mod tests {
     fn a_step_arrives_in_as_many_samples_as_are_averaged() {
         let mut filter = Filter::default();
         assert_eq!(filter.take(100.0, 4, 0.1), 100.0);
-        assert_eq!([(); 5].map(|()| filter.take(200.0, 4, 0.1)), [125.0, 150.0, 175.0, 200.0, 200.0]);
+        assert_eq!(
+            [(); 5].map(|()| filter.take(200.0, 4, 0.1)),
+            [125.0, 150.0, 175.0, 200.0, 200.0]
+        );
         assert!(filter.is_settled());
         assert_eq!([(); 2].map(|()| filter.take(240.0, 4, 0.05)), [210.0, 220.0]);
         assert_eq!(filter.take(0.0, 1, 0.1), 0.0);

@@ -1,4 +1,5 @@
-//! P, PI, PD and PID control, with heating and cooling (manual, 7.8 and 11.3.2, parameters 33 to 46).
+//! P, PI, PD and PID control, with heating and cooling (manual, 7.8 and 11.3.2, parameters 33 to
+//! 46).
 
 use super::parameters::Parameters;
 use super::rules::Rules;

@@ -1,5 +1,5 @@
-//! Tuning: the controller switches its output to and fro at a threshold, and takes the parameters of
-//! PID control from how the process swings (manual, 7.2 to 7.5 and 11.3.17).
+//! Tuning: the controller switches its output to and fro at a threshold, and takes the parameters
+//! of PID control from how the process swings (manual, 7.2 to 7.5 and 11.3.17).
 
 use super::parameters::Parameters;
 use super::rules::Rules;
@@ -114,7 +114,10 @@ impl Tuning {
     pub(super) fn command(&mut self, value: i64, sight: (i64, i64), settings: &Settings) {
         self.silence = 0.0;
         let status = match (settings.kind, value) {
-            (MANUAL, 1) | (SYNCHRONISED, 3) => return self.begin(sight, settings),
+            // Where it tunes by itself, nobody gets here but with a device that takes anything.
+            (AUTOMATIC | MANUAL | ONCE, 1) | (SYNCHRONISED, 3) => {
+                return self.begin(sight, settings);
+            }
             (SYNCHRONISED, 1) => Status::ForcedOff,
             (SYNCHRONISED, 2) => Status::ForcedOn,
             _ => Status::Off,
