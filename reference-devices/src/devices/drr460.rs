@@ -232,7 +232,8 @@ impl Drr460 {
 
     /// 6200h and 6411h as the outputs of an expansion module follow them.
     fn commanded(&self) -> (i64, i64) {
-        (self.io.digital_output(0), self.io.analogue_output(0).unwrap_or(0))
+        let outputs = self.rules.driven(self.io.digital_output(0));
+        (outputs, self.io.analogue_output(0).unwrap_or(0))
     }
 
     /// An error of the device or silence sets the outputs of an expansion module.
@@ -280,7 +281,7 @@ impl Drr460 {
             od.set_int(OUTPUT, share(outcome.output));
         }
         (self.inputs.manual, self.inputs.output) = (value(od, MANUAL) == 1, outcome.output);
-        let commutes = outcome.error && !self.outcome.error;
+        let commutes = outcome.error && !self.outcome.error && self.rules.errors_commute();
         let falls_silent = self.inputs.offline && !self.outcome.offline;
         self.outcome = outcome;
         if commutes || falls_silent {
@@ -319,7 +320,7 @@ impl Drr460 {
         match mux {
             COMMAND_RESET if self.rules.resets(written) => self.controller.reset_command(),
             ALARMS_RESET if self.rules.resets(written) => self.controller.reset_alarms(),
-            TUNING => {
+            TUNING if self.rules.obeys_tuning(written) => {
                 let sight = (self.outcome.process, value(od, SET_POINT));
                 self.controller.command_tuning(written, sight, &self.settings);
             }
@@ -332,6 +333,7 @@ impl Drr460 {
                 self.memory.forget();
                 self.controller.forget();
             }
+            Mux { index: LATCH_ON, sub } if !self.rules.learns(sub) => {}
             Mux { index: LATCH_ON, sub } => self.controller.command_latch(sub, written as u8),
             Mux { index: PARAMETERS, sub } => {
                 if sub == COOLING_FLUID {

@@ -41,7 +41,9 @@ impl Memory {
             self.once = Some(found);
             set_parameter(od, TUNE, 0);
         }
-        take(found, od);
+        if rules.takes_found() {
+            take(found, od);
+        }
     }
 
     /// The defaults were loaded.
@@ -58,7 +60,7 @@ impl Memory {
     pub(super) fn give_back(&self, od: &mut Dictionary, rules: &dyn Rules) {
         let started = rules.starts(parameter(od, INITIAL_STATE), self.started);
         od.set_int(START, started.into());
-        if rules.manual_kept(parameter(od, MANUAL_ALLOWED)) && self.manual {
+        if rules.manual_kept(parameter(od, MANUAL_ALLOWED)) && rules.remembers(self.manual) {
             od.set_int(MANUAL, 1);
             od.set_int(OUTPUT, self.output);
         }

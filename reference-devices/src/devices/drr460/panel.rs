@@ -80,13 +80,13 @@ impl Panel {
         };
         self.run.show(now, rules.run_led(run));
         let lit = |on| if on { Pattern::SteadyOn } else { Pattern::SteadyOff };
-        let mut outputs = shown.contacts.map(lit);
+        let mut outputs = rules.output_leds(shown.contacts.map(lit));
         if shown.error {
             outputs = rules.error_leds([Pattern::Second, Pattern::SecondOff]);
         }
         if shown.command_on_q1 && self.is_pressed() {
-            outputs[0] =
-                if self.key == Key::Taught(true) { Pattern::Second } else { Pattern::Fast };
+            let taught = self.key == Key::Taught(true);
+            outputs[0] = rules.key_led(if taught { Pattern::Second } else { Pattern::Fast });
         }
         for (led, pattern) in self.outputs.iter_mut().zip(outputs) {
             led.show(now, pattern);

@@ -67,6 +67,11 @@ impl Sensor {
         matches!(self, Self::Temperature(..THERMOCOUPLES))
     }
 
+    /// Whether it is a signal that counts as a share of its range.
+    pub(crate) const fn is_linear(self) -> bool {
+        !matches!(self, Self::Temperature(_))
+    }
+
     /// What is seen of what is connected. `terminals` are the degrees Celsius of the terminals, and
     /// `lag` is what the compensation of the cold junction misses of them.
     pub(crate) fn see(self, connected: Connected, terminals: f64, lag: f64) -> Seen {

@@ -197,11 +197,12 @@ impl Controller {
             error,
             running: inputs.running,
         };
+        let works = rules.alarms_work(manual);
         self.functions = Some(Functions {
             command,
             command_closed: false,
             valve: self.valve.motion(),
-            alarms: self.alarms(inputs, &sight, measured.sensor_error, settings, rules),
+            alarms: self.alarms(inputs, &sight, (measured.sensor_error, works), settings, rules),
             alarms_closed: [false; 2],
             retransmitted: retransmission::microamperes(&sources, &settings.retransmission, rules),
         });
@@ -221,7 +222,7 @@ impl Controller {
     ) -> Measured {
         let connected = (inputs.connected, inputs.terminals);
         let reading = self.input.sample(connected, &settings.reading, elapsed, rules);
-        let on = self.terminals.contacts[settings.current.output];
+        let on = self.drives_load(inputs.master.is_some(), settings);
         self.transformer.step((inputs.milliamperes, on), &settings.current, rules);
         let seen = (reading.is_error, inputs.terminals);
         let flags = self.flags.shown(inputs.faults, seen, rules) | self.transformer.flags(rules);
@@ -230,6 +231,17 @@ impl Controller {
             sensor_error: reading.is_error,
             flags,
             error: flags::is_error(flags, settings.is_thermocouple),
+        }
+    }
+
+    /// Whether the output of the load that is measured is on: that of the command, or in expansion
+    /// mode the one that sub 131 selects.
+    fn drives_load(&self, is_expansion: bool, settings: &Settings) -> bool {
+        let contacts = self.terminals.contacts;
+        match settings.wiring.command {
+            _ if is_expansion => contacts[settings.current.output],
+            Command::Contact | Command::Valve => contacts[0],
+            Command::Analogue => self.terminals.microamperes > settings.wiring.lowest(),
         }
     }
 
@@ -250,7 +262,7 @@ impl Controller {
         &mut self,
         inputs: &Inputs,
         sight: &Sight,
-        sensor_error: bool,
+        (sensor_error, works): (bool, bool),
         settings: &Settings,
         rules: &dyn Rules,
     ) -> [Wanted; 2] {
@@ -263,7 +275,7 @@ impl Controller {
                 limit: inputs.limits[number],
                 error: sight.error,
                 sensor_error,
-                running: inputs.running,
+                running: inputs.running && works,
                 remote: inputs.remote[number],
                 current_error,
                 cooling,
@@ -290,7 +302,7 @@ impl Controller {
     pub(crate) fn is_settled(&self, settings: &Settings) -> bool {
         let waits = self.alarms.iter().any(Alarm::waits) || self.on_off.waits();
         let is_under_way = self.soft_start.is_active() || !self.tuning.rests();
-        let watches = self.transformer.waits() || self.input.latch.is_enabled();
+        let watches = settings.current.enabled || self.input.latch.is_enabled();
         let controls = settings.pid.as_ref().is_some_and(|pid| !self.pid.is_settled(pid));
         let moves = controls && self.is_automatic;
         self.input.is_settled() && !waits && !is_under_way && !watches && !moves
@@ -327,7 +339,7 @@ impl Controller {
     /// What the outputs do to the load.
     pub(crate) fn drive(&self, settings: &Settings) -> Drive {
         let share = |current: f64| {
-            let zero = if settings.wiring.live_zero { 4000.0 } else { 0.0 };
+            let zero = settings.wiring.lowest();
             ((current - zero) / (20_000.0 - zero)).clamp(0.0, 1.0)
         };
         let closed = |contact: usize| f64::from(u8::from(self.terminals.contacts[contact]));
@@ -348,6 +360,9 @@ impl Controller {
     pub(crate) fn restart(&mut self, settings: &Settings, faults: Faults, rules: &dyn Rules) {
         let mut input = std::mem::take(&mut self.input);
         input.restart();
+        if !rules.latch_lasts() {
+            input.latch = Latch::default();
+        }
         let (mut alarms, mut on_off, mut flags) = (self.alarms, self.on_off, self.flags);
         alarms.iter_mut().zip(&settings.alarms).for_each(|(alarm, set)| alarm.restart(set));
         on_off.restart(&settings.on_off);
@@ -397,7 +412,9 @@ impl Controller {
         if !inputs.running || inputs.offline {
             self.tuning.abandon();
             self.on_off.restart(&settings.on_off);
-            self.pid = Pid::default();
+            if rules.stop_ends_integral() {
+                self.pid = Pid::default();
+            }
             self.output = if asked { inputs.output } else { 0.0 };
             let stopped = Wanted::State(settings.stop);
             let off = if inputs.running { Wanted::Share(0.0) } else { stopped };
@@ -416,7 +433,8 @@ impl Controller {
         } else {
             self.tuned(sight, settings, elapsed, rules)
         };
-        (if inputs.test { Wanted::Level(true) } else { command }, manual, found)
+        let shown = asked || breaks && rules.break_is_kept();
+        (if inputs.test { Wanted::Level(true) } else { command }, shown, found)
     }
 
     /// The command of automatic mode, which a tuning may have.

@@ -7,12 +7,12 @@ use super::rules::Rules;
 /// The settings. Currents are in tenths of an ampere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Settings {
-    enabled: bool,
+    pub(super) enabled: bool,
     full_scale: i64,
     break_threshold: f64,
     over_threshold: f64,
     delay: f64,
-    /// The digital output, counted from 0, that drives the load.
+    /// The digital output, counted from 0, that drives the load in expansion mode.
     pub(super) output: usize,
 }
 
@@ -96,11 +96,6 @@ impl Transformer {
     /// Time goes by.
     pub(super) fn advance(&mut self, elapsed: f64) {
         self.watched.iter_mut().for_each(|watched| watched.advance(elapsed));
-    }
-
-    /// Whether it waits for the end of a delay.
-    pub(super) fn waits(&self) -> bool {
-        self.watched.iter().any(|watched| watched.counts && !watched.is_error)
     }
 
     /// Bits 7 to 10 of 4007h.

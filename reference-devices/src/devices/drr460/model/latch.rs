@@ -44,6 +44,11 @@ impl Settings {
         }
     }
 
+    /// What parameters 3 and 4 say.
+    pub(super) const fn limits(&self) -> (f64, f64) {
+        (self.low, self.high)
+    }
+
     const fn has_zero(&self) -> bool {
         self.kind >= 2
     }

@@ -9,6 +9,8 @@ use super::rules::Rules;
 pub(super) struct Settings {
     /// In digits.
     band: f64,
+    /// Without a band there is only an integral part (sub 33: on/off needs both to be 0).
+    is_proportional: bool,
     integral_time: f64,
     derivative_time: f64,
     dead_band: i64,
@@ -26,11 +28,13 @@ impl Settings {
     /// `double_loop` says that an alarm cools.
     pub(super) fn of(parameters: &Parameters, double_loop: bool) -> Self {
         let rules = parameters.rules;
-        let band = (parameters.get(33) as f64).max(1.0);
+        let is_proportional = parameters.get(33) > 0;
+        let band = if is_proportional { parameters.get(33) as f64 } else { NO_BAND };
         let cooling_band = rules.cooling_band(band, parameters.get(42) as f64 / 100.0).max(1.0);
         let (low, high) = (parameters.get(45) as f64 / 100.0, parameters.get(46) as f64 / 100.0);
         Self {
             band,
+            is_proportional,
             integral_time: parameters.tenths(34),
             derivative_time: parameters.tenths(35),
             dead_band: parameters.get(36),
@@ -44,7 +48,7 @@ impl Settings {
 
     /// Whether the controller is none of these but on/off.
     pub(super) fn is_on_off(parameters: &Parameters) -> bool {
-        parameters.get(33) == 0 && parameters.get(34) == 0
+        parameters.rules.is_on_off(parameters.get(33), parameters.get(34))
     }
 }
 
@@ -53,11 +57,9 @@ impl Settings {
 pub(super) struct Pid {
     /// A share of the full output.
     integral: f64,
-    last_missing: Option<i64>,
-    /// Digits by which the set point moved since then, and the seconds.
-    moved: i64,
-    since: f64,
-    /// Shares of full output in a second.
+    /// What was missing, as a filter of the first order with a time constant of `SECOND` sees it.
+    slow: Option<f64>,
+    /// Digits in a second.
     rate: f64,
 }
 
@@ -80,16 +82,17 @@ impl Pid {
         rules: &dyn Rules,
     ) -> Outputs {
         let is_dead = settings.dead_band > 0 && rules.in_dead_band(missing, settings.dead_band);
-        let proportional = if is_dead { 0.0 } else { missing as f64 / settings.band };
-        self.approach(missing, rules.set_point_step(moved), settings.band, elapsed);
-        let derivative = self.rate * settings.derivative_time;
+        let deviation = if is_dead { 0.0 } else { missing as f64 / settings.band };
+        let proportional = if settings.is_proportional { deviation } else { 0.0 };
+        self.approach(missing, rules.set_point_step(moved), elapsed);
+        let derivative = self.rate / settings.band * settings.derivative_time;
         let centre = if settings.centred { 0.5 } else { 0.0 };
         let lowest = if settings.cooling_band.is_some() { -1.0 } else { 0.0 };
         let rest = proportional + centre - derivative;
         self.integral = match settings.integral_time {
             0.0 => 0.0,
             time => {
-                let grown = self.integral + proportional * elapsed / time;
+                let grown = self.integral + deviation * elapsed / time;
                 // What the output cannot give is not saved up.
                 let limits = ((lowest - rest).min(0.0), (1.0 - rest).max(0.0));
                 rules.integral(grown, limits)
@@ -102,18 +105,14 @@ impl Pid {
         Outputs { command, cooling: self.cooling(wanted, settings) }
     }
 
-    /// How fast the process approaches the set point, from one second to the next.
-    fn approach(&mut self, missing: i64, moved: i64, band: f64, elapsed: f64) {
-        let Some(last) = self.last_missing else {
-            self.last_missing = Some(missing);
-            return;
-        };
-        self.moved += moved;
-        self.since = (self.since + elapsed).min(SECOND);
-        if self.since + ROUNDING >= SECOND {
-            self.rate = (last + self.moved - missing) as f64 / band / self.since;
-            (self.last_missing, self.moved, self.since) = (Some(missing), 0, 0.0);
-        }
+    /// How fast the process approaches the set point.
+    fn approach(&mut self, missing: i64, moved: i64, elapsed: f64) {
+        let missing = missing as f64;
+        let slow = self.slow.map_or(missing, |slow| slow + moved as f64);
+        let slow = missing + (slow - missing) * (-elapsed / SECOND).exp();
+        let distance = slow - missing;
+        let slow = if distance.abs() < NOTICED { missing } else { slow };
+        (self.slow, self.rate) = (Some(slow), (slow - missing) / SECOND);
     }
 
     /// Whether another look at the same process would say the same.
@@ -136,9 +135,12 @@ impl Pid {
     }
 }
 
-/// Between two looks at how fast the process moves.
+/// The time constant of the filter of the derivative, in seconds.
 const SECOND: f64 = 1.0;
-const ROUNDING: f64 = 1e-6;
+/// Digits below which the filter has arrived.
+const NOTICED: f64 = 0.01;
+/// Digits that the integral part takes for a band where there is none. The manual has no figure.
+const NO_BAND: f64 = 1000.0;
 
 #[cfg(test)]
 mod tests {
@@ -200,7 +202,9 @@ mod tests {
         assert!((last.unwrap() - 0.5).abs() < 1e-6);
         let (resisting, mut pid) = (settings(&[(35, 10)], false), Pid::default());
         assert_eq!(pid.step((50, 0), &resisting, 0.1, &Manual).command, 0.25);
-        assert!((pid.step((40, 0), &resisting, 1.0, &Manual).command - 0.15).abs() < 1e-9);
+        // Ten digits nearer, of which the filter has not seen 1/e yet: a share of 200 digits.
+        let expected = 0.2 - 10.0 * (-1.0_f64).exp() / 200.0;
+        assert!((pid.step((40, 0), &resisting, 1.0, &Manual).command - expected).abs() < 1e-9);
         // A step of the set point has no part in it.
         let (resisting, mut pid) = (settings(&[(35, 10)], false), Pid::default());
         pid.step((50, 0), &resisting, 0.1, &Manual);

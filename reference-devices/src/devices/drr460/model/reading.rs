@@ -79,7 +79,8 @@ impl Input {
         }
         match settings.sensor.see(connected, terminals, lag) {
             Seen::Value(value) => {
-                let digits = self.digits(value, settings, rules);
+                let wires = if settings.sensor.is_linear() { 0.0 } else { rules.wires(terminals) };
+                let digits = self.digits(value + wires, settings, rules);
                 let digits = rules.calibrated(digits, settings.gain, settings.offset);
                 let process = whole(self.filter.take(digits, settings.samples, elapsed));
                 Reading { process, is_error: false }
@@ -92,13 +93,14 @@ impl Input {
     }
 
     fn digits(&mut self, value: f64, settings: &Settings, rules: &dyn Rules) -> f64 {
-        if matches!(settings.sensor, Sensor::Temperature(_)) {
-            return rules.degrees(value, settings.unit) * 10.0;
+        if !settings.sensor.is_linear() {
+            let digits = rules.degrees(value, settings.unit) * 10.0;
+            return rules.temperature(digits, settings.latch.limits());
         }
         self.share = value;
         let on_scale = self.latch.on_scale(value, &settings.latch);
         let within = if settings.beyond { on_scale } else { on_scale.clamp(0.0, 1.0) };
-        self.latch.digits(within, &settings.latch)
+        rules.linear(self.latch.digits(within, &settings.latch), settings.unit)
     }
 
     /// The device was switched on: only what was learned is left.

@@ -32,6 +32,21 @@ pub(crate) trait Rules: Send {
         }
     }
 
+    /// The wires of a temperature sensor add so many degrees to it: nothing (3.2).
+    fn wires(&self, _terminals: f64) -> f64 {
+        0.0
+    }
+
+    /// The unit of sub 2 is for temperatures only (11.3.2).
+    fn linear(&self, digits: f64, _unit: i64) -> f64 {
+        digits
+    }
+
+    /// Subs 3 and 4 are for linear inputs only (11.3.2).
+    fn temperature(&self, digits: f64, _limits: (f64, f64)) -> f64 {
+        digits
+    }
+
     /// The process value is the input with gain and offset (11.3.2, subs 7 and 8).
     fn calibrated(&self, digits: f64, gain: f64, offset: f64) -> f64 {
         digits * (1.0 + gain / 1000.0) + offset
@@ -59,6 +74,16 @@ pub(crate) trait Rules: Send {
 
     /// A minimum or a maximum is only taken while latch-on is enabled (7.11).
     fn latch_needs_enabling(&self) -> bool {
+        true
+    }
+
+    /// Each sub of 4011h has its effect (7.11).
+    fn learns(&self, _sub: u8) -> bool {
+        true
+    }
+
+    /// What latch-on learned lasts over power-off (7.11).
+    fn latch_lasts(&self) -> bool {
         true
     }
 
@@ -153,6 +178,21 @@ pub(crate) trait Rules: Send {
         allowed == 2
     }
 
+    /// The manual mode of a broken sensor lasts until the master ends it (7.6).
+    fn break_is_kept(&self) -> bool {
+        true
+    }
+
+    /// Alarms work in manual mode as well (7.6).
+    fn alarms_work(&self, _manual: bool) -> bool {
+        true
+    }
+
+    /// Automatic mode is remembered as well (7.6).
+    fn remembers(&self, manual: bool) -> bool {
+        manual
+    }
+
     /// With memory, manual mode and its output outlast the loss of supply (7.6).
     fn manual_kept(&self, allowed: i64) -> bool {
         allowed == 2
@@ -160,6 +200,16 @@ pub(crate) trait Rules: Send {
 
     /// In automatic mode the controller sets 4004h (7.6).
     fn sets_output(&self) -> bool {
+        true
+    }
+
+    /// Without a band and without an integral time, control is on/off (11.3.2, sub 33).
+    fn is_on_off(&self, band: i64, integral_time: i64) -> bool {
+        band == 0 && integral_time == 0
+    }
+
+    /// STOP ends what PID control has saved up.
+    fn stop_ends_integral(&self) -> bool {
         true
     }
 
@@ -272,6 +322,16 @@ pub(crate) trait Rules: Send {
     /// greatest one (7.2).
     fn gap_asks_for_tuning(&self, gap: i64, greatest: i64) -> bool {
         gap.abs() > greatest
+    }
+
+    /// Each value that 400Eh takes has its effect (7.5, 11.3.17).
+    fn obeys_tuning(&self, _value: i64) -> bool {
+        true
+    }
+
+    /// What a tuning found is in subs 33 to 35 (7.3).
+    fn takes_found(&self) -> bool {
+        true
     }
 
     /// The threshold of manual tuning lies that much before the set point (7.3).
@@ -408,6 +468,16 @@ pub(crate) trait Rules: Send {
         true
     }
 
+    /// Bit 0 of 6200h is Q1 and bit 1 is Q2 (11.4.1).
+    fn driven(&self, outputs: i64) -> i64 {
+        outputs
+    }
+
+    /// An error of the device commutes the outputs of an expansion module (11.3.2, sub 123).
+    fn errors_commute(&self) -> bool {
+        true
+    }
+
     /// Which outputs of an expansion module commute in case of an error (11.3.2, sub 123).
     fn commutes(&self, outputs: i64, mask: i64, values: i64) -> i64 {
         outputs & !mask | values & mask
@@ -449,6 +519,16 @@ pub(crate) trait Rules: Send {
 
     /// What RUN shows (chapter 10).
     fn run_led(&self, pattern: Pattern) -> Pattern {
+        pattern
+    }
+
+    /// OUT1 is Q1 and OUT2 is Q2 (6.1).
+    fn output_leds(&self, outputs: [Pattern; 2]) -> [Pattern; 2] {
+        outputs
+    }
+
+    /// What the LED of the command shows while the key is pressed (6.1).
+    fn key_led(&self, pattern: Pattern) -> Pattern {
         pattern
     }
 

@@ -57,6 +57,11 @@ impl Wiring {
         Self { command, live_zero: code % 2 == 1 }
     }
 
+    /// The current of a command that wants nothing, in microamperes.
+    pub(super) const fn lowest(self) -> f64 {
+        if self.live_zero { 4000.0 } else { 0.0 }
+    }
+
     /// The alarm, counted from 0, on the analogue output.
     const fn analogue_alarm(self) -> Option<usize> {
         match self.command {

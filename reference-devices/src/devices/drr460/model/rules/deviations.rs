@@ -1,5 +1,7 @@
 //! The controllers that take one decision otherwise.
 
+mod tables;
+
 use canopen::{Abort, Mux};
 
 use super::Rules;
@@ -10,149 +12,13 @@ use crate::stack::Attachment;
 
 /// The names of the devices that break one decision.
 pub(crate) fn names() -> impl Iterator<Item = &'static str> {
-    let fixed = FIXED.iter().map(|(name, ..)| *name);
-    let taken = TAKEN_FOR.iter().map(|(name, ..)| *name);
-    fixed.chain(taken).chain(deviating::names(DEVIATIONS))
+    tables::names().chain(deviating::names(DEVIATIONS))
 }
 
 /// The rules of the device that breaks the decision of that name; `None` when there is none.
 pub(crate) fn named(name: &str) -> Option<Box<dyn Rules>> {
-    if let Some((_, sub, value)) = FIXED.iter().find(|(fixed, ..)| *fixed == name) {
-        return Some(Box::new(Fixed { sub: *sub, value: *value }));
-    }
-    if let Some((_, sub, from, to)) = TAKEN_FOR.iter().find(|(taken, ..)| *taken == name) {
-        return Some(Box::new(TakenFor { sub: *sub, from: *from, to: *to }));
-    }
-    deviating::named(DEVIATIONS, name)
+    tables::named(name).or_else(|| deviating::named(DEVIATIONS, name))
 }
-
-/// A controller for which a parameter has always the same value.
-struct Fixed {
-    sub: u8,
-    value: i64,
-}
-
-impl Rules for Fixed {
-    fn parameter(&self, sub: u8, configured: i64) -> i64 {
-        if sub == self.sub { self.value } else { configured }
-    }
-}
-
-/// A controller that takes one code of a parameter for another one.
-struct TakenFor {
-    sub: u8,
-    from: i64,
-    to: i64,
-}
-
-impl Rules for TakenFor {
-    fn parameter(&self, sub: u8, configured: i64) -> i64 {
-        if sub == self.sub && configured == self.from { self.to } else { configured }
-    }
-}
-
-const FIXED: &[(&str, u8, i64)] = &[
-    ("unit-ignored", 2, 0),
-    ("lower-linear-limit-ignored", 3, 0),
-    ("upper-linear-limit-ignored", 4, 10_000),
-    ("potentiometer-value-ignored", 5, 10),
-    ("over-limits-ignored", 6, 0),
-    ("over-limits-always", 6, 1),
-    ("offset-ignored", 7, 0),
-    ("gain-ignored", 8, 0),
-    ("latch-on-ignored", 9, 0),
-    ("filter-ignored", 10, 1),
-    ("action-ignored", 18, 0),
-    ("command-hysteresis-ignored", 19, 0),
-    ("command-error-state-ignored", 20, 0),
-    ("command-stop-state-ignored", 21, 0),
-    ("command-reset-ignored", 22, 0),
-    ("command-delay-ignored", 23, 0),
-    ("valve-time-ignored", 24, 60),
-    ("tuning-deviation-ignored", 32, 300),
-    ("proportional-band-ignored", 33, 0),
-    ("integral-time-ignored", 34, 0),
-    ("derivative-time-ignored", 35, 0),
-    ("dead-band-ignored", 36, 0),
-    ("centred-band-ignored", 37, 0),
-    ("off-over-set-point-ignored", 38, 0),
-    ("off-over-threshold-ignored", 39, 0),
-    ("cycle-time-ignored", 40, 15),
-    ("cooling-multiplier-ignored", 42, 100),
-    ("overlap-ignored", 43, 0),
-    ("cooling-cycle-ignored", 44, 10),
-    ("lower-output-limit-ignored", 45, 0),
-    ("upper-output-limit-ignored", 46, 100),
-    ("tuning-gap-ignored", 47, 30),
-    ("least-band-of-tuning-ignored", 48, 0),
-    ("greatest-band-of-tuning-ignored", 49, 10_000),
-    ("least-integral-time-of-tuning-ignored", 50, 0),
-    ("alarm-1-error-state-ignored", 59, 0),
-    ("alarm-2-error-state-ignored", 71, 0),
-    ("soft-start-ignored", 80, 0),
-    ("gradient-ignored", 81, 1000),
-    ("soft-start-percentage-ignored", 82, 50),
-    ("soft-start-threshold-ignored", 83, 1000),
-    ("soft-start-time-ignored", 84, 0),
-    ("transformer-always-off", 90, 0),
-    ("transformer-value-ignored", 91, 50),
-    ("heater-break-ignored", 92, 0),
-    ("over-current-ignored", 93, 0),
-    ("heater-break-delay-ignored", 94, 0),
-    ("retransmission-ignored", 100, 0),
-    ("retransmission-type-ignored", 101, 1),
-    ("retransmission-lower-limit-ignored", 102, 0),
-    ("retransmission-upper-limit-ignored", 103, 10_000),
-    ("retransmission-error-state-ignored", 104, 0),
-    ("retransmission-stop-state-ignored", 105, 0),
-    ("address-parameter-ignored", 111, 1),
-    ("bit-rate-parameter-ignored", 112, 6),
-    ("off-line-ignored", 115, 0),
-    ("initial-outputs-ignored", 122, 0),
-    ("outputs-never-commute", 123, 0),
-    ("outputs-always-commute", 123, 3),
-    ("error-outputs-ignored", 124, 0),
-    ("analogue-type-ignored", 125, 1),
-    ("analogue-lower-limit-ignored", 126, 0),
-    ("analogue-upper-limit-ignored", 127, 10_000),
-    ("initial-analogue-ignored", 128, 0),
-    ("analogue-never-commutes", 129, 0),
-    ("error-analogue-ignored", 130, 0),
-    ("transformer-output-ignored", 131, 0),
-];
-
-const TAKEN_FOR: &[(&str, u8, i64, i64)] = &[
-    ("tc-s-taken-for-tc-k", 1, 1, 0),
-    ("tc-b-taken-for-tc-k", 1, 7, 0),
-    ("pt100-taken-for-ni100", 1, 8, 9),
-    ("ntc-taken-for-ptc", 1, 10, 11),
-    ("0-20-ma-taken-for-4-20-ma", 1, 15, 16),
-    ("4-20-ma-taken-for-0-20-ma", 1, 16, 15),
-    ("60-mv-taken-for-10-v", 1, 17, 14),
-    ("kelvin-taken-for-celsius", 2, 2, 0),
-    ("linear-zero-taken-for-zero", 9, 3, 2),
-    ("valve-taken-for-contact", 16, 2, 0),
-    ("alarm-2-live-zero-ignored", 16, 1, 0),
-    ("alarm-1-live-zero-ignored", 16, 3, 2),
-    ("command-live-zero-ignored", 16, 5, 4),
-    ("tuning-once-taken-for-automatic", 31, 3, 1),
-    ("alarm-above-is-below", 56, 1, 2),
-    ("alarm-2-above-is-below", 68, 1, 2),
-    ("alarm-1-sensor-taken-for-status", 56, 11, 8),
-    ("alarm-2-sensor-taken-for-status", 68, 11, 8),
-    ("alarm-2-cooling-off", 68, 9, 0),
-    ("alarm-2-heater-break-off", 68, 10, 0),
-    ("heater-break-alarm-off", 56, 10, 0),
-    ("alarm-1-works-not-in-stop", 60, 4, 0),
-    ("alarm-2-works-not-in-stop", 72, 4, 0),
-    ("alarm-2-reset-by-itself", 73, 1, 0),
-    ("percentage-taken-for-gradient", 80, 2, 1),
-    ("60-hz-is-off", 90, 2, 0),
-    ("alarm-2-retransmitted-as-alarm-1", 100, 4, 3),
-    ("current-retransmitted-as-process", 100, 5, 1),
-    ("remote-value-not-retransmitted", 100, 6, 0),
-    ("retransmission-works-not-in-stop", 105, 4, 0),
-];
 
 const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { Rules;
     "fahrenheit-without-32" {
@@ -545,6 +411,79 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { Rules;
     }
     "error-leds-blink-together" {
         fn error_leds(&self, [first, _]: [Pattern; 2]) -> [Pattern; 2] { [first; 2] }
+    }
+    "thermoresistance-with-terminals" {
+        fn wires(&self, terminals: f64) -> f64 { terminals - 25.0 }
+    }
+    "unit-of-linear-inputs" {
+        fn linear(&self, digits: f64, unit: i64) -> f64 {
+            if unit == 1 { digits * 1.8 + 320.0 } else { digits }
+        }
+    }
+    "limits-of-temperatures" {
+        fn temperature(&self, digits: f64, (low, high): (f64, f64)) -> f64 {
+            digits.clamp(low.min(high), high.max(low))
+        }
+    }
+    "latch-on-forgotten" {
+        fn latch_lasts(&self) -> bool { false }
+    }
+    "break-ends-with-its-repair" {
+        fn break_is_kept(&self) -> bool { false }
+    }
+    "alarms-rest-in-manual-mode" {
+        fn alarms_work(&self, manual: bool) -> bool { !manual }
+    }
+    "memory-knows-manual-only" {
+        fn remembers(&self, _manual: bool) -> bool { true }
+    }
+    "integral-without-band-is-on-off" {
+        fn is_on_off(&self, band: i64, _integral_time: i64) -> bool { band == 0 }
+    }
+    "integral-kept-over-stop" {
+        fn stop_ends_integral(&self) -> bool { false }
+    }
+    "tuning-finds-nothing" {
+        fn takes_found(&self) -> bool { false }
+    }
+    "soft-start-not-at-power-on" {
+        fn soft_starts(&self, since_power_on: bool) -> bool { since_power_on }
+    }
+    "off-line-not-rearmed" {
+        fn ends_silence(&self, _reads: bool) -> bool { false }
+    }
+    "off-line-by-default" {
+        fn offline_time(&self, configured: i64) -> f64 {
+            if configured == 0 { 0.2 } else { configured as f64 / 10.0 }
+        }
+    }
+    "expansion-outputs-swapped" {
+        fn driven(&self, outputs: i64) -> i64 { outputs >> 1 & 1 | (outputs & 1) << 1 }
+    }
+    "expansion-without-errors" {
+        fn errors_commute(&self) -> bool { false }
+    }
+    "output-leds-swapped" {
+        fn output_leds(&self, [first, second]: [Pattern; 2]) -> [Pattern; 2] { [second, first] }
+    }
+    "key-led-steady" {
+        fn key_led(&self, _pattern: Pattern) -> Pattern { Pattern::SteadyOn }
+    }
+    "fluid-presets-no-cycle" {
+        fn fluid(&self, fluid: i64) -> (i64, i64) {
+            match fluid { 1 => (125, 10), 2 => (250, 10), _ => (100, 10) }
+        }
+    }
+    "cooling-band-of-the-square" {
+        fn cooling_band(&self, band: f64, multiplier: f64) -> f64 { band * multiplier * multiplier }
+    }
+    "key-teaches-after-six-seconds" {
+        fn teaching_time(&self) -> u64 { 6000 }
+    }
+    "cycle-never-whole" {
+        fn in_share(&self, at: f64, share: f64, period: f64) -> bool {
+            at < share.min(0.9) * period
+        }
     }
 };
 
