@@ -25,7 +25,11 @@ impl About {
     /// # Errors
     /// That it has no profile of the name, and which there are.
     pub fn named<'c>(&self, catalogue: &'c Catalogue) -> Result<Option<&'c Profile>, String> {
-        let Self::Named(name) = self else { return Ok(None) };
+        let name = match self {
+            Self::Named(name) => name,
+            // Numbers are those of CiA's device profiles, of which not all are in a catalogue.
+            Self::Number(number) => return Ok(catalogue.profile(&format!("cia{number}"))),
+        };
         let known = recognisable(catalogue).find(|profile| profile.name == *name);
         known.map(Some).ok_or_else(|| {
             let names: Vec<&str> =
