@@ -61,6 +61,8 @@ pub(crate) struct Drr460 {
     overflow_ends: Option<Instant>,
     /// A bench has set the switches.
     switched: bool,
+    /// The device starts anew because of what a bench did.
+    restarts: bool,
     load: Load,
     panel: Panel,
     state: NmtState,
@@ -114,6 +116,7 @@ impl Drr460 {
             around: Surroundings::default(),
             overflow_ends: None,
             switched: false,
+            restarts: false,
             load: Load::default(),
             panel: Panel::default(),
             state: NmtState::INITIALISING,
@@ -129,9 +132,28 @@ impl Drr460 {
 
     /// Reads the parameters anew.
     fn configure(&mut self, od: &Dictionary) {
+        let lasts = self.expansion.enabled && self.rules.expansion_lasts();
         let parameters = Parameters::of(od, &*self.rules);
         self.settings = Settings::of(&parameters);
         self.expansion = expansion::Settings::of(&parameters);
+        self.expansion.enabled |= lasts;
+    }
+
+    /// Reads the parameters at power-on.
+    fn configure_at_power_on(&mut self, od: &mut Dictionary) {
+        if self.rules.presets_at_power_on() {
+            self.preset(parameter(od, COOLING_FLUID), od);
+        }
+        let parameters = Parameters::of(od, &*self.rules).stored();
+        self.settings = Settings::of(&parameters);
+        self.expansion = expansion::Settings::of(&parameters);
+    }
+
+    /// Multiplier and cycle time as a cooling fluid needs them.
+    fn preset(&self, fluid: i64, od: &mut Dictionary) {
+        let (multiplier, cycle) = self.rules.fluid(fluid);
+        set_parameter(od, COOLING_MULTIPLIER, multiplier);
+        set_parameter(od, COOLING_CYCLE, cycle);
     }
 
     /// Lets time pass up to `now`, with the decisions that come due on the way.
@@ -337,9 +359,7 @@ impl Drr460 {
             Mux { index: LATCH_ON, sub } => self.controller.command_latch(sub, written as u8),
             Mux { index: PARAMETERS, sub } => {
                 if sub == COOLING_FLUID {
-                    let (multiplier, cycle) = self.rules.fluid(written);
-                    set_parameter(od, COOLING_MULTIPLIER, multiplier);
-                    set_parameter(od, COOLING_CYCLE, cycle);
+                    self.preset(written, od);
                 }
                 if sub == TUNE {
                     self.memory.tune_again();
@@ -430,7 +450,7 @@ impl Behaviour for Drr460 {
             self.controller.forget();
         }
         self.memory.give_back(od, &*self.rules);
-        self.configure(od);
+        self.configure_at_power_on(od);
         self.controller.restart(&self.settings, self.around.faults, &*self.rules);
         self.found = Found {
             changed_hardware: self.around.module == Module::Other
@@ -441,7 +461,7 @@ impl Behaviour for Drr460 {
                 _ => None,
             },
         };
-        if self.expansion.enabled && self.rules.sets_initial_values() {
+        if self.rules.sets_initial_values(self.expansion.enabled) {
             od.set_int(MASTER_OUTPUTS, self.expansion.initial_outputs);
             od.set_int(MASTER_ANALOGUE, self.expansion.initial_analogue);
         }
@@ -472,6 +492,10 @@ impl Behaviour for Drr460 {
 
     fn loads_defaults(&self) -> bool {
         self.rules.loads_defaults(self.around.switches)
+    }
+
+    fn takes_restart(&mut self) -> bool {
+        std::mem::take(&mut self.restarts)
     }
 
     fn show(&mut self, now: Instant, od: &mut Dictionary) {

@@ -58,7 +58,8 @@ impl Memory {
 
     /// The device was switched on: the objects have what was stored or their defaults.
     pub(super) fn give_back(&self, od: &mut Dictionary, rules: &dyn Rules) {
-        let started = rules.starts(parameter(od, INITIAL_STATE), self.started);
+        let initial_state = rules.parameter(INITIAL_STATE, parameter(od, INITIAL_STATE));
+        let started = rules.starts(initial_state, self.started);
         od.set_int(START, started.into());
         if rules.manual_kept(parameter(od, MANUAL_ALLOWED)) && rules.remembers(self.manual) {
             od.set_int(MANUAL, 1);

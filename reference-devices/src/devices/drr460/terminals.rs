@@ -26,7 +26,9 @@ impl Drr460 {
         }
         let before = self.around;
         self.around.set(name, value)?;
-        self.switched |= self.around.switches != before.switches;
+        let moved = self.around.switches != before.switches;
+        self.switched |= name.starts_with(SWITCHES);
+        self.restarts = moved && self.rules.switches_act_at_once();
         self.panel.press(now, self.around.key);
         if self.around.bus != before.bus {
             let passes =
@@ -57,6 +59,7 @@ impl Drr460 {
 /// For how long a buffer that ran over is an error.
 const OVERFLOW: std::time::Duration = std::time::Duration::from_millis(100);
 
+const SWITCHES: &str = "dip-switch-";
 const CONTACTS: &str = "digital-outputs-1";
 const CURRENT: &str = "output-current-1";
 const RUN: &str = "run-led";

@@ -208,9 +208,13 @@ mod tests {
         }
     }
 
+    /// Process values, and whether there is an alarm.
+    type Seen = &'static [(i64, bool)];
+    type Happens = fn(&mut Sight);
+
     #[test]
     fn every_kind_has_its_side_of_the_threshold() {
-        let table: [(i64, i64, &[(i64, bool)]); 6] = [
+        let table: [(i64, i64, Seen); 6] = [
             (1, 100, &[(99, false), (100, true), (99, false)]),
             (2, 100, &[(101, false), (100, true), (101, false)]),
             (3, 100, &[(0, false), (100, true), (-99, false), (-100, true)]),
@@ -284,7 +288,7 @@ mod tests {
 
     #[test]
     fn some_kinds_look_at_something_else() {
-        let table: [(i64, fn(&mut Sight)); 6] = [
+        let table: [(i64, Happens); 6] = [
             (6, |sight| sight.set_point = 100),
             (7, |sight| sight.set_point = 99),
             (8, |_| {}),

@@ -183,7 +183,7 @@ impl Controller {
         let measured = self.measure(inputs, settings, elapsed, rules);
         let Measured { process, error, .. } = measured;
         if let Some(master) = inputs.master {
-            return self.expand(master, measured, inputs);
+            return self.expand(master, measured, inputs, rules);
         }
         let set_point = self.set_point(inputs, process, settings, rules);
         let sight = Sight { process, set_point, error };
@@ -246,14 +246,21 @@ impl Controller {
     }
 
     /// The master has the outputs, and nothing is controlled.
-    fn expand(&mut self, master: Terminals, measured: Measured, inputs: &Inputs) -> Outcome {
+    fn expand(
+        &mut self,
+        master: Terminals,
+        measured: Measured,
+        inputs: &Inputs,
+        rules: &dyn Rules,
+    ) -> Outcome {
         self.functions = None;
         self.terminals = master;
         self.running = false;
         self.output = 0.0;
         self.cooling = 0.0;
         self.tuning.abandon();
-        let Measured { process, flags, error, .. } = measured;
+        let Measured { flags, error, .. } = measured;
+        let process = if rules.shows_process(true) { measured.process } else { 0 };
         let (set_point, manual, offline) = (inputs.set_point, inputs.manual, inputs.offline);
         Outcome { process, flags, set_point, manual, error, offline, ..Outcome::default() }
     }
@@ -322,7 +329,7 @@ impl Controller {
     pub(crate) fn next(&self, settings: &Settings, rules: &dyn Rules) -> Option<f64> {
         let functions = self.functions.as_ref()?;
         let command = match settings.wiring.command {
-            Command::Contact => self.cycles.command.next(functions.command, settings.cycle),
+            Command::Contact => self.cycles.command.next(functions.command, settings.cycle, rules),
             Command::Valve => {
                 let wanted = valve_target(functions.command, rules);
                 self.valve.next(wanted, settings.travel)
@@ -332,7 +339,7 @@ impl Controller {
         let alarms = functions.alarms;
         let cooling = alarms
             .iter()
-            .filter_map(|alarm| self.cycles.alarms.next(*alarm, settings.cooling_cycle));
+            .filter_map(|alarm| self.cycles.alarms.next(*alarm, settings.cooling_cycle, rules));
         command.into_iter().chain(cooling).reduce(f64::min)
     }
 

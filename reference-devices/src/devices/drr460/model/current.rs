@@ -48,7 +48,9 @@ struct Watched {
 
 impl Watched {
     /// `condition` is `None` while nothing can be said, in which the time stands still.
-    fn follow(&mut self, condition: Option<bool>, delay: f64) {
+    fn follow(&mut self, condition: Option<bool>, delay: f64, rules: &dyn Rules) {
+        let goes_on = self.waited > 0.0 && !rules.current_delay_starts_over();
+        let condition = condition.map(|met| met || goes_on);
         self.counts = condition == Some(true);
         match condition {
             None => {}
@@ -89,7 +91,7 @@ impl Transformer {
             Some(over > 0.0 && rules.current_is_high(amperes, over)),
         ];
         for (number, (watched, condition)) in self.watched.iter_mut().zip(conditions).enumerate() {
-            watched.follow(condition, rules.current_delay(number, settings.delay));
+            watched.follow(condition, rules.current_delay(number, settings.delay), rules);
         }
     }
 

@@ -45,15 +45,18 @@ impl Cycle {
     /// Whether the contact is closed now. Each cycle begins closed.
     pub(super) fn is_closed(&self, wanted: Wanted, period: f64, rules: &dyn Rules) -> bool {
         match wanted {
-            Wanted::Share(share) => rules.in_share(self.at + ROUNDING, share, period),
+            Wanted::Share(share) => {
+                rules.in_share(self.at + ROUNDING, rules.cycle_share(share), period)
+            }
             Wanted::Level(on) => on,
             Wanted::State(state) => state.is_closed(rules),
         }
     }
 
     /// Seconds until the contact changes by itself; `None` when it does not.
-    pub(super) fn next(&self, wanted: Wanted, period: f64) -> Option<f64> {
+    pub(super) fn next(&self, wanted: Wanted, period: f64, rules: &dyn Rules) -> Option<f64> {
         let Wanted::Share(share) = wanted else { return None };
+        let share = rules.cycle_share(share);
         let (opens, ends) = (share * period - self.at, period - self.at);
         (share > 0.0 && share < 1.0).then_some(if opens > ROUNDING { opens } else { ends })
     }
@@ -85,12 +88,15 @@ mod tests {
         let wanted = Wanted::Share(0.25);
         let mut edges = Vec::new();
         for _ in 0..4 {
-            let next = cycle.next(wanted, 2.0).unwrap();
+            let next = cycle.next(wanted, 2.0, &Manual).unwrap();
             cycle.advance(next, 2.0);
             edges.push(((next * 10.0).round() as i64, cycle.is_closed(wanted, 2.0, &Manual)));
         }
         assert_eq!(edges, [(5, false), (15, true), (5, false), (15, true)]);
-        assert_eq!([0.0, 1.0].map(|share| cycle.next(Wanted::Share(share), 2.0)), [None, None]);
-        assert_eq!(cycle.next(Wanted::Level(true), 2.0), None);
+        assert_eq!(
+            [0.0, 1.0].map(|share| cycle.next(Wanted::Share(share), 2.0, &Manual)),
+            [None, None]
+        );
+        assert_eq!(cycle.next(Wanted::Level(true), 2.0, &Manual), None);
     }
 }

@@ -98,6 +98,7 @@ const ROUNDING: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::drr460::model::parameters::List;
     use crate::devices::drr460::model::rules::Manual;
 
     fn settings(list: &[(u8, i64)]) -> Settings {
@@ -121,7 +122,7 @@ mod tests {
 
     #[test]
     fn in_error_each_output_commutes_or_stays() {
-        let table: [(&[(u8, i64)], (i64, i64)); 4] = [
+        let table: [(List<'_>, (i64, i64)); 4] = [
             (&[(124, 3), (130, 77)], (1, 500)),
             (&[(123, 1), (130, 77)], (0, 500)),
             (&[(123, 2), (124, 2), (130, 77)], (3, 500)),

@@ -34,10 +34,12 @@ pub(crate) struct Settings {
 impl Settings {
     pub(super) fn of(parameters: &Parameters) -> Self {
         let kind = parameters.get(9);
+        let (low, high) =
+            parameters.rules.limits(parameters.get(3) as f64, parameters.get(4) as f64);
         Self {
             kind,
-            low: parameters.get(3) as f64,
-            high: parameters.get(4) as f64,
+            low,
+            high,
             longest: parameters.rules.latch_time(),
             zero_keeps_ends: parameters.rules.zero_keeps_ends(kind),
             needs_enabling: parameters.rules.latch_needs_enabling(),

@@ -9,36 +9,48 @@ use super::rules::Rules;
 pub(crate) struct Parameters<'a> {
     source: Source<'a>,
     pub(super) rules: &'a dyn Rules,
+    /// None was written since power-on.
+    stored: bool,
 }
+
+/// Parameters by their numbers.
+#[cfg(test)]
+pub(super) type List<'a> = &'a [(u8, i64)];
 
 #[derive(Clone, Copy)]
 enum Source<'a> {
     Objects(&'a Dictionary),
     Nothing,
     #[cfg(test)]
-    Listed(&'a [(u8, i64)]),
+    Listed(List<'a>),
 }
 
 impl<'a> Parameters<'a> {
     /// Those of a device.
     pub(crate) const fn of(od: &'a Dictionary, rules: &'a dyn Rules) -> Self {
-        Self { source: Source::Objects(od), rules }
+        Self { source: Source::Objects(od), rules, stored: false }
+    }
+
+    /// Those of a device that was just switched on.
+    pub(crate) const fn stored(self) -> Self {
+        Self { stored: true, ..self }
     }
 
     /// Those of a device that was never switched on: all are 0.
     pub(crate) const fn none(rules: &'a dyn Rules) -> Self {
-        Self { source: Source::Nothing, rules }
+        Self { source: Source::Nothing, rules, stored: false }
     }
 
     /// Those that are listed; the others are 0.
     #[cfg(test)]
-    pub(super) const fn listed(list: &'a [(u8, i64)], rules: &'a dyn Rules) -> Self {
-        Self { source: Source::Listed(list), rules }
+    pub(super) const fn listed(list: List<'a>, rules: &'a dyn Rules) -> Self {
+        Self { source: Source::Listed(list), rules, stored: false }
     }
 
     /// The parameter of that number.
     pub(crate) fn get(&self, sub: u8) -> i64 {
         let configured = match self.source {
+            _ if self.stored && self.rules.waits_for_writing(sub) => 0,
             Source::Nothing => 0,
             Source::Objects(od) => od.int(Mux::new(0x3000, sub)).unwrap_or(0),
             #[cfg(test)]

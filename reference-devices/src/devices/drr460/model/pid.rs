@@ -145,6 +145,7 @@ const NO_BAND: f64 = 1000.0;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::drr460::model::parameters::List;
     use crate::devices::drr460::model::rules::Manual;
 
     fn settings(list: &[(u8, i64)], double_loop: bool) -> Settings {
@@ -161,7 +162,7 @@ mod tests {
 
     #[test]
     fn a_proportional_band_divides_the_deviation() {
-        let table: [(&[(u8, i64)], i64, i64); 9] = [
+        let table: [(List<'_>, i64, i64); 9] = [
             (&[], 0, 0),
             (&[], 50, 2500),
             (&[], 500, 10_000),
@@ -179,7 +180,7 @@ mod tests {
 
     #[test]
     fn cooling_has_a_band_and_an_overlap_of_its_own() {
-        let table: [(&[(u8, i64)], i64, (i64, i64)); 8] = [
+        let table: [(List<'_>, i64, (i64, i64)); 8] = [
             (&[], 0, (0, 0)),
             (&[], -50, (0, 2500)),
             (&[(42, 250)], -50, (0, 1000)),

@@ -123,6 +123,7 @@ fn whole(digits: f64) -> i64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::drr460::model::parameters::List;
     use crate::devices::drr460::model::rules::Manual;
     use crate::devices::pixsys::SENSOR_RANGES;
     use crate::devices::pixsys::sensor::Wiring;
@@ -150,7 +151,7 @@ mod tests {
 
     #[test]
     fn unit_and_calibration() {
-        let table: [(&[(u8, i64)], f64, i64); 5] = [
+        let table: [(List<'_>, f64, i64); 5] = [
             (&[], 25.0, 250),
             (&[(2, 1)], 25.0, 770),
             (&[(2, 2)], 25.0, 2982),

@@ -23,6 +23,11 @@ pub(crate) trait Rules: Send {
         configured
     }
 
+    /// A stored parameter is in force from power-on, without being written again (7.1).
+    fn waits_for_writing(&self, _sub: u8) -> bool {
+        false
+    }
+
     /// Degrees Celsius in the unit of sub 2 (11.3.2).
     fn degrees(&self, celsius: f64, unit: i64) -> f64 {
         match unit {
@@ -40,6 +45,11 @@ pub(crate) trait Rules: Send {
     /// The unit of sub 2 is for temperatures only (11.3.2).
     fn linear(&self, digits: f64, _unit: i64) -> f64 {
         digits
+    }
+
+    /// A lower limit above the upper one turns the scale round (11.3.2, subs 3 and 4).
+    fn limits(&self, low: f64, high: f64) -> (f64, f64) {
+        (low, high)
     }
 
     /// Subs 3 and 4 are for linear inputs only (11.3.2).
@@ -252,6 +262,16 @@ pub(crate) trait Rules: Send {
         }
     }
 
+    /// A fluid presets multiplier and cycle time when it is chosen, and not at power-on (7.8).
+    fn presets_at_power_on(&self) -> bool {
+        false
+    }
+
+    /// A cycle has the share of the output (11.3.2, subs 40 and 44).
+    fn cycle_share(&self, share: f64) -> f64 {
+        share
+    }
+
     /// Whether a contact is closed so many seconds after its cycle began (11.3.2, subs 40, 44).
     fn in_share(&self, at: f64, share: f64, period: f64) -> bool {
         at < share * period
@@ -423,6 +443,11 @@ pub(crate) trait Rules: Send {
         delay
     }
 
+    /// A fault that goes before its delay is over has its whole delay again (11.3.2, sub 94).
+    fn current_delay_starts_over(&self) -> bool {
+        true
+    }
+
     /// Heater break and over-current are one alarm (11.3.2, subs 56 and 68, 10).
     fn current_alarm(&self, faults: [bool; 4]) -> bool {
         faults.contains(&true)
@@ -463,9 +488,19 @@ pub(crate) trait Rules: Send {
         configured == 1
     }
 
-    /// At a start the outputs of an expansion module have their initial values (7.12).
-    fn sets_initial_values(&self) -> bool {
+    /// Expansion mode ends when sub 121 is 0 again (7.12).
+    fn expansion_lasts(&self) -> bool {
+        false
+    }
+
+    /// In expansion mode 6401h has the process value as well (7.12).
+    fn shows_process(&self, _expansion: bool) -> bool {
         true
+    }
+
+    /// At a start the outputs of an expansion module have their initial values (7.12).
+    fn sets_initial_values(&self, expansion: bool) -> bool {
+        expansion
     }
 
     /// Bit 0 of 6200h is Q1 and bit 1 is Q2 (11.4.1).
@@ -510,6 +545,11 @@ pub(crate) trait Rules: Send {
             Some(node) if switches.rate(code) == bus => Attachment::Node(node),
             _ => Attachment::Off,
         }
+    }
+
+    /// Switches are read at power-on, not when they are moved (6.3).
+    fn switches_act_at_once(&self) -> bool {
+        false
     }
 
     /// Contact 4 of DIP 2 loads the defaults at power-on (6.3, 7.1).

@@ -365,7 +365,39 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { Rules;
         fn expansion(&self, _configured: i64) -> bool { false }
     }
     "initial-values-ignored" {
-        fn sets_initial_values(&self) -> bool { false }
+        fn sets_initial_values(&self, _expansion: bool) -> bool { false }
+    }
+    "initial-values-always" {
+        fn sets_initial_values(&self, _expansion: bool) -> bool { true }
+    }
+    "expansion-until-power-off" {
+        fn expansion_lasts(&self) -> bool { true }
+    }
+    "expansion-without-input" {
+        fn shows_process(&self, expansion: bool) -> bool { !expansion }
+    }
+    "fluid-presets-at-power-on" {
+        fn presets_at_power_on(&self) -> bool { true }
+    }
+    "scale-never-turned" {
+        fn limits(&self, low: f64, high: f64) -> (f64, f64) { (low.min(high), high.max(low)) }
+    }
+    "dip-of-current-counts-on" {
+        fn current_delay_starts_over(&self) -> bool { false }
+    }
+    "switches-act-at-once" {
+        fn switches_act_at_once(&self) -> bool { true }
+    }
+    "wiring-waits-for-writing" {
+        fn waits_for_writing(&self, sub: u8) -> bool { sub == 16 }
+    }
+    "retransmission-waits-for-writing" {
+        fn waits_for_writing(&self, sub: u8) -> bool { sub == 100 }
+    }
+    "band-of-ten-degrees-at-least" {
+        fn parameter(&self, sub: u8, configured: i64) -> i64 {
+            if sub == 33 && configured > 0 { configured.max(100) } else { configured }
+        }
     }
     "error-outputs-as-a-whole" {
         fn commutes(&self, outputs: i64, mask: i64, values: i64) -> i64 {
@@ -394,6 +426,13 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { Rules;
         fn attachment(&self, switches: Switches, (address, _): (i64, i64), _: i64) -> Attachment {
             let node = Switches { address: 0, ..switches }.node(address);
             node.or_else(|| switches.node(address)).map_or(Attachment::Off, Attachment::Node)
+        }
+    }
+    "address-parameter-or-switches" {
+        fn attachment(&self, switches: Switches, (address, _): (i64, i64), _: i64) -> Attachment {
+            let set = Switches { address: 0, ..switches }.node(address).unwrap_or(0);
+            let node = Switches { address: switches.address | set, ..switches }.node(address);
+            node.map_or(Attachment::Off, Attachment::Node)
         }
     }
     "contact-4-ignored" {
@@ -481,9 +520,7 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { Rules;
         fn teaching_time(&self) -> u64 { 6000 }
     }
     "cycle-never-whole" {
-        fn in_share(&self, at: f64, share: f64, period: f64) -> bool {
-            at < share.min(0.9) * period
-        }
+        fn cycle_share(&self, share: f64) -> f64 { share.min(0.9) }
     }
 };
 
