@@ -158,7 +158,7 @@ mod tests {
         let hour = run(&devices::device("drr460").unwrap());
         assert_eq!(hour.len(), 1800);
         let at = |minutes: f64| &hour[(minutes * 30.0) as usize - 1];
-        let near = |sample: &Sample, digits: i16| (sample.process - digits).abs() <= 50;
+        let near = |sample: &Sample, digits: i16| (sample.process - digits).abs() <= 20;
         assert_eq!((at(0.5).process, at(0.5).output, at(0.5).tunes()), (250, 0, false));
         assert!(at(1.5).tunes() && at(1.5).output == 10_000, "{:?}", at(1.5));
         assert!(!at(9.5).tunes() && near(at(9.5), FIRST), "{:?}", at(9.5));
@@ -166,6 +166,12 @@ mod tests {
         assert!(at(20.0).starts_softly() && near(at(20.0), at(20.0).set_point), "{:?}", at(20.0));
         assert!(!at(31.5).starts_softly() && near(at(31.5), FIRST), "{:?}", at(31.5));
         assert!(near(at(43.5), SECOND) && !at(43.5).alarm(), "{:?}", at(43.5));
+        // It holds each set point, and does not swing about it.
+        for (from, until, held) in [(5, 10, FIRST), (36, 44, SECOND), (48, 56, THIRD)] {
+            let samples = &hour[from * 30..until * 30 - 1];
+            let far = samples.iter().find(|sample| !near(sample, held));
+            assert!(far.is_none(), "{far:?}");
+        }
         assert!(at(44.2).alarm() && !at(55.5).alarm() && near(at(55.5), THIRD));
         assert!(hour.last().is_some_and(|last| last.output == 0 && !last.heats()));
     }
