@@ -59,6 +59,8 @@ pub(crate) struct Drr460 {
     around: Surroundings,
     /// When the buffer that ran over is an error no more.
     overflow_ends: Option<Instant>,
+    /// When a message about power-on has its end.
+    boot_error_ends: Option<Instant>,
     /// A bench has set the switches.
     switched: bool,
     /// The device starts anew because of what a bench did.
@@ -115,6 +117,7 @@ impl Drr460 {
             found: Found::default(),
             around: Surroundings::default(),
             overflow_ends: None,
+            boot_error_ends: None,
             switched: false,
             restarts: false,
             load: Load::default(),
@@ -274,7 +277,8 @@ impl Drr460 {
     /// Whether nothing changes until something happens outside.
     fn is_settled(&self) -> bool {
         let rests = self.load.rests(self.controller.drive(&self.settings));
-        (rests || !self.around.in_process) && self.controller.is_settled(&self.settings)
+        (rests || !self.around.in_process)
+            && self.controller.is_settled(&self.settings, &*self.rules)
     }
 
     /// The objects of what was decided.
@@ -341,7 +345,9 @@ impl Drr460 {
         let written = value(od, mux);
         match mux {
             COMMAND_RESET if self.rules.resets(written) => self.controller.reset_command(),
-            ALARMS_RESET if self.rules.resets(written) => self.controller.reset_alarms(),
+            ALARMS_RESET if self.rules.resets(written) => {
+                self.controller.reset_alarms(&*self.rules)
+            }
             TUNING if self.rules.obeys_tuning(written) => {
                 let sight = (self.outcome.process, value(od, SET_POINT));
                 self.controller.command_tuning(written, sight, &self.settings);
@@ -354,6 +360,7 @@ impl Drr460 {
             RESTORE => {
                 self.memory.forget();
                 self.controller.forget();
+                self.restarts = self.rules.load_restarts();
             }
             Mux { index: LATCH_ON, sub } if !self.rules.learns(sub) => {}
             Mux { index: LATCH_ON, sub } => self.controller.command_latch(sub, written as u8),
@@ -385,13 +392,21 @@ impl Drr460 {
 
     /// Raises the errors that are present, and ends the others.
     fn report(&mut self, now: Instant, errors: &mut Errors) {
-        if self.overflow_ends.is_some_and(|end| end <= now) {
-            self.overflow_ends = None;
-        }
+        self.overflow_ends = self.overflow_ends.filter(|end| now < *end);
+        self.boot_error_ends = self.boot_error_ends.filter(|end| now < *end);
         let passed = self.overflow_ends.is_none() && self.around.bus != BusFault::ErrorPassive;
         let bus = if passed { BusFault::None } else { self.around.bus };
-        let around = Surroundings { bus, ..self.around };
-        let present: Vec<_> = emergency::reports(self.found, &around).collect();
+        let module = match self.rules.reports_module() {
+            true => self.around.module,
+            false => Module::Fitted,
+        };
+        let around = Surroundings { bus, module, ..self.around };
+        let found = Found {
+            no_process: self.outcome.error && self.rules.reports_sensor(),
+            defaults: self.boot_error_ends.is_some(),
+            ..self.found
+        };
+        let present: Vec<_> = emergency::reports(found, &around).collect();
         for error in emergency::ERRORS {
             if present.iter().all(|report| report.error != error) {
                 errors.clear(error);
@@ -460,6 +475,7 @@ impl Behaviour for Drr460 {
                 MemoryFault::AtPowerOn(bit) if bit >= FIRST_PART => Some(bit),
                 _ => None,
             },
+            ..Found::default()
         };
         if self.rules.sets_initial_values(self.expansion.enabled) {
             od.set_int(MASTER_OUTPUTS, self.expansion.initial_outputs);
@@ -545,8 +561,13 @@ impl Behaviour for Drr460 {
         self.follow(now, od);
         self.changed = true;
         if let CommunicationEvent::Entered(state) = event {
+            if self.state == NmtState::INITIALISING && self.rules.reports_boot() {
+                self.boot_error_ends = Some(now + terminals::OVERFLOW);
+            }
             self.state = state;
-            self.meet(false);
+            if self.rules.states_end_silence() {
+                self.meet(false);
+            }
         }
         // Otherwise the outputs are the controller's own, and the network has no part in them.
         if self.expansion.enabled {
@@ -571,7 +592,8 @@ impl Behaviour for Drr460 {
 
     fn poll_at(&self) -> Option<Instant> {
         let now = (self.news || self.changed).then_some(self.at);
-        let rest = [self.panel.poll_at(&*self.rules), self.overflow_ends, now];
+        let rest =
+            [self.panel.poll_at(&*self.rules), self.overflow_ends, self.boot_error_ends, now];
         rest.into_iter().fold(self.next_step(), earlier)
     }
 

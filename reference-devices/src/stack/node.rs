@@ -177,6 +177,9 @@ impl Node {
         self.services.settle(now, out);
         if let Some(state) = self.services.take_reaction(now) {
             self.enter(now, state, out);
+        }
+        // The application may have heard of an error that leaves the state alone.
+        if self.services.is_touched() {
             self.services.settle(now, out);
         }
     }
@@ -205,6 +208,9 @@ impl Device for Node {
             (Some(id), false) => self.handle_data(now, id, frame.data, out),
             (Some(id), true) => self.services.handle_remote(now, id, out),
             (None, _) => {}
+        }
+        if self.services.takes_restart() {
+            self.initialise(now, Reset::Node);
         }
         self.settle(now, out);
     }

@@ -283,6 +283,11 @@ impl Services {
         }
     }
 
+    /// Whether the application has something to look at.
+    pub(crate) const fn is_touched(&self) -> bool {
+        self.touched
+    }
+
     /// The state that an error since the last call leads to.
     pub(crate) fn take_reaction(&mut self, now: Instant) -> Option<NmtState> {
         // A node that starts obeys when it has booted up.

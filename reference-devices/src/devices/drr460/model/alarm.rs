@@ -58,6 +58,8 @@ pub(super) struct Sight {
     pub(super) running: bool,
     /// The network asks for the alarm.
     pub(super) remote: bool,
+    /// What 4000h has; `set_point` is in force.
+    pub(super) wanted: i64,
     /// Too little or too much current flows.
     pub(super) current_error: bool,
     /// What double loop wants of cooling.
@@ -81,7 +83,8 @@ impl Alarm {
     /// What the alarm wants of its output.
     pub(super) fn step(&mut self, sight: &Sight, settings: &Settings, rules: &dyn Rules) -> Wanted {
         if settings.kind != self.kind {
-            *self = Self { kind: settings.kind, ..Self::default() };
+            let was_absent = !rules.selection_disarms();
+            *self = Self { kind: settings.kind, was_absent, ..Self::default() };
         }
         if settings.kind == OFF {
             return Wanted::Level(false);
@@ -149,8 +152,8 @@ impl Alarm {
             3 => above(rules.band(deviation), sight.limit),
             4 => above(deviation, sight.limit),
             5 => below(deviation, rules.lower_deviation(sight.limit)),
-            6 => above(sight.set_point, sight.limit),
-            7 => below(sight.set_point, sight.limit),
+            6 => above(rules.looked_at(sight.set_point, sight.wanted), sight.limit),
+            7 => below(rules.looked_at(sight.set_point, sight.wanted), sight.limit),
             8 => sight.running,
             10 => sight.current_error,
             11 => sight.sensor_error,

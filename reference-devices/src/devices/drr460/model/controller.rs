@@ -226,11 +226,12 @@ impl Controller {
         self.transformer.step((inputs.milliamperes, on), &settings.current, rules);
         let seen = (reading.is_error, inputs.terminals);
         let flags = self.flags.shown(inputs.faults, seen, rules) | self.transformer.flags(rules);
+        let is_error = flags::is_error(flags, settings.is_thermocouple, rules);
         Measured {
             process: reading.process,
             sensor_error: reading.is_error,
             flags,
-            error: flags::is_error(flags, settings.is_thermocouple),
+            error: is_error,
         }
     }
 
@@ -280,6 +281,7 @@ impl Controller {
                 process: sight.process,
                 set_point: sight.set_point,
                 limit: inputs.limits[number],
+                wanted: inputs.set_point,
                 error: sight.error,
                 sensor_error,
                 running: inputs.running && works,
@@ -306,13 +308,13 @@ impl Controller {
     }
 
     /// Whether another decision would be the same as the last one if nothing happens outside.
-    pub(crate) fn is_settled(&self, settings: &Settings) -> bool {
+    pub(crate) fn is_settled(&self, settings: &Settings, rules: &dyn Rules) -> bool {
         let waits = self.alarms.iter().any(Alarm::waits) || self.on_off.waits();
         let is_under_way = self.soft_start.is_active() || !self.tuning.rests();
         let watches = settings.current.enabled || self.input.latch.is_enabled();
         let controls = settings.pid.as_ref().is_some_and(|pid| !self.pid.is_settled(pid));
         let moves = controls && self.is_automatic;
-        self.input.is_settled() && !waits && !is_under_way && !watches && !moves
+        self.input.is_settled(rules) && !waits && !is_under_way && !watches && !moves
     }
 
     /// What is at the terminals.
@@ -329,7 +331,10 @@ impl Controller {
     pub(crate) fn next(&self, settings: &Settings, rules: &dyn Rules) -> Option<f64> {
         let functions = self.functions.as_ref()?;
         let command = match settings.wiring.command {
-            Command::Contact => self.cycles.command.next(functions.command, settings.cycle, rules),
+            Command::Contact => {
+                let wanted = self.cycles.command.held(functions.command);
+                self.cycles.command.next(wanted, settings.cycle, rules)
+            }
             Command::Valve => {
                 let wanted = valve_target(functions.command, rules);
                 self.valve.next(wanted, settings.travel)
@@ -390,7 +395,8 @@ impl Controller {
         if starts && rules.soft_starts(self.has_run) {
             self.soft_start = SoftStart::begin(process, &settings.soft_start);
         }
-        if starts || inputs.running && wanted != self.last_set_point {
+        let occasion = wanted != self.last_set_point || rules.any_gap_tunes();
+        if starts || inputs.running && occasion {
             self.tuning.started(starts, (process, wanted), &settings.tuning, rules);
         }
         self.running = inputs.running;
@@ -493,8 +499,11 @@ impl Controller {
     }
 
     /// The alarms are reset by hand, as 400Bh asks for (11.3.14).
-    pub(crate) fn reset_alarms(&mut self) {
+    pub(crate) fn reset_alarms(&mut self, rules: &dyn Rules) {
         self.alarms.iter_mut().for_each(Alarm::reset);
+        if !rules.current_flags_end() {
+            self.transformer.reset();
+        }
     }
 
     /// What 400Ah and 400Bh show.
@@ -548,11 +557,12 @@ impl Controller {
     fn connect(&mut self, settings: &Settings, rules: &dyn Rules) {
         let Some(functions) = &mut self.functions else { return };
         let Cycles { command, alarms } = self.cycles;
-        functions.command_closed = command.is_closed(functions.command, settings.cycle, rules);
+        let wanted = self.cycles.command.hold(functions.command, rules);
+        functions.command_closed = command.is_closed(wanted, settings.cycle, rules);
         functions.alarms_closed =
             functions.alarms.map(|alarm| alarms.is_closed(alarm, settings.cooling_cycle, rules));
         if settings.wiring.command == Command::Valve {
-            self.valve.go_to(valve_target(functions.command, rules));
+            self.valve.go_to(valve_target(functions.command, rules), rules);
         }
         functions.valve = self.valve.motion();
         self.terminals = settings.wiring.connect(functions, rules);

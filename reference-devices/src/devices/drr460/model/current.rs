@@ -54,7 +54,10 @@ impl Watched {
         self.counts = condition == Some(true);
         match condition {
             None => {}
-            Some(false) => *self = Self::default(),
+            Some(false) => {
+                let is_error = self.is_error && !rules.current_flags_end();
+                *self = Self { is_error, ..Self::default() };
+            }
             Some(true) => self.is_error |= self.waited + ROUNDING >= delay,
         }
     }
@@ -93,6 +96,11 @@ impl Transformer {
         for (number, (watched, condition)) in self.watched.iter_mut().zip(conditions).enumerate() {
             watched.follow(condition, rules.current_delay(number, settings.delay), rules);
         }
+    }
+
+    /// The flags are reset by hand; those whose cause lasts come again.
+    pub(super) fn reset(&mut self) {
+        self.watched = Default::default();
     }
 
     /// Time goes by.

@@ -30,6 +30,8 @@ impl Wanted {
 pub(super) struct Cycle {
     /// Seconds since the cycle began.
     at: f64,
+    /// The share of this cycle, where a new one has to wait for the next.
+    share: Option<f64>,
 }
 
 impl Cycle {
@@ -39,6 +41,27 @@ impl Cycle {
         // What rounding leaves of a cycle is the beginning of the next one.
         if period - self.at < ROUNDING {
             self.at = 0.0;
+        }
+        if elapsed > 0.0 && self.at < elapsed {
+            self.share = None;
+        }
+    }
+
+    /// The output wants something; returns what it has until the cycle ends.
+    pub(super) fn hold(&mut self, wanted: Wanted, rules: &dyn Rules) -> Wanted {
+        match wanted {
+            Wanted::Share(share) if !rules.share_counts_at_once() => {
+                Wanted::Share(*self.share.get_or_insert(share))
+            }
+            other => other,
+        }
+    }
+
+    /// What the output has until the cycle ends.
+    pub(super) fn held(&self, wanted: Wanted) -> Wanted {
+        match (wanted, self.share) {
+            (Wanted::Share(_), Some(share)) => Wanted::Share(share),
+            (other, _) => other,
         }
     }
 

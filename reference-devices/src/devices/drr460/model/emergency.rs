@@ -26,6 +26,10 @@ pub(crate) struct Found {
     pub(crate) changed_hardware: bool,
     /// Parameters could not be stored.
     pub(crate) not_stored: bool,
+    /// There is no process value.
+    pub(crate) no_process: bool,
+    /// The device has just booted up.
+    pub(crate) defaults: bool,
     /// The bit of 4007h of the part of the configuration that could not be read.
     pub(crate) unread: Option<u8>,
 }
@@ -72,11 +76,19 @@ pub(crate) fn reports(found: Found, around: &Surroundings) -> impl Iterator<Item
         reacts: false,
         stops: error == BROKEN,
     });
-    [changed, not_stored, unread, bus, module].into_iter().flatten()
+    let defaults = found.defaults.then(|| device(DEFAULTS, [0; 5]));
+    let sensor = found
+        .no_process
+        .then(|| Report { code: EmcyCode(0xFF00), ..device(SENSOR, [1, 7, PLACE, 1, 2]) });
+    let own = [changed, not_stored, unread, defaults, sensor];
+    own.into_iter().chain([bus, module]).flatten()
 }
 
 /// The application's numbers for all errors.
-pub(crate) const ERRORS: [u16; 8] = [1, 2, 3, BUS + 1, BUS + 2, BUS + 3, BROKEN, BROKEN + 1];
+pub(crate) const ERRORS: [u16; 10] =
+    [1, 2, 3, DEFAULTS, SENSOR, BUS + 1, BUS + 2, BUS + 3, BROKEN, BROKEN + 1];
+const DEFAULTS: u16 = 4;
+const SENSOR: u16 = 5;
 const BUS: u16 = 0x10;
 const BROKEN: u16 = 0x20;
 /// The only module.
@@ -98,7 +110,12 @@ mod tests {
     fn each_error_has_its_message() {
         let healthy = Surroundings::default();
         assert_eq!(messages(Found::default(), &healthy), []);
-        let found = Found { changed_hardware: true, not_stored: true, unread: Some(18) };
+        let found = Found {
+            changed_hardware: true,
+            not_stored: true,
+            unread: Some(18),
+            ..Found::default()
+        };
         let all = [[0, 1, 0, 0, 0], [0, 2, 0, 0, 0], [0, 3, 1, 1, 3]];
         assert_eq!(messages(found, &healthy), all.map(|vendor| (0x5000, 0x81, vendor)));
         let bus = |bus| messages(Found::default(), &Surroundings { bus, ..healthy });

@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 
 use super::PERIOD;
+use super::rules::Rules;
 
 /// The average of the last samples.
 #[derive(Clone, Debug, Default)]
@@ -16,7 +17,16 @@ impl Filter {
     /// A sample, so many seconds after the last one, and how many are averaged. The first one fills
     /// the average, so that no time is spent on the way from zero; one that comes early takes the
     /// place of the last.
-    pub(super) fn take(&mut self, sample: f64, wanted: i64, elapsed: f64) -> f64 {
+    pub(super) fn take(
+        &mut self,
+        sample: f64,
+        wanted: i64,
+        elapsed: f64,
+        rules: &dyn Rules,
+    ) -> f64 {
+        if !rules.filters_by_mean() {
+            return self.follow(sample, wanted, elapsed);
+        }
         let wanted = usize::try_from(wanted).unwrap_or(1).max(1);
         self.since += elapsed;
         if self.since + ROUNDING < PERIOD {
@@ -34,6 +44,16 @@ impl Filter {
         self.samples.iter().sum::<f64>() / self.samples.len() as f64
     }
 
+    /// Follows the samples with a time constant of so many periods; 1 does not filter.
+    fn follow(&mut self, sample: f64, wanted: i64, elapsed: f64) -> f64 {
+        let last = self.samples.pop_back().filter(|_| wanted > 1).unwrap_or(sample);
+        let time = wanted as f64 * PERIOD;
+        let value = sample + (last - sample) * (-elapsed / time).exp();
+        let value = if (value - sample).abs() < NOTICED { sample } else { value };
+        self.samples = VecDeque::from([sample, value]);
+        value
+    }
+
     /// Begins anew.
     pub(super) fn clear(&mut self) {
         *self = Self::default();
@@ -46,21 +66,24 @@ impl Filter {
 }
 
 const ROUNDING: f64 = 1e-6;
+/// Digits below which a lag has arrived.
+const NOTICED: f64 = 0.01;
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::devices::drr460::model::rules::Manual;
 
     #[test]
     fn a_step_arrives_in_as_many_samples_as_are_averaged() {
         let mut filter = Filter::default();
-        assert_eq!(filter.take(100.0, 4, 0.1), 100.0);
+        assert_eq!(filter.take(100.0, 4, 0.1, &Manual), 100.0);
         assert_eq!(
-            [(); 5].map(|()| filter.take(200.0, 4, 0.1)),
+            [(); 5].map(|()| filter.take(200.0, 4, 0.1, &Manual)),
             [125.0, 150.0, 175.0, 200.0, 200.0]
         );
         assert!(filter.is_settled());
-        assert_eq!([(); 2].map(|()| filter.take(240.0, 4, 0.05)), [210.0, 220.0]);
-        assert_eq!(filter.take(0.0, 1, 0.1), 0.0);
+        assert_eq!([(); 2].map(|()| filter.take(240.0, 4, 0.05, &Manual)), [210.0, 220.0]);
+        assert_eq!(filter.take(0.0, 1, 0.1, &Manual), 0.0);
     }
 }

@@ -82,9 +82,9 @@ impl Flags {
 
 /// Whether flags of 4007h leave the controller without a process value, which is what parameters
 /// 20, 59, 71 and 104 call an error.
-pub(super) const fn is_error(flags: i64, is_thermocouple: bool) -> bool {
+pub(super) fn is_error(flags: i64, is_thermocouple: bool, rules: &dyn Rules) -> bool {
     let junction = if is_thermocouple { COLD_JUNCTION } else { 0 };
-    flags & (WITHOUT_PROCESS | junction) != 0
+    flags & rules.errors(WITHOUT_PROCESS | junction) != 0
 }
 
 const COLD_JUNCTION: i64 = 1;
@@ -140,7 +140,7 @@ mod tests {
             (1 << 18, true, false),
         ];
         for (flags, is_thermocouple, expected) in table {
-            assert_eq!(is_error(flags, is_thermocouple), expected, "{flags:#X}");
+            assert_eq!(is_error(flags, is_thermocouple, &Manual), expected, "{flags:#X}");
         }
     }
 }

@@ -33,6 +33,9 @@ pub(super) struct OnOff {
     switched: Delayed,
     /// Waits to be reset by hand.
     latched: bool,
+    /// Is off until it is reset by hand.
+    held_off: bool,
+    was_on: bool,
 }
 
 impl OnOff {
@@ -46,8 +49,13 @@ impl OnOff {
             self.wanted = true;
         }
         let on = self.switched.follow(self.wanted, settings.delay, rules);
-        self.latched = settings.latches && (self.latched || on);
-        on || self.latched
+        let was_on = std::mem::replace(&mut self.was_on, on);
+        if rules.reset_holds_on() {
+            self.latched = settings.latches && (self.latched || on);
+            return on || self.latched;
+        }
+        self.held_off = settings.latches && (self.held_off || was_on && !on);
+        on && !self.held_off
     }
 
     /// Time goes by.
@@ -62,17 +70,19 @@ impl OnOff {
 
     /// Whether it can be reset by hand, as 400Ah shows.
     pub(super) fn resettable(&self, rules: &dyn Rules) -> bool {
-        rules.resettable(self.latched, self.switched.is_on())
+        self.held_off || rules.resettable(self.latched, self.switched.is_on())
     }
 
     /// Resets it by hand; nothing happens while control wants it on.
     pub(super) const fn reset(&mut self) {
         self.latched &= self.switched.is_on();
+        self.held_off = false;
     }
 
     /// The device was switched on, or the controller was stopped.
     pub(super) fn restart(&mut self, settings: &Settings) {
-        *self = Self { latched: self.latched && settings.kept, ..Self::default() };
+        let (latched, held_off) = (self.latched && settings.kept, self.held_off && settings.kept);
+        *self = Self { latched, held_off, ..Self::default() };
     }
 }
 

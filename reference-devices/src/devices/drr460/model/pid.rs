@@ -19,8 +19,8 @@ pub(super) struct Settings {
     off_over: Option<i64>,
     /// In digits; there is a second output that cools.
     cooling_band: Option<f64>,
-    /// The share of the band by which cooling begins before heating ends.
-    overlap: f64,
+    /// The share of the band by which heating ends later and cooling begins earlier.
+    overlap: (f64, f64),
     limits: (f64, f64),
 }
 
@@ -41,7 +41,7 @@ impl Settings {
             centred: rules.centred(parameters.is_set(37), double_loop),
             off_over: parameters.is_set(38).then(|| parameters.get(39)),
             cooling_band: double_loop.then_some(cooling_band),
-            overlap: parameters.get(43) as f64 / 1000.0,
+            overlap: rules.overlap(parameters.get(43) as f64 / 1000.0),
             limits: (low, high.max(low)),
         }
     }
@@ -82,7 +82,11 @@ impl Pid {
         rules: &dyn Rules,
     ) -> Outputs {
         let is_dead = settings.dead_band > 0 && rules.in_dead_band(missing, settings.dead_band);
-        let deviation = if is_dead { 0.0 } else { missing as f64 / settings.band };
+        let counts = match is_dead {
+            true => 0,
+            false => rules.beyond_dead_band(missing, settings.dead_band),
+        };
+        let deviation = counts as f64 / settings.band;
         let proportional = if settings.is_proportional { deviation } else { 0.0 };
         self.approach(missing, rules.set_point_step(moved), elapsed);
         let derivative = self.rate / settings.band * settings.derivative_time;
@@ -101,7 +105,11 @@ impl Pid {
         let wanted = rest + self.integral;
         let over = settings.off_over.is_some_and(|threshold| rules.is_over(-missing, threshold));
         let (low, high) = settings.limits;
-        let command = if over { 0.0 } else { wanted.clamp(0.0, 1.0).clamp(low, high) };
+        let later = if settings.cooling_band.is_some() { settings.overlap.0 } else { 0.0 };
+        let command = match over {
+            true => 0.0,
+            false => (wanted + later).clamp(0.0, 1.0).clamp(low, high),
+        };
         Outputs { command, cooling: self.cooling(wanted, settings) }
     }
 
@@ -124,7 +132,7 @@ impl Pid {
     fn cooling(&self, wanted: f64, settings: &Settings) -> f64 {
         let Some(band) = settings.cooling_band else { return 0.0 };
         // Below 0, `wanted` counts in bands of heating.
-        let beyond = settings.overlap - wanted;
+        let beyond = settings.overlap.1 - wanted;
         (beyond * settings.band / band).clamp(0.0, 1.0)
     }
 

@@ -1,5 +1,6 @@
 //! From the terminals of the input to the process value (manual, 11.3.2, parameters 1 to 10).
 
+use super::PERIOD;
 use super::filter::Filter;
 use super::latch::{self, Latch};
 use super::parameters::Parameters;
@@ -15,6 +16,7 @@ pub(super) struct Settings {
     offset: f64,
     gain: f64,
     samples: i64,
+    kilohms: f64,
     pub(super) latch: latch::Settings,
 }
 
@@ -27,6 +29,7 @@ impl Settings {
             offset: parameters.get(7) as f64,
             gain: parameters.get(8) as f64,
             samples: parameters.get(10),
+            kilohms: parameters.get(5) as f64,
             latch: latch::Settings::of(parameters),
         }
     }
@@ -53,6 +56,9 @@ pub(super) struct Input {
     sensor: Option<Sensor>,
     /// The share of its range that a linear signal has, for latch-on.
     pub(super) share: f64,
+    /// What was connected at the last sample, and how long ago it was.
+    held: Option<Connected>,
+    since: f64,
 }
 
 /// What a sample says.
@@ -74,6 +80,9 @@ impl Input {
         rules: &dyn Rules,
     ) -> Reading {
         let lag = terminals - rules.compensated(terminals);
+        let connected = self.hold(connected, elapsed, rules);
+        let kilohms = rules.track(connected.kilohms, settings.kilohms);
+        let connected = Connected { kilohms, ..connected };
         if self.sensor.replace(settings.sensor) != Some(settings.sensor) {
             self.filter.clear();
         }
@@ -82,7 +91,7 @@ impl Input {
                 let wires = if settings.sensor.is_linear() { 0.0 } else { rules.wires(terminals) };
                 let digits = self.digits(value + wires, settings, rules);
                 let digits = rules.calibrated(digits, settings.gain, settings.offset);
-                let process = whole(self.filter.take(digits, settings.samples, elapsed));
+                let process = whole(self.filter.take(digits, settings.samples, elapsed, rules));
                 Reading { process, is_error: false }
             }
             Seen::Outside(end) => {
@@ -90,6 +99,16 @@ impl Input {
                 Reading { process: whole(self.digits(end, settings, rules)), is_error: true }
             }
         }
+    }
+
+    /// What is connected, or was when the last period began.
+    fn hold(&mut self, connected: Connected, elapsed: f64, rules: &dyn Rules) -> Connected {
+        self.since += elapsed;
+        let held = self.held.filter(|_| !rules.samples_at_once() && self.since + ROUNDING < PERIOD);
+        if held.is_none() {
+            (self.held, self.since) = (Some(connected), 0.0);
+        }
+        held.unwrap_or(connected)
     }
 
     fn digits(&mut self, value: f64, settings: &Settings, rules: &dyn Rules) -> f64 {
@@ -111,10 +130,13 @@ impl Input {
     }
 
     /// Whether another sample of the same signal would say the same.
-    pub(super) fn is_settled(&self) -> bool {
-        self.filter.is_settled()
+    pub(super) fn is_settled(&self, rules: &dyn Rules) -> bool {
+        self.filter.is_settled() && rules.samples_at_once()
     }
 }
+
+/// In seconds.
+const ROUNDING: f64 = 1e-6;
 
 fn whole(digits: f64) -> i64 {
     digits.round().clamp(f64::from(-i16::MAX), f64::from(i16::MAX)) as i64

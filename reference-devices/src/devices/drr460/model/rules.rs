@@ -57,6 +57,21 @@ pub(crate) trait Rules: Send {
         digits
     }
 
+    /// A potentiometer is measured by its resistance: so many kilohms, whatever sub 5 has (5.1.b).
+    fn track(&self, connected: f64, _configured: f64) -> f64 {
+        connected
+    }
+
+    /// The input is read at once when something changes, not only once in a period.
+    fn samples_at_once(&self) -> bool {
+        true
+    }
+
+    /// The filter is a mean of so many samples, and no lag of the first order (11.3.2, sub 10).
+    fn filters_by_mean(&self) -> bool {
+        true
+    }
+
     /// The process value is the input with gain and offset (11.3.2, subs 7 and 8).
     fn calibrated(&self, digits: f64, gain: f64, offset: f64) -> f64 {
         digits * (1.0 + gain / 1000.0) + offset
@@ -147,6 +162,11 @@ pub(crate) trait Rules: Send {
         (hysteresis.min(0), hysteresis.max(0))
     }
 
+    /// What is reset by hand, with sub 22, is held on and not held off (11.3.13).
+    fn reset_holds_on(&self) -> bool {
+        true
+    }
+
     /// A delay in seconds: above 0 on the way to on, below on the way to off (11.3.2, subs 23, 62
     /// and 74).
     fn delay(&self, to_on: bool, delay: f64) -> f64 {
@@ -228,6 +248,11 @@ pub(crate) trait Rules: Send {
         missing.abs() <= dead_band
     }
 
+    /// What is missing beyond the dead band counts as a whole (11.3.2, sub 36).
+    fn beyond_dead_band(&self, missing: i64, _dead_band: i64) -> i64 {
+        missing
+    }
+
     /// The derivative looks at the process alone, so a set point that moves is taken out of it.
     fn set_point_step(&self, moved: i64) -> i64 {
         moved
@@ -248,6 +273,11 @@ pub(crate) trait Rules: Send {
         band * multiplier
     }
 
+    /// Which parts of the overlap move heating and cooling (7.8): cooling alone.
+    fn overlap(&self, overlap: f64) -> (f64, f64) {
+        (0.0, overlap)
+    }
+
     /// In double loop the band is never centred (11.3.2, sub 37).
     fn centred(&self, configured: bool, double_loop: bool) -> bool {
         configured && !double_loop
@@ -265,6 +295,16 @@ pub(crate) trait Rules: Send {
     /// A fluid presets multiplier and cycle time when it is chosen, and not at power-on (7.8).
     fn presets_at_power_on(&self) -> bool {
         false
+    }
+
+    /// A new share counts at once, not only from the next cycle on (11.3.2, subs 40 and 44).
+    fn share_counts_at_once(&self) -> bool {
+        true
+    }
+
+    /// A valve at its end rests, and is at home at power-on (11.3.2, sub 24).
+    fn valve_rests_at_its_ends(&self) -> bool {
+        true
     }
 
     /// A cycle has the share of the output (11.3.2, subs 40 and 44).
@@ -290,6 +330,11 @@ pub(crate) trait Rules: Send {
     /// Deviation and band alarms compare the distance from the set point in force (9.c to 9.e).
     fn deviation(&self, process: i64, set_point: i64) -> i64 {
         process - set_point
+    }
+
+    /// Kinds 6 and 7 look at the set point in force, not at 4000h (11.3.2, subs 56 and 68).
+    fn looked_at(&self, in_force: i64, _wanted: i64) -> i64 {
+        in_force
     }
 
     /// An alarm begins at its threshold (chapter 9).
@@ -328,6 +373,11 @@ pub(crate) trait Rules: Send {
         contact >= 2
     }
 
+    /// An alarm that is selected waits for absence, as one at power-on does (11.3.2, sub 57).
+    fn selection_disarms(&self) -> bool {
+        true
+    }
+
     /// STOP does not count as absence of the condition, nor does what was before (11.3.2, sub 57).
     fn armed_over_stop(&self) -> bool {
         false
@@ -342,6 +392,16 @@ pub(crate) trait Rules: Send {
     /// greatest one (7.2).
     fn gap_asks_for_tuning(&self, gap: i64, greatest: i64) -> bool {
         gap.abs() > greatest
+    }
+
+    /// A gap that opens at another time than those begins no tuning (7.2, and 11.3.2, sub 31).
+    fn any_gap_tunes(&self) -> bool {
+        false
+    }
+
+    /// Tuning keeps to the least and greatest band and the least integral time (subs 48 to 50).
+    fn tuning_limits(&self, bands: (f64, f64), integral_time: f64) -> ((f64, f64), f64) {
+        (bands, integral_time)
     }
 
     /// Each value that 400Eh takes has its effect (7.5, 11.3.17).
@@ -408,6 +468,11 @@ pub(crate) trait Rules: Send {
         digits_per_hour as f64 / 3600.0
     }
 
+    /// At the set point the soft start is over, and later changes count at once (7.9).
+    fn gradient_ends(&self) -> bool {
+        true
+    }
+
     /// The gradient holds for the way down as well (11.3.2, sub 81).
     fn gradient_falls(&self) -> bool {
         true
@@ -445,6 +510,11 @@ pub(crate) trait Rules: Send {
 
     /// A fault that goes before its delay is over has its whole delay again (11.3.2, sub 94).
     fn current_delay_starts_over(&self) -> bool {
+        true
+    }
+
+    /// A flag of the load ends with its cause (11.3.10, bits 7 to 10).
+    fn current_flags_end(&self) -> bool {
         true
     }
 
@@ -523,6 +593,11 @@ pub(crate) trait Rules: Send {
         configured as f64 / 10.0
     }
 
+    /// A change of the NMT state is something that the network does (11.3.2, sub 115).
+    fn states_end_silence(&self) -> bool {
+        true
+    }
+
     /// What the network does ends the silence, reading included (11.3.2, sub 115).
     fn ends_silence(&self, _reads: bool) -> bool {
         true
@@ -531,6 +606,31 @@ pub(crate) trait Rules: Send {
     /// A flag of 4007h has this bit (11.3.10).
     fn flag(&self, bit: u8) -> u8 {
         bit
+    }
+
+    /// Which flags are an error (11.3.2, subs 20, 59, 71 and 104): what leaves no process value.
+    fn errors(&self, without_process: i64) -> i64 {
+        without_process
+    }
+
+    /// A broken sensor has no code of its own, so that no message reports it (11.9).
+    fn reports_sensor(&self) -> bool {
+        false
+    }
+
+    /// Power-on with default settings has no code of its own either (11.9).
+    fn reports_boot(&self) -> bool {
+        false
+    }
+
+    /// The board inside has the messages of a module (11.9).
+    fn reports_module(&self) -> bool {
+        true
+    }
+
+    /// The device does not restart by itself when the defaults are loaded (11.2.13).
+    fn load_restarts(&self) -> bool {
+        false
     }
 
     /// 4009h: bit 0 is Q1 and bit 1 is Q2 (11.3.12).

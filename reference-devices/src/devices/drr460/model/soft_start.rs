@@ -77,7 +77,10 @@ impl SoftStart {
                 let step = settings.gradient * std::mem::take(&mut self.not_moved);
                 let left = wanted as f64 - at;
                 if left.abs() <= step || left < 0.0 && !rules.gradient_falls() {
-                    self.phase = Phase::Done;
+                    self.phase = match rules.gradient_ends() {
+                        true => Phase::Done,
+                        false => Phase::Gradient { at: wanted as f64 },
+                    };
                     return wanted;
                 }
                 let at = at + step.copysign(left);

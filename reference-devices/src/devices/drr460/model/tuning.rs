@@ -24,13 +24,14 @@ pub(super) struct Settings {
 impl Settings {
     pub(super) fn of(parameters: &Parameters) -> Self {
         let rules = parameters.rules;
-        let (low, high) = (parameters.get(48) as f64, parameters.get(49) as f64);
+        let bands = (parameters.get(48) as f64, parameters.get(49) as f64);
+        let ((low, high), least_integral_time) = rules.tuning_limits(bands, parameters.tenths(50));
         Self {
             kind: parameters.get(31),
             deviation: rules.tuning_deviation(parameters.get(32)),
             greatest_gap: parameters.get(47),
             bands: (low.max(1.0), high.max(low).max(1.0)),
-            least_integral_time: parameters.tenths(50),
+            least_integral_time,
             longest_silence: rules.longest_silence_in_tuning(),
             soft_start: rules.soft_start_prevents_tuning(parameters.get(80)),
             direction: if rules.cools(parameters.get(18)) { -1 } else { 1 },
@@ -141,6 +142,7 @@ impl Tuning {
         let gap = set_point - process;
         let asked = rules.gap_asks_for_tuning(gap, settings.greatest_gap);
         let begins = match settings.kind {
+            AUTOMATIC if rules.any_gap_tunes() => asked && self.status == Status::Off,
             AUTOMATIC => asked && (at_start || rules.set_point_tunes()),
             ONCE => at_start,
             _ => false,

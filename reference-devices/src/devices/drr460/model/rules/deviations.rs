@@ -522,6 +522,86 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { Rules;
     "cycle-never-whole" {
         fn cycle_share(&self, share: f64) -> f64 { share.min(0.9) }
     }
+    "potentiometer-by-its-wiper" {
+        fn track(&self, _connected: f64, configured: f64) -> f64 { configured }
+    }
+    "samples-in-periods" {
+        fn samples_at_once(&self) -> bool { false }
+    }
+    "filter-of-first-order" {
+        fn filters_by_mean(&self) -> bool { false }
+    }
+    "command-hysteresis-beyond-the-set-point" {
+        fn on_off(&self, hysteresis: i64) -> (i64, i64) { (-hysteresis.max(0), -hysteresis.min(0)) }
+    }
+    "command-reset-holds-off" {
+        fn reset_holds_on(&self) -> bool { false }
+    }
+    "dead-band-subtracted" {
+        fn beyond_dead_band(&self, missing: i64, dead_band: i64) -> i64 {
+            missing - dead_band * missing.signum()
+        }
+    }
+    "overlap-by-halves" {
+        fn overlap(&self, overlap: f64) -> (f64, f64) { (overlap / 2.0, overlap / 2.0) }
+    }
+    "share-counts-from-the-next-cycle" {
+        fn share_counts_at_once(&self) -> bool { false }
+    }
+    "valve-driven-at-its-ends" {
+        fn valve_rests_at_its_ends(&self) -> bool { false }
+    }
+    "alarm-of-set-point-looks-at-4000h" {
+        fn looked_at(&self, _in_force: i64, wanted: i64) -> i64 { wanted }
+    }
+    "selected-alarm-is-armed" {
+        fn selection_disarms(&self) -> bool { false }
+    }
+    "tuning-at-any-gap" {
+        fn any_gap_tunes(&self) -> bool { true }
+    }
+    "tuning-without-limits" {
+        fn tuning_limits(&self, _: (f64, f64), _: f64) -> ((f64, f64), f64) {
+            ((1.0, f64::from(i16::MAX)), 0.0)
+        }
+    }
+    "gradient-without-end" {
+        fn gradient_ends(&self) -> bool { false }
+    }
+    "flags-of-the-load-stay" {
+        fn current_flags_end(&self) -> bool { false }
+    }
+    "whole-current-is-the-threshold" {
+        fn taught(&self, current: f64) -> f64 { current }
+    }
+    "retransmission-to-21.5-ma" {
+        fn share(&self, value: f64, low: f64, high: f64) -> f64 {
+            if high == low { 0.0 } else { ((value - low) / (high - low)).clamp(0.0, 1.075) }
+        }
+    }
+    "retransmission-limits-in-degrees" {
+        fn parameter(&self, sub: u8, configured: i64) -> i64 {
+            if matches!(sub, 102 | 103) { configured * 10 } else { configured }
+        }
+    }
+    "states-are-silence" {
+        fn states_end_silence(&self) -> bool { false }
+    }
+    "every-flag-is-an-error" {
+        fn errors(&self, _without_process: i64) -> i64 { -1 }
+    }
+    "sensor-reported" {
+        fn reports_sensor(&self) -> bool { true }
+    }
+    "boot-reported" {
+        fn reports_boot(&self) -> bool { true }
+    }
+    "module-not-reported" {
+        fn reports_module(&self) -> bool { false }
+    }
+    "load-restarts" {
+        fn load_restarts(&self) -> bool { true }
+    }
 };
 
 #[cfg(test)]

@@ -254,7 +254,7 @@ const TAKEN_FOR: &[(&str, u8, i64, i64)] = &[
     ("current-retransmitted-as-process", 100, 5, 1),
     ("remote-value-not-retransmitted", 100, 6, 0),
     ("retransmission-works-not-in-stop", 105, 4, 0),
-    ("no-filter-taken-for-the-longest", 10, 1, 15),
+    ("no-filter-taken-for-the-longest", 10, 1, 50),
     ("latch-on-without-selection", 9, 0, 1),
     ("zero-with-standard-latch-on", 9, 1, 2),
     ("zero-taken-for-linear-zero", 9, 2, 3),
