@@ -99,22 +99,26 @@ impl Deviation {
     /// The device with all changes, switched on at time 0.
     ///
     /// # Errors
-    /// When a change names something that is not there: a rule, an object, a pattern; or when two
-    /// changes are about the application, which takes one only.
+    /// When a change names something that is not there: a rule, an object, a pattern.
     pub fn build(&self, device: &ReferenceDevice, node: u8) -> Result<Box<dyn Device>, Complaint> {
         let device = self.described(device)?;
         let mut eds = device.description.eds.clone();
         let mut rules: Box<dyn Rules> = Box::new(Specification);
-        let (mut behaviour, mut settings) = (None, device.settings());
+        let (mut behaviour, mut settings) = (Vec::new(), device.settings());
+        let known = device.behaviour_rule_names();
         for (change, origin) in &self.parts {
             let refuse = |misfit: Misfit| origin.refuse(&misfit);
             match change {
                 Change::Rule(name) => rules = with_rule(name, rules).map_err(refuse)?,
-                Change::Behaviour(_) if behaviour.is_some() => {
-                    let message = "a device has one deviation of its application only";
+                Change::Behaviour(name) if known.contains(&name.as_str()) => {
+                    behaviour.push(name.as_str())
+                }
+                Change::Behaviour(name) => {
+                    let meant = did_you_mean(name, known.into_iter());
+                    let of = &device.description.behaviour;
+                    let message = format!("behaviour `{of}` has no rule `{name}`{meant}");
                     return Err(refuse(Misfit::at(&["behaviour"], message)));
                 }
-                Change::Behaviour(name) => behaviour = Some((name, origin)),
                 Change::Dictionary(patch) => {
                     patch.apply(&mut eds).map_err(|wrong| refuse(wrong.below(&["dictionary"])))?;
                 }
@@ -122,15 +126,8 @@ impl Deviation {
                 Change::Object(_) | Change::Profile(_) | Change::Eds(_) | Change::Frame(_) => {}
             }
         }
-        let behaviour = match behaviour {
-            None => device.behaviour(),
-            Some((name, origin)) => device.deviating_behaviour(name).ok_or_else(|| {
-                let meant = did_you_mean(name, device.behaviour_rule_names().into_iter());
-                let of = &device.description.behaviour;
-                let message = format!("behaviour `{of}` has no rule `{name}`{meant}");
-                origin.refuse(&Misfit::at(&["behaviour"], message))
-            })?,
-        };
+        let behaviour =
+            device.deviating_behaviour(&behaviour).expect("rules that the application knows");
         let node_of = Node::new(&eds, node, settings, rules, behaviour);
         let mut built: Box<dyn Device> = Box::new(node_of.map_err(|(mux, error)| {
             let dictionary = |(change, _): &&(Change, _)| matches!(change, Change::Dictionary(_));

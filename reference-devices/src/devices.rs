@@ -232,12 +232,13 @@ impl ReferenceDevice {
 
     /// What the device does beside communicating.
     pub(crate) fn behaviour(&self) -> Box<dyn Behaviour> {
-        (self.application().build)(&self.description)
+        self.deviating_behaviour(&[]).expect("an application without deviations")
     }
 
-    /// The same with one decision taken otherwise; `None` when the device has none of that name.
-    pub(crate) fn deviating_behaviour(&self, rule: &str) -> Option<Box<dyn Behaviour>> {
-        (self.application().deviating)(&self.description, rule)
+    /// The same with the decisions of these names taken otherwise; `None` when there is no such
+    /// decision.
+    pub(crate) fn deviating_behaviour(&self, rules: &[&str]) -> Option<Box<dyn Behaviour>> {
+        (self.application().build)(&self.description, rules)
     }
 
     /// The names that [`deviating_behaviour`](Self::deviating_behaviour) knows.
@@ -410,10 +411,10 @@ mod tests {
     fn each_deviation_of_an_application_has_one_name() {
         for device in names().map(|name| device(name).unwrap()) {
             let known = device.behaviour_rule_names();
-            assert!(known.iter().all(|name| device.deviating_behaviour(name).is_some()));
+            assert!(known.iter().all(|name| device.deviating_behaviour(&[name]).is_some()));
             let unique: std::collections::BTreeSet<_> = known.iter().collect();
             assert_eq!(unique.len(), known.len(), "{}", device.description.device);
-            assert!(device.deviating_behaviour("none-of-these").is_none());
+            assert!(device.deviating_behaviour(&["none-of-these"]).is_none());
         }
     }
 

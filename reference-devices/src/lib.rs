@@ -7,6 +7,9 @@
 //! document forbids, a [`freedom::Freedom`] one with a deviation that a document allows, and a
 //! [`freedom::Personality`] has many of these.
 
+#[macro_use]
+mod decisions;
+
 pub mod change;
 pub mod describe;
 pub mod devices;

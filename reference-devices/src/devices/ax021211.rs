@@ -64,17 +64,17 @@ pub(super) struct Ax021211 {
 }
 
 impl Ax021211 {
-    /// A controller that keeps to its manual.
-    pub(super) fn new(eds: &Eds) -> Self {
-        Self::with(eds, Box::new(Manual))
+    /// The controller that keeps to its manual but for the decisions of these names; `None` when
+    /// there is no such decision.
+    pub(super) fn with_deviations(eds: &Eds, names: &[&str]) -> Option<Self> {
+        let mut rules: Box<dyn Ax021211Rules> = Box::new(Manual);
+        for name in names {
+            rules = rules::named(name)?(rules);
+        }
+        Some(Self::with(eds, rules))
     }
 
-    /// The controller that takes the decision of that name otherwise; `None` when there is none.
-    pub(super) fn deviating(eds: &Eds, name: &str) -> Option<Self> {
-        Some(Self::with(eds, rules::named(name)?))
-    }
-
-    /// The names that [`deviating`](Self::deviating) knows.
+    /// The names that [`with_deviations`](Self::with_deviations) knows.
     pub(super) fn deviations() -> impl Iterator<Item = &'static str> {
         rules::names()
     }

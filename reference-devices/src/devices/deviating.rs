@@ -1,11 +1,16 @@
-//! How an application that takes one decision otherwise is written down and found.
+//! How an application that takes one decision otherwise is written down and found. Deviations add
+//! up: each lies on top of other rules, and leaves to them what it does not decide.
 
-/// A name, and what builds the rules `R` with one decision taken otherwise.
-pub(super) type Deviation<R> = (&'static str, fn() -> Box<R>);
+/// What puts a deviation on top of other rules `R`.
+pub(super) type Lay<R> = Box<dyn FnOnce(Box<R>) -> Box<R>>;
 
-/// The rules of that name; `None` when there are none.
-pub(super) fn named<R: ?Sized>(all: &[Deviation<R>], name: &str) -> Option<Box<R>> {
-    all.iter().find(|(known, _)| *known == name).map(|(_, build)| build())
+/// A name, and what puts the deviation on top of other rules `R`.
+pub(super) type Deviation<R> = (&'static str, fn(Box<R>) -> Box<R>);
+
+/// The deviation of that name; `None` when there is none.
+pub(super) fn named<R: ?Sized + 'static>(all: &[Deviation<R>], name: &str) -> Option<Lay<R>> {
+    let (_, lay) = all.iter().find(|(known, _)| *known == name)?;
+    Some(Box::new(*lay))
 }
 
 /// The names that [`named`] knows.
@@ -13,23 +18,41 @@ pub(super) fn names<R: ?Sized>(all: &[Deviation<R>]) -> impl Iterator<Item = &'s
     all.iter().map(|(name, _)| *name)
 }
 
-/// The deviations of a trait of decisions: each is its name and the one method that differs. What
-/// else such rules decide, in other traits, is as usual.
-macro_rules! deviating {
-    ($rules:ident; $($name:literal { $($method:tt)* })*) => {
-        &[$(($name, || {
-            struct Deviating;
-            impl $rules for Deviating { $($method)* }
-            Box::new(Deviating)
-        })),*]
+/// The trait `Layer` of decisions that can lie on top of others.
+macro_rules! layer {
+    ($visibility:vis of dyn $rules:ident) => {
+        /// Decisions that can lie on top of others.
+        $visibility trait Layer: Send {
+            /// The rules that take every decision which this layer leaves to them; `None` in the
+            /// lowest layer, which takes the default ones.
+            fn beneath(&self) -> Option<&dyn $rules> {
+                None
+            }
+        }
     };
-    ($rules:ident and $others:ident; $($name:literal { $($method:tt)* })*) => {
-        &[$(($name, || {
-            struct Deviating;
-            impl $rules for Deviating { $($method)* }
-            impl $others for Deviating {}
-            Box::new(Deviating)
-        })),*]
+}
+pub(super) use layer;
+
+/// The deviations from one trait of the rules: each is its name and the methods that differ. What
+/// other traits decide, which stand in brackets, is left to the rules beneath.
+macro_rules! deviating {
+    (dyn $rules:ident: $trait:ident $others:tt; $($name:literal $methods:tt)*) => {
+        &[$(crate::devices::deviating::deviating!(
+            @one $rules $trait $others $name $methods
+        )),*]
+    };
+    (@one $rules:ident $trait:ident [$($other:ident)*] $name:literal { $($method:tt)* }) => {
+        ($name, |beneath| {
+            struct Deviating(Box<dyn $rules>);
+            impl Layer for Deviating {
+                fn beneath(&self) -> Option<&dyn $rules> {
+                    Some(&*self.0)
+                }
+            }
+            impl $trait for Deviating { $($method)* }
+            $(impl $other for Deviating {})*
+            Box::new(Deviating(beneath))
+        })
     };
 }
 pub(super) use deviating;

@@ -20,7 +20,7 @@ use std::time::Duration;
 use canopen::eds::Eds;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
-use crate::profiles::cia401::{self, IoBlock};
+use crate::profiles::cia401::{self, Cia401Rules, IoBlock};
 use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, earlier};
 
 use super::pixsys::PixsysIo;
@@ -82,22 +82,21 @@ pub(crate) struct Drr460 {
 }
 
 impl Drr460 {
-    /// A controller at room temperature that keeps to its manual.
-    pub(crate) fn new(eds: &Eds) -> Self {
-        Self::with(Box::new(Manual), IoBlock::new(eds, Box::new(PixsysIo::default())))
-    }
-
-    /// The controller that takes the decision of that name otherwise; `None` when there is none.
-    pub(crate) fn deviating(eds: &Eds, name: &str) -> Option<Self> {
-        let own = Box::new(PixsysIo::default());
-        if let Some(rules) = rules::named(name) {
-            return Some(Self::with(rules, IoBlock::new(eds, own)));
+    /// The controller that keeps to its manual but for the decisions of these names; `None` when
+    /// there is no such decision.
+    pub(crate) fn with_deviations(eds: &Eds, names: &[&str]) -> Option<Self> {
+        let mut rules: Box<dyn Rules> = Box::new(Manual);
+        let mut of_io: Box<dyn Cia401Rules> = Box::new(PixsysIo::default());
+        for name in names {
+            match rules::named(name) {
+                Some(lay) => rules = lay(rules),
+                None => of_io = cia401::deviation(name)?.of(of_io),
+            }
         }
-        let io = cia401::deviation(name)?.of(own);
-        Some(Self::with(Box::new(Manual), IoBlock::new(eds, io)))
+        Some(Self::with(rules, IoBlock::new(eds, of_io)))
     }
 
-    /// The names that [`deviating`](Self::deviating) knows.
+    /// The names that [`with_deviations`](Self::with_deviations) knows.
     pub(crate) fn deviations() -> impl Iterator<Item = &'static str> {
         rules::names().chain(cia401::names())
     }

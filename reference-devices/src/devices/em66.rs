@@ -165,17 +165,17 @@ enum Pump {
 }
 
 impl Em66 {
-    /// A device at ambient temperature that keeps to the document.
-    pub(super) fn new(device: &Description) -> Self {
-        Self::with(Box::new(Conformant), device)
+    /// The device that keeps to its documents but for the decisions of these names; `None` when
+    /// there is no such decision.
+    pub(super) fn with_deviations(device: &Description, names: &[&str]) -> Option<Self> {
+        let mut rules: Box<dyn Em66Rules> = Box::new(Conformant);
+        for name in names {
+            rules = rules::named(name)?(rules);
+        }
+        Some(Self::with(rules, device))
     }
 
-    /// The device that takes the decision of that name otherwise; `None` when there is none.
-    pub(super) fn deviating(device: &Description, name: &str) -> Option<Self> {
-        Some(Self::with(rules::named(name)?, device))
-    }
-
-    /// The names that [`deviating`](Self::deviating) knows.
+    /// The names that [`with_deviations`](Self::with_deviations) knows.
     pub(super) fn deviations() -> impl Iterator<Item = &'static str> {
         rules::names()
     }

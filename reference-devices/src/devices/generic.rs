@@ -12,7 +12,7 @@ use canopen::eds::Eds;
 use canopen::emcy::EmcyCode;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
-use crate::profiles::cia401::{self, Cia401, IoBlock};
+use crate::profiles::cia401::{self, Cia401, Cia401Rules, IoBlock};
 use crate::stack::{Behaviour, CommunicationEvent, Errors, SdoJob};
 
 use rules::{DataSheet, GenericRules};
@@ -41,21 +41,21 @@ struct Fault {
 }
 
 impl Generic {
-    /// A device that keeps to its data sheet and to CiA 401.
-    pub(crate) fn new(eds: &Eds) -> Self {
-        Self::with(Box::new(DataSheet), IoBlock::new(eds, Box::new(Cia401)))
-    }
-
-    /// The device that takes the decision of that name otherwise; `None` when there is none.
-    pub(crate) fn deviating(eds: &Eds, name: &str) -> Option<Self> {
-        if let Some(rules) = rules::named(name) {
-            return Some(Self::with(rules, IoBlock::new(eds, Box::new(Cia401))));
+    /// The device that keeps to its documents but for the decisions of these names; `None` when
+    /// there is no such decision.
+    pub(crate) fn with_deviations(eds: &Eds, names: &[&str]) -> Option<Self> {
+        let mut rules: Box<dyn GenericRules> = Box::new(DataSheet);
+        let mut of_io: Box<dyn Cia401Rules> = Box::new(Cia401);
+        for name in names {
+            match rules::named(name) {
+                Some(lay) => rules = lay(rules),
+                None => of_io = cia401::deviation(name)?.of(of_io),
+            }
         }
-        let io = IoBlock::new(eds, cia401::deviation(name)?.of(Box::new(Cia401)));
-        Some(Self::with(Box::new(DataSheet), io))
+        Some(Self::with(rules, IoBlock::new(eds, of_io)))
     }
 
-    /// The names that [`deviating`](Self::deviating) knows.
+    /// The names that [`with_deviations`](Self::with_deviations) knows.
     pub(crate) fn deviations() -> impl Iterator<Item = &'static str> {
         rules::names().chain(cia401::names())
     }

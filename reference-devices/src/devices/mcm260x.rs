@@ -28,7 +28,7 @@ use canopen::bench::Needs;
 use canopen::eds::Eds;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
-use crate::profiles::cia401::{self, IoBlock};
+use crate::profiles::cia401::{self, Cia401Rules, IoBlock};
 use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, earlier};
 
 use super::pixsys::PixsysIo;
@@ -78,33 +78,31 @@ pub(crate) struct Mcm260x {
 }
 
 impl Mcm260x {
-    /// A module that keeps to its manual.
-    pub(crate) fn new(eds: &Eds) -> Self {
-        Self::with(eds, Box::new(Manual), None)
-    }
-
-    /// The module that takes the decision of that name otherwise; `None` when there is none.
-    pub(crate) fn deviating(eds: &Eds, name: &str) -> Option<Self> {
-        if let Some(rules) = rules::named(name) {
-            return Some(Self::with(eds, rules, None));
+    /// The module that keeps to its documents but for the decisions of these names; `None` when
+    /// there is no such decision.
+    pub(crate) fn with_deviations(eds: &Eds, names: &[&str]) -> Option<Self> {
+        let (mut rules, mut of_io): (Box<dyn Mcm260xRules>, _) = (Box::new(Manual), Vec::new());
+        for name in names {
+            match rules::named(name) {
+                Some(lay) => rules = lay(rules),
+                None => of_io.push(cia401::deviation(name)?),
+            }
         }
-        Some(Self::with(eds, Box::new(Manual), Some(cia401::deviation(name)?)))
+        Some(Self::with(eds, rules, of_io))
     }
 
-    /// The names that [`deviating`](Self::deviating) knows.
+    /// The names that [`with_deviations`](Self::with_deviations) knows.
     pub(crate) fn deviations() -> impl Iterator<Item = &'static str> {
         rules::names().chain(cia401::names())
     }
 
-    fn with(eds: &Eds, rules: Box<dyn Mcm260xRules>, deviation: Option<cia401::Deviation>) -> Self {
+    fn with(eds: &Eds, rules: Box<dyn Mcm260xRules>, of_io: Vec<cia401::Deviation>) -> Self {
         let table = Table::of(eds);
         let filter = table.address(Item::InputFilter, 0);
         let own =
             PixsysIo { filter, stop_is_failure: true, objects_stay: rules.output_objects_stay() };
-        let io = match deviation {
-            Some(deviation) => IoBlock::new(eds, deviation.of(Box::new(own))),
-            None => IoBlock::new(eds, Box::new(own)),
-        };
+        let own: Box<dyn Cia401Rules> = Box::new(own);
+        let io = IoBlock::new(eds, of_io.into_iter().fold(own, |rules, other| other.of(rules)));
         let encoders = (1..=8).filter(|sub| eds.entry(Mux::new(COUNTS, *sub)).is_some()).count();
         let mut encoders = vec![Encoder::default(); encoders];
         if let Some(third) = encoders.get_mut(2) {

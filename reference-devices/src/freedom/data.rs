@@ -108,15 +108,8 @@ impl Freedom {
 
     /// Whether a device can use both freedoms.
     pub fn agrees_with(&self, other: &Self) -> bool {
-        let applications = |freedom: &Self| {
-            freedom.changes.iter().any(|change| matches!(change, Change::Behaviour(_)))
-        };
         let excludes = |one: &Self, other: &Self| one.excludes.contains(&other.name);
-        let same = self.name == other.name;
-        !(same
-            || excludes(self, other)
-            || excludes(other, self)
-            || applications(self) && applications(other))
+        self.name != other.name && !excludes(self, other) && !excludes(other, self)
     }
 
     /// A complaint about what stands at these keys of the freedom.

@@ -54,33 +54,6 @@ pub trait Layer {
     }
 }
 
-/// A trait of decisions. A layer that does not take a decision itself leaves it to the rules
-/// beneath, and the lowest layer takes the one that is written here.
-macro_rules! decisions {
-    (
-        $(#[$about:meta])*
-        $visibility:vis trait $trait:ident: $layer:path;
-        $(
-            $(#[$doc:meta])*
-            fn $name:ident(&$self:ident $(, $argument:ident: $type:ty)* $(,)?) -> $result:ty
-                $body:block
-        )*
-    ) => {
-        $(#[$about])*
-        $visibility trait $trait: $layer {
-            $(
-                $(#[$doc])*
-                fn $name(&$self $(, $argument: $type)*) -> $result {
-                    match $self.beneath() {
-                        Some(rules) => rules.$name($($argument),*),
-                        None => $body,
-                    }
-                }
-            )*
-        }
-    };
-}
-
 /// Each deviation is its name and the decisions of one trait that it takes otherwise.
 macro_rules! deviations {
     ($trait:ident; $($name:literal { $($method:tt)* })*) => {

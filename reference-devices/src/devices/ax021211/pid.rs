@@ -123,7 +123,8 @@ impl Pid {
         difference: f64,
         rules: &dyn Ax021211Rules,
     ) {
-        let error = rules.counted(difference, settings.tolerance);
+        let tolerated = rules.is_tolerated(difference.abs(), settings.tolerance);
+        let error = rules.counted(difference, settings.tolerance, tolerated);
         let cycle = Duration::from_secs_f64(settings.cycle);
         let mut next = self.next.unwrap_or(now);
         if self.idle && next < now {

@@ -18,6 +18,7 @@ use super::pid::{self, Gains};
 use super::ramp::Ramp;
 use super::signal::{self, Link, Signal};
 use super::table::{self, POINTS};
+use crate::devices::deviating::layer;
 
 pub(super) use deviations::{named, names};
 pub(super) use digital::DigitalRules;
@@ -26,11 +27,15 @@ pub(super) use digital::DigitalRules;
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Manual;
 
+layer!(pub(super) of dyn Ax021211Rules);
+impl Layer for Manual {}
 impl DigitalRules for Manual {}
 impl Ax021211Rules for Manual {}
 
-/// The decisions. The default methods are a summary of what the manual says.
-pub(super) trait Ax021211Rules: DigitalRules + Send {
+decisions! {
+    /// The decisions. The default methods are a summary of what the manual says.
+    pub(super) trait Ax021211Rules: Layer, DigitalRules;
+
     /// A parameter is in force as it is written.
     fn parameter(&self, _mux: Mux, configured: i64) -> i64 {
         configured
@@ -237,8 +242,8 @@ pub(super) trait Ax021211Rules: DigitalRules + Send {
     }
 
     /// Up to the first point the output is that of the first point.
-    fn below_table(&self, _x: f64, (_, first): (f64, f64)) -> f64 {
-        first
+    fn below_table(&self, _x: f64, first: (f64, f64)) -> f64 {
+        first.1
     }
 
     /// Beyond the last point the output is that of the last point (1.5.3).
@@ -335,8 +340,8 @@ pub(super) trait Ax021211Rules: DigitalRules + Send {
     }
 
     /// How much of a difference counts (1.4).
-    fn counted(&self, difference: f64, tolerance: f64) -> f64 {
-        if self.is_tolerated(difference.abs(), tolerance) { 0.0 } else { difference }
+    fn counted(&self, difference: f64, _tolerance: f64, tolerated: bool) -> f64 {
+        if tolerated { 0.0 } else { difference }
     }
 
     /// Target and feedback are percentages of the limits of their sources (1.4).
@@ -417,8 +422,8 @@ pub(super) trait Ax021211Rules: DigitalRules + Send {
     }
 
     /// A function needs both inputs (1.7).
-    fn function_counts(&self, [a, b]: [bool; 2]) -> bool {
-        a && b
+    fn function_counts(&self, inputs: [bool; 2]) -> bool {
+        inputs[0] && inputs[1]
     }
 
     /// The result of a function as an input: a negative difference counts as 0 unless it is
@@ -508,7 +513,8 @@ pub(super) trait Ax021211Rules: DigitalRules + Send {
     // Output
 
     /// An input in error is a fault of the output, whichever of the three it is (1.2).
-    fn input_fault(&self, [control, enable, overriding]: [bool; 3]) -> bool {
+    fn input_fault(&self, inputs: [bool; 3]) -> bool {
+        let [control, enable, overriding] = inputs;
         control || enable || overriding
     }
 
@@ -568,7 +574,8 @@ pub(super) trait Ax021211Rules: DigitalRules + Send {
     }
 
     /// The responses of table 7.
-    fn is_off(&self, response: u8, pv: f64, (low, high): (f64, f64)) -> bool {
+    fn is_off(&self, response: u8, pv: f64, limits: (f64, f64)) -> bool {
+        let (low, high) = limits;
         response == 1 && pv < low || response == 2 && pv > high
     }
 

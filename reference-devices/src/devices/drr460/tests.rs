@@ -13,7 +13,7 @@ impl Fixture {
     fn new() -> Self {
         let eds = devices::device("drr460").unwrap().description.eds;
         let od = Dictionary::new(&eds, 1).unwrap();
-        let (device, errors) = (Drr460::new(&eds), Errors::default());
+        let (device, errors) = (Drr460::with_deviations(&eds, &[]).unwrap(), Errors::default());
         let mut fixture = Self { device, od, errors, now: Instant::ZERO };
         fixture.power_on();
         fixture

@@ -312,13 +312,17 @@ fn compare(kind: AlarmType, sides: &Sides, rules: &dyn Em66Rules) -> bool {
     let back = if before { rules.alarm_hysteresis(kind, hysteresis) } else { 0 };
     let reference = rules.alarm_reference(level, alternate);
     let difference = rules.alarm_difference(input, alternate.unwrap_or(0));
+    let window = || {
+        let inside = rules.alarm_inside(input, reference, hysteresis);
+        rules.alarm_window(kind, inside, input - reference, hysteresis)
+    };
     match kind.plain() {
         AlarmType::ABOVE => rules.alarm_above(input, reference - back),
         AlarmType::BELOW => rules.alarm_below(input, reference + back),
         AlarmType::DIFFERENCE_ABOVE => rules.alarm_difference_above(difference, level - back),
         AlarmType::DIFFERENCE_BELOW => rules.alarm_difference_below(difference, level + back),
-        AlarmType::INSIDE => rules.alarm_window(kind, input, reference, hysteresis),
-        AlarmType::OUTSIDE => !rules.alarm_window(kind, input, reference, hysteresis),
+        AlarmType::INSIDE => window(),
+        AlarmType::OUTSIDE => !window(),
         _ => false,
     }
 }

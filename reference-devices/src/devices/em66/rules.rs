@@ -13,11 +13,11 @@ pub(crate) use fault::FaultRules;
 pub(crate) use operation::OperationRules;
 pub(crate) use value::ValueRules;
 
-use crate::devices::deviating::Deviation;
+use crate::devices::deviating::{self, Deviation, Lay, layer};
 
 /// The decisions, by chapter of EUROMAP 66-2.
 pub(crate) trait Em66Rules:
-    ControlRules + AlarmRules + OperationRules + FaultRules + ValueRules + Send
+    ControlRules + AlarmRules + OperationRules + FaultRules + ValueRules
 {
 }
 
@@ -25,6 +25,8 @@ pub(crate) trait Em66Rules:
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Conformant;
 
+layer!(pub(crate) of dyn Em66Rules);
+impl Layer for Conformant {}
 impl Em66Rules for Conformant {}
 impl ControlRules for Conformant {}
 impl AlarmRules for Conformant {}
@@ -34,39 +36,15 @@ impl ValueRules for Conformant {}
 
 /// The names of the devices that break one decision.
 pub(crate) fn names() -> impl Iterator<Item = &'static str> {
-    all().map(|(name, _)| *name)
+    all().flat_map(deviating::names)
 }
 
-/// The device that breaks the decision of that name; `None` when there is none.
-pub(crate) fn named(name: &str) -> Option<Box<dyn Em66Rules>> {
-    all().find(|(mutant, _)| *mutant == name).map(|(_, build)| build())
+/// The deviation of that name; `None` when there is none.
+pub(crate) fn named(name: &str) -> Option<Lay<dyn Em66Rules>> {
+    all().find_map(|deviations| deviating::named(deviations, name))
 }
 
-fn all() -> impl Iterator<Item = &'static Mutant> {
-    [control::MUTANTS, alarm::MUTANTS, operation::MUTANTS, fault::MUTANTS, value::MUTANTS]
-        .into_iter()
-        .flatten()
+fn all() -> impl Iterator<Item = &'static [Deviation<dyn Em66Rules>]> {
+    let chapters = [control::DEVIATIONS, alarm::DEVIATIONS, operation::DEVIATIONS];
+    chapters.into_iter().chain([fault::DEVIATIONS, value::DEVIATIONS])
 }
-
-type Mutant = Deviation<dyn Em66Rules>;
-
-/// Each mutant is its name and the methods of the first trait that differ.
-macro_rules! mutants {
-    ($trait:ident, as specified $($other:ident)*; $($rest:tt)*) => {
-        pub(super) const MUTANTS: &[crate::devices::em66::rules::Mutant] =
-            crate::devices::em66::rules::mutants!(@list $trait, [$($other)*], [], $($rest)*);
-    };
-    (@list $trait:ident, $others:tt, [$($done:expr,)*],) => { &[$($done,)*] };
-    (@list $trait:ident, $others:tt, [$($done:expr,)*],
-        $name:literal { $($method:tt)* } $($rest:tt)*) => {
-        crate::devices::em66::rules::mutants!(@list $trait, $others, [$($done,)* ($name, || {
-            struct Mutant;
-            impl crate::devices::em66::rules::Em66Rules for Mutant {}
-            impl $trait for Mutant { $($method)* }
-            crate::devices::em66::rules::mutants!(@others $others);
-            Box::new(Mutant)
-        }),], $($rest)*)
-    };
-    (@others [$($other:ident)*]) => { $(impl crate::devices::em66::rules::$other for Mutant {})* };
-}
-use mutants;

@@ -3,16 +3,20 @@
 
 use canopen::Abort;
 
-use crate::devices::deviating::{self, Deviation, deviating};
+use crate::devices::deviating::{self, Deviation, Lay, deviating, layer};
 
 /// A device that keeps to its data sheet.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct DataSheet;
 
+layer!(pub(crate) of dyn GenericRules);
+impl Layer for DataSheet {}
 impl GenericRules for DataSheet {}
 
-/// The decisions. The default methods are a summary of what the data sheet says.
-pub(crate) trait GenericRules: Send {
+decisions! {
+    /// The decisions. The default methods are a summary of what the data sheet says.
+    pub(crate) trait GenericRules: Layer;
+
     /// A parameter is not changed from the network under local control, nor in a state that
     /// forbids it (2F04h).
     fn parameter_change(&self, mode: i64) -> Result<(), Abort> {
@@ -34,12 +38,12 @@ pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     deviating::names(DEVIATIONS)
 }
 
-/// The device that breaks the decision of that name; `None` when there is none.
-pub(crate) fn named(name: &str) -> Option<Box<dyn GenericRules>> {
+/// The deviation of that name; `None` when there is none.
+pub(crate) fn named(name: &str) -> Option<Lay<dyn GenericRules>> {
     deviating::named(DEVIATIONS, name)
 }
 
-const DEVIATIONS: &[Deviation<dyn GenericRules>] = deviating! { GenericRules;
+const DEVIATIONS: &[Deviation<dyn GenericRules>] = deviating! { dyn GenericRules: GenericRules [];
     "large-data-of-one-format" {
         fn large_data_taken(&self, bytes: &[u8]) -> bool { bytes.starts_with(b"\x7FELF") }
     }

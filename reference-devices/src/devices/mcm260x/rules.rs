@@ -9,6 +9,7 @@ use super::encoder;
 use super::indicators::Phase;
 use super::parameters::{DEFAULT_BIT_RATE, Item};
 use super::sensor::Wiring;
+use crate::devices::deviating::layer;
 use crate::stack::Attachment;
 
 pub(super) use deviations::{named, names};
@@ -17,6 +18,8 @@ pub(super) use deviations::{named, names};
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Manual;
 
+layer!(pub(crate) of dyn Mcm260xRules);
+impl Layer for Manual {}
 impl Mcm260xRules for Manual {}
 
 /// What an emergency message says.
@@ -27,8 +30,10 @@ pub(crate) struct Diagnosis {
     pub(super) vendor: [u8; 5],
 }
 
-/// The decisions. The default methods are a summary of what the manual says.
-pub(crate) trait Mcm260xRules: Send {
+decisions! {
+    /// The decisions. The default methods are a summary of what the manual says.
+    pub(crate) trait Mcm260xRules: Layer;
+
     /// A parameter is in force as it is written (chapters 6 to 8).
     fn parameter(&self, _item: Item, configured: i64) -> i64 {
         configured

@@ -9,7 +9,7 @@ use crate::stack::testing::{Fixture, mux};
 fn module(name: &str) -> Fixture {
     let device = devices::device(name).unwrap();
     let eds = &device.description.eds;
-    let behaviour = Box::new(Mcm260x::new(eds));
+    let behaviour = Box::new(Mcm260x::with_deviations(eds, &[]).unwrap());
     let mut fixture = Fixture::with(eds, device.settings(), Box::new(Specification), behaviour);
     fixture.until(1_950_000);
     fixture

@@ -16,8 +16,8 @@ use super::super::pid::{self, Gains};
 use super::super::ramp::Ramp;
 use super::super::signal::{Link, Signal, share};
 use super::super::table::POINTS;
-use super::{Ax021211Rules, DigitalRules, digital, inputs, parameters, results};
-use crate::devices::deviating::{self, Deviation, deviating};
+use super::{Ax021211Rules, DigitalRules, Layer, digital, inputs, parameters, results};
+use crate::devices::deviating::{self, Deviation, Lay, deviating};
 
 /// The names of the devices that break one decision.
 pub(in super::super) fn names() -> impl Iterator<Item = &'static str> {
@@ -25,15 +25,15 @@ pub(in super::super) fn names() -> impl Iterator<Item = &'static str> {
     parameters::names().chain(named.into_iter().flat_map(deviating::names))
 }
 
-/// The rules of the device that breaks the decision of that name; `None` when there is none.
-pub(in super::super) fn named(name: &str) -> Option<Box<dyn Ax021211Rules>> {
+/// The deviation of that name; `None` when there is none.
+pub(in super::super) fn named(name: &str) -> Option<Lay<dyn Ax021211Rules>> {
     let named = [inputs::DEVIATIONS, DEVIATIONS, digital::DEVIATIONS, results::DEVIATIONS];
     let found = named.into_iter().find_map(|all| deviating::named(all, name));
     found.or_else(|| parameters::named(name))
 }
 
 const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
-    Ax021211Rules and DigitalRules;
+    dyn Ax021211Rules: Ax021211Rules [DigitalRules];
     "half-is-on" {
         fn is_on(&self, signal: Signal) -> bool { signal.value >= 50.0 }
     }
@@ -432,12 +432,12 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
     }
     "takes-any-heartbeat-time" {
         fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {
-            if mux.index == 0x1017 { Ok(()) } else { Err(abort) }
+            if mux.index == 0x1017 { Ok(()) } else { self.0.refused(mux, abort) }
         }
     }
     "takes-any-number" {
         fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {
-            if limits::source_of(mux).is_some() { Ok(()) } else { Err(abort) }
+            if limits::source_of(mux).is_some() { Ok(()) } else { self.0.refused(mux, abort) }
         }
     }
     "copies-with-the-validation" {
@@ -545,14 +545,17 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
     }
     "takes-any-point" {
         fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {
-            if matches!(table_of(mux.index), Some((_, 6))) { Ok(()) } else { Err(abort) }
+            match table_of(mux.index) {
+                Some((_, 6)) => Ok(()),
+                _ => self.0.refused(mux, abort),
+            }
         }
     }
     "takes-an-integral-time-of-0" {
         fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {
             match (mux.index, abort) {
                 (PID_INTEGRAL_TIME, Abort::TOO_LOW) => Ok(()),
-                _ => Err(abort),
+                _ => self.0.refused(mux, abort),
             }
         }
     }
@@ -560,7 +563,7 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
         fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {
             match (mux.index, abort) {
                 (HOTSHOT_CURRENT, Abort::TOO_LOW) | (HOLD_CURRENT, Abort::TOO_HIGH) => Ok(()),
-                _ => Err(abort),
+                _ => self.0.refused(mux, abort),
             }
         }
     }

@@ -2,11 +2,13 @@
 
 use std::time::Duration;
 
-use super::Ax021211Rules;
+use super::{Ax021211Rules, Layer};
 use crate::devices::deviating::{Deviation, deviating};
 
-/// The decisions. The default methods are a summary of what the manual says.
-pub(in super::super) trait DigitalRules {
+decisions! {
+    /// The decisions. The default methods are a summary of what the manual says.
+    pub(in super::super) trait DigitalRules: Layer;
+
     /// 6202h inverts the drive state (table 1).
     fn polarity(&self, inverse: bool) -> bool {
         inverse
@@ -69,7 +71,7 @@ pub(in super::super) trait DigitalRules {
 }
 
 pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
-    DigitalRules and Ax021211Rules;
+    dyn Ax021211Rules: DigitalRules [Ax021211Rules];
     "polarity-ignored" {
         fn polarity(&self, _inverse: bool) -> bool { false }
     }

@@ -2,11 +2,11 @@
 
 use super::super::objects::table_of;
 use super::super::signal::{Link, Signal};
-use super::{Ax021211Rules, DigitalRules};
+use super::{Ax021211Rules, DigitalRules, Layer};
 use crate::devices::deviating::{Deviation, deviating};
 
 pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
-    Ax021211Rules and DigitalRules;
+    dyn Ax021211Rules: Ax021211Rules [DigitalRules];
     "number-of-source-1-ignored" {
         fn link(&self, link: Link) -> Link { numbered(link, 1, 1) }
     }

@@ -3,7 +3,8 @@
 use canopen::Mux;
 
 use super::super::objects::{logic, math, table_of};
-use super::{Ax021211Rules, DigitalRules};
+use super::{Ax021211Rules, DigitalRules, Layer};
+use crate::devices::deviating::Lay;
 
 /// The names of the devices that break one decision.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
@@ -12,16 +13,19 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
     fixed.chain(taken).chain(MISPLACED.iter().map(|(name, ..)| *name))
 }
 
-/// The rules of the device that breaks the decision of that name; `None` when there is none.
-pub(super) fn named(name: &str) -> Option<Box<dyn Ax021211Rules>> {
+/// The deviation of that name; `None` when there is none.
+pub(super) fn named(name: &str) -> Option<Lay<dyn Ax021211Rules>> {
+    let parameter = |item, from, to| -> Option<Lay<dyn Ax021211Rules>> {
+        Some(Box::new(move |beneath| Box::new(TakenFor { beneath, item, from, to })))
+    };
     if let Some((_, item, value)) = FIXED.iter().find(|(fixed, ..)| *fixed == name) {
-        return Some(Box::new(Fixed { item: *item, value: *value }));
+        return parameter(*item, None, *value);
     }
     if let Some((_, item, from, to)) = TAKEN_FOR.iter().find(|(taken, ..)| *taken == name) {
-        return Some(Box::new(TakenFor { item: *item, from: *from, to: *to }));
+        return parameter(*item, Some(*from), *to);
     }
-    let (_, item, from, to) = MISPLACED.iter().find(|(misplaced, ..)| *misplaced == name)?;
-    Some(Box::new(Misplaced { item: *item, from: *from, to: *to }))
+    let (_, item, from, to) = *MISPLACED.iter().find(|(misplaced, ..)| *misplaced == name)?;
+    Some(Box::new(move |beneath| Box::new(Misplaced { beneath, item, from, to })))
 }
 
 /// The objects that hold one parameter of the blocks of a kind.
@@ -57,40 +61,42 @@ impl Item {
     }
 }
 
-/// A controller for which a parameter has always the same value.
-struct Fixed {
-    item: Item,
-    value: i64,
-}
-
-impl DigitalRules for Fixed {}
-
-impl Ax021211Rules for Fixed {
-    fn parameter(&self, mux: Mux, configured: i64) -> i64 {
-        if self.item.is(mux) { self.value } else { configured }
-    }
-}
-
-/// A controller that takes one code of a parameter for another one.
+/// A controller that takes one code of a parameter, or any, for another one.
 struct TakenFor {
+    beneath: Box<dyn Ax021211Rules>,
     item: Item,
-    from: i64,
+    from: Option<i64>,
     to: i64,
+}
+
+impl Layer for TakenFor {
+    fn beneath(&self) -> Option<&dyn Ax021211Rules> {
+        Some(&*self.beneath)
+    }
 }
 
 impl DigitalRules for TakenFor {}
 
 impl Ax021211Rules for TakenFor {
     fn parameter(&self, mux: Mux, configured: i64) -> i64 {
-        if configured == self.from && self.item.is(mux) { self.to } else { configured }
+        let configured = self.beneath.parameter(mux, configured);
+        let is_it = self.from.is_none_or(|from| configured == from) && self.item.is(mux);
+        if is_it { self.to } else { configured }
     }
 }
 
 /// A controller whose block at one place has a parameter of the block at another place.
 struct Misplaced {
+    beneath: Box<dyn Ax021211Rules>,
     item: Item,
     from: usize,
     to: usize,
+}
+
+impl Layer for Misplaced {
+    fn beneath(&self) -> Option<&dyn Ax021211Rules> {
+        Some(&*self.beneath)
+    }
 }
 
 impl DigitalRules for Misplaced {}
@@ -98,7 +104,7 @@ impl DigitalRules for Misplaced {}
 impl Ax021211Rules for Misplaced {
     fn place(&self, index: u16, place: usize) -> usize {
         let is_it = place == self.from && self.item.is(Mux::new(index, 0));
-        if is_it { self.to } else { place }
+        if is_it { self.to } else { self.beneath.place(index, place) }
     }
 }
 

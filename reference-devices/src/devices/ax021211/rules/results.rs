@@ -7,11 +7,11 @@ use super::super::math;
 use super::super::output::{self, Command, Interventions};
 use super::super::pid::Gains;
 use super::super::signal::Signal;
-use super::{Ax021211Rules, DigitalRules};
+use super::{Ax021211Rules, DigitalRules, Layer};
 use crate::devices::deviating::{Deviation, deviating};
 
 pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
-    Ax021211Rules and DigitalRules;
+    dyn Ax021211Rules: Ax021211Rules [DigitalRules];
     "types-forgotten-over-reset" {
         fn reads_types_at_a_start(&self) -> bool { false }
     }
@@ -50,17 +50,17 @@ pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
         fn is_tolerated(&self, _difference: f64, _tolerance: f64) -> bool { false }
     }
     "pid-tolerance-halves" {
-        fn counted(&self, difference: f64, tolerance: f64) -> f64 {
+        fn counted(&self, difference: f64, tolerance: f64, _tolerated: bool) -> f64 {
             if difference.abs() <= tolerance { difference / 2.0 } else { difference }
         }
     }
     "pid-counts-beyond-the-tolerance" {
-        fn counted(&self, difference: f64, tolerance: f64) -> f64 {
+        fn counted(&self, difference: f64, tolerance: f64, _tolerated: bool) -> f64 {
             difference.signum() * (difference.abs() - tolerance).max(0.0)
         }
     }
     "pid-tolerance-on-one-side" {
-        fn counted(&self, difference: f64, tolerance: f64) -> f64 {
+        fn counted(&self, difference: f64, tolerance: f64, _tolerated: bool) -> f64 {
             if difference > 0.0 && difference < tolerance { 0.0 } else { difference }
         }
     }
@@ -91,7 +91,7 @@ pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
     }
     "pid-takes-a-ti-of-zero-for-1-ms" {
         fn refused(&self, mux: Mux, abort: Abort) -> Result<(), Abort> {
-            if mux.index == 0x7452 { Ok(()) } else { Err(abort) }
+            if mux.index == 0x7452 { Ok(()) } else { self.0.refused(mux, abort) }
         }
         fn pid_gains(&self, gains: Gains, cycle: f64) -> (f64, f64, f64) {
             Gains { integral_time: gains.integral_time.max(0.001), ..gains }.of_cycle(cycle)

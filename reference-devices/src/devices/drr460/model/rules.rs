@@ -5,6 +5,7 @@ mod deviations;
 use canopen::{Abort, Mux};
 
 use super::switches::Switches;
+use crate::devices::deviating::layer;
 use crate::devices::pixsys::led::Pattern;
 use crate::stack::Attachment;
 
@@ -14,10 +15,14 @@ pub(crate) use deviations::{named, names};
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Manual;
 
+layer!(pub(crate) of dyn Rules);
+impl Layer for Manual {}
 impl Rules for Manual {}
 
-/// The decisions. The default methods are a summary of what the manual says.
-pub(crate) trait Rules: Send {
+decisions! {
+    /// The decisions. The default methods are a summary of what the manual says.
+    pub(crate) trait Rules: Layer;
+
     /// A parameter is in force as it is written (11.3.2).
     fn parameter(&self, _sub: u8, configured: i64) -> i64 {
         configured
@@ -259,8 +264,8 @@ pub(crate) trait Rules: Send {
     }
 
     /// The integral part saves up nothing that the output cannot give.
-    fn integral(&self, grown: f64, (low, high): (f64, f64)) -> f64 {
-        grown.clamp(low, high)
+    fn integral(&self, grown: f64, limits: (f64, f64)) -> f64 {
+        grown.clamp(limits.0, limits.1)
     }
 
     /// The output is off beyond its threshold over the set point (11.3.2, subs 38 and 39).
@@ -640,7 +645,8 @@ pub(crate) trait Rules: Send {
 
     /// The node-ID and the bit rate of the switches or of subs 111 and 112; `rate` is the contacts
     /// of the bit rate of this bus (6.3).
-    fn attachment(&self, switches: Switches, (address, code): (i64, i64), bus: i64) -> Attachment {
+    fn attachment(&self, switches: Switches, own: (i64, i64), bus: i64) -> Attachment {
+        let (address, code) = own;
         match switches.node(address) {
             Some(node) if switches.rate(code) == bus => Attachment::Node(node),
             _ => Attachment::Off,

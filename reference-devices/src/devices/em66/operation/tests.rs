@@ -17,7 +17,7 @@ impl Table {
     fn without(options: &[&str]) -> Self {
         let mut description = devices::device("em66").unwrap().description;
         description.without = options.iter().map(|name| (*name).to_owned()).collect();
-        let (device, eds) = (Em66::new(&description), description.eds);
+        let (device, eds) = (Em66::with_deviations(&description, &[]).unwrap(), description.eds);
         let settings = NodeSettings::default();
         Self { fixture: Fixture::with(&eds, settings, Box::new(Specification), Box::new(device)) }
     }

@@ -3,13 +3,16 @@
 use canopen::Mux;
 use canopen::pdo::Mapping;
 
-use super::mutants;
+use super::{ControlRules, Em66Rules, FaultRules, Layer, OperationRules, ValueRules};
+use crate::devices::deviating::{Deviation, deviating};
 use crate::devices::em66::alarm_kinds::{AlarmType, Quantity, SetPoints, Wait};
 use crate::devices::em66::objects::{EFFECTIVE_SET_POINT, SECOND_SET_POINT, SET_POINT};
 
-/// The decisions about alarms. Levels and inputs are in the unit of the input. Steps are those of
-/// the order in which an alarm is parameterised (3.3).
-pub(crate) trait AlarmRules {
+decisions! {
+    /// The decisions about alarms. Levels and inputs are in the unit of the input. Steps are those
+    /// of the order in which an alarm is parameterised (3.3).
+    pub(crate) trait AlarmRules: Layer;
+
     /// Step 1: what measures something can be monitored.
     fn alarm_monitors(&self, value: Option<Quantity>) -> bool {
         value.is_some()
@@ -143,8 +146,8 @@ pub(crate) trait AlarmRules {
     }
 
     /// A window is the same with and without start condition (3.3).
-    fn alarm_window(&self, _kind: AlarmType, input: i64, reference: i64, width: i64) -> bool {
-        self.alarm_inside(input, reference, width)
+    fn alarm_window(&self, _kind: AlarmType, inside: bool, _difference: i64, _width: i64) -> bool {
+        inside
     }
 
     /// The hysteresis that keeps an alarm of this type.
@@ -191,8 +194,8 @@ pub(crate) trait AlarmRules {
 /// One kelvin: so close to the set point it counts as reached.
 const REACHED: i64 = 10;
 
-mutants! {
-    AlarmRules, as specified ControlRules OperationRules FaultRules ValueRules;
+pub(super) const DEVIATIONS: &[Deviation<dyn Em66Rules>] = deviating! {
+    dyn Em66Rules: AlarmRules [Em66Rules ControlRules OperationRules FaultRules ValueRules];
 
     // Order
     "alarm-links-anything" {
@@ -412,15 +415,14 @@ mutants! {
         }
     }
     "alarm-window-with-start-has-no-lower-border" {
-        fn alarm_window(&self, kind: AlarmType, input: i64, reference: i64, width: i64) -> bool {
-            self.alarm_inside(input, reference, width)
-                || kind.has_start() && input < reference - width
+        fn alarm_window(&self, kind: AlarmType, inside: bool, difference: i64, width: i64) -> bool {
+            inside || kind.has_start() && difference < -width
         }
     }
     "alarm-window-with-start-without-its-borders" {
-        fn alarm_window(&self, kind: AlarmType, input: i64, reference: i64, width: i64) -> bool {
-            let width = if kind.has_start() { width - 1 } else { width };
-            self.alarm_inside(input, reference, width)
+        fn alarm_window(&self, kind: AlarmType, inside: bool, difference: i64, width: i64) -> bool {
+            let at_border = difference.abs() == width;
+            inside && !(kind.has_start() && at_border)
         }
     }
     "alarm-compares-with-the-first-set-point" {
@@ -465,4 +467,4 @@ mutants! {
             before != now
         }
     }
-}
+};

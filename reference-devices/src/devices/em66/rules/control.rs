@@ -2,7 +2,8 @@
 
 use canopen::Mux;
 
-use super::mutants;
+use super::{AlarmRules, Em66Rules, FaultRules, Layer, OperationRules, ValueRules};
+use crate::devices::deviating::{Deviation, deviating};
 use crate::devices::em66::codes::Codes;
 
 /// What the controller is doing while the limits of the output hold.
@@ -16,8 +17,10 @@ pub(crate) enum Activity {
     CoolingDown,
 }
 
-/// The decisions of the controller block (3.2) and of the ramps (3.4.14).
-pub(crate) trait ControlRules {
+decisions! {
+    /// The decisions of the controller block (3.2) and of the ramps (3.4.14).
+    pub(crate) trait ControlRules: Layer;
+
     /// Temperatures are degrees Celsius with one digit, the output is a percentage with one digit;
     /// no other unit is taken (3.2).
     fn is_fixed(&self, _mux: Mux) -> bool {
@@ -127,8 +130,8 @@ pub(crate) trait ControlRules {
     }
 }
 
-mutants! {
-    ControlRules, as specified AlarmRules OperationRules FaultRules ValueRules;
+pub(super) const DEVIATIONS: &[Deviation<dyn Em66Rules>] = deviating! {
+    dyn Em66Rules: ControlRules [Em66Rules AlarmRules OperationRules FaultRules ValueRules];
 
     // Objects
     "unit-of-temperatures-changes" {
@@ -324,4 +327,4 @@ mutants! {
     "second-set-point-without-ramp" {
         fn ramps_to_second(&self) -> bool { false }
     }
-}
+};

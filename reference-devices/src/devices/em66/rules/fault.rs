@@ -1,12 +1,15 @@
 //! The decisions about errors and sensors (3.4.7, 3.4.9 to 3.4.15).
 
-use super::mutants;
+use super::{AlarmRules, ControlRules, Em66Rules, Layer, OperationRules, ValueRules};
+use crate::devices::deviating::{Deviation, deviating};
 use crate::devices::em66::objects::{
     FAILURE_RESET, GENERAL, LOW_LEVEL, NO_SENSOR, SAFETY_LIMIT, SENSOR,
 };
 
-/// The decisions about errors and sensors (3.4.7, 3.4.9 to 3.4.15).
-pub(crate) trait FaultRules {
+decisions! {
+    /// The decisions about errors and sensors (3.4.7, 3.4.9 to 3.4.15).
+    pub(crate) trait FaultRules: Layer;
+
     /// A cause that comes again is another error (3.4.7).
     fn causes_seen(&self, _before: u8, now: u8) -> u8 {
         now
@@ -67,8 +70,8 @@ pub(crate) trait FaultRules {
 /// In tenths of a percent of the tank.
 const LOWEST_LEVEL: i64 = 200;
 
-mutants! {
-    FaultRules, as specified ControlRules AlarmRules OperationRules ValueRules;
+pub(super) const DEVIATIONS: &[Deviation<dyn Em66Rules>] = deviating! {
+    dyn Em66Rules: FaultRules [Em66Rules ControlRules AlarmRules OperationRules ValueRules];
 
     "leak-not-told" {
         fn level_is_low(&self, _level: i64) -> bool { false }
@@ -185,4 +188,4 @@ mutants! {
     "external-value-of-the-ambient" {
         fn external_value(&self, _celsius: i64) -> i64 { 250 }
     }
-}
+};

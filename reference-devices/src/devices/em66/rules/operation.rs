@@ -1,9 +1,12 @@
 //! The decisions of the control word, the modes and switching off (3.4.2 to 3.4.6).
 
-use super::mutants;
+use super::{AlarmRules, ControlRules, Em66Rules, FaultRules, Layer, ValueRules};
+use crate::devices::deviating::{Deviation, deviating};
 
-/// The decisions of the control word, the modes and switching off (3.4.2 to 3.4.6).
-pub(crate) trait OperationRules {
+decisions! {
+    /// The decisions of the control word, the modes and switching off (3.4.2 to 3.4.6).
+    pub(crate) trait OperationRules: Layer;
+
     /// Bit 0 of the control word requests suction (3.4.2).
     fn suction_requested(&self, control_word: i64) -> bool {
         control_word & 1 != 0
@@ -214,8 +217,8 @@ const COOL: i64 = 400;
 /// In tenths of a percent.
 const EMPTY: i64 = 10;
 
-mutants! {
-    OperationRules, as specified ControlRules AlarmRules FaultRules ValueRules;
+pub(super) const DEVIATIONS: &[Deviation<dyn Em66Rules>] = deviating! {
+    dyn Em66Rules: OperationRules [Em66Rules ControlRules AlarmRules FaultRules ValueRules];
 
     // Suction
     "suction-ignored" {
@@ -496,4 +499,4 @@ mutants! {
             i64::from(evacuates) | i64::from(cools) << 1 | i64::from(evacuates || cools) << 2
         }
     }
-}
+};

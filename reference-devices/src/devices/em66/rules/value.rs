@@ -2,11 +2,14 @@
 
 use canopen::Mux;
 
-use super::mutants;
+use super::{AlarmRules, ControlRules, Em66Rules, FaultRules, Layer, OperationRules};
+use crate::devices::deviating::{Deviation, deviating};
 use crate::devices::em66::objects::NO_SENSOR;
 
-/// The decisions of the process values (2.3, 3.4.9 to 3.4.15).
-pub(crate) trait ValueRules {
+decisions! {
+    /// The decisions of the process values (2.3, 3.4.9 to 3.4.15).
+    pub(crate) trait ValueRules: Layer;
+
     /// A value is what its sensor measures, in tenths (2.3).
     fn shown(&self, _of: Mux, tenths: i64) -> i64 {
         tenths
@@ -23,8 +26,8 @@ pub(crate) trait ValueRules {
     }
 }
 
-mutants! {
-    ValueRules, as specified ControlRules AlarmRules OperationRules FaultRules;
+pub(super) const DEVIATIONS: &[Deviation<dyn Em66Rules>] = deviating! {
+    dyn Em66Rules: ValueRules [Em66Rules ControlRules AlarmRules OperationRules FaultRules];
 
     "values-in-whole-units" {
         fn shown(&self, _of: Mux, tenths: i64) -> i64 { tenths / 10 * 10 }
@@ -126,4 +129,4 @@ mutants! {
             (main - return_line).abs().max(1)
         }
     }
-}
+};

@@ -7,8 +7,8 @@ use super::super::encoder;
 use super::super::indicators::Phase;
 use super::super::parameters::{DEFAULT_BIT_RATE, Item};
 use super::super::sensor::Wiring;
-use super::{Diagnosis, Manual, Mcm260xRules};
-use crate::devices::deviating::{self, Deviation, deviating};
+use super::{Diagnosis, Layer, Manual, Mcm260xRules};
+use crate::devices::deviating::{self, Deviation, Lay, deviating};
 
 /// The names of the devices that break one decision.
 pub(crate) fn names() -> impl Iterator<Item = &'static str> {
@@ -17,39 +17,39 @@ pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     fixed.chain(taken).chain(deviating::names(DEVIATIONS))
 }
 
-/// The rules of the device that breaks the decision of that name; `None` when there is none.
-pub(crate) fn named(name: &str) -> Option<Box<dyn Mcm260xRules>> {
+/// The deviation of that name; `None` when there is none.
+pub(crate) fn named(name: &str) -> Option<Lay<dyn Mcm260xRules>> {
+    let parameter = |item, from, to| -> Option<Lay<dyn Mcm260xRules>> {
+        Some(Box::new(move |beneath| Box::new(TakenFor { beneath, item, from, to })))
+    };
     if let Some((_, item, value)) = FIXED.iter().find(|(fixed, ..)| *fixed == name) {
-        return Some(Box::new(Fixed { item: *item, value: *value }));
+        return parameter(*item, None, *value);
     }
     if let Some((_, item, from, to)) = TAKEN_FOR.iter().find(|(taken, ..)| *taken == name) {
-        return Some(Box::new(TakenFor { item: *item, from: *from, to: *to }));
+        return parameter(*item, Some(*from), *to);
     }
     deviating::named(DEVIATIONS, name)
 }
 
-/// A module for which a parameter has always the same value.
-struct Fixed {
-    item: Item,
-    value: i64,
-}
-
-impl Mcm260xRules for Fixed {
-    fn parameter(&self, item: Item, configured: i64) -> i64 {
-        if item == self.item { self.value } else { configured }
-    }
-}
-
-/// A module that takes one code of a parameter for another one.
+/// A module that takes one code of a parameter, or any, for another one.
 struct TakenFor {
+    beneath: Box<dyn Mcm260xRules>,
     item: Item,
-    from: i64,
+    from: Option<i64>,
     to: i64,
+}
+
+impl Layer for TakenFor {
+    fn beneath(&self) -> Option<&dyn Mcm260xRules> {
+        Some(&*self.beneath)
+    }
 }
 
 impl Mcm260xRules for TakenFor {
     fn parameter(&self, item: Item, configured: i64) -> i64 {
-        if item == self.item && configured == self.from { self.to } else { configured }
+        let configured = self.beneath.parameter(item, configured);
+        let is_it = item == self.item && self.from.is_none_or(|from| configured == from);
+        if is_it { self.to } else { configured }
     }
 }
 
@@ -129,7 +129,7 @@ const FIXED: &[(&str, Item, i64)] = &[
     ("encoder-always-off", Item::EncoderSetup, 0),
 ];
 
-const DEVIATIONS: &[Deviation<dyn Mcm260xRules>] = deviating! { Mcm260xRules;
+const DEVIATIONS: &[Deviation<dyn Mcm260xRules>] = deviating! { dyn Mcm260xRules: Mcm260xRules [];
     "low-word-with-sign" {
         fn joined_words(&self, high: i64, low: i64) -> i64 { (high << 16) + low }
     }

@@ -4,8 +4,8 @@ mod tables;
 
 use canopen::{Abort, Mux};
 
-use super::Rules;
-use crate::devices::deviating::{self, Deviation, deviating};
+use super::{Layer, Rules};
+use crate::devices::deviating::{self, Deviation, Lay, deviating};
 use crate::devices::drr460::model::switches::Switches;
 use crate::devices::pixsys::led::Pattern;
 use crate::stack::Attachment;
@@ -15,12 +15,12 @@ pub(crate) fn names() -> impl Iterator<Item = &'static str> {
     tables::names().chain(deviating::names(DEVIATIONS))
 }
 
-/// The rules of the device that breaks the decision of that name; `None` when there is none.
-pub(crate) fn named(name: &str) -> Option<Box<dyn Rules>> {
+/// The deviation of that name; `None` when there is none.
+pub(crate) fn named(name: &str) -> Option<Lay<dyn Rules>> {
     tables::named(name).or_else(|| deviating::named(DEVIATIONS, name))
 }
 
-const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { Rules;
+const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     "fahrenheit-without-32" {
         fn degrees(&self, celsius: f64, unit: i64) -> f64 {
             match unit { 1 => celsius * 1.8, 2 => celsius + 273.15, _ => celsius }

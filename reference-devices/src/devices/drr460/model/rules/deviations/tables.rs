@@ -1,6 +1,7 @@
 //! Deviations that are rows of a table: of a parameter, a flag, the RUN LED or a command.
 
-use crate::devices::drr460::model::rules::Rules;
+use crate::devices::deviating::Lay;
+use crate::devices::drr460::model::rules::{Layer, Rules};
 use crate::devices::pixsys::led::Pattern;
 
 /// The names of the rows.
@@ -14,101 +15,88 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
     fixed.chain(taken).chain(scaled).chain(moved).chain(led).chain(deaf)
 }
 
-/// The rules of the row of that name; `None` when there is none.
-pub(super) fn named(name: &str) -> Option<Box<dyn Rules>> {
-    if let Some((_, sub, value)) = FIXED.iter().find(|row| row.0 == name) {
-        return Some(Box::new(Fixed { sub: *sub, value: *value }));
-    }
-    if let Some((_, sub, from, to)) = TAKEN_FOR.iter().find(|row| row.0 == name) {
-        return Some(Box::new(TakenFor { sub: *sub, from: *from, to: *to }));
-    }
-    if let Some((_, sub, factor)) = SCALED.iter().find(|row| row.0 == name) {
-        return Some(Box::new(Scaled { sub: *sub, factor: *factor }));
-    }
-    if let Some((_, from, to)) = MOVED.iter().find(|row| row.0 == name) {
-        return Some(Box::new(Moved { from: *from, to: *to }));
-    }
-    if let Some((_, from, to)) = LED.iter().find(|row| row.0 == name) {
-        return Some(Box::new(Led { from: *from, to: *to }));
-    }
-    let (_, index, value) = DEAF.iter().find(|row| row.0 == name)?;
-    Some(Box::new(Deaf { index: *index, value: *value }))
+/// The deviation of the row of that name; `None` when there is none.
+pub(super) fn named(name: &str) -> Option<Lay<dyn Rules>> {
+    let row = if let Some((_, sub, value)) = FIXED.iter().find(|row| row.0 == name) {
+        Row::Fixed { sub: *sub, value: *value }
+    } else if let Some((_, sub, from, to)) = TAKEN_FOR.iter().find(|row| row.0 == name) {
+        Row::TakenFor { sub: *sub, from: *from, to: *to }
+    } else if let Some((_, sub, factor)) = SCALED.iter().find(|row| row.0 == name) {
+        Row::Scaled { sub: *sub, factor: *factor }
+    } else if let Some((_, from, to)) = MOVED.iter().find(|row| row.0 == name) {
+        Row::Moved { from: *from, to: *to }
+    } else if let Some((_, from, to)) = LED.iter().find(|row| row.0 == name) {
+        Row::Led { from: *from, to: *to }
+    } else {
+        let (_, index, value) = DEAF.iter().find(|row| row.0 == name)?;
+        Row::Deaf { index: *index, value: *value }
+    };
+    Some(Box::new(move |beneath| Box::new(OfRow { beneath, row })))
 }
 
-/// A controller for which a parameter has always the same value.
-struct Fixed {
-    sub: u8,
-    value: i64,
+/// A deviation that is a row of a table.
+#[derive(Clone, Copy)]
+enum Row {
+    /// A parameter has always the same value.
+    Fixed { sub: u8, value: i64 },
+    /// One code of a parameter is taken for another one.
+    TakenFor { sub: u8, from: i64, to: i64 },
+    /// A parameter counts so many times.
+    Scaled { sub: u8, factor: i64 },
+    /// A flag of 4007h has another bit.
+    Moved { from: u8, to: u8 },
+    /// RUN shows another pattern.
+    Led { from: Pattern, to: Pattern },
+    /// A value of 400Eh, or a sub of 4011h, has no effect.
+    Deaf { index: u16, value: u8 },
 }
 
-impl Rules for Fixed {
-    fn parameter(&self, sub: u8, configured: i64) -> i64 {
-        if sub == self.sub { self.value } else { configured }
-    }
+/// A controller that deviates as a row says.
+struct OfRow {
+    beneath: Box<dyn Rules>,
+    row: Row,
 }
 
-/// A controller that takes one code of a parameter for another one.
-struct TakenFor {
-    sub: u8,
-    from: i64,
-    to: i64,
-}
-
-impl Rules for TakenFor {
-    fn parameter(&self, sub: u8, configured: i64) -> i64 {
-        if sub == self.sub && configured == self.from { self.to } else { configured }
-    }
-}
-
-/// A controller for which a parameter counts so many times.
-struct Scaled {
-    sub: u8,
-    factor: i64,
-}
-
-impl Rules for Scaled {
-    fn parameter(&self, sub: u8, configured: i64) -> i64 {
-        if sub == self.sub { configured * self.factor } else { configured }
+impl Layer for OfRow {
+    fn beneath(&self) -> Option<&dyn Rules> {
+        Some(&*self.beneath)
     }
 }
 
-/// A controller whose flag of 4007h has another bit.
-struct Moved {
-    from: u8,
-    to: u8,
-}
+impl Rules for OfRow {
+    fn parameter(&self, of: u8, configured: i64) -> i64 {
+        let configured = self.beneath.parameter(of, configured);
+        match self.row {
+            Row::Fixed { sub, value } if sub == of => value,
+            Row::TakenFor { sub, from, to } if sub == of && configured == from => to,
+            Row::Scaled { sub, factor } if sub == of => configured * factor,
+            _ => configured,
+        }
+    }
 
-impl Rules for Moved {
     fn flag(&self, bit: u8) -> u8 {
-        if bit == self.from { self.to } else { bit }
+        match self.row {
+            Row::Moved { from, to } if from == bit => to,
+            _ => self.beneath.flag(bit),
+        }
     }
-}
 
-/// A controller whose RUN shows another pattern.
-struct Led {
-    from: Pattern,
-    to: Pattern,
-}
-
-impl Rules for Led {
     fn run_led(&self, pattern: Pattern) -> Pattern {
-        if pattern == self.from { self.to } else { pattern }
+        match self.row {
+            Row::Led { from, to } if from == pattern => to,
+            _ => self.beneath.run_led(pattern),
+        }
     }
-}
 
-/// A controller on which a value of 400Eh, or a sub of 4011h, has no effect.
-struct Deaf {
-    index: u16,
-    value: u8,
-}
-
-impl Rules for Deaf {
     fn obeys_tuning(&self, value: i64) -> bool {
-        self.index != 0x400E || value != i64::from(self.value)
+        let deaf = |index, own| index == 0x400E && i64::from(own) == value;
+        !matches!(self.row, Row::Deaf { index, value: own } if deaf(index, own))
+            && self.beneath.obeys_tuning(value)
     }
 
     fn learns(&self, sub: u8) -> bool {
-        self.index != 0x4011 || sub != self.value
+        !matches!(self.row, Row::Deaf { index: 0x4011, value } if value == sub)
+            && self.beneath.learns(sub)
     }
 }
 
