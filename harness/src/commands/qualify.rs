@@ -18,6 +18,7 @@ use reference_devices::devices;
 use super::counted::counted;
 use crate::cli::QualifyArgs;
 use crate::exit::{Exit, Refused};
+use crate::parallel;
 use crate::reporter::say;
 use crate::suite::model::Case;
 use crate::suite::{Library, Suite};
@@ -28,6 +29,7 @@ pub(super) use assertions::Judged;
 use freedoms::Freedoms;
 use matrix::Matrix;
 use slips::Slips;
+use trial::{Clean, Fits};
 
 /// Runs the qualification and prints the matrix and what the freedoms showed.
 ///
@@ -39,11 +41,10 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
         Some(name) => target::with_variants(name, &library.catalogue)?,
         None => devices::names().map(str::to_owned).collect(),
     };
-    let (mut matrices, mut freedoms) = (Vec::new(), Vec::new());
-    for name in &names {
-        matrices.push(Matrix::of(&library, name)?);
-        freedoms.push(Freedoms::of(&library, name)?);
-    }
+    let every: &Fits = &|_| true;
+    let cleans = parallel::try_map(&names, |name| Clean::of(&library, name, every))?;
+    let matrices = Matrix::of(&cleans, every)?;
+    let mut freedoms = Freedoms::of(&cleans)?;
     Freedoms::mix(&mut freedoms, args)?;
     let mut holes = matrix::holes(&library, &matrices);
     holes.extend(freedoms.iter().flat_map(Freedoms::holes));
@@ -52,7 +53,7 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
         matrix.show(&mut text, args.verbose);
         freedoms.show(&mut text, args.verbose);
     }
-    let slips = slips_of(&library, &matrices, &freedoms, &|_| true)?;
+    let slips = slips_of(&cleans, &matrices, &freedoms, every)?;
     let assertions = Assertions::of(&library, &matrices, &freedoms, &slips);
     holes.extend(assertions.holes(args.device.is_none()));
     assertions.show(&mut text, args);
@@ -79,23 +80,22 @@ pub(super) fn assertions_of<'l>(
     case: &Case,
 ) -> Result<Vec<Judged<'l>>, Refused> {
     let home = devices::names().filter(|name| matrix::is_home(name, suite));
-    let fits = |other: &Case| std::ptr::eq(other, case);
-    let matrices = home.map(|name| Matrix::of_cases(library, name, &fits));
-    let matrices = matrices.collect::<Result<Vec<_>, _>>()?;
-    let slips = slips_of(library, &matrices, &[], &fits)?;
+    let fits: &Fits = &|other: &Case| std::ptr::eq(other, case);
+    let cleans = home.map(|name| Clean::of(library, name, fits)).collect::<Result<Vec<_>, _>>()?;
+    let matrices = Matrix::of(&cleans, fits)?;
+    let slips = slips_of(&cleans, &matrices, &[], fits)?;
     Ok(Assertions::of(library, &matrices, &[], &slips).about(case))
 }
 
 /// What slips prove of the cases that fit, beside mutants and freedoms.
 fn slips_of(
-    library: &Library,
+    cleans: &[Clean],
     matrices: &[Matrix],
     freedoms: &[Freedoms],
-    fits: &(dyn Fn(&Case) -> bool + Sync),
+    fits: &Fits,
 ) -> Result<Slips, Refused> {
-    let devices: Vec<&str> = matrices.iter().map(Matrix::device).collect();
     let all = matrices.iter().flat_map(Matrix::proofs);
     let all = all.chain(freedoms.iter().flat_map(Freedoms::proofs));
     let known = all.map(|(assertion, _)| assertion).collect();
-    Slips::of(library, &devices, &known, fits)
+    Slips::of(cleans, &known, fits)
 }

@@ -3,12 +3,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
-use std::sync::Arc;
 
 use fastrand::Rng;
 use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
-use reference_devices::freedom::{self, Freedom};
+use reference_devices::freedom::{self, Freedom, Personality};
 use reports::Verdict;
 
 use super::assertion::Assertion;
@@ -17,18 +16,20 @@ use crate::cli::QualifyArgs;
 use crate::commands::check::sound_freedoms;
 use crate::exit::Refused;
 use crate::parallel::{self, processors, try_map};
-use crate::suite::Library;
-use crate::target::reference_device;
 
 /// How many freedoms a mixture has at most.
 const LARGEST_MIXTURE: usize = 6;
 
+/// How many freedoms are tried together at first.
+const LARGEST_GROUP: usize = 8;
+
 /// The freedoms of one device, and what they showed.
-pub(super) struct Freedoms<'l> {
-    device: Arc<ReferenceDevice>,
-    compared: Compared<'l>,
+pub(super) struct Freedoms<'c, 'l> {
+    compared: Compared<'c, 'l>,
     freedoms: Vec<Freedom>,
     single: Vec<Tried>,
+    /// What was tried together on the way to them.
+    groups: Vec<Tried>,
     personalities: Vec<Tried>,
     mixtures: usize,
     red: Vec<Tried>,
@@ -40,6 +41,8 @@ struct Tried {
     query: String,
     /// What was red: the instance, its verdict and the problem.
     red: Vec<(String, Verdict, String)>,
+    /// The instances that went as on the device without deviation, by frames and verdict.
+    alike: BTreeSet<String>,
     /// The instances whose frames it changed.
     affected: BTreeSet<String>,
     /// Whether it changed a frame, or when one came, or the data sheet, which cases read as well.
@@ -48,40 +51,85 @@ struct Tried {
     allowed: BTreeSet<Assertion>,
 }
 
-/// The device without deviation, and what came of its plan, to compare with.
-struct Compared<'l> {
-    clean: Clean<'l>,
-    trials: BTreeMap<String, Trial>,
+/// The device without deviation, and what came of its plan by instance, to compare with.
+struct Compared<'c, 'l> {
+    clean: &'c Clean<'l>,
+    trials: BTreeMap<&'c str, &'c Trial>,
 }
 
-impl<'l> Freedoms<'l> {
-    /// Tries each freedom and each personality of a device.
+/// What is tried of a device at once.
+enum Task<'f> {
+    Group(Vec<&'f Freedom>),
+    Personality(&'f Personality),
+}
+
+/// What came of it.
+enum Done {
+    Group(Apart),
+    Personality(Tried),
+}
+
+/// What came of freedoms that were tried together and apart.
+struct Apart {
+    /// Each alone, in their order.
+    single: Vec<Tried>,
+    /// Several of them.
+    groups: Vec<Tried>,
+}
+
+impl<'c, 'l> Freedoms<'c, 'l> {
+    /// Tries each freedom and each personality of these devices.
     ///
     /// # Errors
-    /// When the data of the device or of a freedom do not load.
-    pub(super) fn of(library: &'l Library, name: &str) -> Result<Self, Refused> {
-        let device = reference_device(name, &library.catalogue)?;
-        let mut freedoms = sound_freedoms(&device, &library.register)?;
+    /// When the data of a device or of a freedom do not load.
+    pub(super) fn of(cleans: &'c [Clean<'l>]) -> Result<Vec<Self>, Refused> {
+        let (mut all, mut personalities) = (Vec::new(), Vec::new());
+        for clean in cleans {
+            all.push(Self::untried(clean)?);
+            personalities.push(freedom::personalities(&clean.device)?);
+        }
+        let mut tasks = Vec::new();
+        for (place, (of, personalities)) in all.iter().zip(&personalities).enumerate() {
+            let groups = groups(&of.compared.clean.device, &of.freedoms);
+            tasks.extend(groups.into_iter().map(|group| (place, Task::Group(group))));
+            tasks.extend(personalities.iter().map(|one| (place, Task::Personality(one))));
+        }
+        let done = try_map(&tasks, |(place, task)| all[*place].compared.run(task))?;
+        let places: Vec<usize> = tasks.iter().map(|(place, _)| *place).collect();
+        for (place, done) in places.into_iter().zip(done) {
+            match done {
+                Done::Group(apart) => {
+                    all[place].single.extend(apart.single);
+                    all[place].groups.extend(apart.groups);
+                }
+                Done::Personality(tried) => all[place].personalities.push(tried),
+            }
+        }
+        all.iter_mut().for_each(Self::sort);
+        Ok(all)
+    }
+
+    fn untried(clean: &'c Clean<'l>) -> Result<Self, Refused> {
+        let register = &clean.library.register;
+        let mut freedoms = sound_freedoms(&clean.device, register)?;
         // Without the cases of a document nothing shows what it leaves open.
         freedoms.retain(|freedom| {
-            let loaded = |id: &String| !library.register.lacks_document_of(id);
+            let loaded = |id: &String| !register.lacks_document_of(id);
             freedom.allowed_by.iter().any(loaded)
         });
-        let personalities = freedom::personalities(&device)?;
-        let clean = Clean::of(library, name)?;
-        let trials = match freedoms.is_empty() && personalities.is_empty() {
-            true => Vec::new(),
-            false => clean.run(&|_| true)?,
-        };
-        let trials = trials.into_iter().map(|trial| (trial.name.clone(), trial)).collect();
+        let trials = clean.trials.iter().map(|trial| (trial.name.as_str(), trial)).collect();
         let compared = Compared { clean, trials };
-        let single =
-            try_map(&freedoms, |freedom| compared.tried(freedom.deviation(), &Wanted::All))?;
-        let personalities = try_map(&personalities, |personality| {
-            compared.tried(personality.deviation(), &Wanted::All)
-        })?;
-        let (mixtures, red) = (0, Vec::new());
-        Ok(Self { device, compared, freedoms, single, personalities, mixtures, red })
+        let (single, groups, personalities, red) = Default::default();
+        Ok(Self { compared, freedoms, single, groups, personalities, mixtures: 0, red })
+    }
+
+    /// Puts what was tried alone in the order of the freedoms.
+    fn sort(&mut self) {
+        let place = |tried: &Tried| {
+            let is_it = |freedom: &Freedom| freedom.deviation().query == tried.query;
+            self.freedoms.iter().position(is_it)
+        };
+        self.single.sort_by_cached_key(place);
     }
 
     /// Tries random mixtures: each device has a part of them by how many freedoms it has.
@@ -103,7 +151,7 @@ impl<'l> Freedoms<'l> {
 
     fn try_mixtures(&mut self, count: usize, seed: u64) -> Result<(), Refused> {
         let (freedoms, single) = (&self.freedoms, &self.single);
-        let mixtures = mixtures(&self.device, freedoms, count, seed);
+        let mixtures = mixtures(&self.compared.clean.device, freedoms, count, seed);
         let red = try_map(&mixtures, |mixture| {
             let members: Vec<&Freedom> = mixture.iter().map(|&place| &freedoms[place]).collect();
             let affected = touched(mixture.iter().map(|&place| &single[place]));
@@ -124,11 +172,11 @@ impl<'l> Freedoms<'l> {
         _ = writeln!(
             text,
             "{}: {} freedoms, {} personalities and {} mixtures, {} of them red",
-            self.device.description.device,
+            self.compared.clean.name(),
             self.single.len(),
             self.personalities.len(),
             self.mixtures,
-            red(&self.single) + red(&self.personalities) + red(&self.red),
+            red(&self.single) + red(&self.groups) + red(&self.personalities) + red(&self.red),
         );
         for tried in self.single.iter().chain(&self.personalities).filter(|_| verbose) {
             // How many instances a freedom changes would change with each frame of the runner.
@@ -139,14 +187,15 @@ impl<'l> Freedoms<'l> {
 
     /// What cases accept beside what they expect, with what makes use of it.
     pub(super) fn proofs(&self) -> impl Iterator<Item = (&Assertion, &str)> {
-        let tried = self.single.iter().chain(&self.personalities);
+        let tried = self.single.iter().chain(&self.personalities).chain(&self.groups);
         tried.flat_map(|tried| tried.allowed.iter().map(|allowed| (allowed, tried.query.as_str())))
     }
 
     /// What is unjust, and what proves nothing.
     pub(super) fn holes(&self) -> impl Iterator<Item = String> {
-        let device = &self.device.description.device;
-        let all = self.single.iter().chain(&self.personalities).chain(&self.red);
+        let device = self.compared.clean.name();
+        let all =
+            self.single.iter().chain(&self.groups).chain(&self.personalities).chain(&self.red);
         let unjust = all.flat_map(move |tried| {
             tried.red.iter().map(move |(instance, verdict, problem)| {
                 format!("{device} with {}: {instance} is {verdict}: {problem}", tried.query)
@@ -159,21 +208,60 @@ impl<'l> Freedoms<'l> {
     }
 }
 
-impl Compared<'_> {
+impl Compared<'_, '_> {
+    fn run(&self, task: &Task) -> Result<Done, Refused> {
+        Ok(match task {
+            Task::Group(members) => Done::Group(self.apart(members)?),
+            Task::Personality(one) => Done::Personality(self.tried(one.deviation(), &Wanted::All)?),
+        })
+    }
+
+    /// Tries freedoms that a device can use together, then each alone. What goes as without
+    /// deviation on a device that uses them all goes so with each of them, unless two undo each
+    /// other bit by bit, and is not tried again.
+    fn apart(&self, members: &[&Freedom]) -> Result<Apart, Refused> {
+        let together = |members: &[&Freedom]| freedom::mixture(members.iter().copied());
+        if let [_only] = members {
+            let single = vec![self.tried(together(members), &Wanted::All)?];
+            return Ok(Apart { single, groups: Vec::new() });
+        }
+        let mut group = self.tried(together(members), &Wanted::All)?;
+        let (mut single, mut known) = (Vec::new(), BTreeSet::new());
+        for member in members {
+            let mut tried = self.tried(member.deviation(), &Wanted::Except(&group.alike))?;
+            if !tried.noticed {
+                // What shifts frames without changing one is seen in a whole run.
+                tried = self.tried(member.deviation(), &Wanted::All)?;
+            }
+            known.extend(tried.red.iter().map(|(instance, ..)| instance.clone()));
+            single.push(tried);
+        }
+        let mut groups = Vec::new();
+        let red = std::mem::take(&mut group.red).into_iter().map(|(instance, ..)| instance);
+        let red: BTreeSet<String> = red.filter(|instance| !known.contains(instance)).collect();
+        if !red.is_empty() {
+            groups.extend(self.smallest_red(members.to_vec(), &red)?);
+        }
+        groups.push(group);
+        Ok(Apart { single, groups })
+    }
+
     /// Runs what is wanted on the device with a deviation.
     fn tried(&self, deviation: Deviation, wanted: &Wanted) -> Result<Tried, Refused> {
         let query = deviation.query.clone();
         let noticed = deviation.falsifies_data_sheet();
         let ran = self.clean.deviating(deviation, wanted)?;
-        let (affected, allowed) = (BTreeSet::new(), BTreeSet::new());
-        let mut tried = Tried { query, red: Vec::new(), affected, noticed, allowed };
+        let (red, alike, affected, allowed) = Default::default();
+        let mut tried = Tried { query, red, alike, affected, noticed, allowed };
         for trial in ran.trials {
             tried.allowed.extend(Assertion::used_by(&trial.case, &trial.shown));
-            let clean = self.trials.get(&trial.name);
+            let clean = self.trials.get(trial.name.as_str());
             let frames = clean.is_none_or(|clean| clean.frames != trial.frames);
             tried.noticed |= frames || clean.is_none_or(|clean| clean.timing != trial.timing);
             if frames {
                 tried.affected.insert(trial.name.clone());
+            } else if clean.is_some_and(|clean| clean.verdict == trial.verdict) {
+                tried.alike.insert(trial.name.clone());
             }
             if matches!(trial.verdict, Verdict::Fail | Verdict::Error) {
                 let problem = trial.problem.unwrap_or_default();
@@ -216,6 +304,26 @@ impl Compared<'_> {
 fn fits<'f>(device: &ReferenceDevice, freedoms: impl Iterator<Item = &'f Freedom>) -> bool {
     let mixture = freedom::mixture(freedoms);
     mixture.data_sheet(device).is_ok() && mixture.build(device, 1).is_ok()
+}
+
+/// Sets of freedoms that a device can use together, with each freedom in one of them. Those that
+/// change the data sheet, and with it the plan, come first.
+fn groups<'f>(device: &ReferenceDevice, freedoms: &'f [Freedom]) -> Vec<Vec<&'f Freedom>> {
+    let mut groups: Vec<Vec<&Freedom>> = Vec::new();
+    let (sheet, rest): (Vec<_>, Vec<_>) =
+        freedoms.iter().partition(|freedom| freedom.deviation().changes_data_sheet());
+    for freedom in sheet.into_iter().chain(rest) {
+        let takes = |group: &&mut Vec<&'f Freedom>| {
+            group.len() < LARGEST_GROUP
+                && group.iter().all(|member| member.agrees_with(freedom))
+                && fits(device, group.iter().copied().chain([freedom]))
+        };
+        match groups.iter_mut().find(takes) {
+            Some(group) => group.push(freedom),
+            None => groups.push(vec![freedom]),
+        }
+    }
+    groups
 }
 
 /// The instances that two members of a mixture or more have changed: where only one did, it was

@@ -11,14 +11,13 @@ use reference_devices::mutant::{Mistake, Mutant};
 use reports::Verdict;
 
 use super::assertion::Assertion;
-use super::trial::{self, Clean, Wanted};
+use super::trial::{self, Clean, Fits, Wanted};
 use crate::commands::check::sound_mutants;
 use crate::exit::Refused;
 use crate::parallel;
 use crate::run::Ending;
 use crate::suite::model::Case;
 use crate::suite::{Library, Suite};
-use crate::target::reference_device;
 
 /// What each case makes of each mutant of one device.
 pub(super) struct Matrix {
@@ -47,50 +46,45 @@ struct Row {
 }
 
 impl Matrix {
-    /// # Errors
-    /// When the data of the device or of a mutant do not load.
-    pub(super) fn of(library: &Library, name: &str) -> Result<Self, Refused> {
-        Self::of_cases(library, name, &|_| true)
-    }
-
-    /// The part of it that is about the cases that fit.
+    /// What the cases that fit make of the mutants of these devices.
     ///
     /// # Errors
-    /// As [`of`](Self::of).
-    pub(super) fn of_cases(
-        library: &Library,
-        name: &str,
-        fits: &(dyn Fn(&Case) -> bool + Sync),
-    ) -> Result<Self, Refused> {
-        let device = reference_device(name, &library.catalogue)?;
-        let mut mutants = sound_mutants(&device, &library.register)?;
-        mutants.retain(|mutant| {
-            let applies = |id: &String| !library.register.lacks_document_of(id);
-            mutant.canary || mutant.breaks.iter().any(applies)
-        });
-        let device_alone = Clean::of(library, name)?;
-        let mut clean = BTreeMap::<String, BTreeSet<Verdict>>::new();
-        let (mut allowed, mut held) = (BTreeSet::new(), BTreeSet::new());
-        for result in device_alone.run(fits)? {
-            allowed.extend(Assertion::used_by(&result.case, &result.shown));
-            if result.kills {
-                held.insert(result.case.clone());
-            }
-            clean.entry(result.case).or_default().insert(result.verdict);
+    /// When the data of a mutant do not load.
+    pub(super) fn of(cleans: &[Clean], fits: &Fits) -> Result<Vec<Self>, Refused> {
+        let mut work = Vec::new();
+        for (place, clean) in cleans.iter().enumerate() {
+            let register = &clean.library.register;
+            let mut mutants = sound_mutants(&clean.device, register)?;
+            mutants.retain(|mutant| {
+                let applies = |id: &String| !register.lacks_document_of(id);
+                mutant.canary || mutant.breaks.iter().any(applies)
+            });
+            work.extend(mutants.into_iter().map(|mutant| (place, mutant)));
         }
-        let mut rows = parallel::try_map(&mutants, |mutant| row(&device_alone, mutant, fits))?;
-        for row in &mut rows {
+        let rows = parallel::try_map(&work, |(place, mutant)| row(&cleans[*place], mutant, fits))?;
+        let mut matrices: Vec<Self> = cleans.iter().map(Self::without_mutants).collect();
+        for ((place, _), row) in work.iter().zip(rows) {
+            matrices[*place].rows.push(row);
+        }
+        for (matrix, clean) in matrices.iter_mut().zip(cleans) {
             // What holds against the device without deviation says nothing about a mutant.
-            row.kills.retain(|case| !held.contains(case));
+            let held: BTreeSet<&String> =
+                clean.trials.iter().filter(|trial| trial.kills).map(|trial| &trial.case).collect();
+            matrix.rows.iter_mut().for_each(|row| row.kills.retain(|case| !held.contains(case)));
         }
-        let is_variant = device.description.device != device.first;
-        let device = device.description.device.clone();
-        Ok(Self { device, is_variant, clean, allowed, rows })
+        Ok(matrices)
     }
 
-    /// The name of the device.
-    pub(super) fn device(&self) -> &str {
-        &self.device
+    fn without_mutants(alone: &Clean) -> Self {
+        let mut clean = BTreeMap::<String, BTreeSet<Verdict>>::new();
+        let mut allowed = BTreeSet::new();
+        for trial in &alone.trials {
+            allowed.extend(Assertion::used_by(&trial.case, &trial.shown));
+            clean.entry(trial.case.clone()).or_default().insert(trial.verdict);
+        }
+        let device = alone.name().to_owned();
+        let is_variant = device != alone.device.first;
+        Self { device, is_variant, clean, allowed, rows: Vec::new() }
     }
 
     /// Whether suites of that device are proved on this one.
@@ -148,11 +142,7 @@ impl Matrix {
     }
 }
 
-fn row(
-    clean: &Clean,
-    mutant: &Mutant,
-    fits: &(dyn Fn(&Case) -> bool + Sync),
-) -> Result<Row, Refused> {
+fn row(clean: &Clean, mutant: &Mutant, fits: &Fits) -> Result<Row, Refused> {
     let broken_by = |case: &Case| mutant.canary || broken(mutant, case).next().is_some();
     let meets = |case: &Case| fits(case) && broken_by(case);
     let ran = clean.deviating(mutant.deviation(), &Wanted::Cases(&meets))?;

@@ -13,7 +13,7 @@ use super::matrix::home;
 use super::slip::{
     Answers, Heard, Moment, Part, Slip, SlippingBus, Tape, candidates, not_declining,
 };
-use super::trial::{Clean, case_name};
+use super::trial::{Clean, Fits, case_name};
 use crate::cli::DEFAULT_BIT_RATE;
 use crate::dut::Dut;
 use crate::exit::Refused;
@@ -21,10 +21,7 @@ use crate::parallel;
 use crate::plan::{Instance, Plan};
 use crate::run::{Policy, Session, Shown, Undo};
 use crate::stop::Stop;
-use crate::suite::Library;
 use crate::suite::constraint::{Allowance, Constraint};
-use crate::suite::model::Case;
-use crate::target::reference_device;
 use crate::waivers::Waivers;
 
 /// How many instances of a case are tried until all of it is proved.
@@ -53,19 +50,17 @@ impl Slips {
     /// # Errors
     /// When a device cannot be built.
     pub(super) fn of(
-        library: &Library,
-        devices: &[&str],
+        cleans: &[Clean],
         known: &BTreeSet<&Assertion>,
-        fits: &(dyn Fn(&Case) -> bool + Sync),
+        fits: &Fits,
     ) -> Result<Self, Refused> {
         let mut slips = Self::default();
-        for name in devices {
-            let device = reference_device(name, &library.catalogue)?;
-            let clean = Clean::of(library, name)?;
+        for clean in cleans {
+            let (name, device) = (clean.name(), &clean.device);
             let mut cases = BTreeMap::<String, Vec<&Instance>>::new();
             for instance in &clean.plan.instances {
                 let home = home(&instance.suite);
-                let is_home = *name == home || device.first == home || device.family() == home;
+                let is_home = name == home || device.first == home || device.family() == home;
                 if is_home && instance.skip.is_none() && fits(instance.case()) {
                     cases.entry(case_name(instance)).or_default().push(instance);
                 }
@@ -86,7 +81,7 @@ impl Slips {
                 .filter(|(open, _)| !open.is_empty())
                 .collect();
             let found = parallel::try_map(&work, |(open, instances)| {
-                Search::of(&clean, instances, open.clone())
+                Search::of(clean, instances, open.clone())
             })?;
             for search in found {
                 slips.proofs.extend(search.proofs);

@@ -4,9 +4,11 @@ use std::cell::Cell;
 use std::collections::hash_map::DefaultHasher;
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{Hash, Hasher};
+use std::sync::Arc;
 
 use canopen::Instant;
 use reference_devices::change::Deviation;
+use reference_devices::devices::ReferenceDevice;
 use reports::{Event, Outcome, Verdict};
 
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
@@ -17,7 +19,7 @@ use crate::run::{Ending, Policy, Session, Shown, Undo};
 use crate::stop::Stop;
 use crate::suite::model::Case;
 use crate::suite::{Library, Suite};
-use crate::target::{self, Target};
+use crate::target::{self, Target, reference_device};
 use crate::waivers::Waivers;
 
 /// What came of one instance.
@@ -42,21 +44,29 @@ pub(super) struct Trial {
     pub shown: Shown,
 }
 
-/// A device without deviation, and its plan: what deviating devices are made of.
+/// A device without deviation, its plan and what came of it: what deviating devices are made of
+/// and compared with.
 pub(super) struct Clean<'l> {
     pub library: &'l Library,
+    pub device: Arc<ReferenceDevice>,
     pub target: Target,
     pub plan: Plan,
+    pub trials: Vec<Trial>,
 }
+
+/// Which cases are looked at.
+pub(super) type Fits<'f> = dyn Fn(&Case) -> bool + Sync + 'f;
 
 /// What runs on a deviating device.
 pub(super) enum Wanted<'w> {
     /// Everything that is for the device.
     All,
     /// The cases that fit.
-    Cases(&'w (dyn Fn(&Case) -> bool + Sync)),
+    Cases(&'w Fits<'w>),
     /// The instances of these names.
     Instances(&'w BTreeSet<String>),
+    /// The instances of other names than these.
+    Except(&'w BTreeSet<String>),
 }
 
 /// What ran on a deviating device, and how that ended.
@@ -70,28 +80,28 @@ pub(super) struct Ran {
 }
 
 impl<'l> Clean<'l> {
-    /// The simulated device of that name.
+    /// The simulated device of that name, and what comes of the cases that fit.
     ///
     /// # Errors
-    /// When the data of the device do not load.
-    pub(super) fn of(library: &'l Library, name: &str) -> Result<Self, Refused> {
+    /// When the data of the device do not load, or it cannot be built.
+    pub(super) fn of(library: &'l Library, name: &str, fits: &Fits) -> Result<Self, Refused> {
+        let device = reference_device(name, &library.catalogue)?;
         let name = format!("sim:{name}");
         let selection = Selection::of_target(Some(&name));
         let mut targets = target::resolve(&selection, &library.catalogue, &Stop::default())?;
         let mut plan = plan_all(library, &targets)?.remove(0);
         plan.leave_out_foreign();
-        Ok(Self { library, target: targets.remove(0), plan })
+        let target = targets.remove(0);
+        let instances = plan.instances.iter().filter(|instance| fits(instance.case()));
+        let (dut, instances) = (plan.dut.clone(), instances.cloned().collect());
+        let fitting = Plan { dut, instances, left_out: BTreeMap::new() };
+        let (trials, _) = run(library, &fitting, &target)?;
+        Ok(Self { library, device, target, plan, trials })
     }
 
-    /// Runs the cases of the plan that fit on the device without deviation.
-    ///
-    /// # Errors
-    /// When the device cannot be built.
-    pub(super) fn run(&self, fits: &dyn Fn(&Case) -> bool) -> Result<Vec<Trial>, Refused> {
-        let all = self.plan.instances.iter();
-        let instances = all.filter(|instance| fits(instance.case())).cloned().collect();
-        let plan = Plan { dut: self.plan.dut.clone(), instances, left_out: BTreeMap::new() };
-        Ok(run(self.library, &plan, &self.target)?.0)
+    /// The name of the device.
+    pub(super) fn name(&self) -> &str {
+        &self.device.description.device
     }
 
     /// Runs what is wanted on the device with a deviation.
@@ -101,17 +111,18 @@ impl<'l> Clean<'l> {
     pub(super) fn deviating(&self, deviation: Deviation, wanted: &Wanted) -> Result<Ran, Refused> {
         let other_sheet = deviation.changes_data_sheet();
         let target = self.target.deviating(deviation)?;
+        let mut holds = wanted.holds();
         let plan = match other_sheet {
             true => {
                 let (dut, models) = (&target.dut, target::models(&target.dut.eds));
                 let mut plan = plan_cases(self.library, dut, &models, wanted.cases())?;
                 plan.leave_out_foreign();
-                plan.instances.retain(|instance| wanted.holds(instance));
+                plan.instances.retain(holds);
                 plan
             }
             false => {
                 let all = self.plan.instances.iter();
-                let instances = all.filter(|instance| wanted.holds(instance)).cloned().collect();
+                let instances = all.filter(|instance| holds(instance)).cloned().collect();
                 Plan { dut: target.dut.clone(), instances, left_out: BTreeMap::new() }
             }
         };
@@ -126,20 +137,30 @@ impl Wanted<'_> {
         let of_instance = |name: &String| name.split('[').next().unwrap_or_default().to_owned();
         let names: BTreeSet<String> = match self {
             Self::Instances(names) => names.iter().map(of_instance).collect(),
-            Self::All | Self::Cases(_) => BTreeSet::new(),
+            Self::All | Self::Cases(_) | Self::Except(_) => BTreeSet::new(),
         };
         move |suite, case| match self {
-            Self::All => true,
+            Self::All | Self::Except(_) => true,
             Self::Cases(fit) => fit(case),
             Self::Instances(_) => names.contains(&format!("{}/{}", suite.name(), case.id.value)),
         }
     }
 
-    fn holds(&self, instance: &Instance) -> bool {
-        match self {
+    /// Whether instances are wanted. Those of one case come one after the other, and whether the
+    /// case fits is asked once.
+    fn holds(&self) -> impl FnMut(&Instance) -> bool {
+        let mut last: Option<(*const Case, bool)> = None;
+        move |instance| match self {
             Self::All => true,
-            Self::Cases(fit) => fit(instance.case()),
+            Self::Cases(fit) => {
+                let case = std::ptr::from_ref(instance.case());
+                let known = last.filter(|(of, _)| *of == case).map(|(_, fits)| fits);
+                let fits = known.unwrap_or_else(|| fit(instance.case()));
+                last = Some((case, fits));
+                fits
+            }
             Self::Instances(names) => names.contains(&instance.name()),
+            Self::Except(names) => !names.contains(&instance.name()),
         }
     }
 }
