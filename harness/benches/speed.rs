@@ -126,8 +126,8 @@ fn hour_of_heating_and_cooling(bench: &mut Criterion) {
     group.finish();
 }
 
-/// An hour of process time with tuning, soft start and alarm, as in the picture in the README of the
-/// device, which promises less than 50 ms.
+/// An hour of process time with tuning, soft start and alarm, as in the picture in the README of
+/// the device, which promises less than 50 ms.
 fn hour_of_temperature_control(bench: &mut Criterion) {
     let device = devices::device("drr460").expect("it is part of the program");
     let mut group = bench.benchmark_group("hour of process time");

@@ -1,4 +1,4 @@
-//! Prints `reference-devices/drr460/hour.svg`: an hour with the temperature controller as a picture.
+//! Prints `reference-devices/drr460/hour.svg`: an hour with the temperature controller.
 //!
 //! `cargo run -p reference-devices --example drr460_hour > hour.svg`, then it goes to
 //! `reference-devices/drr460/`.
