@@ -10,6 +10,8 @@ mod profile;
 mod settings;
 mod sheet;
 
+use std::borrow::Cow;
+
 use canopen::nearest::did_you_mean;
 use canopen::source::Complaint;
 use canopen::{Device, Pattern};
@@ -65,17 +67,26 @@ impl Deviation {
     ///
     /// # Errors
     /// When a change names an object that is not there.
-    pub fn described(&self, device: &ReferenceDevice) -> Result<ReferenceDevice, Complaint> {
-        let mut device = device.clone();
+    pub fn described<'d>(
+        &self,
+        device: &'d ReferenceDevice,
+    ) -> Result<Cow<'d, ReferenceDevice>, Complaint> {
+        let mut device = Cow::Borrowed(device);
         for (change, origin) in &self.parts {
             let (key, applied) = match change {
-                Change::Object(patch) => ("object", patch.apply(&mut device.description.eds)),
-                Change::Profile(patch) => ("profile", patch.apply(&mut device.description)),
+                Change::Object(patch) => {
+                    ("object", patch.apply(&mut device.to_mut().description.eds))
+                }
+                Change::Profile(patch) => {
+                    ("profile", patch.apply(&mut device.to_mut().description))
+                }
                 _ => continue,
             };
             applied.map_err(|wrong| origin.refuse(&wrong.below(&[key])))?;
         }
-        device.description.count_pdos();
+        if let Cow::Owned(device) = &mut device {
+            device.description.count_pdos();
+        }
         Ok(device)
     }
 
@@ -102,7 +113,7 @@ impl Deviation {
     /// When a change names something that is not there: a rule, an object, a pattern.
     pub fn build(&self, device: &ReferenceDevice, node: u8) -> Result<Box<dyn Device>, Complaint> {
         let device = self.described(device)?;
-        let mut eds = device.description.eds.clone();
+        let mut eds = Cow::Borrowed(&device.description.eds);
         let mut rules: Box<dyn Rules> = Box::new(Specification);
         let (mut behaviour, mut settings) = (Vec::new(), device.settings());
         let known = device.behaviour_rule_names();
@@ -120,7 +131,9 @@ impl Deviation {
                     return Err(refuse(Misfit::at(&["behaviour"], message)));
                 }
                 Change::Dictionary(patch) => {
-                    patch.apply(&mut eds).map_err(|wrong| refuse(wrong.below(&["dictionary"])))?;
+                    patch
+                        .apply(eds.to_mut())
+                        .map_err(|wrong| refuse(wrong.below(&["dictionary"])))?;
                 }
                 Change::Settings(patch) => patch.apply(&mut settings),
                 Change::Object(_) | Change::Profile(_) | Change::Eds(_) | Change::Frame(_) => {}
