@@ -56,6 +56,9 @@ pub enum BusError {
     /// The frame was not sent, since it does to a device what must not be done; the text says what
     /// that is and what protects the device.
     Withheld(String),
+    /// The device is a program that ended; the text says how and what it was sent last. It was
+    /// started again, so that what follows can be tried.
+    Ended(String),
     /// A simulated device asked to be polled again and again without time passing.
     Spinning {
         /// The device's place on the bus, counted from 0.
@@ -68,7 +71,9 @@ pub enum BusError {
 impl fmt::Display for BusError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Open(why) | Self::Io(why) | Self::Withheld(why) => f.write_str(why),
+            Self::Open(why) | Self::Io(why) | Self::Withheld(why) | Self::Ended(why) => {
+                f.write_str(why)
+            }
             Self::Controller(what) => write!(f, "the CAN controller reports {what}"),
             Self::Interrupted => f.write_str("interrupted"),
             Self::Spinning { station, at } => {

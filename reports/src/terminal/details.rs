@@ -2,7 +2,7 @@
 
 use std::fmt::{self, Write as _};
 
-use canopen::{Frame, Instant, Stamped, meaning};
+use canopen::{Decoder, Frame, Instant, Stamped, meaning};
 
 use super::{one_line, plural};
 use crate::event::{Measured, Note};
@@ -167,31 +167,34 @@ impl Block<'_> {
         };
         let notes = &case.notes[case.notes.partition_point(|note| note.at < from)..];
         let mut notes = notes[notes.len().saturating_sub(FRAMES)..].iter().peekable();
-        let width = shown.iter().map(|(_, seen)| length(&seen.frame)).max().unwrap_or_default();
-        for (again, seen) in shown {
+        let width = shown.iter().map(|(_, place)| length(&trace[*place].frame)).max();
+        let width = width.unwrap_or_default();
+        let mut decoder = Decoder::default();
+        let meanings: Vec<String> = trace.iter().map(|seen| decoder.see(&seen.frame)).collect();
+        for (again, place) in shown {
+            let (seen, meaning) = (&trace[place], &meanings[place]);
             if again > 0 {
                 self.line(format!("    {:>STAMP$}  ..  {again} times the two that follow", ""));
             }
             while let Some(note) = notes.next_if(|note| note.at < seen.at) {
                 self.note(case.info.at, note);
             }
-            self.frame(case.info.at, seen, width);
+            self.frame(case.info.at, seen, meaning, width);
         }
         for note in notes {
             self.note(case.info.at, note);
         }
     }
 
-    fn frame(&mut self, start: Instant, seen: &Stamped, width: usize) {
+    fn frame(&mut self, start: Instant, seen: &Stamped, meaning: &str, width: usize) {
         let Stamped { at, frame, own } = seen;
         let direction = if *own { "TX" } else { "RX" };
         let frame_text = frame.to_string();
         let time = format!("{:>STAMP$}", relative(start, *at));
-        let meaning = meaning(frame).to_string();
         let line = format!(
             "    {}  {direction}  {frame_text:<width$}  {}",
             self.style.dim(time),
-            one_line(&self.names.in_text(&meaning))
+            one_line(&self.names.in_text(meaning))
         );
         self.line(line);
     }
@@ -207,15 +210,15 @@ impl Block<'_> {
     }
 }
 
-/// The frames to show, each with the number of times that it and the next one were seen before
-/// them, and the stretch of the trace that these tell. A question that is asked until its answer
+/// The places of the frames to show, each with the number of times that the frame and the next one
+/// were seen before them, and the stretch of the trace that these tell. A question that is asked until its answer
 /// changes would else hide what led to it; of frames that come by themselves the times matter.
-fn fold(trace: &[Stamped]) -> (Vec<(usize, &Stamped)>, &[Stamped]) {
+fn fold(trace: &[Stamped]) -> (Vec<(usize, usize)>, &[Stamped]) {
     let same = |one: &Stamped, other: &Stamped| one.own == other.own && one.frame == other.frame;
     let (mut shown, mut rest) = (Vec::new(), trace);
     while shown.len() < FRAMES {
         let Some((last, mut before)) = rest.split_last() else { break };
-        shown.push((0, last));
+        shown.push((0, before.len()));
         if let Some((first, earlier)) = before.split_last()
             && (first.own, last.own) == (true, false)
         {
@@ -227,7 +230,7 @@ fn fold(trace: &[Stamped]) -> (Vec<(usize, &Stamped)>, &[Stamped]) {
                 (again, earlier) = (again + 1, start);
             }
             if again > 1 {
-                shown.push((again, first));
+                shown.push((again, before.len() - 1));
                 before = earlier;
             }
         }

@@ -1,0 +1,122 @@
+//! A trace in words, frame after frame: what a frame means that a single frame does not show.
+//!
+//! [`meaning`](crate::meaning) reads a frame alone. A [`Decoder`] remembers what came before: which
+//! transfer a segment belongs to and what all of its segments say together, what an LSS slave
+//! answers, and with the data sheet of a device what its process data objects carry, mapped as the
+//! device was configured in the course of the trace.
+
+mod layer;
+mod process;
+mod shown;
+mod transfer;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use crate::eds::Eds;
+use crate::frame::Frame;
+use crate::meaning::meaning;
+use crate::mux::Mux;
+use crate::nmt::{self, Command, Service};
+use crate::{heartbeat, lss, sdo};
+
+use layer::Layer;
+use process::Process;
+use shown::Shown;
+use transfer::{Channel, Side};
+
+pub use shown::Unit;
+
+/// What was seen on a bus so far. A trace may begin in the middle of anything.
+#[derive(Debug, Default)]
+pub struct Decoder {
+    /// The default SDO channels, by node id.
+    channels: BTreeMap<u8, Channel>,
+    layer: Layer,
+    /// The device of which the data sheet is known.
+    device: Option<Device>,
+}
+
+#[derive(Debug)]
+struct Device {
+    node: u8,
+    shown: Shown,
+    process: Process,
+}
+
+impl Decoder {
+    /// A decoder that knows the data sheet of one node, and the units of its values.
+    pub fn of_device(node: u8, eds: Arc<Eds>, units: BTreeMap<Mux, Unit>) -> Self {
+        let process = Process::of(node, &eds);
+        let shown = Shown { eds, units };
+        Self { device: Some(Device { node, shown, process }), ..Self::default() }
+    }
+
+    /// Takes the next frame of the trace: what it means, in one line.
+    pub fn see(&mut self, frame: &Frame) -> String {
+        if let Some(said) = self.device.as_ref().and_then(|device| device.said_of_pdo(frame)) {
+            return said;
+        }
+        let plain = || meaning(frame).to_string();
+        let Some(id) = frame.data_id() else { return plain() };
+        match (id, id & 0x780, (id & 0x7F) as u8) {
+            (nmt::COB_ID, ..) => self.command(frame),
+            (_, heartbeat::COB_ID, node @ 1..) if *frame.data == [0] => self.restarted(node),
+            (lss::REQUEST_COB_ID | lss::RESPONSE_COB_ID, ..) => {
+                return plain() + &self.layer.see(id, &frame.data);
+            }
+            (_, sdo::REQUEST_COB_ID, node @ 1..) => {
+                return self.transfer(node, Side::Client, frame);
+            }
+            (_, sdo::RESPONSE_COB_ID, node @ 1..) => {
+                return self.transfer(node, Side::Server, frame);
+            }
+            _ => {}
+        }
+        plain()
+    }
+
+    fn transfer(&mut self, node: u8, side: Side, frame: &Frame) -> String {
+        let seen = self.channels.entry(node).or_default().see(side, frame, node);
+        let mut text = seen.text;
+        let device = self.device.as_mut().filter(|device| device.node == node);
+        if let Some(whole) = seen.whole {
+            let shown = device.as_ref().map(|device| &device.shown);
+            text.push_str(&shown::whole(shown, &whole));
+            if let Some(device) = device {
+                device.process.learn(&whole);
+            }
+        }
+        text
+    }
+
+    /// A command of the NMT that ends transfers of a node, or of all.
+    fn command(&mut self, frame: &Frame) {
+        let Ok(Command { service, node }) = Command::decode(&frame.data) else { return };
+        if [Service::RESET_NODE, Service::RESET_COMMUNICATION].contains(&service) {
+            match node {
+                0 => self.channels.values_mut().for_each(Channel::end),
+                node => self.channels.entry(node).or_default().end(),
+            }
+        }
+    }
+
+    /// A node sent its boot-up message: its parameters are those that it stored.
+    fn restarted(&mut self, node: u8) {
+        self.channels.entry(node).or_default().end();
+        if let Some(device) = self.device.as_mut().filter(|device| device.node == node) {
+            device.process.restart();
+        }
+    }
+}
+
+impl Device {
+    /// A process data object of the device, by its mapping.
+    fn said_of_pdo(&self, frame: &Frame) -> Option<String> {
+        let carried = self.process.carried(frame)?;
+        Some(shown::process(&self.shown, self.node, &carried, frame))
+    }
+}
+
+#[cfg(test)]
+mod tests;

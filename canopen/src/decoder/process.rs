@@ -1,0 +1,94 @@
+//! The process data objects of a device: by the data sheet, and as they were configured since.
+
+use std::collections::BTreeMap;
+
+use super::transfer::Whole;
+use crate::eds::Eds;
+use crate::frame::{Frame, Id};
+use crate::mux::Mux;
+use crate::pdo::{CobId, Mapping};
+
+/// The parameters of the process data objects of a device.
+#[derive(Debug)]
+pub(super) struct Process {
+    /// By the data sheet.
+    factory: BTreeMap<Mux, u32>,
+    /// What counts after the next start.
+    stored: BTreeMap<Mux, u32>,
+    /// What counts now.
+    now: BTreeMap<Mux, u32>,
+}
+
+/// A process data object.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Carried {
+    /// Such as `TPDO1`.
+    pub(super) name: String,
+    /// What it carries.
+    pub(super) mapping: Vec<Mapping>,
+}
+
+impl Process {
+    pub(super) fn of(node: u8, eds: &Eds) -> Self {
+        let entries = eds.entries().filter(|entry| is_parameter(entry.mux));
+        let value =
+            |bytes: Vec<u8>| bytes.iter().rev().fold(0, |all, byte| all << 8 | u32::from(*byte));
+        let factory: BTreeMap<Mux, u32> = entries
+            .filter(|entry| entry.data_type.size().is_some_and(|size| size <= 4))
+            .filter_map(|entry| Some((entry.mux, value(entry.default_bytes(node).ok()?))))
+            .collect();
+        Self { stored: factory.clone(), now: factory.clone(), factory }
+    }
+
+    /// An object of the device was written, or its value was read.
+    pub(super) fn learn(&mut self, whole: &Whole) {
+        let Whole { mux, value, written, .. } = whole;
+        match (mux.index, written, &value[..]) {
+            (STORE, true, b"save") if mux.sub <= 2 => self.stored = self.now.clone(),
+            (LOAD, true, b"load") if mux.sub <= 2 => self.stored = self.factory.clone(),
+            _ if is_parameter(*mux) && value.len() <= 4 => {
+                let value = value.iter().rev().fold(0, |all, byte| all << 8 | u32::from(*byte));
+                self.now.insert(*mux, value);
+            }
+            _ => {}
+        }
+    }
+
+    /// The device has started anew.
+    pub(super) fn restart(&mut self) {
+        self.now = self.stored.clone();
+    }
+
+    /// The object that a frame is, when the device has it now.
+    pub(super) fn carried(&self, frame: &Frame) -> Option<Carried> {
+        let of_frame = |(mux, cob_id): &(&Mux, &u32)| {
+            let cob_id = CobId(**cob_id);
+            let id = match cob_id.extended() {
+                true => Id::extended(cob_id.0 & 0x1FFF_FFFF),
+                false => Id::standard(cob_id.can_id()),
+            };
+            is_communication(mux.index) && mux.sub == 1 && cob_id.valid() && id == frame.id
+        };
+        let (mux, _) = self.now.iter().find(of_frame)?;
+        let name = match mux.index {
+            0x1800.. => format!("TPDO{}", mux.index - 0x17FF),
+            _ => format!("RPDO{}", mux.index - 0x13FF),
+        };
+        let mapping = mux.index + 0x200;
+        let count = self.now.get(&Mux::new(mapping, 0)).copied().unwrap_or(0).min(64) as u8;
+        let words = (1..=count).filter_map(|sub| self.now.get(&Mux::new(mapping, sub)));
+        Some(Carried { name, mapping: words.map(|word| Mapping::decode(*word)).collect() })
+    }
+}
+
+const fn is_communication(index: u16) -> bool {
+    matches!(index, 0x1400..=0x15FF | 0x1800..=0x19FF)
+}
+
+/// Communication and mapping parameters.
+const fn is_parameter(mux: Mux) -> bool {
+    matches!(mux.index, 0x1400..=0x1BFF)
+}
+
+const STORE: u16 = 0x1010;
+const LOAD: u16 = 0x1011;
