@@ -60,6 +60,8 @@ pub enum Command {
     /// Electronic data sheets
     #[command(subcommand)]
     Eds(EdsCommand),
+    /// Print a trace in words: a log of candump, or the journal of a run
+    Decode(DecodeArgs),
     /// Write a first file of waivers from the journal of a run
     Waive(WaiveArgs),
     /// Set back what a run that was killed left changed in a device; without a run, list them
@@ -451,6 +453,26 @@ pub struct ProbeArgs {
     #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
     #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub bitrate: u32,
+}
+
+/// Arguments of `decode`.
+#[derive(Debug, Args)]
+pub struct DecodeArgs {
+    /// The trace: lines of candump or a journal; `-` is standard input, as in `candump can0 |
+    /// harness decode -`
+    pub file: PathBuf,
+    /// Data sheet of one of the nodes: names, values and the mapping of its PDOs
+    #[arg(long, value_name = "FILE")]
+    pub eds: Option<PathBuf>,
+    /// Node id of the device with the data sheet
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    pub node: Option<u8>,
+    /// The reference device whose data sheet it is, instead of --eds
+    #[arg(long, value_name = "NAME", conflicts_with = "eds")]
+    pub device: Option<String>,
+    /// Which profiles.
+    #[command(flatten)]
+    pub catalogue: CatalogueFolder,
 }
 
 /// Arguments of `waive`.

@@ -2,6 +2,7 @@
 
 mod check;
 mod counted;
+mod decode;
 mod dry_run;
 mod eds;
 mod explain;
@@ -36,6 +37,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Trace(args)) => trace::run(&args),
         Some(Command::Explain(args)) => explain::run(&args),
         Some(Command::Eds(command)) => eds::run(&command, &stop),
+        Some(Command::Decode(args)) => decode::run(&args),
         Some(Command::Waive(args)) => waive::run(&args),
         Some(Command::Restore(args)) => restore::run(&args, &stop),
         Some(Command::Init(args)) => init::run(&args, &stop),

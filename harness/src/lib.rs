@@ -5,6 +5,7 @@
 //! journal and reports. This is the only crate with I/O.
 
 pub mod bus;
+mod candump;
 pub mod cli;
 pub mod commands;
 mod device_file;
