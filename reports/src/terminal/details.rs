@@ -211,8 +211,9 @@ impl Block<'_> {
 }
 
 /// The places of the frames to show, each with the number of times that the frame and the next one
-/// were seen before them, and the stretch of the trace that these tell. A question that is asked until its answer
-/// changes would else hide what led to it; of frames that come by themselves the times matter.
+/// were seen before them, and the stretch of the trace that these tell. A question that is asked
+/// until its answer changes would else hide what led to it; of frames that come by themselves the
+/// times matter.
 fn fold(trace: &[Stamped]) -> (Vec<(usize, usize)>, &[Stamped]) {
     let same = |one: &Stamped, other: &Stamped| one.own == other.own && one.frame == other.frame;
     let (mut shown, mut rest) = (Vec::new(), trace);
