@@ -1,6 +1,8 @@
 //! Bus backends: the only places that touch hardware, and the only ones that read a clock.
 
 mod calendar;
+mod lines;
+mod program;
 pub mod socketcan;
 
 use std::fmt;
@@ -8,11 +10,13 @@ use std::str::FromStr;
 
 use canopen::{Bus, BusError};
 
+use program::{OnInterface, OnPipes};
 use socketcan::SocketCan;
 
 use crate::stop::Stop;
 
 pub use calendar::unix_time;
+pub use lines::Stdio;
 
 /// A CAN interface by the name that a user gives it. A new backend is a variant here: the compiler
 /// then asks how it is written and opened, and the test below how it is read.
@@ -20,6 +24,14 @@ pub use calendar::unix_time;
 pub enum Interface {
     /// A network interface of Linux, such as `can0`.
     SocketCan(String),
+    /// A program that is the device: it speaks frames as lines on its standard input and output,
+    /// `exec:COMMAND`, or on an interface of Linux, `exec@vcan0:COMMAND`.
+    Program {
+        /// The program with its arguments, which blanks separate.
+        command: String,
+        /// The interface.
+        on: Option<String>,
+    },
 }
 
 impl Interface {
@@ -27,7 +39,15 @@ impl Interface {
     pub fn bit_rate(&self, usual: u32) -> Option<u32> {
         match self {
             Self::SocketCan(name) => SocketCan::bit_rate(name, usual),
+            Self::Program { on: Some(name), .. } => SocketCan::bit_rate(name, usual),
+            // Pipes have no bits that could be too fast for anybody.
+            Self::Program { on: None, .. } => Some(usual),
         }
+    }
+
+    /// Whether the device ends with the harness, since it is a program that the harness starts.
+    pub const fn is_program(&self) -> bool {
+        matches!(self, Self::Program { .. })
     }
 
     /// Opens the interface. `stop` ends every wait on it.
@@ -37,6 +57,10 @@ impl Interface {
     pub fn open(&self, stop: &Stop) -> Result<Box<dyn Bus>, BusError> {
         match self {
             Self::SocketCan(name) => Ok(Box::new(SocketCan::open(name, stop.clone())?)),
+            Self::Program { command, on: None } => Ok(Box::new(OnPipes::open(command, stop)?)),
+            Self::Program { command, on: Some(name) } => {
+                Ok(Box::new(OnInterface::open(command, name, stop)?))
+            }
         }
     }
 }
@@ -46,6 +70,8 @@ impl fmt::Display for Interface {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::SocketCan(name) => f.write_str(name),
+            Self::Program { command, on: None } => write!(f, "exec:{command}"),
+            Self::Program { command, on: Some(name) } => write!(f, "exec@{name}:{command}"),
         }
     }
 }
@@ -56,11 +82,24 @@ impl FromStr for Interface {
     /// Linux allows anything without blanks and slashes. A colon belongs to the name of another
     /// backend, as in `slcan:/dev/ttyACM0`.
     fn from_str(text: &str) -> Result<Self, NotAnInterface> {
-        let is_name = !text.is_empty()
-            && text.len() < 16
-            && !text.contains(|c: char| c == '/' || c == ':' || c.is_whitespace());
-        if is_name { Ok(Self::SocketCan(text.to_owned())) } else { Err(NotAnInterface) }
+        if let Some((exec, command)) = text.split_once(':') {
+            let on = match exec.strip_prefix("exec").ok_or(NotAnInterface)? {
+                "" => None,
+                on => {
+                    Some(on.strip_prefix('@').filter(|name| is_name(name)).ok_or(NotAnInterface)?)
+                }
+            };
+            let command = Some(command.trim()).filter(|command| !command.is_empty());
+            let command = command.ok_or(NotAnInterface)?.to_owned();
+            return Ok(Self::Program { command, on: on.map(str::to_owned) });
+        }
+        if is_name(text) { Ok(Self::SocketCan(text.to_owned())) } else { Err(NotAnInterface) }
     }
+}
+
+fn is_name(text: &str) -> bool {
+    let no = |c: char| c == '/' || c == ':' || c.is_whitespace();
+    !text.is_empty() && text.len() < 16 && !text.contains(no)
 }
 
 /// No backend takes this for the name of an interface.
@@ -75,7 +114,13 @@ mod tests {
     fn after(interface: Option<&Interface>) -> Option<Interface> {
         match interface {
             None => Some(Interface::SocketCan("vcan0".to_owned())),
-            Some(Interface::SocketCan(_)) => None,
+            Some(Interface::SocketCan(_)) => {
+                Some(Interface::Program { command: "./sim --fast".to_owned(), on: None })
+            }
+            Some(Interface::Program { command, on: None }) => {
+                Some(Interface::Program { command: command.clone(), on: Some("vcan0".to_owned()) })
+            }
+            Some(Interface::Program { on: Some(_), .. }) => None,
         }
     }
 
@@ -86,7 +131,15 @@ mod tests {
             assert_eq!(interface.to_string().parse(), Ok(interface.clone()));
             last = Some(interface);
         }
-        for text in ["", "slcan:/dev/ttyACM0", "a name", "longer-than-16-characters"] {
+        for text in [
+            "",
+            "slcan:/dev/ttyACM0",
+            "a name",
+            "longer-than-16-characters",
+            "exec:",
+            "exec@:a",
+            "exec@a b:c",
+        ] {
             assert_eq!(text.parse::<Interface>(), Err(NotAnInterface), "{text:?}");
         }
     }

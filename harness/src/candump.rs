@@ -60,6 +60,11 @@ pub(crate) fn parse(line: &str) -> Result<Option<Line>, String> {
     Ok(Some(Line { at, frame, sent }))
 }
 
+/// The frame as a line of a log.
+pub(crate) fn line(at: Instant, interface: &str, frame: &Frame) -> String {
+    format!("({at}) {interface} {frame}\n")
+}
+
 fn frame(text: &str) -> Result<Frame, String> {
     text.parse().map_err(|error| format!("`{}`: {error}", shortly(text)))
 }
@@ -124,6 +129,10 @@ mod tests {
         ] {
             assert_eq!(parse(text), Ok(Some(Line { at, frame, sent })), "{text}");
         }
+        assert_eq!(
+            line(Instant(1_234_567_000), "can0", &frame),
+            format!("(1.234567) can0 {frame}\n")
+        );
         let remote = Frame { remote: true, ..Frame::new(0x705, [0]) };
         let read = parse("vcan0  705   [1]  remote request").unwrap().unwrap();
         assert_eq!(read.frame, remote);

@@ -81,7 +81,9 @@ pub struct Selection {
     #[arg(long, value_name = "FILE")]
     pub dut: Option<PathBuf>,
     /// `vcan0`, `can0`, `sim:drr460`, `sim:drr460?mutant=NAME`, or `sim:PATH` for a device that is
-    /// described in a folder; every reference device when absent
+    /// described in a folder; `exec:COMMAND` for a program that is the device and speaks lines of
+    /// candump on its standard input and output, `exec@vcan0:COMMAND` for one on an interface;
+    /// every reference device when absent
     #[arg(long)]
     pub target: Option<String>,
     /// Node id of the device; a bus is scanned when absent
@@ -295,8 +297,12 @@ pub struct ServeArgs {
     /// The reference device, or the folder of a device
     pub device: String,
     /// The interface, such as `vcan0`
+    #[arg(long, required_unless_present = "stdio", conflicts_with = "stdio")]
+    pub target: Option<String>,
+    /// Speak lines of candump on standard input and output, as `--target exec:` wants it, until
+    /// standard input ends
     #[arg(long)]
-    pub target: String,
+    pub stdio: bool,
     /// Its node id; the device's usual one when absent
     #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
     pub node: Option<u8>,

@@ -30,7 +30,7 @@ pub(crate) struct DeviceFile {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub(crate) struct DutFile {
-    /// Where the device is: `can0`, `sim:drr460`.
+    /// Where the device is: `can0`, `exec:./firmware`, `sim:drr460`.
     #[serde(default)]
     pub target: Option<String>,
     /// Its node id; a bus is scanned when absent.
@@ -210,6 +210,11 @@ fn parse_objects(text: &str) -> Option<Objects> {
     Some(Objects { indices: index..=index, sub })
 }
 
+/// Whether what is before the colon of a target says that a program follows.
+fn is_exec(text: &str) -> bool {
+    text == "exec" || text.starts_with("exec@")
+}
+
 impl DeviceFile {
     /// Reads a device file.
     ///
@@ -217,8 +222,15 @@ impl DeviceFile {
     /// Everything that is wrong with it.
     pub(crate) fn load(path: &Path) -> Result<Self, Vec<Complaint>> {
         let source = read_source(path).map_err(|complaint| vec![complaint])?;
+        Self::of_source(source, path.parent().map_or_else(PathBuf::new, Path::to_owned))
+    }
+
+    /// Reads the text of a device file, whose paths are relative to `folder`.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub(crate) fn of_source(source: Arc<Source>, folder: PathBuf) -> Result<Self, Vec<Complaint>> {
         let said: DutFile = read_yaml(&source).map_err(|complaint| vec![complaint])?;
-        let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
         let complaints = said.wrong(&source);
         match complaints.is_empty() {
             true => Ok(Self { source, folder, said }),
@@ -234,6 +246,9 @@ impl DeviceFile {
     /// The target as the program needs it: a simulated device may be a folder.
     pub(crate) fn target(&self) -> Option<String> {
         let target = self.said.target.as_ref()?;
+        if let Some((exec, command)) = target.split_once(':').filter(|(exec, _)| is_exec(exec)) {
+            return Some(format!("{exec}:{}", self.command(command)));
+        }
         let of_folder = target.strip_prefix("sim:").and_then(|device| {
             let (path, rest) = device.split_at(device.find('?').unwrap_or(device.len()));
             let path = self.path(Path::new(path));
@@ -248,13 +263,18 @@ impl DeviceFile {
         if let Some(socket) = bench.strip_prefix("unix:") {
             return Some(format!("unix:{}", self.path(Path::new(socket)).display()));
         }
-        let words = bench.split(' ').map(|word| {
+        Some(self.command(bench))
+    }
+
+    /// A program with its arguments, where they are.
+    fn command(&self, command: &str) -> String {
+        let words = command.split(' ').map(|word| {
             let path = self.path(Path::new(word));
             // The name of a program is looked for elsewhere.
             let is_ours = word.contains('/') || path.is_file();
             if is_ours { path.display().to_string() } else { word.to_owned() }
         });
-        Some(words.collect::<Vec<_>>().join(" "))
+        words.collect::<Vec<_>>().join(" ")
     }
 
     /// The programs that bring the device back.

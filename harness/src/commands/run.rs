@@ -214,6 +214,9 @@ impl Sessions<'_> {
 /// another run left changed in the same device.
 fn undo(target: &Target, selection: &Selection) -> Undo {
     let Connection::Interface(interface) = &target.connection else { return Undo::default() };
+    if interface.is_program() {
+        return Undo::default();
+    }
     let (folder, dut) = (undo_log::folder(), &target.dut);
     let changes = Changes {
         target: interface.to_string(),

@@ -8,10 +8,10 @@ use std::thread;
 use std::time::Duration;
 
 use canopen::bench::Needs;
-use canopen::{Bench, BenchError, BusError, Device, Instant, Outbox, Value, serve};
+use canopen::{Bench, BenchError, Bus, BusError, Device, Instant, Outbox, Value, serve};
 use reference_devices::rules::Specification;
 
-use crate::bus::Interface;
+use crate::bus::{Interface, Stdio};
 use crate::cli::ServeArgs;
 use crate::exit::{Exit, Refused};
 use crate::rig;
@@ -36,15 +36,17 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
         None => Box::new(device.node(node, Box::new(Specification))),
         Some(deviation) => deviation.build(&device, node)?,
     };
-    let interface: Interface = args.target.parse().map_err(|_| {
-        Refused::usage(format!("no interface is called `{}`: write `vcan0` or `can0`", args.target))
-    })?;
     // The socket of the bench goes with the device.
     let _held = stop.hold();
-    let mut bus = open_interface(&interface, stop)?;
+    let mut bus: Box<dyn Bus> = match &args.target {
+        Some(target) => open_interface(&interface(target)?, stop)?,
+        None => Box::new(Stdio::open(stop)),
+    };
     let socket = args.bench_socket.as_deref().map(Socket::open).transpose()?;
-    let deviation = deviation.map(|with| format!(" with {}", with.query)).unwrap_or_default();
-    eprintln!("{}{deviation} is node {node} on {}; Ctrl-C ends it", args.device, args.target);
+    if let Some(target) = &args.target {
+        let deviation = deviation.map(|with| format!(" with {}", with.query)).unwrap_or_default();
+        eprintln!("{}{deviation} is node {node} on {target}; Ctrl-C ends it", args.device);
+    }
     loop {
         let end = socket.as_ref().map_or(Instant::NEVER, |_| bus.now() + SLICE);
         match serve(&mut *bus, &mut *served, end) {
@@ -66,6 +68,13 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
             _ = request.answer.send(answer);
         }
     }
+}
+
+fn interface(name: &str) -> Result<Interface, Refused> {
+    let interface = name.parse().ok().filter(|interface: &Interface| !interface.is_program());
+    interface.ok_or_else(|| {
+        Refused::usage(format!("no interface is called `{name}`: write `vcan0` or `can0`"))
+    })
 }
 
 /// The served device as a bench.

@@ -186,8 +186,9 @@ impl CaseRun<'_, '_> {
             }
         }
         // Bad frames on the wire spoil this case, not those that follow.
-        let lasts =
-            |error: &BusError| !matches!(error, BusError::Controller(_) | BusError::Withheld(_));
+        let lasts = |error: &BusError| {
+            !matches!(error, BusError::Controller(_) | BusError::Withheld(_) | BusError::Ended(_))
+        };
         let (outcome, stop) = match self.steps() {
             Ok(outcome) => (self.with_way_out(outcome), None),
             Err(BusError::Withheld(why)) => (Outcome::Skip(why), None),
@@ -436,9 +437,15 @@ impl CaseRun<'_, '_> {
     fn bus_failed(&self, failure: BusError) -> (Outcome, Aftermath) {
         let reason = match &failure {
             BusError::Interrupted => "interrupted".to_owned(),
+            BusError::Ended(why) => why.clone(),
             other => format!("the bus failed: {other}"),
         };
-        (error(reason), Aftermath::Stop(failure))
+        let aftermath = match failure {
+            // What ended was started again.
+            BusError::Ended(_) => Aftermath::Left(Left::Dirty),
+            failure => Aftermath::Stop(failure),
+        };
+        (error(reason), aftermath)
     }
 }
 

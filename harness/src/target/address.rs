@@ -43,8 +43,8 @@ impl FromStr for Address {
         }
         text.parse().map(Self::Interface).map_err(|_| {
             Refused::usage(format!(
-                "unknown target `{text}`: write `vcan0`, `can0`, `sim:drr460` or \
-                 `sim:drr460?mutant=NAME`"
+                "unknown target `{text}`: write `vcan0`, `can0`, `exec:./firmware`, `sim:drr460` \
+                 or `sim:drr460?mutant=NAME`"
             ))
         })
     }

@@ -10,6 +10,7 @@ use super::options::{rig, without};
 use super::reference::reference_device;
 use super::scan::{Found, scan};
 use super::sheet;
+use super::sim::quoted;
 use crate::bus::Interface;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::dut::Dut;
@@ -34,7 +35,7 @@ pub(super) fn target(
         let selection = Selection { bitrate: bit_rate, ..selection.clone() };
         sheet::of_found(&selection, &found, &mut *bus, catalogue)?
     };
-    let mut options = format!("--target {name} --node {}", found.node);
+    let mut options = format!("--target {} --node {}", quoted(name), found.node);
     selection.say_the_rest(&mut options);
     let own = selection.device.as_ref().or(found.device.as_ref());
     let own = own.and_then(|name| reference_device(name, catalogue).ok());
@@ -45,7 +46,7 @@ pub(super) fn target(
         bench,
         own_bench: selection.bench.is_some(),
         bench_needs,
-        interface: Some(name.clone()),
+        interface: (!interface.is_program()).then(|| name.clone()),
         bit_rate,
         without: without(selection, own.as_deref()),
         told: found.recognised(),
@@ -77,6 +78,14 @@ pub(crate) fn nobody(interface: &str, node: Option<u8>) -> Refused {
         || "no node answers".to_owned(),
         |node| format!("node {node} does not answer"),
     );
+    if interface.starts_with("exec:") {
+        return Refused::bus(format!(
+            "{who} on {interface}. The program writes each frame that it sends as a line, such as \
+             `(0.001000) can0 701#00`, and gets each frame as such a line"
+        ));
+    }
+    let interface = interface.strip_prefix("exec@").unwrap_or(interface);
+    let interface = interface.split(':').next().unwrap_or(interface);
     Refused::bus(format!(
         "{who} on {interface}. These commands show the frames on it and add a device:\n  \
          candump -e {interface},0:0,#FFFFFFFF\n  \

@@ -115,7 +115,7 @@ pub(super) fn of_found(
             Ok((name, sheet))
         }
         None => {
-            let what = found.follows().map(|follows| format!(", {follows},")).unwrap_or_default();
+            let what = found.follows().map(|follows| format!(", {follows}")).unwrap_or_default();
             let node = found.node;
             eprintln!(
                 "note: this program has no data sheet of node {node}{what}. One is generated from \

@@ -116,7 +116,7 @@ fn own_name(selection: &Selection) -> Option<&str> {
 }
 
 /// A word as a shell takes it: in quotes where it holds more than letters, digits and `:/.-_`.
-fn quoted(word: &str) -> String {
+pub(super) fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || ":/.-_".contains(c);
     match word.chars().all(plain) {
         true => word.to_owned(),

@@ -1,0 +1,273 @@
+//! A device that is a program, such as the firmware of one built for this computer: it is started,
+//! watched, started again after a reset, and stopped.
+
+use std::io;
+use std::os::unix::process::{CommandExt, ExitStatusExt};
+use std::path::Path;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc;
+use std::time::Duration;
+
+use canopen::{Bus, BusError, Frame, Instant, Stamped};
+use nix::sys::signal::{Signal, killpg};
+use nix::unistd::Pid;
+
+use super::lines::{Clock, Ending, Lines};
+use super::socketcan::SocketCan;
+use crate::files::words;
+use crate::stop::Stop;
+
+/// The environment variable that names the interface to a program that uses one.
+const INTERFACE: &str = "CAN_INTERFACE";
+
+/// A program that was started.
+#[derive(Debug)]
+struct Process {
+    child: Child,
+}
+
+impl Process {
+    /// Starts a program with its arguments, which blanks separate.
+    fn start(command: &str, set_up: impl FnOnce(&mut Command)) -> Result<Self, BusError> {
+        // A path may have blanks.
+        let whole = Path::new(command).is_file();
+        let mut parts = command.split_whitespace().filter(|_| !whole);
+        let mut started = Command::new(parts.next().unwrap_or(command));
+        // What it starts ends with it, and Ctrl-C is the harness's to handle.
+        started.args(parts).process_group(0);
+        set_up(&mut started);
+        let child = started.spawn().map_err(|error| {
+            BusError::Open(format!("the program `{command}` cannot be started: {}", words(&error)))
+        })?;
+        Ok(Self { child })
+    }
+}
+
+impl Drop for Process {
+    /// A program ends with its standard input, at a SIGTERM, or at once.
+    fn drop(&mut self) {
+        drop(self.child.stdin.take());
+        let group = Pid::from_raw(self.child.id().cast_signed());
+        if matches!(self.child.try_wait(), Ok(None)) {
+            // It may have ended by itself.
+            _ = killpg(group, Signal::SIGTERM);
+            if !ends_within(&mut self.child, PATIENCE) {
+                _ = killpg(group, Signal::SIGKILL);
+            }
+        }
+        // What it started is stopped, too.
+        _ = killpg(group, Signal::SIGKILL);
+        _ = self.child.wait();
+    }
+}
+
+/// How long a program that is to end, or has nothing more to say, may take.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Whether a program ends in that time. Nothing on a bus waits for it.
+fn ends_within(child: &mut Child, patience: Duration) -> bool {
+    const TURN: Duration = Duration::from_millis(5);
+    // Nobody sends, so that receiving is waiting.
+    let (_silent, never) = mpsc::channel::<()>();
+    for _ in 0..patience.as_millis() / TURN.as_millis() {
+        if !matches!(child.try_wait(), Ok(None)) {
+            return true;
+        }
+        _ = never.recv_timeout(TURN);
+    }
+    false
+}
+
+/// How a program ended, as the end of a sentence.
+fn said(status: &io::Result<ExitStatus>) -> String {
+    match status {
+        Ok(status) => match (status.code(), status.signal()) {
+            (Some(code), _) => format!("ended with exit status {code}"),
+            (None, Some(signal)) => match Signal::try_from(signal) {
+                Ok(signal) => format!("was ended by {signal}"),
+                Err(_) => format!("was ended by signal {signal}"),
+            },
+            (None, None) => "ended".to_owned(),
+        },
+        Err(error) => format!("cannot be waited for: {}", words(error)),
+    }
+}
+
+/// What a program was sent last, for whoever looks for the reason of its end.
+fn after(last: Option<Frame>) -> String {
+    last.map_or_else(String::new, |frame| {
+        format!(" after it was sent {frame} ({})", canopen::meaning(&frame))
+    })
+}
+
+/// A program that speaks frames as lines on its standard input and output.
+#[derive(Debug)]
+pub(super) struct OnPipes {
+    command: String,
+    process: Process,
+    lines: Lines,
+    clock: Clock,
+    /// The last frame that it was sent.
+    last: Option<Frame>,
+    stop: Stop,
+}
+
+impl OnPipes {
+    /// Starts the program.
+    ///
+    /// # Errors
+    /// [`BusError::Open`] when that is not possible.
+    pub(super) fn open(command: &str, stop: &Stop) -> Result<Self, BusError> {
+        let clock = Clock::start();
+        let (process, lines) = start_on_pipes(command, clock, stop)?;
+        let (command, stop) = (command.to_owned(), stop.clone());
+        Ok(Self { command, process, lines, clock, last: None, stop })
+    }
+
+    /// Starts it again after it has ended.
+    ///
+    /// # Errors
+    /// How it ended, unless that was what a device does at a reset.
+    fn again(&mut self) -> Result<(), BusError> {
+        let command = &self.command;
+        if !ends_within(&mut self.process.child, PATIENCE) {
+            let why = format!("the program `{command}` has closed its standard output");
+            return Err(BusError::Io(why));
+        }
+        let status = self.process.child.wait();
+        let said = said(&status);
+        if self.lines.heard() == 0 {
+            let why = format!("the program `{command}` {said} before it sent a frame");
+            return Err(BusError::Io(why));
+        }
+        let (process, mut lines) = start_on_pipes(command, self.clock, &self.stop)?;
+        lines.follow(&mut self.lines);
+        (self.process, self.lines) = (process, lines);
+        let last = self.last.take();
+        if status.is_ok_and(|status| status.success()) {
+            return Ok(());
+        }
+        let after = after(last);
+        Err(BusError::Ended(format!("the program `{command}` {said}{after}; it is started again")))
+    }
+}
+
+fn start_on_pipes(command: &str, clock: Clock, stop: &Stop) -> Result<(Process, Lines), BusError> {
+    let mut process = Process::start(command, |started| {
+        started.stdin(Stdio::piped()).stdout(Stdio::piped());
+    })?;
+    let (Some(to), Some(from)) = (process.child.stdin.take(), process.child.stdout.take()) else {
+        return Err(BusError::Open(format!("the program `{command}` has no pipes")));
+    };
+    Ok((process, Lines::new(from, to, clock, stop.clone())))
+}
+
+impl Bus for OnPipes {
+    fn is_real(&self) -> bool {
+        true
+    }
+
+    fn now(&mut self) -> Instant {
+        self.lines.now()
+    }
+
+    /// # Errors
+    /// [`BusError::Io`] when the program does not read what it is sent.
+    fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        self.last = Some(*frame);
+        let command = &self.command;
+        self.lines.send(frame).map_err(|why| BusError::Io(format!("the program `{command}` {why}")))
+    }
+
+    /// A program that ended with exit status 0 is started again: that is how it resets itself.
+    ///
+    /// # Errors
+    /// [`BusError::Ended`] when it ended otherwise, [`BusError::Io`] when it wrote anything else
+    /// than frames or ended before it sent one, [`BusError::Interrupted`].
+    fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+        loop {
+            match self.lines.recv(until)? {
+                Ok(got) => return Ok(got),
+                Err(Ending::Closed) => self.again()?,
+                Err(Ending::Garbage(what)) => {
+                    let command = &self.command;
+                    return Err(BusError::Io(format!("the program `{command}` wrote {what}")));
+                }
+            }
+        }
+    }
+}
+
+/// A program that is a node on a CAN interface, whose name it gets in `CAN_INTERFACE`.
+#[derive(Debug)]
+pub(super) struct OnInterface {
+    command: String,
+    interface: String,
+    process: Process,
+    bus: SocketCan,
+    /// The last frame that it was sent, and whether it sent one.
+    last: Option<Frame>,
+    heard: bool,
+}
+
+impl OnInterface {
+    /// Opens the interface and starts the program.
+    ///
+    /// # Errors
+    /// [`BusError::Open`] when one of them is not possible.
+    pub(super) fn open(command: &str, interface: &str, stop: &Stop) -> Result<Self, BusError> {
+        let bus = SocketCan::open(interface, stop.clone())?;
+        let process = start_on_interface(command, interface)?;
+        let (command, interface) = (command.to_owned(), interface.to_owned());
+        Ok(Self { command, interface, process, bus, last: None, heard: false })
+    }
+
+    /// Looks after the program.
+    fn watch(&mut self) -> Result<(), BusError> {
+        let Some(status) = self.process.child.try_wait().transpose() else { return Ok(()) };
+        let (command, said) = (&self.command, said(&status));
+        if !self.heard {
+            let why = format!("the program `{command}` {said} before it sent a frame");
+            return Err(BusError::Io(why));
+        }
+        self.process = start_on_interface(command, &self.interface)?;
+        let last = self.last.take();
+        self.heard = false;
+        if status.is_ok_and(|status| status.success()) {
+            return Ok(());
+        }
+        let after = after(last);
+        Err(BusError::Ended(format!("the program `{command}` {said}{after}; it is started again")))
+    }
+}
+
+fn start_on_interface(command: &str, interface: &str) -> Result<Process, BusError> {
+    Process::start(command, |started| {
+        // Its output is no part of that of this program.
+        started.env(INTERFACE, interface).stdin(Stdio::piped()).stdout(Stdio::null());
+    })
+}
+
+impl Bus for OnInterface {
+    fn is_real(&self) -> bool {
+        true
+    }
+
+    fn now(&mut self) -> Instant {
+        self.bus.now()
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        self.last = Some(*frame);
+        self.bus.send(frame)
+    }
+
+    /// # Errors
+    /// Those of the interface, and those of [`OnPipes`] for the program.
+    fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+        self.watch()?;
+        let got = self.bus.recv(until)?;
+        self.heard |= got.is_some_and(|seen| !seen.own);
+        Ok(got)
+    }
+}
