@@ -59,8 +59,8 @@ pub(crate) struct Drr460 {
     around: Surroundings,
     /// When the buffer that ran over is an error no more.
     overflow_ends: Option<Instant>,
-    /// When a message about power-on has its end.
-    boot_error_ends: Option<Instant>,
+    /// Power-on is still to be reported.
+    reports_boot: bool,
     /// A bench has set the switches.
     switched: bool,
     /// The device starts anew because of what a bench did.
@@ -116,7 +116,7 @@ impl Drr460 {
             found: Found::default(),
             around: Surroundings::default(),
             overflow_ends: None,
-            boot_error_ends: None,
+            reports_boot: false,
             switched: false,
             restarts: false,
             load: Load::default(),
@@ -202,6 +202,7 @@ impl Drr460 {
         let outcome = self.controller.decide(&self.inputs, settings, elapsed, rules);
         if let Some(found) = outcome.found {
             self.memory.tuned(found, od, &*self.rules);
+            od.set_int(TUNING, self.controller.tuning(&self.settings));
             self.configure(od);
         }
         self.show_outcome(outcome, od);
@@ -359,7 +360,6 @@ impl Drr460 {
             RESTORE => {
                 self.memory.forget();
                 self.controller.forget();
-                self.restarts = self.rules.load_restarts();
             }
             Mux { index: LATCH_ON, sub } if !self.rules.learns(sub) => {}
             Mux { index: LATCH_ON, sub } => self.controller.command_latch(sub, written as u8),
@@ -392,7 +392,6 @@ impl Drr460 {
     /// Raises the errors that are present, and ends the others.
     fn report(&mut self, now: Instant, errors: &mut Errors) {
         self.overflow_ends = self.overflow_ends.filter(|end| now < *end);
-        self.boot_error_ends = self.boot_error_ends.filter(|end| now < *end);
         let passed = self.overflow_ends.is_none() && self.around.bus != BusFault::ErrorPassive;
         let bus = if passed { BusFault::None } else { self.around.bus };
         let module = match self.rules.reports_module() {
@@ -400,16 +399,18 @@ impl Drr460 {
             false => Module::Fitted,
         };
         let around = Surroundings { bus, module, ..self.around };
-        let found = Found {
-            no_process: self.outcome.error && self.rules.reports_sensor(),
-            defaults: self.boot_error_ends.is_some(),
-            ..self.found
-        };
+        let found =
+            Found { no_process: self.outcome.error && self.rules.reports_sensor(), ..self.found };
         let present: Vec<_> = emergency::reports(found, &around).collect();
         for error in emergency::ERRORS {
             if present.iter().all(|report| report.error != error) {
                 errors.clear(error);
             }
+        }
+        if std::mem::take(&mut self.reports_boot) {
+            let boot = emergency::BOOT;
+            errors.raise(boot.error, boot.code, boot.register, boot.vendor);
+            errors.clear(boot.error);
         }
         for report in present.iter().filter(|report| !errors.has(report.error)).collect::<Vec<_>>()
         {
@@ -561,12 +562,10 @@ impl Behaviour for Drr460 {
         self.changed = true;
         if let CommunicationEvent::Entered(state) = event {
             if self.state == NmtState::INITIALISING && self.rules.reports_boot() {
-                self.boot_error_ends = Some(now + terminals::OVERFLOW);
+                self.reports_boot = true;
             }
             self.state = state;
-            if self.rules.states_end_silence() {
-                self.meet(false);
-            }
+            self.meet(false);
         }
         // Otherwise the outputs are the controller's own, and the network has no part in them.
         if self.expansion.enabled {
@@ -591,8 +590,7 @@ impl Behaviour for Drr460 {
 
     fn poll_at(&self) -> Option<Instant> {
         let now = (self.news || self.changed).then_some(self.at);
-        let rest =
-            [self.panel.poll_at(&*self.rules), self.overflow_ends, self.boot_error_ends, now];
+        let rest = [self.panel.poll_at(&*self.rules), self.overflow_ends, now];
         rest.into_iter().fold(self.next_step(), earlier)
     }
 

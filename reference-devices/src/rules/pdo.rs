@@ -339,11 +339,6 @@ deviations! {
             Duration::from_millis(configured.into())
         }
     }
-    "tpdo-inhibit-in-tenths-of-a-second" {
-        fn pdo_inhibit(&self, configured: u16) -> Duration {
-            Duration::from_millis(u64::from(configured) * 100)
-        }
-    }
     "tpdo-inhibit-ignored" {
         fn pdo_inhibit(&self, _configured: u16) -> Duration { Duration::ZERO }
     }

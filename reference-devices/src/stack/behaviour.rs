@@ -27,7 +27,7 @@ pub(crate) trait Behaviour: Send {
         false
     }
 
-    /// Whether the device starts anew because of what a bench or the network has just done.
+    /// Whether the device starts anew because of what a bench has just done.
     fn takes_restart(&mut self) -> bool {
         false
     }

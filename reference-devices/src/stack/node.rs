@@ -209,9 +209,6 @@ impl Device for Node {
             (Some(id), true) => self.services.handle_remote(now, id, out),
             (None, _) => {}
         }
-        if self.services.takes_restart() {
-            self.initialise(now, Reset::Node);
-        }
         self.settle(now, out);
     }
 

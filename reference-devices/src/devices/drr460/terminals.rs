@@ -57,7 +57,7 @@ impl Drr460 {
 }
 
 /// For how long a buffer that ran over is an error.
-pub(super) const OVERFLOW: std::time::Duration = std::time::Duration::from_millis(100);
+const OVERFLOW: std::time::Duration = std::time::Duration::from_millis(100);
 
 const SWITCHES: &str = "dip-switch-";
 const CONTACTS: &str = "digital-outputs-1";

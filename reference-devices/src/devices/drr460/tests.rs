@@ -355,3 +355,45 @@ fn faults_are_reported_and_end() {
     fixture.device.run(fixture.now, &mut fixture.od, &mut fixture.errors);
     assert!(fixture.errors.has(2) && fixture.after(0, ERROR_FLAGS) == 4);
 }
+
+/// The parameters whose change nothing shows; `device.md` has the reason of each.
+const WITHOUT_EFFECT: [u8; 2] = [113, 114];
+
+/// Those whose mutants take another decision than that about the value itself.
+const DECIDED_OTHERWISE: [(u8, &str); 2] =
+    [(41, "fluid-presets-no-cycle"), (121, "expansion-ignored")];
+
+/// A mutant is killed by a case, so what it does not obey shows on the bus or on a bench.
+#[test]
+fn each_parameter_has_a_mutant_that_does_not_obey_it() {
+    let device = devices::device("drr460").unwrap();
+    let mutants = device.files.mutants.as_ref().unwrap();
+    let is_mutant = |name: &str| mutants.text.contains(&format!("{{ behaviour: {name} }}"));
+    let all: Vec<_> =
+        rules::names().filter(|name| is_mutant(name)).filter_map(rules::named).collect();
+    let obeys = |sub| {
+        let values = -1..=200;
+        all.iter().all(|rules| values.clone().all(|value| rules.parameter(sub, value) == value))
+    };
+    let otherwise =
+        |sub| DECIDED_OTHERWISE.iter().any(|(known, name)| *known == sub && is_mutant(name));
+    let od = Dictionary::new(&device.description.eds, 1).unwrap();
+    let named = |entry: &&canopen::eds::Entry| {
+        entry.mux.index == 0x3000 && entry.mux.sub > 0 && !entry.name.starts_with("Reserved")
+    };
+    let subs = od.entries().iter().filter(named).map(|entry| entry.mux.sub);
+    let hidden: Vec<u8> = subs.filter(|sub| obeys(*sub) && !otherwise(*sub)).collect();
+    assert_eq!(hidden, WITHOUT_EFFECT);
+}
+
+#[test]
+fn each_deviation_is_a_mutant_or_a_freedom() {
+    let device = devices::device("drr460").unwrap();
+    let files = [&device.files.mutants, &device.files.freedoms].map(|file| file.clone().unwrap());
+    let is_used = |name: &str| {
+        files.iter().any(|file| file.text.contains(&format!("{{ behaviour: {name} }}")))
+            || files.iter().any(|file| file.text.contains(&format!("behaviour: {name}\n")))
+    };
+    let unused: Vec<_> = rules::names().filter(|name| !is_used(name)).collect();
+    assert!(unused.is_empty(), "{unused:?}");
+}

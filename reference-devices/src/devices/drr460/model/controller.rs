@@ -562,7 +562,7 @@ impl Controller {
         functions.alarms_closed =
             functions.alarms.map(|alarm| alarms.is_closed(alarm, settings.cooling_cycle, rules));
         if settings.wiring.command == Command::Valve {
-            self.valve.go_to(valve_target(functions.command, rules), rules);
+            self.valve.go_to(valve_target(functions.command, rules));
         }
         functions.valve = self.valve.motion();
         self.terminals = settings.wiring.connect(functions, rules);

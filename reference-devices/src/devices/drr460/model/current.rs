@@ -41,6 +41,8 @@ pub(super) struct Transformer {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Watched {
     is_error: bool,
+    /// What 4007h has.
+    is_shown: bool,
     /// Seconds for which the condition has been met.
     waited: f64,
     counts: bool,
@@ -55,11 +57,12 @@ impl Watched {
         match condition {
             None => {}
             Some(false) => {
-                let is_error = self.is_error && !rules.current_flags_end();
-                *self = Self { is_error, ..Self::default() };
+                let is_shown = self.is_shown && !rules.current_flags_end();
+                *self = Self { is_shown, ..Self::default() };
             }
             Some(true) => self.is_error |= self.waited + ROUNDING >= delay,
         }
+        self.is_shown |= self.is_error;
     }
 
     fn advance(&mut self, elapsed: f64) {
@@ -111,7 +114,7 @@ impl Transformer {
     /// Bits 7 to 10 of 4007h.
     pub(super) fn flags(&self, rules: &dyn Rules) -> i64 {
         let bits = self.watched.iter().zip(7..);
-        bits.map(|(watched, bit)| i64::from(watched.is_error) << rules.flag(bit)).sum()
+        bits.map(|(watched, bit)| i64::from(watched.is_shown) << rules.flag(bit)).sum()
     }
 
     /// Whether alarm kind 10 is met.

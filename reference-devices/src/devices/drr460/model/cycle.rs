@@ -51,7 +51,10 @@ impl Cycle {
     pub(super) fn hold(&mut self, wanted: Wanted, rules: &dyn Rules) -> Wanted {
         match wanted {
             Wanted::Share(share) if !rules.share_counts_at_once() => {
-                Wanted::Share(*self.share.get_or_insert(share))
+                // What is off or on all the time has no cycle to wait for.
+                let is_part = |share: f64| share > 0.0 && share < 1.0;
+                let held = self.share.filter(|held| is_part(*held) && is_part(share));
+                Wanted::Share(*self.share.insert(held.unwrap_or(share)))
             }
             other => other,
         }

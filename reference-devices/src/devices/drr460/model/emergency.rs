@@ -28,8 +28,6 @@ pub(crate) struct Found {
     pub(crate) not_stored: bool,
     /// There is no process value.
     pub(crate) no_process: bool,
-    /// The device has just booted up.
-    pub(crate) defaults: bool,
     /// The bit of 4007h of the part of the configuration that could not be read.
     pub(crate) unread: Option<u8>,
 }
@@ -76,18 +74,25 @@ pub(crate) fn reports(found: Found, around: &Surroundings) -> impl Iterator<Item
         reacts: false,
         stops: error == BROKEN,
     });
-    let defaults = found.defaults.then(|| device(DEFAULTS, [0; 5]));
     let sensor = found
         .no_process
         .then(|| Report { code: EmcyCode(0xFF00), ..device(SENSOR, [1, 7, PLACE, 1, 2]) });
-    let own = [changed, not_stored, unread, defaults, sensor];
+    let own = [changed, not_stored, unread, sensor];
     own.into_iter().chain([bus, module]).flatten()
 }
 
+/// Power-on with default settings: an event that has no end, and no code of its own.
+pub(crate) const BOOT: Report = Report {
+    error: 4,
+    code: EmcyCode(0x5000),
+    register: 0x81,
+    vendor: [0; 5],
+    reacts: false,
+    stops: false,
+};
 /// The application's numbers for all errors.
-pub(crate) const ERRORS: [u16; 10] =
-    [1, 2, 3, DEFAULTS, SENSOR, BUS + 1, BUS + 2, BUS + 3, BROKEN, BROKEN + 1];
-const DEFAULTS: u16 = 4;
+pub(crate) const ERRORS: [u16; 9] =
+    [1, 2, 3, SENSOR, BUS + 1, BUS + 2, BUS + 3, BROKEN, BROKEN + 1];
 const SENSOR: u16 = 5;
 const BUS: u16 = 0x10;
 const BROKEN: u16 = 0x20;

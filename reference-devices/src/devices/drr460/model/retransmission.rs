@@ -18,11 +18,14 @@ pub(super) struct Settings {
 
 impl Settings {
     pub(super) fn of(parameters: &Parameters) -> Self {
+        let is_temperature = parameters.get(1) < FIRST_LINEAR;
+        let limit =
+            |sub| parameters.rules.retransmission_limit(parameters.get(sub), is_temperature);
         Self {
             source: parameters.get(100),
             live_zero: parameters.is_set(101),
-            low: parameters.get(102) as f64,
-            high: parameters.get(103) as f64,
+            low: limit(102),
+            high: limit(103),
             error: State(parameters.get(104)),
             stop: State(parameters.get(105)),
         }
@@ -68,6 +71,8 @@ pub(super) fn microamperes(
 }
 
 const WORKS_IN_STOP: i64 = 4;
+/// The first sensor of sub 1 that is no temperature.
+const FIRST_LINEAR: i64 = 14;
 
 #[cfg(test)]
 mod tests {

@@ -307,11 +307,6 @@ decisions! {
         true
     }
 
-    /// A valve at its end rests, and is at home at power-on (11.3.2, sub 24).
-    fn valve_rests_at_its_ends(&self) -> bool {
-        true
-    }
-
     /// A cycle has the share of the output (11.3.2, subs 40 and 44).
     fn cycle_share(&self, share: f64) -> f64 {
         share
@@ -548,6 +543,11 @@ decisions! {
         if high == low { 0.0 } else { ((value - low) / (high - low)).clamp(0.0, 1.0) }
     }
 
+    /// Limits of retransmission are digits, which are tenths of a degree (11.3.2, subs 102 and 103).
+    fn retransmission_limit(&self, limit: i64, _is_temperature: bool) -> f64 {
+        limit as f64
+    }
+
     /// 4 to 20 mA begin at 4 mA (11.3.2, subs 16, 101 and 125).
     fn microamperes(&self, share: f64, live_zero: bool) -> f64 {
         if live_zero { 4000.0 + 16_000.0 * share } else { 20_000.0 * share }
@@ -598,11 +598,6 @@ decisions! {
         configured as f64 / 10.0
     }
 
-    /// A change of the NMT state is something that the network does (11.3.2, sub 115).
-    fn states_end_silence(&self) -> bool {
-        true
-    }
-
     /// What the network does ends the silence, reading included (11.3.2, sub 115).
     fn ends_silence(&self, _reads: bool) -> bool {
         true
@@ -631,11 +626,6 @@ decisions! {
     /// The board inside has the messages of a module (11.9).
     fn reports_module(&self) -> bool {
         true
-    }
-
-    /// The device does not restart by itself when the defaults are loaded (11.2.13).
-    fn load_restarts(&self) -> bool {
-        false
     }
 
     /// 4009h: bit 0 is Q1 and bit 1 is Q2 (11.3.12).

@@ -1,7 +1,5 @@
 //! A valve with a motor: Q1 opens it, and Q2 closes it (manual, 11.3.2, parameters 16 and 24).
 
-use super::rules::Rules;
-
 /// What the controller knows of the valve, which has no feedback.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Valve {
@@ -33,19 +31,12 @@ impl Valve {
     }
 
     /// Where it shall be. A short way is not worth a motion, but the ends are reached.
-    pub(super) fn go_to(&mut self, wanted: f64, rules: &dyn Rules) {
+    pub(super) fn go_to(&mut self, wanted: f64) {
         let way = wanted.clamp(0.0, 1.0) - self.at;
         let is_end = wanted <= 0.0 || wanted >= 1.0;
         let moves = self.motion != Motion::Rests;
         let least = if is_end || moves { ROUNDING } else { SHORTEST_WAY };
         self.motion = match way {
-            _ if is_end && !rules.valve_rests_at_its_ends() => {
-                if wanted <= 0.0 {
-                    Motion::Closes
-                } else {
-                    Motion::Opens
-                }
-            }
             _ if way > least => Motion::Opens,
             _ if way < -least => Motion::Closes,
             _ => Motion::Rests,
@@ -64,7 +55,7 @@ impl Valve {
     /// Seconds until it arrives; `None` while it rests.
     pub(super) fn next(&self, wanted: f64, travel: f64) -> Option<f64> {
         let way = (wanted.clamp(0.0, 1.0) - self.at).abs();
-        (self.motion != Motion::Rests && way > 0.0).then_some(way * travel)
+        (self.motion != Motion::Rests).then_some(way * travel)
     }
 }
 
@@ -75,21 +66,20 @@ const ROUNDING: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
 
     #[test]
     fn it_travels_from_end_to_end_in_its_time() {
         let mut valve = Valve::default();
-        valve.go_to(1.0, &Manual);
+        valve.go_to(1.0);
         assert_eq!((valve.motion(), valve.next(1.0, 60.0)), (Motion::Opens, Some(60.0)));
         valve.advance(30.0, 60.0);
-        valve.go_to(0.5, &Manual);
+        valve.go_to(0.5);
         assert_eq!((valve.motion(), valve.at()), (Motion::Rests, 0.5));
-        valve.go_to(0.505, &Manual);
+        valve.go_to(0.505);
         assert_eq!(valve.motion(), Motion::Rests);
-        valve.go_to(0.0, &Manual);
+        valve.go_to(0.0);
         valve.advance(31.0, 60.0);
-        valve.go_to(0.0, &Manual);
+        valve.go_to(0.0);
         assert_eq!((valve.motion(), valve.at()), (Motion::Rests, 0.0));
     }
 }

@@ -82,9 +82,6 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     "command-hysteresis-without-sign" {
         fn on_off(&self, hysteresis: i64) -> (i64, i64) { (0, hysteresis.abs()) }
     }
-    "command-hysteresis-on-both-sides" {
-        fn on_off(&self, hysteresis: i64) -> (i64, i64) { (-hysteresis.abs(), hysteresis.abs()) }
-    }
     "delay-sign-swapped" {
         fn delay(&self, to_on: bool, delay: f64) -> f64 { if to_on { -delay } else { delay } }
     }
@@ -152,9 +149,6 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     }
     "derivative-of-the-set-point" {
         fn set_point_step(&self, _moved: i64) -> i64 { 0 }
-    }
-    "integral-saved-up" {
-        fn integral(&self, grown: f64, _limits: (f64, f64)) -> f64 { grown.clamp(-100.0, 100.0) }
     }
     "off-over-below" {
         fn is_over(&self, over: i64, threshold: i64) -> bool { over > -threshold }
@@ -231,9 +225,6 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     "deviation-is-absolute" {
         fn deviation(&self, process: i64, _set_point: i64) -> i64 { process }
     }
-    "alarm-beyond-its-threshold" {
-        fn reaches(&self, value: i64, threshold: i64) -> bool { value > threshold }
-    }
     "alarm-ignores-hysteresis" {
         fn second_threshold(&self, first: i64, _hysteresis: i64) -> i64 { first }
     }
@@ -252,20 +243,11 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     "normally-closed-ignored" {
         fn normally_closed(&self, _kind: i64, _contact: i64) -> bool { false }
     }
-    "cooling-normally-closed" {
-        fn normally_closed(&self, _kind: i64, contact: i64) -> bool { contact % 2 == 1 }
-    }
     "alarm-armed-from-start" {
         fn waits_for_absence(&self, _contact: i64) -> bool { false }
     }
-    "alarm-stays-armed-over-stop" {
-        fn armed_over_stop(&self) -> bool { true }
-    }
     "set-point-tunes-nothing" {
         fn set_point_tunes(&self) -> bool { false }
-    }
-    "tuning-at-the-greatest-gap" {
-        fn gap_asks_for_tuning(&self, gap: i64, greatest: i64) -> bool { gap.abs() >= greatest }
     }
     "tuning-on-one-side" {
         fn gap_asks_for_tuning(&self, gap: i64, greatest: i64) -> bool { gap > greatest }
@@ -310,9 +292,6 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     "gradient-only-up" {
         fn gradient_falls(&self) -> bool { false }
     }
-    "soft-start-beyond-its-threshold" {
-        fn soft_start_ends(&self, process: i64, threshold: i64) -> bool { process > threshold }
-    }
     "soft-start-in-seconds" {
         fn minutes(&self, configured: i64) -> f64 { configured as f64 }
     }
@@ -320,12 +299,6 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
         fn tenths_of_amperes(&self, milliamperes: f64, full_scale: i64) -> f64 {
             milliamperes / 100.0 * full_scale as f64 * 10.0
         }
-    }
-    "low-current-at-its-threshold" {
-        fn current_is_low(&self, current: f64, threshold: f64) -> bool { current <= threshold }
-    }
-    "high-current-at-its-threshold" {
-        fn current_is_high(&self, current: f64, threshold: f64) -> bool { current >= threshold }
     }
     "over-current-without-delay" {
         fn current_delay(&self, fault: usize, delay: f64) -> f64 {
@@ -513,9 +486,6 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
             match fluid { 1 => (125, 10), 2 => (250, 10), _ => (100, 10) }
         }
     }
-    "cooling-band-of-the-square" {
-        fn cooling_band(&self, band: f64, multiplier: f64) -> f64 { band * multiplier * multiplier }
-    }
     "key-teaches-after-six-seconds" {
         fn teaching_time(&self) -> u64 { 6000 }
     }
@@ -548,9 +518,6 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     "share-counts-from-the-next-cycle" {
         fn share_counts_at_once(&self) -> bool { false }
     }
-    "valve-driven-at-its-ends" {
-        fn valve_rests_at_its_ends(&self) -> bool { false }
-    }
     "alarm-of-set-point-looks-at-4000h" {
         fn looked_at(&self, _in_force: i64, wanted: i64) -> i64 { wanted }
     }
@@ -580,15 +547,12 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
         }
     }
     "retransmission-limits-in-degrees" {
-        fn parameter(&self, sub: u8, configured: i64) -> i64 {
-            if matches!(sub, 102 | 103) { configured * 10 } else { configured }
+        fn retransmission_limit(&self, limit: i64, is_temperature: bool) -> f64 {
+            limit as f64 * if is_temperature { 10.0 } else { 1.0 }
         }
     }
-    "states-are-silence" {
-        fn states_end_silence(&self) -> bool { false }
-    }
     "every-flag-is-an-error" {
-        fn errors(&self, _without_process: i64) -> i64 { -1 }
+        fn errors(&self, without_process: i64) -> i64 { without_process | !(0xF << 7) }
     }
     "sensor-reported" {
         fn reports_sensor(&self) -> bool { true }
@@ -598,9 +562,6 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     }
     "module-not-reported" {
         fn reports_module(&self) -> bool { false }
-    }
-    "load-restarts" {
-        fn load_restarts(&self) -> bool { true }
     }
 };
 
