@@ -23,7 +23,7 @@ use tempfile::TempDir;
 
 use common::harness;
 
-/// Every kind of terminal of the controller, in a minute and a half; all but `slow` would take five.
+/// Every kind of terminal of the controller, in a minute and a half; all but `slow` take five.
 const OF_THERMOSTAT: [&str; 22] = [
     "drr460/alarms",
     "drr460/analogue-input",

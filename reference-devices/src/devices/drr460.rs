@@ -27,7 +27,8 @@ use super::pixsys::PixsysIo;
 
 use memory::{Memory, TUNE};
 use model::bench::{BusFault, Module, Surroundings};
-use model::controller::{Controller, Inputs, Outcome, Settings};
+use model::controller::{Controller, Settings};
+use model::decision::{Inputs, Outcome};
 use model::emergency::{self, Found};
 use model::expansion::{self, Silence};
 use model::flags::MemoryFault;

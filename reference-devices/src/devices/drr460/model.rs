@@ -9,6 +9,7 @@ pub(crate) mod bench;
 pub(crate) mod controller;
 mod current;
 mod cycle;
+pub(crate) mod decision;
 mod delay;
 pub(crate) mod emergency;
 pub(crate) mod expansion;

@@ -5,6 +5,7 @@
 use super::alarm::{self, Alarm};
 use super::current::{self, Transformer};
 use super::cycle::{Cycle, Wanted};
+use super::decision::{Inputs, Outcome};
 use super::flags::{self, Faults, Flags};
 use super::latch::{self, Latch};
 use super::load::Drive;
@@ -19,7 +20,6 @@ use super::state::State;
 use super::tuning::{self, Found, Tuning};
 use super::valve::Valve;
 use super::wiring::{Command, Functions, Terminals, Wiring};
-use crate::devices::pixsys::sensor::Connected;
 
 /// Every parameter, ready for use.
 #[derive(Clone, Copy, Debug)]
@@ -81,50 +81,6 @@ impl Settings {
     pub(crate) const fn latch(&self) -> &latch::Settings {
         &self.reading.latch
     }
-}
-
-/// What the controller sees when it decides.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Inputs {
-    pub(crate) connected: Connected,
-    /// Degrees Celsius at the terminals.
-    pub(crate) terminals: f64,
-    /// Of the current transformer.
-    pub(crate) milliamperes: f64,
-    pub(crate) faults: Faults,
-    pub(crate) set_point: i64,
-    pub(crate) limits: [i64; 2],
-    pub(crate) running: bool,
-    /// The master asks for manual mode.
-    pub(crate) manual: bool,
-    /// What 4004h holds, as a share of full output.
-    pub(crate) output: f64,
-    pub(crate) remote: [bool; 2],
-    /// What 4010h holds.
-    pub(crate) retransmitted: i64,
-    pub(crate) offline: bool,
-    /// The key enables the command.
-    pub(crate) test: bool,
-    /// The terminals as the master of an expansion module has them.
-    pub(crate) master: Option<Terminals>,
-}
-
-/// What a decision says, for the objects.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Outcome {
-    pub(crate) process: i64,
-    pub(crate) flags: i64,
-    pub(crate) set_point: i64,
-    /// Shares of full output.
-    pub(crate) output: f64,
-    pub(crate) cooling: f64,
-    /// The controller is in manual mode, maybe by itself.
-    pub(crate) manual: bool,
-    pub(crate) found: Option<Found>,
-    /// There is no process value to go by.
-    pub(crate) error: bool,
-    /// The network has fallen silent.
-    pub(crate) offline: bool,
 }
 
 /// What there is to be seen.

@@ -543,7 +543,7 @@ decisions! {
         if high == low { 0.0 } else { ((value - low) / (high - low)).clamp(0.0, 1.0) }
     }
 
-    /// Limits of retransmission are digits, which are tenths of a degree (11.3.2, subs 102 and 103).
+    /// Limits of retransmission are digits: tenths of a degree (11.3.2, subs 102 and 103).
     fn retransmission_limit(&self, limit: i64, _is_temperature: bool) -> f64 {
         limit as f64
     }
