@@ -1,0 +1,176 @@
+//! Runs the harness with a mutant switched on.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::{env, fs, process};
+
+use serde::Serialize;
+
+/// What a run of the suites said about a mutant.
+#[derive(Clone, Copy, Debug, Eq, Ord, PartialEq, PartialOrd, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Verdict {
+    /// A case fails.
+    Fail,
+    /// The device cannot be tested, or not to the end: ERROR, or another exit code.
+    Error,
+    /// The device panics.
+    Panic,
+    /// The run does not end.
+    Hang,
+    /// A case is LENIENT that is not without the mutant.
+    Lenient,
+    /// Nothing is as it is not without the mutant.
+    Unnoticed,
+    /// No case makes a device come to the place.
+    NotReached,
+}
+
+impl Verdict {
+    /// All of them, from the clearest to none.
+    pub const ALL: [Self; 7] = [
+        Self::Fail,
+        Self::Error,
+        Self::Panic,
+        Self::Hang,
+        Self::Lenient,
+        Self::Unnoticed,
+        Self::NotReached,
+    ];
+
+    /// Whether the run was red.
+    pub const fn is_noticed(self) -> bool {
+        matches!(self, Self::Fail | Self::Error | Self::Panic | Self::Hang)
+    }
+
+    /// Whether nothing was to be seen.
+    pub const fn survives(self) -> bool {
+        matches!(self, Self::Unnoticed | Self::NotReached)
+    }
+}
+
+/// The program, and what it says without a mutant.
+pub struct Judge {
+    program: PathBuf,
+    suites: Option<PathBuf>,
+    baselines: BTreeMap<&'static str, Baseline>,
+}
+
+struct Baseline {
+    /// Verdicts and cases that are not PASS.
+    lines: BTreeSet<String>,
+    /// How many of them `--max-fail` counts.
+    failures: usize,
+    /// Mutants whose place the device comes to.
+    reached: BTreeSet<usize>,
+}
+
+impl Judge {
+    /// Runs each device without a mutant.
+    pub fn new(
+        program: PathBuf,
+        suites: Option<PathBuf>,
+        devices: &BTreeSet<&&'static str>,
+    ) -> Result<Self, String> {
+        let mut judge = Self { program, suites, baselines: BTreeMap::new() };
+        for &&device in devices {
+            let notes = env::temp_dir().join(format!("source-mutants-{}", process::id()));
+            let output = judge.run(device, &[("SOURCE_MUTANTS_REACHED", &notes)])?;
+            let reached = fs::read_to_string(&notes).unwrap_or_default();
+            let reached = reached.lines().filter_map(|line| line.parse().ok()).collect();
+            fs::remove_file(&notes).ok();
+            let lines = lines(&output);
+            let red = |line: &&String| line.starts_with("FAIL") || line.starts_with("ERROR");
+            let failures = lines.iter().filter(red).count();
+            judge.baselines.insert(device, Baseline { lines, failures, reached });
+        }
+        Ok(judge)
+    }
+
+    /// Whether any of the devices comes to the place.
+    pub fn reached(&self, id: usize) -> bool {
+        self.baselines.values().any(|baseline| baseline.reached.contains(&id))
+    }
+
+    fn reaches(&self, device: &str, id: usize) -> bool {
+        self.baselines.get(device).is_some_and(|baseline| baseline.reached.contains(&id))
+    }
+
+    /// Asks the suites of the devices, one after the other, until one is red. Returns the first
+    /// line that says so.
+    pub fn judge(&self, id: usize, devices: &[&'static str]) -> Result<(Verdict, String), String> {
+        let mut worst = (Verdict::NotReached, String::new());
+        for device in devices.iter().filter(|device| self.reaches(device, id)) {
+            let judged = self.judge_on(id, device)?;
+            if judged.0 < worst.0 {
+                worst = judged;
+            }
+            if worst.0.is_noticed() {
+                break;
+            }
+        }
+        Ok(worst)
+    }
+
+    fn judge_on(&self, id: usize, device: &'static str) -> Result<(Verdict, String), String> {
+        let id = PathBuf::from(id.to_string());
+        let output = self.run(device, &[("SOURCE_MUTANT", &id)])?;
+        let baseline = &self.baselines[device];
+        let new: Vec<_> = lines(&output).difference(&baseline.lines).cloned().collect();
+        let begins = |word: &str| new.iter().find(|line| line.starts_with(word)).cloned();
+        Ok(match output.status.code() {
+            None => (Verdict::Hang, format!("{device}: ended by a signal")),
+            Some(70 | 101 | 134) => (Verdict::Panic, format!("{device}: {}", panic(&output))),
+            Some(code) => {
+                if let Some(line) = begins("FAIL") {
+                    (Verdict::Fail, line)
+                } else if let Some(line) = begins("ERROR").or_else(|| begins("BLOCKED")) {
+                    (Verdict::Error, line)
+                } else if code > 1 {
+                    (Verdict::Error, format!("{device}: exit code {code}"))
+                } else if let Some(line) = begins("LENIENT") {
+                    (Verdict::Lenient, line)
+                } else {
+                    (Verdict::Unnoticed, String::new())
+                }
+            }
+        })
+    }
+
+    fn run(&self, device: &str, variables: &[(&str, &Path)]) -> Result<Output, String> {
+        // The shell sets limits in processor time and memory, so that a hang ends, whatever else
+        // the computer does.
+        let mut command = Command::new("sh");
+        command.args(["-c", "ulimit -t 20; ulimit -v 4000000; exec \"$0\" \"$@\""]);
+        command.arg(&self.program).args(["run", "--target", &format!("sim:{device}")]);
+        command.args(["-v", "--no-progress", "--jobs", "1", "--color", "never"]);
+        // One new failure is enough.
+        let known = self.baselines.get(device).map(|baseline| baseline.failures + 1);
+        command.args(known.map(|failures| format!("--max-fail={failures}")));
+        if let Some(suites) = &self.suites {
+            command.arg("--only-suites").arg(suites);
+        }
+        command.envs(variables.iter().copied());
+        command.output().map_err(|error| format!("{}: {error}", self.program.display()))
+    }
+}
+
+/// What is not PASS, as `FAIL device case`.
+fn lines(output: &Output) -> BTreeSet<String> {
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let words = ["FAIL", "ERROR", "BLOCKED", "LENIENT"];
+    let verdict = |line: &str| {
+        let mut line = line.split_whitespace();
+        let (word, device, case) = (line.next()?, line.next()?, line.next()?);
+        let device = device.trim_end_matches(':');
+        (words.contains(&word) && case.contains('/')).then(|| format!("{word} {device} {case}"))
+    };
+    text.lines().filter_map(verdict).collect()
+}
+
+fn panic(output: &Output) -> String {
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    let lines = text.lines().skip_while(|line| !line.contains("panicked at"));
+    lines.take(2).collect::<Vec<_>>().join(" ")
+}
