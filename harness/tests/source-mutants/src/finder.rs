@@ -403,7 +403,7 @@ impl<'a> Finder<'a> {
         self.around.push(name);
         if self.file.ends_with("stack/node.rs") {
             let at = Self::range(&block.brace_token.span.open()).end;
-            let text = " let _here = ::canopen::switch::OnDevice::new(); ".to_owned();
+            let text = " let _here = ::canopen::switch::OnDevice::begin(); ".to_owned();
             self.sites.push(Site::insertion(at, text));
         }
         self.body(signature, block);

@@ -46,8 +46,7 @@ pub struct OnDevice(());
 
 impl OnDevice {
     /// The device begins to work.
-    #[allow(clippy::new_without_default)]
-    pub fn new() -> Self {
+    pub fn begin() -> Self {
         DEPTH.set(DEPTH.get() + 1);
         Self(())
     }
