@@ -53,7 +53,7 @@ impl Verdict {
 /// The program, and what it says without a mutant.
 pub struct Judge {
     program: PathBuf,
-    suites: Option<PathBuf>,
+    suites: PathBuf,
     baselines: BTreeMap<&'static str, Baseline>,
 }
 
@@ -70,7 +70,7 @@ impl Judge {
     /// Runs each device without a mutant.
     pub fn new(
         program: PathBuf,
-        suites: Option<PathBuf>,
+        suites: PathBuf,
         devices: &BTreeSet<&&'static str>,
     ) -> Result<Self, String> {
         let mut judge = Self { program, suites, baselines: BTreeMap::new() };
@@ -148,9 +148,8 @@ impl Judge {
         // One new failure is enough.
         let known = self.baselines.get(device).map(|baseline| baseline.failures + 1);
         command.args(known.map(|failures| format!("--max-fail={failures}")));
-        if let Some(suites) = &self.suites {
-            command.arg("--only-suites").arg(suites);
-        }
+        // Always by name: the harness prefers a folder `suites` where it is started.
+        command.arg("--only-suites").arg(&self.suites);
         command.envs(variables.iter().copied());
         command.output().map_err(|error| format!("{}: {error}", self.program.display()))
     }

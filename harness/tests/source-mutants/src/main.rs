@@ -82,7 +82,8 @@ fn run(options: &Options) -> Result<bool, String> {
     let all = mutants(&scratch, options.reuse)?;
     let survivors = Survivors::read(&here.join("survivors.yaml"))?;
     let devices: BTreeSet<_> = groups(options)?.iter().flat_map(|group| group.devices).collect();
-    let judge = Judge::new(scratch.program(), options.suites.clone(), &devices)?;
+    let suites = options.suites.clone().unwrap_or_else(|| scratch.to.join("suites"));
+    let judge = Judge::new(scratch.program(), suites, &devices)?;
     let chosen = choose(options, &all, &survivors, &judge)?;
     let judged = judge_all(&judge, &chosen, options.jobs)?;
     if let Some(path) = &options.json {
