@@ -27,6 +27,8 @@ pub struct Mutant {
     pub function: String,
     /// What stood there, and what stands there now.
     pub change: String,
+    /// Whether an answer of the rules that never changes leads there, or leads past it.
+    pub decided: bool,
 }
 
 impl Mutant {
@@ -64,6 +66,8 @@ pub struct Finder<'a> {
     around: Vec<String>,
     /// Functions of types are deviations, and default functions alone are the device.
     defaults_only: bool,
+    /// In how many branches that an unchanging answer of the rules has chosen the place is.
+    decided: usize,
     /// How often there was such a change in such a function.
     alike: BTreeMap<(String, String), usize>,
     /// What was found.
@@ -91,6 +95,7 @@ impl<'a> Finder<'a> {
             next,
             around: Vec::new(),
             defaults_only: false,
+            decided: 0,
             alike: BTreeMap::new(),
             mutants: Vec::new(),
             sites: Vec::new(),
@@ -120,6 +125,7 @@ impl<'a> Finder<'a> {
             line: self.text[..at].matches('\n').count() + 1,
             function,
             change,
+            decided: self.decided > 0,
         };
         if self.refused.mutants.contains(&mutant.key()) {
             return None;
@@ -179,7 +185,10 @@ impl<'a> Finder<'a> {
             others.retain(|other| !other.ends_with(") > (0)"));
         }
         if operators::stands_alone(&binary.op) {
-            others.extend([left.to_owned(), right.to_owned()]);
+            // Without an answer that never changes, the device is the same.
+            let kept = [(left, &binary.right), (right, &binary.left)];
+            let kept = kept.into_iter().filter(|(_, forgotten)| !is_decision(forgotten));
+            others.extend(kept.map(|(kept, _)| kept.to_owned()));
         }
         self.replace(binary, &others);
     }
@@ -261,6 +270,18 @@ impl<'a> Finder<'a> {
         {
             self.replace(&*branch.cond, &[format!("!({})", self.source(&*branch.cond))]);
         }
+    }
+
+    /// The condition, then the branches.
+    fn branches(&mut self, branch: &ExprIf) {
+        self.visit_expr(&branch.cond);
+        let decided = usize::from(asks(&branch.cond));
+        self.decided += decided;
+        self.visit_block(&branch.then_branch);
+        if let Some((_, other)) = &branch.else_branch {
+            self.visit_expr(other);
+        }
+        self.decided -= decided;
     }
 
     /// `matches!`: the answer negated, and each alternative left out.
@@ -508,12 +529,29 @@ impl<'ast> Visit<'ast> for Finder<'_> {
                 self.replace(unary, &[self.source(&*unary.expr).to_owned()]);
             }
             Expr::Lit(literal) => self.number_literal(literal),
-            Expr::If(branch) => self.condition(branch),
+            Expr::If(branch) => {
+                self.condition(branch);
+                return self.branches(branch);
+            }
             Expr::MethodCall(call) => self.method_call(call),
             Expr::Call(call) => self.call(call),
             Expr::Path(path) => self.path(path),
             Expr::Macro(mac) => self.matches(mac),
-            Expr::Match(arms) => self.arms(arms),
+            Expr::Match(arms) => {
+                let decided = usize::from(asks(&arms.expr));
+                self.decided += decided;
+                self.arms(arms);
+                visit::visit_expr(self, expression);
+                self.decided -= decided;
+                return;
+            }
+            Expr::ForLoop(loops) => {
+                let decided = usize::from(asks(&loops.expr));
+                self.decided += decided;
+                visit::visit_expr(self, expression);
+                self.decided -= decided;
+                return;
+            }
             Expr::Cast(cast) => {
                 if let Some(narrow) = operators::narrower(self.source(&*cast.ty)) {
                     let (inner, of) = (self.source(&*cast.expr), self.source(&*cast.ty));
@@ -613,6 +651,40 @@ fn binds(condition: &Expr) -> bool {
         Expr::Binary(binary) => binds(&binary.left) || binds(&binary.right),
         _ => false,
     }
+}
+
+/// Whether this is an answer of the rules that never changes, perhaps negated: one that depends on
+/// nothing.
+fn is_decision(expression: &Expr) -> bool {
+    match expression {
+        Expr::Unary(unary) => is_decision(&unary.expr),
+        Expr::Paren(paren) => is_decision(&paren.expr),
+        Expr::MethodCall(call) => {
+            let rules = match &*call.receiver {
+                Expr::Path(path) => path.path.is_ident("rules"),
+                Expr::Field(field) => {
+                    matches!(&field.member, syn::Member::Named(name) if name == "rules")
+                }
+                _ => false,
+            };
+            rules && call.args.iter().all(|argument| matches!(argument, Expr::Lit(_)))
+        }
+        _ => false,
+    }
+}
+
+/// Whether an expression has such an answer as a part.
+fn asks(expression: &Expr) -> bool {
+    struct Search(bool);
+    impl<'ast> Visit<'ast> for Search {
+        fn visit_expr(&mut self, expression: &'ast Expr) {
+            self.0 |= is_decision(expression);
+            visit::visit_expr(self, expression);
+        }
+    }
+    let mut search = Search(false);
+    search.visit_expr(expression);
+    search.0
 }
 
 fn is_assignment(op: &BinOp) -> bool {

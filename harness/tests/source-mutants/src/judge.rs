@@ -19,7 +19,10 @@ pub enum Verdict {
     Panic,
     /// The run does not end.
     Hang,
-    /// A case is LENIENT that is not without the mutant.
+    /// A case is LENIENT that fails no device, since no requirement of it is a must, or BLOCKED by
+    /// one.
+    Should,
+    /// A case is LENIENT that is not without the mutant: what it sees is accepted.
     Lenient,
     /// Nothing is as it is not without the mutant.
     Unnoticed,
@@ -29,19 +32,25 @@ pub enum Verdict {
 
 impl Verdict {
     /// All of them, from the clearest to none.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Fail,
         Self::Error,
         Self::Panic,
         Self::Hang,
+        Self::Should,
         Self::Lenient,
         Self::Unnoticed,
         Self::NotReached,
     ];
 
     /// Whether the run was red.
-    pub const fn is_noticed(self) -> bool {
+    pub const fn is_red(self) -> bool {
         matches!(self, Self::Fail | Self::Error | Self::Panic | Self::Hang)
+    }
+
+    /// Whether a case says that the device does not do what its title says.
+    pub const fn is_noticed(self) -> bool {
+        self.is_red() || matches!(self, Self::Should)
     }
 
     /// Whether nothing was to be seen.
@@ -97,20 +106,13 @@ impl Judge {
         self.baselines.get(device).is_some_and(|baseline| baseline.reached.contains(&id))
     }
 
-    /// Asks the suites of the devices, one after the other, until one is red. Returns the first
-    /// line that says so.
+    /// Asks the suites of the first device that comes to the place. Returns the first line that says
+    /// so.
     pub fn judge(&self, id: usize, devices: &[&'static str]) -> Result<(Verdict, String), String> {
-        let mut worst = (Verdict::NotReached, String::new());
-        for device in devices.iter().filter(|device| self.reaches(device, id)) {
-            let judged = self.judge_on(id, device)?;
-            if judged.0 < worst.0 {
-                worst = judged;
-            }
-            if worst.0.is_noticed() {
-                break;
-            }
+        match devices.iter().find(|device| self.reaches(device, id)) {
+            Some(device) => self.judge_on(id, device),
+            None => Ok((Verdict::NotReached, String::new())),
         }
-        Ok(worst)
     }
 
     fn judge_on(&self, id: usize, device: &'static str) -> Result<(Verdict, String), String> {
@@ -125,10 +127,12 @@ impl Judge {
             Some(code) => {
                 if let Some(line) = begins("FAIL") {
                     (Verdict::Fail, line)
-                } else if let Some(line) = begins("ERROR").or_else(|| begins("BLOCKED")) {
+                } else if let Some(line) = begins("ERROR") {
                     (Verdict::Error, line)
                 } else if code > 1 {
                     (Verdict::Error, format!("{device}: exit code {code}"))
+                } else if let Some(line) = begins("SHOULD").or_else(|| begins("BLOCKED")) {
+                    (Verdict::Should, line)
                 } else if let Some(line) = begins("LENIENT") {
                     (Verdict::Lenient, line)
                 } else {
@@ -155,18 +159,30 @@ impl Judge {
     }
 }
 
-/// What is not PASS, as `FAIL device case`.
+/// What is not PASS, as `FAIL device case`. `SHOULD` is a LENIENT that the level alone has spared.
 fn lines(output: &Output) -> BTreeSet<String> {
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let words = ["FAIL", "ERROR", "BLOCKED", "LENIENT"];
-    let verdict = |line: &str| {
-        let mut line = line.split_whitespace();
-        let (word, device, case) = (line.next()?, line.next()?, line.next()?);
-        let device = device.trim_end_matches(':');
-        (words.contains(&word) && case.contains('/')).then(|| format!("{word} {device} {case}"))
-    };
-    text.lines().filter_map(verdict).collect()
+    let mut found: Vec<String> = Vec::new();
+    for line in text.lines() {
+        let mut of_line = line.split_whitespace();
+        let word = of_line.next().unwrap_or_default();
+        if word == "level" && line.contains(SPARED) {
+            let last = found.last_mut().filter(|last| last.starts_with("LENIENT"));
+            last.into_iter().for_each(|last| *last = last.replacen("LENIENT", "SHOULD", 1));
+        }
+        if let (Some(device), Some(case)) = (of_line.next(), of_line.next())
+            && words.contains(&word)
+            && case.contains('/')
+        {
+            found.push(format!("{word} {} {case}", device.trim_end_matches(':')));
+        }
+    }
+    found.into_iter().collect()
 }
+
+/// What the report says of a case that can fail no device.
+const SPARED: &str = "no requirement of this case is a must";
 
 fn panic(output: &Output) -> String {
     let text = String::from_utf8_lossy(&output.stderr).into_owned();

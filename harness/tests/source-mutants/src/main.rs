@@ -135,6 +135,8 @@ fn choose(
         group.is_some_and(|group| {
             groups.iter().any(|chosen| chosen.name == group.name)
                 && (!group.is_shared || used.contains(&mutant.place()))
+                // Only a catalogued deviation comes there, and no device that is in order.
+                && (!mutant.decided || judge.reached(mutant.id))
         })
     };
     let mut chosen: Vec<_> = all.iter().filter(of_groups).cloned().collect();

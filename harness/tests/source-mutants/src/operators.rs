@@ -17,7 +17,8 @@ pub fn binary(op: &BinOp) -> &'static [&'static str] {
         BinOp::Div(_) => &["*"],
         BinOp::Rem(_) => &["/"],
         BinOp::BitAnd(_) => &["|", "^"],
-        BinOp::BitOr(_) => &["&", "^"],
+        // `^` puts the same bits together, since they do not overlap.
+        BinOp::BitOr(_) => &["&"],
         BinOp::BitXor(_) => &["|"],
         BinOp::Shl(_) => &[">>"],
         BinOp::Shr(_) => &["<<"],

@@ -84,7 +84,8 @@ impl fmt::Display for Report<'_> {
             files.entry(&judged.mutant.file).or_default()[judged.verdict as usize] += 1;
             files.entry("all").or_default()[judged.verdict as usize] += 1;
         }
-        let heads = ["FAIL", "ERROR", "panic", "hang", "LENIENT", "unnoticed", "not reached"];
+        let heads =
+            ["FAIL", "ERROR", "panic", "hang", "should", "LENIENT", "unnoticed", "not reached"];
         write!(f, "{:60}", "file")?;
         heads.iter().try_for_each(|head| write!(f, "{head:>12}"))?;
         writeln!(f)?;
@@ -95,18 +96,21 @@ impl fmt::Display for Report<'_> {
         }
         let lenient = self.count(|judged| judged.verdict == Verdict::Lenient);
         if lenient > 0 {
-            writeln!(f, "\nnoticed as LENIENT only: {lenient}")?;
+            writeln!(f, "\nLENIENT only, of a must: {lenient}")?;
         }
         for judged in self.judged.iter().filter(|judged| judged.verdict == Verdict::Lenient) {
             writeln!(f, "  {judged}\n      {}", judged.line)?;
         }
         self.classes(f)?;
+        let red = self.count(|judged| judged.verdict.is_red());
         let noticed = self.count(|judged| judged.verdict.is_noticed());
         let hundredth = self.judged.len().max(1) as f64 / 100.0;
         writeln!(
             f,
-            "\n{} mutants: {noticed} noticed ({:.1} %), with LENIENT {} ({:.1} %)",
+            "\n{} mutants: {red} red ({:.1} %), noticed, with those of level should or may, {noticed} \
+             ({:.1} %), with LENIENT of a must {} ({:.1} %)",
             self.judged.len(),
+            red as f64 / hundredth,
             noticed as f64 / hundredth,
             noticed + lenient,
             (noticed + lenient) as f64 / hundredth,
@@ -116,7 +120,7 @@ impl fmt::Display for Report<'_> {
 
 impl fmt::Display for Judged {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Mutant { id, file, line, function, change } = &self.mutant;
+        let Mutant { id, file, line, function, change, .. } = &self.mutant;
         let reached = if self.verdict == Verdict::NotReached { " (not reached)" } else { "" };
         write!(f, "{file}:{line} {function}: {change} [{id}]{reached}")
     }

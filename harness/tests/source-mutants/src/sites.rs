@@ -89,7 +89,7 @@ mod tests {
         assert_eq!(render("a + b;", sites), "[{(a) + b}];");
         let mut constant = site(0..6, "", "");
         constant.left_out = true;
-        let sites = vec![constant, Site::insertion(11, "!".into())];
+        let sites = vec![constant, Site::insertion(12, "!".into())];
         assert_eq!(render("const fn a {}", sites), "fn a {!}");
     }
 
