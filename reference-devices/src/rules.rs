@@ -20,6 +20,7 @@ mod sdo_block;
 mod storage;
 mod sync;
 mod time;
+mod timers;
 
 pub use access::AccessRules;
 pub use deviations::{Layer, deviating, named, names};
@@ -34,6 +35,7 @@ pub use sdo_block::SdoBlockRules;
 pub use storage::StorageRules;
 pub use sync::SyncRules;
 pub use time::TimeRules;
+pub use timers::{Timer, TimerRules};
 
 /// All decisions of a device.
 pub trait Rules:
@@ -45,6 +47,7 @@ pub trait Rules:
     + EmcyRules
     + SyncRules
     + TimeRules
+    + TimerRules
     + PdoRules
     + StorageRules
     + LssRules

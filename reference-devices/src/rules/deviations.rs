@@ -4,7 +4,7 @@
 
 use super::{
     Rules, Specification, access, emcy, error_control, lss, nmt, pdo, sdo, sdo_block, storage,
-    sync, time,
+    sync, time, timers,
 };
 
 /// The specification with one decision taken otherwise; `None` if there is no deviation `name`.
@@ -34,6 +34,7 @@ fn all() -> impl Iterator<Item = &'static Deviation> {
         emcy::DEVIATIONS,
         sync::DEVIATIONS,
         time::DEVIATIONS,
+        timers::DEVIATIONS,
         pdo::DEVIATIONS,
         storage::DEVIATIONS,
         lss::DEVIATIONS,
@@ -82,6 +83,7 @@ macro_rules! as_beneath {
     (@ $type:ident, EmcyRules EmcyRules) => {};
     (@ $type:ident, SyncRules SyncRules) => {};
     (@ $type:ident, TimeRules TimeRules) => {};
+    (@ $type:ident, TimerRules TimerRules) => {};
     (@ $type:ident, PdoRules PdoRules) => {};
     (@ $type:ident, StorageRules StorageRules) => {};
     (@ $type:ident, LssRules LssRules) => {};
@@ -96,6 +98,7 @@ macro_rules! as_beneath {
         as_beneath!(@ $type, EmcyRules $($own)?);
         as_beneath!(@ $type, SyncRules $($own)?);
         as_beneath!(@ $type, TimeRules $($own)?);
+        as_beneath!(@ $type, TimerRules $($own)?);
         as_beneath!(@ $type, PdoRules $($own)?);
         as_beneath!(@ $type, StorageRules $($own)?);
         as_beneath!(@ $type, LssRules $($own)?);

@@ -63,8 +63,8 @@ decisions! {
     }
 
     /// Two entries of 1016h do not name the same node (7.5.2.19).
-    fn heartbeat_node_watched_once(&self) -> bool {
-        true
+    fn heartbeat_node_taken(&self, other: u8, used: bool, node: u8) -> bool {
+        used && other == node
     }
 
     /// Guarding and heartbeat exclude each other, and heartbeat goes first (7.2.8.2.2.1).
@@ -98,8 +98,8 @@ decisions! {
     }
 
     /// While heartbeats are produced, there is no life guarding (7.2.8.2.2.1).
-    fn heartbeat_ends_life_guarding(&self) -> bool {
-        true
+    fn heartbeat_ends_life_guarding(&self, runs: bool) -> bool {
+        runs
     }
 
     /// A communication error changes the state of an operational device only (7.5.2.32).
@@ -203,13 +203,24 @@ deviations! {
         fn is_heartbeat(&self, _state: NmtState) -> bool { true }
     }
     "life-guarding-beside-heartbeat" {
-        fn heartbeat_ends_life_guarding(&self) -> bool { false }
+        fn heartbeat_ends_life_guarding(&self, _runs: bool) -> bool { false }
+    }
+    "life-guarding-ends-with-the-write-of-1017h" {
+        fn heartbeat_ends_life_guarding(&self, _runs: bool) -> bool { true }
     }
     "errors-change-every-state" {
         fn errors_change(&self, _state: NmtState) -> bool { true }
     }
     "heartbeat-node-watched-twice" {
-        fn heartbeat_node_watched_once(&self) -> bool { false }
+        fn heartbeat_node_taken(&self, _other: u8, _used: bool, _node: u8) -> bool { false }
+    }
+    "heartbeat-node-taken-by-an-unused-entry" {
+        fn heartbeat_node_taken(&self, other: u8, _used: bool, node: u8) -> bool { other == node }
+    }
+    "heartbeat-nodes-in-their-order" {
+        fn heartbeat_node_taken(&self, other: u8, used: bool, node: u8) -> bool {
+            used && other >= node
+        }
     }
     "guarding-answered-beside-heartbeat" {
         fn guarding_answered(&self, _heartbeat_runs: bool) -> bool { true }

@@ -36,8 +36,8 @@ decisions! {
     }
 
     /// A PDO that maps nothing cannot be made to exist (7.5.2.36).
-    fn pdo_needs_mapping(&self) -> bool {
-        true
+    fn pdo_needs_mapping(&self, exists: bool) -> bool {
+        exists
     }
 
     /// Types 241 to 251 are reserved, and only a TPDO can be asked for (types 252 and 253).
@@ -261,7 +261,10 @@ deviations! {
         fn tpdo_ids_unique(&self) -> bool { false }
     }
     "pdo-without-mapping-exists" {
-        fn pdo_needs_mapping(&self) -> bool { false }
+        fn pdo_needs_mapping(&self, _exists: bool) -> bool { false }
+    }
+    "pdo-without-mapping-stays-as-it-is" {
+        fn pdo_needs_mapping(&self, _exists: bool) -> bool { true }
     }
     "mapping-changes-while-valid" {
         fn mapping_fixed_while_valid(&self) -> bool { false }

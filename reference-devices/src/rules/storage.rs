@@ -50,6 +50,11 @@ decisions! {
         length
     }
 
+    /// A reset ends the SDO transfer of a save; its confirmation does not follow (7.2.4.3.17).
+    fn reset_drops_confirmation(&self) -> bool {
+        true
+    }
+
     /// "load" forgets every object of the group.
     fn forgotten(&self, _mux: Mux) -> bool {
         true
@@ -59,6 +64,9 @@ decisions! {
 deviations! {
     StorageRules;
 
+    "save-confirmed-after-a-reset" {
+        fn reset_drops_confirmation(&self) -> bool { false }
+    }
     "save-with-any-signature" {
         fn signature_valid(&self, expected: &[u8], got: &[u8]) -> bool {
             expected == got || expected == b"save"

@@ -5,6 +5,7 @@ use std::time::Duration;
 use canopen::heartbeat::ErrorControl;
 use canopen::{Abort, Instant, Mux};
 
+use crate::rules::Timer;
 use crate::stack::base::Base;
 use crate::stack::fault::{Fault, FaultKind};
 
@@ -68,7 +69,8 @@ impl HeartbeatConsumer {
         let mut told = !base.rules.each_lost_node_told()
             && self.watches.iter().any(|watch| watch.state == State::Lost);
         for watch in &mut self.watches {
-            if matches!(watch.state, State::Alive(due) if due <= now) {
+            let over = |due| base.rules.elapsed(Timer::HeartbeatConsumer, due, now);
+            if matches!(watch.state, State::Alive(due) if over(due)) {
                 watch.state = State::Lost;
                 if told {
                     continue;
@@ -127,13 +129,13 @@ impl Watch {
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     let &[a, b, c, d] = bytes else { return Ok(()) };
     let (node, time) = entry(u32::from_le_bytes([a, b, c, d]));
-    if mux.sub == 0 || !is_used(node, time) || !base.rules.heartbeat_node_watched_once() {
+    if mux.sub == 0 || !is_used(node, time) {
         return Ok(());
     }
     let last = base.od.int(Mux::new(TIMES, 0)).unwrap_or(0) as u8;
     let twice = (1..=last).filter(|sub| *sub != mux.sub).any(|sub| {
         let (other, time) = entry(base.od.int(Mux::new(TIMES, sub)).unwrap_or(0) as u32);
-        other == node && is_used(other, time)
+        base.rules.heartbeat_node_taken(other, is_used(other, time), node)
     });
     if twice { Err(Abort::INCOMPATIBLE) } else { Ok(()) }
 }

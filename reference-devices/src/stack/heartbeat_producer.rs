@@ -5,6 +5,7 @@ use std::time::Duration;
 use canopen::heartbeat::ErrorControl;
 use canopen::{Instant, Mux, Outbox};
 
+use crate::rules::Timer;
 use crate::stack::base::Base;
 use crate::stack::time::next_beat;
 
@@ -59,7 +60,7 @@ impl HeartbeatProducer {
     }
 
     pub(crate) fn handle_timeout(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
-        if let Some(due) = self.due.filter(|due| *due <= now) {
+        if let Some(due) = self.due.filter(|due| base.rules.elapsed(Timer::Heartbeat, *due, now)) {
             out.push(ErrorControl::heartbeat(base.state).frame(base.id));
             self.due = Some(next_beat(due, self.period, now));
         }

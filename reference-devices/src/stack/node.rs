@@ -88,7 +88,9 @@ impl Node {
         if self.services.base.rules.stop_ends_sdo_transfers() {
             self.sdo.drop_transfers();
         }
-        self.held.clear();
+        if self.services.base.rules.reset_drops_confirmation() {
+            self.held.clear();
+        }
         if let Some(lss) = &mut self.lss {
             let id = lss.initialise(&self.services.base);
             self.services.take_node_id(id);

@@ -87,8 +87,8 @@ pub(crate) fn check_communication(
             !same
                 && (cob_id_refused(cob, new, kind, base)
                     || new.valid() && is_taken(mux.index, new, direction, base)
-                    || new.valid()
-                        && !cob.valid()
+                    || !cob.valid()
+                        && base.rules.pdo_needs_mapping(new.valid())
                         && maps_nothing(mux.index, base)
                         && !boots_without_mapping(mux.index, base))
         }
@@ -127,7 +127,7 @@ fn is_taken(index: u16, new: CobId, direction: Direction, base: &Base) -> bool {
 }
 
 fn maps_nothing(index: u16, base: &Base) -> bool {
-    base.rules.pdo_needs_mapping() && base.od.int(Mux::new(index | 0x0200, 0)) == Some(0)
+    base.od.int(Mux::new(index | 0x0200, 0)) == Some(0)
 }
 
 /// Whether the PDO exists after power-on although it maps nothing. Such a device can be switched

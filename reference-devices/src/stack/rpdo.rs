@@ -5,6 +5,7 @@ use std::time::Duration;
 use canopen::eds::Direction;
 use canopen::{Data, Instant, Mux};
 
+use crate::rules::Timer;
 use crate::stack::base::Base;
 use crate::stack::fault::{Fault, FaultKind};
 use crate::stack::pdo::{self, EVENT_TIMER, TYPE};
@@ -125,7 +126,8 @@ impl Rpdo {
     }
 
     pub(crate) fn handle_timeout(&mut self, now: Instant, base: &mut Base) {
-        if self.deadline.take_if(|due| *due <= now).is_some() {
+        let rules = &base.rules;
+        if self.deadline.take_if(|due| rules.elapsed(Timer::Rpdo, *due, now)).is_some() {
             base.raise(Fault::new(FaultKind::RpdoTimeout, self.number()));
         }
     }

@@ -14,6 +14,7 @@ use canopen::sdo::{Request, Response};
 use canopen::wire::{INTERMISSION_BITS, frame_bits};
 use canopen::{Abort, Frame, Instant, Outbox};
 
+use crate::rules::Timer;
 use crate::stack::services::Services;
 use crate::stack::time::earlier;
 use state::{Input, State};
@@ -65,7 +66,8 @@ impl SdoServer {
         if self.segment_due().is_some_and(|due| due <= now) {
             self.step(now, Input::Segment, services, out);
         }
-        if self.deadline.is_some_and(|due| due <= now) {
+        let rules = &services.base.rules;
+        if self.deadline.is_some_and(|due| rules.elapsed(Timer::SdoServer, due, now)) {
             self.deadline = None;
             self.step(now, Input::Timeout, services, out);
         }

@@ -5,6 +5,7 @@ use std::time::Duration;
 use canopen::sync::Sync;
 use canopen::{Frame, Instant, Outbox};
 
+use crate::rules::Timer;
 use crate::stack::base::Base;
 use crate::stack::sync::{COB_ID, COUNTER_OVERFLOW, PERIOD};
 use crate::stack::time::next_beat;
@@ -55,7 +56,7 @@ impl SyncProducer {
         base: &Base,
         out: &mut Outbox,
     ) -> Option<Sync> {
-        let due = self.next.filter(|due| *due <= now)?;
+        let due = self.next.filter(|due| base.rules.elapsed(Timer::Sync, *due, now))?;
         let id = self.id?;
         self.next = Some(next_beat(due, self.period, now));
         let counter = (self.overflow > 0).then(|| {

@@ -7,6 +7,7 @@ use canopen::pdo::{CobId, Unpacker};
 use canopen::sync::Sync;
 use canopen::{Data, Frame, Instant, Mux, Outbox};
 
+use crate::rules::Timer;
 use crate::stack::base::Base;
 use crate::stack::behaviour::Behaviour;
 use crate::stack::pdo::{self, EVENT_TIMER, INHIBIT_TIME, SYNC_START, TYPE};
@@ -176,12 +177,12 @@ impl Tpdo {
     }
 
     pub(crate) fn handle_timeout(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
-        if let Some(due) = self.due.filter(|due| *due <= now) {
+        if let Some(due) = self.due.filter(|due| base.rules.elapsed(Timer::Event, *due, now)) {
             self.event(now, base, out);
             // The inhibit time can delay the transmission, but never the next beat of the timer.
             self.due = Some(next_beat(due, self.period, now));
         }
-        if self.waits_for_inhibit() && self.free_at <= now {
+        if self.waits_for_inhibit() && base.rules.elapsed(Timer::Inhibit, self.free_at, now) {
             self.transmit(now, base, out);
             self.pending = !base.rules.delayed_event_ends();
         }

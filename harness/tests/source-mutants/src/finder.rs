@@ -66,6 +66,8 @@ pub struct Finder<'a> {
     around: Vec<String>,
     /// Functions of types are deviations, and default functions alone are the device.
     defaults_only: bool,
+    /// Decisions of the rules that depend on nothing.
+    constant: &'a BTreeSet<String>,
     /// In how many branches that an unchanging answer of the rules has chosen the place is.
     decided: usize,
     /// How often there was such a change in such a function.
@@ -87,8 +89,15 @@ enum Form {
 
 impl<'a> Finder<'a> {
     /// Reads a file.
-    pub fn new(file: &'a str, text: &'a str, refused: &'a Refused, next: &'a mut usize) -> Self {
+    pub fn new(
+        file: &'a str,
+        text: &'a str,
+        refused: &'a Refused,
+        constant: &'a BTreeSet<String>,
+        next: &'a mut usize,
+    ) -> Self {
         Self {
+            constant,
             file,
             text,
             refused,
@@ -187,7 +196,8 @@ impl<'a> Finder<'a> {
         if operators::stands_alone(&binary.op) {
             // Without an answer that never changes, the device is the same.
             let kept = [(left, &binary.right), (right, &binary.left)];
-            let kept = kept.into_iter().filter(|(_, forgotten)| !is_decision(forgotten));
+            let kept =
+                kept.into_iter().filter(|(_, forgotten)| !is_decision(forgotten, self.constant));
             others.extend(kept.map(|(kept, _)| kept.to_owned()));
         }
         self.replace(binary, &others);
@@ -272,10 +282,18 @@ impl<'a> Finder<'a> {
         }
     }
 
+    /// What no device shows: the arguments of a decision that depends on nothing, and the number
+    /// that stands for an object which is absent.
+    fn has_idle_arguments(&self, call: &ExprMethodCall) -> bool {
+        let fallback = matches!(call.args.first(), Some(Expr::Lit(_)))
+            && matches!(call.method.to_string().as_str(), "unwrap_or" | "map_or");
+        fallback || is_decision(&Expr::MethodCall(call.clone()), self.constant)
+    }
+
     /// The condition, then the branches.
     fn branches(&mut self, branch: &ExprIf) {
         self.visit_expr(&branch.cond);
-        let decided = usize::from(asks(&branch.cond));
+        let decided = usize::from(asks(&branch.cond, self.constant));
         self.decided += decided;
         self.visit_block(&branch.then_branch);
         if let Some((_, other)) = &branch.else_branch {
@@ -529,6 +547,13 @@ impl<'ast> Visit<'ast> for Finder<'_> {
                 self.replace(unary, &[self.source(&*unary.expr).to_owned()]);
             }
             Expr::Lit(literal) => self.number_literal(literal),
+            Expr::MethodCall(call) if self.has_idle_arguments(call) => {
+                self.method_call(call);
+                let used = usize::from(call.method == "map_or");
+                self.visit_expr(&call.receiver);
+                let rest = call.args.iter().skip(used).filter(|_| used > 0);
+                return rest.for_each(|argument| self.visit_expr(argument));
+            }
             Expr::If(branch) => {
                 self.condition(branch);
                 return self.branches(branch);
@@ -538,7 +563,7 @@ impl<'ast> Visit<'ast> for Finder<'_> {
             Expr::Path(path) => self.path(path),
             Expr::Macro(mac) => self.matches(mac),
             Expr::Match(arms) => {
-                let decided = usize::from(asks(&arms.expr));
+                let decided = usize::from(asks(&arms.expr, self.constant));
                 self.decided += decided;
                 self.arms(arms);
                 visit::visit_expr(self, expression);
@@ -546,7 +571,7 @@ impl<'ast> Visit<'ast> for Finder<'_> {
                 return;
             }
             Expr::ForLoop(loops) => {
-                let decided = usize::from(asks(&loops.expr));
+                let decided = usize::from(asks(&loops.expr, self.constant));
                 self.decided += decided;
                 visit::visit_expr(self, expression);
                 self.decided -= decided;
@@ -653,12 +678,11 @@ fn binds(condition: &Expr) -> bool {
     }
 }
 
-/// Whether this is an answer of the rules that never changes, perhaps negated: one that depends on
-/// nothing.
-fn is_decision(expression: &Expr) -> bool {
+/// Whether this is an answer of the rules that never changes, perhaps negated.
+fn is_decision(expression: &Expr, constant: &BTreeSet<String>) -> bool {
     match expression {
-        Expr::Unary(unary) => is_decision(&unary.expr),
-        Expr::Paren(paren) => is_decision(&paren.expr),
+        Expr::Unary(unary) => is_decision(&unary.expr, constant),
+        Expr::Paren(paren) => is_decision(&paren.expr, constant),
         Expr::MethodCall(call) => {
             let rules = match &*call.receiver {
                 Expr::Path(path) => path.path.is_ident("rules"),
@@ -667,24 +691,42 @@ fn is_decision(expression: &Expr) -> bool {
                 }
                 _ => false,
             };
-            rules && call.args.iter().all(|argument| matches!(argument, Expr::Lit(_)))
+            rules && constant.contains(&call.method.to_string())
         }
         _ => false,
     }
 }
 
 /// Whether an expression has such an answer as a part.
-fn asks(expression: &Expr) -> bool {
-    struct Search(bool);
-    impl<'ast> Visit<'ast> for Search {
+fn asks(expression: &Expr, constant: &BTreeSet<String>) -> bool {
+    struct Search<'a>(&'a BTreeSet<String>, bool);
+    impl<'ast> Visit<'ast> for Search<'_> {
         fn visit_expr(&mut self, expression: &'ast Expr) {
-            self.0 |= is_decision(expression);
+            self.1 |= is_decision(expression, self.0);
             visit::visit_expr(self, expression);
         }
     }
-    let mut search = Search(false);
+    let mut search = Search(constant, false);
     search.visit_expr(expression);
-    search.0
+    search.1
+}
+
+/// The decisions in a file of the rules that depend on nothing: their parameters have no use.
+pub fn constant_decisions(file: &syn::File) -> Vec<String> {
+    let macros = file.items.iter().filter_map(|item| match item {
+        syn::Item::Macro(item) if item.mac.path.is_ident("decisions") => Some(item),
+        _ => None,
+    });
+    let traits = macros.filter_map(|item| item.mac.parse_body::<Decisions>().ok());
+    let methods = traits.flat_map(|decisions| decisions.methods);
+    let unused = |input: &syn::FnArg| match input {
+        syn::FnArg::Receiver(_) => true,
+        syn::FnArg::Typed(typed) => {
+            matches!(&*typed.pat, Pat::Ident(name) if name.ident.to_string().starts_with('_'))
+        }
+    };
+    let constant = methods.filter(|method| method.sig.inputs.iter().all(unused));
+    constant.map(|method| method.sig.ident.to_string()).collect()
 }
 
 fn is_assignment(op: &BinOp) -> bool {

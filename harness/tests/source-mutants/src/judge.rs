@@ -131,10 +131,15 @@ impl Judge {
                     (Verdict::Error, line)
                 } else if code > 1 {
                     (Verdict::Error, format!("{device}: exit code {code}"))
-                } else if let Some(line) = begins("SHOULD").or_else(|| begins("BLOCKED")) {
+                } else if let Some(line) = begins("BLOCKED") {
                     (Verdict::Should, line)
                 } else if let Some(line) = begins("LENIENT") {
-                    (Verdict::Lenient, line)
+                    let lenient: Vec<_> =
+                        new.iter().filter(|line| line.starts_with("LENIENT")).collect();
+                    match self.is_spared(&id, device, &lenient)? {
+                        true => (Verdict::Should, line),
+                        false => (Verdict::Lenient, line),
+                    }
                 } else {
                     (Verdict::Unnoticed, String::new())
                 }
@@ -142,7 +147,27 @@ impl Judge {
         })
     }
 
+    /// Whether one of these cases has failed but for the level of its requirements, as the journal
+    /// says.
+    fn is_spared(&self, id: &Path, device: &str, lenient: &[&String]) -> Result<bool, String> {
+        let journal = env::temp_dir().join(format!("source-mutants-{}-journal", id.display()));
+        let mut command = self.command(device, &[("SOURCE_MUTANT", id)]);
+        command.arg("--journal").arg(&journal);
+        // Without the values of its instance, a name is that of every instance.
+        let names = lenient.iter().filter_map(|line| line.split_whitespace().nth(2));
+        command.args(names.filter_map(|name| name.split('[').next()));
+        command.output().map_err(|error| format!("{}: {error}", self.program.display()))?;
+        let text = fs::read_to_string(&journal).unwrap_or_default();
+        fs::remove_file(&journal).ok();
+        Ok(text.contains("\"capped\":true"))
+    }
+
     fn run(&self, device: &str, variables: &[(&str, &Path)]) -> Result<Output, String> {
+        let mut command = self.command(device, variables);
+        command.output().map_err(|error| format!("{}: {error}", self.program.display()))
+    }
+
+    fn command(&self, device: &str, variables: &[(&str, &Path)]) -> Command {
         // The shell sets limits in processor time and memory, so that a hang ends, whatever else
         // the computer does.
         let mut command = Command::new("sh");
@@ -155,34 +180,22 @@ impl Judge {
         // Always by name: the harness prefers a folder `suites` where it is started.
         command.arg("--only-suites").arg(&self.suites);
         command.envs(variables.iter().copied());
-        command.output().map_err(|error| format!("{}: {error}", self.program.display()))
+        command
     }
 }
 
-/// What is not PASS, as `FAIL device case`. `SHOULD` is a LENIENT that the level alone has spared.
+/// What is not PASS, as `FAIL device case`.
 fn lines(output: &Output) -> BTreeSet<String> {
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     let words = ["FAIL", "ERROR", "BLOCKED", "LENIENT"];
-    let mut found: Vec<String> = Vec::new();
-    for line in text.lines() {
-        let mut of_line = line.split_whitespace();
-        let word = of_line.next().unwrap_or_default();
-        if word == "level" && line.contains(SPARED) {
-            let last = found.last_mut().filter(|last| last.starts_with("LENIENT"));
-            last.into_iter().for_each(|last| *last = last.replacen("LENIENT", "SHOULD", 1));
-        }
-        if let (Some(device), Some(case)) = (of_line.next(), of_line.next())
-            && words.contains(&word)
-            && case.contains('/')
-        {
-            found.push(format!("{word} {} {case}", device.trim_end_matches(':')));
-        }
-    }
-    found.into_iter().collect()
+    let verdict = |line: &str| {
+        let mut line = line.split_whitespace();
+        let (word, device, case) = (line.next()?, line.next()?, line.next()?);
+        let device = device.trim_end_matches(':');
+        (words.contains(&word) && case.contains('/')).then(|| format!("{word} {device} {case}"))
+    };
+    text.lines().filter_map(verdict).collect()
 }
-
-/// What the report says of a case that can fail no device.
-const SPARED: &str = "no requirement of this case is a must";
 
 fn panic(output: &Output) -> String {
     let text = String::from_utf8_lossy(&output.stderr).into_owned();

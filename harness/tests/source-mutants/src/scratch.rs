@@ -1,6 +1,6 @@
 //! A copy of the workspace in which every mutant can be switched on.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -8,7 +8,7 @@ use std::{fs, io};
 
 use serde::Deserialize;
 
-use crate::finder::{Finder, Mutant, Refused, parse};
+use crate::finder::{Finder, Mutant, Refused, constant_decisions, parse};
 use crate::groups::{group_of, has_deviations};
 use crate::sites::{alternatives, render};
 
@@ -76,6 +76,11 @@ impl Scratch {
     fn write(&self, files: &[String], refused: &Refused) -> io::Result<Vec<Mutant>> {
         let mut mutants = Vec::new();
         let mut next = 0;
+        let mut constant = BTreeSet::new();
+        for file in files.iter().filter(|file| has_deviations(file) && group_of(file).is_some()) {
+            let text = fs::read_to_string(self.from.join(file))?;
+            constant.extend(parse(&text).iter().flat_map(constant_decisions));
+        }
         for file in files {
             let content = fs::read(self.from.join(file))?;
             let content = match (group_of(file), file.as_str()) {
@@ -83,7 +88,7 @@ impl Scratch {
                     let text = String::from_utf8(content).map_err(io::Error::other)?;
                     let parsed = parse(&text)
                         .map_err(|error| io::Error::other(format!("{file}: {error}")))?;
-                    let mut finder = Finder::new(file, &text, refused, &mut next);
+                    let mut finder = Finder::new(file, &text, refused, &constant, &mut next);
                     finder.read(&parsed, has_deviations(file));
                     mutants.append(&mut finder.mutants);
                     render(&text, finder.sites).into_bytes()

@@ -201,7 +201,7 @@ impl Services {
             0x1016 => self.consumer.configure(now, mux.sub, base),
             0x1017 => {
                 self.heartbeat.configure(now, base);
-                if self.heartbeat.runs() && base.rules.heartbeat_ends_life_guarding() {
+                if base.rules.heartbeat_ends_life_guarding(self.heartbeat.runs()) {
                     self.guarding.stop(base);
                 }
             }
