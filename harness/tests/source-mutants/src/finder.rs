@@ -11,6 +11,7 @@ use syn::{
     ReturnType, Signature, Stmt, Token, Type, UnOp,
 };
 
+use crate::decisions::{Decisions, asks, is_decision};
 use crate::operators;
 use crate::sites::{Site, alternative};
 
@@ -637,29 +638,6 @@ impl Parse for Matches {
     }
 }
 
-/// `trait Name: Layer;` and methods.
-struct Decisions {
-    name: syn::Ident,
-    methods: Vec<syn::TraitItemFn>,
-}
-
-impl Parse for Decisions {
-    fn parse(input: ParseStream<'_>) -> syn::Result<Self> {
-        syn::Attribute::parse_outer(input)?;
-        input.parse::<syn::Visibility>()?;
-        input.parse::<Token![trait]>()?;
-        let name = input.parse()?;
-        input.parse::<Token![:]>()?;
-        input.parse::<syn::Path>()?;
-        input.parse::<Token![;]>()?;
-        let mut methods = Vec::new();
-        while !input.is_empty() {
-            methods.push(input.parse()?);
-        }
-        Ok(Self { name, methods })
-    }
-}
-
 /// Reads a file of Rust.
 pub fn parse(text: &str) -> syn::Result<syn::File> {
     syn::File::parse.parse_str(text)
@@ -676,57 +654,6 @@ fn binds(condition: &Expr) -> bool {
         Expr::Binary(binary) => binds(&binary.left) || binds(&binary.right),
         _ => false,
     }
-}
-
-/// Whether this is an answer of the rules that never changes, perhaps negated.
-fn is_decision(expression: &Expr, constant: &BTreeSet<String>) -> bool {
-    match expression {
-        Expr::Unary(unary) => is_decision(&unary.expr, constant),
-        Expr::Paren(paren) => is_decision(&paren.expr, constant),
-        Expr::MethodCall(call) => {
-            let rules = match &*call.receiver {
-                Expr::Path(path) => path.path.is_ident("rules"),
-                Expr::Field(field) => {
-                    matches!(&field.member, syn::Member::Named(name) if name == "rules")
-                }
-                _ => false,
-            };
-            rules && constant.contains(&call.method.to_string())
-        }
-        _ => false,
-    }
-}
-
-/// Whether an expression has such an answer as a part.
-fn asks(expression: &Expr, constant: &BTreeSet<String>) -> bool {
-    struct Search<'a>(&'a BTreeSet<String>, bool);
-    impl<'ast> Visit<'ast> for Search<'_> {
-        fn visit_expr(&mut self, expression: &'ast Expr) {
-            self.1 |= is_decision(expression, self.0);
-            visit::visit_expr(self, expression);
-        }
-    }
-    let mut search = Search(constant, false);
-    search.visit_expr(expression);
-    search.1
-}
-
-/// The decisions in a file of the rules that depend on nothing: their parameters have no use.
-pub fn constant_decisions(file: &syn::File) -> Vec<String> {
-    let macros = file.items.iter().filter_map(|item| match item {
-        syn::Item::Macro(item) if item.mac.path.is_ident("decisions") => Some(item),
-        _ => None,
-    });
-    let traits = macros.filter_map(|item| item.mac.parse_body::<Decisions>().ok());
-    let methods = traits.flat_map(|decisions| decisions.methods);
-    let unused = |input: &syn::FnArg| match input {
-        syn::FnArg::Receiver(_) => true,
-        syn::FnArg::Typed(typed) => {
-            matches!(&*typed.pat, Pat::Ident(name) if name.ident.to_string().starts_with('_'))
-        }
-    };
-    let constant = methods.filter(|method| method.sig.inputs.iter().all(unused));
-    constant.map(|method| method.sig.ident.to_string()).collect()
 }
 
 fn is_assignment(op: &BinOp) -> bool {

@@ -106,8 +106,8 @@ impl Judge {
         self.baselines.get(device).is_some_and(|baseline| baseline.reached.contains(&id))
     }
 
-    /// Asks the suites of the first device that comes to the place. Returns the first line that says
-    /// so.
+    /// Asks the suites of the first device that comes to the place. Returns the first line that
+    /// says so.
     pub fn judge(&self, id: usize, devices: &[&'static str]) -> Result<(Verdict, String), String> {
         match devices.iter().find(|device| self.reaches(device, id)) {
             Some(device) => self.judge_on(id, device),

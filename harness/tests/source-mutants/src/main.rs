@@ -1,6 +1,7 @@
 //! Changes the source of the reference devices, one place at a time, and asks runs of the harness
 //! whether the suites notice.
 
+mod decisions;
 mod finder;
 mod groups;
 mod judge;

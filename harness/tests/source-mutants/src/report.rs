@@ -107,8 +107,8 @@ impl fmt::Display for Report<'_> {
         let hundredth = self.judged.len().max(1) as f64 / 100.0;
         writeln!(
             f,
-            "\n{} mutants: {red} red ({:.1} %), noticed, with those of level should or may, {noticed} \
-             ({:.1} %), with LENIENT of a must {} ({:.1} %)",
+            "\n{} mutants: {red} red ({:.1} %), noticed, with should and may, {noticed} ({:.1} %), \
+             with LENIENT of a must {} ({:.1} %)",
             self.judged.len(),
             red as f64 / hundredth,
             noticed as f64 / hundredth,

@@ -8,7 +8,8 @@ use std::{fs, io};
 
 use serde::Deserialize;
 
-use crate::finder::{Finder, Mutant, Refused, constant_decisions, parse};
+use crate::decisions::constant_decisions;
+use crate::finder::{Finder, Mutant, Refused, parse};
 use crate::groups::{group_of, has_deviations};
 use crate::sites::{alternatives, render};
 
