@@ -367,3 +367,30 @@ fn mixtures(
     let each = (0..count).map(|_| seeds.fork()).collect();
     parallel::map(each, processors(), draw)
 }
+
+#[cfg(test)]
+mod tests {
+    use reference_devices::devices::{self, WITH_EVERYTHING};
+
+    use super::*;
+
+    #[test]
+    fn each_freedom_is_in_one_group_with_freedoms_that_agree() {
+        let device = devices::device(WITH_EVERYTHING).unwrap();
+        let freedoms = freedom::of(&device).unwrap();
+        let groups = groups(&device, &freedoms);
+        let mut names: Vec<&String> = groups.iter().flatten().map(|member| &member.name).collect();
+        let count = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!((names.len(), count), (freedoms.len(), freedoms.len()));
+        for group in &groups {
+            assert!(group.len() <= LARGEST_GROUP && fits(&device, group.iter().copied()));
+            let agree = |one: &&Freedom| {
+                group.iter().all(|other| one.name == other.name || one.agrees_with(other))
+            };
+            assert!(group.iter().all(agree));
+        }
+        assert!(groups.len() < freedoms.len() / 4, "{}", groups.len());
+    }
+}
