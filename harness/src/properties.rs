@@ -4,14 +4,15 @@
 //! `fuzz/` searches for bytes that break one, `tests/corpus.rs` tries those that were found or
 //! seeded before.
 
+mod described;
 mod devices;
 mod lss;
+mod peer;
 mod session;
 mod transfers;
 
 use std::sync::{Arc, LazyLock};
 
-use canopen::catalogue::Catalogue;
 use canopen::eds::{self, Eds};
 use canopen::emcy::Emcy;
 use canopen::heartbeat::ErrorControl;
@@ -25,14 +26,16 @@ use canopen::{Data, Frame, Id, Malformed, Pattern, meaning};
 use reports::{FORMATS, Keep, Run, Style, journal, terminal};
 
 use crate::dut::Dut;
-use crate::plan;
 use crate::source::{Complaint, Source};
 use crate::suite::Library;
-use crate::target;
 
-use devices::{DRR460, NODE};
+use devices::NODE;
 
+pub use described::{
+    device_file_read, plan_sheet, register_read, rig_lines, suite_load, test_map_read,
+};
 pub use lss::lss_session;
+pub use peer::{runner_session, scan_compose, sdo_client, trace_decode};
 pub use session::{sdo_server_session, virtual_bus};
 pub use transfers::{block_transfer, sdo_client_server};
 
@@ -40,17 +43,26 @@ pub use transfers::{block_transfer, sdo_client_server};
 pub type Property = fn(&[u8]);
 
 /// Every property, by its name.
-pub const ALL: [(&str, Property); 11] = [
+pub const ALL: [(&str, Property); 20] = [
     ("block_transfer", block_transfer),
     ("candump_parse", candump_parse),
+    ("device_file_read", device_file_read),
     ("eds_read", eds_read),
     ("frame_decode", frame_decode),
     ("journal_read", journal_read),
     ("lss_session", lss_session),
     ("pattern_parse", pattern_parse),
+    ("plan_sheet", plan_sheet),
+    ("register_read", register_read),
+    ("rig_lines", rig_lines),
+    ("runner_session", runner_session),
+    ("scan_compose", scan_compose),
+    ("sdo_client", sdo_client),
     ("sdo_client_server", sdo_client_server),
     ("sdo_server_session", sdo_server_session),
     ("suite_load", suite_load),
+    ("test_map_read", test_map_read),
+    ("trace_decode", trace_decode),
     ("virtual_bus", virtual_bus),
 ];
 
@@ -117,22 +129,6 @@ pub fn eds_read(bytes: &[u8]) {
     assert_eq!(eds::write(&second, ""), text);
 }
 
-/// A suite loads and is bound to a device, or every complaint points into the file.
-pub fn suite_load(bytes: &[u8]) {
-    let Ok(text) = str::from_utf8(bytes) else { return };
-    let source =
-        |name: &str, text: &str| Arc::new(Source { name: name.to_owned(), text: text.to_owned() });
-    let sources =
-        [source("suites/requirements/any.yaml", REGISTER), source("suites/any.yaml", text)];
-    match Library::from_sources(&sources, Catalogue::built_in()) {
-        Ok(library) => match plan::plan(&library, &SHEET, &target::models(&SHEET.eds)) {
-            Ok(plan) => plan.instances.iter().for_each(|instance| _ = instance.name()),
-            Err(complaints) => complaints.iter().for_each(in_place),
-        },
-        Err(complaints) => complaints.iter().for_each(in_place),
-    }
-}
-
 /// A line of a journal that is an event is written as a line of the same event, and every report
 /// of a journal can be made.
 pub fn journal_read(bytes: &[u8]) {
@@ -144,23 +140,47 @@ pub fn journal_read(bytes: &[u8]) {
         assert_eq!(again[0].as_ref(), Ok(&event), "{line}");
     }
     if let Ok(run) = Run::fold(text, Keep::All) {
-        FORMATS.iter().for_each(|format| _ = (format.write)(&run));
-        let summary = terminal::summary(&run, Style { color: false }, terminal::Verbosity::Normal);
-        assert!(!summary.contains('\u{1b}'), "a control character comes through: {summary:?}");
+        written(&run);
     }
 }
 
-static SHEET: LazyLock<Dut> = LazyLock::new(|| {
-    let eds: Eds = eds::read(DRR460.eds_text().as_bytes()).eds;
-    Dut { bit_rate: Some(1_000_000), ..Dut::new("drr460", NODE, eds) }
+/// Data sheets of devices with many and with few services.
+static SHEETS: LazyLock<Vec<Dut>> = LazyLock::new(|| {
+    let sheet = |name: &str| {
+        let device = reference_devices::devices::device(name).expect("it is part of the program");
+        let eds: Eds = eds::read(device.eds_text().as_bytes()).eds;
+        Dut { bit_rate: Some(1_000_000), ..Dut::new(name, NODE, eds) }
+    };
+    ["drr460", "generic", "em66", "mcm260x-9ad"].map(sheet).into()
 });
 
-const REGISTER: &str = "\
-document: any
-title: Any document
-requirements:
-  - { id: ANY-01, clause: '1', level: must, says: Anything. }
-";
+/// The suites and the register of the program.
+static LIBRARY: LazyLock<Library> =
+    LazyLock::new(|| Library::embedded().expect("they are part of the program"));
+
+fn source(name: &str, text: &str) -> Arc<Source> {
+    Arc::new(Source { name: name.to_owned(), text: text.to_owned() })
+}
+
+/// Makes every report of a run. What is XML is read as XML.
+fn written(run: &Run) {
+    for format in FORMATS {
+        let text = (format.write)(run);
+        if format.flag == "junit" {
+            let mut reader = quick_xml::Reader::from_str(&text);
+            reader.config_mut().check_end_names = true;
+            loop {
+                match reader.read_event() {
+                    Ok(quick_xml::events::Event::Eof) => break,
+                    Ok(_) => {}
+                    Err(error) => panic!("{error}: {text}"),
+                }
+            }
+        }
+    }
+    let summary = terminal::summary(run, Style { color: false }, terminal::Verbosity::Normal);
+    assert!(!summary.contains('\u{1b}'), "a control character comes through: {summary:?}");
+}
 
 fn exact<T: Copy>(bytes: &[u8], decode: fn(&[u8]) -> Result<T, Malformed>, encode: fn(T) -> Data) {
     if let Ok(value) = decode(bytes) {

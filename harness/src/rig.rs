@@ -120,8 +120,7 @@ impl Rig {
             }
             Err(RecvTimeoutError::Disconnected) => return Err(gone.to_owned()),
         };
-        let answer = serde_json::from_str::<Json>(&line).ok().filter(Json::is_object);
-        answer.ok_or_else(|| format!("answers `{line}`, which is not a JSON object"))
+        understood(&line)
     }
 
     /// The answer is none that this request can have.
@@ -204,6 +203,20 @@ fn answer_line(answers: &mut impl BufRead) -> Option<std::io::Result<String>> {
         }
         Err(error) => Some(Err(error)),
     }
+}
+
+/// The lines of a bench until one is too long.
+pub(crate) fn lines(mut bytes: &[u8]) -> impl Iterator<Item = std::io::Result<String>> {
+    std::iter::from_fn(move || answer_line(&mut bytes))
+}
+
+/// What a line of a bench says as an answer.
+///
+/// # Errors
+/// Why it is none.
+pub(crate) fn understood(line: &str) -> Result<Json, String> {
+    let answer = serde_json::from_str::<Json>(line).ok().filter(Json::is_object);
+    answer.ok_or_else(|| format!("answers `{line}`, which is not a JSON object"))
 }
 
 /// The answer of `bench` to a request line.

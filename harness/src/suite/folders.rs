@@ -113,7 +113,8 @@ fn add(sources: &mut BTreeMap<String, Arc<Source>>, folder: &Path, found: Vec<So
     }
 }
 
-fn embedded() -> Vec<Source> {
+/// The copies in this program.
+pub(super) fn embedded() -> Vec<Source> {
     let mut sources = Vec::new();
     read_embedded(&EMBEDDED, &mut sources);
     sources

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use canopen::catalogue::Catalogue;
 
 use super::constraint::assertion_name;
-use super::folders::Folders;
+use super::folders::{Folders, embedded};
 use super::loaded::Suite;
 use super::model::{Case, SuiteFile};
 use super::register::Register;
@@ -22,7 +22,7 @@ pub struct Library {
     /// The suites, by name.
     pub suites: Vec<Arc<Suite>>,
     /// The requirements.
-    pub register: Register,
+    pub register: Arc<Register>,
     /// The profiles.
     pub catalogue: Arc<Catalogue>,
     /// The checks of CiA's conformance test, when the folder has the list of them.
@@ -71,6 +71,40 @@ impl Library {
             Register::default()
         });
         let register_is_whole = complaints.is_empty();
+        let rest = Rest { test_map, complaints, register_is_whole };
+        Self::with(Arc::new(register), rest, suites, catalogue)
+    }
+
+    /// Loads these suites, with a register that is loaded.
+    ///
+    /// # Errors
+    /// Every complaint about every file.
+    pub(crate) fn with_register(
+        register: Arc<Register>,
+        suites: Vec<Arc<Source>>,
+        catalogue: &Arc<Catalogue>,
+    ) -> Result<Self, Vec<Complaint>> {
+        let (test_map, complaints) = (Vec::new(), Vec::new());
+        let rest = Rest { test_map, complaints, register_is_whole: true };
+        Self::with(register, rest, suites, catalogue)
+    }
+
+    /// The suites and the register in this program.
+    ///
+    /// # Errors
+    /// As [`load`](Self::load).
+    pub(crate) fn embedded() -> Result<Self, Vec<Complaint>> {
+        let sources: Vec<_> = embedded().into_iter().map(Arc::new).collect();
+        Self::from_sources(&sources, Catalogue::built_in())
+    }
+
+    fn with(
+        register: Arc<Register>,
+        rest: Rest,
+        suites: Vec<Arc<Source>>,
+        catalogue: &Arc<Catalogue>,
+    ) -> Result<Self, Vec<Complaint>> {
+        let Rest { test_map, mut complaints, register_is_whole } = rest;
         let mut loaded = Vec::new();
         let files =
             parallel::map(suites, processors(), |source| (read_yaml::<SuiteFile>(&source), source));
@@ -103,6 +137,13 @@ impl Library {
             Err(complaints)
         }
     }
+}
+
+/// What is read before the suites.
+struct Rest {
+    test_map: Vec<(Arc<Source>, Vec<At<TestMapEntry>>)>,
+    complaints: Vec<Complaint>,
+    register_is_whole: bool,
 }
 
 fn is_register(source: &Arc<Source>) -> bool {
