@@ -3,10 +3,12 @@
 //! `cargo run -p reference-devices --example em66_hour > reference-devices/em66/hour.svg`
 
 mod drawing;
+mod hours;
 
 use std::error::Error;
 
-use drawing::{Area, GRID, Outcome, TEXT, panel};
+use drawing::{Area, Outcome, panel};
+use hours::{Curve, Shown};
 use plotters::prelude::*;
 use reference_devices::devices;
 use reference_devices::devices::em66::hour::{self, Sample};
@@ -27,35 +29,26 @@ fn draw(hour: &[Sample], root: &Area) -> Outcome {
     let (temperatures, output) = upper.split_vertically(310);
     draw_temperatures(hour, &temperatures)?;
     draw_output(hour, &output)?;
-    drawing::lanes(&lanes, MINUTES, 13, &LANES.map(|lane| spans(hour, lane)))
+    drawing::lanes(&lanes, MINUTES, 13, &LANES.map(|lane| hours::lane(hour, minutes, lane)))
 }
 
-/// What a line of the upper chart shows, its colour and its width.
-type Curve = (&'static str, fn(&Sample) -> i16, RGBColor, u32);
-
-const CURVES: [Curve; 4] = [
-    ("set point", |sample| sample.set_point, RGBColor(0xB0, 0xBE, 0xC5), 5),
-    ("mould", |sample| sample.mould, RGBColor(0x94, 0x67, 0xBD), 2),
-    ("return line", |sample| sample.return_line, RGBColor(0xE6, 0x9F, 0x00), 2),
-    ("main line", |sample| sample.effective, RGBColor(0xC6, 0x28, 0x28), 2),
+const CURVES: [Curve<Sample>; 4] = [
+    ("set point", |sample| f64::from(sample.set_point) / 10.0, RGBColor(0xB0, 0xBE, 0xC5), 5),
+    ("mould", |sample| f64::from(sample.mould) / 10.0, RGBColor(0x94, 0x67, 0xBD), 2),
+    ("return line", |sample| f64::from(sample.return_line) / 10.0, RGBColor(0xE6, 0x9F, 0x00), 2),
+    ("main line", |sample| f64::from(sample.effective) / 10.0, RGBColor(0xC6, 0x28, 0x28), 2),
 ];
 
 fn draw_temperatures(hour: &[Sample], area: &Area) -> Outcome {
     let mut chart = panel(area, 34, MINUTES, 20.0..90.0, (7, "°C"))?;
-    for (name, value, colour, width) in CURVES {
-        let points = hour.iter().step_by(4);
-        let points = points.map(|sample| (minutes(sample), f64::from(value(sample)) / 10.0));
-        chart.draw_series(LineSeries::new(points, colour.stroke_width(width)))?.label(name).legend(
-            move |(x, y)| PathElement::new([(x, y), (x + 22, y)], colour.stroke_width(width + 1)),
-        );
-    }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::Coordinate(330, 176))
-        .background_style(WHITE)
-        .border_style(GRID)
-        .label_font(("sans-serif", 13, &TEXT))
-        .draw()?;
+    let samples = hour.iter().step_by(4);
+    hours::curves(
+        &mut chart,
+        samples,
+        minutes,
+        &CURVES,
+        SeriesLabelPosition::Coordinate(330, 176),
+    )?;
     drawing::title(area, "An hour with the EUROMAP 66 heating/cooling device")
 }
 
@@ -74,10 +67,7 @@ fn draw_output(hour: &[Sample], area: &Area) -> Outcome {
     Ok(())
 }
 
-/// What a lane shows, and its colour.
-type Lane = (&'static str, fn(&Sample) -> bool, RGBColor);
-
-const LANES: [Lane; 7] = [
+const LANES: [Shown<Sample>; 7] = [
     ("controller on", Sample::on, RGBColor(0x2E, 0x7D, 0x32)),
     ("self-optimisation", Sample::optimises, RGBColor(0x00, 0x83, 0x8F)),
     ("second set point", Sample::second_set_point, RGBColor(0x94, 0x67, 0xBD)),
@@ -86,17 +76,6 @@ const LANES: [Lane; 7] = [
     ("cooling down", Sample::cools_down, COLD),
     ("evacuating", Sample::evacuates, RGBColor(0x5D, 0x40, 0x37)),
 ];
-
-/// From when to when, in minutes; what is short is made long enough to be seen.
-fn spans(hour: &[Sample], (name, holds, colour): Lane) -> drawing::Lane {
-    let pieces = hour.chunk_by(|one, next| holds(one) == holds(next));
-    let spans = pieces.filter(|piece| piece.first().is_some_and(holds)).filter_map(|piece| {
-        let (first, last) = (piece.first()?, piece.last()?);
-        let from = minutes(first);
-        Some((from, (minutes(last) + 2.0 / 60.0).max(from + 0.15)))
-    });
-    drawing::Lane { name, spans: spans.collect(), colour }
-}
 
 fn minutes(sample: &Sample) -> f64 {
     f64::from(sample.seconds) / 60.0
