@@ -33,18 +33,20 @@ pub(crate) fn parse(line: &str) -> Result<Option<Line>, String> {
             let (stamp, rest) =
                 rest.split_once(')').ok_or("the `)` of the time stamp is missing")?;
             let at = seconds(stamp.trim()).ok_or_else(|| {
-                format!("`({stamp})` is no time stamp: seconds belong there, such as `(1.234567)`")
+                format!(
+                    "`({stamp})` is not a time stamp: seconds belong there, such as `(1.234567)`"
+                )
             })?;
             (Some(at), rest)
         }
     };
     let mut words = rest.split_whitespace().peekable();
     let mut sent = false;
-    let first = words.next().ok_or("there is no frame behind the time stamp")?;
+    let first = words.next().ok_or("a frame is missing after the time stamp")?;
     if first.contains('#') {
         return Ok(Some(Line { at, frame: frame(first)?, sent }));
     }
-    // Behind the interface; `candump -x` says the direction, and flags.
+    // After the interface, `candump -x` prints the direction, and flags.
     while let Some(word) = words.next_if(|word| ["TX", "RX", "-", "B", "E"].contains(word)) {
         sent |= word == "TX";
     }
@@ -72,7 +74,7 @@ fn frame(text: &str) -> Result<Frame, String> {
 /// An identifier, the number of bytes in brackets, and the bytes.
 fn in_columns<'w>(id: &str, words: &mut impl Iterator<Item = &'w str>) -> Result<Frame, String> {
     let number = u32::from_str_radix(id, 16).ok().filter(|_| id.len() <= 8);
-    let number = number.ok_or_else(|| format!("`{}` is no identifier", shortly(id)))?;
+    let number = number.ok_or_else(|| format!("`{}` is not an identifier", shortly(id)))?;
     let id = if id.len() > 3 { Id::extended(number) } else { Id::standard(number as u16) };
     let length = words.next().unwrap_or_default();
     let count = length.strip_prefix('[').and_then(|rest| rest.strip_suffix(']'));
@@ -147,13 +149,13 @@ mod tests {
             ("(1.2 can0 605#00", "the `)` of the time stamp is missing"),
             (
                 "(now) can0 605#00",
-                "`(now)` is no time stamp: seconds belong there, such as `(1.234567)`",
+                "`(now)` is not a time stamp: seconds belong there, such as `(1.234567)`",
             ),
-            ("(1.5)", "there is no frame behind the time stamp"),
+            ("(1.5)", "a frame is missing after the time stamp"),
             ("can0", "a frame is written `can0 605#4000100000000000`"),
             ("can0 605", "the number of bytes, such as `[8]`, is missing"),
             ("can0 605 [2] 40", "2 bytes of two hex digits belong there"),
-            ("can0 hello [0]", "`hello` is no identifier"),
+            ("can0 hello [0]", "`hello` is not an identifier"),
         ] {
             assert_eq!(parse(text), Err(why.to_owned()), "{text}");
         }

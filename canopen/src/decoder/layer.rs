@@ -59,7 +59,7 @@ fn answer(asked: Request, response: Response) -> String {
         | (Request::Store, Response::Stored(_))
         | (Request::Inquire(_), Response::Address(..))
         | (Request::InquireNodeId, Response::NodeId(_)) => String::new(),
-        _ => "; this is no answer to the request before it".to_owned(),
+        _ => "; it does not answer the request before it".to_owned(),
     }
 }
 

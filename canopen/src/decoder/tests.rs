@@ -204,7 +204,7 @@ fn an_lss_slave_answers_a_request() {
         ),
         (
             "7E4#1700000000000000",
-            "LSS slave: store configuration done; this is no answer to the request before it",
+            "LSS slave: store configuration done; it does not answer the request before it",
         ),
     ]);
 }

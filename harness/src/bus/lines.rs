@@ -44,7 +44,7 @@ type Arrived = (Instant, Result<Frame, Ending>);
 pub(super) enum Ending {
     /// It has closed its end.
     Closed,
-    /// It wrote what is no frame.
+    /// It wrote something else than a frame.
     Garbage(String),
 }
 
@@ -190,7 +190,10 @@ fn listen(from: impl Read, clock: Clock, to: &Sender<Arrived>) {
                 Ok(Some(line)) => Ok(line.frame),
                 Err(why) => {
                     let text = text.trim_end();
-                    Err(Ending::Garbage(format!("`{}`, which is no frame: {why}", shortly(text))))
+                    Err(Ending::Garbage(format!(
+                        "`{}`, which is not a frame: {why}",
+                        shortly(text)
+                    )))
                 }
             },
         };
@@ -261,7 +264,7 @@ mod tests {
         assert_eq!(first.frame.to_string(), "705#00");
         assert_eq!(second.frame.to_string(), "705#7F");
         assert!(first.at <= second.at && !first.own);
-        let garbage = "`no frame`, which is no frame: `frame` is no identifier";
+        let garbage = "`no frame`, which is not a frame: `frame` is not an identifier";
         assert_eq!(recv(), Err(Ending::Garbage(garbage.to_owned())));
         assert_eq!(recv(), Err(Ending::Garbage(garbage.to_owned())));
     }

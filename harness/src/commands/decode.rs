@@ -95,7 +95,7 @@ struct Printed<'a> {
     /// The first time stamp of a log, which is the time of a day.
     first: Option<Instant>,
     frames: usize,
-    /// The first line that is no frame, and why; and how many there are.
+    /// The first line that is not a frame, and why; and how many there are.
     skipped: Option<(usize, String)>,
     skips: usize,
 }
@@ -215,9 +215,7 @@ impl<'a> Printed<'a> {
             }
             (_, Some(why)) => {
                 let lines = counted(self.skips, "line");
-                eprintln!(
-                    "note: {lines} of {file} left out, which are no frames; the first is {why}"
-                );
+                eprintln!("note: {lines} of {file} left out, without a frame; the first is {why}");
             }
             (_, None) => {}
         }
