@@ -265,18 +265,19 @@ impl Behaviour for Ax021211 {
     }
 
     fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
-        self.touched = true;
         self.follow_up(mux, od);
         let parameters = Parameters { od, rules: &*self.rules };
-        self.network.written(mux, parameters);
+        self.touched |= self.network.written(mux, parameters);
         if self.rules.source_spreads_points()
             && let Some(points) = self.spread_points(mux.index, od)
         {
-            self.network.written(points, Parameters { od, rules: &*self.rules });
+            let parameters = Parameters { od, rules: &*self.rules };
+            self.touched |= self.network.written(points, parameters);
         }
         let parameters = Parameters { od, rules: &*self.rules };
         if matches!(mux.index, RECEIVED | RECEIVED_STATUS) {
-            self.network.written(Mux::new(PROCESS_VALUE, mux.sub), parameters);
+            let value = Mux::new(PROCESS_VALUE, mux.sub);
+            self.touched |= self.network.written(value, parameters);
         }
     }
 

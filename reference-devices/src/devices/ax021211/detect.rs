@@ -7,7 +7,7 @@ use canopen::Instant;
 use super::rules::Ax021211Rules;
 
 /// What the error detection of an output remembers.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Detector {
     since: Option<Instant>,
     /// The fault has lasted for the reaction delay.

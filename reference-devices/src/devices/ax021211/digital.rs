@@ -55,7 +55,7 @@ impl DigitalSettings {
 }
 
 /// A digital output at work.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Digital {
     /// What the control input, or what takes its place, commands.
     pub(super) logic: bool,

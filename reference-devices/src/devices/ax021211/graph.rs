@@ -24,6 +24,12 @@ pub(super) struct Order {
     turns: Vec<usize>,
 }
 
+/// How many blocks there are.
+const BLOCKS: usize = 36;
+
+/// Hands on each link of a block.
+pub(super) type Links<'l> = dyn Fn(Block, &mut dyn FnMut(Link)) + 'l;
+
 /// All blocks, in the order in which the walk begins with them.
 pub(super) fn all() -> impl Iterator<Item = Block> {
     let maths = (0..6).map(Block::Math);
@@ -46,35 +52,55 @@ impl Block {
             _ => return None,
         })
     }
+
+    /// Its place among all blocks.
+    const fn number(self) -> usize {
+        match self {
+            Self::Math(place) => place,
+            Self::Table(place) => 6 + place,
+            Self::Pid(place) => 18 + place,
+            Self::Logic(place) => 22 + place,
+            Self::Output(place) => 26 + place,
+        }
+    }
+
+    /// The signals that come from it. Only an output has two.
+    fn signals(self) -> impl Iterator<Item = usize> {
+        let (first, second) = match self {
+            Self::Pid(place) => (PIDS + place, None),
+            Self::Table(place) => (TABLES + place, None),
+            Self::Math(place) => (MATHS + place, None),
+            Self::Logic(place) => (LOGICS + place, None),
+            Self::Output(place) => (COMMANDED + place, Some(FEEDBACKS + place)),
+        };
+        [first].into_iter().chain(second)
+    }
 }
 
 impl Order {
     /// The order for blocks that take what `links` says.
-    pub(super) fn of(links: &dyn Fn(Block) -> Vec<Link>) -> Self {
-        let mut order = Self { blocks: Vec::new(), turns: vec![0; SIGNALS] };
-        let mut met = Vec::new();
+    pub(super) fn of(links: &Links) -> Self {
+        let mut order = Self { blocks: Vec::with_capacity(BLOCKS), turns: vec![0; SIGNALS] };
+        let mut met = [false; BLOCKS];
         for block in all() {
             order.visit(block, links, &mut met);
-        }
-        for signal in 0..SIGNALS {
-            let block = Block::of(signal);
-            let turn = |block| order.blocks.iter().position(|known| *known == block);
-            order.turns[signal] = block.and_then(turn).map_or(0, |turn| turn + 1);
         }
         order
     }
 
-    fn visit(&mut self, block: Block, links: &dyn Fn(Block) -> Vec<Link>, met: &mut Vec<Block>) {
-        if met.contains(&block) {
+    fn visit(&mut self, block: Block, links: &Links, met: &mut [bool; BLOCKS]) {
+        if std::mem::replace(&mut met[block.number()], true) {
             return;
         }
-        met.push(block);
-        for link in links(block) {
+        links(block, &mut |link| {
             if let Some(before) = link.place().and_then(Block::of) {
                 self.visit(before, links, met);
             }
-        }
+        });
         self.blocks.push(block);
+        for signal in block.signals() {
+            self.turns[signal] = self.blocks.len();
+        }
     }
 
     /// Whether a signal is there when it is a block's turn, counted from 1 on.
@@ -88,7 +114,7 @@ mod tests {
     use super::*;
 
     fn order(links: impl Fn(Block) -> Vec<Link>) -> Order {
-        Order::of(&links)
+        Order::of(&|block, take| links(block).into_iter().for_each(take))
     }
 
     fn turn(order: &Order, block: Block) -> usize {
@@ -106,9 +132,18 @@ mod tests {
         let turns = [Block::Output(9), Block::Pid(3), Block::Table(11), Block::Math(0)]
             .map(|block| turn(&order, block));
         assert!(turns.is_sorted(), "{turns:?}");
-        assert_eq!(order.blocks.len(), 36);
+        assert_eq!(order.blocks.len(), BLOCKS);
         assert!(order.is_before(TABLES + 11, turns[3]));
         assert!(order.is_before(0, 1));
+    }
+
+    #[test]
+    fn each_block_has_a_number_and_its_signals() {
+        assert!(all().map(Block::number).eq(0..BLOCKS));
+        for block in all() {
+            assert!(block.signals().all(|signal| Block::of(signal) == Some(block)), "{block:?}");
+        }
+        assert_eq!(all().flat_map(Block::signals).count(), SUPPLY - PIDS);
     }
 
     #[test]

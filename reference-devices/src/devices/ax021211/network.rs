@@ -60,6 +60,8 @@ pub(super) struct Network {
     last: [Signal; SIGNALS],
     outputs: [Output; OUTPUTS],
     views: [Option<OutputView>; OUTPUTS],
+    /// What was seen last by the outputs that time alone does not change.
+    at_rest: [Option<Seen>; OUTPUTS],
     tables: [Table; 12],
     maths: [Math; 6],
     pids: [Pid; 4],
@@ -67,6 +69,17 @@ pub(super) struct Network {
     shown: Shown,
     /// What they showed last; `None` when that is not known.
     told: Option<Shown>,
+}
+
+/// What an output sees beside its settings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Seen {
+    inputs: [Signal; 3],
+    load: Load,
+    /// In volts.
+    supply: f64,
+    /// The outputs are off, whatever they are set up for.
+    off: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,6 +98,7 @@ impl Network {
             last: [Signal::ABSENT; SIGNALS],
             outputs: [Output::default(); OUTPUTS],
             views: [None; OUTPUTS],
+            at_rest: [None; OUTPUTS],
             tables: [Table::default(); 12],
             maths: [Math::default(); 6],
             pids: [Pid::default(); 4],
@@ -104,19 +118,18 @@ impl Network {
         network
     }
 
-    /// Takes over what was written at an address.
-    pub(super) fn written(&mut self, mux: Mux, od: Parameters<'_>) {
+    /// Takes over what was written at an address. Returns whether the blocks see anything of it.
+    pub(super) fn written(&mut self, mux: Mux, od: Parameters<'_>) -> bool {
         let (index, settings) = (mux.index, &mut self.settings);
-        if !od.rules.takes_over(index) {
-            return;
+        let ignored = index < 0x2000 || matches!(index, RECEIVED | RECEIVED_STATUS);
+        if ignored || !od.rules.takes_over(index) {
+            return false;
         }
         if matches!(index, PROCESS_VALUE | EXTRA..=EXTRA_SCALING_2 | CONSTANTS)
             || index == WRITE_STATES.index
         {
-            return self.receive(od);
-        }
-        if index < 0x2000 || matches!(index, RECEIVED | RECEIVED_STATUS) {
-            return;
+            self.receive(od);
+            return true;
         }
         if let Some((place, _)) = table_of(index) {
             settings.tables[place] = TableSettings::read(od, place);
@@ -128,9 +141,11 @@ impl Network {
             settings.pids = std::array::from_fn(|place| PidSettings::read(od, place));
         } else {
             settings.outputs = std::array::from_fn(|place| OutputSettings::read(od, place));
+            self.at_rest = [None; OUTPUTS];
             self.receive(od);
         }
         self.order = self.settings.order();
+        true
     }
 
     /// Takes the values that come from outside the blocks by the network (tables 5 and 6).
@@ -179,8 +194,7 @@ impl Network {
         let (supply, temperature) = rules.measured(outside.supply, outside.temperature);
         self.signals[SUPPLY] = measured(supply).failing(low || high);
         self.signals[TEMPERATURE] = measured(temperature);
-        let off = (rules.outputs_need_operational() && !outside.operational)
-            .then(OutputSettings::default);
+        let off = rules.outputs_need_operational() && !outside.operational;
         for turn in 0..self.order.blocks.len() {
             match self.order.blocks[turn] {
                 Block::Math(place) => self.evaluate_math(place, turn, rules),
@@ -208,15 +222,14 @@ impl Network {
                     self.keep(LOGICS + place, shown, signal);
                 }
                 Block::Output(place) => {
-                    let settings = &self.settings.outputs[place];
-                    let inputs = settings.links.map(|link| self.read(link, turn, rules));
-                    let settings = off.as_ref().unwrap_or(settings);
-                    let at = (&outside.loads[place], outside.supply);
-                    let view =
-                        self.outputs[place].evaluate((now, elapsed), settings, inputs, at, rules);
-                    self.keep(COMMANDED + place, view.commanded.0, view.commanded.1);
-                    self.keep(FEEDBACKS + place, view.feedback.0, view.feedback.1);
-                    self.views[place] = Some(view);
+                    let links = &self.settings.outputs[place].links;
+                    let seen = Seen {
+                        inputs: links.map(|link| self.read(link, turn, rules)),
+                        load: outside.loads[place],
+                        supply: outside.supply,
+                        off,
+                    };
+                    self.evaluate_output(place, (now, elapsed), seen, rules);
                 }
             }
         }
@@ -228,6 +241,30 @@ impl Network {
         let (shown, signal) = math.evaluate(place, &self.settings.maths[place], read, rules);
         self.maths[place] = math;
         self.keep(MATHS + place, shown, signal);
+    }
+
+    /// An output that is at rest makes the same of the same.
+    fn evaluate_output(
+        &mut self,
+        place: usize,
+        at: (Instant, Duration),
+        seen: Seen,
+        rules: &dyn Ax021211Rules,
+    ) {
+        if self.at_rest[place] == Some(seen) {
+            return;
+        }
+        let before = self.outputs[place];
+        let own = &self.settings.outputs[place];
+        let settings = if seen.off { &OutputSettings::default() } else { own };
+        let outside = (&seen.load, seen.supply);
+        let output = &mut self.outputs[place];
+        let view = output.evaluate(at, settings, seen.inputs, outside, rules);
+        let rests = *output == before && output.due(at.0).is_none();
+        self.at_rest[place] = rests.then_some(seen);
+        self.keep(COMMANDED + place, view.commanded.0, view.commanded.1);
+        self.keep(FEEDBACKS + place, view.feedback.0, view.feedback.1);
+        self.views[place] = Some(view);
     }
 
     fn keep(&mut self, place: usize, shown: i64, signal: Signal) {
@@ -315,21 +352,23 @@ impl Network {
 
 impl Settings {
     fn order(&self) -> Order {
-        Order::of(&|block| match block {
-            Block::Math(place) => self.maths[place].inputs.map(|input| input.link).to_vec(),
-            Block::Table(place) => vec![self.tables[place].x],
+        Order::of(&|block, take| match block {
+            Block::Math(place) => {
+                self.maths[place].inputs.iter().map(|input| input.link).for_each(take);
+            }
+            Block::Table(place) => take(self.tables[place].x),
             Block::Pid(place) => {
                 let pid = &self.pids[place];
-                vec![pid.target, pid.feedback]
+                [pid.target, pid.feedback].into_iter().for_each(take);
             }
             Block::Logic(place) => {
                 let logic = &self.logics[place];
                 let conditions = logic.conditions.iter().flatten();
                 let arguments = conditions.flat_map(|condition| condition.arguments);
                 let tables = logic.tables.map(|number| Link::new(TABLE_SOURCE, number));
-                arguments.chain(tables).collect()
+                arguments.chain(tables).for_each(take);
             }
-            Block::Output(place) => self.outputs[place].links.to_vec(),
+            Block::Output(place) => self.outputs[place].links.into_iter().for_each(take),
         })
     }
 }

@@ -212,7 +212,7 @@ pub(super) struct OutputView {
 }
 
 /// An output at work.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Output {
     kind: Kind,
     /// The field value that is applied, in its unit.
