@@ -10,14 +10,54 @@ pub const INTERMISSION_BITS: u64 = 3;
 pub fn frame_bits(frame: &Frame) -> u64 {
     let (header, header_bits) = header(frame);
     let data = if frame.remote { &[][..] } else { &frame.data };
-    let (mut bits, mut word) = (header_bits, header);
-    for byte in data {
-        word = word << 8 | u128::from(*byte);
-        bits += 8;
+    let mut wire = Wire { crc: 0, state: FRESH, bits: 0 };
+    match header_bits % 8 {
+        3 => wire.bits_3((header >> (header_bits - 3)) as u8),
+        _ => wire.bits_7((header >> (header_bits - 7)) as u8),
     }
-    let sequence = word << 15 | u128::from(crc15(word, bits));
-    let stuffed_from = bits + 15;
-    u64::from(stuffed_from + stuff_bits(sequence, stuffed_from) + TAIL_BITS)
+    let whole = (header_bits / 8) as usize;
+    header.to_be_bytes()[8 - whole..].iter().chain(data).for_each(|byte| wire.byte(*byte));
+    let crc = wire.crc;
+    wire.bits_7((crc >> 8) as u8);
+    wire.byte(crc as u8);
+    u64::from(wire.bits + TAIL_BITS)
+}
+
+/// What has passed on the wire of one frame.
+struct Wire {
+    /// The check sum. Leading zeros do not change it, so fewer bits than eight can begin it.
+    crc: u16,
+    /// The state of the stuffing machine.
+    state: u8,
+    /// Stuff bits included.
+    bits: u32,
+}
+
+impl Wire {
+    fn byte(&mut self, byte: u8) {
+        self.check(byte);
+        self.stuff(8, STUFF_8[usize::from(self.state)][usize::from(byte)]);
+    }
+
+    fn bits_3(&mut self, bits: u8) {
+        self.check(bits);
+        self.stuff(3, STUFF_3[usize::from(self.state)][usize::from(bits & 0x07)]);
+    }
+
+    fn bits_7(&mut self, bits: u8) {
+        self.check(bits);
+        self.stuff(7, STUFF_7[usize::from(self.state)][usize::from(bits & 0x7F)]);
+    }
+
+    fn check(&mut self, byte: u8) {
+        let index = (self.crc >> 7) as u8 ^ byte;
+        self.crc = (self.crc << 8 ^ CRC_TABLE[usize::from(index)]) & 0x7FFF;
+    }
+
+    fn stuff(&mut self, bits: u32, (state, stuffed): (u8, u8)) {
+        self.state = state;
+        self.bits += bits + u32::from(stuffed);
+    }
 }
 
 /// The part of the time from the start of the first frame to the end of the last in which the wire
@@ -31,10 +71,10 @@ pub fn load(frames: &[Stamped], bit_rate: u32) -> f64 {
 }
 
 /// Start of frame, arbitration and control field.
-fn header(frame: &Frame) -> (u128, u32) {
-    let remote = u128::from(frame.remote);
-    let len = frame.data.len() as u128;
-    let id = u128::from(frame.id.raw());
+fn header(frame: &Frame) -> (u64, u32) {
+    let remote = u64::from(frame.remote);
+    let len = frame.data.len() as u64;
+    let id = u64::from(frame.id.raw());
     if frame.id.is_extended() {
         let (high, low) = (id >> 18, id & 0x3_FFFF);
         (high << 27 | 0b11 << 25 | low << 7 | remote << 6 | len, 39)
@@ -46,39 +86,12 @@ fn header(frame: &Frame) -> (u128, u32) {
 /// CRC delimiter, acknowledge slot and delimiter, end of frame.
 const TAIL_BITS: u32 = 10;
 
-/// The check sum over the lowest `bits` bits. Leading zeros do not change it, so whole bytes do.
-fn crc15(word: u128, bits: u32) -> u16 {
-    lowest_bytes(&word.to_be_bytes(), bits.div_ceil(8)).iter().fold(0, |crc, byte| {
-        let index = (crc >> 7) as u8 ^ byte;
-        (crc << 8 ^ CRC_TABLE[usize::from(index)]) & 0x7FFF
-    })
-}
-
-/// How many stuff bits go into the lowest `bits` bits.
-fn stuff_bits(word: u128, bits: u32) -> u32 {
-    let (whole, odd) = (bits / 8, bits % 8);
-    let (mut state, mut count) = (FRESH, 0);
-    for bit in (0..odd).rev() {
-        let (next, stuffed) = stuff(state, (word >> (8 * whole + bit) & 1) as u8);
-        state = next;
-        count += u32::from(stuffed);
-    }
-    for byte in lowest_bytes(&word.to_be_bytes(), whole) {
-        let step = STUFF_TABLE[usize::from(state)][usize::from(*byte)];
-        state = step.0;
-        count += u32::from(step.1);
-    }
-    count
-}
-
-fn lowest_bytes(word: &[u8; 16], count: u32) -> &[u8] {
-    &word[16 - count as usize..]
-}
-
 /// States of the stuffing machine: `4 * last bit + equal bits - 1`, and one for the beginning.
 const FRESH: u8 = 8;
 const CRC_TABLE: [u16; 256] = crc_table();
-const STUFF_TABLE: [[(u8, u8); 256]; 9] = stuff_table();
+const STUFF_3: [[(u8, u8); 8]; 9] = stuff_table(3);
+const STUFF_7: [[(u8, u8); 128]; 9] = stuff_table(7);
+const STUFF_8: [[(u8, u8); 256]; 9] = stuff_table(8);
 
 /// Takes one bit: the next state, and how many stuff bits follow it.
 const fn stuff(state: u8, bit: u8) -> (u8, u8) {
@@ -107,21 +120,23 @@ const fn crc_table() -> [u16; 256] {
     table
 }
 
-const fn stuff_table() -> [[(u8, u8); 256]; 9] {
-    let mut table = [[(0, 0); 256]; 9];
+/// For each state what so many bits at once lead to: the next state, and how many stuff bits there
+/// are.
+const fn stuff_table<const N: usize>(bits: u32) -> [[(u8, u8); N]; 9] {
+    let mut table = [[(0, 0); N]; 9];
     let mut state = 0;
     while state < 9 {
-        let mut byte = 0;
-        while byte < 256 {
-            let (mut at, mut count, mut bit) = (state as u8, 0, 8);
+        let mut word = 0;
+        while word < N {
+            let (mut at, mut count, mut bit) = (state as u8, 0, bits);
             while bit > 0 {
                 bit -= 1;
-                let (next, stuffed) = stuff(at, (byte >> bit & 1) as u8);
+                let (next, stuffed) = stuff(at, (word >> bit & 1) as u8);
                 at = next;
                 count += stuffed;
             }
-            table[state][byte] = (at, count);
-            byte += 1;
+            table[state][word] = (at, count);
+            word += 1;
         }
         state += 1;
     }
