@@ -5,6 +5,8 @@ mod addresses;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
 
+use smallvec::SmallVec;
+
 use crate::abort::Abort;
 use crate::eds::{Eds, Entry};
 use crate::mux::Mux;
@@ -19,8 +21,12 @@ use addresses::Addresses;
 pub struct Dictionary {
     entries: Arc<[Entry]>,
     places: Arc<Addresses>,
-    values: Vec<Vec<u8>>,
+    values: Vec<Bytes>,
+    changes: u64,
 }
+
+/// A value. Most are no longer than a register, and need no memory of their own.
+type Bytes = SmallVec<[u8; 16]>;
 
 impl Dictionary {
     /// The dictionary of a device with this sheet and node id, every value at its default.
@@ -29,12 +35,9 @@ impl Dictionary {
     /// The address of a default value that is not one of its entry's type, and why.
     pub fn new(eds: &Eds, node: u8) -> Result<Self, (Mux, ValueError)> {
         let entries: Arc<[Entry]> = eds.entries().cloned().collect();
-        let values = entries
-            .iter()
-            .map(|entry| entry.default_bytes(node).map_err(|error| (entry.mux, error)))
-            .collect::<Result<_, _>>()?;
+        let values = defaults(&entries, node)?;
         let places = Arc::new(Addresses::new(entries.iter().map(|entry| entry.mux)));
-        Ok(Self { entries, places, values })
+        Ok(Self { entries, places, values, changes: 0 })
     }
 
     /// The same device with another node id, every value at its default.
@@ -42,13 +45,9 @@ impl Dictionary {
     /// # Errors
     /// As [`new`](Self::new): a default value that is too large with this node id.
     pub fn of_node(&self, node: u8) -> Result<Self, (Mux, ValueError)> {
-        let defaults = self
-            .entries
-            .iter()
-            .map(|entry| entry.default_bytes(node).map_err(|error| (entry.mux, error)));
-        let values = defaults.collect::<Result<_, _>>()?;
+        let values = defaults(&self.entries, node)?;
         let (entries, places) = (Arc::clone(&self.entries), Arc::clone(&self.places));
-        Ok(Self { entries, places, values })
+        Ok(Self { entries, places, values, changes: self.changes + 1 })
     }
 
     /// The value at `mux` for an SDO upload.
@@ -69,7 +68,7 @@ impl Dictionary {
     /// Those of [`check`](Self::check); the value is then unchanged.
     pub fn write(&mut self, mux: Mux, bytes: &[u8]) -> Result<(), Abort> {
         let place = self.check(mux, bytes)?;
-        store(&mut self.values[place], bytes);
+        self.store(place, bytes);
         Ok(())
     }
 
@@ -104,7 +103,7 @@ impl Dictionary {
     /// entry, as optional objects are.
     pub fn set(&mut self, mux: Mux, bytes: &[u8]) {
         if let Some(place) = self.find(mux) {
-            store(&mut self.values[place], bytes);
+            self.store(place, bytes);
         }
     }
 
@@ -115,7 +114,7 @@ impl Dictionary {
             && let Some(size) = self.entries[place].data_type.size()
         {
             let bytes = i128::from(number).to_le_bytes();
-            store(&mut self.values[place], &bytes[..size]);
+            self.store(place, &bytes[..size]);
         }
     }
 
@@ -130,6 +129,12 @@ impl Dictionary {
         let from = self.entries.partition_point(|entry| entry.mux.index < first);
         let to = self.entries.partition_point(|entry| entry.mux.index <= last).max(from);
         self.values[from..to].clone_from_slice(&other.values[from..to]);
+        self.changes += 1;
+    }
+
+    /// A number that grows with each change of a value.
+    pub const fn changes(&self) -> u64 {
+        self.changes
     }
 
     /// The description of the entry at `mux`.
@@ -154,6 +159,15 @@ impl Dictionary {
         self.entries[place].data_type.decode(&self.values[place]).ok()
     }
 
+    fn store(&mut self, place: usize, bytes: &[u8]) {
+        let value = &mut self.values[place];
+        if value.as_slice() != bytes {
+            value.clear();
+            value.extend_from_slice(bytes);
+            self.changes += 1;
+        }
+    }
+
     fn find(&self, mux: Mux) -> Option<usize> {
         self.places.find(mux)
     }
@@ -166,9 +180,10 @@ impl Dictionary {
     }
 }
 
-fn store(value: &mut Vec<u8>, bytes: &[u8]) {
-    value.clear();
-    value.extend_from_slice(bytes);
+/// What each entry holds on a device with this node id that nobody has changed.
+fn defaults(entries: &[Entry], node: u8) -> Result<Vec<Bytes>, (Mux, ValueError)> {
+    let of = |entry: &Entry| entry.default_bytes(node).map_err(|error| (entry.mux, error));
+    entries.iter().map(|entry| Ok(Bytes::from_vec(of(entry)?))).collect()
 }
 
 fn check_length(data_type: DataType, len: usize) -> Result<(), Abort> {
