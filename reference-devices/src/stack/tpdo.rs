@@ -29,6 +29,8 @@ pub(crate) struct Tpdo {
     last: Data,
     /// What the objects had when they were looked at last.
     seen: Data,
+    /// Where the dictionary was when its values were those of the last transmission.
+    quiet: Option<u64>,
     /// An event waits for the end of the inhibit time, or for SYNC.
     pending: bool,
     /// End of the inhibit time.
@@ -60,6 +62,7 @@ impl Tpdo {
             running: false,
             last: Data::EMPTY,
             seen: Data::EMPTY,
+            quiet: None,
             pending: false,
             free_at: Instant::ZERO,
             due: None,
@@ -117,15 +120,17 @@ impl Tpdo {
         let by_change = self.is_event_driven() || self.kind == 0;
         // A pending event transmits the values that hold when the inhibit time ends, so the last
         // change within it is the one that is sent.
-        if !self.is_active() || !by_change || self.pending {
+        let changes = Some(base.od.changes());
+        if !self.is_active() || !by_change || self.pending || self.quiet == changes {
             return;
         }
         let data = self.mapping.pack(&base.od);
         if data == self.last && data == self.seen {
+            self.quiet = changes;
             return;
         }
         let event = self.is_event(base, behaviour);
-        self.seen = data;
+        (self.seen, self.quiet) = (data, None);
         if event {
             self.event(now, base, out);
         }
@@ -202,8 +207,7 @@ impl Tpdo {
     }
 
     fn transmit(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
-        self.last = self.mapping.pack(&base.od);
-        self.seen = self.last;
+        self.remember(base);
         self.pending = false;
         out.push(Frame::new(self.cob.can_id(), self.last));
         // The inhibit time does not bind PDOs that SYNC triggers.
@@ -216,8 +220,7 @@ impl Tpdo {
     }
 
     fn restart(&mut self, now: Instant, base: &Base) {
-        self.last = self.mapping.pack(&base.od);
-        self.seen = self.last;
+        self.remember(base);
         if !self.pending || base.rules.disabled_tpdo_forgets_its_event() {
             self.pending = false;
             self.free_at = now;
@@ -228,6 +231,11 @@ impl Tpdo {
         if self.is_active() && self.is_event_driven() {
             self.start_timer(now);
         }
+    }
+
+    fn remember(&mut self, base: &Base) {
+        self.last = self.mapping.pack(&base.od);
+        (self.seen, self.quiet) = (self.last, None);
     }
 
     fn start_timer(&mut self, now: Instant) {
