@@ -118,7 +118,7 @@ impl Services {
         }
         let base = &mut self.base;
         if base.rules.reset_restores(reset) {
-            base.od.restore(self.storage.image(), reset.objects());
+            base.od.restore(&self.storage.image(), reset.objects());
         }
         if base.rules.reset_ends_errors() {
             base.errors.reset(reset == Reset::Node);

@@ -13,7 +13,7 @@ use crate::stack::base::Base;
 /// supply while it stores has the old values or the new ones, and no mixture.
 pub(crate) struct Storage {
     defaults: Dictionary,
-    image: Dictionary,
+    /// In ascending order.
     storable: Vec<Mux>,
     banks: [Bank; 2],
     save: Option<Save>,
@@ -47,29 +47,28 @@ impl Storage {
         let entries = configuration.flat_map(|object| &object.entries);
         let storable =
             entries.filter(|entry| matches!(entry.access, Access::Rw | Access::Rwr | Access::Rww));
-        Self {
-            defaults: defaults.clone(),
-            image: defaults.clone(),
-            storable: storable.map(|entry| entry.mux).collect(),
-            banks: Default::default(),
-            save: None,
-        }
+        let mut storable: Vec<Mux> = storable.map(|entry| entry.mux).collect();
+        storable.sort_unstable();
+        Self { defaults: defaults.clone(), storable, banks: Default::default(), save: None }
     }
 
-    /// What a reset loads.
-    pub(crate) fn image(&self) -> &Dictionary {
-        &self.image
+    /// What a reset loads: the newest bank.
+    pub(crate) fn image(&self) -> Dictionary {
+        let mut image = self.defaults.clone();
+        for (mux, bytes) in &self.newest().values {
+            image.set(*mux, bytes);
+        }
+        image
     }
 
     /// The device has another node id, and therefore other defaults.
     pub(crate) fn take_defaults(&mut self, defaults: Dictionary) {
         self.defaults = defaults;
-        self.load();
     }
 
     /// Whether the object is a parameter that can be stored.
     pub(crate) fn keeps(&self, mux: Mux) -> bool {
-        self.storable.contains(&mux)
+        self.storable.binary_search(&mux).is_ok()
     }
 
     /// Until when a save lasts.
@@ -161,21 +160,11 @@ impl Storage {
     fn commit(&mut self, values: Values) {
         let number = self.newest().number + 1;
         *self.oldest() = Bank { number, values };
-        self.load();
     }
 
     /// Forgets everything that was stored.
     pub(crate) fn forget(&mut self) {
         self.commit(Values::new());
-    }
-
-    /// Reads the newest bank.
-    fn load(&mut self) {
-        let mut image = self.defaults.clone();
-        for (mux, bytes) in &self.newest().values {
-            image.set(*mux, bytes);
-        }
-        self.image = image;
     }
 
     fn newest(&self) -> &Bank {
