@@ -55,9 +55,9 @@ pub struct Description {
     /// What the stack has to know beyond it.
     pub settings: NodeSettings,
     /// What the data sheet has no place for, by value.
-    pub notes: BTreeMap<Mux, Note>,
+    pub notes: Arc<BTreeMap<Mux, Note>>,
     /// The same for arrays and records as a whole.
-    pub heads: BTreeMap<u16, Note>,
+    pub heads: Arc<BTreeMap<u16, Note>>,
 }
 
 /// What a data sheet has no place for.
@@ -223,8 +223,8 @@ impl Description {
             behaviour: file.behaviour.value,
             without: values(file.without),
             default_node: file.default_node.value,
-            notes: BTreeMap::new(),
-            heads: BTreeMap::new(),
+            notes: Arc::default(),
+            heads: Arc::default(),
         }
     }
 

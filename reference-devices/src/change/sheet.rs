@@ -1,5 +1,7 @@
 //! A change of the data sheet that the device does not know of: the text that the harness is given.
 
+use std::borrow::Cow;
+
 use canopen::nearest::did_you_mean;
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -35,7 +37,7 @@ impl SheetPatch {
     /// # Errors
     /// When the sheet has no such section or key, or the patch makes no sense.
     pub(super) fn apply(&self, sheet: &str) -> Result<String, Misfit> {
-        let mut lines: Vec<String> = sheet.split("\r\n").map(str::to_owned).collect();
+        let mut lines: Vec<Cow<'_, str>> = sheet.split("\r\n").map(Cow::Borrowed).collect();
         let head = format!("[{}]", self.section);
         let start = lines.iter().position(|line| line.eq_ignore_ascii_case(&head));
         let start = start.ok_or_else(|| {
@@ -47,22 +49,22 @@ impl SheetPatch {
         let length = rest.iter().position(|line| line.is_empty() || line.starts_with('['));
         let end = start + 1 + length.unwrap_or(rest.len());
         let key = |key: &String| {
-            let named = |line: &String| line.split('=').next() == Some(key.as_str());
+            let named = |line: &Cow<'_, str>| line.split('=').next() == Some(key.as_str());
             lines[start + 1..end].iter().position(named).map(|place| start + 1 + place)
         };
         let place = self.key.as_ref().map(key);
         match (&self.key, place, self.remove, &self.title, &self.value, &self.text) {
             (None, _, true, None, None, None) => _ = lines.drain(start..end),
-            (None, _, false, Some(title), None, None) => lines[start] = format!("[{title}]"),
+            (None, _, false, Some(title), None, None) => lines[start] = format!("[{title}]").into(),
             (None, _, false, None, None, Some(text)) => {
-                lines.splice(end..end, text.lines().map(str::to_owned));
+                lines.splice(end..end, text.lines().map(Cow::Borrowed));
             }
             (Some(_), Some(Some(place)), true, None, None, None) => _ = lines.remove(place),
             (Some(key), Some(Some(place)), false, Some(title), None, None) => {
-                lines[place] = lines[place].replacen(key.as_str(), title, 1);
+                lines[place] = lines[place].replacen(key.as_str(), title, 1).into();
             }
             (Some(key), Some(place), false, None, Some(value), None) => {
-                let line = format!("{key}={value}");
+                let line = format!("{key}={value}").into();
                 match place {
                     Some(place) => lines[place] = line,
                     None => lines.insert(end, line),

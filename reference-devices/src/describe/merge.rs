@@ -1,5 +1,7 @@
 //! One object: what the device chose over what a profile says.
 
+use std::sync::Arc;
+
 use canopen::Mux;
 use canopen::catalogue::{Catalogue, Facts, Mapping, ObjectFacts, Profile, Scalar};
 use canopen::eds::{Access, Entry, Object, Term};
@@ -38,7 +40,7 @@ pub(super) fn object(
 
     let values = if kind.has_subs() {
         let whole = chosen.of_var().or(&known.of_var());
-        described.heads.insert(index, note(&whole));
+        Arc::make_mut(&mut described.heads).insert(index, note(&whole));
         subs(index, chosen, known, is_left_out)?
     } else {
         vec![(0, chosen.of_var().or(&known.of_var()))]
@@ -47,7 +49,7 @@ pub(super) fn object(
     for (sub, facts) in values {
         let mux = Mux::new(index, sub);
         entries.push(entry(mux, &facts)?);
-        described.notes.insert(mux, note(&facts));
+        Arc::make_mut(&mut described.notes).insert(mux, note(&facts));
     }
     let flags = chosen.flags.or(known.flags);
     described.eds.objects.push(Object { index, name, kind, flags, entries, line: 0 });

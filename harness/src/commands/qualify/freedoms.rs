@@ -303,7 +303,8 @@ impl Compared<'_, '_> {
 /// Whether a device can be built with all of these freedoms.
 fn fits<'f>(device: &ReferenceDevice, freedoms: impl Iterator<Item = &'f Freedom>) -> bool {
     let mixture = freedom::mixture(freedoms);
-    mixture.data_sheet(device).is_ok() && mixture.build(device, 1).is_ok()
+    let has_sheet = !mixture.falsifies_data_sheet() || mixture.data_sheet(device).is_ok();
+    has_sheet && mixture.build(device, 1).is_ok()
 }
 
 /// Sets of freedoms that a device can use together, with each freedom in one of them. Those that
