@@ -54,7 +54,7 @@ const APPLICATIONS: &[Application] = &[
     },
     Application {
         name: "ax021211",
-        build: |device, names| Some(Box::new(Ax021211::with_deviations(&device.eds, names)?)),
+        build: |_, names| Some(Box::new(Ax021211::with_deviations(names)?)),
         deviations: || Ax021211::deviations().collect(),
     },
     Application {

@@ -66,12 +66,12 @@ pub(super) struct Ax021211 {
 impl Ax021211 {
     /// The controller that keeps to its manual but for the decisions of these names; `None` when
     /// there is no such decision.
-    pub(super) fn with_deviations(eds: &Eds, names: &[&str]) -> Option<Self> {
+    pub(super) fn with_deviations(names: &[&str]) -> Option<Self> {
         let mut rules: Box<dyn Ax021211Rules> = Box::new(Manual);
         for name in names {
             rules = rules::named(name)?(rules);
         }
-        Some(Self::with(eds, rules))
+        Some(Self::with(rules))
     }
 
     /// The names that [`with_deviations`](Self::with_deviations) knows.
@@ -79,8 +79,9 @@ impl Ax021211 {
         rules::names()
     }
 
-    fn with(eds: &Eds, rules: Box<dyn Ax021211Rules>) -> Self {
-        let od = Dictionary::new(eds, 1).expect("a data sheet that was checked");
+    fn with(rules: Box<dyn Ax021211Rules>) -> Self {
+        // It is set up when it starts.
+        let od = Dictionary::new(&Eds::default(), 1).expect("nothing that could be wrong");
         Self {
             network: Network::new(Parameters { od: &od, rules: &*rules }),
             rules,

@@ -22,10 +22,13 @@ pub(super) struct Order {
     /// For each signal the turn of the block that it comes from, counted from 1 on; 0 for what
     /// comes from outside.
     turns: Vec<usize>,
+    /// The signals that the blocks take, block by block, and where those of each one end.
+    taken: Vec<usize>,
+    ends: Vec<usize>,
 }
 
 /// How many blocks there are.
-const BLOCKS: usize = 36;
+pub(super) const BLOCKS: usize = 36;
 
 /// Hands on each link of a block.
 pub(super) type Links<'l> = dyn Fn(Block, &mut dyn FnMut(Link)) + 'l;
@@ -54,7 +57,7 @@ impl Block {
     }
 
     /// Its place among all blocks.
-    const fn number(self) -> usize {
+    pub(super) const fn number(self) -> usize {
         match self {
             Self::Math(place) => place,
             Self::Table(place) => 6 + place,
@@ -80,10 +83,13 @@ impl Block {
 impl Order {
     /// The order for blocks that take what `links` says.
     pub(super) fn of(links: &Links) -> Self {
-        let mut order = Self { blocks: Vec::with_capacity(BLOCKS), turns: vec![0; SIGNALS] };
+        let blocks = Vec::with_capacity(BLOCKS);
+        let mut order = Self { blocks, turns: vec![0; SIGNALS], ..Self::default() };
         let mut met = [false; BLOCKS];
         for block in all() {
             order.visit(block, links, &mut met);
+            links(block, &mut |link| order.taken.extend(link.place()));
+            order.ends.push(order.taken.len());
         }
         order
     }
@@ -101,6 +107,13 @@ impl Order {
         for signal in block.signals() {
             self.turns[signal] = self.blocks.len();
         }
+    }
+
+    /// The signals that a block takes.
+    pub(super) fn taken_by(&self, block: Block) -> &[usize] {
+        let number = block.number();
+        let start = number.checked_sub(1).map_or(0, |before| self.ends[before]);
+        &self.taken[start..self.ends[number]]
     }
 
     /// Whether a signal is there when it is a block's turn, counted from 1 on.
@@ -134,6 +147,9 @@ mod tests {
         assert!(turns.is_sorted(), "{turns:?}");
         assert_eq!(order.blocks.len(), BLOCKS);
         assert!(order.is_before(TABLES + 11, turns[3]));
+        assert_eq!(order.taken_by(Block::Math(0)), [TABLES + 11]);
+        assert_eq!(order.taken_by(Block::Pid(3)), [10, FEEDBACKS + 9]);
+        assert!(order.taken_by(Block::Output(9)).is_empty());
         assert!(order.is_before(0, 1));
     }
 

@@ -12,13 +12,13 @@ pub(super) struct LogicSettings {
     /// The lookup tables that are table A, B and C.
     pub(super) tables: [u8; 3],
     operators: [u8; 3],
-    pub(super) conditions: [[Condition; 3]; 3],
+    conditions: [[Condition; 3]; 3],
 }
 
 /// A condition (table 13).
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Condition {
-    pub(super) arguments: [Link; 2],
+    arguments: [Link; 2],
     operator: u8,
 }
 
@@ -51,6 +51,12 @@ impl LogicSettings {
                 std::array::from_fn(|number| condition(function, number))
             }),
         }
+    }
+
+    /// What it takes: the arguments of its conditions, and the tables it selects among.
+    pub(super) fn links(&self) -> ([[[Link; 2]; 3]; 3], [Link; 3]) {
+        let arguments = self.conditions.map(|three| three.map(|condition| condition.arguments));
+        (arguments, self.tables.map(|number| Link::new(TABLE_SOURCE, number)))
     }
 
     /// The number of the table that is selected, after the one that was `selected` before, and what

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::{Dictionary, Instant, Mux};
 
-use super::graph::{Block, Order};
+use super::graph::{BLOCKS, Block, Order};
 use super::load::Load;
 use super::logic::LogicSettings;
 use super::math::{Math, MathSettings};
@@ -60,8 +60,15 @@ pub(super) struct Network {
     last: [Signal; SIGNALS],
     outputs: [Output; OUTPUTS],
     views: [Option<OutputView>; OUTPUTS],
-    /// What was seen last by the outputs that time alone does not change.
-    at_rest: [Option<Seen>; OUTPUTS],
+    /// Counts what can change a signal: an evaluation, values from outside, the end of a cycle.
+    round: u64,
+    /// The round in which each signal changed last.
+    changed: [u64; SIGNALS],
+    /// The round in which each block was evaluated that goes on as it is until it takes another
+    /// signal; 0 for the others.
+    rests_since: [u64; BLOCKS],
+    /// What the outputs saw last of the world.
+    around: Option<Around>,
     tables: [Table; 12],
     maths: [Math; 6],
     pids: [Pid; 4],
@@ -71,11 +78,10 @@ pub(super) struct Network {
     told: Option<Shown>,
 }
 
-/// What an output sees beside its settings.
+/// What the outputs see of the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Seen {
-    inputs: [Signal; 3],
-    load: Load,
+struct Around {
+    loads: [Load; OUTPUTS],
     /// In volts.
     supply: f64,
     /// The outputs are off, whatever they are set up for.
@@ -98,7 +104,10 @@ impl Network {
             last: [Signal::ABSENT; SIGNALS],
             outputs: [Output::default(); OUTPUTS],
             views: [None; OUTPUTS],
-            at_rest: [None; OUTPUTS],
+            round: 0,
+            changed: [0; SIGNALS],
+            rests_since: [0; BLOCKS],
+            around: None,
             tables: [Table::default(); 12],
             maths: [Math::default(); 6],
             pids: [Pid::default(); 4],
@@ -113,7 +122,7 @@ impl Network {
         settings.pids = std::array::from_fn(|place| PidSettings::read(od, place));
         // Until a block is evaluated, table A is the one that is selected.
         network.shown.selected = settings.logics.each_ref().map(|logic| logic.tables[0]);
-        network.order = network.settings.order();
+        network.order = network.settings.order(od.rules);
         network.receive(od);
         network
     }
@@ -131,30 +140,43 @@ impl Network {
             self.receive(od);
             return true;
         }
-        if let Some((place, _)) = table_of(index) {
-            settings.tables[place] = TableSettings::read(od, place);
+        let rewired = if let Some((place, _)) = table_of(index) {
+            let read = TableSettings::read(od, place);
+            replaces(&mut settings.tables[place], read, |table| table.x)
         } else if let 0x3300..=0x3799 = index {
-            settings.logics = std::array::from_fn(|place| LogicSettings::read(od, place));
+            let read = std::array::from_fn(|place| LogicSettings::read(od, place));
+            replaces(&mut settings.logics, read, |logics| {
+                logics.each_ref().map(LogicSettings::links)
+            })
         } else if let 0x4000..=0x4699 = index {
-            settings.maths = std::array::from_fn(|place| MathSettings::read(od, place));
+            let read = std::array::from_fn(|place| MathSettings::read(od, place));
+            let links = |math: &MathSettings| math.inputs.each_ref().map(|input| input.link);
+            replaces(&mut settings.maths, read, |maths| maths.each_ref().map(links))
         } else if let 0x2450..=0x2457 | 0x7450..=0x7456 | 0x6458..=0x6459 = index {
-            settings.pids = std::array::from_fn(|place| PidSettings::read(od, place));
+            let read = std::array::from_fn(|place| PidSettings::read(od, place));
+            let links = |pid: &PidSettings| (pid.target, pid.feedback);
+            replaces(&mut settings.pids, read, |pids| pids.each_ref().map(links))
         } else {
-            settings.outputs = std::array::from_fn(|place| OutputSettings::read(od, place));
-            self.at_rest = [None; OUTPUTS];
+            let read = std::array::from_fn(|place| OutputSettings::read(od, place));
+            let links = |output: &OutputSettings| output.links;
+            let rewired = replaces(&mut settings.outputs, read, |all| all.each_ref().map(links));
             self.receive(od);
+            rewired
+        };
+        if rewired {
+            self.order = self.settings.order(od.rules);
         }
-        self.order = self.settings.order();
+        self.rests_since = [0; BLOCKS];
         true
     }
 
     /// Takes the values that come from outside the blocks by the network (tables 5 and 6).
     fn receive(&mut self, od: Parameters<'_>) {
+        self.round += 1;
         let states = od.od.int(WRITE_STATES).unwrap_or(0);
         for place in 0..OUTPUTS {
             let output = &self.settings.outputs[place];
-            self.signals[MESSAGES + place] = match od.rules.message_is_bit(output.kind.is_digital())
-            {
+            let message = match od.rules.message_is_bit(output.kind.is_digital()) {
                 true => {
                     let state = od.rules.write_state(states, place);
                     Signal::new(f64::from(u8::from(state)), Some((0.0, 1.0)))
@@ -164,19 +186,21 @@ impl Network {
                     Signal::new(od.scaled(PROCESS_VALUE, place, digits), Some(output.pv))
                 }
             };
+            self.put(MESSAGES + place, message);
         }
         for place in 0..14 {
             let digits = od.byte(EXTRA_DIGITS, place);
             let scaled = |index| od.scaled(index, place, digits);
             let limits = (scaled(EXTRA_SCALING_1), scaled(EXTRA_SCALING_2));
-            self.signals[EXTRAS + place] = Signal::new(scaled(EXTRA), Some(limits));
+            self.put(EXTRAS + place, Signal::new(scaled(EXTRA), Some(limits)));
         }
         for place in 0..15 {
-            self.signals[signal::CONSTANTS + place] = Signal::new(od.real(CONSTANTS, place), None);
+            self.put(signal::CONSTANTS + place, Signal::new(od.real(CONSTANTS, place), None));
         }
     }
 
-    /// Evaluates all blocks, `elapsed` after the last time.
+    /// Evaluates the blocks, `elapsed` after the last time, but for those that would go on as they
+    /// are.
     pub(super) fn evaluate(
         &mut self,
         now: Instant,
@@ -184,92 +208,108 @@ impl Network {
         outside: &Outside,
         rules: &dyn Ax021211Rules,
     ) {
+        self.round += 1;
         for (place, timed_out) in outside.timed_out.iter().enumerate() {
             let message = Signal { quality: signal::Quality::Valid, ..self.signals[place] };
-            self.signals[place] = message.failing(rules.message_fails(*timed_out));
+            self.put(place, message.failing(rules.message_fails(*timed_out)));
         }
         // Both are measured with one digit (table 6).
         let measured = |value: f64| Signal::new((value * 10.0).round() / 10.0, None);
         let (low, high) = rules.supply_errors(outside.supply);
         let (supply, temperature) = rules.measured(outside.supply, outside.temperature);
-        self.signals[SUPPLY] = measured(supply).failing(low || high);
-        self.signals[TEMPERATURE] = measured(temperature);
+        self.put(SUPPLY, measured(supply).failing(low || high));
+        self.put(TEMPERATURE, measured(temperature));
         let off = rules.outputs_need_operational() && !outside.operational;
+        let around = Around { loads: outside.loads, supply: outside.supply, off };
+        if self.around.replace(around) != Some(around) {
+            self.rests_since = [0; BLOCKS];
+        }
         for turn in 0..self.order.blocks.len() {
-            match self.order.blocks[turn] {
-                Block::Math(place) => self.evaluate_math(place, turn, rules),
-                Block::Table(place) => {
-                    let settings = &self.settings.tables[place];
-                    let x = self.read(settings.x, turn, rules);
-                    let (shown, signal) = self.tables[place].evaluate(now, settings, x, rules);
-                    self.keep(TABLES + place, shown, signal);
-                }
-                Block::Pid(place) => {
-                    let settings = &self.settings.pids[place];
-                    let target = self.read(settings.target, turn, rules);
-                    let feedback = self.read(settings.feedback, turn, rules);
-                    let (shown, signal) =
-                        self.pids[place].evaluate(now, settings, target, feedback, rules);
-                    self.keep(PIDS + place, shown, signal);
-                }
-                Block::Logic(place) => {
-                    let read = |link| self.read(link, turn, rules);
-                    let table = |signal| self.see(signal, turn);
-                    let before = self.shown.selected[place];
-                    let (selected, shown, signal) =
-                        self.settings.logics[place].evaluate(before, read, table, rules);
-                    self.shown.selected[place] = selected;
-                    self.keep(LOGICS + place, shown, signal);
-                }
-                Block::Output(place) => {
-                    let links = &self.settings.outputs[place].links;
-                    let seen = Seen {
-                        inputs: links.map(|link| self.read(link, turn, rules)),
-                        load: outside.loads[place],
-                        supply: outside.supply,
-                        off,
-                    };
-                    self.evaluate_output(place, (now, elapsed), seen, rules);
-                }
+            let block = self.order.blocks[turn];
+            if !self.rests(block) {
+                let rests = self.evaluate_block(block, turn, (now, elapsed), &around, rules);
+                self.rests_since[block.number()] = if rests { self.round } else { 0 };
             }
         }
     }
 
-    fn evaluate_math(&mut self, place: usize, turn: usize, rules: &dyn Ax021211Rules) {
-        let mut math = self.maths[place];
-        let read = |link| self.read(link, turn, rules);
-        let (shown, signal) = math.evaluate(place, &self.settings.maths[place], read, rules);
-        self.maths[place] = math;
-        self.keep(MATHS + place, shown, signal);
+    /// Whether a block goes on as it is: time alone does not change it, and neither does what it
+    /// takes.
+    fn rests(&self, block: Block) -> bool {
+        let since = self.rests_since[block.number()];
+        since > 0 && self.order.taken_by(block).iter().all(|place| self.changed[*place] <= since)
     }
 
-    /// An output that is at rest makes the same of the same.
-    fn evaluate_output(
+    /// Evaluates one block. Returns whether it would do the same again.
+    fn evaluate_block(
         &mut self,
-        place: usize,
-        at: (Instant, Duration),
-        seen: Seen,
+        block: Block,
+        turn: usize,
+        (now, elapsed): (Instant, Duration),
+        around: &Around,
         rules: &dyn Ax021211Rules,
-    ) {
-        if self.at_rest[place] == Some(seen) {
-            return;
+    ) -> bool {
+        match block {
+            Block::Math(place) => {
+                let mut math = self.maths[place];
+                let read = |link| self.read(link, turn, rules);
+                let (shown, signal) =
+                    math.evaluate(place, &self.settings.maths[place], read, rules);
+                self.maths[place] = math;
+                self.keep(MATHS + place, shown, signal);
+                true
+            }
+            Block::Table(place) => {
+                let (settings, before) = (&self.settings.tables[place], self.tables[place]);
+                let x = self.read(settings.x, turn, rules);
+                let (shown, signal) = self.tables[place].evaluate(now, settings, x, rules);
+                self.keep(TABLES + place, shown, signal);
+                self.tables[place] == before && before.due().is_none()
+            }
+            Block::Pid(place) => {
+                let (settings, before) = (&self.settings.pids[place], self.pids[place]);
+                let target = self.read(settings.target, turn, rules);
+                let feedback = self.read(settings.feedback, turn, rules);
+                let (shown, signal) =
+                    self.pids[place].evaluate(now, settings, target, feedback, rules);
+                self.keep(PIDS + place, shown, signal);
+                self.pids[place] == before && before.due().is_none()
+            }
+            Block::Logic(place) => {
+                let read = |link| self.read(link, turn, rules);
+                let table = |signal| self.see(signal, turn);
+                let (settings, before) = (&self.settings.logics[place], self.shown.selected[place]);
+                let (selected, shown, signal) = settings.evaluate(before, read, table, rules);
+                let rests = selected == before && settings.tables.contains(&selected);
+                self.shown.selected[place] = selected;
+                self.keep(LOGICS + place, shown, signal);
+                rests
+            }
+            Block::Output(place) => {
+                let (own, before) = (&self.settings.outputs[place], self.outputs[place]);
+                let inputs = own.links.map(|link| self.read(link, turn, rules));
+                let settings = if around.off { &OutputSettings::default() } else { own };
+                let outside = (&around.loads[place], around.supply);
+                let output = &mut self.outputs[place];
+                let view = output.evaluate((now, elapsed), settings, inputs, outside, rules);
+                let rests = *output == before && before.due(now).is_none();
+                self.keep(COMMANDED + place, view.commanded.0, view.commanded.1);
+                self.keep(FEEDBACKS + place, view.feedback.0, view.feedback.1);
+                self.views[place] = Some(view);
+                rests
+            }
         }
-        let before = self.outputs[place];
-        let own = &self.settings.outputs[place];
-        let settings = if seen.off { &OutputSettings::default() } else { own };
-        let outside = (&seen.load, seen.supply);
-        let output = &mut self.outputs[place];
-        let view = output.evaluate(at, settings, seen.inputs, outside, rules);
-        let rests = *output == before && output.due(at.0).is_none();
-        self.at_rest[place] = rests.then_some(seen);
-        self.keep(COMMANDED + place, view.commanded.0, view.commanded.1);
-        self.keep(FEEDBACKS + place, view.feedback.0, view.feedback.1);
-        self.views[place] = Some(view);
     }
 
     fn keep(&mut self, place: usize, shown: i64, signal: Signal) {
         self.shown.signals[place] = shown;
-        self.signals[place] = signal;
+        self.put(place, signal);
+    }
+
+    fn put(&mut self, place: usize, signal: Signal) {
+        if self.signals[place] != signal {
+            (self.signals[place], self.changed[place]) = (signal, self.round);
+        }
     }
 
     /// What a link gives to the block whose turn it is.
@@ -292,12 +332,22 @@ impl Network {
     /// A control cycle is over: its signals are what circles see in the next one. Returns whether
     /// anything changed since the end of the one before.
     pub(super) fn finish(&mut self) -> bool {
-        let mut changed = self.last != self.signals;
-        self.last = self.signals;
-        for math in &mut self.maths {
-            changed |= math.finish();
+        self.round += 1;
+        let mut any = false;
+        for place in 0..SIGNALS {
+            if self.last[place] != self.signals[place] {
+                // Whoever looks back sees it from now on.
+                (self.last[place], self.changed[place]) = (self.signals[place], self.round);
+                any = true;
+            }
         }
-        changed
+        for (place, math) in self.maths.iter_mut().enumerate() {
+            if math.finish() {
+                self.rests_since[Block::Math(place).number()] = 0;
+                any = true;
+            }
+        }
+        any
     }
 
     /// When time alone changes anything next.
@@ -351,26 +401,34 @@ impl Network {
 }
 
 impl Settings {
-    fn order(&self) -> Order {
-        Order::of(&|block, take| match block {
-            Block::Math(place) => {
-                self.maths[place].inputs.iter().map(|input| input.link).for_each(take);
+    fn order(&self, rules: &dyn Ax021211Rules) -> Order {
+        Order::of(&|block, take| {
+            let mut link = |link| take(rules.link(link));
+            match block {
+                Block::Math(place) => {
+                    self.maths[place].inputs.iter().for_each(|input| link(input.link));
+                }
+                Block::Table(place) => link(self.tables[place].x),
+                Block::Pid(place) => {
+                    let pid = &self.pids[place];
+                    [pid.target, pid.feedback].into_iter().for_each(link);
+                }
+                Block::Logic(place) => {
+                    let (arguments, tables) = self.logics[place].links();
+                    arguments.into_iter().flatten().flatten().for_each(link);
+                    // It selects among tables, which are not sources that a user chooses.
+                    tables.into_iter().for_each(take);
+                }
+                Block::Output(place) => self.outputs[place].links.into_iter().for_each(link),
             }
-            Block::Table(place) => take(self.tables[place].x),
-            Block::Pid(place) => {
-                let pid = &self.pids[place];
-                [pid.target, pid.feedback].into_iter().for_each(take);
-            }
-            Block::Logic(place) => {
-                let logic = &self.logics[place];
-                let conditions = logic.conditions.iter().flatten();
-                let arguments = conditions.flat_map(|condition| condition.arguments);
-                let tables = logic.tables.map(|number| Link::new(TABLE_SOURCE, number));
-                arguments.chain(tables).for_each(take);
-            }
-            Block::Output(place) => self.outputs[place].links.into_iter().for_each(take),
         })
     }
+}
+
+/// Takes over settings. Returns whether what they link is something else than before.
+fn replaces<S, L: PartialEq>(settings: &mut S, read: S, links: impl Fn(&S) -> L) -> bool {
+    let before = std::mem::replace(settings, read);
+    links(&before) != links(settings)
 }
 
 /// Where a block shows its signal.
@@ -385,6 +443,3 @@ fn address(place: usize) -> Mux {
         _ => Mux::new(FEEDBACK, sub(FEEDBACKS)),
     }
 }
-
-/// Source 4 of table 4.
-const TABLE_SOURCE: u8 = 4;

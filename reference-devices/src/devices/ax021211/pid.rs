@@ -69,7 +69,7 @@ impl PidSettings {
 }
 
 /// A PID control at work.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Pid {
     /// When the algorithm is called next; `None` while the loop is disabled.
     next: Option<Instant>,

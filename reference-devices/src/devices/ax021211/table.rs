@@ -150,7 +150,7 @@ enum Next {
 }
 
 /// A table at work.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Table {
     /// Since when the input of a time response has been on.
     on_since: Option<Instant>,

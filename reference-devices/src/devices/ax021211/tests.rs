@@ -15,7 +15,7 @@ fn sheet() -> Eds {
 fn controller() -> Fixture {
     let device = devices::device("ax021211").unwrap();
     let eds = &device.description.eds;
-    let behaviour = Box::new(Ax021211::with_deviations(eds, &[]).unwrap());
+    let behaviour = Box::new(Ax021211::with_deviations(&[]).unwrap());
     let mut fixture = Fixture::with(eds, device.settings(), Box::new(Specification), behaviour);
     fixture.until(1_000_000);
     fixture
@@ -224,7 +224,7 @@ fn digital_outputs_follow_their_bits() {
 
 #[test]
 fn each_name_of_the_bench_can_be_seen() {
-    let device = Ax021211::with_deviations(&sheet(), &[]).unwrap();
+    let device = Ax021211::with_deviations(&[]).unwrap();
     let od = Dictionary::new(&sheet(), 1).unwrap();
     for name in device.bench_names() {
         assert!(device.observe(&name, &od).is_some(), "{name}");
@@ -314,7 +314,7 @@ proptest! {
             for (mux, value) in &pace {
                 od.set_int(*mux, *value);
             }
-            let mut device = Ax021211::with_deviations(&sheet(), &[]).unwrap();
+            let mut device = Ax021211::with_deviations(&[]).unwrap();
             device.reset(Instant::ZERO, &mut od);
             (device, od, Errors::default(), awake)
         });
