@@ -41,14 +41,21 @@ struct Tried {
     query: String,
     /// What was red: the instance, its verdict and the problem.
     red: Vec<(String, Verdict, String)>,
-    /// The instances that went as on the device without deviation, by frames and verdict.
-    alike: BTreeSet<String>,
     /// The instances whose frames it changed.
     affected: BTreeSet<String>,
     /// Whether it changed a frame, or when one came, or the data sheet, which cases read as well.
     noticed: bool,
     /// What the cases accepted beside what they expect.
     allowed: BTreeSet<Assertion>,
+}
+
+/// What went as on the device without deviation, by frames and verdict, and what did not.
+#[derive(Default)]
+struct Went {
+    /// The instances that did.
+    alike: BTreeSet<String>,
+    /// The cases that have an instance that did not.
+    otherwise: BTreeSet<String>,
 }
 
 /// The device without deviation, and what came of its plan by instance, to compare with.
@@ -125,10 +132,9 @@ impl<'c, 'l> Freedoms<'c, 'l> {
 
     /// Puts what was tried alone in the order of the freedoms.
     fn sort(&mut self) {
-        let place = |tried: &Tried| {
-            let is_it = |freedom: &Freedom| freedom.deviation().query == tried.query;
-            self.freedoms.iter().position(is_it)
-        };
+        let queries: Vec<String> =
+            self.freedoms.iter().map(|freedom| freedom.deviation().query).collect();
+        let place = |tried: &Tried| queries.iter().position(|query| *query == tried.query);
         self.single.sort_by_cached_key(place);
     }
 
@@ -225,10 +231,16 @@ impl Compared<'_, '_> {
             let single = vec![self.tried(together(members), &Wanted::All)?];
             return Ok(Apart { single, groups: Vec::new() });
         }
-        let mut group = self.tried(together(members), &Wanted::All)?;
+        let (mut group, mut went) = self.compared(together(members), &Wanted::All)?;
+        let missing = self.trials.values().filter(|trial| !went.alike.contains(&trial.name));
+        went.otherwise.extend(missing.map(|trial| trial.case.clone()));
+        let cases = self.trials.values().map(|trial| &trial.case);
+        let cases: BTreeSet<String> =
+            cases.filter(|case| !went.otherwise.contains(*case)).cloned().collect();
+        let rest = Wanted::Except { instances: &went.alike, cases: &cases };
         let (mut single, mut known) = (Vec::new(), BTreeSet::new());
         for member in members {
-            let mut tried = self.tried(member.deviation(), &Wanted::Except(&group.alike))?;
+            let mut tried = self.tried(member.deviation(), &rest)?;
             if !tried.noticed {
                 // What shifts frames without changing one is seen in a whole run.
                 tried = self.tried(member.deviation(), &Wanted::All)?;
@@ -248,11 +260,17 @@ impl Compared<'_, '_> {
 
     /// Runs what is wanted on the device with a deviation.
     fn tried(&self, deviation: Deviation, wanted: &Wanted) -> Result<Tried, Refused> {
+        Ok(self.compared(deviation, wanted)?.0)
+    }
+
+    /// The same, with what that changes.
+    fn compared(&self, deviation: Deviation, wanted: &Wanted) -> Result<(Tried, Went), Refused> {
         let query = deviation.query.clone();
         let noticed = deviation.falsifies_data_sheet();
         let ran = self.clean.deviating(deviation, wanted)?;
-        let (red, alike, affected, allowed) = Default::default();
-        let mut tried = Tried { query, red, alike, affected, noticed, allowed };
+        let (red, affected, allowed) = Default::default();
+        let mut tried = Tried { query, red, affected, noticed, allowed };
+        let mut went = Went::default();
         for trial in ran.trials {
             tried.allowed.extend(Assertion::used_by(&trial.case, &trial.shown));
             let clean = self.trials.get(trial.name.as_str());
@@ -260,15 +278,17 @@ impl Compared<'_, '_> {
             tried.noticed |= frames || clean.is_none_or(|clean| clean.timing != trial.timing);
             if frames {
                 tried.affected.insert(trial.name.clone());
-            } else if clean.is_some_and(|clean| clean.verdict == trial.verdict) {
-                tried.alike.insert(trial.name.clone());
             }
             if matches!(trial.verdict, Verdict::Fail | Verdict::Error) {
                 let problem = trial.problem.unwrap_or_default();
-                tried.red.push((trial.name, trial.verdict, problem));
+                tried.red.push((trial.name.clone(), trial.verdict, problem));
             }
+            match clean.filter(|_| !frames) {
+                Some(clean) if clean.verdict == trial.verdict => went.alike.insert(trial.name),
+                _ => went.otherwise.insert(trial.case),
+            };
         }
-        Ok(tried)
+        Ok((tried, went))
     }
 
     /// The smallest part of a mixture on which one of these instances is red still; `None` when

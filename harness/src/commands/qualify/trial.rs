@@ -65,8 +65,8 @@ pub(super) enum Wanted<'w> {
     Cases(&'w Fits<'w>),
     /// The instances of these names.
     Instances(&'w BTreeSet<String>),
-    /// The instances of other names than these.
-    Except(&'w BTreeSet<String>),
+    /// The instances of other names than these, of which some cases have no other.
+    Except { instances: &'w BTreeSet<String>, cases: &'w BTreeSet<String> },
 }
 
 /// What ran on a deviating device, and how that ended.
@@ -137,12 +137,14 @@ impl Wanted<'_> {
         let of_instance = |name: &String| name.split('[').next().unwrap_or_default().to_owned();
         let names: BTreeSet<String> = match self {
             Self::Instances(names) => names.iter().map(of_instance).collect(),
-            Self::All | Self::Cases(_) | Self::Except(_) => BTreeSet::new(),
+            Self::All | Self::Cases(_) | Self::Except { .. } => BTreeSet::new(),
         };
+        let name = |suite: &Suite, case: &Case| format!("{}/{}", suite.name(), case.id.value);
         move |suite, case| match self {
-            Self::All | Self::Except(_) => true,
+            Self::All => true,
             Self::Cases(fit) => fit(case),
-            Self::Instances(_) => names.contains(&format!("{}/{}", suite.name(), case.id.value)),
+            Self::Instances(_) => names.contains(&name(suite, case)),
+            Self::Except { cases, .. } => !cases.contains(&name(suite, case)),
         }
     }
 
@@ -160,7 +162,7 @@ impl Wanted<'_> {
                 fits
             }
             Self::Instances(names) => names.contains(&instance.name()),
-            Self::Except(names) => !names.contains(&instance.name()),
+            Self::Except { instances, .. } => !instances.contains(&instance.name()),
         }
     }
 }
