@@ -95,7 +95,8 @@ pub(crate) fn is_long(
 }
 
 /// Which directions of block transfer the device has, of those that are asked for: it has those
-/// that it does not call an unknown command. The download is of an object that cannot be written.
+/// that it does not call an unknown command, and those that it begins. The download is of an object
+/// that cannot be written.
 ///
 /// # Errors
 /// Whatever the bus reports.
@@ -106,7 +107,10 @@ pub(super) fn knows_blocks(
     asked: BlockDirections,
 ) -> Result<BlockDirections, BusError> {
     const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
-    let known = |ended: Ended| ended.result != Err(Failure::Aborted(Abort::COMMAND));
+    // What is wrong after it has begun is for the cases to find.
+    let known = |ended: Ended| {
+        ended.protocol == Transfer::Block || ended.result != Err(Failure::Aborted(Abort::COMMAND))
+    };
     let mut blocks = BlockDirections { upload: true, download: true };
     if asked.upload {
         blocks.upload = known(upload_in_blocks(link, policy, node, DEVICE_TYPE, LARGEST_BLOCK)?);
@@ -231,7 +235,9 @@ impl Running {
                                 *protocol = Transfer::Segmented;
                             }
                         }
-                        Response::Block(BlockResponse::Upload { .. }) => {
+                        Response::Block(
+                            BlockResponse::Upload { .. } | BlockResponse::Download { .. },
+                        ) => {
                             *protocol = Transfer::Block;
                         }
                         _ => {}
