@@ -123,6 +123,11 @@ decisions! {
         true
     }
 
+    /// A transfer of a client goes on in each state that has SDO (7.3.2.2.5).
+    fn sdo_client_ends_with_each_state(&self) -> bool {
+        false
+    }
+
     /// Each request restarts that time, the first of a transfer and those that follow.
     fn request_restarts_sdo_timeout(&self, _first: bool) -> bool {
         true
@@ -243,6 +248,9 @@ deviations! {
     }
     "sdo-client-gives-up-in-silence" {
         fn sdo_client_tells_timeout(&self) -> bool { false }
+    }
+    "sdo-client-ends-with-each-state" {
+        fn sdo_client_ends_with_each_state(&self) -> bool { true }
     }
     "abort-general" {
         fn abort_code(&self, _mux: Mux, _reason: Abort) -> Abort { Abort::GENERAL }

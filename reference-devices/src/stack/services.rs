@@ -168,7 +168,7 @@ impl Services {
         self.behaviour.event(now, CommunicationEvent::Entered(state), &mut self.base.od);
         self.touched = true;
         self.advance(now);
-        if !used_in(state, &self.base) {
+        if !used_in(state, &self.base) || self.base.rules.sdo_client_ends_with_each_state() {
             self.drop_sdo_jobs(now);
         }
         if state != NmtState::OPERATIONAL {
