@@ -12,7 +12,8 @@ use syn::{
 };
 
 use crate::decisions::{Decisions, asks, is_decision};
-use crate::operators;
+use crate::operators::{self, Set};
+use crate::results::results;
 use crate::sites::{Site, alternative};
 
 /// A change of the source.
@@ -30,6 +31,10 @@ pub struct Mutant {
     pub change: String,
     /// Whether an answer of the rules that never changes leads there, or leads past it.
     pub decided: bool,
+    /// By whose rule it was made.
+    pub set: Set,
+    /// Whether the copy contains it.
+    pub built: bool,
 }
 
 impl Mutant {
@@ -56,6 +61,13 @@ pub struct Refused {
     pub constant: BTreeSet<String>,
 }
 
+/// What stands at a place instead.
+type Other = (Set, String);
+
+fn further(text: impl Into<String>) -> Other {
+    (Set::Further, text.into())
+}
+
 /// The changes of one file.
 pub struct Finder<'a> {
     file: &'a str,
@@ -71,6 +83,10 @@ pub struct Finder<'a> {
     constant: &'a BTreeSet<String>,
     /// In how many branches that an unchanging answer of the rules has chosen the place is.
     decided: usize,
+    /// In how many constructors and default values the place is, which cargo-mutants leaves alone.
+    constructed: usize,
+    /// What goes into the copy.
+    wanted: &'a dyn Fn(&Mutant) -> bool,
     /// How often there was such a change in such a function.
     alike: BTreeMap<(String, String), usize>,
     /// What was found.
@@ -95,10 +111,13 @@ impl<'a> Finder<'a> {
         text: &'a str,
         refused: &'a Refused,
         constant: &'a BTreeSet<String>,
+        wanted: &'a dyn Fn(&Mutant) -> bool,
         next: &'a mut usize,
     ) -> Self {
         Self {
             constant,
+            wanted,
+            constructed: 0,
             file,
             text,
             refused,
@@ -118,8 +137,8 @@ impl<'a> Finder<'a> {
         self.visit_file(file);
     }
 
-    /// Gives a number to a change, and says whether it compiles.
-    fn number(&mut self, at: usize, from: &str, to: &str) -> Option<usize> {
+    /// Gives a number to a change, if it compiles and goes into the copy.
+    fn number(&mut self, set: Set, at: usize, from: &str, to: &str) -> Option<usize> {
         let id = *self.next;
         *self.next += 1;
         let function = self.around.join("::");
@@ -129,19 +148,23 @@ impl<'a> Finder<'a> {
         if *alike > 1 {
             change += &format!(" ({alike})");
         }
-        let mutant = Mutant {
+        let mut mutant = Mutant {
             id,
             file: self.file.to_owned(),
             line: self.text[..at].matches('\n').count() + 1,
             function,
             change,
             decided: self.decided > 0,
+            set: if self.constructed > 0 { Set::Further } else { set },
+            built: false,
         };
         if self.refused.mutants.contains(&mutant.key()) {
             return None;
         }
+        mutant.built = (self.wanted)(&mutant);
+        let built = mutant.built.then_some(id);
         self.mutants.push(mutant);
-        Some(id)
+        built
     }
 
     fn range(node: &impl Spanned) -> Range<usize> {
@@ -152,11 +175,11 @@ impl<'a> Finder<'a> {
         &self.text[Self::range(node)]
     }
 
-    fn wrap(&mut self, range: Range<usize>, form: Form, others: &[String]) {
+    fn wrap(&mut self, range: Range<usize>, form: Form, others: &[Other]) {
         let original = &self.text[range.clone()];
         let mut before = String::new();
-        for other in others {
-            if let Some(id) = self.number(range.start, original, other) {
+        for (set, other) in others {
+            if let Some(id) = self.number(*set, range.start, original, other) {
                 let other = alternative(id, other);
                 before += &format!("if {} {{ {other} }} else ", switch(id));
             }
@@ -173,7 +196,7 @@ impl<'a> Finder<'a> {
         self.sites.push(Site { range, before, after: close.into(), left_out: false });
     }
 
-    fn replace(&mut self, node: &impl Spanned, others: &[String]) {
+    fn replace(&mut self, node: &impl Spanned, others: &[Other]) {
         self.wrap(Self::range(node), Form::Expression, others);
     }
 
@@ -183,23 +206,22 @@ impl<'a> Finder<'a> {
         }
         let (left, right) = (self.source(&binary.left), self.source(&binary.right));
         let assigns = self.source(&binary.op).ends_with('=') && is_assignment(&binary.op);
-        let mut others: Vec<String> = operators::binary(&binary.op)
-            .iter()
-            .map(|op| match assigns {
-                true => format!("{left} {op} {right}"),
-                false => format!("({left}) {op} ({right})"),
+        let mut others: Vec<_> = operators::binary(&binary.op)
+            .map(|(set, op)| match assigns {
+                true => (set, format!("{left} {op} {right}")),
+                false => (set, format!("({left}) {op} ({right})")),
             })
             .collect();
         // Of an unsigned number and of bits, that is the same.
-        if right == "0" {
-            others.retain(|other| !other.ends_with(") > (0)"));
+        if right == "0" && matches!(binary.op, BinOp::Ne(_)) {
+            others.retain(|(_, other)| !other.ends_with(") > (0)"));
         }
         if operators::stands_alone(&binary.op) {
             // Without an answer that never changes, the device is the same.
             let kept = [(left, &binary.right), (right, &binary.left)];
             let kept =
                 kept.into_iter().filter(|(_, forgotten)| !is_decision(forgotten, self.constant));
-            others.extend(kept.map(|(kept, _)| kept.to_owned()));
+            others.extend(kept.map(|(kept, _)| further(kept)));
         }
         self.replace(binary, &others);
     }
@@ -218,9 +240,10 @@ impl<'a> Finder<'a> {
                     &self.text[named.end..whole.end]
                 ),
             })
+            .map(further)
             .collect();
         if operators::can_be_left_out(&name) {
-            others.push(self.text[receiver].to_owned());
+            others.push(further(&self.text[receiver]));
         }
         self.replace(call, &others);
     }
@@ -230,13 +253,13 @@ impl<'a> Finder<'a> {
             Lit::Int(int) => {
                 let value: u128 = int.base10_parse().unwrap_or_default();
                 let numbers = operators::numbers(value).into_iter();
-                numbers.map(|number| format!("{number}{}", int.suffix())).collect()
+                numbers.map(|number| further(format!("{number}{}", int.suffix()))).collect()
             }
-            Lit::Bool(bool) => vec![(!bool.value).to_string()],
+            Lit::Bool(bool) => vec![further((!bool.value).to_string())],
             Lit::Float(float) => {
                 let value: f64 = float.base10_parse().unwrap_or_default();
                 let others = [value + 1.0, -value, 0.0].into_iter().filter(|other| *other != value);
-                others.map(|other| format!("{other:?}")).collect()
+                others.map(|other| further(format!("{other:?}"))).collect()
             }
             _ => return,
         };
@@ -251,35 +274,36 @@ impl<'a> Finder<'a> {
             return;
         }
         let other = match text.rsplit_once("::") {
-            Some(("Abort", _)) => "Abort::GENERAL".into(),
+            Some(("Abort", _)) => "Abort::GENERAL".to_owned(),
             Some(("NmtState", "OPERATIONAL")) => "NmtState::PRE_OPERATIONAL".into(),
             Some(("NmtState", _)) => "NmtState::OPERATIONAL".into(),
             Some((owner, _)) if owner.ends_with("Duration") => return,
             _ => format!("({text} + 1)"),
         };
         if other != text {
-            self.replace(path, &[other]);
+            self.replace(path, &[further(other)]);
         }
     }
 
     fn call(&mut self, call: &syn::ExprCall) {
         let function = self.source(&*call.func);
-        let others = match function {
-            "Some" => vec!["None".into()],
-            "Err" => vec!["Ok(Default::default())".into()],
+        let other = match function {
+            "Some" => "None".into(),
+            "Err" => "Ok(Default::default())".into(),
             _ if function.ends_with("from_le_bytes") => {
-                vec![self.source(call).replacen("from_le_bytes", "from_be_bytes", 1)]
+                self.source(call).replacen("from_le_bytes", "from_be_bytes", 1)
             }
             _ => return,
         };
-        self.replace(call, &others);
+        self.replace(call, &[further(other)]);
     }
 
     fn condition(&mut self, branch: &ExprIf) {
         if matches!(*branch.cond, Expr::Call(_) | Expr::MethodCall(_) | Expr::Path(_))
             || matches!(*branch.cond, Expr::Field(_))
         {
-            self.replace(&*branch.cond, &[format!("!({})", self.source(&*branch.cond))]);
+            let other = format!("!({})", self.source(&*branch.cond));
+            self.replace(&*branch.cond, &[further(other)]);
         }
     }
 
@@ -312,9 +336,9 @@ impl<'a> Finder<'a> {
         let (value, whole) = (self.source(&value), self.source(mac));
         let guard = guard.map(|guard| format!(" if {}", self.source(&guard)));
         let guard = guard.unwrap_or_default();
-        let mut others = vec![format!("!{whole}")];
+        let mut others = vec![further(format!("!{whole}"))];
         for other in self.without_one(&pattern) {
-            others.push(format!("matches!({value}, {other}{guard})"));
+            others.push(further(format!("matches!({value}, {other}{guard})")));
         }
         self.replace(mac, &others);
     }
@@ -349,15 +373,15 @@ impl<'a> Finder<'a> {
                 Some(_) if next.is_none() => {}
                 Some(rest) => {
                     self.alternatives_removed(arm, rest);
-                    self.arm_removed(arm);
+                    self.arm_removed(Set::CargoMutants, arm);
                 }
                 None => {
                     if let Some(next) = next {
                         let (body, next) = (Self::range(&*arm.body), self.source(&*next.body));
-                        self.wrap(body, Form::Body, &[next.to_owned()]);
+                        self.wrap(body, Form::Body, &[further(next)]);
                     }
                     if arm.guard.is_some() {
-                        self.arm_removed(arm);
+                        self.arm_removed(Set::CargoMutants, arm);
                     }
                 }
             }
@@ -376,17 +400,17 @@ impl<'a> Finder<'a> {
         let at = Self::range(&arm.pat).start;
         for case in removed {
             let (from, to) = (self.source(&arm.pat), format!("all but {case}"));
-            if let Some(id) = self.number(at, from, &to) {
+            if let Some(id) = self.number(Set::Further, at, from, &to) {
                 let case = alternative(id, &format!("{case} if {} => {{ {rest} }}", switch(id)));
                 self.sites.push(Site::insertion(at, format!("{case}\n")));
             }
         }
     }
 
-    fn arm_removed(&mut self, arm: &Arm) {
+    fn arm_removed(&mut self, set: Set, arm: &Arm) {
         let pattern = Self::range(&arm.pat);
         let Some((_, guard)) = &arm.guard else {
-            if let Some(id) = self.number(pattern.start, self.source(&arm.pat), "") {
+            if let Some(id) = self.number(set, pattern.start, self.source(&arm.pat), "") {
                 let text = format!(" if !{}", switch(id));
                 self.sites.push(Site::insertion(pattern.end, text));
             }
@@ -396,8 +420,8 @@ impl<'a> Finder<'a> {
             return;
         }
         let shown = &self.text[pattern.start..Self::range(&**guard).end];
-        let removed = self.number(pattern.start, shown, "");
-        let unguarded = self.number(pattern.start, shown, self.source(&arm.pat));
+        let removed = self.number(set, pattern.start, shown, "");
+        let unguarded = self.number(set, pattern.start, shown, self.source(&arm.pat));
         let removed = removed.map(|id| format!("!{} && ", switch(id))).unwrap_or_default();
         let unguarded = unguarded.map(|id| format!("{} || ", switch(id))).unwrap_or_default();
         let before = format!("{removed}({unguarded}(");
@@ -408,20 +432,15 @@ impl<'a> Finder<'a> {
     /// What the function does is left out.
     fn body(&mut self, signature: &Signature, block: &Block) {
         let at = Self::range(&block.brace_token.span.open()).end;
-        let others: &[&str] = match &signature.output {
-            ReturnType::Default if block.stmts.is_empty() => &[],
-            ReturnType::Default => &[""],
-            ReturnType::Type(_, of) => match &**of {
-                Type::Path(path) => {
-                    let head = path.path.segments.last().map(|head| head.ident.to_string());
-                    operators::results(&head.unwrap_or_default(), self.source(path))
-                }
-                _ => &[],
-            },
+        let others = match &signature.output {
+            _ if block.stmts.is_empty() => Vec::new(),
+            ReturnType::Default => vec![(Set::CargoMutants, String::new())],
+            ReturnType::Type(_, of) => results(of, &|node| self.source(node).to_owned()),
         };
-        for other in others {
+        for (set, other) in others {
             let (from, to) = ("body", format!("return {other}"));
-            if let Some(id) = self.number(Self::range(&signature.ident).start, from, to.trim()) {
+            let start = Self::range(&signature.ident).start;
+            if let Some(id) = self.number(set, start, from, to.trim()) {
                 let text = alternative(id, &format!("return {other};"));
                 let text = format!(" if {} {{ {text} }} ", switch(id));
                 self.sites.push(Site::insertion(at, text));
@@ -446,8 +465,11 @@ impl<'a> Finder<'a> {
             let text = " let _here = ::canopen::switch::OnDevice::begin(); ".to_owned();
             self.sites.push(Site::insertion(at, text));
         }
+        let constructed = usize::from(self.around.last().is_some_and(|name| name == "new"));
+        self.constructed += constructed;
         self.body(signature, block);
         self.visit_block(block);
+        self.constructed -= constructed;
         self.around.pop();
     }
 
@@ -478,7 +500,7 @@ impl<'a> Finder<'a> {
             _ => false,
         };
         if removable {
-            self.wrap(Self::range(statement), Form::Statement, &[String::new()]);
+            self.wrap(Self::range(statement), Form::Statement, &[further("")]);
         }
     }
 }
@@ -508,7 +530,10 @@ impl<'ast> Visit<'ast> for Finder<'_> {
             return;
         }
         self.around.push(self.source(&*item.self_ty).to_owned());
+        let constructed = usize::from(of.is_some_and(|of| of.ident == "Default"));
+        self.constructed += constructed;
         visit::visit_item_impl(self, item);
+        self.constructed -= constructed;
         self.around.pop();
     }
 
@@ -545,7 +570,8 @@ impl<'ast> Visit<'ast> for Finder<'_> {
         match expression {
             Expr::Binary(inner) => self.binary(inner),
             Expr::Unary(unary) if !matches!(unary.op, UnOp::Deref(_)) && !binds(&unary.expr) => {
-                self.replace(unary, &[self.source(&*unary.expr).to_owned()]);
+                let other = self.source(&*unary.expr).to_owned();
+                self.replace(unary, &[(Set::CargoMutants, other)]);
             }
             Expr::Lit(literal) => self.number_literal(literal),
             Expr::MethodCall(call) if self.has_idle_arguments(call) => {
@@ -581,7 +607,7 @@ impl<'ast> Visit<'ast> for Finder<'_> {
             Expr::Cast(cast) => {
                 if let Some(narrow) = operators::narrower(self.source(&*cast.ty)) {
                     let (inner, of) = (self.source(&*cast.expr), self.source(&*cast.ty));
-                    self.replace(cast, &[format!("(({inner}) as {narrow}) as {of}")]);
+                    self.replace(cast, &[further(format!("(({inner}) as {narrow}) as {of}"))]);
                 }
             }
             _ => {}

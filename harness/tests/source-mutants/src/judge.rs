@@ -106,13 +106,20 @@ impl Judge {
         self.baselines.get(device).is_some_and(|baseline| baseline.reached.contains(&id))
     }
 
-    /// Asks the suites of the first device that comes to the place. Returns the first line that
-    /// says so.
+    /// Asks the suites of each device that comes to the place, until one is red. Returns the
+    /// clearest verdict, with the first line that says so.
     pub fn judge(&self, id: usize, devices: &[&'static str]) -> Result<(Verdict, String), String> {
-        match devices.iter().find(|device| self.reaches(device, id)) {
-            Some(device) => self.judge_on(id, device),
-            None => Ok((Verdict::NotReached, String::new())),
+        let mut clearest = (Verdict::NotReached, String::new());
+        for device in devices.iter().filter(|device| self.reaches(device, id)) {
+            let found = self.judge_on(id, device)?;
+            if found.0 < clearest.0 {
+                clearest = found;
+            }
+            if clearest.0.is_red() {
+                break;
+            }
         }
+        Ok(clearest)
     }
 
     fn judge_on(&self, id: usize, device: &'static str) -> Result<(Verdict, String), String> {

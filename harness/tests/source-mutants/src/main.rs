@@ -7,6 +7,7 @@ mod groups;
 mod judge;
 mod operators;
 mod report;
+mod results;
 mod scratch;
 mod sites;
 mod survivors;
@@ -17,11 +18,12 @@ use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::{fs, thread};
 
-use clap::Parser;
+use clap::{Parser, ValueEnum};
 
 use crate::finder::Mutant;
 use crate::groups::{GROUPS, Group, group_of};
 use crate::judge::{Judge, Verdict};
+use crate::operators::Set;
 use crate::report::{Judged, Report};
 use crate::scratch::Scratch;
 use crate::survivors::Survivors;
@@ -32,6 +34,9 @@ struct Options {
     /// What is changed: `stack`, `codecs`, `decisions`, `profiles`, or a device
     #[arg(long, value_delimiter = ',', default_value = "stack,codecs")]
     groups: Vec<String>,
+    /// Those of cargo-mutants alone, or all
+    #[arg(long, value_enum, default_value_t = Operators::CargoMutants)]
+    operators: Operators,
     /// How many mutants are drawn
     #[arg(long, default_value_t = 300)]
     sample: usize,
@@ -64,6 +69,21 @@ struct Options {
     json: Option<PathBuf>,
 }
 
+/// Which changes are made.
+#[derive(Clone, Copy, Eq, PartialEq, ValueEnum)]
+enum Operators {
+    /// What cargo-mutants does.
+    CargoMutants,
+    /// And our own.
+    All,
+}
+
+impl Operators {
+    fn have(self, set: Set) -> bool {
+        self == Self::All || set == Set::CargoMutants
+    }
+}
+
 fn main() -> ExitCode {
     match run(&Options::parse()) {
         Ok(true) => ExitCode::SUCCESS,
@@ -79,7 +99,13 @@ fn run(options: &Options) -> Result<bool, String> {
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let workspace = here.ancestors().nth(3).expect("the workspace is three folders above");
     let to = options.scratch.clone().unwrap_or_else(|| workspace.join("target/source-mutants"));
-    let scratch = Scratch { from: workspace.to_owned(), to };
+    let (operators, names) = (options.operators, options.groups.clone());
+    let wanted = move |mutant: &Mutant| {
+        let of_group =
+            group_of(&mutant.file).is_some_and(|group| names.contains(&group.name.into()));
+        of_group && operators.have(mutant.set)
+    };
+    let scratch = Scratch { from: workspace.to_owned(), to, wanted: Box::new(wanted) };
     let all = mutants(&scratch, options.reuse)?;
     let survivors = Survivors::read(&here.join("survivors.yaml"))?;
     let devices: BTreeSet<_> = groups(options)?.iter().flat_map(|group| group.devices).collect();
@@ -129,6 +155,8 @@ fn choose(
         return Ok(all.iter().filter(|mutant| options.ids.contains(&mutant.id)).cloned().collect());
     }
     let groups = groups(options)?;
+    let all = all.iter().filter(|mutant| mutant.built && options.operators.have(mutant.set));
+    let all: Vec<_> = all.cloned().collect();
     let reached = |mutant: &&Mutant| judge.reached(mutant.id);
     let used: BTreeSet<_> = all.iter().filter(reached).map(Mutant::place).collect();
     let of_groups = |mutant: &&Mutant| {

@@ -1,37 +1,54 @@
 //! What becomes of an operator, a method, a number.
 
+use clap::ValueEnum;
+use serde::{Deserialize, Serialize};
 use syn::BinOp;
 
-/// Other operators that a mistake would put in the place of this one.
-pub fn binary(op: &BinOp) -> &'static [&'static str] {
-    match op {
-        BinOp::Lt(_) => &["<=", ">="],
-        BinOp::Le(_) => &["<", ">"],
-        BinOp::Gt(_) => &[">=", "<="],
-        BinOp::Ge(_) => &[">", "<"],
-        BinOp::Eq(_) => &["!=", ">="],
-        BinOp::Ne(_) => &["==", ">"],
-        BinOp::Add(_) => &["-"],
-        BinOp::Sub(_) => &["+"],
-        BinOp::Mul(_) => &["/", "+"],
-        BinOp::Div(_) => &["*"],
-        BinOp::Rem(_) => &["/"],
-        BinOp::BitAnd(_) => &["|", "^"],
-        // `^` puts the same bits together, since they do not overlap.
-        BinOp::BitOr(_) => &["&"],
-        BinOp::BitXor(_) => &["|"],
-        BinOp::Shl(_) => &[">>"],
-        BinOp::Shr(_) => &["<<"],
-        BinOp::And(_) => &["||"],
-        BinOp::Or(_) => &["&&"],
-        BinOp::AddAssign(_) => &["-="],
-        BinOp::SubAssign(_) => &["+="],
-        BinOp::MulAssign(_) => &["/="],
-        BinOp::BitAndAssign(_) => &["|="],
-        BinOp::BitOrAssign(_) => &["&=", "="],
-        BinOp::BitXorAssign(_) => &["|="],
-        _ => &[],
-    }
+/// Whose rule a change follows.
+#[derive(Clone, Copy, Debug, Deserialize, Eq, PartialEq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum Set {
+    /// One of those that cargo-mutants makes.
+    CargoMutants,
+    /// One of our own.
+    Further,
+}
+
+/// Other operators in the place of this one: those of cargo-mutants, then others that a mistake
+/// would put there.
+///
+/// cargo-mutants makes `^` of `|`, too. It puts the same bits together where they do not overlap,
+/// so it is left out.
+pub fn binary(op: &BinOp) -> impl Iterator<Item = (Set, &'static str)> {
+    let (standard, further): (&[_], &[_]) = match op {
+        BinOp::Lt(_) => (&["==", ">", "<="], &[">="]),
+        BinOp::Le(_) => (&[">"], &["<"]),
+        BinOp::Gt(_) => (&["==", "<", ">="], &["<="]),
+        BinOp::Ge(_) => (&["<"], &[">"]),
+        BinOp::Eq(_) => (&["!="], &[">="]),
+        BinOp::Ne(_) => (&["=="], &[">"]),
+        BinOp::Add(_) => (&["-", "*"], &[]),
+        BinOp::Sub(_) => (&["+", "/"], &[]),
+        BinOp::Mul(_) => (&["+", "/"], &[]),
+        BinOp::Div(_) => (&["%", "*"], &[]),
+        BinOp::Rem(_) => (&["/", "+"], &[]),
+        BinOp::BitAnd(_) => (&["|", "^"], &[]),
+        BinOp::BitOr(_) => (&["&"], &[]),
+        BinOp::BitXor(_) => (&["&", "|"], &[]),
+        BinOp::Shl(_) => (&[">>"], &[]),
+        BinOp::Shr(_) => (&["<<"], &[]),
+        BinOp::And(_) => (&["||"], &[]),
+        BinOp::Or(_) => (&["&&"], &[]),
+        BinOp::AddAssign(_) => (&["-=", "*="], &[]),
+        BinOp::SubAssign(_) => (&["+=", "/="], &[]),
+        BinOp::MulAssign(_) => (&["+=", "/="], &[]),
+        BinOp::BitAndAssign(_) => (&["|=", "^="], &[]),
+        BinOp::BitOrAssign(_) => (&["&="], &["="]),
+        BinOp::BitXorAssign(_) => (&["|=", "&="], &[]),
+        _ => (&[], &[]),
+    };
+    let standard = standard.iter().map(|op| (Set::CargoMutants, *op));
+    standard.chain(further.iter().map(|op| (Set::Further, *op)))
 }
 
 /// Whether one of the operands alone is a mutant, as a forgotten condition or part is.
@@ -120,19 +137,4 @@ pub fn narrower(name: &str) -> Option<&'static str> {
         "i64" => "i32",
         _ => return None,
     })
-}
-
-/// What a function returns that does nothing, for the head of its return type.
-pub fn results(head: &str, whole: &str) -> &'static [&'static str] {
-    match head {
-        "bool" => &["true", "false"],
-        "Option" => &["None"],
-        "Result" if whole.replace(' ', "").starts_with("Result<(),") => &["Ok(())"],
-        "u8" | "u16" | "u32" | "u64" | "u128" | "usize" | "i8" | "i16" | "i32" | "i64" | "i128"
-        | "isize" => &["0", "1"],
-        "f32" | "f64" => &["0.0", "1.0"],
-        "Vec" => &["Vec::new()"],
-        "Duration" => &["Duration::ZERO"],
-        _ => &[],
-    }
 }

@@ -19,6 +19,8 @@ pub struct Scratch {
     pub from: PathBuf,
     /// The folder of the copy.
     pub to: PathBuf,
+    /// What goes into the copy.
+    pub wanted: Box<dyn Fn(&Mutant) -> bool>,
 }
 
 impl Scratch {
@@ -37,10 +39,13 @@ impl Scratch {
         let mut refused: Refused = refused.unwrap_or_default();
         loop {
             let mutants = self.write(&files, &refused).map_err(|error| error.to_string())?;
-            let mut messages = self.cargo("check", "reference-devices")?;
+            let built = mutants.iter().filter(|mutant| mutant.built).count();
+            // What grows with the mutants takes longer to optimise than the runs do.
+            let level = if built > 5000 { 0 } else { 1 };
+            let mut messages = self.cargo("check", "reference-devices", level)?;
             if messages.is_empty() {
-                eprintln!("{} mutants compile, {} do not", mutants.len(), refused.mutants.len());
-                messages = self.cargo("build", "harness")?;
+                eprintln!("{built} mutants compile, {} do not", refused.mutants.len());
+                messages = self.cargo("build", "harness", level)?;
             }
             if messages.is_empty() {
                 return Ok(mutants);
@@ -89,7 +94,8 @@ impl Scratch {
                     let text = String::from_utf8(content).map_err(io::Error::other)?;
                     let parsed = parse(&text)
                         .map_err(|error| io::Error::other(format!("{file}: {error}")))?;
-                    let mut finder = Finder::new(file, &text, refused, &constant, &mut next);
+                    let mut finder =
+                        Finder::new(file, &text, refused, &constant, &self.wanted, &mut next);
                     finder.read(&parsed, has_deviations(file));
                     mutants.append(&mut finder.mutants);
                     render(&text, finder.sites).into_bytes()
@@ -108,7 +114,7 @@ impl Scratch {
     }
 
     /// The errors of `cargo check` or `cargo build`.
-    fn cargo(&self, command: &str, package: &str) -> Result<Vec<Message>, String> {
+    fn cargo(&self, command: &str, package: &str, level: u8) -> Result<Vec<Message>, String> {
         let mut cargo = Command::new("cargo");
         cargo.current_dir(&self.to).env("CARGO_TARGET_DIR", self.to.join("target"));
         // Compiled quickly, which costs some speed, and as firmware is: overflows wrap.
@@ -116,8 +122,8 @@ impl Scratch {
         cargo.env("CARGO_PROFILE_RELEASE_LTO", "off").env("RUSTFLAGS", "--cap-lints=allow");
         cargo.args([command, "--release", "-p", package, "--message-format=json", "-q"]);
         cargo.arg("--keep-going");
-        // What grows with the mutants is not optimised at all: that takes longer than the runs.
-        cargo.args(["--config", "profile.release.package.reference-devices.opt-level=0"]);
+        let devices = "profile.release.package.reference-devices";
+        cargo.arg("--config").arg(format!("{devices}.opt-level={level}"));
         let output = cargo.output().map_err(|error| format!("cargo: {error}"))?;
         let lines = String::from_utf8_lossy(&output.stdout).into_owned();
         let messages = lines.lines().filter_map(|line| serde_json::from_str::<Line>(line).ok());
