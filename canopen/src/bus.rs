@@ -127,7 +127,7 @@ pub trait Device {
 }
 
 /// The frames a station wants to send, in its own order.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Outbox {
     frames: VecDeque<Frame>,
 }

@@ -7,20 +7,22 @@ mod frame;
 mod origin;
 mod patch;
 mod profile;
+mod replica;
 mod settings;
 mod sheet;
 
 use std::borrow::Cow;
 
+use canopen::Pattern;
 use canopen::nearest::did_you_mean;
 use canopen::source::Complaint;
-use canopen::{Device, Pattern};
 
 use crate::devices::ReferenceDevice;
 use crate::rules::{self, Rules, Specification};
 use crate::stack::Node;
 
 pub use frame::DeviantWire;
+pub use replica::Replica;
 
 pub(crate) use data::Change;
 pub(crate) use origin::Origin;
@@ -111,7 +113,7 @@ impl Deviation {
     ///
     /// # Errors
     /// When a change names something that is not there: a rule, an object, a pattern.
-    pub fn build(&self, device: &ReferenceDevice, node: u8) -> Result<Box<dyn Device>, Complaint> {
+    pub fn build(&self, device: &ReferenceDevice, node: u8) -> Result<Box<dyn Replica>, Complaint> {
         let device = self.described(device)?;
         let mut eds = Cow::Borrowed(&device.description.eds);
         let mut rules: Box<dyn Rules> = Box::new(Specification);
@@ -142,7 +144,7 @@ impl Deviation {
         let behaviour =
             device.deviating_behaviour(&behaviour).expect("rules that the application knows");
         let node_of = Node::new(&eds, node, settings, rules, behaviour);
-        let mut built: Box<dyn Device> = Box::new(node_of.map_err(|(mux, error)| {
+        let mut built: Box<dyn Replica> = Box::new(node_of.map_err(|(mux, error)| {
             let dictionary = |(change, _): &&(Change, _)| matches!(change, Change::Dictionary(_));
             let part = self.parts.iter().find(dictionary).or_else(|| self.parts.first());
             let origin = part.map(|(_, origin)| origin.clone()).unwrap_or_default();

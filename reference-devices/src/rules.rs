@@ -52,6 +52,7 @@ pub trait Rules:
     + StorageRules
     + LssRules
     + Send
+    + Sync
 {
 }
 

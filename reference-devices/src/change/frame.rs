@@ -7,10 +7,12 @@ use canopen::bench::{Needs, POWER};
 use canopen::{BenchError, Device, Frame, Instant, Outbox, Pattern, PatternError, Value};
 
 use super::data::{FrameChange, Misfit};
+use super::replica::Replica;
 
 /// A device some of whose frames are not what it meant to send, or to receive.
+#[derive(Clone)]
 pub struct DeviantWire {
-    inner: Box<dyn Device>,
+    inner: Box<dyn Replica>,
     when: Pattern,
     received: bool,
     what: What,
@@ -22,6 +24,7 @@ pub struct DeviantWire {
     deaf: Option<Pattern>,
 }
 
+#[derive(Clone)]
 enum What {
     Edit(Pattern),
     Drop,
@@ -36,7 +39,7 @@ impl DeviantWire {
     /// # Errors
     /// When a pattern does not parse, or the change is not exactly one.
     pub(super) fn new(
-        inner: Box<dyn Device>,
+        inner: Box<dyn Replica>,
         change: &FrameChange,
         bind: impl Fn(&str) -> Result<Pattern, PatternError>,
     ) -> Result<Self, Misfit> {
@@ -203,6 +206,7 @@ mod tests {
     use super::*;
 
     /// Answers every frame with the same data on 585h.
+    #[derive(Clone)]
     struct Echo;
 
     impl Device for Echo {

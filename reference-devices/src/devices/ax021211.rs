@@ -29,6 +29,7 @@ mod signal;
 mod table;
 pub mod worked;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::eds::Eds;
@@ -47,8 +48,9 @@ use output::Kind;
 use rules::{Ax021211Rules, Manual};
 
 /// The application of the controller.
+#[derive(Clone)]
 pub(super) struct Ax021211 {
-    rules: Box<dyn Ax021211Rules>,
+    rules: Arc<dyn Ax021211Rules>,
     network: Network,
     outside: Outside,
     powered: bool,
@@ -84,7 +86,7 @@ impl Ax021211 {
         let od = Dictionary::new(&Eds::default(), 1).expect("nothing that could be wrong");
         Self {
             network: Network::new(Parameters { od: &od, rules: &*rules }),
-            rules,
+            rules: rules.into(),
             outside: Outside {
                 loads: [Load::default(); OUTPUTS],
                 supply: 24.0,

@@ -22,7 +22,7 @@ pub(super) fn names<R: ?Sized>(all: &[Deviation<R>]) -> impl Iterator<Item = &'s
 macro_rules! layer {
     ($visibility:vis of dyn $rules:ident) => {
         /// Decisions that can lie on top of others.
-        $visibility trait Layer: Send {
+        $visibility trait Layer: Send + Sync {
             /// The rules that take every decision which this layer leaves to them; `None` in the
             /// lowest layer, which takes the default ones.
             fn beneath(&self) -> Option<&dyn $rules> {

@@ -15,6 +15,7 @@ mod objects;
 mod panel;
 mod terminals;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::eds::Eds;
@@ -46,8 +47,9 @@ use objects::{
 use panel::{Panel, Shown};
 
 /// The application of a DRR460.
+#[derive(Clone)]
 pub(crate) struct Drr460 {
-    rules: Box<dyn Rules>,
+    rules: Arc<dyn Rules>,
     io: IoBlock,
     settings: Settings,
     expansion: expansion::Settings,
@@ -107,7 +109,7 @@ impl Drr460 {
         Self {
             settings: Settings::of(&parameters),
             expansion: expansion::Settings::of(&parameters),
-            rules,
+            rules: rules.into(),
             io,
             controller: Controller::default(),
             inputs: Inputs::default(),

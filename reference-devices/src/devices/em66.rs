@@ -20,6 +20,7 @@ mod rules;
 mod suction;
 mod switch_off;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, Value};
@@ -39,8 +40,9 @@ use process::Process;
 use rules::{Conformant, Em66Rules};
 
 /// The application of a heating/cooling device.
+#[derive(Clone)]
 pub(super) struct Em66 {
-    rules: Box<dyn Em66Rules>,
+    rules: Arc<dyn Em66Rules>,
     options: Options,
     codes: Codes,
     process: Process,
@@ -192,7 +194,7 @@ impl Em66 {
             external_sensor_control: has("external-sensor-control"),
         };
         Self {
-            rules,
+            rules: rules.into(),
             options,
             codes,
             process: Process::new(),

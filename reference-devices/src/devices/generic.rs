@@ -11,6 +11,7 @@ mod sdo_client;
 use canopen::eds::Eds;
 use canopen::emcy::EmcyCode;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
+use std::sync::Arc;
 
 use crate::profiles::cia401::{self, Cia401, Cia401Rules, IoBlock};
 use crate::stack::{Behaviour, CommunicationEvent, Errors, SdoJob};
@@ -19,8 +20,9 @@ use rules::{DataSheet, GenericRules};
 use sdo_client::ClientRecord;
 
 /// The application of the generic device.
+#[derive(Clone)]
 pub(crate) struct Generic {
-    rules: Box<dyn GenericRules>,
+    rules: Arc<dyn GenericRules>,
     state: NmtState,
     /// The codes of the simulated errors that are present.
     simulated: [i64; SIMULATED],
@@ -62,7 +64,7 @@ impl Generic {
 
     fn with(rules: Box<dyn GenericRules>, io: IoBlock) -> Self {
         Self {
-            rules,
+            rules: rules.into(),
             state: NmtState::INITIALISING,
             simulated: [0; SIMULATED],
             io,

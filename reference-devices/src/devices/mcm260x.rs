@@ -22,6 +22,7 @@ mod sampling;
 mod sensor;
 mod terminals;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::bench::Needs;
@@ -41,8 +42,9 @@ use rules::{Manual, Mcm260xRules};
 use sampling::AnalogueInput;
 
 /// The application of an MCM260X module.
+#[derive(Clone)]
 pub(crate) struct Mcm260x {
-    rules: Box<dyn Mcm260xRules>,
+    rules: Arc<dyn Mcm260xRules>,
     table: Table,
     io: IoBlock,
     encoders: Vec<Encoder>,
@@ -110,7 +112,7 @@ impl Mcm260x {
         }
         let inputs = io.counts().analogue_inputs;
         Self {
-            rules,
+            rules: rules.into(),
             table,
             io,
             setups: vec![Setup { mode: 0, preset: 0 }; encoders.len()],
@@ -136,7 +138,7 @@ impl Mcm260x {
         }
     }
 
-    const fn parameters<'a>(&'a self, od: &'a Dictionary) -> Parameters<'a> {
+    fn parameters<'a>(&'a self, od: &'a Dictionary) -> Parameters<'a> {
         Parameters { table: self.table, od, rules: &*self.rules }
     }
 

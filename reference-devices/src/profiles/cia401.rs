@@ -16,6 +16,7 @@ mod tests;
 
 use canopen::eds::Eds;
 use canopen::{BenchError, Dictionary, Instant, Mux, NmtState, Value};
+use std::sync::Arc;
 
 use crate::stack::{Behaviour, CommunicationEvent, Errors, earlier};
 
@@ -28,14 +29,17 @@ pub(crate) use setting::{EVERY_LEVEL, Setting};
 
 /// The inputs and outputs of a device. It is a complete application for a device that has nothing
 /// else.
+#[derive(Clone)]
 pub(crate) struct IoBlock {
-    rules: Box<dyn Cia401Rules>,
+    rules: Arc<dyn Cia401Rules>,
     digital_inputs: Vec<DigitalInput>,
     analogue_inputs: Vec<AnalogueInput>,
     digital_outputs: Vec<Output>,
     analogue_outputs: Vec<Output>,
     /// The analogue inputs that transmitted since their bank of 6422h was read, a bit each.
     sources: Vec<u32>,
+    /// Whether a failure has set the outputs.
+    failed: bool,
 }
 
 impl IoBlock {
@@ -47,12 +51,13 @@ impl IoBlock {
         };
         let banks = eds.entries().filter(|entry| is_source(entry.mux)).count();
         Self {
-            rules,
+            rules: rules.into(),
             digital_inputs: channels(Kind::DigitalInput).map(DigitalInput::new).collect(),
             analogue_inputs: channels(Kind::AnalogueInput).map(AnalogueInput::new).collect(),
             digital_outputs: channels(Kind::DigitalOutput).map(Output::new).collect(),
             analogue_outputs: channels(Kind::AnalogueOutput).map(Output::new).collect(),
             sources: vec![0; banks],
+            failed: false,
         }
     }
 
@@ -139,6 +144,9 @@ impl Behaviour for IoBlock {
 
     fn event(&mut self, _now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
         if self.rules.fails(event) {
+            if std::mem::replace(&mut self.failed, true) && !self.rules.fails_again() {
+                return;
+            }
             // What was written since the last run belongs to the levels that an output keeps.
             self.drive(od);
             for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {

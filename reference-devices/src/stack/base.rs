@@ -1,5 +1,7 @@
 //! What every service works with.
 
+use std::sync::Arc;
+
 use canopen::eds::Eds;
 use canopen::{Dictionary, Instant, Mux, NmtState, ValueError};
 
@@ -9,11 +11,12 @@ use crate::stack::fault::Fault;
 use crate::stack::settings::NodeSettings;
 
 /// The node as its services see it: identity, state, decisions, objects and errors.
+#[derive(Clone)]
 pub(crate) struct Base {
     pub(crate) id: u8,
     pub(crate) state: NmtState,
     pub(crate) settings: NodeSettings,
-    pub(crate) rules: Box<dyn Rules>,
+    pub(crate) rules: Arc<dyn Rules>,
     pub(crate) od: Dictionary,
     pub(crate) errors: Errors,
     /// Data types that may fill gaps in RPDOs.
@@ -37,7 +40,7 @@ impl Base {
             id,
             state: NmtState::INITIALISING,
             settings,
-            rules,
+            rules: rules.into(),
             od: Dictionary::new(eds, id)?,
             errors: Errors::default(),
             dummies: eds.dummies.clone(),

@@ -10,7 +10,7 @@ use crate::stack::sdo_client::SdoJob;
 /// The application of a device. It sees its objects and the time, and no frames.
 ///
 /// Objects it changes are noticed by the TPDOs that map them.
-pub(crate) trait Behaviour: Send {
+pub(crate) trait Behaviour: Send + Duplicate {
     /// Starts anew after power-on or reset node; the objects hold their stored or default values.
     fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {}
 
@@ -122,6 +122,23 @@ pub(crate) trait Behaviour: Send {
     /// of the [edges](Self::has_edges). Thresholds belong here.
     fn triggers(&mut self, _mux: Mux, _last: &[u8], _od: &Dictionary) -> bool {
         true
+    }
+}
+
+/// A copy of an application as it is, which every one that is [`Clone`] has.
+pub(crate) trait Duplicate {
+    fn duplicate(&self) -> Box<dyn Behaviour>;
+}
+
+impl<T: Behaviour + Clone + 'static> Duplicate for T {
+    fn duplicate(&self) -> Box<dyn Behaviour> {
+        Box::new(self.clone())
+    }
+}
+
+impl Clone for Box<dyn Behaviour> {
+    fn clone(&self) -> Self {
+        (**self).duplicate()
     }
 }
 

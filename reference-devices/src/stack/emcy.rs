@@ -13,7 +13,7 @@ use crate::stack::errors::News;
 use crate::stack::settings::Byte;
 
 /// Tells the errors of the device, one message at a time.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct EmcyProducer {
     queue: VecDeque<Emcy>,
     history: VecDeque<u32>,
@@ -224,6 +224,7 @@ mod tests {
     use canopen::{Abort, Dictionary, Instant};
 
     /// Each bit of 2000h is an error of the application.
+    #[derive(Clone)]
     struct Bits;
 
     impl Behaviour for Bits {

@@ -48,6 +48,7 @@ mod tests {
     use crate::stack::{Behaviour, CommunicationEvent, NodeSettings};
 
     /// 2002h shows node and code of the last emergency message.
+    #[derive(Clone)]
     struct Recorder;
 
     impl Behaviour for Recorder {

@@ -10,7 +10,7 @@ use crate::stack::fault::{Fault, FaultKind};
 use crate::stack::settings::EmcyTable;
 
 /// The errors that are present. Each is reported once when it appears and once when it ends.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Errors {
     active: Vec<Active>,
     news: VecDeque<News>,

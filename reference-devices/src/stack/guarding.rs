@@ -9,7 +9,7 @@ use crate::stack::base::Base;
 use crate::stack::fault::{Fault, FaultKind};
 
 /// Answers the master's questions, and notices when they stop.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Guarding {
     supported: bool,
     toggle: bool,

@@ -10,12 +10,12 @@ use crate::stack::base::Base;
 use crate::stack::fault::{Fault, FaultKind};
 
 /// Watches the nodes that 1016h names.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct HeartbeatConsumer {
     watches: Vec<Watch>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Watch {
     sub: u8,
     node: u8,

@@ -10,7 +10,7 @@ use crate::stack::base::Base;
 use crate::stack::time::next_beat;
 
 /// Tells the NMT state again and again.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct HeartbeatProducer {
     period: Duration,
     due: Option<Instant>,

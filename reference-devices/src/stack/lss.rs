@@ -11,7 +11,7 @@ use crate::stack::base::Base;
 use crate::stack::time::earlier;
 
 /// The slave, with the node id and the bit rate of the node.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Lss {
     mode: Mode,
     /// How many parts of its address were sent in order by a selective switch.

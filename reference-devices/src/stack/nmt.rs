@@ -8,7 +8,7 @@ use crate::rules::Change;
 use crate::stack::base::Base;
 
 /// The part of NMT that needs time: initialisation until boot-up.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Nmt {
     boot_up_at: Option<Instant>,
     /// What a node that is wrong in this does after boot-up.

@@ -17,6 +17,7 @@ use crate::stack::services::Services;
 use crate::stack::settings::NodeSettings;
 
 /// A device on a bus. Which services it has is a matter of the objects in its data sheet.
+#[derive(Clone)]
 pub struct Node {
     /// Whether it has supply.
     on: bool,
@@ -443,6 +444,7 @@ mod tests {
 
     #[test]
     fn the_application_refuses_sees_writes_and_moves_its_objects() {
+        #[derive(Clone)]
         struct Doubler;
         impl Behaviour for Doubler {
             fn reset(&mut self, _now: Instant, od: &mut Dictionary) {

@@ -12,7 +12,7 @@ use crate::stack::pdo::{self, EVENT_TIMER, TYPE};
 use crate::stack::pdo_mapping::PdoMapping;
 
 /// One RPDO.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Rpdo {
     pdo: u16,
     id: Option<u16>,

@@ -21,19 +21,19 @@ pub(crate) struct SdoJob {
 pub(crate) type Finished = (u8, Result<Vec<u8>, Abort>);
 
 /// Every SDO client of a device.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct SdoClients {
     clients: Vec<Channel>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Channel {
     /// Of its parameter.
     index: u16,
     running: Option<Running>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Running {
     client: Client,
     mux: Mux,
@@ -198,6 +198,7 @@ mod tests {
     type Results = Arc<Mutex<Vec<Finished>>>;
 
     /// Wants what is written to 2000h: 1 reads 1008h, 2 writes it; shows how it ended.
+    #[derive(Clone)]
     struct Asker(Option<SdoJob>, Results);
 
     impl Behaviour for Asker {

@@ -20,7 +20,7 @@ use crate::stack::time::earlier;
 use state::{Input, State};
 
 /// Answers requests, one transfer at a time.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct SdoServer {
     /// The identifier of its answers.
     answers: u16,

@@ -8,7 +8,7 @@ use crate::stack::services::Services;
 use crate::stack::time::earlier;
 
 /// Every SDO server of a device.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct SdoServers {
     default: SdoServer,
     /// Each with the index of its parameter.

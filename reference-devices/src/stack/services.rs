@@ -32,6 +32,7 @@ use crate::stack::time_stamp::TimeStamp;
 use crate::stack::tpdo::Tpdo;
 
 /// Every service but NMT and the SDO server, which command them.
+#[derive(Clone)]
 pub(crate) struct Services {
     pub(crate) base: Base,
     behaviour: Box<dyn Behaviour>,

@@ -11,6 +11,7 @@ use crate::stack::base::Base;
 ///
 /// It has two banks, of which the newest that is complete counts, so that a device that loses its
 /// supply while it stores has the old values or the new ones, and no mixture.
+#[derive(Clone)]
 pub(crate) struct Storage {
     defaults: Dictionary,
     /// In ascending order.
@@ -30,6 +31,7 @@ struct Bank {
 type Values = BTreeMap<Mux, Vec<u8>>;
 
 /// What is being stored.
+#[derive(Clone)]
 struct Save {
     values: Vec<(Mux, Vec<u8>)>,
     begun: Instant,

@@ -10,7 +10,7 @@ use crate::stack::base::Base;
 use crate::stack::fault::{Fault, FaultKind};
 
 /// Receives SYNC, and notices when it does not come.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct SyncConsumer {
     id: Option<u16>,
     counted: bool,

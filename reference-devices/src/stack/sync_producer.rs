@@ -11,7 +11,7 @@ use crate::stack::sync::{COB_ID, COUNTER_OVERFLOW, PERIOD};
 use crate::stack::time::next_beat;
 
 /// Sends SYNC, if the device can and bit 30 of 1005h is set.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct SyncProducer {
     id: Option<u16>,
     period: Duration,

@@ -10,7 +10,7 @@ use crate::stack::base::Base;
 use crate::stack::time::next_beat;
 
 /// The clock of the device.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct TimeStamp {
     /// When the clock was set, and to what.
     set: (Instant, TimeOfDay),

@@ -15,7 +15,7 @@ use crate::stack::pdo_mapping::PdoMapping;
 use crate::stack::time::{earlier, next_beat};
 
 /// One TPDO.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Tpdo {
     pdo: u16,
     cob: CobId,
@@ -413,6 +413,7 @@ mod tests {
 
     #[test]
     fn the_application_decides_what_is_an_event() {
+        #[derive(Clone)]
         struct EvenOnly;
         impl Behaviour for EvenOnly {
             fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {

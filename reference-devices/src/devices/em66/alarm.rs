@@ -18,13 +18,14 @@ use super::objects::{
 use super::rules::Em66Rules;
 
 /// The alarm block.
+#[derive(Clone)]
 pub(super) struct Alarms {
     alarms: Vec<Alarm>,
     start: Start,
 }
 
 /// One alarm.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Alarm {
     objects: Objects,
     setup: Setup,
@@ -35,7 +36,7 @@ struct Alarm {
 }
 
 /// Where an alarm has its objects.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Objects {
     link: Mux,
     alternate: Mux,
@@ -58,7 +59,7 @@ struct Setup {
 }
 
 /// The start condition: what alarms with one wait for.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 struct Start {
     on: bool,
     set_points: SetPoints,

@@ -6,7 +6,7 @@ use super::value;
 use crate::stack::SdoJob;
 
 /// What the network asked for and was not begun.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct ClientRecord {
     wanted: Option<SdoJob>,
 }

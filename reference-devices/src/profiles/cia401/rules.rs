@@ -1,7 +1,6 @@
 //! Every decision of the profile that a test can observe, and the devices that take one of them
 //! otherwise.
 
-use std::cell::Cell;
 use std::time::Duration;
 
 use canopen::{Dictionary, Mux, NmtState};
@@ -11,7 +10,7 @@ use crate::stack::CommunicationEvent;
 use super::setting::{EVERY_LEVEL, Setting};
 
 /// The decisions of CiA 401.
-pub(crate) trait Cia401Rules: Send {
+pub(crate) trait Cia401Rules: Send + Sync {
     /// What the profile has an object for is as that object says.
     fn setting(&self, _setting: Setting, configured: i64) -> i64 {
         configured
@@ -58,6 +57,11 @@ pub(crate) trait Cia401Rules: Send {
         true
     }
 
+    /// Each failure sets the outputs anew.
+    fn fails_again(&self) -> bool {
+        true
+    }
+
     /// After a failure an output follows the next value that is written.
     fn follows_after_failure(&self) -> bool {
         true
@@ -99,8 +103,6 @@ pub(crate) enum Deviation {
 struct Deviating {
     base: Box<dyn Cia401Rules>,
     deviation: Deviation,
-    /// How often the outputs were set.
-    failures: Cell<u32>,
 }
 
 impl Cia401Rules for Deviating {
@@ -142,9 +144,12 @@ impl Cia401Rules for Deviating {
         match self.deviation {
             Deviation::FailsOnlyAt(failure) => event == failure,
             Deviation::FailsAlsoAt(failure) => event == failure || self.base.fails(event),
-            Deviation::FailsOnce if self.base.fails(event) => self.failures.replace(1) == 0,
             _ => self.base.fails(event),
         }
+    }
+
+    fn fails_again(&self) -> bool {
+        !matches!(self.deviation, Deviation::FailsOnce) && self.base.fails_again()
     }
 
     fn failure_writes_objects(&self) -> bool {
@@ -163,7 +168,7 @@ impl Cia401Rules for Deviating {
 impl Deviation {
     /// The rules that take the decisions of `base` except for this one.
     pub(crate) fn of(self, base: Box<dyn Cia401Rules>) -> Box<dyn Cia401Rules> {
-        Box::new(Deviating { base, deviation: self, failures: Cell::new(0) })
+        Box::new(Deviating { base, deviation: self })
     }
 }
 

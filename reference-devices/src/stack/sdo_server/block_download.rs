@@ -9,7 +9,7 @@ use crate::stack::services::Services;
 use crate::stack::settings::BlockTransfer;
 
 /// A block download that waits for the next segment, or for the end.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct BlockDownload {
     pub(super) mux: Mux,
     data: Vec<u8>,

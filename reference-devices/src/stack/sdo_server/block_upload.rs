@@ -8,7 +8,7 @@ use super::step::Step;
 use crate::stack::services::Services;
 
 /// A block upload.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct BlockUpload {
     pub(super) mux: Mux,
     /// The value as it was when the transfer began.

@@ -7,7 +7,7 @@ use super::step::Step;
 use crate::stack::services::Services;
 
 /// A segmented download that waits for the next segment.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Download {
     pub(super) mux: Mux,
     data: Vec<u8>,

@@ -12,7 +12,7 @@ use super::upload::Upload;
 use crate::stack::services::Services;
 
 /// A state is named for what it waits for.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) enum State {
     /// Any initiate request.
     #[default]

@@ -7,7 +7,7 @@ use super::step::Step;
 use crate::stack::services::Services;
 
 /// A segmented upload that waits for the next request.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Upload {
     pub(super) mux: Mux,
     /// The value as it was when the transfer began, so that segments fit together.

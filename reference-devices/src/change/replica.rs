@@ -1,0 +1,21 @@
+//! Devices that are copied as they are, which costs much less than building one of its data anew.
+
+use canopen::Device;
+
+/// A device of which there can be another one in the same state.
+pub trait Replica: Device {
+    /// The device as it is now; what happens to one of them does not touch the other.
+    fn replica(&self) -> Box<dyn Replica>;
+}
+
+impl<T: Device + Clone + 'static> Replica for T {
+    fn replica(&self) -> Box<dyn Replica> {
+        Box::new(self.clone())
+    }
+}
+
+impl Clone for Box<dyn Replica> {
+    fn clone(&self) -> Self {
+        (**self).replica()
+    }
+}
