@@ -1,16 +1,15 @@
 //! The devices that the sessions of bytes are tried on.
 
-use std::sync::LazyLock;
-
-use reference_devices::devices::{self, ReferenceDevice};
+use reference_devices::devices;
+use reference_devices::rules::Specification;
+use reference_devices::stack::Node;
 
 /// The node that is spoken to.
 pub(super) const NODE: u8 = 5;
 
-/// A device with a profile of its own.
-pub(super) static DRR460: LazyLock<ReferenceDevice> =
-    LazyLock::new(|| devices::device("drr460").expect("it is part of the program"));
-
-/// The device that has every service.
-pub(super) static GENERIC: LazyLock<ReferenceDevice> =
-    LazyLock::new(|| devices::device("generic").expect("it is part of the program"));
+/// A device that has just been switched on. Building one takes longer than a session does, so a
+/// property builds its devices once for a thread, boots them and gives each session a copy.
+pub(super) fn switched_on(name: &str) -> Node {
+    let device = devices::device(name).expect("it is part of the program");
+    device.node(NODE, Box::new(Specification))
+}

@@ -7,10 +7,9 @@ use canopen::lss::{BIT_RATES, Mode, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Re
 use canopen::lss::{Part, UNCONFIGURED};
 use canopen::nmt::{Command, Service};
 use canopen::{Data, Device, Frame, Instant, Mux, Outbox, sdo};
-use reference_devices::rules::Specification;
 use reference_devices::stack::Node;
 
-use super::devices::{GENERIC, NODE};
+use super::devices::{NODE, switched_on};
 
 /// Whatever a master sends and whenever, a slave gives at most one answer to a request, one that
 /// fits it and has nothing in reserved places; it answers nothing but identification while it
@@ -21,7 +20,7 @@ use super::devices::{GENERIC, NODE};
 /// The bytes are actions: a byte that chooses, as in [`Action`], and what the action needs.
 pub fn lss_session(bytes: &[u8]) {
     let mut bytes = Unstructured::new(bytes);
-    let mut slave = Slave::new();
+    let mut slave = BOOTED.with(Slave::clone);
     while !bytes.is_empty() {
         let Ok(action) = Action::arbitrary(&mut bytes) else { break };
         slave.carry_out(action);
@@ -62,7 +61,12 @@ impl<'a> Arbitrary<'a> for Action {
     }
 }
 
+thread_local! {
+    static BOOTED: Slave = Slave::new();
+}
+
 /// A device, and what is demanded of its LSS slave.
+#[derive(Clone)]
 struct Slave {
     node: Node,
     now: Instant,
@@ -75,8 +79,7 @@ struct Slave {
 
 impl Slave {
     fn new() -> Self {
-        let node = GENERIC.node(NODE, Box::new(Specification));
-        let out = Outbox::default();
+        let (node, out) = (switched_on("generic"), Outbox::default());
         let mode = Some(Mode::WAITING);
         let mut slave = Self { node, now: Instant::ZERO, out, mode, moved: false };
         slave.wait(BOOT);

@@ -11,11 +11,9 @@ use canopen::wire::{INTERMISSION_BITS, frame_bits};
 use canopen::{
     Abort, Bus, Data, Device, Frame, Id, Instant, Mux, NmtState, Outbox, VirtualBus, lss,
 };
-use reference_devices::devices::ReferenceDevice;
-use reference_devices::rules::Specification;
 use reference_devices::stack::Node;
 
-use super::devices::{DRR460, GENERIC, NODE};
+use super::devices::{NODE, switched_on};
 
 /// Whatever a client sends and whenever, the server of a reference device gives one answer to a
 /// request, one that fits it and has nothing in reserved places. No deadline of the device is in
@@ -23,9 +21,8 @@ use super::devices::{DRR460, GENERIC, NODE};
 ///
 /// The bytes are actions: a byte that chooses, as in [`Action`], and what the action needs.
 pub fn sdo_server_session(bytes: &[u8]) {
-    for device in [&DRR460, &GENERIC] {
+    for mut server in BOOTED.with(Clone::clone) {
         let mut bytes = Unstructured::new(bytes);
-        let mut server = Server::new(device);
         while !bytes.is_empty() {
             let Ok(action) = Action::arbitrary(&mut bytes) else { break };
             server.carry_out(action);
@@ -110,7 +107,13 @@ fn any_frame(bytes: &mut Unstructured) -> arbitrary::Result<Frame> {
     Ok(Frame { id, data, remote })
 }
 
+thread_local! {
+    /// A device with a profile of its own, and the one that has every service.
+    static BOOTED: [Server; 2] = [Server::new("drr460"), Server::new("generic")];
+}
+
 /// A device, and what is demanded of its SDO server.
+#[derive(Clone)]
 struct Server {
     node: Node,
     now: Instant,
@@ -132,8 +135,8 @@ const WAITS: Duration = Duration::from_secs(3);
 const MOST_FRAMES: usize = 64;
 
 impl Server {
-    fn new(device: &ReferenceDevice) -> Self {
-        let node = device.node(NODE, Box::new(Specification));
+    fn new(device: &str) -> Self {
+        let node = switched_on(device);
         let (now, out) = (Instant::ZERO, Outbox::default());
         let mut server = Self { node, now, waits: WAITS, out, blocks: false };
         server.boot();

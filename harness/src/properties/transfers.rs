@@ -6,10 +6,9 @@ use arbitrary::Unstructured;
 use canopen::nmt::NmtState;
 use canopen::sdo::{Client, Next, Request, Transfer};
 use canopen::{Data, Device, Frame, Instant, Mux, Outbox};
-use reference_devices::rules::Specification;
 use reference_devices::stack::Node;
 
-use super::devices::{GENERIC, NODE};
+use super::devices::{NODE, switched_on};
 
 /// Whatever happens to the segments of a block transfer, it comes to an end; when the client says
 /// that it worked, every byte is in its place, and when nothing happened it works.
@@ -74,6 +73,20 @@ const MOST_STEPS: usize = 20_000;
 /// Longer than between two segments of a server, shorter than it waits for its client.
 const PATIENCE: Duration = Duration::from_millis(20);
 
+thread_local! {
+    static BOOTED: (Instant, Node) = booted();
+}
+
+/// The server, and when its boot-up was.
+fn booted() -> (Instant, Node) {
+    let (mut now, mut node, mut out) = (Instant::ZERO, switched_on("generic"), Outbox::default());
+    while node.state() == NmtState::INITIALISING {
+        now = node.poll_at().expect("a device that boots is waiting for something");
+        node.handle_timeout(now, &mut out);
+    }
+    (now, node)
+}
+
 struct Room<'r, 'b> {
     node: Node,
     now: Instant,
@@ -88,14 +101,8 @@ struct Room<'r, 'b> {
 
 impl<'r, 'b> Room<'r, 'b> {
     fn new(fates: &'r mut Unstructured<'b>) -> Self {
-        let node = GENERIC.node(NODE, Box::new(Specification));
-        let (now, out, steps) = (Instant::ZERO, Outbox::default(), 0);
-        let mut room = Self { node, now, out, fates, hurt: false, flipped: false, steps };
-        while room.node.state() == NmtState::INITIALISING {
-            room.poll();
-        }
-        room.out.clear();
-        room
+        let (now, node) = BOOTED.with(Clone::clone);
+        Self { node, now, out: Outbox::default(), fates, hurt: false, flipped: false, steps: 0 }
     }
 
     /// Puts data where they can be read, over a good wire.
