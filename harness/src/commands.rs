@@ -44,7 +44,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Schema(args)) => schema::run(&args),
     };
     let exit = done.unwrap_or_else(|Refused { exit, message }| {
-        eprintln!("{}", harmless(&message));
+        complain!("{}", harmless(&message));
         exit
     });
     if unsaid() { exit.max(Exit::File) } else { exit }

@@ -4,6 +4,14 @@
 //! carries it out on a [`canopen::Bus`] and reports events, which `reporter` takes to terminal,
 //! journal and reports. This is the only crate with I/O.
 
+/// Prints a line to standard error. When it cannot be written, as on a full disk, nothing stops.
+macro_rules! complain {
+    ($($text:tt)*) => {{
+        use std::io::Write as _;
+        _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
 pub mod bus;
 mod candump;
 pub mod cli;

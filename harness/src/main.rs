@@ -23,7 +23,11 @@ fn main() -> ExitCode {
         }
     });
     let exit = exit.unwrap_or_else(|_| {
-        eprintln!("this is a bug of the harness: please report it with the command you ran");
+        // Nobody can be told when that fails.
+        _ = writeln!(
+            std::io::stderr(),
+            "this is a bug of the harness: please report it with the command you ran"
+        );
         Exit::Internal
     });
     ExitCode::from(exit as u8)

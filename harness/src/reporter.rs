@@ -116,14 +116,14 @@ impl Reporter {
     fn write_reports(&mut self) {
         for (format, output) in &self.reports {
             if let Err(error) = output.write(&(format.write)(&self.run)) {
-                eprintln!("error: {}: {}", output.path().display(), words(&error));
+                complain!("error: {}: {}", output.path().display(), words(&error));
                 self.unwritten = true;
             }
         }
     }
 
     fn not_written(&mut self, failure: &str) {
-        self.bar.suspend(|| eprintln!("error: {failure}"));
+        self.bar.suspend(|| complain!("error: {failure}"));
         self.unwritten = true;
     }
 
@@ -207,7 +207,7 @@ fn print(text: &str) {
     let written = stdout.write_all(text.as_bytes()).and_then(|()| stdout.flush());
     let failed = written.err().filter(|error| error.kind() != ErrorKind::BrokenPipe);
     if let Some(error) = failed.filter(|_| !UNSAID.swap(true, Ordering::SeqCst)) {
-        eprintln!("error: standard output: {}", words(&error));
+        complain!("error: standard output: {}", words(&error));
     }
 }
 

@@ -325,6 +325,13 @@ fn standard_output_that_takes_nothing_is_an_error_unless_its_reader_went_away() 
     assert_eq!((output.status.code(), beside_note(&output.stderr)), (Some(0), ""));
 }
 
+#[test]
+fn standard_error_that_takes_nothing_changes_nothing() {
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    let output = demo("run/green").args(["--target", "none0"]).stderr(full).output().unwrap();
+    assert_eq!(output.status.code(), Some(6));
+}
+
 /// What is said beside the note that the demonstration has suites of its own.
 fn beside_note(said: &[u8]) -> &str {
     let note = "note: the suites of ./suites are read, which differ from those in this program\n";

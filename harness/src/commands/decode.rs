@@ -215,7 +215,7 @@ impl<'a> Printed<'a> {
             }
             (_, Some(why)) => {
                 let lines = counted(self.skips, "line");
-                eprintln!("note: {lines} of {file} left out, without a frame; the first is {why}");
+                complain!("note: {lines} of {file} left out, without a frame; the first is {why}");
             }
             (_, None) => {}
         }

@@ -123,7 +123,7 @@ fn probe(args: &ProbeArgs, stop: &Stop) -> Result<Exit, Refused> {
         Some(path) => create(path, &sheet.source.text)?,
         None => say(&sheet.source.text),
     }
-    eprintln!("{} objects of node {} answered", eds.objects.len(), found.node);
+    complain!("{} objects of node {} answered", eds.objects.len(), found.node);
     Ok(Exit::Green)
 }
 

@@ -65,8 +65,8 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     if holes.is_empty() {
         return Ok(Exit::Green);
     }
-    holes.iter().for_each(|hole| eprintln!("hole: {hole}"));
-    eprintln!("{}", counted(holes.len(), "hole"));
+    holes.iter().for_each(|hole| complain!("hole: {hole}"));
+    complain!("{}", counted(holes.len(), "hole"));
     Ok(Exit::Holes)
 }
 

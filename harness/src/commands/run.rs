@@ -116,12 +116,12 @@ impl Prepared {
         let worst = stopped.max(of_verdicts(reporter)).max(of_waivers);
         // That enough failed is what the user asked for.
         if let Some(reason) = reason.as_ref().filter(|_| stopped > Exit::Green) {
-            eprintln!("error: {}", harmless(reason));
+            complain!("error: {}", harmless(reason));
         }
         reporter.tell(&Event::RunEnded(RunEnded { exit: worst as u8, reason }));
         let finished = reporter.finish();
         for complaint in outdated {
-            eprintln!("{}\n", harmless(&complaint.to_string()));
+            complain!("{}\n", harmless(&complaint.to_string()));
         }
         worst.max(finished)
     }
@@ -170,7 +170,7 @@ impl Sessions<'_> {
         let undo = undo(target, &args.selection);
         let mut tell = |event| {
             if let Some(why) = undo.failure() {
-                eprintln!("warning: {why}");
+                complain!("warning: {why}");
             }
             tell(event);
         };
@@ -204,7 +204,7 @@ impl Sessions<'_> {
             let (name, node) = (&target.dut.name, target.dut.node);
             let why = format!("{name}, node {node}: {changed}{}", log.unwrap_or_default());
             tell(Event::Note(Note { at: Instant::ZERO, text: why.clone() }));
-            eprintln!("warning: {}", harmless(&why));
+            complain!("warning: {}", harmless(&why));
         }
         after(&ending, target)
     }
@@ -238,7 +238,7 @@ fn undo(target: &Target, selection: &Selection) -> Undo {
     for (name, left) in undo_log::all(&folder) {
         if same(&left) && !left.is_running() {
             let objects: Vec<&str> = left.objects.keys().map(String::as_str).collect();
-            eprintln!(
+            complain!(
                 "note: a run that was killed may have left changed in node {}: {}; `harness \
                  restore {name}` sets them back",
                 left.node,
@@ -298,7 +298,7 @@ fn suites_of_nobody(library: &Library, duts: &[&Dut]) -> Vec<Complaint> {
         }
         let meant = did_you_mean(device, devices::names());
         match meant.is_empty() {
-            true => eprintln!(
+            true => complain!(
                 "note: suite {} is for the device `{device}` and is left out; `--device {device}` \
                  names the device under test",
                 suite.name()

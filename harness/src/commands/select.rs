@@ -100,7 +100,7 @@ pub(super) fn known_device(selection: &Selection, library: &Library) -> Result<(
         )));
     }
     if !meant.is_empty() {
-        eprintln!("note: --device {name}: no suite is for a device of this name{meant}");
+        complain!("note: --device {name}: no suite is for a device of this name{meant}");
     }
     Ok(())
 }

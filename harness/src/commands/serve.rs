@@ -45,7 +45,7 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
     let socket = args.bench_socket.as_deref().map(Socket::open).transpose()?;
     if let Some(target) = &args.target {
         let deviation = deviation.map(|with| format!(" with {}", with.query)).unwrap_or_default();
-        eprintln!("{}{deviation} is node {node} on {target}; Ctrl-C ends it", args.device);
+        complain!("{}{deviation} is node {node} on {target}; Ctrl-C ends it", args.device);
     }
     loop {
         let end = socket.as_ref().map_or(Instant::NEVER, |_| bus.now() + SLICE);
@@ -53,7 +53,7 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
             Ok(()) => {}
             Err(BusError::Interrupted) => return Ok(Exit::Green),
             // A device sees an error frame and goes on.
-            Err(BusError::Controller(what)) => eprintln!("the CAN controller reports {what}"),
+            Err(BusError::Controller(what)) => complain!("the CAN controller reports {what}"),
             Err(error) => return Err(Refused::bus(error.to_string())),
         }
         let Some(socket) = &socket else { continue };

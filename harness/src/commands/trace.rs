@@ -59,8 +59,8 @@ pub(super) fn run(args: &TraceArgs) -> Result<Exit, Refused> {
     if holes.is_empty() {
         return Ok(Exit::Green);
     }
-    holes.iter().for_each(|hole| eprintln!("hole: {hole}"));
-    eprintln!("{}", counted(holes.len(), "hole"));
+    holes.iter().for_each(|hole| complain!("hole: {hole}"));
+    complain!("{}", counted(holes.len(), "hole"));
     Ok(Exit::Holes)
 }
 

@@ -84,7 +84,7 @@ impl Folders {
             let mut found = Vec::new();
             read_folder(&folder, &mut found).map_err(|complaint| vec![complaint])?;
             if folder == here && differ(&found, &embedded()) {
-                eprintln!(
+                complain!(
                     "note: the suites of ./suites are read, which differ from those in this program"
                 );
             }

@@ -67,7 +67,7 @@ pub(crate) fn protect(selection: &Selection, dut: &mut Dut) {
         protection = file.protection(&dut.eds, generic_io);
         dut.hooks = file.hooks();
         for complaint in file.absent_objects(&dut.eds) {
-            eprintln!("{}\n", complaint.to_string().replacen("error", "warning", 1));
+            complain!("{}\n", complaint.to_string().replacen("error", "warning", 1));
         }
     }
     if let Some(why) = dut.unlisted_bit_rate() {

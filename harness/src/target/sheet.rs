@@ -45,7 +45,7 @@ pub(crate) fn read_eds(path: &Path) -> Result<(Sheet, Eds), Refused> {
     let (sheet, eds) = Sheet::read(path.display().to_string(), &bytes);
     if sheet.diagnostics.iter().any(|found| found.severity == Severity::Error) {
         let path = path.display();
-        eprintln!("warning: {path} has errors; `harness eds check {path}` shows them");
+        complain!("warning: {path} has errors; `harness eds check {path}` shows them");
     }
     if eds.objects.is_empty() {
         let message = format!("error: {}: this data sheet has no objects", path.display());
@@ -117,7 +117,7 @@ pub(super) fn of_found(
         None => {
             let what = found.follows().map(|follows| format!(", {follows}")).unwrap_or_default();
             let node = found.node;
-            eprintln!(
+            complain!(
                 "note: this program has no data sheet of node {node}{what}. One is generated from \
                  the answers of the device; --eds FILE gives a better one."
             );
