@@ -114,8 +114,8 @@ impl<'l> Assertions<'l> {
             if whole && proved * 100 < all * least {
                 let what = if of_steps { "steps" } else { "constraints" };
                 holes.push(format!(
-                    "{proved} of {all} {what} that are not excused are proved, fewer than {least} %: \
-                     `--unproved` lists the rest"
+                    "{proved} of {all} {what} that are not excused are proved, fewer than \
+                     {least} %: `--unproved` lists the rest"
                 ));
             }
         }
