@@ -23,6 +23,9 @@ const LARGEST_MIXTURE: usize = 6;
 /// How many freedoms are tried together at first.
 const LARGEST_GROUP: usize = 8;
 
+/// How many instances say whether a freedom is one that changes most of them.
+const SAMPLE: usize = 16;
+
 /// The freedoms of one device, and what they showed.
 pub(super) struct Freedoms<'c, 'l> {
     compared: Compared<'c, 'l>,
@@ -95,10 +98,19 @@ impl<'c, 'l> Freedoms<'c, 'l> {
             all.push(Self::untried(clean)?);
             personalities.push(freedom::personalities(&clean.device)?);
         }
+        let each: Vec<(&Compared, &Freedom)> = all
+            .iter()
+            .flat_map(|of| of.freedoms.iter().map(|freedom| (&of.compared, freedom)))
+            .collect();
+        let mut loud = try_map(&each, |(of, freedom)| of.is_loud(freedom))?.into_iter();
         let mut tasks = Vec::new();
         for (place, (of, personalities)) in all.iter().zip(&personalities).enumerate() {
-            let groups = groups(&of.compared.clean.device, &of.freedoms);
-            tasks.extend(groups.into_iter().map(|group| (place, Task::Group(group))));
+            // One that changes everything would leave nothing alike in its group.
+            let (alone, quiet): (Vec<_>, Vec<_>) =
+                of.freedoms.iter().partition(|_| loud.next() == Some(true));
+            let groups = groups(&of.compared.clean.device, &quiet);
+            let groups = alone.into_iter().map(|freedom| vec![freedom]).chain(groups);
+            tasks.extend(groups.map(|group| (place, Task::Group(group))));
             tasks.extend(personalities.iter().map(|one| (place, Task::Personality(one))));
         }
         let done = try_map(&tasks, |(place, task)| all[*place].compared.run(task))?;
@@ -222,6 +234,16 @@ impl Compared<'_, '_> {
         })
     }
 
+    /// Whether a freedom changes the frames of most instances, by a sample.
+    fn is_loud(&self, freedom: &Freedom) -> Result<bool, Refused> {
+        let passed = || self.clean.trials.iter().filter(|trial| trial.verdict == Verdict::Pass);
+        let step = passed().count().div_ceil(SAMPLE).max(1);
+        let names: BTreeSet<String> =
+            passed().step_by(step).map(|trial| trial.name.clone()).collect();
+        let tried = self.tried(freedom.deviation(), &Wanted::Instances(&names))?;
+        Ok(2 * tried.affected.len() > names.len())
+    }
+
     /// Tries freedoms that a device can use together, then each alone. What goes as without
     /// deviation on a device that uses them all goes so with each of them, unless two undo each
     /// other bit by bit, and is not tried again.
@@ -329,10 +351,10 @@ fn fits<'f>(device: &ReferenceDevice, freedoms: impl Iterator<Item = &'f Freedom
 
 /// Sets of freedoms that a device can use together, with each freedom in one of them. Those that
 /// change the data sheet, and with it the plan, come first.
-fn groups<'f>(device: &ReferenceDevice, freedoms: &'f [Freedom]) -> Vec<Vec<&'f Freedom>> {
+fn groups<'f>(device: &ReferenceDevice, freedoms: &[&'f Freedom]) -> Vec<Vec<&'f Freedom>> {
     let mut groups: Vec<Vec<&Freedom>> = Vec::new();
-    let (sheet, rest): (Vec<_>, Vec<_>) =
-        freedoms.iter().partition(|freedom| freedom.deviation().changes_data_sheet());
+    let (sheet, rest): (Vec<&Freedom>, Vec<_>) =
+        freedoms.iter().copied().partition(|freedom| freedom.deviation().changes_data_sheet());
     for freedom in sheet.into_iter().chain(rest) {
         let takes = |group: &&mut Vec<&'f Freedom>| {
             group.len() < LARGEST_GROUP
@@ -399,6 +421,7 @@ mod tests {
     fn each_freedom_is_in_one_group_with_freedoms_that_agree() {
         let device = devices::device(WITH_EVERYTHING).unwrap();
         let freedoms = freedom::of(&device).unwrap();
+        let freedoms: Vec<&Freedom> = freedoms.iter().collect();
         let groups = groups(&device, &freedoms);
         let mut names: Vec<&String> = groups.iter().flatten().map(|member| &member.name).collect();
         let count = names.len();
