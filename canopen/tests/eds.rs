@@ -306,3 +306,19 @@ const VALUES: &str = "\
     |0|1|7|8|9|2|010|08|0x1|0x5|0x0007|0x8|-1|1.0|1.5|0xFF|0x10L|12h|$NODEID|$nodeid + 5|\
     0x180+$NODEID|$NODEID+0xFFFFFFFF|rw|RO|Const|x|0x7 # why|a;b|0x2000|Größe|01 02 03|0102|\
     1e400|0x7FC00000|3|4|0x9|0x0F|0x0A|true";
+
+#[test]
+fn short_forms_that_stand_for_too_much_are_refused() {
+    let object = |index: u16| {
+        format!(
+            "[{index:04X}]\r\nParameterName=Many\r\nObjectType=8\r\nDataType=5\r\nAccessType=rw\r\n\
+             CompactSubObj=254\r\n"
+        )
+    };
+    let text: String = (0x2000..0x2000 + 500).map(object).collect();
+    let reading = read(text.as_bytes());
+    let subs: usize = reading.eds.objects.iter().map(|object| object.entries.len()).sum();
+    assert!(subs <= 101_000, "{subs}");
+    let said = "the short forms describe more than 100000 sub-indices";
+    assert!(reading.diagnostics.iter().any(|diagnostic| diagnostic.message == said));
+}

@@ -567,7 +567,7 @@ impl CaseOutcome<'_> {
         let problem = self.problem(phase, place, difference);
         match &mut self.outcome {
             Outcome::Pass => self.outcome = Outcome::Lenient(problem),
-            Outcome::Lenient(first) => note(&mut first.notes, &problem),
+            Outcome::Lenient(first) => note(&mut first.notes, summary(&problem)),
             _ => {}
         }
     }
@@ -575,7 +575,7 @@ impl CaseOutcome<'_> {
     fn fail(&mut self, phase: Phase, place: Place, difference: Difference) {
         let problem = self.problem(phase, place, difference);
         match &mut self.outcome {
-            Outcome::Fail(first) => note(&mut first.notes, &problem),
+            Outcome::Fail(first) => note(&mut first.notes, summary(&problem)),
             Outcome::Error { .. } => {}
             _ => self.outcome = Outcome::Fail(problem),
         }
@@ -623,10 +623,10 @@ impl CaseOutcome<'_> {
 }
 
 /// What else is wrong, as far as anybody reads.
-fn note(notes: &mut Vec<String>, problem: &Problem) {
+fn note(notes: &mut Vec<String>, text: String) {
     const MOST: usize = 100;
     match notes.len() {
-        ..MOST => notes.push(summary(problem)),
+        ..MOST => notes.push(text),
         MOST => notes.push(format!("and more: these are the first {MOST}")),
         _ => {}
     }
@@ -652,3 +652,16 @@ pub(super) fn data_sheet_identifiers(dut: &Dut) -> Vec<u16> {
 const INHIBIT_TIME_EMCY: Mux = Mux::new(0x1015, 0);
 const SYNC: Mux = Mux::new(0x1005, 0);
 const TIME: Mux = Mux::new(0x1012, 0);
+
+#[cfg(test)]
+mod tests {
+    use super::note;
+
+    #[test]
+    fn notes_end_with_a_word_about_the_rest() {
+        let mut notes = Vec::new();
+        (0..1000).for_each(|number| note(&mut notes, number.to_string()));
+        assert_eq!((notes.len(), notes[99].as_str()), (101, "99"));
+        assert_eq!(notes[100], "and more: these are the first 100");
+    }
+}

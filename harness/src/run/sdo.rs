@@ -298,6 +298,43 @@ mod tests {
         (wire::load(&trace, BIT_RATE), ended)
     }
 
+    /// Answers an upload of any object with segments that are empty and not the last one.
+    struct Endless(u8);
+
+    impl canopen::Device for Endless {
+        fn handle_frame(&mut self, _: Instant, frame: &Frame, out: &mut canopen::Outbox) {
+            let mut answer = frame.data.padded();
+            match answer[0] >> 5 {
+                2 => answer[0] = 0x40,
+                3 => {
+                    (answer[0], self.0) = (self.0 << 4 | 7 << 1, self.0 ^ 1);
+                }
+                _ => return,
+            }
+            out.push(Frame::new(RESPONSE_COB_ID + u16::from(NODE), answer));
+        }
+
+        fn handle_timeout(&mut self, _: Instant, _: &mut canopen::Outbox) {}
+
+        fn poll_at(&self) -> Option<Instant> {
+            None
+        }
+    }
+
+    #[test]
+    fn a_transfer_that_does_not_end_is_aborted_and_said() {
+        let mut bus = VirtualBus::new(BIT_RATE);
+        bus.attach(Endless(0));
+        let mut link = Link::new(&mut bus);
+        let (client, request) = Client::upload(LARGE);
+        let running = Running { left: 50, ..Running::new(client, request) };
+        let ended = running.finish(&mut link, &Policy::at_bit_rate(BIT_RATE), NODE).unwrap();
+        let Err(Failure::Violation { expected, .. }) = ended.result else { panic!("it ended") };
+        assert_eq!(expected, "the end after 160000 answers");
+        let last = link.take_trace().pop().unwrap().stamped.frame;
+        assert_eq!(last, Request::Abort(LARGE, Abort::MEMORY).frame(NODE));
+    }
+
     #[test]
     fn a_block_download_leaves_no_gap_on_the_wire() {
         let data: Vec<u8> = (0..10_000).map(|place| (place % 251) as u8).collect();

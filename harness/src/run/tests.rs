@@ -125,14 +125,8 @@ fn run_until(bus: &mut Odd, cases: usize, steps: &str, stop: &Stop, undo: &Undo)
             "  - id: case-{case}\n    title: Anything.\n    checks: [ANY-01]\n    steps: {steps}\n"
         ));
     }
-    let source =
-        |name: &str, text: &str| Arc::new(Source { name: name.to_owned(), text: text.to_owned() });
-    let sources =
-        [source("suites/requirements/any.yaml", REGISTER), source("suites/any.yaml", &text)];
-    let library = Library::from_sources(&sources, Catalogue::built_in()).unwrap();
-    let eds = eds::read(devices::device("drr460").unwrap().eds_text().as_bytes()).eds;
-    let dut = Dut { bit_rate: Some(BIT_RATE), ..Dut::new("drr460", NODE, eds) };
-    let plan = plan::plan(&library, &dut, &BTreeMap::new()).unwrap();
+    let library = library(&text);
+    let plan = plan::plan(&library, &dut(), &BTreeMap::new()).unwrap();
     let session = Session {
         plan: &plan,
         register: &library.register,
@@ -152,6 +146,20 @@ fn run_until(bus: &mut Odd, cases: usize, steps: &str, stop: &Stop, undo: &Undo)
         _ => {}
     });
     Ran { ending, outcomes, notes, remark, took: bus.now().since(Instant::ZERO) }
+}
+
+/// A suite of this text, with the register.
+fn library(text: &str) -> Library {
+    let source =
+        |name: &str, text: &str| Arc::new(Source { name: name.to_owned(), text: text.to_owned() });
+    let sources =
+        [source("suites/requirements/any.yaml", REGISTER), source("suites/any.yaml", text)];
+    Library::from_sources(&sources, Catalogue::built_in()).unwrap()
+}
+
+fn dut() -> Dut {
+    let eds = eds::read(devices::device("drr460").unwrap().eds_text().as_bytes()).eds;
+    Dut { bit_rate: Some(BIT_RATE), ..Dut::new("drr460", NODE, eds) }
 }
 
 fn verdicts(ran: &Ran) -> Vec<Verdict> {
@@ -349,4 +357,27 @@ fn a_second_signal_names_what_stays_changed() {
     let said = "these objects may not be as they were before the run: 1017:00 (was 00 00)";
     assert_eq!(undo.said().as_deref(), Some(said));
     assert_eq!(ran.notes, ["not every object could be restored: 1017:00"]);
+}
+
+#[test]
+fn a_step_that_sends_for_hours_is_refused() {
+    let steps = "[ produce: { frame: '123#', count: 1000001, every: 1 ms } ]";
+    let ran = run(&mut odd(Box::new(|_, seen| Some(seen))), 1, steps);
+    let Outcome::Error { reason, .. } = &ran.outcomes[0] else { panic!("{:?}", ran.outcomes) };
+    assert_eq!(reason, "a step may send 1000000 frames, and this one sends 1000001");
+}
+
+#[test]
+fn a_case_with_too_many_instances_is_refused_before_they_are_made() {
+    let values: Vec<String> = (0..30).map(|value| value.to_string()).collect();
+    let values = values.join(", ");
+    let matrix = ["a", "b", "c", "d", "e", "f"].map(|name| format!("{name}: [{values}]"));
+    let text = format!(
+        "suite: any\ncases:\n  - id: all\n    title: Anything.\n    checks: [ANY-01]\n    \
+         matrix: {{ {} }}\n    steps: [ write: {{ object: '1017:00', value: $a }} ]\n",
+        matrix.join(", ")
+    );
+    let complaints = plan::plan(&library(&text), &dut(), &BTreeMap::new()).unwrap_err();
+    let said = "`all` has 729000000 instances, and a case may have 20000";
+    assert_eq!(complaints[0].message, said);
 }
