@@ -208,6 +208,68 @@ fn what_a_run_that_was_killed_left_changed_is_set_back() {
     assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
 }
 
+/// The device file of the run protects the device from what sets it back, too.
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn what_is_protected_is_not_set_back_either() {
+    let _wire = wire();
+    let files = Files::new();
+    let _served = Served::start();
+    let mut seen = SocketCan::open("vcan0", Stop::default()).expect("vcan0 is up");
+    let device_file = files.path("device-under-test.yaml");
+    let protect = |object: &str| {
+        let text =
+            format!("target: vcan0\nnode: 1\nprotect:\n  objects: [\"{object}\"]\n  loads: 4\n");
+        std::fs::write(&device_file, text).unwrap();
+    };
+    protect("4000");
+    let mut command = files.harness();
+    command.arg("--dut").arg(&device_file).args(["--only-suites", SUITES, "interrupted/long"]);
+    let mut run = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    wait_for_the_write(&mut seen);
+    run.kill().unwrap();
+    run.wait().unwrap();
+
+    let restore = |arguments: &[&str]| {
+        let output = files.harness().arg("restore").args(arguments).output().unwrap();
+        let said = format!("{}{}", text(&output.stdout), text(&output.stderr));
+        (said, output.status.code())
+    };
+    let (listed, _) = restore(&[]);
+    let name = listed.split_whitespace().next().unwrap();
+    protect("1017");
+    let refused = "error: node 1 on vcan0 refuses 1017:00\n".to_owned();
+    assert_eq!(restore(&[name]), (refused, Some(1)));
+    assert_eq!(restore(&[]).0, listed, "it is still named");
+    protect("4000");
+    let back = "1017:00 = 00 00\n1 object of node 1 on vcan0 set back\n".to_owned();
+    assert_eq!(restore(&[name]), (back, Some(0)));
+}
+
+/// The device is a program that the harness starts, and has the interface of the harness.
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn a_program_on_the_interface_gets_the_verdicts_of_virtual_time() {
+    let _wire = wire();
+    let files = Files::new();
+    let cases = ["cia301/sdo-expedited", "cia301/objects-*", "cia301/heartbeat"];
+    let run = |target: &str| {
+        let mut command = files.harness();
+        command.args(["--target", target, "--no-progress"]).args(cases).args(files.options());
+        let output = command.output().unwrap();
+        assert!(matches!(output.status.code(), Some(0 | 1 | 6)), "{}", text(&output.stderr));
+        files.run()
+    };
+    let program = format!("{} serve generic --target vcan0", env!("CARGO_BIN_EXE_harness"));
+    let (simulated, served) = (run("sim:generic"), run(&format!("exec@vcan0:{program}")));
+    let once_more = differing(&simulated, &served);
+    assert!(once_more.len() <= MOST_STALLED, "{once_more:?}");
+    if !once_more.is_empty() {
+        let alone = rerun(&files, &once_more, &["--target", &format!("exec@vcan0:{program}")]);
+        assert_eq!(still_different(&simulated, &alone, &once_more), "");
+    }
+}
+
 #[test]
 #[ignore = "needs vcan0: scripts/with-vcan"]
 fn a_device_that_dies_in_the_middle_still_gives_a_report() {
@@ -253,6 +315,8 @@ fn a_bench_behind_a_socket_switches_the_supply() {
     assert_eq!(served.0.wait().unwrap().code(), Some(0));
     assert!(!socket.exists(), "a socket goes with its device");
 }
+
+const SUITES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vcan/suites");
 
 /// More cases than a stalled machine spoils.
 const MOST_STALLED: usize = 5;
@@ -344,10 +408,9 @@ impl Files {
 
     /// Starts a run of the suites beside this file.
     fn start(&self, cases: &[&str]) -> Child {
-        let suites = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vcan/suites");
         let mut command = self.harness();
         command
-            .args(["--target", "vcan0", "--only-suites", suites])
+            .args(["--target", "vcan0", "--only-suites", SUITES])
             .args(cases)
             .args(self.options());
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
