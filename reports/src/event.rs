@@ -164,6 +164,10 @@ pub struct Check {
     /// How binding it is: `must`, `should` or `may`.
     #[serde(default)]
     pub level: String,
+    /// The decision of the device's own document by which it is no more than a `should` for this
+    /// device.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relaxed_by: Option<String>,
     /// What the document demands there.
     pub says: String,
 }

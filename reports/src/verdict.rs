@@ -123,12 +123,14 @@ impl Outcome {
         Self::Error { reason: format!("{NOT_RUN}{why}"), problem: None }
     }
 
-    /// The same for a case that checks no requirement which is a must: such a case does not fail.
+    /// The same for a case that checks no requirement which is a must for the device: such a
+    /// case does not fail. `reasons` say what relaxes those that are a must for others.
     #[must_use]
-    pub fn capped(self) -> Self {
+    pub fn capped(self, reasons: Vec<String>) -> Self {
         match self {
             Self::Fail(mut problem) => {
                 problem.capped = true;
+                problem.notes.extend(reasons);
                 Self::Lenient(problem)
             }
             other => other,

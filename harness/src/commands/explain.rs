@@ -96,6 +96,7 @@ impl Book {
             page.field("open", &decision.conflict);
             page.field("decided", &decision.decision);
             page.field("because", &decision.reason);
+            page.list("relaxes", decision.relaxes.iter().map(|id| id.value.clone()).collect());
             return Some(page.0);
         }
         let mutants = self.mutants.iter().filter(|(known, _)| known.name == name);
@@ -148,6 +149,15 @@ impl Book {
         page.field("requires", &format!("{id}, {} clause {}", requirement.title, entry.clause));
         page.more(&entry.says);
         self.decided(page, requirement);
+        self.relaxed(page, id);
+    }
+
+    fn relaxed(&self, page: &mut Page, id: &str) {
+        for (device, by) in self.library.register.relaxed(id) {
+            let decision = self.library.register.decision(by).map(|found| found.decision.as_str());
+            let decision = decision.unwrap_or_default();
+            page.field("relaxed", &format!("a should for {device} by {by}: {decision}"));
+        }
     }
 
     fn decided(&self, page: &mut Page, requirement: &Requirement) {
@@ -169,6 +179,7 @@ impl Book {
         page.field(level, &entry.says);
         page.field("in", &format!("{}:{}", requirement.source.name, entry.id.place.line));
         self.decided(&mut page, requirement);
+        self.relaxed(&mut page, id);
         if let Some(reason) = &entry.untestable {
             page.field("untestable", reason);
         }

@@ -20,6 +20,8 @@ struct Row<'r> {
     document: &'r str,
     clause: &'r str,
     level: &'static str,
+    /// The devices for which it is a `should`, each with the decision that says so.
+    relaxed: BTreeMap<&'r str, &'r str>,
     says: &'r str,
     untestable: Option<&'r str>,
     cases: Vec<String>,
@@ -108,6 +110,7 @@ fn rows<'l>(library: &'l Library, breaks: &Breaks) -> Vec<Row<'l>> {
             document: &requirement.document,
             clause: &entry.clause,
             level: entry.level.name(),
+            relaxed: library.register.relaxed(id).collect(),
             says: &entry.says,
             untestable: entry.untestable.as_deref(),
             cases: cases.get(id).cloned().unwrap_or_default(),
@@ -130,12 +133,13 @@ fn markdown(rows: &[Row]) -> String {
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "| {} {} | {} {} | {} | {cases} | {} |",
+            "| {} {} | {} {} | {}{} | {cases} | {} |",
             row.id,
             row.says.replace('|', "\\|"),
             row.document,
             row.clause,
             row.level,
+            relaxed(row, "; should for "),
             few(&mutants),
         );
     }
@@ -143,6 +147,11 @@ fn markdown(rows: &[Row]) -> String {
     let requirements = counted(rows.len(), "requirement");
     _ = writeln!(text, "\n{requirements}, {untestable} of them untestable");
     text
+}
+
+/// Where another level holds, each after `before`.
+fn relaxed(row: &Row, before: &str) -> String {
+    row.relaxed.iter().map(|(device, by)| format!("{before}{device} by {by}")).collect()
 }
 
 /// The first names and how many follow: a row is read beside others. CSV and JSON have all.
@@ -159,9 +168,10 @@ const FEW: usize = 3;
 fn csv(rows: &[Row]) -> String {
     let quote = |field: &str| format!("\"{}\"", field.replace('"', "\"\""));
     let mut text =
-        String::from("requirement,document,clause,level,says,untestable,cases,mutants\n");
+        String::from("requirement,document,clause,level,says,untestable,cases,mutants,relaxed\n");
     for row in rows {
         let mutants: Vec<&str> = row.mutants.iter().map(String::as_str).collect();
+        let relaxed = relaxed(row, " ");
         let fields = [
             row.id,
             row.document,
@@ -171,6 +181,7 @@ fn csv(rows: &[Row]) -> String {
             row.untestable.unwrap_or_default(),
             &row.cases.join(" "),
             &mutants.join(" "),
+            relaxed.trim_start(),
         ];
         text.push_str(&fields.map(quote).join(","));
         text.push('\n');
@@ -187,6 +198,7 @@ fn json(rows: &[Row]) -> String {
                 "document": row.document,
                 "clause": row.clause,
                 "level": row.level,
+                "relaxed": row.relaxed,
                 "says": row.says,
                 "untestable": row.untestable,
                 "cases": row.cases,

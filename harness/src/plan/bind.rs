@@ -45,6 +45,7 @@ pub(crate) fn plan_cases(
     wanted: impl Fn(&Suite, &Case) -> bool,
 ) -> Result<Plan, Vec<Complaint>> {
     let (mut instances, mut complaints) = (Vec::new(), Vec::new());
+    let relaxed = relaxed(library, dut, models);
     for suite in &library.suites {
         let model = match &suite.file.device {
             None => None,
@@ -57,7 +58,14 @@ pub(crate) fn plan_cases(
         let cases = suite.file.cases.iter().enumerate();
         for (place, case) in cases.filter(|(_, case)| wanted(suite, &case.value)) {
             match bind_case(suite, place, &case.value, dut, model) {
-                Ok(bound) => instances.extend(bound),
+                Ok(bound) => instances.extend(bound.into_iter().map(|instance| {
+                    let checks = &case.value.checks;
+                    let is_checked = |id: &str| checks.iter().any(|check| check.value == id);
+                    let relaxed = relaxed.iter().filter(|(id, _)| is_checked(id));
+                    let relaxed = relaxed.map(|(id, by)| ((*id).to_owned(), (*by).to_owned()));
+                    let relaxed = relaxed.collect();
+                    Instance { relaxed, ..instance }
+                })),
                 Err(wrong) => complaints.extend(wrong),
             }
         }
@@ -71,6 +79,23 @@ pub(crate) fn plan_cases(
     }
 }
 
+/// Whether something of the in-tree device `name` is for this device: it is that one, or it is of
+/// the same vendor and product.
+fn is_of(name: &str, dut: &Dut, models: &BTreeMap<&str, &Eds>) -> bool {
+    models.contains_key(name) || name == dut.name
+}
+
+/// The requirements that the device's own document relaxes, with the decision that says so.
+fn relaxed<'l>(
+    library: &'l Library,
+    dut: &Dut,
+    models: &BTreeMap<&str, &Eds>,
+) -> BTreeMap<&'l str, &'l str> {
+    let all = library.register.relaxations().iter();
+    let own = all.filter(|relaxation| is_of(&relaxation.device, dut, models));
+    own.map(|relaxation| (relaxation.requirement.value.as_str(), relaxation.by.as_str())).collect()
+}
+
 fn bind_case(
     suite: &Arc<Suite>,
     place: usize,
@@ -80,8 +105,8 @@ fn bind_case(
 ) -> Result<Vec<Instance>, Vec<Complaint>> {
     let instance = |label, scope, skip| {
         let suite = Arc::clone(suite);
-        let (protected, foreign, unfit) = (false, false, None);
-        Instance { suite, case: place, label, scope, skip, protected, foreign, unfit }
+        let (protected, foreign, unfit, relaxed) = (false, false, None, BTreeMap::new());
+        Instance { suite, case: place, label, scope, skip, protected, foreign, unfit, relaxed }
     };
     check::requires(suite, case, dut).map_err(|complaint| vec![complaint])?;
     let lacks = || case.requires.iter().find_map(|requires| lacks(&requires.value, dut, suite));

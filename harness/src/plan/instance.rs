@@ -45,6 +45,9 @@ pub struct Instance {
     pub foreign: bool,
     /// What in its steps the data sheet contradicts.
     pub unfit: Option<Box<Complaint>>,
+    /// The requirements among those it checks that the device's own document relaxes, with the
+    /// decision that says so.
+    pub relaxed: BTreeMap<String, String>,
 }
 
 impl Plan {
@@ -59,6 +62,12 @@ impl Plan {
             }
             stays
         });
+    }
+
+    /// Keeps every `nth` instance, from that at `first` on.
+    pub(crate) fn keep_every(&mut self, nth: usize, first: usize) {
+        let mut place = 0..;
+        self.instances.retain(|_| place.next().is_some_and(|place| place % nth == first));
     }
 
     /// The names of these instances and of those that prove what they rely on.

@@ -318,10 +318,7 @@ impl Session<'_> {
             if let Some(witness) = self.witness {
                 witness.shows(finished.shown.unwrap_or_default());
             }
-            let outcome = match self.is_binding(instance) {
-                true => finished.outcome,
-                false => finished.outcome.capped(),
-            };
+            let outcome = self.at_its_level(instance, finished.outcome);
             reliance.learn(instance, &outcome);
             if matches!(finished.aftermath, Aftermath::Gone(_)) {
                 self.say_ways_back(link);
@@ -363,13 +360,26 @@ impl Session<'_> {
         ending
     }
 
-    /// Whether a case checks a requirement that a conformant device must keep.
-    fn is_binding(&self, instance: &Instance) -> bool {
-        let must = |id: &At<String>| {
+    /// A case fails when it checks a requirement that a conformant device must keep, unless a
+    /// document of the device itself relaxes that.
+    fn at_its_level(&self, instance: &Instance, outcome: Outcome) -> Outcome {
+        let must = |id: &&At<String>| {
             let requirement = self.register.find(&id.value);
             requirement.is_none_or(|found| found.entry.value.level == Level::Must)
         };
-        instance.case().checks.iter().any(must)
+        let mut musts = instance.case().checks.iter().filter(must).map(|id| &id.value).peekable();
+        if musts.peek().is_none() {
+            return outcome.capped(Vec::new());
+        }
+        let reasons = musts.map(|id| {
+            let by = instance.relaxed.get(id)?;
+            let decision = self.register.decision(by).map(|found| found.decision.trim_end());
+            Some(format!("{by} relaxes {id}: {}", decision.unwrap_or_default()))
+        });
+        match reasons.collect::<Option<Vec<String>>>() {
+            Some(reasons) => outcome.capped(reasons),
+            None => outcome,
+        }
     }
 }
 
@@ -405,6 +415,7 @@ impl Starts<'_> {
                 document: requirement.title.clone(),
                 clause: entry.clause.clone(),
                 level: entry.level.name().to_owned(),
+                relaxed_by: instance.relaxed.get(&id.value).cloned(),
                 says: entry.says.clone(),
             })
         });

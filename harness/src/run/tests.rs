@@ -96,6 +96,35 @@ fn stalled(stalls: u32) -> Odd {
     Odd { stalls, ..odd(Box::new(|_, seen| Some(seen))) }
 }
 
+#[test]
+fn what_a_document_relaxes_it_relaxes_for_devices_of_its_vendor_and_product_only() {
+    const MANUAL: &str = "\
+document: manual
+title: The manual of a device
+device: drr460
+interpretations:
+  - { id: M-1, clause: '1', conflict: Any., decision: Any., reason: Any., relaxes: [ANY-01] }
+";
+    let suite = "suite: any\ncases:\n  - { id: a, title: Any., checks: [ANY-01], steps: [] }\n";
+    let source =
+        |name: &str, text: &str| Arc::new(Source { name: name.to_owned(), text: text.to_owned() });
+    let sources = [
+        source("suites/requirements/any.yaml", REGISTER),
+        source("suites/requirements/manual.yaml", MANUAL),
+        source("suites/any.yaml", suite),
+    ];
+    let library = Library::from_sources(&sources, Catalogue::built_in()).unwrap();
+    let eds = eds::read(devices::device("drr460").unwrap().eds_text().as_bytes()).eds;
+    let alike = BTreeMap::from([("drr460", &eds)]);
+    let relaxed = |name, models: &BTreeMap<_, _>| {
+        let plan = plan::plan(&library, &Dut::new(name, NODE, eds.clone()), models).unwrap();
+        plan.instances[0].relaxed.get("ANY-01").cloned()
+    };
+    assert_eq!(relaxed("drr460", &BTreeMap::new()).as_deref(), Some("M-1"));
+    assert_eq!(relaxed("bought", &alike).as_deref(), Some("M-1"));
+    assert_eq!(relaxed("bought", &BTreeMap::new()), None);
+}
+
 const REGISTER: &str = "\
 document: any
 title: Any document

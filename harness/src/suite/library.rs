@@ -9,7 +9,7 @@ use super::constraint::assertion_name;
 use super::folders::{Folders, embedded};
 use super::loaded::Suite;
 use super::model::{Case, SuiteFile};
-use super::register::Register;
+use super::register::{Register, Relaxation};
 use super::step::Step;
 use super::test_map::{TestMapEntry, wrong_map};
 use crate::nearest::did_you_mean;
@@ -123,6 +123,7 @@ impl Library {
         complaints.extend(needless_excuses(&loaded));
         if register_is_whole {
             complaints.extend(unknown_requirements(&loaded, &register));
+            complaints.extend(unknown_relaxations(&register));
         }
         // What is missing may stand in a suite that does not load.
         if register_is_whole && suites_are_whole {
@@ -236,6 +237,21 @@ fn unknown_requirements(suites: &[Arc<Suite>], register: &Register) -> Vec<Compl
         }
     }
     complaints
+}
+
+/// What a document relaxes is a requirement, as far as its document is loaded.
+fn unknown_relaxations(register: &Register) -> Vec<Complaint> {
+    let unknown = register.relaxations().iter().filter(|relaxation| {
+        let id = &relaxation.requirement.value;
+        register.find(id).is_none() && !register.lacks_document_of(id)
+    });
+    let complain = |relaxation: &Relaxation| {
+        let At { value: id, place } = &relaxation.requirement;
+        let meant = did_you_mean(id, register.iter().map(|(id, _)| id));
+        let message = format!("no requirement `{id}` in the register{meant}");
+        Complaint::at(&relaxation.source, *place, message)
+    };
+    unknown.map(complain).collect()
 }
 
 /// What cases rely on is a requirement, and something else proves it.

@@ -14,6 +14,7 @@ use crate::source::{At, Complaint, Source, read_yaml};
 pub struct Register {
     requirements: BTreeMap<String, Requirement>,
     decisions: BTreeMap<String, InterpretationEntry>,
+    relaxations: Vec<Relaxation>,
 }
 
 /// One statement of a document, in our own words.
@@ -29,6 +30,20 @@ pub struct Requirement {
     pub entry: At<RequirementEntry>,
 }
 
+/// A requirement of another document that is no more than a `should` for a device, since the
+/// device's own document says otherwise or can be read otherwise.
+#[derive(Debug)]
+pub(crate) struct Relaxation {
+    /// The in-tree device whose document it is.
+    pub(crate) device: String,
+    /// The requirement.
+    pub(crate) requirement: At<String>,
+    /// The decision that says so.
+    pub(crate) by: String,
+    /// The file that contains it.
+    pub(crate) source: Arc<Source>,
+}
+
 /// A register file.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
@@ -37,6 +52,10 @@ pub(crate) struct RegisterFile {
     pub document: String,
     /// What the document calls itself.
     pub title: String,
+    /// The in-tree device whose manual this is. What its interpretations relax is relaxed for
+    /// devices of that vendor and product only.
+    #[serde(default)]
+    pub device: Option<String>,
     /// Decisions where the document contradicts itself or leaves room.
     #[serde(default)]
     pub interpretations: Vec<At<InterpretationEntry>>,
@@ -79,6 +98,10 @@ pub struct InterpretationEntry {
     pub decision: String,
     /// Why.
     pub reason: String,
+    /// Requirements of other documents that are no more than a `should` for the device whose manual
+    /// this is: a case that checks nothing else is LENIENT instead of FAIL on it.
+    #[serde(default)]
+    pub relaxes: Vec<At<String>>,
 }
 
 /// How binding a statement is.
@@ -145,6 +168,17 @@ impl Register {
         self.decisions.keys().map(String::as_str)
     }
 
+    /// What documents of devices relax.
+    pub(crate) fn relaxations(&self) -> &[Relaxation] {
+        &self.relaxations
+    }
+
+    /// The devices for which the requirement is no must, each with the decision that says so.
+    pub(crate) fn relaxed(&self, id: &str) -> impl Iterator<Item = (&str, &str)> {
+        let of_it = self.relaxations.iter().filter(move |found| found.requirement.value == id);
+        of_it.map(|found| (found.device.as_str(), found.by.as_str()))
+    }
+
     /// Every requirement, by id.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Requirement)> {
         self.requirements.iter().map(|(id, requirement)| (id.as_str(), requirement))
@@ -152,6 +186,17 @@ impl Register {
 
     fn add(&mut self, source: &Arc<Source>, file: RegisterFile, complaints: &mut Vec<Complaint>) {
         for At { value: decision, .. } in file.interpretations {
+            for requirement in &decision.relaxes {
+                let Some(device) = file.device.clone() else {
+                    let message = "a document relaxes others for its device, and none is named at \
+                                   the top: `device`";
+                    complaints.push(Complaint::at(source, requirement.place, message));
+                    continue;
+                };
+                let (requirement, by) = (requirement.clone(), decision.id.value.clone());
+                let source = Arc::clone(source);
+                self.relaxations.push(Relaxation { device, requirement, by, source });
+            }
             self.decisions.insert(decision.id.value.clone(), decision);
         }
         for entry in file.requirements {

@@ -342,6 +342,11 @@ deviations! {
             Duration::from_millis(configured.into())
         }
     }
+    "tpdo-inhibit-in-tenths-of-a-second" {
+        fn pdo_inhibit(&self, configured: u16) -> Duration {
+            Duration::from_millis(100) * u32::from(configured)
+        }
+    }
     "tpdo-inhibit-ignored" {
         fn pdo_inhibit(&self, _configured: u16) -> Duration { Duration::ZERO }
     }

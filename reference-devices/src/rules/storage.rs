@@ -45,6 +45,11 @@ decisions! {
         true
     }
 
+    /// The master resets the device after "load"; it does not start anew by itself.
+    fn load_restarts(&self) -> bool {
+        false
+    }
+
     /// A value is stored whole.
     fn stored_length(&self, length: usize) -> usize {
         length
@@ -109,6 +114,9 @@ deviations! {
     }
     "load-at-once" {
         fn load_waits_for_reset(&self) -> bool { false }
+    }
+    "load-restarts" {
+        fn load_restarts(&self) -> bool { true }
     }
     "save-of-eight-sub-indices" {
         fn stored(&self, mux: Mux) -> bool { mux.sub <= 8 }

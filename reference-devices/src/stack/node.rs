@@ -131,6 +131,8 @@ impl Node {
             }
         } else if !self.serve(now, id, data, out) {
             self.services.handle_data(now, id, data, out);
+        } else if self.services.takes_restart() {
+            self.initialise(now, Reset::Node);
         }
     }
 

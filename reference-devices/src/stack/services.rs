@@ -100,9 +100,9 @@ impl Services {
         self.behaviour.supply_lost();
     }
 
-    /// Whether the device starts anew because of what a bench has just done.
+    /// Whether the device starts anew because of what a bench or a master has just done.
     pub(crate) fn takes_restart(&mut self) -> bool {
-        self.behaviour.takes_restart()
+        self.storage.takes_restart() || self.behaviour.takes_restart()
     }
 
     /// How the parameters of the device want it to be on the bus.

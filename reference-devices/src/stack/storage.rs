@@ -18,6 +18,8 @@ pub(crate) struct Storage {
     storable: Vec<Mux>,
     banks: [Bank; 2],
     save: Option<Save>,
+    /// Whether the device is to start anew after a "load".
+    restart: bool,
 }
 
 /// What differs from the defaults: a default that depends on the node id goes on to follow it.
@@ -51,7 +53,8 @@ impl Storage {
             entries.filter(|entry| matches!(entry.access, Access::Rw | Access::Rwr | Access::Rww));
         let mut storable: Vec<Mux> = storable.map(|entry| entry.mux).collect();
         storable.sort_unstable();
-        Self { defaults: defaults.clone(), storable, banks: Default::default(), save: None }
+        let defaults = defaults.clone();
+        Self { defaults, storable, banks: Default::default(), save: None, restart: false }
     }
 
     /// What a reset loads: the newest bank.
@@ -97,12 +100,18 @@ impl Storage {
             let mut values = self.newest().values.clone();
             values.retain(|mux, _| !group.contains(&mux.index) || !base.rules.forgotten(*mux));
             self.commit(values);
+            self.restart = base.rules.load_restarts();
             if !base.rules.load_waits_for_reset() {
                 for mux in self.storable.iter().filter(|mux| group.contains(&mux.index)) {
                     base.od.set(*mux, self.defaults.get(*mux).unwrap_or_default());
                 }
             }
         }
+    }
+
+    /// Whether "load" has just been executed on a device that starts anew after it.
+    pub(crate) fn takes_restart(&mut self) -> bool {
+        std::mem::take(&mut self.restart)
     }
 
     /// A parameter has changed, which a device that stores autonomously keeps.

@@ -93,7 +93,10 @@ impl Block<'_> {
         for check in &*case.info.checks {
             let id = format!("{}, {} clause {}", check.id, check.document, check.clause);
             let level = if check.level.is_empty() { "" } else { ", level " };
-            self.field("requires", &format!("{id}{level}{}\n{}", check.level, check.says));
+            let relaxed = check.relaxed_by.as_ref();
+            let relaxed = relaxed.map_or_else(String::new, |by| format!(", relaxed by {by}"));
+            let level = format!("{level}{}{relaxed}", check.level);
+            self.field("requires", &format!("{id}{level}\n{}", check.says));
         }
     }
 
@@ -104,7 +107,10 @@ impl Block<'_> {
             self.named("", &format!("{frame}  {}", meaning(frame)));
         }
         if problem.capped {
-            self.field("level", "no requirement of this case is a must, so it does not fail");
+            self.field(
+                "level",
+                "no requirement of this case is a must for the device, so it does not fail",
+            );
         }
         for note in &problem.notes {
             self.named("note", note);
