@@ -4,6 +4,7 @@
 
 mod data;
 mod frame;
+mod ignoring;
 mod origin;
 mod patch;
 mod profile;
@@ -13,13 +14,14 @@ mod sheet;
 
 use std::borrow::Cow;
 
-use canopen::Pattern;
+use canopen::eds::Eds;
 use canopen::nearest::did_you_mean;
 use canopen::source::Complaint;
+use canopen::{Dictionary, Pattern};
 
 use crate::devices::ReferenceDevice;
 use crate::rules::{self, Rules, Specification};
-use crate::stack::Node;
+use crate::stack::{Behaviour, Node};
 
 pub use frame::DeviantWire;
 pub use replica::Replica;
@@ -28,6 +30,7 @@ pub(crate) use data::Change;
 pub(crate) use origin::Origin;
 
 use data::Misfit;
+use ignoring::Ignoring;
 
 /// Changes of one device, in the order in which they are made.
 #[derive(Clone, Debug)]
@@ -138,11 +141,16 @@ impl Deviation {
                         .map_err(|wrong| refuse(wrong.below(&["dictionary"])))?;
                 }
                 Change::Settings(patch) => patch.apply(&mut settings),
-                Change::Object(_) | Change::Profile(_) | Change::Eds(_) | Change::Frame(_) => {}
+                Change::Object(_)
+                | Change::Profile(_)
+                | Change::Ignores(_)
+                | Change::Eds(_)
+                | Change::Frame(_) => {}
             }
         }
         let behaviour =
             device.deviating_behaviour(&behaviour).expect("rules that the application knows");
+        let behaviour = self.ignoring(behaviour, &eds, node)?;
         let node_of = Node::new(&eds, node, settings, rules, behaviour);
         let mut built: Box<dyn Replica> = Box::new(node_of.map_err(|(mux, error)| {
             let dictionary = |(change, _): &&(Change, _)| matches!(change, Change::Dictionary(_));
@@ -157,6 +165,27 @@ impl Deviation {
             built = Box::new(wire.map_err(|wrong| origin.refuse(&wrong.below(&["frame"])))?);
         }
         Ok(built)
+    }
+}
+
+impl Deviation {
+    /// The application, which does not obey the objects that the changes name.
+    fn ignoring(
+        &self,
+        mut behaviour: Box<dyn Behaviour>,
+        eds: &Eds,
+        node: u8,
+    ) -> Result<Box<dyn Behaviour>, Complaint> {
+        for (change, origin) in &self.parts {
+            let Change::Ignores(object) = change else { continue };
+            let objects = Dictionary::new(eds, node).ok();
+            let ignoring = objects.and_then(|od| Ignoring::new(behaviour, *object, &od));
+            behaviour = Box::new(ignoring.ok_or_else(|| {
+                let message = format!("the data sheet has no object {object}");
+                origin.refuse(&Misfit::at(&["ignores"], message))
+            })?);
+        }
+        Ok(behaviour)
     }
 }
 

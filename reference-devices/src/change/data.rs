@@ -1,5 +1,6 @@
 //! Changes as data.
 
+use canopen::Mux;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -52,6 +53,9 @@ pub(crate) enum Change {
     Settings(SettingsPatch),
     /// In a decision of the device's application.
     Behaviour(String),
+    /// In the application, which does not obey the object at this address: the network writes and
+    /// reads it as usual, and the application goes on with its default.
+    Ignores(Mux),
     /// In the data sheet, while the device is in order.
     Eds(Vec<SheetPatch>),
 }

@@ -389,6 +389,29 @@ fn each_parameter_has_a_mutant_that_does_not_obey_it() {
     assert_eq!(hidden, WITHOUT_EFFECT);
 }
 
+/// Inputs 2 to 5 always read 0, as device.md says, so nothing shows when they are transmitted.
+fn shows_nothing(mux: Mux) -> bool {
+    matches!(mux.index, 0x6421 | 0x6424..=0x6428) && (2..=5).contains(&mux.sub)
+}
+
+/// The reaction to errors is that of the stack, which has mutants of its own.
+const OF_THE_STACK: [Mux; 1] = [Mux::new(0x67FE, 1)];
+
+#[test]
+fn each_object_that_can_be_written_has_a_mutant_that_does_not_obey_it() {
+    let device = devices::device("drr460").unwrap();
+    let mutants = device.files.mutants.as_ref().unwrap();
+    let od = Dictionary::new(&device.description.eds, 1).unwrap();
+    let written = od.entries().iter().filter(|entry| entry.mux.index >= 0x4000);
+    let written = written.filter(|entry| entry.access.writable()).map(|entry| entry.mux);
+    let is_ignored = |mux: &Mux| {
+        let change = format!("change: {{ ignores: \"{mux}\" }}");
+        mutants.text.contains(&change) || OF_THE_STACK.contains(mux)
+    };
+    let hidden: Vec<Mux> = written.filter(|mux| !is_ignored(mux)).collect();
+    assert!(hidden.iter().all(|mux| shows_nothing(*mux)), "{hidden:?}");
+}
+
 #[test]
 fn each_deviation_is_a_mutant_or_a_freedom() {
     let device = devices::device("drr460").unwrap();
