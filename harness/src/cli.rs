@@ -177,6 +177,24 @@ fn failures(text: &str) -> Result<usize, String> {
     }
 }
 
+/// A part of the cases, for one of several devices that share them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shard {
+    /// Which of them, from 0.
+    pub place: usize,
+    /// How many there are.
+    pub of: usize,
+}
+
+/// `2/3`: the second of three parts.
+fn shard(text: &str) -> Result<Shard, String> {
+    let parsed = text.split_once('/').and_then(|(place, of)| {
+        let (place, of) = (place.parse::<usize>().ok()?, of.parse().ok()?);
+        (1..=of).contains(&place).then(|| Shard { place: place - 1, of })
+    });
+    parsed.ok_or_else(|| "which part of how many belongs here, such as 2/3".to_owned())
+}
+
 /// Bit rate of the virtual bus, and of one that nobody knows, unless something else is said, in
 /// bit/s.
 pub const DEFAULT_BIT_RATE: u32 = 1_000_000;
@@ -205,6 +223,10 @@ pub struct RunArgs {
     /// Print what a run would write, reset and store, and what is protected, and send nothing
     #[arg(long)]
     pub dry_run: bool,
+    /// Run every Nth case, from the Ith on: N devices of a kind, each on a bus of its own, share the
+    /// cases and the time
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<Shard>,
     /// Run the cases in random order
     #[arg(long)]
     pub shuffle: bool,

@@ -82,6 +82,9 @@ impl Prepared {
         let mut plans = plan_all(&library, &targets)?;
         let names = names_of(&plans, args.waivers.is_some());
         select(&mut plans, &args.selection)?;
+        if let Some(shard) = args.shard {
+            plans.iter_mut().for_each(|plan| plan.keep_every(shard.of, shard.place));
+        }
         if args.shuffle || args.seed.is_some() {
             let seed = args.seed.unwrap_or(1);
             plans
