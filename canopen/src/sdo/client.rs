@@ -170,8 +170,9 @@ impl Client {
                     false => send_segment(mux, !toggle, data, sent),
                 },
                 got => {
-                    let toggle = u8::from(toggle);
-                    violation(mux, format!("a segment answer with toggle {toggle}"), got)
+                    let expected = format!("a segment answer with toggle {}", u8::from(toggle));
+                    let has_toggle = matches!(got, Response::DownloadSegment(_));
+                    wrong_segment(mux, expected, got, has_toggle)
                 }
             },
             State::BlockDownload(download) => download.step(answer),
@@ -226,7 +227,9 @@ fn uploading(
     let segment = match answer {
         Response::UploadSegment(segment) if segment.toggle == toggle => segment,
         got => {
-            return violation(mux, format!("a segment with toggle {}", u8::from(toggle)), got);
+            let expected = format!("a segment with toggle {}", u8::from(toggle));
+            let has_toggle = matches!(got, Response::UploadSegment(_));
+            return wrong_segment(mux, expected, got, has_toggle);
         }
     };
     data.extend_from_slice(&segment.data);
@@ -255,8 +258,17 @@ fn send_segment(mux: Mux, toggle: bool, data: Vec<u8>, sent: usize) -> Next {
 }
 
 fn violation(mux: Mux, expected: String, got: Response) -> Next {
-    let tell = Request::Abort(mux, Abort::COMMAND);
-    Next::Failed(Failure::Violation { expected, got }, Some(tell))
+    broken_off(mux, Abort::COMMAND, expected, got)
+}
+
+/// Another answer than the segment that was expected; one that `has_toggle` has the wrong one.
+fn wrong_segment(mux: Mux, expected: String, got: Response, has_toggle: bool) -> Next {
+    let code = if has_toggle { Abort::TOGGLE } else { Abort::COMMAND };
+    broken_off(mux, code, expected, got)
+}
+
+fn broken_off(mux: Mux, code: Abort, expected: String, got: Response) -> Next {
+    Next::Failed(Failure::Violation { expected, got }, Some(Request::Abort(mux, code)))
 }
 
 #[cfg(test)]
@@ -322,6 +334,29 @@ mod tests {
         let next = Client::upload(MUX).0.step(Response::Upload(MUX, Initiate::Segmented(Some(1))));
         let (client, _) = sent(next);
         assert!(matches!(client.step(segment(false, &[1, 2], true)), Next::Failed(..)));
+    }
+
+    #[test]
+    fn a_wrong_toggle_bit_has_an_abort_code_of_its_own() {
+        let uploading = || {
+            let begun = Response::Upload(MUX, Initiate::Segmented(None));
+            sent(Client::upload(MUX).0.step(begun)).0
+        };
+        let downloading = || {
+            let client = Client::download(MUX, &[0; 9], Transfer::Segmented).0;
+            sent(client.step(Response::Download(MUX))).0
+        };
+        for (client, answer, code) in [
+            (uploading(), segment(true, &[1], true), Abort::TOGGLE),
+            (uploading(), Response::DownloadSegment(false), Abort::COMMAND),
+            (downloading(), Response::DownloadSegment(true), Abort::TOGGLE),
+            (downloading(), segment(false, &[1], true), Abort::COMMAND),
+        ] {
+            match client.step(answer) {
+                Next::Failed(_, told) => assert_eq!(told, Some(Request::Abort(MUX, code))),
+                other => panic!("{other:?}"),
+            }
+        }
     }
 
     #[test]
