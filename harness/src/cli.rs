@@ -223,8 +223,8 @@ pub struct RunArgs {
     /// Print what a run would write, reset and store, and what is protected, and send nothing
     #[arg(long)]
     pub dry_run: bool,
-    /// Run every Nth case, from the Ith on: N devices of a kind, each on a bus of its own, share the
-    /// cases and the time
+    /// Run every Nth case, from the Ith on: N devices of a kind, each on a bus of its own, share
+    /// the cases and the time
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<Shard>,
     /// Run the cases in random order

@@ -34,8 +34,8 @@ pub(crate) fn curves<'s, S: 's>(
 /// What a lane shows, and its colour.
 pub(crate) type Shown<S> = (&'static str, fn(&S) -> bool, RGBColor);
 
-/// From when to when it holds, of samples two seconds apart; what is short is made long enough to be
-/// seen.
+/// From when to when it holds, of samples two seconds apart; what is short is made long enough to
+/// be seen.
 pub(crate) fn lane<S>(
     samples: &[S],
     minutes: fn(&S) -> f64,

@@ -3,18 +3,19 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
-use syn::parse::{Parse, ParseStream, Parser};
+use syn::parse::{Parse, Parser};
 use syn::spanned::Spanned;
 use syn::visit::{self, Visit};
 use syn::{
     Arm, BinOp, Block, Expr, ExprBinary, ExprIf, ExprLit, ExprMatch, ExprMethodCall, Lit, Pat,
-    ReturnType, Signature, Stmt, Token, Type, UnOp,
+    ReturnType, Signature, Stmt, Type, UnOp,
 };
 
 use crate::decisions::{Decisions, asks, is_decision};
 use crate::operators::{self, Set};
 use crate::results::results;
 use crate::sites::{Site, alternative};
+use crate::syntax::{Matches, binds, is_assignment};
 
 /// A change of the source.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
@@ -643,27 +644,6 @@ impl<'ast> Visit<'ast> for Finder<'_> {
     fn visit_generic_argument(&mut self, _: &'ast syn::GenericArgument) {}
 }
 
-/// The operands of `matches!`.
-struct Matches {
-    value: Expr,
-    pattern: Pat,
-    guard: Option<Expr>,
-}
-
-impl Parse for Matches {
-    fn parse(input: ParseStream<'_>) -> syn::Result<Self> {
-        let value = input.parse()?;
-        input.parse::<Token![,]>()?;
-        let pattern = Pat::parse_multi_with_leading_vert(input)?;
-        let guard = match input.parse::<Option<Token![if]>>()? {
-            Some(_) => Some(input.parse()?),
-            None => None,
-        };
-        input.parse::<Option<Token![,]>>()?;
-        Ok(Self { value, pattern, guard })
-    }
-}
-
 /// Reads a file of Rust.
 pub fn parse(text: &str) -> syn::Result<syn::File> {
     syn::File::parse.parse_str(text)
@@ -671,35 +651,6 @@ pub fn parse(text: &str) -> syn::Result<syn::File> {
 
 fn switch(id: usize) -> String {
     format!("::canopen::switch::mutant({id})")
-}
-
-/// Whether a condition binds names with `let`.
-fn binds(condition: &Expr) -> bool {
-    match condition {
-        Expr::Let(_) => true,
-        Expr::Binary(binary) => binds(&binary.left) || binds(&binary.right),
-        _ => false,
-    }
-}
-
-fn is_assignment(op: &BinOp) -> bool {
-    use BinOp::{
-        AddAssign, BitAndAssign, BitOrAssign, BitXorAssign, DivAssign, MulAssign, RemAssign,
-        ShlAssign, ShrAssign, SubAssign,
-    };
-    matches!(
-        op,
-        AddAssign(_)
-            | BitAndAssign(_)
-            | BitOrAssign(_)
-            | BitXorAssign(_)
-            | DivAssign(_)
-            | MulAssign(_)
-            | RemAssign(_)
-            | ShlAssign(_)
-            | ShrAssign(_)
-            | SubAssign(_)
-    )
 }
 
 /// On one line, and not too long to be read.

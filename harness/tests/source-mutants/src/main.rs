@@ -11,6 +11,7 @@ mod results;
 mod scratch;
 mod sites;
 mod survivors;
+mod syntax;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
