@@ -328,7 +328,7 @@ fn standard_output_that_takes_nothing_is_an_error_unless_its_reader_went_away() 
 #[test]
 fn standard_error_that_takes_nothing_changes_nothing() {
     let full = fs::File::options().write(true).open("/dev/full").unwrap();
-    let output = demo("run/green").args(["--target", "none0"]).stderr(full).output().unwrap();
+    let output = harness().args(["--target", "none0"]).stderr(full).output().unwrap();
     assert_eq!(output.status.code(), Some(6));
 }
 
