@@ -1,7 +1,7 @@
 //! What a frame does to a device, as far as its data sheet, its answers and what it was sent show.
 //!
 //! Whatever an RPDO has ever had as identifier or mapping counts from then on: a reset brings back
-//! what was before, and nothing on the bus says when.
+//! what was before, and nothing on the bus says when. What the device has refused does not count.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,6 +23,8 @@ pub(crate) struct Wire {
     rpdos: BTreeMap<u16, Rpdo>,
     /// Downloads whose value comes with the next frame on this identifier.
     open: BTreeMap<Id, Mux>,
+    /// The object that was written last, and what was known before.
+    before: Option<(Mux, Ids, BTreeMap<u16, Rpdo>)>,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -105,10 +107,10 @@ impl Wire {
             return;
         }
         if let Some(mux) = self.open.remove(&frame.id) {
-            self.set(mux, frame.data.get(1..).unwrap_or_default());
+            self.suppose(mux, frame.data.get(1..).unwrap_or_default());
         }
         match download(frame) {
-            Some((mux, Some(value))) => self.set(mux, &value),
+            Some((mux, Some(value))) => self.suppose(mux, &value),
             Some((mux, None)) if role(mux).is_some() => _ = self.open.insert(frame.id, mux),
             _ => {}
         }
@@ -123,7 +125,20 @@ impl Wire {
         match Response::decode(&frame.data) {
             Ok(Response::Upload(mux, Initiate::Expedited(data))) => self.set(mux, &data),
             Ok(Response::Upload(mux, Initiate::Unsized(data))) => self.set(mux, &data),
+            Ok(Response::Abort(mux, _)) => {
+                if let Some((_, servers, rpdos)) = self.before.take_if(|(last, ..)| *last == mux) {
+                    (self.servers, self.rpdos) = (servers, rpdos);
+                }
+            }
             _ => {}
+        }
+    }
+
+    /// Takes over what is written, until the device refuses it.
+    fn suppose(&mut self, mux: Mux, value: &[u8]) {
+        if role(mux).is_some() {
+            self.before = Some((mux, self.servers.clone(), self.rpdos.clone()));
+            self.set(mux, value);
         }
     }
 
@@ -305,6 +320,22 @@ mod tests {
         ];
         for (text, deeds) in table {
             assert_eq!(wire.deeds(&frame(text)), deeds, "{text}");
+        }
+    }
+
+    #[test]
+    fn what_the_device_refuses_does_not_count() {
+        let any = |wire: &Wire| wire.deeds(&frame("202#01")).contains(&Deed::WriteAny(FIRST_RPDO));
+        for (answer, counts) in [
+            ("582#8000160030000906", false),
+            ("582#6000160000000000", true),
+            ("582#8001160030000906", true),
+        ] {
+            let mut wire = wire();
+            wire.learn(&frame("602#2F001600FE000000"));
+            assert!(any(&wire), "it is not answered yet");
+            wire.hear(&frame(answer));
+            assert_eq!(any(&wire), counts, "{answer}");
         }
     }
 
