@@ -36,6 +36,21 @@ fn nothing_protected_is_done_to_em66() {
     }
 }
 
+#[test]
+fn nothing_protected_is_done_to_a_controller() {
+    watch("drr460", 1);
+}
+
+#[test]
+fn nothing_protected_is_done_to_an_io_module() {
+    watch("mcm260x-9ad", 1);
+}
+
+#[test]
+fn nothing_protected_is_done_to_a_valve_controller() {
+    watch("ax021211", 1);
+}
+
 /// Draws what is protected, runs everything with that and without, and looks at what came.
 fn watch(device: &str, seed: u64) {
     let described = devices::device(device).expect("it is part of the program");
