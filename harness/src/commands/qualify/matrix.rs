@@ -187,10 +187,18 @@ pub(super) fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
                 (true, false) => holes.push(format!(
                     "{device}: the canary {name} was killed, so a case fails without a cause"
                 )),
-                (false, true) => holes.push(format!(
-                    "{device}: mutant {name} survived the cases of what it breaks ({:?})",
-                    row.ending
-                )),
+                (false, true) => {
+                    let end = match &row.ending {
+                        Ending::Complete => "",
+                        Ending::Nobody => ", and did not answer at all",
+                        Ending::Gone(_) => ", and stopped answering",
+                        Ending::Bus(_) => ", and the bus failed",
+                        Ending::Enough(_) => ", and not all of them ran",
+                    };
+                    holes.push(format!(
+                        "{device}: mutant {name} survived the cases of what it breaks{end}"
+                    ));
+                }
                 _ => {}
             }
         }
