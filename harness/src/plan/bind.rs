@@ -49,9 +49,8 @@ pub(crate) fn plan_cases(
     for suite in &library.suites {
         let model = match &suite.file.device {
             None => None,
-            Some(device) => match models.get(device.value.as_str()) {
-                Some(model) => Some(*model),
-                None if device.value == dut.name => Some(&*dut.eds),
+            Some(device) => match model_of(&device.value, dut, models) {
+                Some(model) => Some(model),
                 None => continue,
             },
         };
@@ -79,10 +78,10 @@ pub(crate) fn plan_cases(
     }
 }
 
-/// Whether something of the in-tree device `name` is for this device: it is that one, or it is of
-/// the same vendor and product.
-fn is_of(name: &str, dut: &Dut, models: &BTreeMap<&str, &Eds>) -> bool {
-    models.contains_key(name) || name == dut.name
+/// The data sheet of the in-tree device `name`, if what is for it is for this device, too: it is
+/// that one, or it is of the same vendor and product.
+fn model_of<'m>(name: &str, dut: &'m Dut, models: &BTreeMap<&str, &'m Eds>) -> Option<&'m Eds> {
+    models.get(name).copied().or_else(|| (name == dut.name).then_some(&*dut.eds))
 }
 
 /// The requirements that the device's own document relaxes, with the decision that says so.
@@ -92,7 +91,7 @@ fn relaxed<'l>(
     models: &BTreeMap<&str, &Eds>,
 ) -> BTreeMap<&'l str, &'l str> {
     let all = library.register.relaxations().iter();
-    let own = all.filter(|relaxation| is_of(&relaxation.device, dut, models));
+    let own = all.filter(|relaxation| model_of(&relaxation.device, dut, models).is_some());
     own.map(|relaxation| (relaxation.requirement.value.as_str(), relaxation.by.as_str())).collect()
 }
 
