@@ -2,9 +2,10 @@
 //! blocks that the user connects with each other, and ten outputs.
 //!
 //! A control cycle takes 1 ms. It evaluates every block once, each after those that it takes
-//! signals from; in a circle the last cycle counts. While nothing moves there is no cycle: the next
-//! one comes with a change from outside, or when a delay, a loop or a profile is due. What comes
-//! from outside is evaluated at once, as a part of the cycle that is going on.
+//! signals from; in a circle the last cycle counts. A block that would do the same again is left
+//! alone. While nothing moves there is no cycle: the next one comes with a change from outside, or
+//! when a delay, a loop or a profile is due. What comes from outside is evaluated at once, as a
+//! part of the cycle that is going on.
 //!
 //! Pulses and dither are values, so they cost no event.
 
