@@ -1,6 +1,7 @@
 //! Suites: the notation, the requirement register, and loading both.
 
 pub(crate) mod constraint;
+mod dimension;
 pub(crate) mod each;
 pub(crate) mod effect;
 mod folders;
@@ -14,6 +15,7 @@ mod register;
 pub(crate) mod step;
 mod test_map;
 
+pub(crate) use dimension::{Dimension, Extent};
 pub use folders::{CatalogueFolder, Folders};
 pub use library::Library;
 pub(crate) use loaded::Suite;

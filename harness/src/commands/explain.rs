@@ -16,7 +16,7 @@ use crate::nearest::did_you_mean;
 use crate::reporter::say;
 use crate::source::At;
 use crate::suite::model::Case;
-use crate::suite::{Library, Requirement, Suite};
+use crate::suite::{Dimension, Extent, Library, Requirement, Suite};
 use crate::target::reference_device;
 
 /// Explains a case, a suite, a requirement, a decision, a mutant, a freedom, a personality, an
@@ -183,6 +183,7 @@ impl Book {
         if let Some(reason) = &entry.untestable {
             page.field("untestable", reason);
         }
+        page.list("extends", entry.extends.iter().map(extended).collect());
         page.list("checked by", self.cases_that(|case| case.checks.iter().any(|c| c.value == id)));
         let breaks =
             self.mutants.iter().filter(|(mutant, _)| mutant.breaks.iter().any(|b| b == id));
@@ -192,6 +193,8 @@ impl Book {
         let freedoms = freedoms.filter(|freedom| freedom.allowed_by.iter().any(|by| by == id));
         let why = freedoms.map(|freedom| format!("{}: {}", freedom.name, freedom.why));
         page.list("allows", why.collect());
+        let extents = self.library.extents(id).unwrap_or_default();
+        page.list("dimensions", extents.iter().map(extent).collect());
         page.0
     }
 
@@ -329,6 +332,21 @@ impl Book {
         let mut message = format!("there is no case, requirement, mutant, object or code `{name}`");
         message.push_str(&did_you_mean(name, names.iter().map(String::as_str)));
         Refused::usage(message)
+    }
+}
+
+/// A requirement that another one extends, and the dimension.
+fn extended((id, dimension): (&String, &At<Dimension>)) -> String {
+    format!("{id}: {}", dimension.value.name())
+}
+
+/// What is known of a requirement in a dimension.
+fn extent((dimension, extent): (&Dimension, &Extent)) -> String {
+    let name = dimension.name();
+    match extent {
+        Extent::Applies(by) if by.is_empty() => format!("{name}: nothing extends it"),
+        Extent::Applies(by) => format!("{name}: {}", by.join(", ")),
+        Extent::Lacks(why) => format!("{name} does not apply: {why}"),
     }
 }
 

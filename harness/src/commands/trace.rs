@@ -10,7 +10,7 @@ use super::counted::counted;
 use crate::cli::{TraceArgs, TraceFormat};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::suite::{CHECKS, Library};
+use crate::suite::{CHECKS, Dimension, Extent, Library};
 use crate::target::reference_device;
 
 /// One requirement and what is done about it.
@@ -24,6 +24,10 @@ struct Row<'r> {
     relaxed: BTreeMap<&'r str, &'r str>,
     says: &'r str,
     untestable: Option<&'r str>,
+    /// The requirements that it extends, each with the dimension.
+    extends: BTreeMap<&'r str, &'static str>,
+    /// What is known of it in each dimension, where that was gone through.
+    dimensions: Option<BTreeMap<Dimension, Extent>>,
     cases: Vec<String>,
     mutants: BTreeSet<String>,
 }
@@ -113,6 +117,8 @@ fn rows<'l>(library: &'l Library, breaks: &Breaks) -> Vec<Row<'l>> {
             relaxed: library.register.relaxed(id).collect(),
             says: &entry.says,
             untestable: entry.untestable.as_deref(),
+            extends: entry.extends.iter().map(|(id, at)| (id.as_str(), at.value.name())).collect(),
+            dimensions: library.extents(id),
             cases: cases.get(id).cloned().unwrap_or_default(),
             mutants: breaks.get(id).cloned().unwrap_or_default(),
         }
@@ -121,8 +127,9 @@ fn rows<'l>(library: &'l Library, breaks: &Breaks) -> Vec<Row<'l>> {
 }
 
 fn markdown(rows: &[Row]) -> String {
-    let mut text = String::from("| requirement | clause | level | cases | mutants |\n");
-    text.push_str("| --- | --- | --- | --- | --- |\n");
+    let mut text =
+        String::from("| requirement | clause | level | cases | mutants | dimensions |\n");
+    text.push_str("| --- | --- | --- | --- | --- | --- |\n");
     for row in rows {
         let cases: Vec<&str> = row.cases.iter().map(String::as_str).collect();
         let cases = match row.untestable {
@@ -133,7 +140,7 @@ fn markdown(rows: &[Row]) -> String {
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "| {} {} | {} {} | {}{} | {cases} | {} |",
+            "| {} {} | {} {} | {}{} | {cases} | {} | {} |",
             row.id,
             row.says.replace('|', "\\|"),
             row.document,
@@ -141,6 +148,7 @@ fn markdown(rows: &[Row]) -> String {
             row.level,
             relaxed(row, "; should for "),
             few(&mutants),
+            dimensions(row),
         );
     }
     let untestable = rows.iter().filter(|row| row.untestable.is_some()).count();
@@ -152,6 +160,25 @@ fn markdown(rows: &[Row]) -> String {
 /// Where another level holds, each after `before`.
 fn relaxed(row: &Row, before: &str) -> String {
     row.relaxed.iter().map(|(device, by)| format!("{before}{device} by {by}")).collect()
+}
+
+/// The dimensions that apply, each with how many requirements and cases look there.
+fn dimensions(row: &Row) -> String {
+    let extends = row.extends.iter().map(|(id, dimension)| format!("{dimension} of {id}"));
+    let applies = applying(row).map(|(dimension, by)| match by.len() {
+        0 => dimension.to_owned(),
+        many => format!("{dimension} ({many})"),
+    });
+    extends.chain(applies).collect::<Vec<_>>().join(", ")
+}
+
+/// The dimensions that apply, each with what looks there.
+fn applying<'r>(row: &'r Row) -> impl Iterator<Item = (&'static str, &'r [String])> {
+    let extents = row.dimensions.iter().flatten();
+    extents.filter_map(|(dimension, extent)| match extent {
+        Extent::Applies(by) => Some((dimension.name(), by.as_slice())),
+        Extent::Lacks(_) => None,
+    })
 }
 
 /// The first names and how many follow: a row is read beside others. CSV and JSON have all.
@@ -167,8 +194,9 @@ const FEW: usize = 3;
 
 fn csv(rows: &[Row]) -> String {
     let quote = |field: &str| format!("\"{}\"", field.replace('"', "\"\""));
-    let mut text =
-        String::from("requirement,document,clause,level,says,untestable,cases,mutants,relaxed\n");
+    let mut text = String::from(
+        "requirement,document,clause,level,says,untestable,cases,mutants,relaxed,dimensions\n",
+    );
     for row in rows {
         let mutants: Vec<&str> = row.mutants.iter().map(String::as_str).collect();
         let relaxed = relaxed(row, " ");
@@ -182,11 +210,22 @@ fn csv(rows: &[Row]) -> String {
             &row.cases.join(" "),
             &mutants.join(" "),
             relaxed.trim_start(),
+            &dimensions(row),
         ];
         text.push_str(&fields.map(quote).join(","));
         text.push('\n');
     }
     text
+}
+
+/// Why the other dimensions do not apply.
+fn lacks<'r>(row: &'r Row) -> BTreeMap<&'static str, &'r str> {
+    let extents = row.dimensions.iter().flatten();
+    let lacks = extents.filter_map(|(dimension, extent)| match extent {
+        Extent::Lacks(why) => Some((dimension.name(), why.as_str())),
+        Extent::Applies(_) => None,
+    });
+    lacks.collect()
 }
 
 fn json(rows: &[Row]) -> String {
@@ -201,6 +240,9 @@ fn json(rows: &[Row]) -> String {
                 "relaxed": row.relaxed,
                 "says": row.says,
                 "untestable": row.untestable,
+                "extends": row.extends,
+                "dimensions": row.dimensions.is_some().then(|| applying(row).collect::<BTreeMap<_, _>>()),
+                "lacks": lacks(row),
                 "cases": row.cases,
                 "mutants": row.mutants,
             })

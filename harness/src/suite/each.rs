@@ -32,6 +32,16 @@ pub enum Each {
     Block(Blocks),
 }
 
+impl Each {
+    /// Whether it makes several instances where the device has several of what fits.
+    pub(crate) fn is_of_several(&self) -> bool {
+        match self {
+            Self::Objects(Objects { most, .. }) | Self::Pdos(Pdos { most, .. }) => *most != Some(1),
+            Self::Block(blocks) => blocks.at.len() != 1,
+        }
+    }
+}
+
 /// Which blocks of objects.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use canopen::catalogue::Catalogue;
 
 use super::constraint::assertion_name;
+use super::dimension::{Dimension, Extent};
 use super::folders::{Folders, embedded};
 use super::loaded::Suite;
 use super::model::{Case, SuiteFile};
@@ -98,6 +99,24 @@ impl Library {
         Self::from_sources(&sources, Catalogue::built_in())
     }
 
+    /// What is known of a requirement in each dimension: the requirements that extend it, and the
+    /// cases that are made for each of something the device has.
+    pub(crate) fn extents(&self, id: &str) -> Option<BTreeMap<Dimension, Extent>> {
+        let mut extents = self.register.extents(id)?;
+        if let Some(Extent::Applies(by)) = extents.get_mut(&Dimension::Second) {
+            for suite in &self.suites {
+                let cases = suite.file.cases.iter().map(|case| &case.value);
+                let tries = |case: &&Case| {
+                    case.each.as_ref().is_some_and(|each| each.value.is_of_several())
+                        && case.checks.iter().any(|check| check.value == id)
+                };
+                let names = cases.filter(tries);
+                by.extend(names.map(|case| format!("{}/{}", suite.name(), case.id.value)));
+            }
+        }
+        Some(extents)
+    }
+
     fn with(
         register: Arc<Register>,
         rest: Rest,
@@ -124,6 +143,7 @@ impl Library {
         if register_is_whole {
             complaints.extend(unknown_requirements(&loaded, &register));
             complaints.extend(unknown_relaxations(&register));
+            complaints.extend(register.wrong_extensions());
         }
         // What is missing may stand in a suite that does not load.
         if register_is_whole && suites_are_whole {

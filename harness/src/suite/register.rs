@@ -6,6 +6,8 @@ use std::sync::Arc;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::dimension::{Dimension, Extent, Lack, Lacks, lacking};
+use crate::nearest::did_you_mean;
 use crate::parallel::{self, processors};
 use crate::source::{At, Complaint, Source, read_yaml};
 
@@ -28,6 +30,8 @@ pub struct Requirement {
     pub source: Arc<Source>,
     /// The entry.
     pub entry: At<RequirementEntry>,
+    /// The dimensions that do not apply to it; `None` of a document that does not note them.
+    lacks: Option<Lacks>,
 }
 
 /// A requirement of another document that is no more than a `should` for a device, since the
@@ -59,6 +63,10 @@ pub(crate) struct RegisterFile {
     /// Decisions where the document contradicts itself or leaves room.
     #[serde(default)]
     pub interpretations: Vec<At<InterpretationEntry>>,
+    /// Which dimensions do not apply to which statements. Where it is missing, nobody has gone
+    /// through the document for them.
+    #[serde(default)]
+    pub dimensions: Vec<At<Lack>>,
     /// The statements.
     #[serde(default)]
     pub requirements: Vec<At<RequirementEntry>>,
@@ -82,6 +90,9 @@ pub struct RequirementEntry {
     /// Why no test can check it.
     #[serde(default)]
     pub untestable: Option<String>,
+    /// The requirements that this one extends, each with the dimension.
+    #[serde(default)]
+    pub extends: BTreeMap<String, At<Dimension>>,
 }
 
 /// One decision.
@@ -146,6 +157,53 @@ impl Register {
         if complaints.is_empty() { Ok(register) } else { Err(complaints) }
     }
 
+    /// What is known of a requirement in each dimension, as far as the requirements say it: `None`
+    /// of what is untestable or extends another one, and of a document without notes.
+    pub(crate) fn extents(&self, id: &str) -> Option<BTreeMap<Dimension, Extent>> {
+        let requirement = self.find(id)?;
+        let lacks = requirement.lacks.as_ref()?;
+        let entry = &requirement.entry.value;
+        if entry.untestable.is_some() || !entry.extends.is_empty() {
+            return None;
+        }
+        let extent = |dimension: Dimension| match lacks.get(&dimension) {
+            Some(why) => Extent::Lacks(why.value.clone()),
+            None => {
+                let extends = |requirement: &Requirement| {
+                    let found = requirement.entry.value.extends.get(id);
+                    found.is_some_and(|found| found.value == dimension)
+                };
+                let by = self.iter().filter(|(_, other)| extends(other));
+                Extent::Applies(by.map(|(id, _)| id.to_owned()).collect())
+            }
+        };
+        Some(Dimension::ALL.map(|dimension| (dimension, extent(dimension))).into())
+    }
+
+    /// What is said to be extended is a requirement, as far as its document is loaded, and the
+    /// dimension applies to it.
+    pub(super) fn wrong_extensions(&self) -> Vec<Complaint> {
+        let mut complaints = Vec::new();
+        for (by, requirement) in self.iter() {
+            for (id, At { value: dimension, place }) in &requirement.entry.value.extends {
+                let lacks = self.find(id).and_then(|found| found.lacks.as_ref());
+                let message = match lacks.and_then(|lacks| lacks.get(dimension)) {
+                    Some(why) => format!(
+                        "{by} extends {id} in a dimension that does not apply to it: {}",
+                        why.value
+                    ),
+                    None if self.find(id).is_none() && !self.lacks_document_of(id) => {
+                        let meant = did_you_mean(id, self.iter().map(|(id, _)| id));
+                        format!("no requirement `{id}` in the register{meant}")
+                    }
+                    None => continue,
+                };
+                complaints.push(Complaint::at(&requirement.source, *place, message));
+            }
+        }
+        complaints
+    }
+
     /// The requirement with that id.
     pub fn find(&self, id: &str) -> Option<&Requirement> {
         self.requirements.get(id)
@@ -199,6 +257,10 @@ impl Register {
             }
             self.decisions.insert(decision.id.value.clone(), decision);
         }
+        let ids: Vec<_> =
+            file.requirements.iter().map(|entry| entry.value.id.value.clone()).collect();
+        let ids: Vec<&str> = ids.iter().map(String::as_str).collect();
+        let mut lacks = lacking(source, &file.dimensions, &ids, complaints);
         for entry in file.requirements {
             let id = &entry.value.id;
             if let Some(first) = self.requirements.get(&id.value) {
@@ -214,6 +276,8 @@ impl Register {
                 document: file.document.clone(),
                 title: file.title.clone(),
                 source: Arc::clone(source),
+                lacks: (!file.dimensions.is_empty())
+                    .then(|| lacks.remove(id.value.as_str()).unwrap_or_default()),
                 entry,
             };
             self.requirements.insert(requirement.entry.value.id.value.clone(), requirement);
