@@ -44,9 +44,9 @@ pub fn map<T: Send, R: Send>(
 ///
 /// # Errors
 /// The first one in that order.
-pub fn try_map<T: Sync, R: Send, E: Send>(
-    items: &[T],
-    work: impl Fn(&T) -> Result<R, E> + Sync,
+pub fn try_map<'i, T: Sync, R: Send, E: Send>(
+    items: &'i [T],
+    work: impl Fn(&'i T) -> Result<R, E> + Sync,
 ) -> Result<Vec<R>, E> {
     map(items.iter().collect(), processors(), work).into_iter().collect()
 }

@@ -112,6 +112,14 @@ impl Deviation {
         Ok(text)
     }
 
+    /// What is wrong with it on this device: it cannot be built, or a change of its data sheet
+    /// names something that is not there.
+    pub fn complaints(&self, device: &ReferenceDevice) -> impl Iterator<Item = Complaint> {
+        let sheet = || self.data_sheet(device).err();
+        let in_sheet = self.falsifies_data_sheet().then(sheet).flatten();
+        self.build(device, 1).err().into_iter().chain(in_sheet)
+    }
+
     /// The device with all changes, switched on at time 0.
     ///
     /// # Errors

@@ -95,8 +95,7 @@ pub(super) fn sound_mutants(
     mutants.retain(|mutant| !mutant.shared || proves_shared);
     let mut complaints = Vec::new();
     for mutant in &mutants {
-        complaints.extend(mutant.deviation().build(device, 1).err());
-        complaints.extend(mutant.deviation().data_sheet(device).err());
+        complaints.extend(mutant.deviation().complaints(device));
         for (number, id) in mutant.breaks.iter().enumerate() {
             if register.find(id).is_none() && !register.lacks_document_of(id) {
                 let meant = did_you_mean(id, register.iter().map(|(id, _)| id));
@@ -120,8 +119,7 @@ pub(super) fn sound_freedoms(
     let freedoms = freedom::of(device)?;
     let mut complaints = Vec::new();
     for freedom in &freedoms {
-        complaints.extend(freedom.deviation().build(device, 1).err());
-        complaints.extend(freedom.deviation().data_sheet(device).err());
+        complaints.extend(freedom.deviation().complaints(device));
         if freedom.allowed_by.is_empty() {
             let message = "no requirement or interpretation allows this freedom";
             complaints.push(freedom.complain(&["allowed-by"], message));

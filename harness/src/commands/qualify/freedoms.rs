@@ -93,11 +93,9 @@ impl<'c, 'l> Freedoms<'c, 'l> {
     /// # Errors
     /// When the data of a device or of a freedom do not load.
     pub(super) fn of(cleans: &'c [Clean<'l>]) -> Result<Vec<Self>, Refused> {
-        let (mut all, mut personalities) = (Vec::new(), Vec::new());
-        for clean in cleans {
-            all.push(Self::untried(clean)?);
-            personalities.push(freedom::personalities(&clean.device)?);
-        }
+        let mut all = try_map(cleans, Self::untried)?;
+        let personalities = cleans.iter().map(|clean| freedom::personalities(&clean.device));
+        let personalities = personalities.collect::<Result<Vec<_>, _>>()?;
         let each: Vec<(&Compared, &Freedom)> = all
             .iter()
             .flat_map(|of| of.freedoms.iter().map(|freedom| (&of.compared, freedom)))
@@ -344,9 +342,7 @@ impl Compared<'_, '_> {
 
 /// Whether a device can be built with all of these freedoms.
 fn fits<'f>(device: &ReferenceDevice, freedoms: impl Iterator<Item = &'f Freedom>) -> bool {
-    let mixture = freedom::mixture(freedoms);
-    let has_sheet = !mixture.falsifies_data_sheet() || mixture.data_sheet(device).is_ok();
-    has_sheet && mixture.build(device, 1).is_ok()
+    freedom::mixture(freedoms).complaints(device).next().is_none()
 }
 
 /// Sets of freedoms that a device can use together, with each freedom in one of them. Those that

@@ -51,10 +51,10 @@ impl Matrix {
     /// # Errors
     /// When the data of a mutant do not load.
     pub(super) fn of(cleans: &[Clean], fits: &Fits) -> Result<Vec<Self>, Refused> {
+        let sound = |clean: &Clean| sound_mutants(&clean.device, &clean.library.register);
         let mut work = Vec::new();
-        for (place, clean) in cleans.iter().enumerate() {
-            let register = &clean.library.register;
-            let mut mutants = sound_mutants(&clean.device, register)?;
+        for (place, mut mutants) in parallel::try_map(cleans, sound)?.into_iter().enumerate() {
+            let register = &cleans[place].library.register;
             mutants.retain(|mutant| {
                 let applies = |id: &String| !register.lacks_document_of(id);
                 mutant.canary || mutant.breaks.iter().any(applies)
