@@ -243,7 +243,6 @@ impl Mcm260x {
     fn light(&mut self, now: Instant, errors: &Errors) {
         let error = self.rules.led_shows(errors.register() != 0);
         let phase = match (self.modbus, self.state) {
-            _ if !self.powered => Phase::Dark,
             (_, NmtState::INITIALISING) => Phase::BootUp,
             (Some(_), _) => Phase::Modbus(self.offline),
             (None, state) => Phase::Node(state, error),
@@ -254,7 +253,6 @@ impl Mcm260x {
         self.com_led.show(now, if lit { Pattern::SteadyOn } else { Pattern::SteadyOff });
         for (led, input) in self.input_leds.iter_mut().zip(&self.inputs) {
             let pattern = match self.rules.input_led(input.is_off(), input.is_out_of_range()) {
-                _ if !self.powered => Pattern::SteadyOff,
                 (true, _) => Pattern::SteadyOff,
                 (_, true) => Pattern::Medium,
                 _ => Pattern::SteadyOn,

@@ -107,6 +107,11 @@ decisions! {
         active == UNCONFIGURED && pending == UNCONFIGURED
     }
 
+    /// Who is configured already is not selected (5.2).
+    fn lss_selects_in(&self, mode: Mode) -> bool {
+        mode == Mode::WAITING
+    }
+
     /// Bits are 0 to 31, parts 0 to 3 (6.5.3).
     fn lss_scan_valid(&self, scan: Fastscan) -> bool {
         scan.bit < 32 && scan.part < 4 && scan.next < 4
@@ -170,6 +175,9 @@ deviations! {
     }
     "lss-configures-while-waiting" {
         fn lss_configures_in(&self, _mode: Mode) -> bool { true }
+    }
+    "lss-selected-while-configured" {
+        fn lss_selects_in(&self, _mode: Mode) -> bool { true }
     }
     "lss-configuration-survives-reset" {
         fn lss_waits_after_reset(&self) -> bool { false }

@@ -128,6 +128,11 @@ decisions! {
         false
     }
 
+    /// It ends with the states that have SDO.
+    fn sdo_client_ends_with_sdo(&self) -> bool {
+        true
+    }
+
     /// Each request restarts that time, the first of a transfer and those that follow.
     fn request_restarts_sdo_timeout(&self, _first: bool) -> bool {
         true
@@ -251,6 +256,9 @@ deviations! {
     }
     "sdo-client-ends-with-each-state" {
         fn sdo_client_ends_with_each_state(&self) -> bool { true }
+    }
+    "sdo-client-goes-on-in-stopped" {
+        fn sdo_client_ends_with_sdo(&self) -> bool { false }
     }
     "abort-general" {
         fn abort_code(&self, _mux: Mux, _reason: Abort) -> Abort { Abort::GENERAL }

@@ -60,6 +60,11 @@ decisions! {
         true
     }
 
+    /// A save adds to what the last command left in the memory.
+    fn save_extends_newest(&self) -> bool {
+        true
+    }
+
     /// "load" forgets every object of the group.
     fn forgotten(&self, _mux: Mux) -> bool {
         true
@@ -123,6 +128,9 @@ deviations! {
     }
     "save-of-eight-bytes" {
         fn stored_length(&self, length: usize) -> usize { length.min(8) }
+    }
+    "save-extends-older-bank" {
+        fn save_extends_newest(&self) -> bool { false }
     }
     "load-of-eight-sub-indices" {
         fn forgotten(&self, mux: Mux) -> bool { mux.sub <= 8 }

@@ -50,6 +50,11 @@ decisions! {
         true
     }
 
+    /// Writing the value that 1005h has changes nothing, so it is no change that is refused.
+    fn sync_id_taken_as_it_is(&self) -> bool {
+        true
+    }
+
     /// The producer keeps the period of 1006h (7.5.2.6).
     fn sync_production_period(&self, configured: Duration) -> Duration {
         configured
@@ -112,6 +117,9 @@ deviations! {
     }
     "sync-id-moves-while-producing" {
         fn sync_id_fixed_while_producing(&self) -> bool { false }
+    }
+    "sync-id-refused-as-it-is" {
+        fn sync_id_taken_as_it_is(&self) -> bool { false }
     }
     "sync-production-drifts" {
         fn sync_production_period(&self, configured: Duration) -> Duration {

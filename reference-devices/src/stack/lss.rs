@@ -182,11 +182,11 @@ impl Lss {
 
     /// Vendor, product, revision, serial number, in this order and each that of the node.
     fn select(&mut self, part: Part, number: u32, base: &Base) -> Option<Response> {
-        if self.mode != Mode::WAITING {
+        let rules = &base.rules;
+        if !rules.lss_selects_in(self.mode) {
             return None;
         }
         let place = part as usize;
-        let rules = &base.rules;
         let in_order = place == 0 || place == self.selected || !rules.lss_selection_in_order();
         let fits = number == address(base, part) || !rules.lss_part_compared(part);
         self.selected = if in_order && fits { place + 1 } else { 0 };

@@ -169,7 +169,9 @@ impl Services {
         self.behaviour.event(now, CommunicationEvent::Entered(state), &mut self.base.od);
         self.touched = true;
         self.advance(now);
-        if !used_in(state, &self.base) || self.base.rules.sdo_client_ends_with_each_state() {
+        let rules = &self.base.rules;
+        let ends = !used_in(state, &self.base) && rules.sdo_client_ends_with_sdo();
+        if ends || rules.sdo_client_ends_with_each_state() {
             self.drop_sdo_jobs(now);
         }
         if state != NmtState::OPERATIONAL {

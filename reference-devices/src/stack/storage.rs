@@ -36,6 +36,8 @@ type Values = BTreeMap<Mux, Vec<u8>>;
 #[derive(Clone)]
 struct Save {
     values: Vec<(Mux, Vec<u8>)>,
+    /// What is stored beside them.
+    onto: Values,
     begun: Instant,
     done: Instant,
 }
@@ -90,8 +92,11 @@ impl Storage {
                 let bytes = base.od.get(*mux)?;
                 Some((*mux, bytes[..base.rules.stored_length(bytes.len())].to_vec()))
             });
+            let values = values.collect();
             let done = now + base.settings.save_time;
-            self.save = Some(Save { values: values.collect(), begun: now, done });
+            let bank = if base.rules.save_extends_newest() { self.newest() } else { self.older() };
+            let onto = bank.values.clone();
+            self.save = Some(Save { values, onto, begun: now, done });
             // A memory that takes no time has no deadline of which anybody would remind it.
             self.handle_timeout(now);
         } else {
@@ -123,7 +128,8 @@ impl Storage {
             return;
         }
         if let Some(bytes) = base.od.get(mux) {
-            let values = self.with(vec![(mux, bytes.to_vec())]);
+            let onto = self.newest().values.clone();
+            let values = self.with(onto, vec![(mux, bytes.to_vec())]);
             self.commit(values);
         }
     }
@@ -137,7 +143,7 @@ impl Storage {
     /// Ends a save at once.
     pub(crate) fn finish(&mut self) {
         if let Some(save) = self.save.take() {
-            let values = self.with(save.values);
+            let values = self.with(save.onto, save.values);
             self.commit(values);
         }
     }
@@ -148,16 +154,15 @@ impl Storage {
         let (part, whole) = (now.since(save.begun), save.done.since(save.begun));
         let written = save.values.len() as u128 * part.as_nanos() / whole.as_nanos().max(1);
         save.values.truncate(written as usize);
-        let values = self.with(save.values);
+        let values = self.with(save.onto, save.values);
         if base.rules.save_completes_last() {
-            *self.oldest() = Bank { number: 0, values };
+            *self.older_mut() = Bank { number: 0, values };
         } else {
             self.commit(values);
         }
     }
 
-    fn with(&self, saved: Vec<(Mux, Vec<u8>)>) -> Values {
-        let mut values = self.newest().values.clone();
+    fn with(&self, mut values: Values, saved: Vec<(Mux, Vec<u8>)>) -> Values {
         for (mux, bytes) in saved {
             if self.defaults.get(mux) == Some(&bytes) {
                 values.remove(&mux);
@@ -170,7 +175,7 @@ impl Storage {
 
     fn commit(&mut self, values: Values) {
         let number = self.newest().number + 1;
-        *self.oldest() = Bank { number, values };
+        *self.older_mut() = Bank { number, values };
     }
 
     /// Forgets everything that was stored.
@@ -183,7 +188,12 @@ impl Storage {
         if first.number >= second.number { first } else { second }
     }
 
-    fn oldest(&mut self) -> &mut Bank {
+    fn older(&self) -> &Bank {
+        let [first, second] = &self.banks;
+        if first.number >= second.number { second } else { first }
+    }
+
+    fn older_mut(&mut self) -> &mut Bank {
         let [first, second] = &mut self.banks;
         if first.number >= second.number { second } else { first }
     }

@@ -104,7 +104,8 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
             // A master that restores what it has read must not be refused.
             let before = base.od.int(COB_ID).unwrap_or(0) as u32;
             let cob = u32::from_le_bytes([a, b, c, d]);
-            return if before == cob { Ok(()) } else { check_cob_id(before, cob, base) };
+            let same = before == cob && base.rules.sync_id_taken_as_it_is();
+            return if same { Ok(()) } else { check_cob_id(before, cob, base) };
         }
         (PERIOD, &[a, b, c, d]) => {
             let period = Duration::from_micros(u32::from_le_bytes([a, b, c, d]).into());

@@ -107,7 +107,8 @@ impl Encoder {
         let waits_for_index = self.waits_for_index && rules.waits_over_a_start();
         let count = rules.count_at_start(self.count);
         let seen = motion.at(now);
-        *self = Self { motion, without_b, seen, count, waits_for_index, ..Self::default() };
+        let kept = if rules.intervals_over_a_start() { *self } else { Self::default() };
+        *self = Self { motion, without_b, seen, count, waits_for_index, ..kept };
     }
 
     /// Counts what has passed until `now`.

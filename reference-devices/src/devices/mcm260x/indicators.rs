@@ -7,7 +7,7 @@ pub(super) use crate::devices::pixsys::led::{Led, Pattern};
 /// What makes the RUN LED flash.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Phase {
-    /// It has no supply.
+    /// It shows nothing, which a module with supply never does.
     #[default]
     Dark,
     /// It starts.

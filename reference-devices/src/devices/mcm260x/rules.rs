@@ -264,6 +264,11 @@ decisions! {
         place
     }
 
+    /// With a start no interval has counts (11.3.6, 11.3.7).
+    fn intervals_over_a_start(&self) -> bool {
+        false
+    }
+
     /// A command that waits for phase Z is forgotten with a start (11.3.5).
     fn waits_over_a_start(&self) -> bool {
         false

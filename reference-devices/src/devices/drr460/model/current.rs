@@ -55,7 +55,8 @@ impl Watched {
         let condition = condition.map(|met| met || goes_on);
         self.counts = condition == Some(true);
         match condition {
-            None => {}
+            None if rules.current_delay_stands_still() => {}
+            None => self.waited = 0.0,
             Some(false) => {
                 let is_shown = self.is_shown && !rules.current_flags_end();
                 *self = Self { is_shown, ..Self::default() };

@@ -513,6 +513,11 @@ decisions! {
         true
     }
 
+    /// While the output is off nothing is known of a heater break, and its delay stands still.
+    fn current_delay_stands_still(&self) -> bool {
+        true
+    }
+
     /// A flag of the load ends with its cause (11.3.10, bits 7 to 10).
     fn current_flags_end(&self) -> bool {
         true

@@ -139,6 +139,9 @@ const DEVIATIONS: &[Deviation<dyn Mcm260xRules>] = deviating! { dyn Mcm260xRules
     "command-for-z-outlives-a-reset" {
         fn waits_over_a_start(&self) -> bool { true }
     }
+    "intervals-outlive-a-reset" {
+        fn intervals_over_a_start(&self) -> bool { true }
+    }
     "loads-when-it-looks" {
         fn loaded_at(&self, _index: i64, to: i64) -> i64 { to }
     }

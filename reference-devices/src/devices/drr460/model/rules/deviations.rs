@@ -358,6 +358,9 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     "dip-of-current-counts-on" {
         fn current_delay_starts_over(&self) -> bool { false }
     }
+    "current-delay-anew-in-each-cycle" {
+        fn current_delay_stands_still(&self) -> bool { false }
+    }
     "switches-act-at-once" {
         fn switches_act_at_once(&self) -> bool { true }
     }
