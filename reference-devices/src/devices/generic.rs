@@ -40,6 +40,8 @@ struct Fault {
     class: u8,
     wanted: bool,
     present: bool,
+    /// Whether it has appeared before.
+    known: bool,
 }
 
 impl Generic {
@@ -98,7 +100,9 @@ impl Generic {
 impl Behaviour for Generic {
     fn reset(&mut self, now: Instant, od: &mut Dictionary) {
         self.simulated = [0; SIMULATED];
-        self.faults.iter_mut().for_each(|fault| fault.present = false);
+        if self.rules.fault_seen_after_reset() {
+            self.faults.iter_mut().for_each(|fault| fault.present = false);
+        }
         self.io.reset(now, od);
     }
 
@@ -153,7 +157,7 @@ impl Behaviour for Generic {
     fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
         self.io.run(now, od, errors);
         self.simulate(od, errors);
-        self.faults.iter_mut().for_each(|fault| fault.show(errors));
+        self.faults.iter_mut().for_each(|fault| fault.show(errors, &*self.rules));
         let faulty = i64::from(errors.register() != 0);
         let running = i64::from(self.state == NmtState::OPERATIONAL);
         od.set_int(STATUS, faulty | running << 1);
@@ -202,11 +206,11 @@ impl Behaviour for Generic {
 
 impl Fault {
     const fn new(name: &'static str, code: EmcyCode, class: u8) -> Self {
-        Self { name, code, class, wanted: false, present: false }
+        Self { name, code, class, wanted: false, present: false, known: false }
     }
 
     /// Lets the error appear or go.
-    fn show(&mut self, errors: &mut Errors) {
+    fn show(&mut self, errors: &mut Errors, rules: &dyn GenericRules) {
         if self.present == self.wanted {
             return;
         }
@@ -214,7 +218,9 @@ impl Fault {
         let number = FAULTS + u16::from(self.class);
         if self.present {
             errors.raise(number, self.code, register_bit(self.code), [0; 5]);
-            errors.react(self.class);
+            if !std::mem::replace(&mut self.known, true) || rules.each_fault_reacts() {
+                errors.react(self.class);
+            }
         } else {
             errors.clear(number);
         }

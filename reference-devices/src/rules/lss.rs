@@ -82,6 +82,11 @@ decisions! {
         true
     }
 
+    /// What was stored is in force after each further power-on, too (6.3.4).
+    fn lss_stored_kept(&self) -> bool {
+        true
+    }
+
     /// What was not stored is forgotten without supply (6.3.4).
     fn lss_forgets_without_supply(&self) -> bool {
         true
@@ -256,6 +261,9 @@ deviations! {
     }
     "lss-store-forgets" {
         fn lss_stores(&self) -> bool { false }
+    }
+    "lss-stored-for-one-power-on" {
+        fn lss_stored_kept(&self) -> bool { false }
     }
     "lss-pending-survives-power" {
         fn lss_forgets_without_supply(&self) -> bool { false }

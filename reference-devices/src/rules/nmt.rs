@@ -119,6 +119,9 @@ deviations! {
     "nmt-broadcast-ignored" {
         fn nmt_addressed(&self, node: u8, to: u8) -> bool { to == node }
     }
+    "nmt-node-ids-above-127-obeyed" {
+        fn nmt_addressed(&self, node: u8, to: u8) -> bool { to == 0 || to == node || to > 127 }
+    }
     "nmt-start-ignored-after-error" {
         fn nmt_obeyed(&self, service: Service, error_register: u8) -> bool {
             service != Service::START || error_register == 0

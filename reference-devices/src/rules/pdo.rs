@@ -35,6 +35,11 @@ decisions! {
         true
     }
 
+    /// An identifier belongs to nobody while the TPDO that has it is not valid (7.5.2.37).
+    fn disabled_tpdo_leaves_its_id(&self) -> bool {
+        true
+    }
+
     /// A PDO that maps nothing cannot be made to exist (7.5.2.36).
     fn pdo_needs_mapping(&self, exists: bool) -> bool {
         exists
@@ -259,6 +264,9 @@ deviations! {
     }
     "tpdo-identifier-used-twice" {
         fn tpdo_ids_unique(&self) -> bool { false }
+    }
+    "tpdo-id-kept-while-disabled" {
+        fn disabled_tpdo_leaves_its_id(&self) -> bool { false }
     }
     "pdo-without-mapping-exists" {
         fn pdo_needs_mapping(&self, _exists: bool) -> bool { false }

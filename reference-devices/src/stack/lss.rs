@@ -72,6 +72,9 @@ impl Lss {
         if base.rules.lss_forgets_without_supply() {
             self.node.pending = self.node.stored;
         }
+        if !base.rules.lss_stored_kept() {
+            self.node.stored = self.node.active;
+        }
         self.bit_rate.pending = self.bit_rate.stored;
         self.bit_rate.active = self.bit_rate.stored;
         self.silence = None;

@@ -119,7 +119,8 @@ fn cob_id_refused(old: CobId, new: CobId, kind: u8, base: &Base) -> bool {
 fn is_taken(index: u16, new: CobId, direction: Direction, base: &Base) -> bool {
     let has_it = |pdo: u16| {
         let other = cob_id(&base.od, direction, pdo);
-        pdo != index & 0x1FF && other.valid() && other.can_id() == new.can_id()
+        let used = other.valid() || !base.rules.disabled_tpdo_leaves_its_id();
+        pdo != index & 0x1FF && used && other.can_id() == new.can_id()
     };
     direction == Direction::Transmit
         && base.rules.tpdo_ids_unique()

@@ -27,6 +27,16 @@ decisions! {
         }
     }
 
+    /// A terminal that is still broken after a reset is an error again.
+    fn fault_seen_after_reset(&self) -> bool {
+        true
+    }
+
+    /// Each error of a terminal leads to the state that 1029h says.
+    fn each_fault_reacts(&self) -> bool {
+        true
+    }
+
     /// Large data are not looked at (2F20h).
     fn large_data_taken(&self, _bytes: &[u8]) -> bool {
         true
@@ -46,6 +56,12 @@ pub(crate) fn named(name: &str) -> Option<Lay<dyn GenericRules>> {
 const DEVIATIONS: &[Deviation<dyn GenericRules>] = deviating! { dyn GenericRules: GenericRules [];
     "large-data-of-one-format" {
         fn large_data_taken(&self, bytes: &[u8]) -> bool { bytes.starts_with(b"\x7FELF") }
+    }
+    "fault-forgotten-by-reset" {
+        fn fault_seen_after_reset(&self) -> bool { false }
+    }
+    "fault-reacts-once" {
+        fn each_fault_reacts(&self) -> bool { false }
     }
     "parameter-always-changes" {
         fn parameter_change(&self, _mode: i64) -> Result<(), Abort> { Ok(()) }
