@@ -64,6 +64,9 @@ impl Drop for Process {
 /// How long a program that is to end, or has nothing more to say, may take.
 const PATIENCE: Duration = Duration::from_millis(500);
 
+/// How long a program may take until its first frame: an interpreter has libraries to load.
+const START: Duration = Duration::from_secs(5);
+
 /// Whether a program ends in that time. Nothing on a bus waits for it.
 fn ends_within(child: &mut Child, patience: Duration) -> bool {
     const TURN: Duration = Duration::from_millis(5);
@@ -107,21 +110,25 @@ pub(super) struct OnPipes {
     process: Process,
     lines: Lines,
     clock: Clock,
+    /// The first frame that it sent, until it is received.
+    first: Option<Stamped>,
     /// The last frame that it was sent.
     last: Option<Frame>,
     stop: Stop,
 }
 
 impl OnPipes {
-    /// Starts the program.
+    /// Starts the program, and returns when it has sent a frame, or has not for too long.
     ///
     /// # Errors
-    /// [`BusError::Open`] when that is not possible.
+    /// [`BusError::Open`] when that is not possible, or those of receiving.
     pub(super) fn open(command: &str, stop: &Stop) -> Result<Self, BusError> {
         let clock = Clock::start();
         let (process, lines) = start_on_pipes(command, clock, stop)?;
         let (command, stop) = (command.to_owned(), stop.clone());
-        Ok(Self { command, process, lines, clock, last: None, stop })
+        let mut bus = Self { command, process, lines, clock, first: None, last: None, stop };
+        bus.first = first_of(&mut bus)?;
+        Ok(bus)
     }
 
     /// Starts it again after it has ended.
@@ -185,6 +192,9 @@ impl Bus for OnPipes {
     /// [`BusError::Ended`] when it ended otherwise, [`BusError::Io`] when it wrote anything else
     /// than frames or ended before it sent one, [`BusError::Interrupted`].
     fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+        if let Some(first) = self.first.take() {
+            return Ok(Some(first));
+        }
         loop {
             match self.lines.recv(until)? {
                 Ok(got) => return Ok(got),
@@ -205,21 +215,27 @@ pub(super) struct OnInterface {
     interface: String,
     process: Process,
     bus: SocketCan,
+    /// The first frame that it sent, until it is received.
+    first: Option<Stamped>,
     /// The last frame that it was sent, and whether it sent one.
     last: Option<Frame>,
     heard: bool,
 }
 
 impl OnInterface {
-    /// Opens the interface and starts the program.
+    /// Opens the interface and starts the program. Returns when the program has sent a frame, or
+    /// has not for too long.
     ///
     /// # Errors
-    /// [`BusError::Open`] when one of them is not possible.
+    /// [`BusError::Open`] when one of them is not possible, or those of receiving.
     pub(super) fn open(command: &str, interface: &str, stop: &Stop) -> Result<Self, BusError> {
         let bus = SocketCan::open(interface, stop.clone())?;
         let process = start_on_interface(command, interface)?;
         let (command, interface) = (command.to_owned(), interface.to_owned());
-        Ok(Self { command, interface, process, bus, last: None, heard: false })
+        let (first, last, heard) = (None, None, false);
+        let mut bus = Self { command, interface, process, bus, first, last, heard };
+        bus.first = first_of(&mut bus)?;
+        Ok(bus)
     }
 
     /// Looks after the program.
@@ -239,6 +255,12 @@ impl OnInterface {
         let after = after(last);
         Err(BusError::Ended(format!("the program `{command}` {said}{after}; it is started again")))
     }
+}
+
+/// The first frame from a program that was just started.
+fn first_of(bus: &mut dyn Bus) -> Result<Option<Stamped>, BusError> {
+    let until = bus.now() + START;
+    bus.recv(until)
 }
 
 fn start_on_interface(command: &str, interface: &str) -> Result<Process, BusError> {
@@ -265,6 +287,9 @@ impl Bus for OnInterface {
     /// # Errors
     /// Those of the interface, and those of [`OnPipes`] for the program.
     fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+        if let Some(first) = self.first.take() {
+            return Ok(Some(first));
+        }
         self.watch()?;
         let got = self.bus.recv(until)?;
         self.heard |= got.is_some_and(|seen| !seen.own);
