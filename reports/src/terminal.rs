@@ -115,8 +115,8 @@ pub fn case_line(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     let (device, name) = (one_line(&info.device), one_line(&case.info.name()));
     let _ = write!(line, "{}  {device}  {name}  ", style.verdict(verdict, padded));
     let rest = match &case.outcome {
-        Outcome::Pass | Outcome::Lenient(_) => time(case.duration()),
-        Outcome::Fail(problem) => came_instead(problem),
+        Outcome::Pass => time(case.duration()),
+        Outcome::Lenient(problem) | Outcome::Fail(problem) => came_instead(problem),
         Outcome::Error { problem: Some(problem), .. } => came_instead(problem),
         Outcome::Skip(reason) | Outcome::Blocked(reason) | Outcome::Error { reason, .. } => {
             reason.clone()

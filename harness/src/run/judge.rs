@@ -121,12 +121,36 @@ pub(super) fn refusal(
     }
 }
 
-/// A value for people: `100 (64h)`.
+/// A value for people: `100 (64h)`. Of a long one the beginning.
 pub(super) fn show(entry: Option<&Entry>, bytes: &[u8]) -> String {
     let data_type = entry.map_or(DataType::OCTET_STRING, |entry| entry.data_type);
-    data_type
-        .decode(bytes)
-        .map_or_else(|error| format!("{} ({error})", show_bytes(bytes)), |value| value.to_string())
+    match data_type.decode(bytes) {
+        Ok(_) if bytes.len() > LONG => format!("[{}]", show_bytes(bytes)),
+        Ok(value) => value.to_string(),
+        Err(error) => format!("{} ({error})", show_bytes(bytes)),
+    }
+}
+
+/// More bytes than a person compares.
+const LONG: usize = 64;
+
+/// Two values that differ, for people: long ones from the first difference on.
+fn show_both(entry: Option<&Entry>, expected: &[u8], got: &[u8]) -> (String, String) {
+    const SHOWN: usize = 16;
+    if expected.len().max(got.len()) <= LONG {
+        return (show(entry, expected), show(entry, got));
+    }
+    let equal = expected.iter().zip(got).take_while(|(one, other)| one == other).count();
+    let from_there = |bytes: &[u8]| {
+        let rest = &bytes[equal..];
+        let shown = match rest.len() {
+            0 => "no more".to_owned(),
+            ..=SHOWN => show_bytes(rest),
+            _ => format!("{} ...", show_bytes(&rest[..SHOWN])),
+        };
+        format!("from byte {} of {}: {shown}", equal + 1, bytes.len())
+    };
+    (from_there(expected), from_there(got))
 }
 
 /// What a value must be, in bytes of the entry's type.
@@ -196,14 +220,15 @@ impl Condition {
         }
         let mut tolerated = None;
         if let Some(value) = self.value.as_ref().filter(|value| !self.same(value, got)) {
-            let shown = show(entry, value);
+            let (shown, actual) = show_both(entry, value, got);
             let expected = match &self.mask {
                 None => shown,
                 Some(mask) => format!("{shown} in the bits {}", show(entry, mask)),
             };
+            let difference = Difference::new(expected, actual);
             match self.tolerated.iter().position(|value| self.same(value, got)) {
-                Some(place) => tolerated = Some((place + 1, differs(expected))),
-                None => wrong.push((Constraint::Value, differs(expected))),
+                Some(place) => tolerated = Some((place + 1, difference)),
+                None => wrong.push((Constraint::Value, difference)),
             }
         }
         wrong.extend(self.bounds_broken(entry, got, &differs));
@@ -274,6 +299,25 @@ pub(super) fn excerpt(source: &Source, place: Place) -> Excerpt {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn long_values_are_shown_from_the_first_difference_on() {
+        let mut value = crate::plan::fill(888);
+        let condition = Condition { value: Some(value.clone()), ..Condition::default() };
+        value[600] = 0xFF;
+        let differs = |got: &[u8]| match condition.judge(None, got) {
+            Judged::Wrong(_, difference) => (difference.expected, difference.actual),
+            other => panic!("{other:?}"),
+        };
+        let (expected, actual) = differs(&value);
+        assert!(expected.starts_with("from byte 601 of 888: 40 41 "), "{expected}");
+        assert!(actual.starts_with("from byte 601 of 888: FF 41 "), "{actual}");
+        value[600] = 0x40;
+        let (expected, actual) = differs(&value[..887]);
+        assert_eq!(actual, "from byte 888 of 887: no more");
+        assert_eq!(expected, "from byte 888 of 888: 3B");
+        assert_eq!(show(None, &value).len(), "[] ... (888 bytes)".len() + 256 * 3 - 1);
+    }
 
     #[test]
     fn a_length_and_a_value_are_judged_apart() {
