@@ -161,8 +161,9 @@ const MULTIPLEXED: u8 = 0xFE;
 
 #[cfg(test)]
 mod tests {
-    use crate::stack::testing::{Fixture, eds, full, mux};
-    use canopen::Abort;
+    use crate::stack::testing::{Fixture, eds, entry, full, mux};
+    use canopen::eds::Access;
+    use canopen::{Abort, DataType};
 
     const SET_DUMMY: u32 = 0x0005_0008;
 
@@ -211,6 +212,26 @@ mod tests {
         ];
         for (index, entry, result) in table {
             assert_eq!(map(&mut ready(""), index, 1, entry), result, "{index:04X} {entry:08X}");
+        }
+    }
+
+    #[test]
+    fn a_boolean_takes_a_bit_where_mapping_has_bits() {
+        for (granularity, bits, others) in [(1, 1, 8), (8, 8, 1)] {
+            let mut entries = full();
+            entries.push(entry(mux(0x2010, 0), DataType::BOOLEAN, Access::Rw, 0));
+            let mut sheet = eds(entries);
+            sheet.device.granularity = granularity;
+            sheet.dummies = vec![1];
+            let mut fixture = Fixture::new(&sheet);
+            for index in [0x1400, 0x1800] {
+                fixture.write(mux(index, 1), &[0x85, 1, 0, 0x80]).unwrap();
+            }
+            let boolean = 0x2010_0000;
+            let refused = map(&mut fixture, 0x1A00, 1, boolean | others);
+            assert_eq!(refused, Err(Abort::NOT_MAPPABLE), "{granularity}");
+            assert_eq!(map(&mut fixture, 0x1A00, 1, boolean | bits), Ok(()), "{granularity}");
+            assert_eq!(map(&mut fixture, 0x1600, 1, 0x0001_0001), Ok(()), "a gap");
         }
     }
 

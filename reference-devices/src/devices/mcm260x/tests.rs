@@ -328,3 +328,38 @@ fn every_name_of_the_bench_can_be_seen_and_set_back() {
         assert_eq!(has("analogue-input-2"), has_analogue_inputs, "{name}");
     }
 }
+
+#[test]
+fn an_encoder_without_phase_b_sees_a_step_forward_and_a_step_back() {
+    let mut fixture = module("mcm260x-3ad");
+    parameter(&mut fixture, 38, 2);
+    for (place, count) in [(1, 1), (2, 1), (3, 0), (4, 0), (5, 1), (400, 0), (398, 1)] {
+        level(&mut fixture, "encoder-steps-3", place);
+        assert_eq!(read(&mut fixture, 0x3001, 3), count, "{place}");
+    }
+}
+
+/// Nothing ever comes on Modbus, so silence begins with the start.
+#[test]
+fn with_modbus_a_module_is_off_line_after_its_time() {
+    let mut fixture = module("mcm260x-9ad");
+    for (sub, value) in [(8, 1000), (12, 0x81), (66, 500)] {
+        parameter(&mut fixture, sub, value);
+    }
+    fixture.send("605#2310100173617665");
+    after(&mut fixture, 200_000);
+    fixture.stimulate("communication-interface", &Value::Text("rs485".to_owned()));
+    let lit = |fixture: &mut Fixture| {
+        let mut lit = Vec::new();
+        for _ in 0..8 {
+            after(fixture, 100_000);
+            lit.push(seen(fixture, "run-led"));
+        }
+        lit
+    };
+    assert_eq!(seen(&fixture, "digital-outputs-1"), 0x81);
+    after(&mut fixture, 3_000_000);
+    assert_eq!(seen(&fixture, "digital-outputs-1"), 0x81);
+    let blinks = lit(&mut fixture);
+    assert!(blinks.contains(&0) && blinks.contains(&1), "{blinks:?}");
+}
