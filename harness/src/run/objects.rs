@@ -11,7 +11,7 @@ use canopen::{Abort, Frame, Mux};
 use super::judge::{Answer, Condition, Difference, Judged, Judgement, Trouble, refusal, show};
 use super::sdo::{self, Ended};
 use super::steps::Steps;
-use crate::plan::{Binding, fill, mapping_word, matching_entries, parse_bytes};
+use crate::plan::{Binding, fill, mapping_word, matching_entries, parse_bytes, show_bytes};
 use crate::source::At;
 use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::each::Objects;
@@ -20,6 +20,8 @@ use crate::suite::refusal::Refusal;
 use crate::suite::step::{Read, Remap, Until, Write};
 
 const DEFAULT_POLL: Duration = Duration::from_millis(20);
+/// Of a longer value to be written, a difference shows the first bytes: so many.
+const LONGEST_SHOWN: usize = 64;
 
 impl Steps<'_, '_> {
     pub(super) fn read(&mut self, read: &Read) -> Judgement {
@@ -354,7 +356,13 @@ fn accepted(mux: Mux, data: &[u8], entry: Option<&Entry>, ended: Ended) -> Judge
             if failure == Failure::Aborted(Abort::GENERAL) {
                 actual.push_str(", which does not say why");
             }
-            let expected = format!("{mux} takes {}", show(entry, data));
+            let value = match data.get(..LONGEST_SHOWN) {
+                Some(first) if first.len() < data.len() => {
+                    format!("{} bytes that begin with {}", data.len(), show_bytes(first))
+                }
+                _ => show(entry, data),
+            };
+            let expected = format!("{mux} takes {value}");
             Err(Trouble::Device(Difference { raw: ended.raw, ..Difference::new(expected, actual) }))
         }
     }
