@@ -232,6 +232,8 @@ fn json(rows: &[Row]) -> String {
     let rows: Vec<_> = rows
         .iter()
         .map(|row| {
+            let applying = || applying(row).collect::<BTreeMap<_, _>>();
+            let dimensions = row.dimensions.as_ref().map(|_| applying());
             serde_json::json!({
                 "id": row.id,
                 "document": row.document,
@@ -241,7 +243,7 @@ fn json(rows: &[Row]) -> String {
                 "says": row.says,
                 "untestable": row.untestable,
                 "extends": row.extends,
-                "dimensions": row.dimensions.is_some().then(|| applying(row).collect::<BTreeMap<_, _>>()),
+                "dimensions": dimensions,
                 "lacks": lacks(row),
                 "cases": row.cases,
                 "mutants": row.mutants,

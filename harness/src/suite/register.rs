@@ -166,18 +166,18 @@ impl Register {
         if entry.untestable.is_some() || !entry.extends.is_empty() {
             return None;
         }
-        let extent = |dimension: Dimension| match lacks.get(&dimension) {
-            Some(why) => Extent::Lacks(why.value.clone()),
-            None => {
-                let extends = |requirement: &Requirement| {
-                    let found = requirement.entry.value.extends.get(id);
-                    found.is_some_and(|found| found.value == dimension)
-                };
-                let by = self.iter().filter(|(_, other)| extends(other));
-                Extent::Applies(by.map(|(id, _)| id.to_owned()).collect())
+        let mut by: BTreeMap<Dimension, Vec<String>> = BTreeMap::new();
+        for (other, requirement) in self.iter() {
+            if let Some(dimension) = requirement.entry.value.extends.get(id) {
+                by.entry(dimension.value).or_default().push(other.to_owned());
             }
+        }
+        let mut extent = |dimension| match lacks.get(&dimension) {
+            Some(why) => Extent::Lacks(why.value.clone()),
+            None => Extent::Applies(by.remove(&dimension).unwrap_or_default()),
         };
-        Some(Dimension::ALL.map(|dimension| (dimension, extent(dimension))).into())
+        let of_each = Dimension::ALL.map(|dimension| (dimension, extent(dimension)));
+        Some(of_each.into())
     }
 
     /// What is said to be extended is a requirement, as far as its document is loaded, and the
