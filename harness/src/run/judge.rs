@@ -145,7 +145,7 @@ fn show_both(entry: Option<&Entry>, expected: &[u8], got: &[u8]) -> (String, Str
         let rest = &bytes[equal..];
         let shown = match rest.len() {
             0 => "no more".to_owned(),
-            ..=SHOWN => show_bytes(rest),
+            1..=SHOWN => show_bytes(rest),
             _ => format!("{} ...", show_bytes(&rest[..SHOWN])),
         };
         format!("from byte {} of {}: {shown}", equal + 1, bytes.len())

@@ -109,7 +109,7 @@ pub(super) fn lacking<'r>(
             for (id, lack) in pairs {
                 let of_it = lacking.entry(id).or_default();
                 let first = of_it.insert(*lack, note.why.clone());
-                twice = twice.or(first.map(|first| (*lack, id, first.place.line)));
+                twice = twice.or_else(|| first.map(|first| (*lack, id, first.place.line)));
             }
             if let Some((lack, id, line)) = twice {
                 let lack = lack.name();
