@@ -67,6 +67,11 @@ decisions! {
         true
     }
 
+    /// Reset communication leaves the errors of the application, which goes on (7.3.2.2.1).
+    fn reset_ends_application_errors(&self, reset: Reset) -> bool {
+        reset == Reset::Node
+    }
+
     /// What runs takes the parameters over that reset communication has restored, by the index of
     /// the first of them (7.3.2.2.1).
     fn reset_takes_over(&self, _index: u16) -> bool {
@@ -85,6 +90,9 @@ deviations! {
     }
     "errors-outlive-reset" {
         fn reset_ends_errors(&self) -> bool { false }
+    }
+    "reset-communication-ends-application-errors" {
+        fn reset_ends_application_errors(&self, _reset: Reset) -> bool { true }
     }
     "boot-up-twice" {
         fn boot_up_messages(&self) -> u32 { 2 }

@@ -85,6 +85,11 @@ decisions! {
         state == NmtState::OPERATIONAL
     }
 
+    /// Nor does one that comes before OPERATIONAL wait for the first SYNC in it.
+    fn rpdo_waits_in(&self, _state: NmtState) -> bool {
+        false
+    }
+
     /// A synchronous RPDO takes effect with the next SYNC (7.2.2.2).
     fn synchronous_rpdo_waits(&self) -> bool {
         true
@@ -140,6 +145,16 @@ decisions! {
     /// TPDOs are sent in OPERATIONAL (7.3.2.2.5).
     fn tpdo_sent_in(&self, state: NmtState) -> bool {
         state == NmtState::OPERATIONAL
+    }
+
+    /// They end with it, whatever triggers them.
+    fn tpdo_goes_on_in(&self, _state: NmtState, _kind: u8) -> bool {
+        false
+    }
+
+    /// So does an event that waits for the end of the inhibit time.
+    fn event_waits_in(&self, _state: NmtState) -> bool {
+        false
     }
 
     /// Event-driven TPDOs are sent once on entering it.
@@ -294,6 +309,45 @@ deviations! {
     }
     "rpdo-used-in-pre-operational" {
         fn rpdo_used_in(&self, _state: NmtState) -> bool { true }
+    }
+    "rpdo-used-in-stopped" {
+        fn rpdo_used_in(&self, state: NmtState) -> bool {
+            matches!(state, NmtState::OPERATIONAL | NmtState::STOPPED)
+        }
+    }
+    "synchronous-rpdo-waits-for-operational" {
+        fn rpdo_waits_in(&self, state: NmtState) -> bool { state == NmtState::PRE_OPERATIONAL }
+    }
+    "event-driven-tpdos-go-on-in-pre-operational" {
+        fn tpdo_goes_on_in(&self, state: NmtState, kind: u8) -> bool {
+            state == NmtState::PRE_OPERATIONAL && kind >= 254
+        }
+    }
+    "event-driven-tpdos-go-on-in-stopped" {
+        fn tpdo_goes_on_in(&self, state: NmtState, kind: u8) -> bool {
+            state == NmtState::STOPPED && kind >= 254
+        }
+    }
+    "cyclic-tpdos-go-on-in-pre-operational" {
+        fn tpdo_goes_on_in(&self, state: NmtState, kind: u8) -> bool {
+            state == NmtState::PRE_OPERATIONAL && matches!(kind, 1..=240)
+        }
+    }
+    "acyclic-tpdos-go-on-in-pre-operational" {
+        fn tpdo_goes_on_in(&self, state: NmtState, kind: u8) -> bool {
+            state == NmtState::PRE_OPERATIONAL && kind == 0
+        }
+    }
+    "remote-requests-answered-after-operational" {
+        fn tpdo_goes_on_in(&self, state: NmtState, kind: u8) -> bool {
+            state == NmtState::PRE_OPERATIONAL && matches!(kind, 252 | 253)
+        }
+    }
+    "delayed-tpdo-sent-in-pre-operational" {
+        fn event_waits_in(&self, state: NmtState) -> bool { state == NmtState::PRE_OPERATIONAL }
+    }
+    "delayed-tpdo-sent-in-stopped" {
+        fn event_waits_in(&self, state: NmtState) -> bool { state == NmtState::STOPPED }
     }
     "rpdo-short-used" {
         fn rpdo_length_usable(&self, _mapped: usize, _actual: usize) -> bool { true }

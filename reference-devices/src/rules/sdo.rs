@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use canopen::sdo::Request;
-use canopen::{Abort, Data, Mux, NmtState};
+use canopen::{Abort, Data, DataType, Mux, NmtState};
 
 use super::Layer;
 use super::pdo::is_mapping;
@@ -143,6 +143,11 @@ decisions! {
         true
     }
 
+    /// The last segment of a download stores its data (7.2.4.2.3).
+    fn stored_as_it_comes(&self, _data_type: DataType) -> bool {
+        false
+    }
+
     /// A download that takes one request ends an open upload, too (7.2.4.2.1).
     fn expedited_download_ends_upload(&self) -> bool {
         true
@@ -259,6 +264,9 @@ deviations! {
     }
     "sdo-client-goes-on-in-stopped" {
         fn sdo_client_ends_with_sdo(&self) -> bool { false }
+    }
+    "domains-stored-as-they-come" {
+        fn stored_as_it_comes(&self, data_type: DataType) -> bool { data_type == DataType::DOMAIN }
     }
     "abort-general" {
         fn abort_code(&self, _mux: Mux, _reason: Abort) -> Abort { Abort::GENERAL }

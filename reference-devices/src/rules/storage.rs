@@ -65,6 +65,11 @@ decisions! {
         true
     }
 
+    /// A save after one that was cut short is a save as any other.
+    fn saves_after_a_cut(&self) -> bool {
+        true
+    }
+
     /// "load" forgets every object of the group.
     fn forgotten(&self, _mux: Mux) -> bool {
         true
@@ -95,6 +100,33 @@ deviations! {
     }
     "save-forgets-sync" {
         fn stored(&self, mux: Mux) -> bool { !matches!(mux.index, 0x1006 | 0x1019) }
+    }
+    "save-forgets-sync-identifier" {
+        fn stored(&self, mux: Mux) -> bool { mux.index != 0x1005 }
+    }
+    "save-forgets-sync-window" {
+        fn stored(&self, mux: Mux) -> bool { mux.index != 0x1007 }
+    }
+    "save-forgets-guarding" {
+        fn stored(&self, mux: Mux) -> bool { !matches!(mux.index, 0x100C | 0x100D) }
+    }
+    "save-forgets-time" {
+        fn stored(&self, mux: Mux) -> bool { mux.index != 0x1012 }
+    }
+    "save-forgets-emcy-identifier" {
+        fn stored(&self, mux: Mux) -> bool { mux.index != 0x1014 }
+    }
+    "save-forgets-emcy-inhibit-time" {
+        fn stored(&self, mux: Mux) -> bool { mux.index != 0x1015 }
+    }
+    "save-forgets-error-behaviour" {
+        fn stored(&self, mux: Mux) -> bool { mux.index != 0x1029 }
+    }
+    "save-forgets-interrupt-enable" {
+        fn stored(&self, mux: Mux) -> bool { !matches!(mux.index, 0x6005 | 0x6423) }
+    }
+    "save-after-a-cut-lost" {
+        fn saves_after_a_cut(&self) -> bool { false }
     }
     "parameter-groups-are-one" {
         fn parameter_group(&self, _sub: u8) -> RangeInclusive<u16> { 0x1000..=0xFFFF }

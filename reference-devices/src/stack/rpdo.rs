@@ -75,6 +75,12 @@ impl Rpdo {
         self.id == Some(id) && !self.mapping.is_empty()
     }
 
+    /// Whether the state is one in which a frame is received.
+    pub(crate) fn is_received(&self, base: &Base) -> bool {
+        let synchronous = matches!(self.kind, 0..=240);
+        base.rules.rpdo_used_in(base.state) || synchronous && base.rules.rpdo_waits_in(base.state)
+    }
+
     /// Judges a frame. Returns the data when they take effect at once.
     pub(crate) fn receive(&mut self, now: Instant, data: Data, base: &mut Base) -> Option<Data> {
         if !self.judge_length(data, base) {

@@ -104,6 +104,12 @@ impl SdoServer {
         match state.step(input, now, services) {
             Ok((next, response)) => {
                 self.state = next.unwrap_or_default();
+                if let Some((mux, data)) = self.state.downloaded()
+                    && services.stores_as_it_comes(mux)
+                {
+                    // What is refused here is refused at the end.
+                    services.write(now, mux, data).ok();
+                }
                 if !in_sub_block {
                     self.next_segment = now;
                 }

@@ -122,7 +122,8 @@ impl Services {
             base.od.restore(&self.storage.image(), reset.objects());
         }
         if base.rules.reset_ends_errors() {
-            base.errors.reset(reset == Reset::Node);
+            let all = base.rules.reset_ends_application_errors(reset);
+            base.errors.reset(all);
         }
         // The producer starts anew with the boot-up message, from which its period counts.
         self.heartbeat.stop();
@@ -210,9 +211,10 @@ impl Services {
         } else if self.sdo_clients.awaits(id, &self.base) {
             let ended = self.sdo_clients.handle_data(now, id, &data, &self.base, out);
             self.sdo_ended(now, ended);
-        } else if self.base.rules.rpdo_used_in(self.base.state) {
+        } else {
             for place in 0..self.rpdos.len() {
                 if self.rpdos[place].takes(id)
+                    && self.rpdos[place].is_received(&self.base)
                     && let Some(data) = self.rpdos[place].receive(now, data, &mut self.base)
                 {
                     self.apply(now, place, data);

@@ -18,6 +18,8 @@ pub(crate) struct Storage {
     storable: Vec<Mux>,
     banks: [Bank; 2],
     save: Option<Save>,
+    /// Whether the supply has failed during a save.
+    torn: bool,
     /// Whether the device is to start anew after a "load".
     restart: bool,
 }
@@ -56,7 +58,8 @@ impl Storage {
         let mut storable: Vec<Mux> = storable.map(|entry| entry.mux).collect();
         storable.sort_unstable();
         let defaults = defaults.clone();
-        Self { defaults, storable, banks: Default::default(), save: None, restart: false }
+        let banks = Default::default();
+        Self { defaults, storable, banks, save: None, torn: false, restart: false }
     }
 
     /// What a reset loads: the newest bank.
@@ -96,6 +99,9 @@ impl Storage {
             let done = now + base.settings.save_time;
             let bank = if base.rules.save_extends_newest() { self.newest() } else { self.older() };
             let onto = bank.values.clone();
+            if self.torn && !base.rules.saves_after_a_cut() {
+                return;
+            }
             self.save = Some(Save { values, onto, begun: now, done });
             // A memory that takes no time has no deadline of which anybody would remind it.
             self.handle_timeout(now);
@@ -151,6 +157,7 @@ impl Storage {
     /// The supply is gone, and with it the rest of what was being stored.
     pub(crate) fn cut(&mut self, now: Instant, base: &Base) {
         let Some(mut save) = self.save.take() else { return };
+        self.torn = true;
         let (part, whole) = (now.since(save.begun), save.done.since(save.begun));
         let written = save.values.len() as u128 * part.as_nanos() / whole.as_nanos().max(1);
         save.values.truncate(written as usize);

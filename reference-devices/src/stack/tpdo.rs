@@ -99,11 +99,17 @@ impl Tpdo {
     /// values.
     pub(crate) fn enter(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
         let runs = base.rules.tpdo_sent_in(base.state);
-        if runs == self.running {
+        let goes_on = self.running && base.rules.tpdo_goes_on_in(base.state, self.kind);
+        if runs == self.running || goes_on {
             return;
         }
         self.running = runs;
+        let waits = self.pending && base.rules.event_waits_in(base.state);
+        let free_at = waits.then_some(self.free_at);
         self.restart(now, base);
+        if let Some(free_at) = free_at {
+            (self.pending, self.free_at) = (true, free_at);
+        }
         if self.is_active() && self.is_event_driven() && base.rules.tpdo_sent_at_start() {
             self.event(now, base, out);
         }

@@ -248,6 +248,13 @@ const DEVIATIONS: &[(&str, Deviation)] = &[
             _ => configured,
         }),
     ),
+    (
+        "input-filter-of-the-first-inputs",
+        Deviation::Settings(|setting, configured| match setting {
+            Setting::InputFilter => configured & 1,
+            _ => configured,
+        }),
+    ),
     ("input-filter-shorter", Deviation::FilterTime(Duration::ZERO)),
     ("input-filter-longer", Deviation::FilterTime(Duration::from_millis(500))),
     ("inputs-inverted", Deviation::Fixed(Setting::InputPolarity, EVERY_LEVEL)),

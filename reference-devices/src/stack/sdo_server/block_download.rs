@@ -12,7 +12,7 @@ use crate::stack::settings::BlockTransfer;
 #[derive(Clone, Debug)]
 pub(super) struct BlockDownload {
     pub(super) mux: Mux,
-    data: Vec<u8>,
+    pub(super) data: Vec<u8>,
     /// The size that the client indicated.
     size: Option<usize>,
     /// More than this is too much.

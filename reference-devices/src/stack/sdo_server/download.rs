@@ -10,7 +10,7 @@ use crate::stack::services::Services;
 #[derive(Clone, Debug)]
 pub(super) struct Download {
     pub(super) mux: Mux,
-    data: Vec<u8>,
+    pub(super) data: Vec<u8>,
     /// The size that the client indicated.
     size: Option<usize>,
     /// More than this is too much.

@@ -142,6 +142,15 @@ impl State {
         matches!(self, Self::BlockUpload(upload) if upload.in_sub_block())
     }
 
+    /// The object and the data of a download that is not at its end.
+    pub(super) fn downloaded(&self) -> Option<(Mux, &[u8])> {
+        match self {
+            Self::Download(download) => Some((download.mux, &download.data)),
+            Self::BlockDownload(download) => Some((download.mux, &download.data)),
+            Self::Idle | Self::Upload(_) | Self::BlockUpload(_) => None,
+        }
+    }
+
     /// The object of the open transfer.
     pub(super) fn mux(&self) -> Option<Mux> {
         match self {

@@ -88,6 +88,12 @@ impl Services {
         }
     }
 
+    /// Whether the object has what came of a download before the download is at its end.
+    pub(crate) fn stores_as_it_comes(&self, mux: Mux) -> bool {
+        let entry = self.base.od.entry(self.base.settings.resolve(mux));
+        entry.is_some_and(|entry| self.base.rules.stored_as_it_comes(entry.data_type))
+    }
+
     /// The length of the object's values when they all have one.
     pub(crate) fn fixed_size(&self, mux: Mux) -> Option<usize> {
         let entry = self.base.od.entry(self.base.settings.resolve(mux))?;
