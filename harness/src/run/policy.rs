@@ -13,6 +13,8 @@ pub struct Policy {
     pub quiet: Duration,
     /// The same after an NMT command when the wire was idle that long before it.
     pub quiet_after_command: Duration,
+    /// How long a device may take to carry out an NMT command.
+    pub change_of_state: Duration,
     /// How long it must be idle after the start of a node, for what the application sends to have
     /// come to rest.
     pub quiet_after_start: Duration,
@@ -50,6 +52,7 @@ impl Policy {
             boot_timeout: Duration::from_secs(10),
             quiet: Duration::from_millis(5),
             quiet_after_command: Duration::from_millis(2),
+            change_of_state: Duration::from_millis(20),
             quiet_after_start: Duration::from_millis(50),
             quiet_after_emergency: Duration::from_millis(30),
             rest_after_stimuli: Duration::from_millis(100),

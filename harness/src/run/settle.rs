@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use canopen::heartbeat::{self, ErrorControl};
-use canopen::nmt::{Command, Service};
+use canopen::nmt::{self, Command, Service};
 use canopen::sdo::{Failure, REQUEST_COB_ID, RESPONSE_COB_ID};
-use canopen::{BusError, Frame, Mux};
+use canopen::{BusError, Frame, Mux, Stamped};
 
 use super::baseline::Baseline;
 use super::ladder::{LADDER, Rung};
@@ -165,7 +165,7 @@ pub(super) fn enter(
         State::Operational => start(link, policy, dut, baseline),
         State::Stopped => {
             link.send(&Command { service: Service::STOP, node: dut.node }.frame())?;
-            link.drain(policy.quiet)
+            link.drain(policy.change_of_state)
         }
     }
 }
@@ -189,12 +189,22 @@ const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
 /// Leads the device into PRE-OPERATIONAL and waits until nothing is in flight. STOPPED refuses SDO,
 /// OPERATIONAL may refuse configuration.
 pub(super) fn pre_operational(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<(), BusError> {
+    let moved = has_moved(link);
     link.send(&enter_pre_operational(dut))?;
     let quiet = match idle_before(link, dut) >= policy.quiet {
+        // It serves frames in the old state until its application has its turn.
+        _ if moved => policy.change_of_state,
         true => policy.quiet_after_command,
         false => policy.quiet,
     };
     link.drain(quiet)
+}
+
+/// Whether a command may have brought the device into another state than PRE-OPERATIONAL, as far as
+/// the trace goes back.
+fn has_moved(link: &Link) -> bool {
+    let commanded = |seen: &Stamped| seen.own && seen.frame.data_id() == Some(nmt::COB_ID);
+    link.trace().iter().any(|seen| commanded(&seen.stamped))
 }
 
 /// How long the device had sent nothing but answers when the last own frame was sent, as far as
