@@ -148,7 +148,11 @@ impl Deviation {
                         .apply(eds.to_mut())
                         .map_err(|wrong| refuse(wrong.below(&["dictionary"])))?;
                 }
-                Change::Settings(patch) => patch.apply(&mut settings),
+                Change::Settings(patch) => {
+                    patch
+                        .apply(&mut settings, &eds)
+                        .map_err(|wrong| refuse(wrong.below(&["settings"])))?;
+                }
                 Change::Object(_)
                 | Change::Profile(_)
                 | Change::Ignores(_)

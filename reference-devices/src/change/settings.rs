@@ -1,11 +1,15 @@
 //! A change of what a device is and its data sheet does not state.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
+use canopen::Mux;
+use canopen::eds::Eds;
 use canopen::lss::Status;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
+use super::data::Misfit;
 use crate::stack::{BlockTransfer, EmcyTable, FaultKind, NodeSettings, SyncSupervision};
 
 /// What is different; what is missing is as it was.
@@ -47,11 +51,21 @@ pub(crate) struct SettingsPatch {
     lss_restarts: Option<bool>,
     /// Whether LSS requests may be as short as their data, and are answered alike.
     lss_short_requests: Option<bool>,
+    /// What somebody has stored before: whole numbers by their addresses.
+    stored: BTreeMap<Mux, i64>,
 }
 
 impl SettingsPatch {
     /// Changes the settings.
-    pub(super) fn apply(&self, settings: &mut NodeSettings) {
+    ///
+    /// # Errors
+    /// When something is stored in an object that the device does not have.
+    pub(super) fn apply(&self, settings: &mut NodeSettings, eds: &Eds) -> Result<(), Misfit> {
+        if let Some(mux) = self.stored.keys().find(|mux| eds.entry(**mux).is_none()) {
+            let message = format!("the device has no object {mux}");
+            return Err(Misfit::at(&["stored"], message));
+        }
+        settings.stored.extend(&self.stored);
         let set = |time: &mut Duration, ms: Option<u64>| {
             *time = ms.map_or(*time, Duration::from_millis);
         };
@@ -78,6 +92,7 @@ impl SettingsPatch {
         settings.lss_short_requests =
             self.lss_short_requests.unwrap_or(settings.lss_short_requests);
         self.apply_to_messages(&mut settings.emcy);
+        Ok(())
     }
 
     fn apply_to_messages(&self, table: &mut EmcyTable) {
@@ -104,16 +119,21 @@ mod tests {
     fn what_is_missing_is_as_it_was() {
         let patch = |text: &str| {
             let mut settings = NodeSettings::default();
-            serde_yaml::from_str::<SettingsPatch>(text).unwrap().apply(&mut settings);
-            settings
+            let eds = crate::devices::device("drr460").unwrap().description.eds;
+            let patch = serde_yaml::from_str::<SettingsPatch>(text).unwrap();
+            patch.apply(&mut settings, &eds).map(|()| settings)
         };
         let usual = NodeSettings::default();
-        let block = patch("{ block-size: 4, save-ms: 50 }");
+        let block = patch("{ block-size: 4, save-ms: 50 }").unwrap();
         assert_eq!(block.block_transfer, Some(BlockTransfer { size: 4 }));
         assert_eq!((block.save_time, block.emcy), (Duration::from_millis(50), usual.emcy));
-        assert_eq!(patch("{ block-size: 0 }").block_transfer, None);
-        let quiet = patch("{ silent: [rpdo-too-long], emcy-register: 1 }").emcy;
+        assert_eq!(patch("{ block-size: 0 }").unwrap().block_transfer, None);
+        let quiet = patch("{ silent: [rpdo-too-long], emcy-register: 1 }").unwrap().emcy;
         assert_eq!(quiet.faults.get(&FaultKind::RpdoTooLong), None);
         assert_eq!(quiet.faults[&FaultKind::Heartbeat].register, 1);
+        let configured = patch("{ stored: { '3000:0A': 10 } }").unwrap().stored;
+        assert_eq!(configured, BTreeMap::from([(Mux::new(0x3000, 0x0A), 10)]));
+        let wrong = patch("{ stored: { '5000:00': 1 } }").unwrap_err();
+        assert_eq!(wrong, Misfit::at(&["stored"], "the device has no object 5000:00"));
     }
 }

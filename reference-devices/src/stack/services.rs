@@ -58,7 +58,7 @@ pub(crate) struct Services {
 impl Services {
     pub(crate) fn new(eds: &Eds, base: Base, behaviour: Box<dyn Behaviour>) -> Self {
         Self {
-            storage: Storage::new(eds, &base.od),
+            storage: Storage::new(eds, &base.od, &base.settings.stored),
             base,
             behaviour,
             heartbeat: HeartbeatProducer::default(),

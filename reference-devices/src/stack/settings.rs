@@ -52,6 +52,8 @@ pub struct NodeSettings {
     pub time_interval_object: Option<Mux>,
     /// Second doors: the network's access to the first address goes to the second one.
     pub aliases: Vec<(Mux, Mux)>,
+    /// What was stored before the device was switched on for the first time.
+    pub stored: BTreeMap<Mux, i64>,
 }
 
 /// How an SDO server transfers blocks.
@@ -142,6 +144,7 @@ impl Default for NodeSettings {
             clock_object: None,
             time_interval_object: None,
             aliases: Vec::new(),
+            stored: BTreeMap::new(),
         }
     }
 }

@@ -47,7 +47,8 @@ struct Save {
 impl Storage {
     /// The memory of a new device. What can be written is stored, except for what the data sheet
     /// keeps out of a configuration (`ObjFlags` bit 0) and what is a command or a record of events.
-    pub(crate) fn new(eds: &Eds, defaults: &Dictionary) -> Self {
+    /// `stored` is there from the start.
+    pub(crate) fn new(eds: &Eds, defaults: &Dictionary, stored: &BTreeMap<Mux, i64>) -> Self {
         let configuration = eds.objects.iter().filter(|object| {
             object.flags.unwrap_or_default() & REFUSED_ON_DOWNLOAD == 0
                 && !matches!(object.index, HISTORY | STORE | RESTORE)
@@ -57,8 +58,13 @@ impl Storage {
             entries.filter(|entry| matches!(entry.access, Access::Rw | Access::Rwr | Access::Rww));
         let mut storable: Vec<Mux> = storable.map(|entry| entry.mux).collect();
         storable.sort_unstable();
-        let defaults = defaults.clone();
-        let banks = Default::default();
+        let mut written = defaults.clone();
+        let values = stored.iter().filter_map(|(mux, value)| {
+            written.set_int(*mux, *value);
+            Some((*mux, written.get(*mux)?.to_vec()))
+        });
+        let first = Bank { number: 1, values: values.collect() };
+        let (defaults, banks) = (defaults.clone(), [first, Bank::default()]);
         Self { defaults, storable, banks, save: None, torn: false, restart: false }
     }
 

@@ -349,6 +349,11 @@ decisions! {
         terminals - terminals.clamp(0.0, 50.0)
     }
 
+    /// By which share of its full scale an input is off; 3.2 allows 0.2 %.
+    fn input_error(&self) -> f64 {
+        0.0
+    }
+
     /// A broken or shorted sensor is out of range (7.b).
     fn wires(&self, _sensor: i64, wiring: Wiring) -> Wiring {
         wiring

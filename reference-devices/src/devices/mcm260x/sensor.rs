@@ -27,16 +27,19 @@ pub(super) fn sample(
     let sensor = parameters.value(Item::SensorType, place);
     let wiring = parameters.rules.wires(sensor, connected.wiring);
     let connected = Connected { wiring, ..connected };
+    let error = parameters.rules.input_error();
     let (seen, digits): (Seen, &dyn Fn(f64) -> f64) = match sensor {
         1..=14 => {
             // Beyond its range the compensation of the cold junction lags behind the terminals.
             let lag = parameters.rules.junction_error(terminals);
-            let seen = Sensor::Temperature(sensor as usize - 1).see(connected, terminals, lag);
+            let sensor = Sensor::Temperature(sensor as usize - 1);
+            let seen = sensor.off_by(sensor.see(connected, terminals, lag), error);
             (seen, &|celsius| degrees(celsius, parameters))
         }
         15..=21 => {
             let kilohms = parameters.value(Item::Potentiometer, place);
-            let seen = linear(sensor, kilohms as f64).see(connected, terminals, 0.0);
+            let sensor = linear(sensor, kilohms as f64);
+            let seen = sensor.off_by(sensor.see(connected, terminals, 0.0), error);
             (seen, &move |share| scaled(share, place, parameters))
         }
         _ => return Sample::Off,

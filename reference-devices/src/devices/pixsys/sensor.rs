@@ -93,6 +93,20 @@ impl Sensor {
         }
     }
 
+    /// What an input makes of it that is off by a share of its full scale.
+    pub(crate) fn off_by(self, seen: Seen, share: f64) -> Seen {
+        let (low, high) = match self {
+            Self::Temperature(place) => SENSOR_RANGES.get(place).copied().unwrap_or_default(),
+            _ => (0.0, 1.0),
+        };
+        match seen {
+            Seen::Value(value) if low <= value && value <= high => {
+                Seen::Value((value + share * (high - low)).clamp(low, high))
+            }
+            seen => seen,
+        }
+    }
+
     fn linear(self, connected: Connected, share: f64) -> Seen {
         let too_much = Seen::Outside(1.0 + MARGIN);
         let share = match (connected.wiring, self) {

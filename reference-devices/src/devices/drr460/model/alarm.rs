@@ -98,7 +98,8 @@ impl Alarm {
         }
         if settings.cools() {
             let error = Wanted::State(settings.error);
-            return if sight.error { error } else { Wanted::Share(sight.cooling) };
+            let in_error = sight.error && rules.cooling_knows_errors();
+            return if in_error { error } else { Wanted::Share(sight.cooling) };
         }
         self.condition = self.is_met(sight, settings, rules);
         self.was_absent |= !self.condition || !rules.waits_for_absence(settings.contact);

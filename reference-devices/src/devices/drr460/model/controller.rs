@@ -378,7 +378,8 @@ impl Controller {
         let breaks = sight.error && rules.break_leads_to_manual(settings.manual) && inputs.running;
         let manual = asked || breaks;
         (self.cooling, self.is_automatic) = (0.0, false);
-        if !inputs.running || inputs.offline {
+        let goes_on = asked && rules.manual_goes_on_in_stop();
+        if !inputs.running && !goes_on || inputs.offline {
             self.tuning.abandon();
             self.on_off.restart(&settings.on_off);
             if rules.stop_ends_integral() {
@@ -395,7 +396,7 @@ impl Controller {
             self.output = if asked { inputs.output } else { self.output };
             self.was_manual = true;
             (Wanted::Share(self.output), None)
-        } else if sight.error {
+        } else if sight.error && rules.errors_concern(settings.pid.is_some()) {
             self.tuning.abandon();
             self.output = 0.0;
             (Wanted::State(settings.error), None)

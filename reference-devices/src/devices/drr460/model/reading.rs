@@ -86,7 +86,8 @@ impl Input {
         if self.sensor.replace(settings.sensor) != Some(settings.sensor) {
             self.filter.clear();
         }
-        match settings.sensor.see(connected, terminals, lag) {
+        let seen = settings.sensor.see(connected, terminals, lag);
+        match settings.sensor.off_by(seen, rules.input_error()) {
             Seen::Value(value) => {
                 let wires = if settings.sensor.is_linear() { 0.0 } else { rules.wires(terminals) };
                 let digits = self.digits(value + wires, settings, rules);

@@ -42,6 +42,26 @@ decisions! {
         }
     }
 
+    /// Cooling is the output of an alarm, whose state on an error it has (11.3.2, subs 59 and 71).
+    fn cooling_knows_errors(&self) -> bool {
+        true
+    }
+
+    /// The state on an error is that of every command, proportional or not (11.3.2, sub 20).
+    fn errors_concern(&self, _proportional: bool) -> bool {
+        true
+    }
+
+    /// In STOP the command has its state of sub 21, in manual mode, too (11.3.2).
+    fn manual_goes_on_in_stop(&self) -> bool {
+        false
+    }
+
+    /// By which share of its full scale the input is off; 3.2 allows 0.3 %.
+    fn input_error(&self) -> f64 {
+        0.0
+    }
+
     /// The wires of a temperature sensor add so many degrees to it: nothing (3.2).
     fn wires(&self, _terminals: f64) -> f64 {
         0.0

@@ -52,6 +52,9 @@ pub(super) const DEVIATIONS: &[Deviation<dyn Em66Rules>] = deviating! {
             if of.index == 0x3080 { tenths * 10 } else { tenths }
         }
     }
+    "lines-show-more" {
+        fn lines(&self, main: i64, return_line: i64) -> (i64, i64) { (main + 4, return_line + 4) }
+    }
     "main-line-stands-still" {
         fn shown(&self, of: Mux, tenths: i64) -> i64 {
             if of.index == 0x3010 { 200 } else { tenths }

@@ -658,6 +658,12 @@ const DEVIATIONS: &[Deviation<dyn Mcm260xRules>] = deviating! { dyn Mcm260xRules
         fn sees_index(&self, _mode: i64) -> bool { true }
         fn count_at_index(&self, _count: i32) -> i32 { 0 }
     }
+    "inputs-show-more" {
+        fn input_error(&self) -> f64 { 0.002 }
+    }
+    "inputs-show-less" {
+        fn input_error(&self) -> f64 { -0.002 }
+    }
     "output-led-always-lit" {
         fn output_led(&self, _active: bool) -> bool { true }
     }

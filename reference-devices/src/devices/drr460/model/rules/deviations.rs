@@ -367,6 +367,33 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     "wiring-waits-for-writing" {
         fn waits_for_writing(&self, sub: u8) -> bool { sub == 16 }
     }
+    "stored-input-waits-for-writing" {
+        fn waits_for_writing(&self, sub: u8) -> bool { matches!(sub, 1..=10) }
+    }
+    "stored-delay-waits-for-writing" {
+        fn waits_for_writing(&self, sub: u8) -> bool { matches!(sub, 23) }
+    }
+    "stored-band-waits-for-writing" {
+        fn waits_for_writing(&self, sub: u8) -> bool { matches!(sub, 33) }
+    }
+    "stored-limit-waits-for-writing" {
+        fn waits_for_writing(&self, sub: u8) -> bool { matches!(sub, 46) }
+    }
+    "stored-alarm-1-waits-for-writing" {
+        fn waits_for_writing(&self, sub: u8) -> bool { matches!(sub, 56..=62) }
+    }
+    "stored-alarm-2-waits-for-writing" {
+        fn waits_for_writing(&self, sub: u8) -> bool { matches!(sub, 68..=74) }
+    }
+    "stored-current-waits-for-writing" {
+        fn waits_for_writing(&self, sub: u8) -> bool { matches!(sub, 90..=94) }
+    }
+    "stored-off-line-time-waits-for-writing" {
+        fn waits_for_writing(&self, sub: u8) -> bool { matches!(sub, 115) }
+    }
+    "stored-analogue-range-waits-for-writing" {
+        fn waits_for_writing(&self, sub: u8) -> bool { matches!(sub, 125..=127) }
+    }
     "retransmission-waits-for-writing" {
         fn waits_for_writing(&self, sub: u8) -> bool { sub == 100 }
     }
@@ -562,6 +589,21 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     }
     "boot-reported" {
         fn reports_boot(&self) -> bool { true }
+    }
+    "input-shows-more" {
+        fn input_error(&self) -> f64 { 0.003 }
+    }
+    "input-shows-less" {
+        fn input_error(&self) -> f64 { -0.003 }
+    }
+    "cooling-goes-on-in-errors" {
+        fn cooling_knows_errors(&self) -> bool { false }
+    }
+    "error-state-of-on-off-only" {
+        fn errors_concern(&self, proportional: bool) -> bool { !proportional }
+    }
+    "manual-goes-on-in-stop" {
+        fn manual_goes_on_in_stop(&self) -> bool { true }
     }
     "module-not-reported" {
         fn reports_module(&self) -> bool { false }
