@@ -75,6 +75,16 @@ decisions! {
         true
     }
 
+    /// Each message keeps the next one back for the inhibit time, however many wait (7.5.2.18).
+    fn emcy_inhibits(&self, _waiting: usize) -> bool {
+        true
+    }
+
+    /// Deleting the history in 1003h leaves the messages alone that wait (7.5.2.4).
+    fn history_cleared_beside_messages(&self) -> bool {
+        true
+    }
+
     /// Each entry of 1028h is judged by its own value (7.5.2.31).
     fn emcy_consumer_entry(&self, sub: u8) -> u8 {
         sub
@@ -84,6 +94,12 @@ decisions! {
 deviations! {
     EmcyRules;
 
+    "last-waiting-emcy-follows-at-once" {
+        fn emcy_inhibits(&self, waiting: usize) -> bool { waiting != 1 }
+    }
+    "history-clear-drops-waiting-emcy" {
+        fn history_cleared_beside_messages(&self) -> bool { false }
+    }
     "emcy-sent-in-stopped" {
         fn emcy_sent_in(&self, _state: NmtState) -> bool { true }
     }

@@ -98,6 +98,11 @@ decisions! {
         true
     }
 
+    /// The segment with the last byte says so, also when it is full (7.2.4.3.7).
+    fn full_segment_ends_upload(&self) -> bool {
+        true
+    }
+
     /// Each server has its own transfer (7.2.4.1).
     fn sdo_servers_independent(&self) -> bool {
         true
@@ -243,6 +248,9 @@ deviations! {
     }
     "sdo-upload-of-changing-value" {
         fn upload_is_snapshot(&self) -> bool { false }
+    }
+    "sdo-full-segment-never-last" {
+        fn full_segment_ends_upload(&self) -> bool { false }
     }
     "sdo-servers-share-transfer" {
         fn sdo_servers_independent(&self) -> bool { false }

@@ -88,7 +88,9 @@ impl EmcyProducer {
             && let Some(message) = self.queue.pop_front()
         {
             out.push(Frame::new(cob.can_id(), message.encode()));
-            self.free_at = now + self.inhibit;
+            if base.rules.emcy_inhibits(self.queue.len()) {
+                self.free_at = now + self.inhibit;
+            }
         }
         self.waits = !self.queue.is_empty();
     }
@@ -101,6 +103,9 @@ impl EmcyProducer {
     /// 1003h sub 0 was set to 0.
     pub(crate) fn clear_history(&mut self, base: &mut Base) {
         self.history.clear();
+        if !base.rules.history_cleared_beside_messages() {
+            self.queue.clear();
+        }
         self.publish_history(&mut base.od);
         if !base.rules.history_cleared_alone() {
             base.errors.reset(true);

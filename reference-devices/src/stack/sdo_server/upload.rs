@@ -42,7 +42,8 @@ impl Upload {
         }
         let rest = &self.data[self.sent.min(self.data.len())..];
         let data = Data::new(&rest[..rest.len().min(7)]);
-        let last = data.len() == rest.len();
+        let may_end = data.len() < 7 || services.base.rules.full_segment_ends_upload();
+        let last = data.len() == rest.len() && may_end;
         self.sent += data.len();
         self.toggle = !toggle;
         let next = (!last).then_some(self);
