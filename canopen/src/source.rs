@@ -25,13 +25,14 @@ impl Source {
     /// The text of a line, counted from 1; empty when there is none.
     pub fn line(&self, line: usize) -> &str {
         // YAML takes a lone CR for the end of a line, too.
+        let end = |text: &str| text.bytes().position(|byte| matches!(byte, b'\r' | b'\n'));
         let mut rest = self.text.as_str();
         for _ in 1..line {
-            let Some(end) = rest.find(['\r', '\n']) else { return "" };
+            let Some(end) = end(rest) else { return "" };
             let two = rest[end..].starts_with("\r\n");
             rest = &rest[end + 1 + usize::from(two)..];
         }
-        rest.find(['\r', '\n']).map_or(rest, |end| &rest[..end])
+        end(rest).map_or(rest, |end| &rest[..end])
     }
 }
 

@@ -165,7 +165,8 @@ pub(super) fn enter(
         State::Operational => start(link, policy, dut, baseline),
         State::Stopped => {
             link.send(&Command { service: Service::STOP, node: dut.node }.frame())?;
-            link.drain(policy.change_of_state)
+            change(link, policy)?;
+            link.drain(policy.quiet)
         }
     }
 }
@@ -192,12 +193,20 @@ pub(super) fn pre_operational(link: &mut Link, policy: &Policy, dut: &Dut) -> Re
     let moved = has_moved(link);
     link.send(&enter_pre_operational(dut))?;
     let quiet = match idle_before(link, dut) >= policy.quiet {
-        // It serves frames in the old state until its application has its turn.
-        _ if moved => policy.change_of_state,
         true => policy.quiet_after_command,
         false => policy.quiet,
     };
+    if moved {
+        change(link, policy)?;
+    }
     link.drain(quiet)
+}
+
+/// Waits until the device has carried out an NMT command: it serves frames in the old state until
+/// its application has its turn.
+fn change(link: &mut Link, policy: &Policy) -> Result<(), BusError> {
+    let end = link.mark() + policy.change_of_state;
+    link.wait(end)
 }
 
 /// Whether a command may have brought the device into another state than PRE-OPERATIONAL, as far as

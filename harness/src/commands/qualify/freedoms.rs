@@ -1,7 +1,7 @@
 //! The proof that no case is unjust: every case on every freedom, every personality and random
 //! mixtures of freedoms.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fmt::Write;
 
 use fastrand::Rng;
@@ -64,7 +64,7 @@ struct Went {
 /// The device without deviation, and what came of its plan by instance, to compare with.
 struct Compared<'c, 'l> {
     clean: &'c Clean<'l>,
-    trials: BTreeMap<&'c str, &'c Trial>,
+    trials: HashMap<&'c str, &'c Trial>,
 }
 
 /// What is tried of a device at once.

@@ -64,11 +64,15 @@ pub(super) struct Network {
     round: u64,
     /// The round in which each signal changed last.
     changed: [u64; SIGNALS],
+    /// The round in which the last control cycle ended.
+    finished: u64,
     /// The round in which each block was evaluated that goes on as it is until it takes another
     /// signal; 0 for the others.
     rests_since: [u64; BLOCKS],
     /// What the outputs saw last of the world.
     around: Option<Around>,
+    /// The messages that were missing when they were looked at last; `None` after new values.
+    timed_out: Option<[bool; 24]>,
     tables: [Table; 12],
     maths: [Math; 6],
     pids: [Pid; 4],
@@ -106,8 +110,10 @@ impl Network {
             views: [None; OUTPUTS],
             round: 0,
             changed: [0; SIGNALS],
+            finished: 0,
             rests_since: [0; BLOCKS],
             around: None,
+            timed_out: None,
             tables: [Table::default(); 12],
             maths: [Math::default(); 6],
             pids: [Pid::default(); 4],
@@ -173,6 +179,7 @@ impl Network {
     /// Takes the values that come from outside the blocks by the network (tables 5 and 6).
     fn receive(&mut self, od: Parameters<'_>) {
         self.round += 1;
+        self.timed_out = None;
         let states = od.od.int(WRITE_STATES).unwrap_or(0);
         for place in 0..OUTPUTS {
             let output = &self.settings.outputs[place];
@@ -209,9 +216,11 @@ impl Network {
         rules: &dyn Ax021211Rules,
     ) {
         self.round += 1;
-        for (place, timed_out) in outside.timed_out.iter().enumerate() {
-            let message = Signal { quality: signal::Quality::Valid, ..self.signals[place] };
-            self.put(place, message.failing(rules.message_fails(*timed_out)));
+        if self.timed_out.replace(outside.timed_out) != Some(outside.timed_out) {
+            for (place, timed_out) in outside.timed_out.iter().enumerate() {
+                let message = Signal { quality: signal::Quality::Valid, ..self.signals[place] };
+                self.put(place, message.failing(rules.message_fails(*timed_out)));
+            }
         }
         // Both are measured with one digit (table 6).
         let measured = |value: f64| Signal::new((value * 10.0).round() / 10.0, None);
@@ -334,8 +343,9 @@ impl Network {
     pub(super) fn finish(&mut self) -> bool {
         self.round += 1;
         let mut any = false;
+        let before = std::mem::replace(&mut self.finished, self.round);
         for place in 0..SIGNALS {
-            if self.last[place] != self.signals[place] {
+            if self.changed[place] > before && self.last[place] != self.signals[place] {
                 // Whoever looks back sees it from now on.
                 (self.last[place], self.changed[place]) = (self.signals[place], self.round);
                 any = true;
