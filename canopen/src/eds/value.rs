@@ -15,7 +15,11 @@ pub(super) fn term(key: &Key<'_>, data_type: DataType, findings: &mut Findings) 
     let value = match data_type {
         DataType::VISIBLE_STRING => Some(Value::Text(key.value.to_owned())),
         DataType::UNICODE_STRING => Some(Value::Bytes(utf16(key.value))),
-        DataType::OCTET_STRING | DataType::DOMAIN => octets(typed(key, findings)).map(Value::Bytes),
+        DataType::OCTET_STRING | DataType::DOMAIN => {
+            // A value without an octet would be written as no value.
+            let octets = octets(typed(key, findings)).filter(|octets| !octets.is_empty());
+            octets.map(Value::Bytes)
+        }
         DataType::TIME_OF_DAY | DataType::TIME_DIFFERENCE => {
             time(typed(key, findings)).map(Value::Bytes)
         }
