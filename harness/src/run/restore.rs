@@ -4,10 +4,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use canopen::eds::Eds;
+use canopen::monitor::Seen;
 use canopen::pdo::{CobId, Mapping};
 use canopen::sdo::block::BlockRequest;
 use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response, Transfer};
-use canopen::{BusError, Frame, Mux};
+use canopen::{BusError, Frame, Mux, Stamped};
 
 use super::link::Link;
 use super::policy::Policy;
@@ -86,7 +87,8 @@ impl Snapshot {
         node: u8,
         changed: &mut BTreeSet<Mux>,
     ) -> Result<bool, BusError> {
-        let to = &mut Restoring { link, policy, node, silent: 0 };
+        let behind = is_behind(link.trace(), node);
+        let to = &mut Restoring { link, policy, node, silent: 0, behind };
         for record in self.changed_records(to, changed)? {
             let whole = self.restore_record(to, record)?;
             let of_record = self.values.iter().filter(|(mux, _)| record_of(mux.index) == record);
@@ -211,6 +213,9 @@ struct Restoring<'r, 'b> {
     node: u8,
     /// How many transfers in a row had no answer.
     silent: u32,
+    /// Whether an answer may come that is older than the next request, and would be taken for the
+    /// proof that an object is back.
+    behind: bool,
 }
 
 impl Restoring<'_, '_> {
@@ -239,14 +244,38 @@ impl Restoring<'_, '_> {
         if self.silent == GONE {
             return Ok(false);
         }
+        if self.behind && !sdo::catches_up(self.link, self.policy, self.node)? {
+            self.silent += 1;
+            return Ok(false);
+        }
         let before = self.link.trace().len();
         let done = transfer(self)?;
         let answers = Some(RESPONSE_COB_ID + u16::from(self.node));
         let seen = self.link.trace()[before..].iter().map(|seen| seen.stamped);
         let answered = seen.filter(|seen| !seen.own).any(|seen| seen.frame.data_id() == answers);
         self.silent = if answered { 0 } else { self.silent + 1 };
+        self.behind = !answered;
         Ok(done)
     }
+}
+
+/// Whether the trace leaves open that the server still owes an answer. Segments of a block look
+/// like requests that nobody answered, and cost one more upload.
+fn is_behind(trace: &[Seen], node: u8) -> bool {
+    let requests = Some(REQUEST_COB_ID + u16::from(node));
+    let answers = Some(RESPONSE_COB_ID + u16::from(node));
+    let (mut asked, mut open, mut behind) = (false, false, false);
+    for Stamped { frame, own, .. } in trace.iter().map(|seen| seen.stamped) {
+        if own && frame.data_id() == requests {
+            let is_abort = matches!(Request::decode(&frame.data), Ok(Request::Abort(..)));
+            behind |= open && !is_abort;
+            (asked, open) = (true, open || !is_abort);
+        } else if !own && frame.data_id() == answers {
+            open = false;
+        }
+    }
+    // Before the trace began, anything may have been asked.
+    behind || open || !asked
 }
 
 /// The object that a request to the server begins to write.
@@ -324,4 +353,75 @@ fn mapped_into(frame: &Frame, dut: &Dut) -> Vec<Mux> {
     let rpdos = dut.eds.objects.iter().filter(|object| (0x1400..0x1600).contains(&object.index));
     let mappings = rpdos.filter_map(|object| has_identifier(object.index));
     mappings.flat_map(|map| dut.default_mapping(map)).map(|entry| entry.mux).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::VecDeque;
+    use std::time::Duration;
+
+    use canopen::sdo::Initiate;
+    use canopen::{Data, Device, Instant, Outbox, VirtualBus};
+
+    use super::*;
+
+    const NODE: u8 = 5;
+    const HEARTBEAT: Mux = Mux::new(0x1016, 1);
+
+    /// A server of one object whose first answer is late, as on a bus that is full.
+    struct Late {
+        value: Data,
+        delay: Duration,
+        answers: VecDeque<(Instant, Frame)>,
+    }
+
+    impl Device for Late {
+        fn handle_frame(&mut self, now: Instant, frame: &Frame, _: &mut Outbox) {
+            let answer = match Request::decode(&frame.data) {
+                Ok(Request::Upload(mux)) => Response::Upload(mux, Initiate::Expedited(self.value)),
+                Ok(Request::Download(mux, Initiate::Expedited(value))) => {
+                    self.value = value;
+                    Response::Download(mux)
+                }
+                _ => return,
+            };
+            let last = self.answers.back().map_or(Instant::ZERO, |(due, _)| *due);
+            self.answers.push_back((last.max(now + self.delay), answer.frame(NODE)));
+            self.delay = Duration::ZERO;
+        }
+
+        fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
+            while let Some((_, answer)) = self.answers.pop_front_if(|(due, _)| *due <= now) {
+                out.push(answer);
+            }
+        }
+
+        fn poll_at(&self) -> Option<Instant> {
+            self.answers.front().map(|(due, _)| *due)
+        }
+    }
+
+    #[test]
+    fn a_late_answer_is_no_proof_that_an_object_is_back() {
+        let policy = Policy::at_bit_rate(1_000_000);
+        let mut bus = VirtualBus::new(1_000_000);
+        bus.attach(Late {
+            value: Data::new(&[0; 4]),
+            delay: policy.sdo_timeout * 2,
+            answers: VecDeque::new(),
+        });
+        let mut link = Link::new(&mut bus);
+        let unheard = sdo::upload(&mut link, &policy, NODE, HEARTBEAT).unwrap();
+        assert!(unheard.result.is_err(), "{unheard:?}");
+        let flow = Transfer::Expedited;
+        _ = sdo::download(&mut link, &policy, NODE, HEARTBEAT, &[1; 4], flow).unwrap();
+        let values = BTreeMap::from([(HEARTBEAT, vec![0; 4])]);
+        let mut changed = BTreeSet::from([HEARTBEAT]);
+        let snapshot = Snapshot { values, stores: false };
+        snapshot.restore(&mut link, &policy, NODE, &mut changed).unwrap();
+        link.wait(link.mark() + policy.sdo_timeout * 4).unwrap();
+        let last = sdo::upload(&mut link, &policy, NODE, HEARTBEAT).unwrap();
+        assert_eq!(last.result, Ok(vec![0; 4]));
+        assert_eq!(changed, BTreeSet::new());
+    }
 }

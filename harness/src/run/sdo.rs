@@ -75,6 +75,29 @@ pub(super) fn reads(
     Ok(transfer.finish(link, policy, node)?.result.is_ok_and(|now| now == value))
 }
 
+/// Waits until the server has answered everything that it was asked before, and says whether it
+/// has. A server answers in order, so what follows its answer to one more upload is not late.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(super) fn catches_up(link: &mut Link, policy: &Policy, node: u8) -> Result<bool, BusError> {
+    link.send(&Client::upload(DEVICE_TYPE).1.frame(node))?;
+    let until = link.mark() + policy.sdo_timeout;
+    let answers = Some(RESPONSE_COB_ID + u16::from(node));
+    let is_answer = |seen: &Stamped| {
+        !seen.own
+            && seen.frame.data_id() == answers
+            && matches!(
+                Response::decode(&seen.frame.data),
+                Ok(Response::Upload(DEVICE_TYPE, _) | Response::Abort(DEVICE_TYPE, _))
+            )
+    };
+    Ok(link.find(until, is_answer)?.is_some())
+}
+
+/// The object that every device has and nobody changes.
+const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
+
 /// Whether the value of an object does not fit into one frame. Nothing but its begin is uploaded.
 ///
 /// # Errors
@@ -106,7 +129,6 @@ pub(super) fn knows_blocks(
     node: u8,
     asked: BlockDirections,
 ) -> Result<BlockDirections, BusError> {
-    const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
     // What is wrong after it has begun is for the cases to find.
     let known = |ended: Ended| {
         ended.protocol == Transfer::Block || ended.result != Err(Failure::Aborted(Abort::COMMAND))
