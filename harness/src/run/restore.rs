@@ -368,7 +368,7 @@ mod tests {
     const NODE: u8 = 5;
     const HEARTBEAT: Mux = Mux::new(0x1016, 1);
 
-    /// A server of one object whose first answer is late, as on a bus that is full.
+    /// A server of one object whose first answers are late, as on a bus that is full.
     struct Late {
         value: Data,
         delay: Duration,
@@ -407,7 +407,7 @@ mod tests {
         let mut bus = VirtualBus::new(1_000_000);
         bus.attach(Late {
             value: Data::new(&[0; 4]),
-            delay: policy.sdo_timeout * 2,
+            delay: policy.sdo_timeout * 5 / 2,
             answers: VecDeque::new(),
         });
         let mut link = Link::new(&mut bus);
