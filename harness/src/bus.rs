@@ -1,5 +1,6 @@
 //! Bus backends: the only places that touch hardware, and the only ones that read a clock.
 
+mod bell;
 mod calendar;
 mod lines;
 mod program;
@@ -15,6 +16,7 @@ use socketcan::SocketCan;
 
 use crate::stop::Stop;
 
+pub use bell::Bell;
 pub use calendar::unix_time;
 pub use lines::Stdio;
 

@@ -20,6 +20,7 @@ use socketcan::{
 
 use stamp::Clock;
 
+use super::bell::Bell;
 use crate::stop::Stop;
 
 /// An open SocketCAN interface. Its time starts at zero when it is opened.
@@ -35,7 +36,14 @@ pub struct SocketCan {
     held: VecDeque<Stamped>,
     /// The kernel's count of frames that found the receive queue full.
     dropped: u32,
+    /// How many own frames have not come back as their echo.
+    awaited: usize,
+    /// How many frames were read since the receive queue was empty last.
+    in_a_row: usize,
+    /// Whether the receive queue may have been full since losses were looked for.
+    was_long: bool,
     stop: Stop,
+    bell: Option<Bell>,
 }
 
 impl SocketCan {
@@ -54,8 +62,25 @@ impl SocketCan {
             .and_then(|waiting| waiting.map_or(Ok(()), Err))
             .map_err(|why| fault::open(name, &why, true))?;
         let dropped = drop_count(&socket);
-        let (clock, held) = (Clock::start(), VecDeque::new());
-        Ok(Self { name: name.to_owned(), socket, clock, held, dropped, stop })
+        Ok(Self {
+            name: name.to_owned(),
+            socket,
+            clock: Clock::start(),
+            held: VecDeque::new(),
+            dropped,
+            awaited: 0,
+            in_a_row: 0,
+            was_long: false,
+            stop,
+            bell: None,
+        })
+    }
+
+    /// The same, where a [`Bus::recv`] that waits returns [`BusError::Interrupted`] when the bell
+    /// rings, too.
+    #[must_use]
+    pub fn heeding(self, bell: Bell) -> Self {
+        Self { bell: Some(bell), ..self }
     }
 
     /// The bit rate of the interface `name` in bit/s, when the kernel knows it. A virtual one has
@@ -68,18 +93,22 @@ impl SocketCan {
         known.ok().flatten().filter(|bit_rate| *bit_rate > 0)
     }
 
-    /// The next frame that the kernel has, without waiting.
-    fn read(&mut self) -> Result<Option<Stamped>, BusError> {
+    /// The next frame that the kernel has, without waiting. `now` is the time before that.
+    fn read(&mut self, now: Instant) -> Result<Option<Stamped>, BusError> {
         loop {
-            match self.read_raw() {
+            let raw = self.read_raw();
+            self.in_a_row = if raw.is_ok() { self.in_a_row + 1 } else { 0 };
+            self.was_long |= self.in_a_row == LONG_QUEUE;
+            match raw {
                 Ok((_, CanFrame::Error(frame), _)) => {
                     if let Some(what) = fault::controller(&frame.into_error()) {
                         return Err(BusError::Controller(what));
                     }
                 }
                 Ok((own, raw, wall)) => {
+                    self.awaited -= usize::from(own);
                     return Ok(Some(Stamped {
-                        at: self.clock.stamp(wall),
+                        at: self.clock.stamp(wall, now),
                         frame: decode(&raw),
                         own,
                     }));
@@ -94,25 +123,39 @@ impl SocketCan {
     /// Whether the frame is the echo of one of ours, the frame, and the kernel's time stamp.
     ///
     /// The kernel returns both for a frame in one answer, but no safe interface hands out both. So
-    /// the frame is looked at twice; nothing else reads from this socket in between.
+    /// a frame that may be an echo is looked at twice; nothing else reads from this socket in
+    /// between.
     fn read_raw(&self) -> io::Result<(bool, CanFrame, Option<SystemTime>)> {
         let raw_socket = self.socket.as_raw_socket();
-        let (_, flags) = raw_socket.recv_vectored_with_flags(&mut [], libc::MSG_PEEK)?;
+        let own = self.awaited > 0
+            && raw_socket.recv_vectored_with_flags(&mut [], libc::MSG_PEEK)?.1.is_confirm();
         let (frame, stamps) = self.socket.read_frame_with_timestamps()?;
-        Ok((flags.is_confirm(), frame, stamps.socket))
+        Ok((own, frame, stamps.socket))
     }
 
-    /// Waits until there is something to read, for `span`, or a little shorter.
-    fn wait(&self, span: Duration) -> Result<(), BusError> {
-        let mut fds = [PollFd::new(self.socket.as_fd(), PollFlags::POLLIN)];
-        match ppoll(&mut fds, Some(TimeSpec::from_duration(span.min(STOP_CHECK))), None) {
-            Ok(_) | Err(Errno::EINTR) => Ok(()),
+    /// Waits until there is something to read or the bell rings, for `span`, or a little shorter.
+    fn wait(&self, span: Duration) -> Result<Waited, BusError> {
+        let ready = |fd| PollFd::new(fd, PollFlags::POLLIN);
+        let frames = ready(self.socket.as_fd());
+        let span = Some(TimeSpec::from_duration(span.min(STOP_CHECK)));
+        let ended = match &self.bell {
+            None => ppoll(&mut [frames], span, None),
+            Some(bell) => ppoll(&mut [frames, ready(bell.as_fd())], span, None),
+        };
+        match ended {
+            Ok(0) => Ok(Waited::InVain),
+            Ok(_) if self.bell.as_ref().is_some_and(Bell::heard) => Ok(Waited::Rung),
+            Ok(_) | Err(Errno::EINTR) => Ok(Waited::Disturbed),
             Err(why) => Err(fault::io(&self.name, "wait for", &why.into())),
         }
     }
 
-    /// A trace with a hole in it proves nothing, so a loss is an error, and reported once.
+    /// A trace with a hole in it proves nothing, so a loss is an error, and reported once. Only a
+    /// full queue loses frames.
     fn check_for_losses(&mut self) -> Result<(), BusError> {
+        if !std::mem::take(&mut self.was_long) {
+            return Ok(());
+        }
         let dropped = drop_count(&self.socket);
         let lost = dropped.wrapping_sub(self.dropped);
         self.dropped = dropped;
@@ -138,22 +181,26 @@ impl Bus for SocketCan {
     /// [`BusError::Interrupted`].
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
         let raw = encode(frame);
-        let give_up = self.clock.now() + QUEUE_FULL_LIMIT;
+        let mut give_up = None;
         loop {
             match self.socket.write_frame(&raw) {
-                Ok(()) => return Ok(()),
+                Ok(()) => {
+                    self.awaited += 1;
+                    return Ok(());
+                }
                 Err(why) if why.kind() == io::ErrorKind::Interrupted => {}
                 Err(why) if is_queue_full(&why) => {
                     if self.stop.asked() {
                         return Err(BusError::Interrupted);
                     }
-                    if self.clock.now() >= give_up {
+                    let now = self.clock.now();
+                    if now >= *give_up.get_or_insert(now + QUEUE_FULL_LIMIT) {
                         return Err(fault::queue_stays_full(&self.name));
                     }
                     // The echo of an own frame is the sign of a place in the queue, but no frame
                     // that is received may be lost while looking for it.
                     self.wait(QUEUE_FULL_RETRY)?;
-                    while let Some(seen) = self.read()? {
+                    while let Some(seen) = self.read(self.clock.now())? {
                         self.held.push_back(seen);
                     }
                 }
@@ -178,7 +225,7 @@ impl Bus for SocketCan {
             // The time is taken before looking, so that nothing slips through between the two.
             let now = self.clock.now();
             if self.held.is_empty()
-                && let Some(seen) = self.read()?
+                && let Some(seen) = self.read(now)?
             {
                 self.held.push_back(seen);
             }
@@ -189,9 +236,24 @@ impl Bus for SocketCan {
             if now >= until || !self.held.is_empty() {
                 return Ok(None);
             }
-            self.wait(until.since(now))?;
+            match self.wait(until.since(now))? {
+                Waited::Rung => return Err(BusError::Interrupted),
+                // Nothing was there when that time had come.
+                Waited::InVain if until <= now + STOP_CHECK => return Ok(None),
+                Waited::InVain | Waited::Disturbed => {}
+            }
         }
     }
+}
+
+/// How a wait ended.
+enum Waited {
+    /// The bell rang.
+    Rung,
+    /// Nothing came in all that time.
+    InVain,
+    /// A frame may be there, or a signal came.
+    Disturbed,
 }
 
 fn prepare(socket: &CanSocket) -> io::Result<()> {
@@ -264,6 +326,8 @@ const STOP_CHECK: Duration = Duration::from_millis(50);
 const QUEUE_FULL_LIMIT: Duration = Duration::from_secs(1);
 /// Frames of other stations end this wait early, own echoes too.
 const QUEUE_FULL_RETRY: Duration = Duration::from_millis(1);
+/// Fewer frames than the smallest receive queue holds that a kernel gives by default.
+const LONG_QUEUE: usize = 64;
 /// In bytes. The kernel accounts some 800 bytes per frame, so this is about 10 000 frames.
 const RECEIVE_BUFFER: usize = 4 << 20;
 

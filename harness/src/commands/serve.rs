@@ -11,15 +11,18 @@ use canopen::bench::Needs;
 use canopen::{Bench, BenchError, Bus, BusError, Device, Instant, Outbox, Value, serve};
 use reference_devices::rules::Specification;
 
-use crate::bus::{Interface, Stdio};
+use crate::bus::socketcan::SocketCan;
+use crate::bus::{Bell, Interface, Stdio};
 use crate::cli::ServeArgs;
 use crate::exit::{Exit, Refused};
 use crate::rig;
 use crate::stop::Stop;
-use crate::target::{Named, open_interface, reference_device};
+use crate::target::{Named, reference_device};
 
-/// How long a request of a bench may wait.
+/// How long a request of a bench may wait while nothing ends the wait of the bus.
 const SLICE: Duration = Duration::from_millis(1);
+/// How long it may wait while the bus always has frames, so that no bell is heard.
+const BUSY_SLICE: Duration = Duration::from_millis(20);
 
 /// Serves until Ctrl-C.
 ///
@@ -38,19 +41,22 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
     };
     // The socket of the bench goes with the device.
     let _held = stop.hold();
-    let mut bus: Box<dyn Bus> = match &args.target {
-        Some(target) => open_interface(&interface(target)?, stop)?,
-        None => Box::new(Stdio::open(stop)),
+    let bell = Bell::new().map_err(|error| Refused::bus(error.to_string()))?;
+    let (mut bus, slice): (Box<dyn Bus>, _) = match &args.target {
+        Some(target) => (Box::new(open(target, stop)?.heeding(bell.clone())), BUSY_SLICE),
+        None => (Box::new(Stdio::open(stop)), SLICE),
     };
-    let socket = args.bench_socket.as_deref().map(Socket::open).transpose()?;
+    let socket = args.bench_socket.as_deref().map(|path| Socket::open(path, &bell)).transpose()?;
     if let Some(target) = &args.target {
         let deviation = deviation.map(|with| format!(" with {}", with.query)).unwrap_or_default();
         complain!("{}{deviation} is node {node} on {target}; Ctrl-C ends it", args.device);
     }
     loop {
-        let end = socket.as_ref().map_or(Instant::NEVER, |_| bus.now() + SLICE);
+        let end = socket.as_ref().map_or(Instant::NEVER, |_| bus.now() + slice);
         match serve(&mut *bus, &mut *served, end) {
             Ok(()) => {}
+            // The bell.
+            Err(BusError::Interrupted) if args.target.is_some() && !stop.asked() => {}
             Err(BusError::Interrupted) => return Ok(Exit::Green),
             // A device sees an error frame and goes on.
             Err(BusError::Controller(what)) => complain!("the CAN controller reports {what}"),
@@ -70,11 +76,12 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
     }
 }
 
-fn interface(name: &str) -> Result<Interface, Refused> {
-    let interface = name.parse().ok().filter(|interface: &Interface| !interface.is_program());
-    interface.ok_or_else(|| {
-        Refused::usage(format!("no interface is called `{name}`: write `vcan0` or `can0`"))
-    })
+fn open(name: &str, stop: &Stop) -> Result<SocketCan, Refused> {
+    let Ok(Interface::SocketCan(name)) = name.parse() else {
+        let why = format!("no interface is called `{name}`: write `vcan0` or `can0`");
+        return Err(Refused::usage(why));
+    };
+    SocketCan::open(&name, stop.clone()).map_err(|error| Refused::bus(error.to_string()))
 }
 
 /// The served device as a bench.
@@ -112,7 +119,7 @@ struct Socket {
 }
 
 impl Socket {
-    fn open(path: &Path) -> Result<Self, Refused> {
+    fn open(path: &Path, bell: &Bell) -> Result<Self, Refused> {
         // The socket of a server that was killed belongs to no process.
         if UnixStream::connect(path)
             .is_err_and(|e| e.kind() == std::io::ErrorKind::ConnectionRefused)
@@ -122,10 +129,11 @@ impl Socket {
         let listener = UnixListener::bind(path)
             .map_err(|error| Refused::bus(format!("{}: {error}", path.display())))?;
         let (sender, requests) = mpsc::channel();
+        let bell = bell.clone();
         thread::spawn(move || {
             for client in listener.incoming().map_while(Result::ok) {
-                let sender = sender.clone();
-                thread::spawn(move || answer_all(&client, &sender));
+                let (sender, bell) = (sender.clone(), bell.clone());
+                thread::spawn(move || answer_all(&client, &sender, &bell));
             }
         });
         Ok(Self { path: path.to_owned(), requests })
@@ -139,10 +147,11 @@ impl Drop for Socket {
 }
 
 /// Serves one client until it goes away.
-fn answer_all(client: &UnixStream, requests: &Sender<Request>) -> Option<()> {
+fn answer_all(client: &UnixStream, requests: &Sender<Request>, bell: &Bell) -> Option<()> {
     for line in BufReader::new(client).lines() {
         let (sender, answer) = mpsc::channel();
         requests.send(Request { line: line.ok()?, answer: sender }).ok()?;
+        bell.ring();
         let mut client = client;
         writeln!(client, "{}", answer.recv().ok()?).ok()?;
     }

@@ -357,15 +357,15 @@ impl<'b> Link<'b> {
     /// is awake again when a frame comes is noticed by nothing else.
     fn watchful(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
         const TURN: Duration = Duration::from_millis(2);
+        let mut asked = self.bus.now();
         loop {
-            let asked = self.bus.now();
             let turn = until.min(asked + TURN);
             let got = self.bus.recv(turn)?;
             let due = got.map_or(turn, |stamped| stamped.at);
             // What lay there before was not waited for.
             if asked <= due {
-                let late = self.bus.now().since(due);
-                self.lateness.notice(late);
+                asked = self.bus.now();
+                self.lateness.notice(asked.since(due));
             }
             if got.is_some() || turn == until {
                 return Ok(got);

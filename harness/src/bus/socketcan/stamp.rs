@@ -36,7 +36,8 @@ impl Clock {
     #[expect(clippy::disallowed_methods, reason = "a bus backend may read a clock")]
     pub(super) fn start() -> Self {
         let mut clock = Self { opened: Monotonic::now(), distance: 0, last: 0 };
-        clock.distance = (0..8).find_map(|_| clock.sample().distance).unwrap_or_else(|| {
+        let distance = (0..8).find_map(|_| clock.sample(clock.now()).distance);
+        clock.distance = distance.unwrap_or_else(|| {
             // Always disturbed: take what there is.
             nanos(SystemTime::now()) - clock.elapsed()
         });
@@ -48,9 +49,10 @@ impl Clock {
         Instant(self.elapsed() as u64)
     }
 
-    /// The place of a frame that the kernel stamped with `wall`; now, when it has no stamp.
-    pub(super) fn stamp(&mut self, wall: Option<SystemTime>) -> Instant {
-        let sample = self.sample();
+    /// The place of a frame that the kernel stamped with `wall`; now, when it has no stamp. `before`
+    /// is a time a moment ago.
+    pub(super) fn stamp(&mut self, wall: Option<SystemTime>, before: Instant) -> Instant {
+        let sample = self.sample(before);
         let wall = wall.map_or(sample.now + self.distance, nanos);
         Instant(self.place(wall, &sample) as u64)
     }
@@ -67,8 +69,8 @@ impl Clock {
     }
 
     #[expect(clippy::disallowed_methods, reason = "a bus backend may read a clock")]
-    fn sample(&self) -> Sample {
-        let before = self.elapsed();
+    fn sample(&self, before: Instant) -> Sample {
+        let before = before.0 as i64;
         let wall = nanos(SystemTime::now());
         let now = self.elapsed();
         let undisturbed = now - before <= JUMP as i64 / 2;
@@ -142,7 +144,7 @@ mod tests {
     fn a_stamp_of_now_is_between_two_readings() {
         let mut clock = Clock::start();
         let before = clock.now();
-        let stamp = clock.stamp(None);
+        let stamp = clock.stamp(None, before);
         assert!(before <= stamp && stamp <= clock.now());
     }
 }
