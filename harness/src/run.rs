@@ -42,4 +42,5 @@ pub use sdo::{Ended, transfer};
 pub use session::Ending;
 pub use session::{Session, identity};
 pub(crate) use session::{exists, read_number, read_text};
+pub(crate) use traffic::Traffic;
 pub use undo::Undo;

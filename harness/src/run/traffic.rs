@@ -3,14 +3,14 @@
 use std::time::Duration;
 
 use canopen::wire::{INTERMISSION_BITS, frame_bits};
-use canopen::{Instant, Stamped, lss};
+use canopen::{Bus, Instant, Stamped, lss};
 
 use crate::dut::Dut;
 
 /// The load of the bus by frames that neither the tester nor the device sends, looked at in
 /// stretches, since a burst disturbs as much as a load that lasts.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Traffic {
+pub(crate) struct Traffic {
     /// In bit/s; `None` when nobody knows it, and then no load either.
     bit_rate: Option<u32>,
     node: u8,
@@ -65,6 +65,16 @@ impl Traffic {
         let load = self.load();
         let percent = load * 100.0;
         (load >= least).then(|| format!("frames of others take {percent:.0} % of the bus"))
+    }
+
+    /// What others take of a bus on which nobody answers, as a sentence, when it is worth a word.
+    pub(crate) fn heard(bus: &mut dyn Bus, bit_rate: Option<u32>) -> Option<String> {
+        let now = bus.now();
+        let mut traffic = Self { bit_rate, stretch: now, ..Self::default() };
+        while let Ok(Some(seen)) = bus.recv(now + Self::STRETCH * 4) {
+            traffic.see(&seen);
+        }
+        traffic.said(Self::WORTH_A_WORD)
     }
 
     /// The device has its node id in the identifiers of the predefined connection set.

@@ -15,6 +15,7 @@ use crate::bus::Interface;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::dut::Dut;
 use crate::exit::Refused;
+use crate::run::Traffic;
 use crate::stop::Stop;
 
 /// The device that answers on an interface.
@@ -30,7 +31,12 @@ pub(super) fn target(
     let mut bus = open_interface(interface, stop)?;
     let bit_rate = selection.bitrate.or_else(|| interface.bit_rate(DEFAULT_BIT_RATE));
     let name = &interface.to_string();
-    let found = only(scan(&mut *bus, selection.node, catalogue)?, name, selection.node)?;
+    let found = scan(&mut *bus, selection.node, catalogue)?;
+    if found.is_empty() {
+        let load = Traffic::heard(&mut *bus, bit_rate);
+        return Err(nobody_beside(load, name, selection.node));
+    }
+    let found = only(found, name, selection.node)?;
     let (dut_name, (sheet, eds)) = {
         let selection = Selection { bitrate: bit_rate, ..selection.clone() };
         sheet::of_found(&selection, &found, &mut *bus, catalogue)?
@@ -74,6 +80,11 @@ pub(crate) fn only(mut found: Vec<Found>, name: &str, node: Option<u8>) -> Resul
 
 /// The sentence for a bus on which no node, or not `node`, answers.
 pub(crate) fn nobody(interface: &str, node: Option<u8>) -> Refused {
+    nobody_beside(None, interface, node)
+}
+
+/// The same, with what others take of the bus.
+fn nobody_beside(load: Option<String>, interface: &str, node: Option<u8>) -> Refused {
     let who = node.map_or_else(
         || "no node answers".to_owned(),
         |node| format!("node {node} does not answer"),
@@ -86,8 +97,9 @@ pub(crate) fn nobody(interface: &str, node: Option<u8>) -> Refused {
     }
     let interface = interface.strip_prefix("exec@").unwrap_or(interface);
     let interface = interface.split(':').next().unwrap_or(interface);
+    let load = load.map(|load| format!(", where {load}")).unwrap_or_default();
     Refused::bus(format!(
-        "{who} on {interface}. These commands show the frames on it and add a device:\n  \
+        "{who} on {interface}{load}. These commands show the frames on it and add a device:\n  \
          candump -e {interface},0:0,#FFFFFFFF\n  \
          harness serve drr460 --target {interface}"
     ))
