@@ -80,7 +80,9 @@ pub(super) fn run(args: &RestoreArgs, stop: &Stop) -> Result<Exit, Refused> {
         }
         Ok(BroughtBack::Except(left)) => {
             let left: Vec<String> = left.iter().map(ToString::to_string).collect();
-            let message = format!("error: node {node} on {target} refuses {}", left.join(", "));
+            let left = left.join(", ");
+            let message =
+                format!("error: node {node} on {target} refuses {left}, or does not answer");
             Err(Refused { exit: Exit::Failed, message })
         }
         Err(BusError::Interrupted) => Err(Refused::interrupted()),
