@@ -31,10 +31,10 @@ pub fn plan(
     dut: &Dut,
     models: &BTreeMap<&str, &Eds>,
 ) -> Result<Plan, Vec<Complaint>> {
-    plan_cases(library, dut, models, |_, _| true)
+    plan_cases(library, dut, models, |_, _| true, &mut |_| true)
 }
 
-/// As [`plan`], with the wanted cases alone.
+/// As [`plan`], with the wanted instances of the wanted cases alone.
 ///
 /// # Errors
 /// As [`plan`].
@@ -43,6 +43,7 @@ pub(crate) fn plan_cases(
     dut: &Dut,
     models: &BTreeMap<&str, &Eds>,
     wanted: impl Fn(&Suite, &Case) -> bool,
+    holds: &mut dyn FnMut(&Instance) -> bool,
 ) -> Result<Plan, Vec<Complaint>> {
     let (mut instances, mut complaints) = (Vec::new(), Vec::new());
     let relaxed = relaxed(library, dut, models);
@@ -56,7 +57,7 @@ pub(crate) fn plan_cases(
         };
         let cases = suite.file.cases.iter().enumerate();
         for (place, case) in cases.filter(|(_, case)| wanted(suite, &case.value)) {
-            match bind_case(suite, place, &case.value, dut, model) {
+            match bind_case(suite, place, &case.value, (dut, model), holds) {
                 Ok(bound) => instances.extend(bound.into_iter().map(|instance| {
                     let checks = &case.value.checks;
                     let is_checked = |id: &str| checks.iter().any(|check| check.value == id);
@@ -99,8 +100,8 @@ fn bind_case(
     suite: &Arc<Suite>,
     place: usize,
     case: &Case,
-    dut: &Dut,
-    model: Option<&Eds>,
+    (dut, model): (&Dut, Option<&Eds>),
+    holds: &mut dyn FnMut(&Instance) -> bool,
 ) -> Result<Vec<Instance>, Vec<Complaint>> {
     let instance = |label, scope, skip| {
         let suite = Arc::clone(suite);
@@ -108,14 +109,15 @@ fn bind_case(
         Instance { suite, case: place, label, scope, skip, protected, foreign, unfit, relaxed }
     };
     check::requires(suite, case, dut).map_err(|complaint| vec![complaint])?;
+    let mut only = |bound: Instance| Ok(Some(bound).filter(&mut *holds).into_iter().collect());
     let lacks = || case.requires.iter().find_map(|requires| lacks(&requires.value, dut, suite));
     let no_sheet = || dut.sheet.composed.then(|| about_the_sheet(case)).flatten();
     if let Some(reason) = of_another_profile(suite, dut) {
         let skipped = instance(None, Scope::default(), Some(reason));
-        return Ok(vec![Instance { foreign: true, ..skipped }]);
+        return only(Instance { foreign: true, ..skipped });
     }
     if let Some(reason) = lacks().or_else(no_sheet) {
-        return Ok(vec![instance(None, Scope::default(), Some(reason))]);
+        return only(instance(None, Scope::default(), Some(reason)));
     }
     let mut scopes = match &case.each {
         None => vec![(Vec::new(), Scope::default())],
@@ -124,7 +126,7 @@ fn bind_case(
     };
     if scopes.is_empty() {
         let reason = case.each.as_ref().map(|each| kind::absent(&each.value));
-        return Ok(vec![instance(None, Scope::default(), reason)]);
+        return only(instance(None, Scope::default(), reason));
     }
     let wanted = case
         .matrix
@@ -142,15 +144,16 @@ fn bind_case(
     }
     let mut bound: Vec<Instance> = scopes
         .into_iter()
-        .map(|(labels, mut scope)| {
-            bind_bus(&mut scope, dut);
-            bind_names(&mut scope, suite);
+        .map(|(labels, scope)| {
             let label = (!labels.is_empty()).then(|| labels.join(","));
             instance(label, scope, None)
         })
+        .filter(holds)
         .collect();
     let mut complaints = Vec::new();
     for bound in &mut bound {
+        bind_bus(&mut bound.scope, dut);
+        bind_names(&mut bound.scope, suite);
         let checked = check::case(bound, dut, model);
         // A guess would move the device to a bit rate that the bus does not have.
         let unknown = dut.unlisted_bit_rate().filter(|_| checked.used.contains(BIT_RATE));

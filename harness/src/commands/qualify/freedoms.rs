@@ -24,7 +24,7 @@ const LARGEST_MIXTURE: usize = 6;
 const LARGEST_GROUP: usize = 8;
 
 /// How many instances say whether a freedom is one that changes most of them.
-const SAMPLE: usize = 16;
+const SAMPLE: usize = 8;
 
 /// The freedoms of one device, and what they showed.
 pub(super) struct Freedoms<'c, 'l> {

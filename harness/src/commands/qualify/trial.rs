@@ -115,9 +115,9 @@ impl<'l> Clean<'l> {
         let plan = match other_sheet {
             true => {
                 let (dut, models) = (&target.dut, target::models(&target.dut.eds));
-                let mut plan = plan_cases(self.library, dut, &models, wanted.cases())?;
+                let cases = wanted.cases();
+                let mut plan = plan_cases(self.library, dut, &models, cases, &mut holds)?;
                 plan.leave_out_foreign();
-                plan.instances.retain(holds);
                 plan
             }
             false => {

@@ -43,7 +43,7 @@ fn of_part(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
         | Step::Defaults(_)
         | Step::Until(_)
         | Step::Undeclared(_) => objects::candidates(scene, constraint),
-        Step::Observe(_) => values::observed(scene),
+        Step::Observe(_) => values::observed(scene, Some(constraint)),
         Step::Lss(_) | Step::Eds(_) => Vec::new(),
         Step::Send(_)
         | Step::Nmt(_)
@@ -92,6 +92,6 @@ fn of_whole(scene: &Scene) -> Vec<Slip> {
         let once = Change::once(heard, Fate::Lost);
         slips.push(Slip::new(format!("a frame {id} is not sent")).with(once));
     }
-    slips.extend(values::observed(scene));
+    slips.extend(values::observed(scene, None));
     slips
 }

@@ -36,7 +36,7 @@ pub(super) fn candidates(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
         Constraint::Length => other_length(scene),
         Constraint::Transfer => other_protocol(scene),
         Constraint::Value | Constraint::Min | Constraint::Max | Constraint::Characters => {
-            values(scene)
+            values(scene, constraint)
         }
         Constraint::Allowance(allowance) => taking(scene, *allowance),
         _ => Vec::new(),
@@ -239,8 +239,9 @@ impl Scene<'_> {
     }
 }
 
-/// Another value of the same length.
-fn values(scene: &Scene) -> Vec<Slip> {
+/// Another value of the same length. What breaks a bound most likely comes first: the values in the
+/// neighbourhood lie within most bounds.
+fn values(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
     let Some(uploaded) = Uploaded::of(scene) else { return Vec::new() };
     let data = &uploaded.data;
     let Some(top) = data.len().checked_sub(1) else { return Vec::new() };
@@ -261,17 +262,20 @@ fn values(scene: &Scene) -> Vec<Slip> {
         }
         bytes
     };
-    add(carried(true));
-    add(carried(false));
-    add(vec![0; data.len()]);
     let limits = |low: u8, high: u8| {
         let mut bytes = vec![low; data.len()];
         bytes[top] = high;
         bytes
     };
-    add(limits(0xFF, 0x7F));
-    add(limits(0x00, 0x80));
-    add(limits(0xFF, 0xFF));
+    let bounds = [limits(0x00, 0x00), limits(0xFF, 0x7F), limits(0x00, 0x80), limits(0xFF, 0xFF)];
+    match constraint {
+        Constraint::Min => [0, 2].map(|place| add(bounds[place].clone())),
+        Constraint::Max => [1, 3].map(|place| add(bounds[place].clone())),
+        _ => [true, false].map(|up| add(carried(up))),
+    };
+    bounds.into_iter().for_each(&mut add);
+    add(carried(true));
+    add(carried(false));
     add(data.iter().map(|byte| !byte).collect());
     add(data.iter().rev().copied().collect());
     if data.len() == 4 {

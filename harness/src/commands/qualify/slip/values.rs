@@ -4,6 +4,7 @@ use canopen::Value;
 
 use super::model::Slip;
 use super::scene::Scene;
+use crate::suite::constraint::Constraint;
 use crate::suite::step::Step;
 
 /// How what is seen is wrong.
@@ -44,17 +45,22 @@ impl Odd {
     }
 }
 
-/// Another value where the step looks at the physical side.
-pub(super) fn observed(scene: &Scene) -> Vec<Slip> {
+/// Another value where the step looks at the physical side, what breaks a bound most likely first.
+pub(super) fn observed(scene: &Scene, constraint: Option<&Constraint>) -> Vec<Slip> {
     let Step::Observe(observe) = scene.step else { return Vec::new() };
     let name = &observe.bench.value;
-    let slips = [
+    let mut slips = [
         (Odd::Off, "is not what the device was set to"),
         (Odd::Most, "is too high"),
         (Odd::Least, "is too low"),
         (Odd::More, "is a little too high"),
         (Odd::Less, "is a little too low"),
     ];
+    match constraint {
+        Some(Constraint::Max) => slips.swap(0, 1),
+        Some(Constraint::Min) => slips.swap(0, 2),
+        _ => {}
+    }
     let slips = slips.map(|(odd, how)| Slip {
         observed: Some((scene.moment.step, odd)),
         ..Slip::new(format!("{name} {how}"))
