@@ -27,6 +27,8 @@ pub struct Link<'b> {
     trace: Vec<Seen>,
     cursor: usize,
     mark: Instant,
+    /// From where in the trace frames came beside the answer at that moment.
+    beside: Option<(usize, Instant)>,
     emit: Option<&'b mut dyn FnMut(Event)>,
     /// Whether a case is open, to which the frames belong.
     in_case: bool,
@@ -72,6 +74,7 @@ impl<'b> Link<'b> {
             trace: Vec::new(),
             cursor: 0,
             mark,
+            beside: None,
             emit: None,
             in_case: false,
             lateness: Lateness::default(),
@@ -153,7 +156,7 @@ impl<'b> Link<'b> {
 
     /// Takes the trace and begins a new one.
     pub fn take_trace(&mut self) -> Vec<Seen> {
-        self.cursor = 0;
+        (self.cursor, self.beside) = (0, None);
         std::mem::take(&mut self.trace)
     }
 
@@ -294,6 +297,34 @@ impl<'b> Link<'b> {
             }
             place += 1;
         }
+    }
+
+    /// The answer to what was sent last, as [`find`](Self::find) finds a frame. What the request
+    /// causes may come before the answer does: [`find_beside`](Self::find_beside) finds it.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn find_answer(
+        &mut self,
+        until: Instant,
+        fits: impl FnMut(&Stamped) -> bool,
+    ) -> Result<Option<Stamped>, BusError> {
+        let asked = self.cursor;
+        let answer = self.find(until, fits)?;
+        self.beside = answer.map(|answer| (asked, answer.at));
+        Ok(answer)
+    }
+
+    /// A frame that came between a request and its answer, when nothing happened after the answer.
+    /// It counts as expected; the next step starts where it would have started.
+    pub fn find_beside(&mut self, fits: impl Fn(&Stamped) -> bool) -> Option<Stamped> {
+        let (from, _) = self.beside.filter(|(_, answered)| *answered == self.mark)?;
+        let between = &mut self.trace[from..self.cursor];
+        let place = between.iter().position(|seen| !seen.expected && fits(&seen.stamped))?;
+        between[place].expected = true;
+        let found = between[place].stamped;
+        self.beside = Some((from + place + 1, self.mark));
+        Some(found)
     }
 
     /// Lets time pass until `until`. The next step starts there.

@@ -228,7 +228,7 @@ impl Running {
             link.look_from(first_sent);
         }
         let fits = |seen: &Stamped| !seen.own && seen.frame.data_id() == Some(answers);
-        let answer = link.find(until, fits)?.map(|seen| seen.frame);
+        let answer = link.find_answer(until, fits)?.map(|seen| seen.frame);
         self.answer = Some(answer);
         Ok(answer)
     }
