@@ -64,10 +64,12 @@ impl Plan {
         });
     }
 
-    /// Keeps every `nth` instance, from that at `first` on.
+    /// Keeps every `nth` instance, from that at `first` on, and those that prove what they rely on:
+    /// another part of the run does not tell this one what holds on the device.
     pub(crate) fn keep_every(&mut self, nth: usize, first: usize) {
-        let mut place = 0..;
-        self.instances.retain(|_| place.next().is_some_and(|place| place % nth == first));
+        let kept = self.instances.iter().skip(first).step_by(nth).map(Instance::name).collect();
+        let kept = self.with_proofs(&kept);
+        self.instances.retain(|instance| kept.contains(&instance.name()));
     }
 
     /// The names of these instances and of those that prove what they rely on.

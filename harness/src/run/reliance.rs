@@ -47,7 +47,7 @@ impl<'p> Reliance<'p> {
     /// Why a case cannot say anything about the device.
     pub(super) fn blocks(&self, instance: &Instance) -> Option<String> {
         let (id, why) = instance.relies_on().find_map(|id| self.broken.get_key_value(id))?;
-        Some(format!("{id} does not hold on this device: {why}"))
+        Some(format!("{id} {why}"))
     }
 
     /// Takes what came of a case into account.
@@ -56,13 +56,18 @@ impl<'p> Reliance<'p> {
             return;
         }
         let why = match (outcome, outcome.problem()) {
-            (Outcome::Blocked(reason), _) => reason.clone(),
+            (Outcome::Blocked(reason), _) => format!("does not hold on this device: {reason}"),
             (_, Some(problem))
                 if outcome.holds_against_device() || matches!(outcome, Outcome::Error { .. }) =>
             {
                 let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
                 let (expected, actual) = (first(&problem.expected), first(&problem.actual));
-                format!("{} expected {expected}, came {actual}", instance.name())
+                let name = instance.name();
+                format!("does not hold on this device: {name} expected {expected}, came {actual}")
+            }
+            // Whoever relies on what could not be tried would be judged by what is not known.
+            (Outcome::Error { .. }, None) => {
+                format!("is not known to hold: {} could not be carried out", instance.name())
             }
             _ => return,
         };
