@@ -260,7 +260,7 @@ impl Behaviour for Em66 {
             self.next_sample += PERIOD;
             self.touched = false;
         }
-        if std::mem::take(&mut self.touched) {
+        if std::mem::take(&mut self.touched) && self.rules.evaluates_at_once() {
             self.step(Duration::ZERO, od, errors);
         }
     }

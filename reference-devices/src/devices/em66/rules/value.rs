@@ -10,6 +10,11 @@ decisions! {
     /// The decisions of the process values (2.3, 3.4.9 to 3.4.15).
     pub(crate) trait ValueRules: Layer;
 
+    /// What is written counts at once, not in the next cycle.
+    fn evaluates_at_once(&self) -> bool {
+        true
+    }
+
     /// A value is what its sensor measures, in tenths (2.3).
     fn shown(&self, _of: Mux, tenths: i64) -> i64 {
         tenths
@@ -29,6 +34,9 @@ decisions! {
 pub(super) const DEVIATIONS: &[Deviation<dyn Em66Rules>] = deviating! {
     dyn Em66Rules: ValueRules [Em66Rules ControlRules AlarmRules OperationRules FaultRules];
 
+    "evaluates-in-its-cycle" {
+        fn evaluates_at_once(&self) -> bool { false }
+    }
     "values-in-whole-units" {
         fn shown(&self, _of: Mux, tenths: i64) -> i64 { tenths / 10 * 10 }
     }
