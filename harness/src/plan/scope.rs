@@ -179,7 +179,15 @@ impl Scope {
             Literal::Bool(on) => encode(&Value::Bool(*on)),
             Literal::Text(text) => encode(&Value::Text(text.clone())),
             Literal::Time(amount) => encode(&Value::Int(self.ticks(amount, entry)?)),
-            Literal::Sum(..) => encode(&Value::Int(self.int(literal)?)),
+            Literal::Sum(..) => {
+                let sum = self.int(literal)?;
+                // As in the device, where a number is what any 32 bits say, such as a vendor-ID.
+                let size = entry.data_type.size().filter(|size| *size <= 8).unwrap_or(8);
+                let wrapped = sum.rem_euclid(1 << (8 * size));
+                encode(&Value::Int(sum)).or_else(|wrong| {
+                    entry.data_type.encode(&Value::Int(wrapped)).map_err(|_| wrong)
+                })
+            }
             Literal::Named(name, offset) => match (self.get(name)?, *offset) {
                 (Binding::Literal(literal), 0) => self.bytes(literal, entry),
                 (Binding::Literal(Literal::Int(number)), offset) => {
