@@ -160,6 +160,11 @@ deviations! {
             configured * 101 / 100
         }
     }
+    "heartbeat-period-of-15-bits" {
+        fn heartbeat_period(&self, configured: Duration) -> Duration {
+            Duration::from_millis((configured.as_millis() as u64 & 0x7FFF).max(1))
+        }
+    }
     "heartbeat-burst-at-boot-up" {
         fn heartbeats_at_boot_up(&self) -> u32 { 3 }
     }

@@ -137,6 +137,11 @@ decisions! {
         true
     }
 
+    /// Node id and bit rate are settings of their own (6.4).
+    fn lss_bit_rate_leaves_node_id(&self) -> bool {
+        true
+    }
+
     /// What is pending is stored, whatever is in force (6.4.5).
     fn lss_node_id_stored(&self, _pending: u8, _active: u8) -> bool {
         true
@@ -323,6 +328,9 @@ deviations! {
     }
     "lss-scan-not-begun-anew" {
         fn lss_confirm_restarts_scan(&self) -> bool { false }
+    }
+    "lss-node-id-lost-with-a-bit-rate" {
+        fn lss_bit_rate_leaves_node_id(&self) -> bool { false }
     }
     "lss-active-node-id-not-stored" {
         fn lss_node_id_stored(&self, pending: u8, active: u8) -> bool { pending != active }

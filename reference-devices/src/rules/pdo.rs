@@ -202,6 +202,11 @@ decisions! {
         true
     }
 
+    /// It is one wherever in the PDO the value lies (7.2.2.3).
+    fn tpdo_bytes_compared(&self, mapped: usize) -> usize {
+        mapped
+    }
+
     /// With a SYNC, every synchronous RPDO takes effect (7.2.2.2).
     fn sync_brings_each_rpdo(&self) -> bool {
         true
@@ -438,6 +443,9 @@ deviations! {
     }
     "change-triggers-one-tpdo" {
         fn change_triggers_each_tpdo(&self) -> bool { false }
+    }
+    "changes-beyond-four-bytes-unseen" {
+        fn tpdo_bytes_compared(&self, mapped: usize) -> usize { mapped.min(4) }
     }
     "sync-brings-one-rpdo" {
         fn sync_brings_each_rpdo(&self) -> bool { false }

@@ -85,6 +85,16 @@ decisions! {
         true
     }
 
+    /// A longer one as well as a shorter one (7.5.2.6).
+    fn longer_sync_period_at_once(&self) -> bool {
+        true
+    }
+
+    /// What was due by the former period is not missed by the new one (7.5.2.6).
+    fn new_sync_period_ends_deadline(&self) -> bool {
+        true
+    }
+
     /// The SYNC that the device produces triggers its own PDOs (7.2.5.1).
     fn own_sync_used(&self) -> bool {
         true
@@ -153,6 +163,12 @@ deviations! {
     }
     "sync-period-ends-before-the-new-one" {
         fn new_sync_period_at_once(&self) -> bool { false }
+    }
+    "longer-sync-period-after-the-shorter-one" {
+        fn longer_sync_period_at_once(&self) -> bool { false }
+    }
+    "sync-deadline-outlives-its-period" {
+        fn new_sync_period_ends_deadline(&self) -> bool { false }
     }
     "own-sync-ignored" {
         fn own_sync_used(&self) -> bool { false }

@@ -164,6 +164,9 @@ impl Lss {
                 let bit_rate = base.rules.lss_bit_rate(table, index, &self.supported);
                 if let Some(bit_rate) = bit_rate {
                     self.bit_rate.pending = bit_rate;
+                    if !base.rules.lss_bit_rate_leaves_node_id() {
+                        self.node.pending = self.node.active;
+                    }
                 }
                 Some(Response::ConfiguredBitTiming(status(bit_rate.is_some())))
             }

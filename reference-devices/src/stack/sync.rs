@@ -36,7 +36,9 @@ impl SyncConsumer {
             let gap = base.rules.sync_period(period).saturating_mul(supervision.percent) / 100;
             round_up(gap, supervision.resolution)
         });
-        self.deadline = None;
+        if self.longest_gap.is_none() || base.rules.new_sync_period_ends_deadline() {
+            self.deadline = None;
+        }
         if self.longest_gap.is_none() {
             base.errors.remove(FaultKind::SyncTimeout, 0);
         }

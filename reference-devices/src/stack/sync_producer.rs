@@ -30,10 +30,13 @@ impl SyncProducer {
 
     /// Takes identifier, period and counter overflow value, and begins anew with them.
     pub(crate) fn configure(&mut self, now: Instant, base: &Base) {
-        if base.rules.new_sync_period_at_once() {
+        let before = self.period;
+        self.take_parameters(base);
+        let longer = self.period > before && !before.is_zero();
+        let at_once = !longer || base.rules.longer_sync_period_at_once();
+        if at_once && base.rules.new_sync_period_at_once() {
             self.next = None;
         }
-        self.take_parameters(base);
         self.enter(now, base);
     }
 

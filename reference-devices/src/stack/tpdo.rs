@@ -131,7 +131,9 @@ impl Tpdo {
             return;
         }
         let data = self.mapping.pack(&base.od);
-        if data == self.last && data == self.seen {
+        let compared = base.rules.tpdo_bytes_compared(data.len());
+        let same = |before: Data| data.padded()[..compared] == before.padded()[..compared];
+        if same(self.last) && same(self.seen) {
             self.quiet = changes;
             return;
         }
