@@ -41,6 +41,8 @@ pub(super) struct Steps<'s, 'b> {
 /// How long an answer may take unless the step says otherwise.
 pub(super) const DEFAULT_REPLY: Duration = Duration::from_secs(1);
 const DEFAULT_SYNC_PERIOD: Duration = Duration::from_millis(10);
+/// Of how much of the time of an `until` a tenth may pass without a look.
+const LOOKS: Duration = Duration::from_secs(1);
 
 impl Steps<'_, '_> {
     /// Runs one step.
@@ -344,7 +346,9 @@ impl Steps<'_, '_> {
             Step::Ask(ask) if ask.latency.is_none() => {
                 self.optional_time(&ask.within, DEFAULT_REPLY)
             }
-            Step::Ask(_) | Step::Measure(_) | Step::Lss(_) | Step::Until(_) => Ok(Duration::ZERO),
+            // A value that has not come within seconds was not missed in a moment without a look.
+            Step::Until(until) => self.time(&until.within).map(|within| within.min(LOOKS)),
+            Step::Ask(_) | Step::Measure(_) | Step::Lss(_) => Ok(Duration::ZERO),
             Step::Send(_)
             | Step::Read(_)
             | Step::Write(_)
