@@ -227,7 +227,7 @@ impl Probe<'_, '_> {
     }
 
     fn ask(&mut self, mux: Mux) -> Result<Answer, Lost> {
-        let ended = sdo::upload(self.link, &self.policy, self.node, mux)?;
+        let ended = sdo::upload_patiently(self.link, &self.policy, self.node, mux)?;
         self.silent = match ended.raw {
             Some(_) => 0,
             None => self.silent + 1,

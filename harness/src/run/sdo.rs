@@ -75,6 +75,29 @@ pub(super) fn reads(
     Ok(transfer.finish(link, policy, node)?.result.is_ok_and(|now| now == value))
 }
 
+/// Reads an object of a device whose answers frames of others, or a busy host, may keep back: what
+/// is not answered, or with an answer to another request, is asked again.
+///
+/// # Errors
+/// Whatever the bus reports; what the device does is in the result.
+pub(super) fn upload_patiently(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+) -> Result<Ended, BusError> {
+    const TRIES: usize = 3;
+    let mut ended = upload(link, policy, node, mux)?;
+    for _ in 1..TRIES {
+        let late = matches!(ended.result, Err(Failure::Timeout | Failure::Violation { .. }));
+        // A late answer would be taken for that to the next request.
+        if late && catches_up(link, policy, node)? {
+            ended = upload(link, policy, node, mux)?;
+        }
+    }
+    Ok(ended)
+}
+
 /// Waits until the server has answered everything that it was asked before, and says whether it
 /// has. A server answers in order, so what follows its answer to one more upload is not late.
 ///

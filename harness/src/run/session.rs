@@ -470,7 +470,7 @@ pub(crate) fn read_number(
     node: u8,
     mux: Mux,
 ) -> Result<Option<u32>, BusError> {
-    let told = ask(link, policy, node, mux)?;
+    let told = sdo::upload_patiently(link, policy, node, mux)?.result;
     let value = told.ok().and_then(|data| DataType::UNSIGNED32.decode(&data).ok());
     Ok(value.as_ref().and_then(Value::as_int).and_then(|number| number.try_into().ok()))
 }
@@ -485,7 +485,8 @@ pub(crate) fn exists(
     let absent = |failure: &Failure| {
         matches!(failure, Failure::Aborted(Abort::NO_OBJECT | Abort::NO_SUB_INDEX))
     };
-    Ok(!ask(link, policy, node, mux)?.as_ref().is_err_and(absent))
+    let told = sdo::upload_patiently(link, policy, node, mux)?.result;
+    Ok(!told.as_ref().is_err_and(absent))
 }
 
 /// The text at `mux`, when there is one.
@@ -495,25 +496,6 @@ pub(crate) fn read_text(
     node: u8,
     mux: Mux,
 ) -> Result<Option<String>, BusError> {
-    let told = ask(link, policy, node, mux)?;
+    let told = sdo::upload_patiently(link, policy, node, mux)?.result;
     Ok(told.ok().and_then(|data| String::from_utf8(data).ok()))
-}
-
-/// What the device answers for `mux`. Who it is depends on it, so silence is asked again: frames of
-/// others, or a busy host, may have kept the answer back.
-fn ask(
-    link: &mut Link,
-    policy: &Policy,
-    node: u8,
-    mux: Mux,
-) -> Result<Result<Vec<u8>, Failure>, BusError> {
-    const TRIES: usize = 3;
-    let mut told = Err(Failure::Timeout);
-    for _ in 0..TRIES {
-        told = sdo::upload(link, policy, node, mux)?.result;
-        if told != Err(Failure::Timeout) {
-            break;
-        }
-    }
-    Ok(told)
 }
