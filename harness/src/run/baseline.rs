@@ -6,6 +6,7 @@ use std::time::Duration;
 use canopen::emcy::EmcyCode;
 use canopen::heartbeat::ErrorControl;
 use canopen::nmt::NmtState;
+use canopen::pdo::CobId;
 use canopen::sdo::Failure;
 use canopen::{BusError, Mux, Stamped, emcy};
 use reports::Identity;
@@ -13,11 +14,13 @@ use reports::Identity;
 use super::link::Link;
 use super::policy::Policy;
 use super::sdo;
+use super::session;
 use super::settle;
 use crate::dut::Dut;
 use crate::suite::profile::Habits;
 
 const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
+const EMCY_ID: Mux = Mux::new(0x1014, 0);
 const START_UP: Mux = Mux::new(0x1F80, 0);
 const STORE: Mux = Mux::new(0x1010, 1);
 const ON_COMMAND: u8 = 1 << 0;
@@ -99,8 +102,12 @@ impl Baseline {
         link.drain(policy.quiet.max(FIRST_EMERGENCIES))?;
         let sent: Vec<Stamped> = link.trace().iter().map(|seen| seen.stamped).collect();
         let sent = sent.iter().filter(|seen| !seen.own);
-        let emcy_id = Some(emcy::COB_ID + u16::from(dut.node));
-        let code = |seen: &Stamped| match (seen.frame.data_id() == emcy_id, &*seen.frame.data) {
+        // The identifier may be another one that was stored.
+        let usual = emcy::COB_ID + u16::from(dut.node);
+        let stored = session::read_number(link, policy, dut.node, EMCY_ID)?;
+        let stored = stored.map(|cob_id| CobId(cob_id).can_id());
+        let ids = [Some(usual), stored.or(Some(usual))];
+        let code = |seen: &Stamped| match (ids.contains(&seen.frame.data_id()), &*seen.frame.data) {
             (true, [low, high, ..]) => Some(EmcyCode(u16::from_le_bytes([*low, *high]))),
             _ => None,
         };
