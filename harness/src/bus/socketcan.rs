@@ -326,8 +326,8 @@ const STOP_CHECK: Duration = Duration::from_millis(50);
 const QUEUE_FULL_LIMIT: Duration = Duration::from_secs(1);
 /// Frames of other stations end this wait early, own echoes too.
 const QUEUE_FULL_RETRY: Duration = Duration::from_millis(1);
-/// Fewer frames than the smallest receive queue holds that a kernel gives by default.
-const LONG_QUEUE: usize = 64;
+/// Fewer frames than the smallest receive queue holds that a kernel grants.
+const LONG_QUEUE: usize = 4;
 /// In bytes. The kernel accounts some 800 bytes per frame, so this is about 10 000 frames.
 const RECEIVE_BUFFER: usize = 4 << 20;
 

@@ -228,7 +228,7 @@ impl Server {
     /// Judges what the device sends without a request; whether that is a part of a block transfer.
     fn judge_unasked(&mut self) -> bool {
         // A server that gives up a transfer says so, once; what is stored is answered when it is.
-        // Of a client that did not wait for that, it may give up the next transfer at the same time.
+        // Of a client that did not wait for that, it may give up the next transfer just then.
         let (stored, others): (Vec<_>, Vec<_>) = self.answers().into_iter().partition(|answer| {
             matches!(answer, Response::Download(Mux { index: 0x1010 | 0x1011, .. }))
         });

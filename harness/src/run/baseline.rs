@@ -14,7 +14,6 @@ use reports::Identity;
 use super::link::Link;
 use super::policy::Policy;
 use super::sdo;
-use super::session;
 use super::settle;
 use crate::dut::Dut;
 use crate::suite::profile::Habits;
@@ -104,7 +103,8 @@ impl Baseline {
         let sent = sent.iter().filter(|seen| !seen.own);
         // The identifier may be another one that was stored.
         let usual = emcy::COB_ID + u16::from(dut.node);
-        let stored = session::read_number(link, policy, dut.node, EMCY_ID)?;
+        let stored = sdo::upload_patiently(link, policy, dut.node, EMCY_ID)?.result.ok();
+        let stored = stored.and_then(|value| Some(u32::from_le_bytes(*value.first_chunk()?)));
         let stored = stored.map(|cob_id| CobId(cob_id).can_id());
         let ids = [Some(usual), stored.or(Some(usual))];
         let code = |seen: &Stamped| match (ids.contains(&seen.frame.data_id()), &*seen.frame.data) {

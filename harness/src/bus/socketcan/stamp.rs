@@ -49,8 +49,8 @@ impl Clock {
         Instant(self.elapsed() as u64)
     }
 
-    /// The place of a frame that the kernel stamped with `wall`; now, when it has no stamp. `before`
-    /// is a time a moment ago.
+    /// The place of a frame that the kernel stamped with `wall`; now, when it has no stamp.
+    /// `before` is a time a moment ago.
     pub(super) fn stamp(&mut self, wall: Option<SystemTime>, before: Instant) -> Instant {
         let sample = self.sample(before);
         let wall = wall.map_or(sample.now + self.distance, nanos);
