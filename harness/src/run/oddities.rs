@@ -16,26 +16,33 @@ pub(crate) fn oddities(trace: &[Seen], node: u8) -> Vec<String> {
     said.into_iter().flatten().collect()
 }
 
+/// That two devices have the node id, where that is certain: answers to one upload contradict each
+/// other. What is written would go to both, and one of them could not be asked what it was before.
+pub(super) fn contradiction(trace: &[Seen], node: u8) -> Option<String> {
+    let uploads = uploads(trace, node);
+    let mut several = uploads.iter().filter(|(_, upload)| upload.answers.len() > upload.requests);
+    several.find_map(|(mux, upload)| {
+        let first = upload.answers.first()?;
+        let other = upload.answers.iter().find(|answer| *answer != first)?;
+        Some(format!(
+            "two devices have node id {node}: an upload of {mux} had the answers {first} and \
+             {other}; no case was run, since it would write to both"
+        ))
+    })
+}
+
 /// More answers than requests, or more boot-up messages than resets.
 fn several(trace: &[Seen], node: u8) -> Option<String> {
-    let mut asked: BTreeMap<Mux, (usize, Vec<Frame>)> = BTreeMap::new();
-    for seen in trace {
-        match (request(seen, node), answer(seen, node)) {
-            (Some(Request::Upload(mux)), _) => asked.entry(mux).or_default().0 += 1,
-            (_, Some(Response::Upload(mux, _))) => {
-                asked.entry(mux).or_default().1.push(seen.stamped.frame);
-            }
-            _ => {}
-        }
-    }
     let two = |what: String| {
         format!("two devices may have node id {node}, or one device sends twice: {what}")
     };
-    let twice = asked.iter().find(|(_, (asked, got))| *asked > 0 && got.len() > *asked);
-    if let Some((mux, (asked, got))) = twice {
-        let requests = if *asked == 1 { "1 upload".to_owned() } else { format!("{asked} uploads") };
-        let last = got.iter().rev().take(2).rev().map(Frame::to_string).collect::<Vec<_>>();
-        let count = got.len();
+    let uploads = uploads(trace, node);
+    let twice = uploads.iter().find(|(_, upload)| upload.answers.len() > upload.requests);
+    if let Some((mux, Upload { requests, answers })) = twice {
+        let requests =
+            if *requests == 1 { "1 upload".to_owned() } else { format!("{requests} uploads") };
+        let last = answers.iter().rev().take(2).rev().map(Frame::to_string).collect::<Vec<_>>();
+        let count = answers.len();
         return Some(two(format!(
             "{requests} of {mux} had {count} answers, such as {}",
             last.join(" and ")
@@ -43,6 +50,29 @@ fn several(trace: &[Seen], node: u8) -> Option<String> {
     }
     let boots = boot_ups_after_a_reset(trace, node);
     (boots > 1).then(|| two(format!("{boots} boot-up messages followed one reset")))
+}
+
+/// The uploads of one object.
+#[derive(Default)]
+struct Upload {
+    requests: usize,
+    answers: Vec<Frame>,
+}
+
+/// The uploads that were asked for.
+fn uploads(trace: &[Seen], node: u8) -> BTreeMap<Mux, Upload> {
+    let mut uploads: BTreeMap<Mux, Upload> = BTreeMap::new();
+    for seen in trace {
+        match (request(seen, node), answer(seen, node)) {
+            (Some(Request::Upload(mux)), _) => uploads.entry(mux).or_default().requests += 1,
+            (_, Some(Response::Upload(mux, _))) => {
+                uploads.entry(mux).or_default().answers.push(seen.stamped.frame);
+            }
+            _ => {}
+        }
+    }
+    uploads.retain(|_, upload| upload.requests > 0);
+    uploads
 }
 
 /// The largest number of boot-up messages between two resets, those before the first left out.
@@ -122,13 +152,17 @@ mod tests {
     use super::*;
 
     /// Frames in candump form; those with `>` are of the tester.
-    fn said(frames: &[&str]) -> Vec<String> {
+    fn seen(frames: &[&str]) -> Vec<Seen> {
         let seen = |text: &&str| {
             let (own, text) = text.strip_prefix('>').map_or((false, *text), |text| (true, text));
             let frame = text.parse().unwrap();
             Seen { stamped: Stamped { at: Instant::ZERO, frame, own }, expected: false }
         };
-        oddities(&frames.iter().map(seen).collect::<Vec<_>>(), 5)
+        frames.iter().map(seen).collect()
+    }
+
+    fn said(frames: &[&str]) -> Vec<String> {
+        oddities(&seen(frames), 5)
     }
 
     const ASKED: &str = ">605#4000100000000000";
@@ -145,6 +179,20 @@ mod tests {
         assert_eq!(said(&[ASKED, "585#8000100000000206", "586#FFFF"]), [""; 0]);
         // A transfer of somebody else's, before anything was asked.
         assert_eq!(said(&["585#6000200000000000", ASKED, ANSWER]), [""; 0]);
+    }
+
+    #[test]
+    fn answers_that_contradict_each_other_are_of_two_devices() {
+        let other = "585#4300100092010000";
+        let contradiction = |frames: &[&str]| contradiction(&seen(frames), 5);
+        let said = contradiction(&[ASKED, ANSWER, other]);
+        let expected = "two devices have node id 5: an upload of 1000:00 had the answers \
+                        585#4300100091010000 and 585#4300100092010000; no case was run, since it \
+                        would write to both";
+        assert_eq!(said.as_deref(), Some(expected));
+        // One device may send twice, or answer late and have changed in between.
+        assert_eq!(contradiction(&[ASKED, ANSWER, ANSWER]), None);
+        assert_eq!(contradiction(&[ASKED, ASKED, ANSWER, other]), None);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use reports::{
 use super::baseline::Baseline;
 use super::case::{self, Aftermath, Common};
 use super::link::Link;
-use super::oddities::oddities;
+use super::oddities::{contradiction, oddities};
 use super::policy::Policy;
 use super::proof::Witness;
 use super::reliance::Reliance;
@@ -115,6 +115,9 @@ impl Session<'_> {
     fn get_to_know(&self, link: &mut Link) -> Result<(Known, BlockDirections), BusError> {
         let identity = identity(link, &self.policy, &self.plan.dut)?;
         self.undo.identify(identity);
+        if let Some(why) = contradiction(link.trace(), self.plan.dut.node) {
+            return Err(BusError::Io(why));
+        }
         let baseline = self.baseline(link, identity)?;
         let versions = versions(link, &self.policy, &self.plan.dut)?;
         self.look_at_channels(link)?;
