@@ -23,8 +23,14 @@ use nix::unistd::Pid;
 use serde::Deserialize;
 use serde_json::{Value as Json, json};
 
-/// How long a rig may take to answer.
+/// How long a rig may take to answer, and a socket to be there again.
 const PATIENCE: Duration = Duration::from_secs(5);
+
+/// How often a socket is tried in that time.
+const ATTEMPTS: u32 = 500;
+
+/// What became of a rig that closed its end.
+const GONE: &str = "has ended";
 
 /// A bench at a socket, or a program of the user's.
 pub struct Rig {
@@ -52,10 +58,9 @@ impl Rig {
     pub fn open(text: &str) -> Result<Self, BenchError> {
         let failed = |error: std::io::Error| BenchError(format!("the bench {text}: {error}"));
         if let Some(path) = text.strip_prefix("unix:") {
-            let socket = UnixStream::connect(path).map_err(failed)?;
-            let (requests, answers) =
-                (socket.try_clone().map_err(failed)?, socket.try_clone().map_err(failed)?);
-            return Ok(Self::new(text, Box::new(requests), answers, End::Socket(socket)));
+            return UnixStream::connect(path)
+                .and_then(|socket| Self::behind(text, socket))
+                .map_err(failed);
         }
         // A path may have blanks.
         let whole = Path::new(text).is_file();
@@ -72,6 +77,11 @@ impl Rig {
             return Err(BenchError(format!("the bench {text} has no standard input or output")));
         };
         Ok(Self::new(text, Box::new(requests), answers, End::Program(program)))
+    }
+
+    fn behind(name: &str, socket: UnixStream) -> std::io::Result<Self> {
+        let (requests, answers) = (socket.try_clone()?, socket.try_clone()?);
+        Ok(Self::new(name, Box::new(requests), answers, End::Socket(socket)))
     }
 
     fn new(
@@ -97,7 +107,11 @@ impl Rig {
         if let Some(dead) = &self.dead {
             return Err(dead.clone());
         }
-        let answer = self.answer(request).map_err(|what| {
+        let mut answer = self.answer(request);
+        if answer.as_ref().is_err_and(|what| what == GONE) && self.comes_back() {
+            answer = self.answer(request);
+        }
+        let answer = answer.map_err(|what| {
             let dead = BenchError(format!("the bench {} {what}", self.name));
             // Whoever did not answer in order may answer the next question with this one's answer.
             self.dead.insert(dead).clone()
@@ -110,17 +124,35 @@ impl Rig {
 
     fn answer(&mut self, request: &Json) -> Result<Json, String> {
         let sent = writeln!(self.requests, "{request}").and_then(|()| self.requests.flush());
-        let gone = "has ended";
-        sent.map_err(|_| gone)?;
+        sent.map_err(|_| GONE)?;
         let line = match self.answers.recv_timeout(PATIENCE) {
             Ok(Ok(line)) => line,
             Ok(Err(error)) => return Err(format!("cannot be read: {error}")),
             Err(RecvTimeoutError::Timeout) => {
                 return Err(format!("does not answer within {} s", PATIENCE.as_secs()));
             }
-            Err(RecvTimeoutError::Disconnected) => return Err(gone.to_owned()),
+            Err(RecvTimeoutError::Disconnected) => return Err(GONE.to_owned()),
         };
         understood(&line)
+    }
+
+    /// Waits until the socket can be opened again, and opens it: a device that is a program takes
+    /// its bench with it when it ends, and brings it back when it is started again.
+    fn comes_back(&mut self) -> bool {
+        let (End::Socket(_), Some(path)) = (&self.end, self.name.strip_prefix("unix:")) else {
+            return false;
+        };
+        for _ in 0..ATTEMPTS {
+            let opened =
+                UnixStream::connect(path).and_then(|socket| Self::behind(&self.name, socket));
+            if let Ok(mut again) = opened {
+                again.needs = std::mem::take(&mut self.needs);
+                *self = again;
+                return true;
+            }
+            thread::sleep(PATIENCE / ATTEMPTS);
+        }
+        false
     }
 
     /// The answer is none that this request can have.
@@ -385,6 +417,33 @@ mod tests {
         assert_eq!(refused.0, "the bench reports: the bench has no `lamp`");
         assert_eq!(rig.get("knob"), Ok(Value::Real(1.5)), "a refusal is not the end");
         drop(rig);
+        server.join().unwrap();
+    }
+
+    #[test]
+    fn a_socket_that_is_opened_again_is_the_same_bench() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("bench");
+        let socket = path.clone();
+        let mut listener = std::os::unix::net::UnixListener::bind(&path).unwrap();
+        let server = thread::spawn(move || {
+            for knob in 1..=2 {
+                let (client, _) = listener.accept().unwrap();
+                let (mut table, mut answers) = (Table(Value::Int(knob)), &client);
+                let mut lines = BufReader::new(&client).lines();
+                for line in lines.by_ref().take(2) {
+                    writeln!(answers, "{}", respond(&mut table, &line.unwrap())).unwrap();
+                }
+                std::fs::remove_file(&socket).unwrap();
+                listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+            }
+        });
+        let mut rig = Rig::open(&format!("unix:{}", path.display())).unwrap();
+        assert_eq!(rig.names(), Ok(vec!["knob".to_owned()]));
+        assert_eq!(rig.get("knob"), Ok(Value::Int(1)));
+        // The program that had it has ended, and another one begins.
+        assert_eq!(rig.get("knob"), Ok(Value::Int(2)));
+        assert_eq!(rig.set("knob", &Value::Int(3)), Ok(()));
         server.join().unwrap();
     }
 
