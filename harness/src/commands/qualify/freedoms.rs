@@ -168,10 +168,10 @@ impl<'c, 'l> Freedoms<'c, 'l> {
     fn try_mixtures(&mut self, count: usize, seed: u64) -> Result<(), Refused> {
         let (freedoms, single) = (&self.freedoms, &self.single);
         let mixtures = mixtures(&self.compared.clean.device, freedoms, count, seed);
-        let red = try_map(&mixtures, |mixture| {
+        let red = try_map(&mixtures, |(mixture, order)| {
             let members: Vec<&Freedom> = mixture.iter().map(|&place| &freedoms[place]).collect();
             let affected = touched(mixture.iter().map(|&place| &single[place]));
-            self.compared.smallest_red(members, &affected)
+            self.compared.smallest_red(members, &affected, *order)
         })?;
         self.mixtures = mixtures.len();
         self.red = red.into_iter().flatten().collect();
@@ -272,7 +272,7 @@ impl Compared<'_, '_> {
         let red = std::mem::take(&mut group.red).into_iter().map(|(instance, ..)| instance);
         let red: BTreeSet<String> = red.filter(|instance| !known.contains(instance)).collect();
         if !red.is_empty() {
-            groups.extend(self.smallest_red(members.to_vec(), &red)?);
+            groups.extend(self.smallest_red(members.to_vec(), &red, 0)?);
         }
         groups.push(group);
         Ok(Apart { single, groups })
@@ -311,30 +311,57 @@ impl Compared<'_, '_> {
         Ok((tried, went))
     }
 
-    /// The smallest part of a mixture on which one of these instances is red still; `None` when
-    /// nothing is red.
+    /// The smallest part of a mixture on which one of these instances, in an order of this seed, is
+    /// red still; `None` when nothing is red.
     fn smallest_red(
         &self,
         mut members: Vec<&Freedom>,
         instances: &BTreeSet<String>,
+        seed: u64,
     ) -> Result<Option<Tried>, Refused> {
-        let run = |members: &[&Freedom], names: &BTreeSet<String>| {
-            let names = self.clean.plan.with_proofs(names);
-            self.tried(freedom::mixture(members.iter().copied()), &Wanted::Instances(&names))
+        let of = &self.clean.plan.with_proofs(instances);
+        let run = |members: &[&Freedom], kept: &BTreeSet<String>| {
+            let mixture = freedom::mixture(members.iter().copied());
+            self.tried(mixture, &Wanted::Shuffled { seed, of, kept })
         };
-        let mut smallest = run(&members, instances)?;
+        let mut smallest = run(&members, of)?;
         let Some((first, ..)) = smallest.red.first() else { return Ok(None) };
-        let first = BTreeSet::from([first.clone()]);
+        let first = first.clone();
+        let red = |tried: &Tried| tried.red.iter().any(|(instance, ..)| *instance == first);
+        let alone = self.clean.plan.with_proofs(&BTreeSet::from([first.clone()]));
+        let tried = run(&members, &alone)?;
+        // What comes before a case may be what makes it red.
+        let mut kept = of.clone();
+        if red(&tried) {
+            (kept, smallest) = (alone.clone(), tried);
+        }
         let mut place = 0;
         while place < members.len() {
             let mut fewer = members.clone();
             fewer.remove(place);
-            let tried = run(&fewer, &first)?;
-            if tried.red.is_empty() {
-                place += 1;
-            } else {
+            let tried = run(&fewer, &kept)?;
+            if red(&tried) {
                 (members, smallest) = (fewer, tried);
+            } else {
+                place += 1;
             }
+        }
+        let mut before: Vec<String> = kept.difference(&alone).cloned().collect();
+        let mut part = before.len().div_ceil(2);
+        while part > 0 {
+            for left_out in before.clone().chunks(part) {
+                let fewer = kept.iter().filter(|name| !left_out.contains(name)).cloned().collect();
+                let tried = run(&members, &fewer)?;
+                if red(&tried) {
+                    (kept, smallest) = (fewer, tried);
+                    before.retain(|name| !left_out.contains(name));
+                }
+            }
+            part = if part == 1 { 0 } else { part.div_ceil(2) };
+        }
+        smallest.red.retain(|(instance, ..)| *instance == first);
+        for (_, _, problem) in smallest.red.iter_mut().filter(|_| !before.is_empty()) {
+            _ = write!(problem, "; after {}", before.join(" "));
         }
         Ok(Some(smallest))
     }
@@ -375,13 +402,14 @@ fn touched<'t>(members: impl Iterator<Item = &'t Tried>) -> BTreeSet<String> {
     count.into_iter().filter(|(_, count)| *count > 1).map(|(name, _)| name.clone()).collect()
 }
 
-/// Random sets of freedoms that a device can use together, by their places.
+/// Random sets of freedoms that a device can use together, by their places, each with a seed for the
+/// order of the instances.
 fn mixtures(
     device: &ReferenceDevice,
     freedoms: &[Freedom],
     count: usize,
     seed: u64,
-) -> Vec<Vec<usize>> {
+) -> Vec<(Vec<usize>, u64)> {
     let draw = |mut rng: Rng| {
         let wanted = rng.usize(2..=LARGEST_MIXTURE.min(freedoms.len()));
         let mut mixture: Vec<usize> = Vec::new();
@@ -400,7 +428,7 @@ fn mixtures(
                 mixture.retain(|&member| member != place);
             }
         }
-        mixture
+        (mixture, rng.u64(..))
     };
     let mut seeds = Rng::with_seed(seed);
     let each = (0..count).map(|_| seeds.fork()).collect();

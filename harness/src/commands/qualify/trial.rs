@@ -7,6 +7,7 @@ use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
 use canopen::Instant;
+use fastrand::Rng;
 use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
 use reports::{Event, Outcome, Verdict};
@@ -65,6 +66,8 @@ pub(super) enum Wanted<'w> {
     Cases(&'w Fits<'w>),
     /// The instances of these names.
     Instances(&'w BTreeSet<String>),
+    /// The instances of these names, in the order that a shuffle gives those `of` more names.
+    Shuffled { seed: u64, of: &'w BTreeSet<String>, kept: &'w BTreeSet<String> },
     /// The instances of other names than these, of which some cases have no other.
     Except { instances: &'w BTreeSet<String>, cases: &'w BTreeSet<String> },
 }
@@ -112,7 +115,7 @@ impl<'l> Clean<'l> {
         let other_sheet = deviation.changes_data_sheet();
         let target = self.target.deviating(deviation)?;
         let mut holds = wanted.holds();
-        let plan = match other_sheet {
+        let mut plan = match other_sheet {
             true => {
                 let (dut, models) = (&target.dut, target::models(&target.dut.eds));
                 let cases = wanted.cases();
@@ -126,6 +129,7 @@ impl<'l> Clean<'l> {
                 Plan { dut: target.dut.clone(), instances, left_out: BTreeMap::new() }
             }
         };
+        wanted.order(&mut plan.instances);
         let (trials, ending) = run(self.library, &plan, &target)?;
         Ok(Ran { instances: plan.instances, trials, ending })
     }
@@ -136,15 +140,25 @@ impl Wanted<'_> {
     fn cases(&self) -> impl Fn(&Suite, &Case) -> bool {
         let of_instance = |name: &String| name.split('[').next().unwrap_or_default().to_owned();
         let names: BTreeSet<String> = match self {
-            Self::Instances(names) => names.iter().map(of_instance).collect(),
+            Self::Instances(names) | Self::Shuffled { of: names, .. } => {
+                names.iter().map(of_instance).collect()
+            }
             Self::All | Self::Cases(_) | Self::Except { .. } => BTreeSet::new(),
         };
         let name = |suite: &Suite, case: &Case| format!("{}/{}", suite.name(), case.id.value);
         move |suite, case| match self {
             Self::All => true,
             Self::Cases(fit) => fit(case),
-            Self::Instances(_) => names.contains(&name(suite, case)),
+            Self::Instances(_) | Self::Shuffled { .. } => names.contains(&name(suite, case)),
             Self::Except { cases, .. } => !cases.contains(&name(suite, case)),
+        }
+    }
+
+    /// Puts what is wanted in the order that is wanted.
+    fn order(&self, instances: &mut Vec<Instance>) {
+        if let Self::Shuffled { seed, kept, .. } = self {
+            Rng::with_seed(*seed).shuffle(instances);
+            instances.retain(|instance| kept.contains(&instance.name()));
         }
     }
 
@@ -161,7 +175,9 @@ impl Wanted<'_> {
                 last = Some((case, fits));
                 fits
             }
-            Self::Instances(names) => names.contains(&instance.name()),
+            Self::Instances(names) | Self::Shuffled { of: names, .. } => {
+                names.contains(&instance.name())
+            }
             Self::Except { instances, .. } => !instances.contains(&instance.name()),
         }
     }
