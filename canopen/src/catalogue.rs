@@ -48,6 +48,12 @@ pub struct Profile {
     pub blocks: BTreeMap<String, Block>,
     /// What a device of this profile may lack although no object is missing, with its meaning.
     pub options: BTreeMap<String, String>,
+    /// How long the application of such a device may take to see what was written, in
+    /// milliseconds. Suites of the profile begin a case after it.
+    pub cycle_ms: u16,
+    /// What is not 0 while such a device goes on with something that was begun, which the suites
+    /// of the profile wait for before a case.
+    pub busy: Option<Mux>,
     objects: Vec<Indexed>,
 }
 

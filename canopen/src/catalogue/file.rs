@@ -10,6 +10,7 @@ use serde::Deserialize;
 use super::key::{keyed, no_index};
 use super::scalar::Scalar;
 use super::{Block, CatalogueObject, Facts, Indexed, ObjectFacts, Profile, Recognition};
+use crate::mux::Mux;
 use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Outline, Source, read_yaml};
 
@@ -37,6 +38,14 @@ pub struct CatalogueFile {
     /// What a device of this profile may lack although no object is missing, with its meaning.
     #[serde(default)]
     options: BTreeMap<String, String>,
+    /// How long the application of such a device may take to see what was written, in
+    /// milliseconds. Suites of the profile begin a case after it.
+    #[serde(default)]
+    cycle_ms: Option<u16>,
+    /// What is not 0 while such a device goes on with something that was begun, which the suites
+    /// of the profile wait for before a case.
+    #[serde(default)]
+    busy: Option<Mux>,
     /// The objects by index, `"1000"`, by range, `1400..15FF`, by range and step, hexadecimal,
     /// `6500..65F0/10`, or with counters, decimal, `3{01..12}0`. `#` in the name is the number of
     /// the object, `#1`, `#2` its number by each of several counters.
@@ -124,6 +133,8 @@ fn profile(
     profile.names.extend(file.names);
     profile.blocks.extend(file.blocks);
     profile.options.extend(file.options);
+    profile.cycle_ms = file.cycle_ms.unwrap_or(profile.cycle_ms);
+    profile.busy = file.busy.or(profile.busy);
     let mut wrong = Wrong { source, found: Vec::new() };
     let objects = objects(file.objects, &mut wrong);
     for (indices, _) in &objects {

@@ -44,6 +44,8 @@ pub(super) struct Baseline {
     emergencies: Vec<EmcyCode>,
     /// What the starts for cases showed.
     starts: Cell<Starts>,
+    /// How long it was waited for altogether while it was busy.
+    waited: Cell<Duration>,
 }
 
 /// What the device sent when it was started.
@@ -70,6 +72,15 @@ impl Starts {
 }
 
 impl Baseline {
+    /// Whether a device that is busy is waited for once more, for `time`. One that never ends costs
+    /// a run no more than that.
+    pub(super) fn bears_with(&self, time: Duration) -> bool {
+        const ALTOGETHER: Duration = Duration::from_secs(600);
+        let waited = self.waited.get() + time;
+        self.waited.set(waited);
+        waited <= ALTOGETHER
+    }
+
     /// A device of which nothing stands from the start.
     pub(super) fn of(identity: Identity) -> Self {
         Self {
@@ -78,6 +89,7 @@ impl Baseline {
             boots_up: Cell::new(true),
             habits: Habits::default(),
             emergencies: Vec::new(),
+            waited: Cell::default(),
             starts: Cell::default(),
         }
     }

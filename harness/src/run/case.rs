@@ -174,6 +174,12 @@ impl CaseRun<'_, '_> {
                 return (error(reason.clone()), Aftermath::Gone(reason));
             }
         }
+        if let Some(profile) = self.instance.suite.profile()
+            && let Err(error) =
+                settle::application(self.link, self.policy, self.dut, self.baseline, profile)
+        {
+            return self.bus_failed(error);
+        }
         let taken = Snapshot::take(self.link, self.policy, self.dut, self.instance);
         let mut snapshot = match taken {
             Ok(snapshot) => snapshot,

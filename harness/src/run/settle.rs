@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use canopen::catalogue::Profile;
 use canopen::heartbeat::{self, ErrorControl};
 use canopen::nmt::{self, Command, Service};
 use canopen::sdo::{Failure, REQUEST_COB_ID, RESPONSE_COB_ID};
@@ -89,6 +90,34 @@ pub(super) fn settle(
         Some(Unrest::Silent(what)) => Err(Unsettled::Device(lost(&what, link, dut))),
         None => Err(Unsettled::Device(lost("nothing after a reset", link, dut))),
     }
+}
+
+/// Lets the application see what was set back, and bring to an end what cases began.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(super) fn application(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    baseline: &Baseline,
+    profile: &Profile,
+) -> Result<(), BusError> {
+    const LONGEST: u32 = 60;
+    const AGAIN: Duration = Duration::from_secs(1);
+    if profile.cycle_ms > 0 {
+        link.wait(link.mark() + Duration::from_millis(profile.cycle_ms.into()))?;
+    }
+    let Some(busy) = profile.busy else { return Ok(()) };
+    for _ in 0..LONGEST {
+        let told = sdo::upload(link, policy, dut.node, busy)?.result;
+        let is_busy = told.is_ok_and(|value| value.iter().any(|byte| *byte != 0));
+        if !is_busy || !baseline.bears_with(AGAIN) {
+            break;
+        }
+        link.wait(link.mark() + AGAIN)?;
+    }
+    Ok(())
 }
 
 /// Makes the device answer, as gently as possible, whatever errors it shows; why it was given up.
