@@ -10,6 +10,7 @@ use super::scope::Scope;
 use crate::dut::Dut;
 use crate::source::{At, Complaint};
 use crate::suite::Suite;
+use crate::suite::literal::{Literal, ObjectRef};
 use crate::suite::model::{Case, Requires};
 use crate::suite::profile::{BlockDirections, Capability, Habits};
 use crate::suite::step::Step;
@@ -120,13 +121,30 @@ impl Instance {
 
     /// Why it says nothing about a device of these habits.
     pub fn unfit_for(&self, habits: Habits) -> Option<String> {
-        self.case().requires.iter().find_map(|requires| {
+        let habit = self.case().requires.iter().find_map(|requires| {
             let habit = |named: &Option<At<Capability>>| habits.of(&named.as_ref()?.value);
             let lacking = habit(&requires.value.supports).filter(|(has, ..)| !has);
             let having = habit(&requires.value.lacks).filter(|(has, ..)| *has);
             let lacking = lacking.map(|(_, _, lacks)| lacks);
             let having = having.map(|(_, has, _)| has);
             lacking.or(having).map(str::to_owned)
+        });
+        habit.or_else(|| self.idle_command(habits))
+    }
+
+    /// The command to store or restore that a device of these habits says it does not have.
+    fn idle_command(&self, habits: Habits) -> Option<String> {
+        self.case().all_steps().find_map(|step| {
+            let Step::Write(write) = &step.value else { return None };
+            let (ObjectRef::Fixed(mux), Literal::Int(value)) =
+                (&write.object.value, &write.value.as_ref()?.value)
+            else {
+                return None;
+            };
+            let idle = write.refused.is_none() && habits.lacks_command(*mux, *value);
+            idle.then(|| {
+                format!("{mux} says that the device does nothing with this command (bit 0)")
+            })
         })
     }
 

@@ -22,6 +22,7 @@ const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
 const EMCY_ID: Mux = Mux::new(0x1014, 0);
 const START_UP: Mux = Mux::new(0x1F80, 0);
 const STORE: Mux = Mux::new(0x1010, 1);
+const RESTORE: u16 = 0x1011;
 const ON_COMMAND: u8 = 1 << 0;
 const AUTONOMOUS: u8 = 1 << 1;
 /// Bit 2 of 1F80h: the node does not enter OPERATIONAL by itself (CiA 302-2).
@@ -220,13 +221,25 @@ fn habits(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Habits, BusErro
         let value = sdo::upload(link, policy, dut.node, mux)?.result;
         Ok(value.ok().and_then(|bytes| bytes.first().copied()))
     };
-    let promised = dut.default_int(STORE).is_some_and(|bits| bits & i128::from(ON_COMMAND) != 0);
+    // What the data sheet promises is expected.
+    let promises =
+        |mux| dut.default_int(mux).is_some_and(|bits| bits & i128::from(ON_COMMAND) != 0);
     let (start, store) = (low(START_UP)?, low(STORE)?);
+    let mut idle = |index| -> Result<u128, BusError> {
+        let muxes = dut.eds.entries().map(|entry| entry.mux);
+        let commands = muxes.filter(|mux| mux.index == index && (1..=127).contains(&mux.sub));
+        commands.filter(|mux| !promises(*mux)).try_fold(0, |idle, mux| {
+            let none = low(mux)?.is_some_and(|bits| bits & ON_COMMAND == 0);
+            Ok(idle | u128::from(none) << mux.sub)
+        })
+    };
+    let (no_save, no_load) = (idle(STORE.index)?, idle(RESTORE)?);
     Ok(Habits {
         self_start: start.is_some_and(|bits| bits & WAITS == 0),
-        // What the data sheet promises is expected.
-        save_on_command: promised || store.is_none_or(|bits| bits & ON_COMMAND != 0),
+        save_on_command: promises(STORE) || store.is_none_or(|bits| bits & ON_COMMAND != 0),
         autonomous_storage: store.is_some_and(|bits| bits & AUTONOMOUS != 0),
+        no_save,
+        no_load,
     })
 }
 

@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::fmt;
 
+use canopen::Mux;
 use canopen::catalogue::{self, Catalogue, Profile};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, Visitor};
@@ -136,15 +137,36 @@ pub struct Habits {
     pub save_on_command: bool,
     /// It stores parameters without one.
     pub autonomous_storage: bool,
+    /// The sub-indices of 1010h whose bit 0 says that "save" stores nothing there, a bit for each.
+    pub no_save: u128,
+    /// The sub-indices of 1011h whose bit 0 says that "load" restores nothing there.
+    pub no_load: u128,
 }
 
 impl Default for Habits {
     fn default() -> Self {
-        Self { self_start: false, save_on_command: true, autonomous_storage: false }
+        let (no_save, no_load) = (0, 0);
+        Self {
+            self_start: false,
+            save_on_command: true,
+            autonomous_storage: false,
+            no_save,
+            no_load,
+        }
     }
 }
 
 impl Habits {
+    /// Whether this value, written there, is a command that the device says it does not have.
+    pub fn lacks_command(self, mux: Mux, value: i128) -> bool {
+        let idle = match (mux.index, value) {
+            (0x1010, SAVE) => self.no_save,
+            (0x1011, LOAD) => self.no_load,
+            _ => 0,
+        };
+        idle.checked_shr(mux.sub.into()).is_some_and(|idle| idle & 1 != 0)
+    }
+
     /// Whether a device of these habits is capable of it, and the words for one that is and one
     /// that is not; `None` for what is no habit.
     pub fn of(self, capability: &Capability) -> Option<(bool, &'static str, &'static str)> {
@@ -208,6 +230,10 @@ impl JsonSchema for Capability {
     }
 }
 
+/// What 1010h takes to store: "save", with its first letter in the lowest byte.
+const SAVE: i128 = 0x6576_6173;
+/// What 1011h takes to restore: "load".
+const LOAD: i128 = 0x6461_6F6C;
 /// The names of the capabilities that any device can have.
 pub(crate) const CAPABILITIES: [&str; 7] = [
     LSS,

@@ -85,6 +85,11 @@ decisions! {
         true
     }
 
+    /// An error of the communication ends with its cause; nothing has to acknowledge it (7.2.7.1).
+    fn communication_errors_end(&self) -> bool {
+        true
+    }
+
     /// Each entry of 1028h is judged by its own value (7.5.2.31).
     fn emcy_consumer_entry(&self, sub: u8) -> u8 {
         sub
@@ -143,6 +148,9 @@ deviations! {
     }
     "emcy-kept-while-disabled" {
         fn disabled_emcy_forgotten(&self) -> bool { false }
+    }
+    "communication-errors-last-until-a-reset" {
+        fn communication_errors_end(&self) -> bool { false }
     }
     "emcy-consumer-judged-by-its-first-entry" {
         fn emcy_consumer_entry(&self, _sub: u8) -> u8 { 1 }

@@ -57,6 +57,16 @@ decisions! {
         true
     }
 
+    /// The loss of a node ends when that node is back, wherever the others are.
+    fn lost_nodes_end_one_by_one(&self) -> bool {
+        true
+    }
+
+    /// Nodes are watched in every state (7.3.2.2.5).
+    fn nodes_watched_in(&self, _state: NmtState) -> bool {
+        true
+    }
+
     /// An entry that no longer watches a node that was lost ends the error.
     fn end_of_watch_ends_error(&self) -> bool {
         true
@@ -74,6 +84,11 @@ decisions! {
 
     /// The guard time configures life guarding alone, so that 0 is no reason to be silent.
     fn guarding_needs_guard_time(&self) -> bool {
+        false
+    }
+
+    /// Nor is a life time factor of 0.
+    fn guarding_needs_life_time_factor(&self) -> bool {
         false
     }
 
@@ -177,6 +192,9 @@ deviations! {
     "guarding-needs-guard-time" {
         fn guarding_needs_guard_time(&self) -> bool { true }
     }
+    "guarding-needs-life-time-factor" {
+        fn guarding_needs_life_time_factor(&self) -> bool { true }
+    }
     "error-classes-are-one" {
         fn error_class(&self, _sub: u8) -> Option<u8> { Some(1) }
     }
@@ -194,6 +212,12 @@ deviations! {
     }
     "heartbeat-error-outlives-its-entry" {
         fn end_of_watch_ends_error(&self) -> bool { false }
+    }
+    "lost-nodes-end-together" {
+        fn lost_nodes_end_one_by_one(&self) -> bool { false }
+    }
+    "nodes-not-watched-in-stopped" {
+        fn nodes_watched_in(&self, state: NmtState) -> bool { state != NmtState::STOPPED }
     }
     "heartbeat-losses-told-once" {
         fn each_lost_node_told(&self) -> bool { false }

@@ -73,9 +73,24 @@ decisions! {
         true
     }
 
-    /// An object is mapped with its own length.
-    fn mapped_length_checked(&self) -> bool {
+    /// An object is mapped with its own length, of which some devices take the first bytes alone.
+    fn mapped_length_valid(&self, own: Option<u8>, asked: u8) -> bool {
+        own == Some(asked)
+    }
+
+    /// The number of mapped objects counts no entry that is empty.
+    fn empty_entries_refused(&self) -> bool {
         true
+    }
+
+    /// What fills a gap is a data type that the device offers for it, and is in an RPDO (7.4.7).
+    fn gaps_checked(&self) -> bool {
+        true
+    }
+
+    /// A mapping that is written as it is is written while the PDO exists.
+    fn same_mapping_taken(&self) -> bool {
+        false
     }
 
     // PDOs, 7.2.2
@@ -98,6 +113,11 @@ decisions! {
     /// A SYNC with the counter value of the start value begins the count of a TPDO, and without
     /// start value the first SYNC (7.5.2.37).
     fn syncs_before_first(&self, _kind: u8) -> u8 {
+        0
+    }
+
+    /// That SYNC is the first of the count (7.5.2.37).
+    fn syncs_before_start_value(&self, _kind: u8) -> u8 {
         0
     }
 
@@ -132,6 +152,11 @@ decisions! {
         true
     }
 
+    /// Each RPDO has errors of its own (7.2.7.1).
+    fn rpdo_length_error_of(&self, pdo: u16) -> u16 {
+        pdo
+    }
+
     /// A value outside the limits of its object is not used (7.4.5).
     fn rpdo_range_checked(&self) -> bool {
         true
@@ -160,6 +185,16 @@ decisions! {
     /// Event-driven TPDOs are sent once on entering it.
     fn tpdo_sent_at_start(&self) -> bool {
         true
+    }
+
+    /// For one of type 0 it is no event.
+    fn start_is_event_of_acyclic_tpdo(&self) -> bool {
+        false
+    }
+
+    /// Nor is a new parameter an event of any TPDO.
+    fn tpdo_sent_when_configured(&self) -> bool {
+        false
     }
 
     /// Type n, 1 to 240, is sent with every n-th SYNC (7.2.2.2).
@@ -310,7 +345,21 @@ deviations! {
         fn mappability_checked(&self) -> bool { false }
     }
     "mapping-entry-length-unchecked" {
-        fn mapped_length_checked(&self) -> bool { false }
+        fn mapped_length_valid(&self, _own: Option<u8>, _asked: u8) -> bool { true }
+    }
+    "mapping-of-the-first-bytes" {
+        fn mapped_length_valid(&self, own: Option<u8>, asked: u8) -> bool {
+            asked % 8 == 0 && own.is_some_and(|own| asked <= own)
+        }
+    }
+    "mapping-with-empty-entries" {
+        fn empty_entries_refused(&self) -> bool { false }
+    }
+    "mapping-gaps-unchecked" {
+        fn gaps_checked(&self) -> bool { false }
+    }
+    "same-mapping-taken" {
+        fn same_mapping_taken(&self) -> bool { true }
     }
     "rpdo-used-in-pre-operational" {
         fn rpdo_used_in(&self, _state: NmtState) -> bool { true }
@@ -394,6 +443,18 @@ deviations! {
     }
     "tpdo-counts-from-another-sync" {
         fn syncs_before_first(&self, kind: u8) -> u8 { kind / 2 }
+    }
+    "tpdo-sent-with-the-sync-start-value" {
+        fn syncs_before_start_value(&self, kind: u8) -> u8 { kind - 1 }
+    }
+    "acyclic-tpdo-sent-after-the-start" {
+        fn start_is_event_of_acyclic_tpdo(&self) -> bool { true }
+    }
+    "tpdo-sent-when-configured" {
+        fn tpdo_sent_when_configured(&self) -> bool { true }
+    }
+    "rpdo-length-errors-are-one" {
+        fn rpdo_length_error_of(&self, _pdo: u16) -> u16 { 0 }
     }
     "tpdo-one-sync-late" {
         fn cyclic_tpdo_due(&self, syncs: u8, kind: u8) -> bool { syncs > kind }

@@ -47,6 +47,11 @@ decisions! {
         true
     }
 
+    /// And is served; a server may end the open transfer with an abort instead.
+    fn initiate_refused_in_transfer(&self) -> Option<Abort> {
+        None
+    }
+
     /// An upload is of the object that was asked for, whatever was open before.
     fn uploaded(&self, requested: Mux, _open: Option<Mux>) -> Mux {
         requested
@@ -201,6 +206,12 @@ deviations! {
     "sdo-stuck-after-client-reset" {
         fn initiate_replaces_transfer(&self) -> bool { false }
     }
+    "sdo-initiate-ends-transfer" {
+        fn initiate_refused_in_transfer(&self) -> Option<Abort> { Some(Abort::COMMAND) }
+    }
+    "sdo-initiate-refused-for-the-state" {
+        fn initiate_refused_in_transfer(&self) -> Option<Abort> { Some(Abort::DEVICE_STATE) }
+    }
     "sdo-upload-of-abandoned-object" {
         fn uploaded(&self, requested: Mux, open: Option<Mux>) -> Mux { open.unwrap_or(requested) }
     }
@@ -306,6 +317,11 @@ deviations! {
                 Abort::READ_ONLY | Abort::WRITE_ONLY => Abort::ACCESS,
                 reason => reason,
             }
+        }
+    }
+    "abort-value-for-mapping" {
+        fn abort_code(&self, mux: Mux, reason: Abort) -> Abort {
+            if is_mapping(mux) && reason == Abort::ACCESS { Abort::VALUE } else { reason }
         }
     }
     "abort-store-for-valid-pdo" {

@@ -35,6 +35,16 @@ decisions! {
         false
     }
 
+    /// A sub-block whose next segment does not come is confirmed before the server gives up.
+    fn silent_block_confirmed(&self) -> bool {
+        false
+    }
+
+    /// A segment out of order ends its sub-block.
+    fn lost_segment_ends_block(&self) -> bool {
+        false
+    }
+
     /// The sub-blocks together are the value.
     fn blocks_put_together(&self) -> bool {
         true
@@ -130,6 +140,12 @@ deviations! {
     }
     "block-each-segment-confirmed" {
         fn each_block_segment_confirmed(&self) -> bool { true }
+    }
+    "block-confirmed-in-silence" {
+        fn silent_block_confirmed(&self) -> bool { true }
+    }
+    "block-ends-with-a-lost-segment" {
+        fn lost_segment_ends_block(&self) -> bool { true }
     }
     "block-second-replaces-first" {
         fn blocks_put_together(&self) -> bool { false }

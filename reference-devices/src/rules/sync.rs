@@ -95,6 +95,16 @@ decisions! {
         true
     }
 
+    /// A SYNC of the right length ends the error of a wrong one (7.2.7.1).
+    fn sync_length_error_ends(&self) -> bool {
+        true
+    }
+
+    /// The first SYNC comes one period after the production began (7.5.2.6).
+    fn first_sync_after(&self, period: Duration) -> Duration {
+        period
+    }
+
     /// The SYNC that the device produces triggers its own PDOs (7.2.5.1).
     fn own_sync_used(&self) -> bool {
         true
@@ -169,6 +179,12 @@ deviations! {
     }
     "sync-deadline-outlives-its-period" {
         fn new_sync_period_ends_deadline(&self) -> bool { false }
+    }
+    "sync-length-error-lasts-until-a-reset" {
+        fn sync_length_error_ends(&self) -> bool { false }
+    }
+    "sync-begins-at-once" {
+        fn first_sync_after(&self, _period: Duration) -> Duration { Duration::ZERO }
     }
     "own-sync-ignored" {
         fn own_sync_used(&self) -> bool { false }

@@ -7,7 +7,7 @@ use canopen::{Dictionary, Instant, Mux, NmtState, ValueError};
 
 use crate::rules::Rules;
 use crate::stack::errors::Errors;
-use crate::stack::fault::Fault;
+use crate::stack::fault::{Fault, FaultKind};
 use crate::stack::settings::NodeSettings;
 
 /// The node as its services see it: identity, state, decisions, objects and errors.
@@ -52,5 +52,12 @@ impl Base {
     /// An error of the communication appeared.
     pub(crate) fn raise(&mut self, fault: Fault) {
         self.errors.raise_fault(fault, &self.settings.emcy, &*self.rules);
+    }
+
+    /// The cause of an error of the communication is gone.
+    pub(crate) fn mend(&mut self, kind: FaultKind, subject: u16) {
+        if self.rules.communication_errors_end() {
+            self.errors.remove(kind, subject);
+        }
     }
 }

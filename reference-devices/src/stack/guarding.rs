@@ -47,7 +47,7 @@ impl Guarding {
     /// Ends life guarding, as the heartbeat does.
     pub(crate) fn stop(&mut self, base: &mut Base) {
         self.deadline = None;
-        base.errors.remove(FaultKind::Guarding, 0);
+        base.mend(FaultKind::Guarding, 0);
     }
 
     /// A remote frame on the node's own error control identifier.
@@ -58,15 +58,16 @@ impl Guarding {
         base: &mut Base,
         out: &mut Outbox,
     ) {
-        let configured = base.od.int(GUARD_TIME).is_some_and(|time| time > 0);
-        let answered = configured || !base.rules.guarding_needs_guard_time();
+        let configured = |parameter| base.od.int(parameter).is_some_and(|value| value > 0);
+        let answered = (configured(GUARD_TIME) || !base.rules.guarding_needs_guard_time())
+            && (configured(LIFE_TIME_FACTOR) || !base.rules.guarding_needs_life_time_factor());
         if !self.supported || !answered || !base.rules.guarding_answered(heartbeat_runs) {
             return;
         }
         let report = ErrorControl { state: base.state, toggle: self.toggle };
         out.push(report.frame(base.id));
         self.toggle = base.rules.guarding_toggle_after(self.toggle);
-        base.errors.remove(FaultKind::Guarding, 0);
+        base.mend(FaultKind::Guarding, 0);
         // The first request starts the life time: a node that no master guards cannot lose it.
         if self.deadline.is_none() || base.rules.guarding_restarts_life_time_in(base.state) {
             self.deadline = (!self.life_time.is_zero()).then(|| now + self.life_time);

@@ -57,15 +57,26 @@ impl HeartbeatConsumer {
     /// A frame on the error control identifier of another node.
     pub(crate) fn handle_frame(&mut self, now: Instant, node: u8, data: &[u8], base: &mut Base) {
         let Ok(report) = ErrorControl::decode(data) else { return };
-        if !base.rules.is_heartbeat(report.state) {
+        if !base.rules.is_heartbeat(report.state) || !base.rules.nodes_watched_in(base.state) {
             return;
         }
         for watch in self.watches.iter_mut().filter(|watch| watch.node == node) {
             watch.heard(now, base);
         }
+        let there = |watch: &Watch| matches!(watch.state, State::Unused | State::Alive(_));
+        if !base.rules.lost_nodes_end_one_by_one() && self.watches.iter().all(there) {
+            for watch in &self.watches {
+                base.mend(FaultKind::Heartbeat, watch.node.into());
+            }
+        }
     }
 
     pub(crate) fn handle_timeout(&mut self, now: Instant, base: &mut Base) {
+        if !base.rules.nodes_watched_in(base.state) {
+            for watch in self.watches.iter_mut().filter(|watch| watch.state != State::Unused) {
+                watch.state = State::Waiting;
+            }
+        }
         let mut told = !base.rules.each_lost_node_told()
             && self.watches.iter().any(|watch| watch.state == State::Lost);
         for watch in &mut self.watches {
@@ -95,7 +106,7 @@ impl Watch {
     fn configure(&mut self, now: Instant, base: &mut Base) {
         // The loss was about the node and the time of the old entry.
         if self.state == State::Lost && base.rules.end_of_watch_ends_error() {
-            base.errors.remove(FaultKind::Heartbeat, self.node.into());
+            base.mend(FaultKind::Heartbeat, self.node.into());
         }
         let (node, time) = entry(base.od.int(Mux::new(TIMES, self.sub)).unwrap_or(0) as u32);
         self.node = node;
@@ -118,8 +129,11 @@ impl Watch {
             {
                 return;
             }
-            State::Lost => base.errors.remove(FaultKind::Heartbeat, self.node.into()),
-            State::Waiting | State::Alive(_) => {}
+            // A watch that began anew may have been lost before.
+            State::Lost | State::Waiting if base.rules.lost_nodes_end_one_by_one() => {
+                base.mend(FaultKind::Heartbeat, self.node.into());
+            }
+            State::Lost | State::Waiting | State::Alive(_) => {}
         }
         self.state = State::Alive(now + self.time);
     }

@@ -56,6 +56,9 @@ pub(crate) fn check(
     if !base.rules.pdos_configured_in(base.state) {
         return Err(Abort::DEVICE_STATE);
     }
+    if od.get(mux) == Some(bytes) && base.rules.same_mapping_taken() {
+        return Ok(());
+    }
     let valid = cob_id(od, direction, mux.index & 0x1FF).valid();
     if valid && base.rules.mapping_fixed_while_valid() {
         return Err(Abort::ACCESS);
@@ -86,10 +89,11 @@ fn check_count(index: u16, count: u8, direction: Direction, base: &Base) -> Resu
     let mapped = entries.ok_or(Abort::PDO_LENGTH)?;
     for entry in &mapped {
         // A gap has the index of a data type. An unused entry within the count maps nothing.
-        if entry.encode() == 0 {
+        if entry.encode() != 0 {
+            check_entry(*entry, direction, base)?;
+        } else if base.rules.empty_entries_refused() {
             return Err(Abort::VALUE);
         }
-        check_entry(*entry, direction, base)?;
     }
     if bits(&mapped) > base.rules.pdo_bits_max() {
         return Err(Abort::PDO_LENGTH);
@@ -112,7 +116,7 @@ fn check_entry(entry: Mapping, direction: Direction, base: &Base) -> Result<(), 
         return Err(Abort::NOT_MAPPABLE);
     }
     let length = mapped_bits(object, base.granularity);
-    if length != Some(entry.bits) && base.rules.mapped_length_checked() {
+    if !base.rules.mapped_length_valid(length, entry.bits) {
         return Err(Abort::NOT_MAPPABLE);
     }
     Ok(())
@@ -120,6 +124,9 @@ fn check_entry(entry: Mapping, direction: Direction, base: &Base) -> Result<(), 
 
 /// Gaps in an RPDO, by the objects that are data types (CiA 301, 7.4.7).
 fn check_dummy(entry: Mapping, direction: Direction, base: &Base) -> Result<(), Abort> {
+    if !base.rules.gaps_checked() {
+        return Ok(());
+    }
     let allowed = base.dummies.contains(&entry.mux.index) && entry.mux.sub == 0;
     let length = match DataType(entry.mux.index) {
         DataType::BOOLEAN => Some(1),

@@ -46,8 +46,9 @@ impl Rpdo {
 
     /// Takes the parameters. What was wrong with the PDO before is wrong no more.
     pub(crate) fn configure(&mut self, base: &mut Base) {
-        for kind in [FaultKind::RpdoTooShort, FaultKind::RpdoTooLong, FaultKind::RpdoTimeout] {
-            base.errors.remove(kind, self.number());
+        base.mend(FaultKind::RpdoTimeout, self.number());
+        for kind in [FaultKind::RpdoTooShort, FaultKind::RpdoTooLong] {
+            base.mend(kind, base.rules.rpdo_length_error_of(self.number()));
         }
         let od = &base.od;
         let cob = pdo::cob_id(od, Direction::Receive, self.pdo);
@@ -87,7 +88,7 @@ impl Rpdo {
             return None;
         }
         if !self.longest_gap.is_zero() {
-            base.errors.remove(FaultKind::RpdoTimeout, self.number());
+            base.mend(FaultKind::RpdoTimeout, self.number());
             self.deadline = Some(now + self.longest_gap);
         }
         match self.kind {
@@ -145,16 +146,12 @@ impl Rpdo {
     /// Tells of a wrong length. Whether the data can be used: too many bytes can, too few cannot.
     fn judge_length(&self, data: Data, base: &mut Base) -> bool {
         let (expected, actual) = (self.mapping.len(), data.len());
-        let wrong = |kind| Fault {
-            kind,
-            subject: self.number(),
-            expected: expected as u8,
-            actual: actual as u8,
-        };
+        let subject = base.rules.rpdo_length_error_of(self.number());
+        let wrong = |kind| Fault { kind, subject, expected: expected as u8, actual: actual as u8 };
         let told = base.rules.rpdo_length_end_told();
         let mut end = |kind| match told {
-            true => base.errors.remove(kind, self.number()),
-            false => base.errors.forget(kind, self.number()),
+            true => base.mend(kind, subject),
+            false => base.errors.forget(kind, subject),
         };
         // Each of the two errors ends with a frame that does not have it, even if that frame has
         // the other one.

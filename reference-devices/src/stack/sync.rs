@@ -40,7 +40,7 @@ impl SyncConsumer {
             self.deadline = None;
         }
         if self.longest_gap.is_none() {
-            base.errors.remove(FaultKind::SyncTimeout, 0);
+            base.mend(FaultKind::SyncTimeout, 0);
         }
     }
 
@@ -65,11 +65,13 @@ impl SyncConsumer {
             base.raise(Fault { kind: FaultKind::SyncLength, subject: 0, expected, actual });
             return None;
         }
-        base.errors.remove(FaultKind::SyncLength, 0);
+        if base.rules.sync_length_error_ends() {
+            base.mend(FaultKind::SyncLength, 0);
+        }
         if base.rules.sync_watched_in(base.state)
             && let Some(gap) = self.longest_gap
         {
-            base.errors.remove(FaultKind::SyncTimeout, 0);
+            base.mend(FaultKind::SyncTimeout, 0);
             self.deadline = Some(now + gap);
         }
         self.open_window(now, base);

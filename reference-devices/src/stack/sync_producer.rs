@@ -48,7 +48,7 @@ impl SyncProducer {
             self.next = None;
         } else if self.next.is_none() {
             self.counter = base.rules.sync_counter_at_start(self.counter);
-            self.next = Some(now + self.period);
+            self.next = Some(now + base.rules.first_sync_after(self.period));
         }
     }
 

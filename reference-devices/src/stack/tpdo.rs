@@ -95,6 +95,14 @@ impl Tpdo {
         self.restart(now, base);
     }
 
+    /// Takes a parameter that was written.
+    pub(crate) fn reconfigure(&mut self, now: Instant, base: &Base) {
+        self.configure(now, base);
+        if self.is_active() && base.rules.tpdo_sent_when_configured() {
+            self.pending = self.is_event_driven() || self.kind == 0;
+        }
+    }
+
     /// The node entered a state. In OPERATIONAL, event-driven PDOs transmit their present
     /// values.
     pub(crate) fn enter(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
@@ -112,6 +120,9 @@ impl Tpdo {
         }
         if self.is_active() && self.is_event_driven() && base.rules.tpdo_sent_at_start() {
             self.event(now, base, out);
+        }
+        if self.is_active() && self.kind == 0 && base.rules.start_is_event_of_acyclic_tpdo() {
+            self.pending = true;
         }
     }
 
@@ -159,7 +170,7 @@ impl Tpdo {
                 }
                 let first = || match self.sync_start {
                     0 => base.rules.syncs_before_first(self.kind),
-                    _ => 0,
+                    _ => base.rules.syncs_before_start_value(self.kind),
                 };
                 let count = self.syncs.unwrap_or_else(first).saturating_add(1);
                 self.syncs = Some(count);

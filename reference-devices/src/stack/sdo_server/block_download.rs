@@ -25,6 +25,8 @@ pub(super) struct BlockDownload {
     good: u8,
     /// Whether the last segment of the transfer is there.
     whole: bool,
+    /// The client was asked to go on.
+    asked: bool,
 }
 
 impl BlockDownload {
@@ -45,7 +47,8 @@ impl BlockDownload {
         let known = rules.checksum_known();
         let answer = BlockResponse::Download { mux, crc: known, size: block };
         let crc = crc && known;
-        let open = Self { mux, data: Vec::new(), size, limit, crc, block, good: 0, whole: false };
+        let (data, good, whole, asked) = (Vec::new(), 0, false, false);
+        let open = Self { mux, data, size, limit, crc, block, good, whole, asked };
         Ok((Some(open), Some(Response::Block(answer))))
     }
 
@@ -76,13 +79,19 @@ impl BlockDownload {
                 self.data.truncate(room);
             }
         }
-        if !last && sequence < self.block && !rules.each_block_segment_confirmed() {
+        // One that comes before the first, or twice, is left alone.
+        let lost = !taken && self.good != 0 && sequence != self.good;
+        let ends = match rules.lost_segment_ends_block() {
+            true => lost || taken && (last || sequence >= self.block),
+            false => last || sequence >= self.block,
+        };
+        if !ends && !rules.each_block_segment_confirmed() {
             return Ok((Some(self), None));
         }
         self.whole = taken && last;
         let mut ack = BlockAck { last_good: self.good, size: self.block };
         // What is missing comes again in a new sub-block, which counts from 1.
-        if last || sequence >= self.block {
+        if ends {
             self.good = 0;
             self.block = rules.block_size_after(self.block);
             ack.size = self.block;
@@ -92,6 +101,18 @@ impl BlockDownload {
         }
         let answer = Response::Block(BlockResponse::DownloadAck(ack));
         Ok((Some(self), Some(answer)))
+    }
+
+    /// Whether the server asks the client to go on before it gives the transfer up.
+    pub(super) fn is_asked(&self, services: &Services) -> bool {
+        !self.whole && !self.asked && services.base.rules.silent_block_confirmed()
+    }
+
+    /// Confirms what came of the sub-block, although its end did not.
+    pub(super) fn ask(mut self) -> Step<Self> {
+        let ack = BlockAck { last_good: self.good, size: self.block };
+        (self.good, self.asked) = (0, true);
+        Ok((Some(self), Some(Response::Block(BlockResponse::DownloadAck(ack)))))
     }
 
     /// Checks what came and stores it.

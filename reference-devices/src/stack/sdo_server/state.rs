@@ -44,6 +44,9 @@ impl State {
             (Input::Request(request), state) => state.requested(request, now, services),
             (Input::Segment, Self::BlockUpload(upload)) => next(Self::BlockUpload, upload.send()),
             (Input::Segment, state) => Ok((Some(state), None)),
+            (Input::Timeout, Self::BlockDownload(download)) if download.is_asked(services) => {
+                next(Self::BlockDownload, download.ask())
+            }
             (Input::Timeout, _) => open.map_or(Ok((None, None)), |mux| Err((mux, Abort::TIMEOUT))),
         }
     }
@@ -52,6 +55,10 @@ impl State {
         let open = self.mux();
         if open.is_some() && begins(request) && !services.base.rules.initiate_replaces_transfer() {
             return Ok((Some(self), None));
+        }
+        let refusal = services.base.rules.initiate_refused_in_transfer();
+        if let (Some(open), Some(code)) = (open.filter(|_| begins(request)), refusal) {
+            return Err((open, code));
         }
         match (self, request) {
             (_, Request::Abort(..)) => Ok((None, None)),

@@ -218,7 +218,7 @@ impl Services {
                     rpdo.into_iter().for_each(|rpdo| rpdo.configure(base));
                 } else {
                     let tpdo = self.tpdos.iter_mut().find(|tpdo| tpdo.is(pdo));
-                    tpdo.into_iter().for_each(|tpdo| tpdo.configure(now, base));
+                    tpdo.into_iter().for_each(|tpdo| tpdo.reconfigure(now, base));
                 }
             }
         }
