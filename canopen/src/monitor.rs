@@ -63,14 +63,32 @@ pub trait Monitor {
     }
 }
 
+/// The errors that a device has from the start, and reports whenever it starts.
+#[derive(Clone, Debug, Default)]
+pub struct Standing {
+    /// Their codes.
+    pub codes: Vec<EmcyCode>,
+    /// The bits of 1001h, where the device said no code because its emergency messages were
+    /// disabled.
+    pub untold: u8,
+}
+
+impl Standing {
+    /// Whether a message is about one of them.
+    fn explains(&self, emcy: &Emcy) -> bool {
+        let untold = self.untold != 0 && emcy.register & !self.untold == 0;
+        untold || self.codes.contains(&emcy.code)
+    }
+}
+
 /// The monitors that watch node `node` in every case. `known` are the identifiers it may use
 /// beside those of the predefined connection set, `standing` the errors that it had before the
-/// first case and reports whenever it starts, and `slack` how late a frame may be because others
-/// are on a slow wire; there, each frame of the tester may hold up a heartbeat as long.
+/// first case, and `slack` how late a frame may be because others are on a slow wire; there, each
+/// frame of the tester may hold up a heartbeat as long.
 pub fn all(
     node: u8,
     known: Vec<u16>,
-    standing: Vec<EmcyCode>,
+    standing: Standing,
     slack: Duration,
 ) -> Vec<Box<dyn Monitor>> {
     vec![
@@ -96,7 +114,7 @@ pub fn all(
 struct NoSurprise {
     node: u8,
     /// Errors that no case caused.
-    standing: Vec<EmcyCode>,
+    standing: Standing,
     /// Whether one of them was reported.
     stands: bool,
     history_cleared: bool,
@@ -158,7 +176,7 @@ impl NoSurprise {
         if emcy.code == EmcyCode::RESET {
             return std::mem::take(&mut self.stands) || emcy.register == 0 && self.history_cleared;
         }
-        let stands = self.standing.contains(&emcy.code);
+        let stands = self.standing.explains(&emcy);
         self.stands |= stands;
         stands
     }

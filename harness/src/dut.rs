@@ -114,6 +114,13 @@ impl Dut {
         entry.data_type.decode(&entry.default_bytes(self.node).ok()?).ok()?.as_int()
     }
 
+    /// The entries of 1016h, each with a node that the device may monitor.
+    pub fn heartbeat_consumers(&self) -> impl Iterator<Item = Mux> {
+        const CONSUMER_HEARTBEAT_TIME: u16 = 0x1016;
+        let entries = (1..=u8::MAX).map(|sub| Mux::new(CONSUMER_HEARTBEAT_TIME, sub));
+        entries.take_while(|mux| self.eds.entry(*mux).is_some())
+    }
+
     /// The number of the device profile: the low 16 bits of 1000h, by the data sheet.
     pub fn profile_number(&self) -> Option<u16> {
         self.default_int(Mux::new(0x1000, 0)).map(|device_type| device_type as u16)

@@ -12,7 +12,7 @@ mod profile;
 mod scope;
 
 pub use bind::plan;
-pub(crate) use bind::plan_cases;
+pub(crate) use bind::{others, plan_cases};
 pub(crate) use bytes::{fill, mapping_word, parse_bytes, show_bytes};
 pub(crate) use deeds::{deeds, nmt_frame};
 pub(crate) use each::{index_range, matching_entries};

@@ -180,20 +180,45 @@ const MOST_INSTANCES: usize = 20_000;
 /// The name that stands for the place of the bit rate in the table of CiA 305.
 const BIT_RATE: &str = "bit-rate";
 
-/// The node id, another one that it can be given, the identifiers that come with that, and the
+/// The node id, others that the device does not have, the identifiers that come with those, and the
 /// place of the bit rate in the table of CiA 305.
 fn bind_bus(scope: &mut Scope, dut: &Dut) {
-    let (node, other) = (dut.node, dut.node % 127 + 1);
     let place =
         lss::BIT_RATES.iter().position(|listed| listed.is_some() && *listed == dut.bit_rate);
-    let byte = |node: u8| Binding::Literal(Literal::Int(node.into()));
-    let id = |base: u16| Binding::Id(base + u16::from(other));
-    scope.bind("node", byte(node));
-    scope.bind("other", byte(other));
-    scope.bind(BIT_RATE, byte(place.map_or(u8::MAX, |place| place as u8)));
-    scope.bind("other-boot-up", id(heartbeat::COB_ID));
-    scope.bind("other-request", id(sdo::REQUEST_COB_ID));
-    scope.bind("other-answer", id(sdo::RESPONSE_COB_ID));
+    scope.bind("node", int(dut.node.into()));
+    scope.bind(BIT_RATE, int(place.map_or(u8::MAX, |place| place as u8).into()));
+    for (name, binding) in others(dut, &[]) {
+        scope.bind(name, binding);
+    }
+}
+
+/// Node ids that neither the device has nor any node that it monitors, by its data sheet or by
+/// what it has stored, with the identifiers of such a node and its part of an entry of 1016h.
+pub(crate) fn others(dut: &Dut, stored: &[u8]) -> impl Iterator<Item = (String, Binding)> {
+    const NAMES: [&str; 3] = ["other", "second-other", "third-other"];
+    let monitored: Vec<u8> = dut
+        .heartbeat_consumers()
+        .filter_map(|mux| Some((dut.default_int(mux)? >> 16) as u8))
+        .chain(stored.iter().copied())
+        .collect();
+    let own = dut.node;
+    let free = (125..=127).chain((1..125).rev());
+    let free = free.filter(move |node| *node != own && !monitored.contains(node));
+    NAMES.into_iter().zip(free).flat_map(|(name, node)| {
+        let id = |base: u16| Binding::Id(base + u16::from(node));
+        [
+            (name.to_owned(), int(node.into())),
+            (format!("{name}-consumer"), int(i128::from(node) << 16)),
+            (format!("{name}-boot-up"), id(heartbeat::COB_ID)),
+            (format!("{name}-heartbeat"), id(heartbeat::COB_ID)),
+            (format!("{name}-request"), id(sdo::REQUEST_COB_ID)),
+            (format!("{name}-answer"), id(sdo::RESPONSE_COB_ID)),
+        ]
+    })
+}
+
+const fn int(number: i128) -> Binding {
+    Binding::Literal(Literal::Int(number))
 }
 
 /// Why a case about the data sheet, or about what it lacks, says nothing where there is none.

@@ -70,10 +70,10 @@ impl Plan {
     pub(crate) fn keep_every(&mut self, nth: usize, first: usize) {
         let kept = self.instances.iter().skip(first).step_by(nth).map(Instance::name).collect();
         let kept = self.with_proofs(&kept);
-        self.instances.retain(|instance| kept.contains(&instance.name()));
+        self.instances.retain(|instance| instance.is_one_of(&kept));
     }
 
-    /// The names of these instances and of those that prove what they rely on.
+    /// The names of these instances and of the cases that prove what they rely on.
     pub fn with_proofs(&self, names: &BTreeSet<String>) -> BTreeSet<String> {
         let mut names = names.clone();
         let mut relied = BTreeSet::new();
@@ -81,13 +81,17 @@ impl Plan {
         let mut grows = true;
         while grows {
             let known = relied.len();
-            let wanted = self.instances.iter().filter(|instance| names.contains(&instance.name()));
+            // Another data sheet has the same cases with other instances.
+            let cases: BTreeSet<&str> =
+                names.iter().filter_map(|name| name.split('[').next()).collect();
+            let wanted = |instance: &&Instance| cases.contains(instance.case_name().as_str());
+            let wanted = self.instances.iter().filter(wanted);
             relied.extend(wanted.flat_map(Instance::relies_on));
             grows = relied.len() > known;
             let proves = |instance: &&Instance| {
                 instance.case().checks.iter().all(|id| relied.contains(id.value.as_str()))
             };
-            names.extend(self.instances.iter().filter(proves).map(Instance::name));
+            names.extend(self.instances.iter().filter(proves).map(Instance::case_name));
         }
         names
     }
@@ -180,6 +184,16 @@ impl Instance {
         let all = case.relies_on.iter().chain(&self.suite.file.relies_on);
         let own = |id: &&At<String>| case.checks.iter().any(|check| check.value == id.value);
         all.filter(move |id| !own(id)).map(|id| id.value.as_str())
+    }
+
+    /// Suite and case.
+    pub fn case_name(&self) -> String {
+        format!("{}/{}", self.suite.name(), self.case().id.value)
+    }
+
+    /// Whether the names contain it or its case.
+    pub fn is_one_of(&self, names: &BTreeSet<String>) -> bool {
+        names.contains(&self.name()) || names.contains(&self.case_name())
     }
 
     /// The full name: `cia301/heartbeat/heartbeat-period[period=20 ms]`.

@@ -55,6 +55,13 @@ impl Scope {
         }
     }
 
+    /// Binds a name that stands for something already to something else.
+    pub fn rebind(&mut self, name: &str, binding: Binding) {
+        if let Ok(place) = self.place(name) {
+            self.names[place].1 = binding;
+        }
+    }
+
     /// Where a name is, or belongs.
     fn place(&self, name: &str) -> Result<usize, usize> {
         self.names.binary_search_by(|(known, _)| (**known).cmp(name))

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use canopen::emcy::EmcyCode;
 use canopen::heartbeat::ErrorControl;
+use canopen::monitor::Standing;
 use canopen::nmt::NmtState;
 use canopen::pdo::CobId;
 use canopen::sdo::Failure;
@@ -20,6 +21,9 @@ use crate::suite::profile::Habits;
 
 const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
 const EMCY_ID: Mux = Mux::new(0x1014, 0);
+const ERROR_FIELD: u16 = 0x1003;
+/// So many errors stand at the same time at most.
+const NEWEST_ERRORS: u8 = 8;
 const START_UP: Mux = Mux::new(0x1F80, 0);
 const STORE: Mux = Mux::new(0x1010, 1);
 const RESTORE: u16 = 0x1011;
@@ -43,6 +47,10 @@ pub(super) struct Baseline {
     pub habits: Habits,
     /// The error codes of the emergencies that it sent, without 0000h.
     emergencies: Vec<EmcyCode>,
+    /// Errors of which it sends no emergency, since 1014h disables them.
+    hidden: Standing,
+    /// The nodes whose heartbeat it monitors.
+    pub monitored: Vec<u8>,
     /// What the starts for cases showed.
     starts: Cell<Starts>,
     /// How long it was waited for altogether while it was busy.
@@ -91,6 +99,8 @@ impl Baseline {
             habits: Habits::default(),
             emergencies: Vec::new(),
             waited: Cell::default(),
+            hidden: Standing::default(),
+            monitored: Vec::new(),
             starts: Cell::default(),
         }
     }
@@ -118,6 +128,7 @@ impl Baseline {
         let usual = emcy::COB_ID + u16::from(dut.node);
         let stored = sdo::upload_patiently(link, policy, dut.node, EMCY_ID)?.result.ok();
         let stored = stored.and_then(|value| Some(u32::from_le_bytes(*value.first_chunk()?)));
+        let disabled = stored.is_some_and(|cob_id| !CobId(cob_id).valid());
         let stored = stored.map(|cob_id| CobId(cob_id).can_id());
         let ids = [Some(usual), stored.or(Some(usual))];
         let code = |seen: &Stamped| match (ids.contains(&seen.frame.data_id()), &*seen.frame.data) {
@@ -132,7 +143,13 @@ impl Baseline {
         let mut habits = habits(link, policy, dut)?;
         habits.self_start |= seen;
         let register = sdo::upload(link, policy, dut.node, ERROR_REGISTER)?.result;
-        Ok(Self { register: RefCell::new(register), habits, emergencies, ..baseline })
+        let hidden = match register.as_deref() {
+            Ok([bits, ..]) if disabled && *bits != 0 => hidden(link, policy, dut, *bits)?,
+            _ => Standing::default(),
+        };
+        let monitored = monitored(link, policy, dut)?;
+        let register = RefCell::new(register);
+        Ok(Self { register, habits, emergencies, hidden, monitored, ..baseline })
     }
 
     /// Whether the device sends a boot-up message.
@@ -141,8 +158,10 @@ impl Baseline {
     }
 
     /// The errors that it reports whenever it starts.
-    pub(super) fn emergencies(&self) -> Vec<EmcyCode> {
-        self.emergencies.clone()
+    pub(super) fn standing(&self) -> Standing {
+        let mut standing = self.hidden.clone();
+        standing.codes.extend(&self.emergencies);
+        standing
     }
 
     /// How long the wire must be idle after a start, for what the device sends to have come to
@@ -197,10 +216,16 @@ impl Baseline {
                 remarks.push(format!("upload of {ERROR_REGISTER} before the first case: {failure}"))
             }
         }
+        let listed = |codes: &[EmcyCode]| {
+            codes.iter().map(|code| format!("{:04X}h", code.0)).collect::<Vec<_>>().join(", ")
+        };
         if !self.emergencies.is_empty() {
-            let codes = self.emergencies.iter().map(|code| format!("{:04X}h", code.0));
-            let codes = codes.collect::<Vec<_>>().join(", ");
+            let codes = listed(&self.emergencies);
             remarks.push(format!("it sent emergencies {codes} when it started"));
+        }
+        if !self.hidden.codes.is_empty() {
+            let codes = listed(&self.hidden.codes);
+            remarks.push(format!("1003h shows errors {codes}, and 1014h disables emergencies"));
         }
         if !self.boots_up() {
             remarks.push("it sends no boot-up message after a reset".to_owned());
@@ -210,6 +235,34 @@ impl Baseline {
         }
         remarks
     }
+}
+
+/// The nodes in 1016h.
+fn monitored(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Vec<u8>, BusError> {
+    let mut nodes = Vec::new();
+    for mux in dut.heartbeat_consumers() {
+        let entry = sdo::upload(link, policy, dut.node, mux)?.result;
+        nodes.extend(entry.ok().and_then(|bytes| bytes.get(2).copied()).filter(|node| *node > 0));
+    }
+    Ok(nodes)
+}
+
+/// The errors behind these bits of the error register, of which 1014h lets no message be sent: the
+/// newest in 1003h.
+fn hidden(link: &mut Link, policy: &Policy, dut: &Dut, bits: u8) -> Result<Standing, BusError> {
+    let mut codes = Vec::new();
+    for sub in 1..=NEWEST_ERRORS {
+        let error = sdo::upload(link, policy, dut.node, Mux::new(ERROR_FIELD, sub))?.result;
+        // An entry that is not in use is not there, and neither is one behind it.
+        let Some([low, high]) = error.ok().and_then(|error| error.first_chunk().copied()) else {
+            break;
+        };
+        codes.push(EmcyCode(u16::from_le_bytes([low, high])));
+    }
+    codes.retain(|code| *code != EmcyCode::RESET);
+    codes.dedup();
+    let untold = if codes.is_empty() { bits } else { 0 };
+    Ok(Standing { codes, untold })
 }
 
 /// What the device does by itself, as its objects say; those that it lacks say nothing.

@@ -23,7 +23,7 @@ use super::steps::Steps;
 use super::traffic::Traffic;
 use super::undo::Undo;
 use crate::dut::Dut;
-use crate::plan::Instance;
+use crate::plan::{Instance, others};
 use crate::source::{At, Place, Source};
 use crate::suite::literal::show_time;
 use crate::suite::model::Tolerated;
@@ -260,12 +260,16 @@ impl CaseRun<'_, '_> {
         self.link.forget_lateness();
         let watched_from = self.link.trace().len();
         let (case, patience) = (self.instance.case(), self.patience());
+        let mut scope = self.instance.scope.clone();
+        for (name, binding) in others(self.dut, &self.baseline.monitored) {
+            scope.rebind(&name, binding);
+        }
         let mut steps = Steps {
             link: &mut *self.link,
             dut: self.dut,
             catalogue: &self.instance.suite.catalogue,
             policy: self.policy,
-            scope: self.instance.scope.clone(),
+            scope,
             patience,
             bench_snapshot: &mut self.bench_snapshot,
             proof: self.proof.take(),
@@ -331,7 +335,7 @@ impl CaseRun<'_, '_> {
         let now = self.link.mark();
         let known = data_sheet_identifiers(self.dut);
         let mut monitors =
-            monitor::all(self.dut.node, known, self.baseline.emergencies(), self.policy.slow_wire);
+            monitor::all(self.dut.node, known, self.baseline.standing(), self.policy.slow_wire);
         monitors.iter_mut().find_map(|monitor| {
             let seen = frames.iter().find_map(|seen| monitor.observe(&waited_for(seen)).err());
             // Without power, silence is expected.
@@ -546,7 +550,7 @@ fn prevented(difference: &Difference) -> Option<String> {
     let answer = difference.raw.as_ref()?;
     match Response::decode(&answer.data) {
         Ok(Response::Abort(mux, code @ (Abort::LOCAL_CONTROL | Abort::DEVICE_STATE)))
-            if mux.index >= 0x2000 =>
+            if mux.index >= 0x2000 || STORAGE.contains(&mux.index) =>
         {
             Some(format!("access to {mux}: {code}"))
         }
@@ -655,6 +659,8 @@ pub(super) fn data_sheet_identifiers(dut: &Dut) -> Vec<u16> {
     addresses.filter_map(cob_id).collect()
 }
 
+/// The commands that save and load parameters.
+const STORAGE: [u16; 2] = [0x1010, 0x1011];
 const INHIBIT_TIME_EMCY: Mux = Mux::new(0x1015, 0);
 const SYNC: Mux = Mux::new(0x1005, 0);
 const TIME: Mux = Mux::new(0x1012, 0);

@@ -19,6 +19,9 @@ use crate::suite::literal::{Flow, Literal, show_time};
 use crate::suite::refusal::Refusal;
 use crate::suite::step::{Read, Remap, Until, Write};
 
+const EMCY_ID: Mux = Mux::new(0x1014, 0);
+/// The bit of a COB-ID that disables what it identifies.
+const INVALID: u32 = 1 << 31;
 const DEFAULT_POLL: Duration = Duration::from_millis(20);
 /// Of a longer value to be written, a difference shows the first bytes: so many.
 const LONGEST_SHOWN: usize = 64;
@@ -122,9 +125,19 @@ impl Steps<'_, '_> {
             (None, None, None) => Vec::new(),
         };
         let flow = write.transfer.map_or_else(|| Transfer::usual(data.len()), Transfer::from);
-        let ended = sdo::download(self.link, self.policy, self.dut.node, mux, &data, flow)?;
+        let mut ended = sdo::download(self.link, self.policy, self.dut.node, mux, &data, flow)?;
         if let Some(expected) = &write.refused {
             return self.refused(&ended, &expected.value);
+        }
+        let may_be_valid = mux == EMCY_ID && write.if_there;
+        if may_be_valid
+            && matches!(ended.result, Err(Failure::Aborted(_)))
+            && let Ok(cob_id) = data[..].try_into()
+        {
+            // Another identifier may be in use, which only changes while it is disabled.
+            let off = (u32::from_le_bytes(cob_id) | INVALID).to_le_bytes();
+            sdo::download(self.link, self.policy, self.dut.node, mux, &off, flow)?;
+            ended = sdo::download(self.link, self.policy, self.dut.node, mux, &data, flow)?;
         }
         if let Err(Failure::Aborted(code)) = ended.result
             && let Some(place) = write.or_refused.iter().position(|may| may.value.fits(code.0))

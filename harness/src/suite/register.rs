@@ -15,8 +15,15 @@ use crate::source::{At, Complaint, Source, read_yaml};
 #[derive(Debug, Default)]
 pub struct Register {
     requirements: BTreeMap<String, Requirement>,
-    decisions: BTreeMap<String, InterpretationEntry>,
+    decisions: BTreeMap<String, Decision>,
     relaxations: Vec<Relaxation>,
+}
+
+/// A decision with the file that contains it.
+#[derive(Debug)]
+struct Decision {
+    source: Arc<Source>,
+    entry: InterpretationEntry,
 }
 
 /// One statement of a document, in our own words.
@@ -142,7 +149,7 @@ impl Register {
     /// Loads register files.
     ///
     /// # Errors
-    /// What is wrong with the files: unreadable, or an id used twice.
+    /// What is wrong with the files: unreadable, or an id of a requirement or decision used twice.
     pub fn load(sources: &[Arc<Source>]) -> Result<Self, Vec<Complaint>> {
         let (mut register, mut complaints) = (Self::default(), Vec::new());
         let files = parallel::map(sources.iter().collect(), processors(), |source| {
@@ -218,7 +225,7 @@ impl Register {
 
     /// The decision with that id.
     pub fn decision(&self, id: &str) -> Option<&InterpretationEntry> {
-        self.decisions.get(id)
+        self.decisions.get(id).map(|decision| &decision.entry)
     }
 
     /// The ids of the decisions.
@@ -255,7 +262,12 @@ impl Register {
                 let source = Arc::clone(source);
                 self.relaxations.push(Relaxation { device, requirement, by, source });
             }
-            self.decisions.insert(decision.id.value.clone(), decision);
+            if let Some(twice) = self.used_twice(source, &decision.id) {
+                complaints.push(twice);
+                continue;
+            }
+            let (id, source) = (decision.id.value.clone(), Arc::clone(source));
+            self.decisions.insert(id, Decision { source, entry: decision });
         }
         let ids: Vec<_> =
             file.requirements.iter().map(|entry| entry.value.id.value.clone()).collect();
@@ -263,13 +275,8 @@ impl Register {
         let mut lacks = lacking(source, &file.dimensions, &ids, complaints);
         for entry in file.requirements {
             let id = &entry.value.id;
-            if let Some(first) = self.requirements.get(&id.value) {
-                let line = first.entry.place.line;
-                let message = format!(
-                    "the id `{}` is used twice: the requirement in {}:{line} has it",
-                    id.value, first.source.name
-                );
-                complaints.push(Complaint::at(source, id.place, message));
+            if let Some(twice) = self.used_twice(source, id) {
+                complaints.push(twice);
                 continue;
             }
             let requirement = Requirement {
@@ -282,5 +289,20 @@ impl Register {
             };
             self.requirements.insert(requirement.entry.value.id.value.clone(), requirement);
         }
+    }
+
+    /// A complaint when a requirement or a decision has the id already: freedoms name both alike.
+    fn used_twice(&self, source: &Arc<Source>, id: &At<String>) -> Option<Complaint> {
+        let requirement = self.requirements.get(&id.value);
+        let requirement =
+            requirement.map(|known| ("requirement", &known.source, &known.entry.place));
+        let decision = self.decisions.get(&id.value);
+        let decision = decision.map(|known| ("decision", &known.source, &known.entry.id.place));
+        let (what, first, place) = requirement.or(decision)?;
+        let message = format!(
+            "the id `{}` is used twice: the {what} in {}:{} has it",
+            id.value, first.name, place.line
+        );
+        Some(Complaint::at(source, id.place, message))
     }
 }

@@ -11,7 +11,7 @@ use reference_devices::mutant::{Mistake, Mutant};
 use reports::Verdict;
 
 use super::assertion::Assertion;
-use super::trial::{self, Clean, Fits, Wanted};
+use super::trial::{Clean, Fits, Wanted};
 use crate::commands::check::sound_mutants;
 use crate::exit::Refused;
 use crate::parallel;
@@ -152,8 +152,7 @@ fn row(clean: &Clean, mutant: &Mutant, fits: &Fits) -> Result<Row, Refused> {
     let failing = killing().filter_map(Assertion::failing).collect();
     let kills: BTreeSet<String> =
         ran.trials.into_iter().filter(|trial| trial.kills).map(|trial| trial.case).collect();
-    let killing =
-        ran.instances.iter().filter(|instance| kills.contains(&trial::case_name(instance)));
+    let killing = ran.instances.iter().filter(|instance| kills.contains(&instance.case_name()));
     let proved = killing.flat_map(|instance| broken(mutant, instance.case())).cloned().collect();
     Ok(Row { mutant: mutant.clone(), kills, proved, assertions, failing, ending: ran.ending })
 }

@@ -13,7 +13,7 @@ use super::matrix::home;
 use super::slip::{
     Answers, Heard, Moment, Part, Slip, SlippingBus, Tape, candidates, not_declining,
 };
-use super::trial::{Clean, Fits, case_name};
+use super::trial::{Clean, Fits};
 use crate::cli::DEFAULT_BIT_RATE;
 use crate::dut::Dut;
 use crate::exit::Refused;
@@ -62,7 +62,7 @@ impl Slips {
                 let home = home(&instance.suite);
                 let is_home = name == home || device.first == home || device.family() == home;
                 if is_home && instance.skip.is_none() && fits(instance.case()) {
-                    cases.entry(case_name(instance)).or_default().push(instance);
+                    cases.entry(instance.case_name()).or_default().push(instance);
                 }
             }
             let open = |case: &str, instance: &Instance| -> BTreeSet<Assertion> {

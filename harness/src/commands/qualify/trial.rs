@@ -64,7 +64,7 @@ pub(super) enum Wanted<'w> {
     All,
     /// The cases that fit.
     Cases(&'w Fits<'w>),
-    /// The instances of these names.
+    /// The instances of these names, and all instances of cases that are named.
     Instances(&'w BTreeSet<String>),
     /// The instances of these names, in the order that a shuffle gives those `of` more names.
     Shuffled { seed: u64, of: &'w BTreeSet<String>, kept: &'w BTreeSet<String> },
@@ -158,7 +158,7 @@ impl Wanted<'_> {
     fn order(&self, instances: &mut Vec<Instance>) {
         if let Self::Shuffled { seed, kept, .. } = self {
             Rng::with_seed(*seed).shuffle(instances);
-            instances.retain(|instance| kept.contains(&instance.name()));
+            instances.retain(|instance| instance.is_one_of(kept));
         }
     }
 
@@ -175,9 +175,7 @@ impl Wanted<'_> {
                 last = Some((case, fits));
                 fits
             }
-            Self::Instances(names) | Self::Shuffled { of: names, .. } => {
-                names.contains(&instance.name())
-            }
+            Self::Instances(names) | Self::Shuffled { of: names, .. } => instance.is_one_of(names),
             Self::Except { instances, .. } => !instances.contains(&instance.name()),
         }
     }
@@ -226,11 +224,6 @@ fn run(library: &Library, plan: &Plan, target: &Target) -> Result<(Vec<Trial>, E
         _ => {}
     });
     Ok((trials, ending))
-}
-
-/// Suite and case of an instance.
-pub(super) fn case_name(instance: &Instance) -> String {
-    format!("{}/{}", instance.suite.name(), instance.case().id.value)
 }
 
 fn problem(outcome: &Outcome) -> Option<String> {
