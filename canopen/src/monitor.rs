@@ -410,7 +410,12 @@ mod tests {
 
     /// Feeds `ms frame` lines (`>` in front of own ones, `!` of expected ones) to every monitor.
     fn breaches(lines: &[&str]) -> Vec<String> {
-        let mut monitors = all(5, vec![0x333], vec![EmcyCode(0x5030)], Duration::ZERO);
+        let standing = Standing { codes: vec![EmcyCode(0x5030)], untold: 0 };
+        breaches_beside(standing, lines)
+    }
+
+    fn breaches_beside(standing: Standing, lines: &[&str]) -> Vec<String> {
+        let mut monitors = all(5, vec![0x333], standing, Duration::ZERO);
         let mut found = Vec::new();
         for line in lines {
             let (ms, text) = line.split_once(' ').unwrap();
@@ -421,6 +426,14 @@ mod tests {
             found.extend(monitors.iter_mut().filter_map(|monitor| monitor.observe(&seen).err()));
         }
         found.iter().map(Breach::to_string).collect()
+    }
+
+    #[test]
+    fn an_error_without_a_code_explains_messages_about_its_bits() {
+        let breaches =
+            |line| breaches_beside(Standing { codes: Vec::new(), untold: 0x05 }, &[line]);
+        assert_eq!(breaches("1 085#3081050000000000"), [""; 0]);
+        assert_eq!(breaches("1 085#3081110000000000").len(), 1);
     }
 
     #[test]

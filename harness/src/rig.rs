@@ -142,6 +142,7 @@ impl Rig {
         let (End::Socket(_), Some(path)) = (&self.end, self.name.strip_prefix("unix:")) else {
             return false;
         };
+        let (_never_told, pause) = mpsc::channel::<()>();
         for _ in 0..ATTEMPTS {
             let opened =
                 UnixStream::connect(path).and_then(|socket| Self::behind(&self.name, socket));
@@ -150,7 +151,7 @@ impl Rig {
                 *self = again;
                 return true;
             }
-            thread::sleep(PATIENCE / ATTEMPTS);
+            _ = pause.recv_timeout(PATIENCE / ATTEMPTS);
         }
         false
     }

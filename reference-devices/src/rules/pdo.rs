@@ -349,7 +349,7 @@ deviations! {
     }
     "mapping-of-the-first-bytes" {
         fn mapped_length_valid(&self, own: Option<u8>, asked: u8) -> bool {
-            asked % 8 == 0 && own.is_some_and(|own| asked <= own)
+            asked.is_multiple_of(8) && own.is_some_and(|own| asked <= own)
         }
     }
     "mapping-with-empty-entries" {
