@@ -33,6 +33,7 @@ pub(crate) fn parse(line: &str) -> Result<Option<Line>, String> {
             let (stamp, rest) =
                 rest.split_once(')').ok_or("the `)` of the time stamp is missing")?;
             let at = seconds(stamp.trim()).ok_or_else(|| {
+                let stamp = shortly(stamp);
                 format!(
                     "`({stamp})` is not a time stamp: seconds belong there, such as `(1.234567)`"
                 )
