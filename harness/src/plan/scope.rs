@@ -55,9 +55,12 @@ impl Scope {
         }
     }
 
-    /// Binds a name that stands for something already to something else.
-    pub fn rebind(&mut self, name: &str, binding: Binding) {
-        if let Ok(place) = self.place(name) {
+    /// Binds a name to something else that still stands for what was `planned`: a suite may use the
+    /// name for something of its own.
+    pub fn rebind(&mut self, name: &str, planned: &Binding, binding: Binding) {
+        if let Ok(place) = self.place(name)
+            && self.names[place].1 == *planned
+        {
             self.names[place].1 = binding;
         }
     }

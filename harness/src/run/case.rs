@@ -261,8 +261,9 @@ impl CaseRun<'_, '_> {
         let watched_from = self.link.trace().len();
         let (case, patience) = (self.instance.case(), self.patience());
         let mut scope = self.instance.scope.clone();
-        for (name, binding) in others(self.dut, &self.baseline.monitored) {
-            scope.rebind(&name, binding);
+        let stored = others(self.dut, &self.baseline.monitored);
+        for ((name, planned), (_, binding)) in others(self.dut, &[]).zip(stored) {
+            scope.rebind(&name, &planned, binding);
         }
         let mut steps = Steps {
             link: &mut *self.link,
