@@ -402,8 +402,8 @@ fn touched<'t>(members: impl Iterator<Item = &'t Tried>) -> BTreeSet<String> {
     count.into_iter().filter(|(_, count)| *count > 1).map(|(name, _)| name.clone()).collect()
 }
 
-/// Random sets of freedoms that a device can use together, by their places, each with a seed for the
-/// order of the instances.
+/// Random sets of freedoms that a device can use together, by their places, each with a seed for
+/// the order of the instances.
 fn mixtures(
     device: &ReferenceDevice,
     freedoms: &[Freedom],
