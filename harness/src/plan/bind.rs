@@ -188,7 +188,8 @@ fn bind_bus(scope: &mut Scope, dut: &Dut) {
     scope.bind("node", int(dut.node.into()));
     scope.bind(BIT_RATE, int(place.map_or(u8::MAX, |place| place as u8).into()));
     for (name, binding) in others(dut, &[]) {
-        scope.bind(name, binding);
+        // A suite may have the name for something of its own.
+        scope.bind_unless_bound(name, binding);
     }
 }
 

@@ -55,6 +55,13 @@ impl Scope {
         }
     }
 
+    /// Binds a name that stands for nothing yet.
+    pub fn bind_unless_bound(&mut self, name: String, binding: Binding) {
+        if let Err(place) = self.place(&name) {
+            self.names.insert(place, (name.into(), binding));
+        }
+    }
+
     /// Binds a name to something else that still stands for what was `planned`: a suite may use the
     /// name for something of its own.
     pub fn rebind(&mut self, name: &str, planned: &Binding, binding: Binding) {
