@@ -5,7 +5,7 @@
 //! the device must be set up; what cannot be done gets `{"error":"..."}`.
 
 use std::collections::BTreeMap;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
@@ -127,6 +127,10 @@ impl Rig {
         sent.map_err(|_| GONE)?;
         let line = match self.answers.recv_timeout(PATIENCE) {
             Ok(Ok(line)) => line,
+            // It ended before it read the request.
+            Ok(Err(error)) if error.kind() == ErrorKind::ConnectionReset => {
+                return Err(GONE.to_owned());
+            }
             Ok(Err(error)) => return Err(format!("cannot be read: {error}")),
             Err(RecvTimeoutError::Timeout) => {
                 return Err(format!("does not answer within {} s", PATIENCE.as_secs()));
