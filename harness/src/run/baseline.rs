@@ -20,7 +20,7 @@ use crate::dut::Dut;
 use crate::suite::profile::Habits;
 
 const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
-const EMCY_ID: Mux = Mux::new(0x1014, 0);
+pub(super) const EMCY_ID: Mux = Mux::new(0x1014, 0);
 const ERROR_FIELD: u16 = 0x1003;
 /// So many errors stand at the same time at most.
 const NEWEST_ERRORS: u8 = 8;

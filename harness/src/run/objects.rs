@@ -8,6 +8,7 @@ use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Failure, Transfer};
 use canopen::{Abort, Frame, Mux};
 
+use super::baseline::EMCY_ID;
 use super::judge::{Answer, Condition, Difference, Judged, Judgement, Trouble, refusal, show};
 use super::sdo::{self, Ended};
 use super::steps::Steps;
@@ -19,9 +20,6 @@ use crate::suite::literal::{Flow, Literal, show_time};
 use crate::suite::refusal::Refusal;
 use crate::suite::step::{Read, Remap, Until, Write};
 
-const EMCY_ID: Mux = Mux::new(0x1014, 0);
-/// The bit of a COB-ID that disables what it identifies.
-const INVALID: u32 = 1 << 31;
 const DEFAULT_POLL: Duration = Duration::from_millis(20);
 /// Of a longer value to be written, a difference shows the first bytes: so many.
 const LONGEST_SHOWN: usize = 64;
@@ -135,7 +133,7 @@ impl Steps<'_, '_> {
             && let Ok(cob_id) = data[..].try_into()
         {
             // Another identifier may be in use, which only changes while it is disabled.
-            let off = (u32::from_le_bytes(cob_id) | INVALID).to_le_bytes();
+            let off = (u32::from_le_bytes(cob_id) | CobId::INVALID).to_le_bytes();
             sdo::download(self.link, self.policy, self.dut.node, mux, &off, flow)?;
             ended = sdo::download(self.link, self.policy, self.dut.node, mux, &data, flow)?;
         }

@@ -58,7 +58,7 @@ decisions! {
         true
     }
 
-    /// Nor do its entries while they are in use: sub 0 is set to 0 first.
+    /// Mapped objects do not change while they are in use: sub 0 is set to 0 first (7.5.2.36).
     fn mapping_fixed_while_active(&self) -> bool {
         true
     }
@@ -100,7 +100,7 @@ decisions! {
         state == NmtState::OPERATIONAL
     }
 
-    /// Nor does one that comes before OPERATIONAL wait for the first SYNC in it.
+    /// An RPDO that comes before OPERATIONAL does not wait for the first SYNC in it.
     fn rpdo_waits_in(&self, _state: NmtState) -> bool {
         false
     }
@@ -116,7 +116,7 @@ decisions! {
         0
     }
 
-    /// That SYNC is the first of the count (7.5.2.37).
+    /// The SYNC that begins the count is the first of it (7.5.2.37).
     fn syncs_before_start_value(&self, _kind: u8) -> u8 {
         0
     }
@@ -126,7 +126,7 @@ decisions! {
         true
     }
 
-    /// They take effect once, not with every SYNC that follows (7.2.2.2).
+    /// The values of a frame take effect once, not with every SYNC that follows (7.2.2.2).
     fn synchronous_rpdo_acts_once(&self) -> bool {
         true
     }
@@ -147,7 +147,7 @@ decisions! {
         actual >= mapped
     }
 
-    /// Both are reported (7.2.7.1, 8210h and 8220h).
+    /// A wrong length is reported (7.2.7.1, 8210h and 8220h).
     fn rpdo_length_told(&self) -> bool {
         true
     }
@@ -172,27 +172,27 @@ decisions! {
         state == NmtState::OPERATIONAL
     }
 
-    /// They end with it, whatever triggers them.
+    /// TPDOs end with OPERATIONAL, whatever triggers them.
     fn tpdo_goes_on_in(&self, _state: NmtState, _kind: u8) -> bool {
         false
     }
 
-    /// So does an event that waits for the end of the inhibit time.
+    /// An event that waits for the end of the inhibit time ends with OPERATIONAL.
     fn event_waits_in(&self, _state: NmtState) -> bool {
         false
     }
 
-    /// Event-driven TPDOs are sent once on entering it.
+    /// Event-driven TPDOs are sent once on entering OPERATIONAL.
     fn tpdo_sent_at_start(&self) -> bool {
         true
     }
 
-    /// For one of type 0 it is no event.
+    /// Entering OPERATIONAL is no event for a TPDO of type 0.
     fn start_is_event_of_acyclic_tpdo(&self) -> bool {
         false
     }
 
-    /// Nor is a new parameter an event of any TPDO.
+    /// A new parameter is no event of any TPDO.
     fn tpdo_sent_when_configured(&self) -> bool {
         false
     }
@@ -237,7 +237,7 @@ decisions! {
         true
     }
 
-    /// It is one wherever in the PDO the value lies (7.2.2.3).
+    /// A change is an event wherever in the PDO the value lies (7.2.2.3).
     fn tpdo_bytes_compared(&self, mapped: usize) -> usize {
         mapped
     }
