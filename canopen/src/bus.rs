@@ -51,6 +51,8 @@ pub enum BusError {
     Io(String),
     /// The CAN controller reported an error condition, such as error passive or bus-off.
     Controller(String),
+    /// Frames were lost on their way from the interface; the text says how many, and why.
+    Lost(String),
     /// The user asked to stop while the bus was waiting.
     Interrupted,
     /// The frame was not sent, since it does to a device what must not be done; the text says what
@@ -71,9 +73,11 @@ pub enum BusError {
 impl fmt::Display for BusError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Open(why) | Self::Io(why) | Self::Withheld(why) | Self::Ended(why) => {
-                f.write_str(why)
-            }
+            Self::Open(why)
+            | Self::Io(why)
+            | Self::Lost(why)
+            | Self::Withheld(why)
+            | Self::Ended(why) => f.write_str(why),
             Self::Controller(what) => write!(f, "the CAN controller reports {what}"),
             Self::Interrupted => f.write_str("interrupted"),
             Self::Spinning { station, at } => {

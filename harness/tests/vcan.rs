@@ -13,7 +13,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, MutexGuard};
 use std::time::Duration;
 
-use canopen::Bus;
+use canopen::{Bus, Frame};
 use harness::bus::socketcan::SocketCan;
 use harness::stop::Stop;
 use nix::sys::signal::{Signal, kill};
@@ -316,6 +316,37 @@ fn a_bench_behind_a_socket_switches_the_supply() {
     assert!(!socket.exists(), "a socket goes with its device");
 }
 
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn a_served_device_that_misses_frames_goes_on() {
+    let _wire = wire();
+    let served = Served::start();
+    signal(&served.0, Signal::SIGSTOP);
+    let mut flood = SocketCan::open("vcan0", Stop::default()).expect("vcan0 is up");
+    for _ in 0..MORE_THAN_A_QUEUE {
+        flood.send(&Frame::new(0x77F, [0; 8])).expect("vcan0 takes it");
+    }
+    signal(&served.0, Signal::SIGCONT);
+    let mut asking = SocketCan::open("vcan0", Stop::default()).expect("vcan0 is up");
+    let give_up = asking.now() + Duration::from_secs(30);
+    let mut again = asking.now();
+    loop {
+        // What came while its queue was full is lost, this request as well.
+        if asking.now() >= again {
+            asking.send(&Frame::new(0x601, *b"\x40\0\x10\0\0\0\0\0")).expect("vcan0 works");
+            again = asking.now() + Duration::from_millis(200);
+        }
+        assert!(asking.now() < give_up, "it does not answer any more");
+        let seen = asking.recv(again).expect("vcan0 works");
+        if seen.is_some_and(|seen| seen.frame.to_string().starts_with("581#43001000")) {
+            break;
+        }
+    }
+}
+
+/// How many frames a device cannot keep while it does not run.
+const MORE_THAN_A_QUEUE: usize = 30_000;
+
 const SUITES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vcan/suites");
 
 /// More cases than a stalled machine spoils.
@@ -441,8 +472,12 @@ fn wait_for_the_write(bus: &mut SocketCan) {
 }
 
 fn interrupt(child: &Child) {
+    signal(child, Signal::SIGINT);
+}
+
+fn signal(child: &Child, signal: Signal) {
     let id = child.id().try_into().expect("process ids are positive numbers of 32 bits");
-    kill(Pid::from_raw(id), Signal::SIGINT).unwrap();
+    kill(Pid::from_raw(id), signal).unwrap();
 }
 
 fn text(bytes: &[u8]) -> &str {

@@ -216,7 +216,7 @@ impl Bus for SocketCan {
     ///
     /// # Errors
     /// [`BusError::Controller`] for an error frame, [`BusError::Io`] when the interface is down or
-    /// gone or frames were lost, [`BusError::Interrupted`].
+    /// gone, [`BusError::Lost`] when frames were lost, [`BusError::Interrupted`].
     fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
         loop {
             if self.stop.asked() {

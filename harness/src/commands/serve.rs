@@ -58,8 +58,8 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
             // The bell.
             Err(BusError::Interrupted) if args.target.is_some() && !stop.asked() => {}
             Err(BusError::Interrupted) => return Ok(Exit::Green),
-            // A device sees an error frame and goes on.
-            Err(BusError::Controller(what)) => complain!("the CAN controller reports {what}"),
+            // A device sees an error frame, or misses others, and goes on.
+            Err(error @ (BusError::Controller(_) | BusError::Lost(_))) => complain!("{error}"),
             Err(error) => return Err(Refused::bus(error.to_string())),
         }
         let Some(socket) = &socket else { continue };

@@ -50,7 +50,7 @@ pub(super) fn queue_stays_full(name: &str) -> BusError {
 
 /// The kernel had to drop `count` frames that arrived at `name`.
 pub(super) fn lost(name: &str, count: u32) -> BusError {
-    BusError::Io(format!(
+    BusError::Lost(format!(
         "{count} frames of {name} were lost: they came faster than they were read, or this machine \
          is overloaded"
     ))
