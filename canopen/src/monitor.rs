@@ -14,7 +14,6 @@ use crate::heartbeat::{self, ErrorControl};
 use crate::lss;
 use crate::mux::Mux;
 use crate::nmt::{self, NmtState, Service};
-use crate::pdo::CobId;
 use crate::sdo::block::BlockRequest;
 use crate::sdo::{self, Initiate, Request, Response};
 use crate::time::Instant;
@@ -104,7 +103,6 @@ pub fn all(
             lss_left: false,
             open: None,
             interrupted: None,
-            enabled: None,
         }),
         Box::new(KnownIdentifiers { node, known }),
         Box::new(HeartbeatAlive { node, slack, own: 0, asked: None, period: None, last: None }),
@@ -132,28 +130,17 @@ struct NoSurprise {
     open: Option<Mux>,
     /// The object of a transfer that a command of the NMT interrupted.
     interrupted: Option<Mux>,
-    /// When the emergency messages were enabled last: those kept until then may follow.
-    enabled: Option<Instant>,
 }
 
 impl NoSurprise {
     const ERROR_COUNT: Mux = Mux::new(0x1003, 0);
-    const EMCY_ID: Mux = Mux::new(0x1014, 0);
-    /// How long after the emergency messages were enabled one may come that was kept.
-    const KEPT: Duration = Duration::from_millis(50);
 
     /// Takes note of what the tester sent.
-    fn sent(&mut self, frame: &Frame, at: Instant) {
+    fn sent(&mut self, frame: &Frame) {
         if frame.data_id() == Some(sdo::REQUEST_COB_ID + u16::from(self.node)) {
             self.asked += 1;
             let request = Request::decode(&frame.data);
             self.history_cleared |= matches!(request, Ok(Request::Download(Self::ERROR_COUNT, _)));
-            if let Ok(Request::Download(Self::EMCY_ID, Initiate::Expedited(data))) = &request
-                && u32::from_le_bytes(*data.first_chunk().unwrap_or(&[0xFF; 4])) & CobId::INVALID
-                    == 0
-            {
-                self.enabled = Some(at);
-            }
             self.open = request.ok().and_then(initiated).or(self.open);
         }
         if frame.data_id() == Some(lss::REQUEST_COB_ID) {
@@ -183,13 +170,9 @@ impl NoSurprise {
     }
 
     /// Whether an emergency message has a cause: an error that stands, or its end, or that the
-    /// history was cleared, which may be reported as the reset of all errors, or that the messages
-    /// were enabled.
-    fn is_explained(&mut self, frame: &Frame, at: Instant) -> bool {
+    /// history was cleared, which may be reported as the reset of all errors.
+    fn is_explained(&mut self, frame: &Frame) -> bool {
         let Ok(emcy) = Emcy::decode(&frame.data) else { return false };
-        if self.enabled.is_some_and(|enabled| at.since(enabled) <= Self::KEPT) {
-            return true;
-        }
         if emcy.code == EmcyCode::RESET {
             return std::mem::take(&mut self.stands) || emcy.register == 0 && self.history_cleared;
         }
@@ -204,7 +187,7 @@ impl Monitor for NoSurprise {
         let node = u16::from(self.node);
         let frame = &seen.stamped.frame;
         if seen.stamped.own {
-            self.sent(frame, seen.stamped.at);
+            self.sent(frame);
         }
         let booted = incoming(seen) == Some(heartbeat::COB_ID + node)
             && ErrorControl::decode(&frame.data) == Ok(ErrorControl::BOOT_UP);
@@ -220,7 +203,7 @@ impl Monitor for NoSurprise {
         self.asked -= u32::from(asked);
         let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
         if id == emcy::COB_ID + node {
-            if self.is_explained(frame, seen.stamped.at) {
+            if self.is_explained(frame) {
                 return Ok(());
             }
             let got = Emcy::decode(&frame.data)
@@ -470,16 +453,6 @@ mod tests {
         let given_up =
             ["1 >605#4008100000000000", "2 585#410810000B000000", "9 585#8008100000000405"];
         assert_eq!(breaches(&given_up), [""; 0]);
-    }
-
-    #[test]
-    fn messages_that_were_kept_while_they_were_disabled() {
-        let enabled = ["1 >605#2314100085000000", "2 585#6014100000000000"];
-        let follows = |lines: &[&str], line| breaches(&[lines, &[line]].concat()).len();
-        assert_eq!(follows(&enabled, "40 085#3081110000000000"), 0);
-        assert_eq!(follows(&enabled, "60 085#3081110000000000"), 1);
-        let disabled = ["1 >605#2314100085000080", "2 585#6014100000000000"];
-        assert_eq!(follows(&disabled, "3 085#3081110000000000"), 1);
     }
 
     #[test]
