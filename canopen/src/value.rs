@@ -99,6 +99,13 @@ impl DataType {
         matches!(self.kind(), Kind::Signed(_) | Kind::Unsigned(_))
     }
 
+    /// The type of the same length with a sign, of a whole-number type that has none.
+    pub fn with_sign(self) -> Option<Self> {
+        let Kind::Unsigned(size) = self.kind() else { return None };
+        let signed = |of: &Self| matches!(of.kind(), Kind::Signed(length) if length == size);
+        Self::ALL.iter().copied().find(signed)
+    }
+
     /// The smallest and the largest value of a whole-number type.
     pub const fn limits(self) -> Option<(i128, i128)> {
         match self.kind() {
@@ -309,6 +316,14 @@ impl std::error::Error for ValueError {}
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    #[test]
+    fn a_sign_does_not_change_the_length() {
+        assert_eq!(DataType::UNSIGNED16.with_sign(), Some(DataType::INTEGER16));
+        assert_eq!(DataType::UNSIGNED56.with_sign(), Some(DataType::INTEGER56));
+        assert_eq!(DataType::INTEGER16.with_sign(), None);
+        assert_eq!(DataType::BOOLEAN.with_sign(), None);
+    }
 
     #[test]
     fn bytes_and_values() {

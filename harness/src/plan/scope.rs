@@ -191,7 +191,11 @@ impl Scope {
             })
         };
         match literal {
-            Literal::Int(number) => encode(&Value::Int(*number)),
+            Literal::Int(number) => encode(&Value::Int(*number)).or_else(|wrong| {
+                // A data sheet may call unsigned what documents count below 0: the bytes are the same.
+                let signed = entry.data_type.with_sign().filter(|_| *number < 0);
+                signed.and_then(|signed| signed.encode(&Value::Int(*number)).ok()).ok_or(wrong)
+            }),
             Literal::Real(number) => encode(&Value::Real(*number)),
             Literal::Bool(on) => encode(&Value::Bool(*on)),
             Literal::Text(text) => encode(&Value::Text(text.clone())),

@@ -41,6 +41,8 @@ impl Steps<'_, '_> {
             return self.refused(&ended, &expected.value);
         }
         trim_unsized(&mut ended, entry.as_ref());
+        let bounds = [read.value.as_ref(), read.min.as_deref(), read.max.as_deref()];
+        let entry = entry.map(|entry| Self::with_sign(entry, &bounds, &read.tolerated));
         let condition = self.condition(
             entry.as_ref(),
             read.value.as_ref(),
@@ -223,7 +225,9 @@ impl Steps<'_, '_> {
 
     pub(super) fn until(&mut self, until: &Until) -> Judgement {
         let mux = self.mux(&until.object)?;
+        let bounds = [until.value.as_ref(), until.min.as_deref(), until.max.as_deref()];
         let entry = self.dut.eds.entry(mux).cloned();
+        let entry = entry.map(|entry| Self::with_sign(entry, &bounds, &until.tolerated));
         let condition = self.condition(
             entry.as_ref(),
             until.value.as_ref(),
@@ -305,6 +309,22 @@ impl Steps<'_, '_> {
                     Difference::new(format!("{} is accepted", what()), failure.to_string());
                 Err(Trouble::Device(Difference { raw: ended.raw, ..difference }))
             }
+        }
+    }
+
+    /// The entry as the numbers of a step take it: with a sign where one of them is negative. A
+    /// data sheet may call a value unsigned that the documents count below 0; on the bus both are
+    /// the same bytes.
+    fn with_sign(
+        entry: Entry,
+        bounds: &[Option<&At<Literal>>],
+        tolerated: &[At<Literal>],
+    ) -> Entry {
+        let mut numbers = bounds.iter().copied().flatten().chain(tolerated);
+        let is_signed = numbers.any(|at| matches!(at.value, Literal::Int(number) if number < 0));
+        match entry.data_type.with_sign().filter(|_| is_signed) {
+            Some(data_type) => Entry { data_type, ..entry },
+            None => entry,
         }
     }
 

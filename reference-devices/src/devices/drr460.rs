@@ -624,10 +624,13 @@ impl Behaviour for Drr460 {
     }
 
     fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
-        self.io.triggers(mux, last, od)
+        let any = self.rules.transmits_any_change() || mux.index == ANALOGUE_INPUTS;
+        any && self.io.triggers(mux, last, od)
     }
 }
 
+/// The object of the analogue inputs.
+const ANALOGUE_INPUTS: u16 = 0x6401;
 /// The analogue input of the process value.
 const PROCESS_INPUT: usize = 0;
 /// Time from one decision to the next while something moves.

@@ -378,6 +378,11 @@ decisions! {
         deviation.abs()
     }
 
+    /// A change of what is no analogue input is transmitted, too (11.2.21).
+    fn transmits_any_change(&self) -> bool {
+        true
+    }
+
     /// 400Ch and 400Dh are values, 1 is an alarm (11.3.15).
     fn remote_alarm(&self, value: i64) -> bool {
         value == 1

@@ -237,6 +237,9 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
     "band-alarm-one-sided" {
         fn band(&self, deviation: i64) -> i64 { deviation }
     }
+    "only-inputs-transmitted" {
+        fn transmits_any_change(&self) -> bool { false }
+    }
     "remote-alarm-is-bit-1" {
         fn remote_alarm(&self, value: i64) -> bool { value & 2 != 0 }
     }
