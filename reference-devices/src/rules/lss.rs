@@ -61,6 +61,11 @@ decisions! {
         pending
     }
 
+    /// Of a slave that restarts when it leaves LSS configuration: what was not stored is no reason.
+    fn lss_configuring_renews(&self) -> bool {
+        false
+    }
+
     /// A slave without node id that was given one starts when it leaves LSS configuration (6.3.1).
     fn lss_leaving_starts(&self) -> bool {
         true
@@ -232,6 +237,9 @@ deviations! {
         fn lss_node_id_after_reset(&self, active: u8, pending: u8) -> u8 {
             if pending == UNCONFIGURED { active } else { pending }
         }
+    }
+    "lss-configuring-restarts" {
+        fn lss_configuring_renews(&self) -> bool { true }
     }
     "lss-configured-node-does-not-start" {
         fn lss_leaving_starts(&self) -> bool { false }

@@ -27,7 +27,7 @@ pub(crate) struct Lss {
     bus: u32,
     supported: Vec<u32>,
     silence: Option<Silence>,
-    /// Whether settings were stored since LSS configuration state was entered.
+    /// Whether settings are new since LSS configuration state was entered: stored, as a rule.
     renewed: bool,
 }
 
@@ -157,6 +157,7 @@ impl Lss {
                 let valid = base.rules.lss_node_id_valid(node);
                 if valid {
                     self.node.pending = node;
+                    self.renewed |= base.rules.lss_configuring_renews();
                 }
                 Some(Response::ConfiguredNodeId(status(valid)))
             }
@@ -164,6 +165,7 @@ impl Lss {
                 let bit_rate = base.rules.lss_bit_rate(table, index, &self.supported);
                 if let Some(bit_rate) = bit_rate {
                     self.bit_rate.pending = bit_rate;
+                    self.renewed |= base.rules.lss_configuring_renews();
                     if !base.rules.lss_bit_rate_leaves_node_id() {
                         self.node.pending = self.node.active;
                     }

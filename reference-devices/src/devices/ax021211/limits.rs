@@ -43,7 +43,7 @@ pub(super) fn check(
             within(value, 0, largest_fv(mux.sub, od))
         }
         HYSTERESIS => {
-            let largest = other(SCALING_1_FV).max(other(SCALING_2_FV));
+            let largest = rules.larger_scaling(other(SCALING_1_FV), other(SCALING_2_FV));
             within(value, 0, largest / 10)
         }
         HOTSHOT_CURRENT => {

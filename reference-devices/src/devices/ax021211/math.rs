@@ -123,7 +123,8 @@ impl MathInput {
         if !signal.is_valid() {
             return rules.math_input_in_error(signal.value);
         }
-        rules.math_input(rules.share(signal.value, self.low, self.high), self.gain)
+        let value = rules.value_before_scaling(signal.value, self.gain);
+        rules.math_input(rules.share(value, self.low, self.high), self.gain)
     }
 }
 

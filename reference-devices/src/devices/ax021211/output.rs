@@ -105,12 +105,14 @@ impl OutputSettings {
         let fv = |index| od.scaled(index, place, fv_digits);
         let scalings = (fv(SCALING_1_FV), fv(SCALING_2_FV));
         let kind = Kind::of(od.int(OUTPUT_TYPE, place)).unwrap_or_default();
+        let link =
+            |source, number| od.rules.input_link(od.link(source, number, place), source, place);
         Self {
             kind,
             links: [
-                od.link(CONTROL_SOURCE, CONTROL_NUMBER, place),
-                od.link(ENABLE_SOURCE, ENABLE_NUMBER, place),
-                od.link(OVERRIDE_SOURCE, OVERRIDE_NUMBER, place),
+                link(CONTROL_SOURCE, CONTROL_NUMBER),
+                link(ENABLE_SOURCE, ENABLE_NUMBER),
+                link(OVERRIDE_SOURCE, OVERRIDE_NUMBER),
             ],
             pv: (pv(SCALING_1_PV), pv(SCALING_2_PV)),
             fv: scalings,

@@ -67,6 +67,11 @@ decisions! {
         Err(abort)
     }
 
+    /// The scaling that 2311h is a tenth of at most (2.4.9).
+    fn larger_scaling(&self, fv1: i64, fv2: i64) -> i64 {
+        fv1.max(fv2)
+    }
+
     /// The type of each output is known from the start, so that the next one is a change (1.3).
     fn reads_types_at_a_start(&self) -> bool {
         true
@@ -91,6 +96,11 @@ decisions! {
 
     /// Tables 4 and 5.
     fn link(&self, link: Link) -> Link {
+        link
+    }
+
+    /// An input of an output takes the message that its number names (2.4.19, 2.4.22).
+    fn input_link(&self, link: Link, _source_index: u16, _place: usize) -> Link {
         link
     }
 
@@ -244,6 +254,11 @@ decisions! {
     /// Up to the first point the output is that of the first point.
     fn below_table(&self, _x: f64, first: (f64, f64)) -> f64 {
         first.1
+    }
+
+    /// Ignored points are no end of a table, not even beyond all of them (1.5.3).
+    fn end_of_table(&self, in_use: usize, _beyond_all: bool) -> usize {
+        in_use
     }
 
     /// Beyond the last point the output is that of the last point (1.5.3).
@@ -451,6 +466,11 @@ decisions! {
     /// The output saturates (1.7).
     fn saturated(&self, part: f64) -> f64 {
         part.clamp(0.0, 1.0)
+    }
+
+    /// The scaling takes the value as it is (1.7).
+    fn value_before_scaling(&self, value: f64, _gain: f64) -> f64 {
+        value
     }
 
     /// An input is a part of its scaling before it gets its gain (1.7).

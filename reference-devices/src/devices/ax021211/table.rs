@@ -94,7 +94,10 @@ impl TableSettings {
                 let from = self.x_points[point - 1];
                 self.towards(point, x - from, self.x_points[point] - from, rules)
             }
-            None => rules.beyond_table(self.y_points[last - 1]),
+            None => {
+                let end = rules.end_of_table(last, x > self.x_points[POINTS - 1]);
+                rules.beyond_table(self.y_points[end - 1])
+            }
         }
     }
 

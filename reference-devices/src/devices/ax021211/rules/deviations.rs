@@ -286,6 +286,16 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
             }
         }
     }
+    "gain-before-scaling" {
+        fn value_before_scaling(&self, value: f64, gain: f64) -> f64 { value * gain }
+        fn math_input(&self, part: f64, _gain: f64) -> f64 { part }
+    }
+    "logic-error-of-argument-2-unseen" {
+        fn condition(&self, operator: u8, _links: [Link; 2], [a, b]: [Signal; 2]) -> Verdict {
+            let seen = if b.has_failed() { Signal::new(b.value, b.limits) } else { b };
+            logic::judge(operator, [a, seen])
+        }
+    }
     "logic-not-applicable-is-false" {
         fn condition(&self, operator: u8, _links: [Link; 2], arguments: [Signal; 2]) -> Verdict {
             match logic::judge(operator, arguments) {

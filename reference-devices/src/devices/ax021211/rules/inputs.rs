@@ -2,6 +2,7 @@
 
 use super::super::objects::table_of;
 use super::super::signal::{Link, Signal};
+use super::super::table::POINTS;
 use super::{Ax021211Rules, DigitalRules, Layer};
 use crate::devices::deviating::{Deviation, deviating};
 
@@ -30,6 +31,29 @@ pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
     }
     "number-of-source-8-ignored" {
         fn link(&self, link: Link) -> Link { numbered(link, 8, 1) }
+    }
+    "enable-by-its-own-message" {
+        fn input_link(&self, link: Link, source_index: u16, place: usize) -> Link {
+            own_message(link, source_index == 0x2350, place)
+        }
+    }
+    "override-by-its-own-message" {
+        fn input_link(&self, link: Link, source_index: u16, place: usize) -> Link {
+            own_message(link, source_index == 0x2360, place)
+        }
+    }
+    "hysteresis-within-scaling-2" {
+        fn larger_scaling(&self, _fv1: i64, fv2: i64) -> i64 { fv2 }
+    }
+    "ignored-points-end-the-table" {
+        fn end_of_table(&self, in_use: usize, beyond_all: bool) -> usize {
+            if beyond_all { POINTS } else { in_use }
+        }
+    }
+    "supply-controls-no-output" {
+        fn input_link(&self, link: Link, source_index: u16, _place: usize) -> Link {
+            if source_index == 0x2340 { up_to(link, 9, 0) } else { link }
+        }
     }
     "source-7-taken-for-8" {
         fn link(&self, link: Link) -> Link { sourced(link, 7, 8) }
@@ -227,6 +251,13 @@ pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
 /// A link whose number is another one, if it has that source.
 fn numbered(link: Link, source: u8, number: u8) -> Link {
     if link.source == source { Link { number, ..link } } else { link }
+}
+
+/// A link to the message of the output itself, if it is one to a process value.
+fn own_message(link: Link, concerned: bool, place: usize) -> Link {
+    let is_process_value = link.source == 1 && (1..=10).contains(&link.number);
+    let number = place as u8 + 1;
+    if concerned && is_process_value { Link { number, ..link } } else { link }
 }
 
 /// A link to another source, if it has that one.
