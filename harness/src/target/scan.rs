@@ -1,12 +1,13 @@
 //! Finding out who is on a bus.
 
 use std::collections::BTreeSet;
+use std::ops::RangeInclusive;
 use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::catalogue::{Catalogue, Profile};
 use canopen::eds::Eds;
-use canopen::sdo::{RESPONSE_COB_ID, Request};
+use canopen::sdo::{RESPONSE_COB_ID, Request, Response};
 use canopen::{Bus, BusError, Mux};
 use reference_devices::devices::{self, ReferenceDevice};
 use reports::Identity;
@@ -74,14 +75,7 @@ pub(crate) fn scan(
     };
     let mut link = Link::new(bus);
     let asked = node.map_or(1..=127, |node| node..=node);
-    // A device that is just booting hears no request: ask again.
-    let mut nodes = Vec::new();
-    for _ in 0..ROUNDS {
-        nodes = answering(&mut link, asked.clone()).map_err(bus_failed)?;
-        if !nodes.is_empty() {
-            break;
-        }
-    }
+    let nodes = nodes(&mut link, asked).map_err(bus_failed)?;
     let mut found = Vec::new();
     for node in nodes {
         found.push(ask(&mut link, node, catalogue).map_err(bus_failed)?);
@@ -95,15 +89,33 @@ const ROUND: Duration = Duration::from_millis(300);
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 const DEVICE_NAME: Mux = Mux::new(0x1008, 0);
 
-/// The nodes that answer a request for their device type, refusals included.
-fn answering(link: &mut Link, nodes: std::ops::RangeInclusive<u8>) -> Result<Vec<u8>, BusError> {
+/// The nodes that answer. What is no answer to the request shows a node only where no other one
+/// answers: it may be noise.
+fn nodes(link: &mut Link, asked: RangeInclusive<u8>) -> Result<Vec<u8>, BusError> {
+    let mut noise = Vec::new();
+    // A device that is just booting hears no request: ask again.
+    for _ in 0..ROUNDS {
+        let (answered, other) = answering(link, asked.clone())?;
+        if !answered.is_empty() {
+            return Ok(answered);
+        }
+        noise.extend(other);
+    }
+    noise.sort_unstable();
+    noise.dedup();
+    Ok(noise)
+}
+
+/// The nodes that answer a request for their device type, refusals included, and those that send
+/// something else in place of an answer.
+fn answering(link: &mut Link, nodes: RangeInclusive<u8>) -> Result<(Vec<u8>, Vec<u8>), BusError> {
     let start = link.mark();
     for node in nodes.clone() {
         link.send(&Request::Upload(DEVICE_TYPE).frame(node))?;
     }
     let until = link.mark() + ROUND;
     link.look_from(start);
-    let mut answered = Vec::new();
+    let (mut answered, mut other) = (Vec::new(), Vec::new());
     let is_answer = |id: u16| {
         let node = id.checked_sub(RESPONSE_COB_ID).and_then(|node| u8::try_from(node).ok());
         node.filter(|node| nodes.contains(node))
@@ -111,15 +123,18 @@ fn answering(link: &mut Link, nodes: std::ops::RangeInclusive<u8>) -> Result<Vec
     while answered.len() < nodes.len() {
         let seen = link
             .find(until, |seen| !seen.own && seen.frame.data_id().and_then(is_answer).is_some())?;
-        let Some(node) = seen.and_then(|seen| seen.frame.data_id()).and_then(is_answer) else {
-            break;
+        let Some(frame) = seen.map(|seen| seen.frame) else { break };
+        let Some(node) = frame.data_id().and_then(is_answer) else { break };
+        let nodes = match Response::decode(&frame.data) {
+            Ok(Response::Upload(DEVICE_TYPE, _) | Response::Abort(DEVICE_TYPE, _)) => &mut answered,
+            _ => &mut other,
         };
-        if !answered.contains(&node) {
-            answered.push(node);
+        if !nodes.contains(&node) {
+            nodes.push(node);
         }
     }
     answered.sort_unstable();
-    Ok(answered)
+    Ok((answered, other))
 }
 
 fn ask(link: &mut Link, node: u8, catalogue: &Catalogue) -> Result<Found, BusError> {
@@ -186,4 +201,49 @@ fn recognise(
         }
     }
     Ok(None)
+}
+
+#[cfg(test)]
+mod tests {
+    use canopen::{Device, Frame, Instant, Outbox, VirtualBus};
+    use reference_devices::rules::Specification;
+
+    use super::*;
+
+    /// Says something as node 81 whenever it hears something else.
+    struct Noise(&'static str);
+
+    impl Device for Noise {
+        fn handle_frame(&mut self, _: Instant, frame: &Frame, out: &mut Outbox) {
+            let noise: Frame = self.0.parse().unwrap();
+            if frame.id != noise.id {
+                out.push(noise);
+            }
+        }
+
+        fn handle_timeout(&mut self, _: Instant, _: &mut Outbox) {}
+
+        fn poll_at(&self) -> Option<Instant> {
+            None
+        }
+    }
+
+    #[test]
+    fn noise_is_a_node_where_nobody_else_answers() {
+        let served = devices::device(devices::WITH_EVERYTHING).unwrap();
+        let found = |noise, with_device: bool| {
+            let mut bus = VirtualBus::new(500_000);
+            bus.attach(Noise(noise));
+            if with_device {
+                bus.attach_boxed(Box::new(served.node(5, Box::new(Specification))));
+            }
+            nodes(&mut Link::new(&mut bus), 1..=127).unwrap()
+        };
+        for noise in ["5D1#4300", "5D1#4300100092019101", "5D1#8000100000000206"] {
+            let is_answer = noise != "5D1#4300";
+            assert_eq!(found(noise, true), [5, 81][..1 + usize::from(is_answer)], "{noise}");
+            assert_eq!(found(noise, false), [81], "{noise}");
+        }
+        assert_eq!(found("5D1#6017100000000000", true), [5]);
+    }
 }
