@@ -14,7 +14,6 @@ pub(crate) use deviations::{named, names};
 /// A controller that keeps to its manual; clauses are those of the manual.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Manual;
-
 layer!(pub(crate) of dyn Rules);
 impl Layer for Manual {}
 impl Rules for Manual {}
@@ -181,8 +180,7 @@ decisions! {
         action == 1
     }
 
-    /// On/off control goes off and on where so many digits are missing to the set point (11.3.2,
-    /// sub 19).
+    /// On/off control switches so many digits before the set point (11.3.2, sub 19).
     fn on_off(&self, hysteresis: i64) -> (i64, i64) {
         (hysteresis.min(0), hysteresis.max(0))
     }
@@ -192,8 +190,7 @@ decisions! {
         true
     }
 
-    /// A delay in seconds: above 0 on the way to on, below on the way to off (11.3.2, subs 23, 62
-    /// and 74).
+    /// A delay in seconds: above 0 before on, below before off (11.3.2, subs 23, 62 and 74).
     fn delay(&self, to_on: bool, delay: f64) -> f64 {
         if to_on { delay } else { -delay }
     }
@@ -413,8 +410,7 @@ decisions! {
         true
     }
 
-    /// A tuning at START or at a change of the set point begins when the gap is greater than the
-    /// greatest one (7.2).
+    /// A tuning at START or at a new set point begins when the gap is above the largest (7.2).
     fn gap_asks_for_tuning(&self, gap: i64, greatest: i64) -> bool {
         gap.abs() > greatest
     }
@@ -663,8 +659,7 @@ decisions! {
         i64::from(q1) | i64::from(q2) << 1
     }
 
-    /// The node-ID and the bit rate of the switches or of subs 111 and 112; `rate` is the contacts
-    /// of the bit rate of this bus (6.3).
+    /// Node-ID and bit rate by the switches or by subs 111 and 112; `bus` is the rate here (6.3).
     fn attachment(&self, switches: Switches, own: (i64, i64), bus: i64) -> Attachment {
         let (address, code) = own;
         match switches.node(address) {
