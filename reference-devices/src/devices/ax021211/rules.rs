@@ -154,6 +154,11 @@ decisions! {
         false
     }
 
+    /// A copy that comes with its validation leaves 6F52h as it was written (2.3.17).
+    fn copy_ends_each_validation(&self) -> bool {
+        false
+    }
+
     /// The values of an RPDO that has timed out are in error (1.1, 2.2.14).
     fn message_fails(&self, timed_out: bool) -> bool {
         timed_out

@@ -453,6 +453,10 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
     "copies-with-the-validation" {
         fn copies_with_the_validation(&self) -> bool { true }
     }
+    "copies-once-with-the-validation" {
+        fn copies_with_the_validation(&self) -> bool { true }
+        fn copy_ends_each_validation(&self) -> bool { true }
+    }
     "same-type-updates" {
         fn updates_with_the_same_type(&self) -> bool { true }
     }
