@@ -3,10 +3,13 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The program, in the folder of the project. What a server sets must not change its output.
+/// The program, in the folder of the project. Neither what a server sets nor a run that was killed
+/// before may change its output.
 pub(crate) fn harness() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_harness"));
-    command.current_dir(project()).env_remove("GITHUB_ACTIONS").env_remove("RUST_BACKTRACE");
+    let state = format!("{}/state-{}", env!("CARGO_TARGET_TMPDIR"), std::process::id());
+    command.current_dir(project()).env("XDG_STATE_HOME", state);
+    command.env_remove("GITHUB_ACTIONS").env_remove("RUST_BACKTRACE");
     command
 }
 
