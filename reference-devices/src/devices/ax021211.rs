@@ -151,12 +151,11 @@ impl Ax021211 {
                 let status = Mux::new(RECEIVED_STATUS, mux.sub);
                 od.set_int(status, self.rules.status_after_copy());
             }
-            RECEIVED_STATUS
-                if self.rules.copies_with_the_validation()
-                    && self.copy_received(mux.sub, od)
-                    && self.rules.copy_ends_each_validation() =>
-            {
-                od.set_int(mux, self.rules.status_after_copy());
+            RECEIVED_STATUS if self.rules.copies_with_the_validation() => {
+                let copied = self.copy_received(mux.sub, od);
+                if copied && self.rules.copy_ends_each_validation() {
+                    od.set_int(mux, self.rules.status_after_copy());
+                }
             }
             index => {
                 // A time response begins at 0 for 0 ms, and has no digits (1.5.4).
