@@ -69,7 +69,7 @@ pub(super) struct Common<'r> {
 pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Left) -> Finished {
     let Common { policy, dut, baseline, undo, witness } = common;
     let mut left = left;
-    let mut attempt = 0;
+    let (mut attempt, mut stalled, mut failed) = (0, false, false);
     loop {
         attempt += 1;
         let (link, bench_snapshot) = (&mut *link, BenchSnapshot::default());
@@ -94,21 +94,25 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         let late = run.late.map(|late| show_time(Duration::from_millis(late.as_millis() as u64)));
         run.link.take_trace();
         let shown = run.proof.take().map(Proof::end);
-        match (late, &aftermath) {
+        let Aftermath::Left(how) = aftermath else { return Finished { outcome, aftermath, shown } };
+        // A host that stalled may stall again where nobody looks: what fails on it has to fail twice.
+        let doubtful = stalled && !failed && matches!(outcome, Outcome::Fail(_));
+        let why = match &late {
             // The case says nothing about the device.
-            (Some(late), Aftermath::Left(how)) if attempt < ATTEMPTS => {
-                left = *how;
-                run.note(format!("the tester was late by {late}: the case is repeated"));
-                if let Err(error) = run.link.calm() {
-                    let (outcome, aftermath) = run.bus_failed(error);
-                    return Finished { outcome, aftermath, shown };
-                }
-            }
-            (Some(late), Aftermath::Left(_)) => {
-                let reason = format!("the tester was late by {late}, and in {attempt} attempts");
-                return Finished { outcome: error(reason), aftermath, shown };
-            }
-            _ => return Finished { outcome, aftermath, shown },
+            Some(late) => format!("the tester was late by {late}"),
+            None if doubtful => "the tester was late in the attempt before".to_owned(),
+            None => return Finished { outcome, aftermath, shown },
+        };
+        if attempt == ATTEMPTS {
+            let outcome =
+                error(format!("{why}, and in {} attempts", attempt - u32::from(doubtful)));
+            return Finished { outcome, aftermath, shown };
+        }
+        (left, stalled, failed) = (how, stalled || late.is_some(), failed || doubtful);
+        run.note(format!("{why}: the case is repeated"));
+        if let Err(error) = run.link.calm() {
+            let (outcome, aftermath) = run.bus_failed(error);
+            return Finished { outcome, aftermath, shown };
         }
     }
 }

@@ -217,6 +217,30 @@ fn a_tester_that_is_always_late_neither_passes_nor_fails_a_case() {
 }
 
 #[test]
+fn what_fails_after_the_host_stalled_fails_twice_or_not_at_all() {
+    let late = "the tester was late by 42 ms: the case is repeated";
+    let again = "the tester was late in the attempt before: the case is repeated";
+    let judged = |mut bus: Odd, steps: &str| {
+        let mut ran = run(&mut bus, 1, steps);
+        ran.notes.retain(|note| note.ends_with("repeated"));
+        (ran.outcomes[0].verdict(), ran.notes)
+    };
+    let notes = vec![late.to_owned(), again.to_owned()];
+    assert_eq!(judged(stalled(1), EXPECTS), (Verdict::Fail, notes.clone()));
+    // Answers that two attempts do not see.
+    let mut losses = 2;
+    let way = move |_: &[Frame], seen: Stamped| {
+        let is_lost = losses > 0 && seen.frame.to_string().starts_with("581#80FF5F07");
+        losses -= u32::from(is_lost);
+        (!is_lost).then_some(seen)
+    };
+    let steps = "[ wait: 77 ms, send: '600+n#40FF5F0700000000', \
+                 expect: { frame: '580+n#80FF5F07...', within: 50 ms } ]";
+    let bus = Odd { stalls: 1, ..odd(Box::new(way)) };
+    assert_eq!(judged(bus, steps), (Verdict::Pass, notes));
+}
+
+#[test]
 fn a_tester_in_time_judges_and_so_does_one_in_virtual_time() {
     let late = |stalls, real| Odd { real, ..stalled(stalls) };
     for mut bus in [late(0, true), late(u32::MAX, false)] {
