@@ -15,7 +15,7 @@ mod setting;
 mod tests;
 
 use canopen::eds::Eds;
-use canopen::{BenchError, Dictionary, Instant, Mux, NmtState, Value};
+use canopen::{BenchError, Dictionary, Instant, Mux, Value};
 use std::sync::Arc;
 
 use crate::stack::{Behaviour, CommunicationEvent, Errors, earlier};
@@ -152,9 +152,7 @@ impl Behaviour for IoBlock {
             for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {
                 output.fail(od, &*self.rules);
             }
-        } else if event == CommunicationEvent::Entered(NmtState::OPERATIONAL)
-            && self.rules.start_ends_failure()
-        {
+        } else if self.rules.recovers(event) {
             self.outputs().for_each(Output::recover);
         }
     }

@@ -217,6 +217,11 @@ decisions! {
         true
     }
 
+    /// The inhibit time holds back what the event timer triggers as well (7.5.2.37).
+    fn event_timer_is_inhibited(&self) -> bool {
+        true
+    }
+
     /// Each PDO has parameters of its own (7.5.2.35 and 7.5.2.37).
     fn pdo_parameter_of(&self, _direction: Direction, pdo: u16, _sub: u8) -> u16 {
         pdo
@@ -477,6 +482,9 @@ deviations! {
     }
     "tpdo-inhibit-ignored" {
         fn pdo_inhibit(&self, _configured: u16) -> Duration { Duration::ZERO }
+    }
+    "tpdo-event-timer-ignores-the-inhibit-time" {
+        fn event_timer_is_inhibited(&self) -> bool { false }
     }
     "tpdo-event-timer-not-restarted" {
         fn event_timer_restarts(&self) -> bool { false }

@@ -202,7 +202,10 @@ impl Tpdo {
 
     pub(crate) fn handle_timeout(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
         if let Some(due) = self.due.filter(|due| base.rules.elapsed(Timer::Event, *due, now)) {
-            self.event(now, base, out);
+            match base.rules.event_timer_is_inhibited() {
+                true => self.event(now, base, out),
+                false => self.transmit(now, base, out),
+            }
             // The inhibit time can delay the transmission, but never the next beat of the timer.
             self.due = Some(next_beat(due, self.period, now));
         }

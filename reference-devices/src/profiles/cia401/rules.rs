@@ -57,6 +57,11 @@ pub(crate) trait Cia401Rules: Send + Sync {
         true
     }
 
+    /// What ends a failure.
+    fn recovers(&self, event: CommunicationEvent) -> bool {
+        event == CommunicationEvent::Entered(NmtState::OPERATIONAL) && self.start_ends_failure()
+    }
+
     /// Each failure sets the outputs anew.
     fn fails_again(&self) -> bool {
         true
@@ -85,6 +90,8 @@ pub(crate) enum Deviation {
     FailsOnlyAt(CommunicationEvent),
     /// This sets the outputs, too.
     FailsAlsoAt(CommunicationEvent),
+    /// This ends a failure, too.
+    RecoversAlsoAt(CommunicationEvent),
     /// The outputs are set the first time only.
     FailsOnce,
     /// Each channel is set up by the entries of the first one.
@@ -146,6 +153,11 @@ impl Cia401Rules for Deviating {
             Deviation::FailsAlsoAt(failure) => event == failure || self.base.fails(event),
             _ => self.base.fails(event),
         }
+    }
+
+    fn recovers(&self, event: CommunicationEvent) -> bool {
+        matches!(self.deviation, Deviation::RecoversAlsoAt(end) if event == end)
+            || self.base.recovers(event)
     }
 
     fn fails_again(&self) -> bool {
@@ -263,6 +275,14 @@ const DEVIATIONS: &[(&str, Deviation)] = &[
     (
         "outputs-fail-in-pre-operational",
         Deviation::FailsAlsoAt(CommunicationEvent::Entered(NmtState::PRE_OPERATIONAL)),
+    ),
+    (
+        "outputs-recover-in-pre-operational",
+        Deviation::RecoversAlsoAt(CommunicationEvent::Entered(NmtState::PRE_OPERATIONAL)),
+    ),
+    (
+        "outputs-recover-in-operational",
+        Deviation::RecoversAlsoAt(CommunicationEvent::Entered(NmtState::OPERATIONAL)),
     ),
     ("channels-set-up-as-the-first", Deviation::SetUpAsTheFirst),
     ("lower-limit-excluded", Deviation::LowerLimitExcluded),
