@@ -247,7 +247,8 @@ impl Mcm260x {
             (Some(_), _) => Phase::Modbus(self.offline),
             (None, state) => Phase::Node(state, error),
         };
-        self.run_led.show(now, indicators::pattern(self.rules.run_led(phase)));
+        let pattern = indicators::pattern(self.rules.run_led(phase));
+        self.run_led.show(now, self.rules.run_pattern(pattern));
         let heard = self.heard.is_some_and(|heard| now < heard + HEARD);
         let lit = self.rules.com_led(heard);
         self.com_led.show(now, if lit { Pattern::SteadyOn } else { Pattern::SteadyOff });

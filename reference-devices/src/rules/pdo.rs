@@ -319,6 +319,12 @@ deviations! {
             rtr || matches!(kind, 0..=240 | 255)
         }
     }
+    "rpdo-type-253-accepted" {
+        fn transmission_type_valid(&self, direction: Direction, kind: u8) -> bool {
+            let remote = direction == Direction::Transmit && kind == 252;
+            remote || matches!(kind, 0..=240 | 253..)
+        }
+    }
     "pdo-reserved-type-accepted" {
         fn transmission_type_valid(&self, _direction: Direction, _kind: u8) -> bool { true }
     }

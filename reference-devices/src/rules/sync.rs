@@ -25,6 +25,11 @@ decisions! {
         state == NmtState::OPERATIONAL
     }
 
+    /// Supervision begins with the first SYNC, not with OPERATIONAL.
+    fn sync_watched_from_start(&self) -> bool {
+        false
+    }
+
     /// A SYNC that does not come in time is reported (7.2.7.1, 8100h).
     fn sync_loss_told(&self) -> bool {
         true
@@ -116,6 +121,9 @@ deviations! {
 
     "sync-loss-not-told" {
         fn sync_loss_told(&self) -> bool { false }
+    }
+    "sync-watched-from-the-start" {
+        fn sync_watched_from_start(&self) -> bool { true }
     }
     "sync-watched-in-pre-operational" {
         fn sync_watched_in(&self, _state: NmtState) -> bool { true }

@@ -175,7 +175,9 @@ impl Services {
         if ends || rules.sdo_client_ends_with_each_state() {
             self.drop_sdo_jobs(now);
         }
-        if state != NmtState::OPERATIONAL {
+        if state == NmtState::OPERATIONAL {
+            self.sync.start(now, &self.base);
+        } else {
             self.sync.stop();
         }
         if self.base.rules.rpdo_used_in(state) {

@@ -85,6 +85,13 @@ impl SyncConsumer {
         base.window_end = (!length.is_zero()).then(|| now + length);
     }
 
+    /// OPERATIONAL begins.
+    pub(crate) fn start(&mut self, now: Instant, base: &Base) {
+        if base.rules.sync_watched_from_start() {
+            self.deadline = self.longest_gap.map(|gap| now + gap);
+        }
+    }
+
     /// Supervision belongs to OPERATIONAL. What was missed stays an error until SYNC is back.
     pub(crate) fn stop(&mut self) {
         self.deadline = None;

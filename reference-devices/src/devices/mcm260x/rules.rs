@@ -6,7 +6,7 @@ use canopen::emcy::EmcyCode;
 use canopen::{Abort, Instant, Mux, NmtState};
 
 use super::encoder;
-use super::indicators::Phase;
+use super::indicators::{Pattern, Phase};
 use super::parameters::{DEFAULT_BIT_RATE, Item};
 use super::sensor::Wiring;
 use crate::devices::deviating::layer;
@@ -204,6 +204,11 @@ decisions! {
         phase
     }
 
+    /// The flashes of a pattern follow each other at their own length, and the last ends it.
+    fn run_pattern(&self, pattern: Pattern) -> Pattern {
+        pattern
+    }
+
     /// The COM LED is lit while the module communicates (5.2).
     fn com_led(&self, heard: bool) -> bool {
         heard
@@ -337,6 +342,11 @@ decisions! {
     /// The unit of temperatures does not concern linear signals (7.b).
     fn linear_digits(&self, digits: f64, _degree: i64) -> f64 {
         digits
+    }
+
+    /// How far the limits of a linear input are apart (chapters 6 and 7).
+    fn span(&self, lower: i64, upper: i64) -> i64 {
+        upper - lower
     }
 
     /// The gain is applied before the offset is added (chapters 6 and 7).

@@ -79,11 +79,11 @@ const fn linear(code: i64, kilohms: f64) -> Sensor {
 
 /// The digits of a share of a range, within the limits unless they may be left.
 fn scaled(share: f64, place: usize, parameters: Parameters) -> f64 {
-    let lower = parameters.value(Item::LowerLimit, place) as f64;
-    let upper = parameters.value(Item::UpperLimit, place) as f64;
+    let lower = parameters.value(Item::LowerLimit, place);
+    let upper = parameters.value(Item::UpperLimit, place);
     let beyond = parameters.value(Item::BeyondLimits, place) != 0;
     let share = if beyond { share } else { share.clamp(0.0, 1.0) };
-    let digits = lower + share * (upper - lower);
+    let digits = lower as f64 + share * parameters.rules.span(lower, upper) as f64;
     parameters.rules.linear_digits(digits, parameters.common(Item::Degree))
 }
 

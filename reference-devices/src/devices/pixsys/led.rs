@@ -29,6 +29,10 @@ pub(crate) enum Pattern {
     OneOff,
     /// Off for 1 s, then three flashes of 150 ms.
     ThreeOff,
+    /// As [`Self::ThreeOn`], with a pause after the third flash.
+    ThreeOnThenPause,
+    /// As [`Self::ThreeOff`], with a pause after the third flash.
+    ThreeOffThenPause,
 }
 
 impl Pattern {
@@ -58,6 +62,8 @@ impl Pattern {
             Self::ThreeOn => (true, &[1000, 150, 150, 150, 150, 150]),
             Self::OneOff => (true, &[40, 1160]),
             Self::ThreeOff => (false, &[1000, 150, 150, 150, 150, 150]),
+            Self::ThreeOnThenPause => (true, &[1150, 150, 150, 150, 150, 150]),
+            Self::ThreeOffThenPause => (false, &[1150, 150, 150, 150, 150, 150]),
         }
     }
 

@@ -110,7 +110,9 @@ pub(super) fn threshold(
     rules: &dyn Cia401Rules,
 ) -> bool {
     let setting = |setting| channel.setting(setting, od, rules);
-    if now == last || setting(Setting::AnalogueInterruptEnable) == 0 {
+    let enabled = |of| setting(of) != 0;
+    let (analogue, digital) = (Setting::AnalogueInterruptEnable, Setting::InterruptEnable);
+    if now == last || !rules.analogue_interrupts(enabled(analogue), enabled(digital)) {
         return false;
     }
     let conditions = [

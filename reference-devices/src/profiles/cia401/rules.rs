@@ -32,6 +32,11 @@ pub(crate) trait Cia401Rules: Send + Sync {
         value < limit
     }
 
+    /// Analogue inputs are transmitted when 6423h says so, whatever 6005h says.
+    fn analogue_interrupts(&self, enabled: bool, _digital: bool) -> bool {
+        enabled
+    }
+
     /// Reading 6422h takes its bits back.
     fn reading_clears_source(&self) -> bool {
         true
@@ -100,6 +105,8 @@ pub(crate) enum Deviation {
     LowerLimitExcluded,
     /// A filtered level has to hold for so long, whatever an object says.
     FilterTime(Duration),
+    /// Analogue inputs are transmitted only while 6005h allows it, too.
+    EnabledTogether,
     /// Reading 6422h leaves its bits.
     SourceStays,
     /// After a failure an output stays as it is until the device is OPERATIONAL again.
@@ -141,6 +148,11 @@ impl Cia401Rules for Deviating {
             Deviation::LowerLimitExcluded => value < limit,
             _ => self.base.below_limit(value, limit),
         }
+    }
+
+    fn analogue_interrupts(&self, enabled: bool, digital: bool) -> bool {
+        let together = matches!(self.deviation, Deviation::EnabledTogether);
+        self.base.analogue_interrupts(enabled, digital) && (digital || !together)
     }
 
     fn reading_clears_source(&self) -> bool {
@@ -327,6 +339,21 @@ const DEVIATIONS: &[(&str, Deviation)] = &[
             _ => configured,
         }),
     ),
+    (
+        "analogue-error-value-unsigned",
+        Deviation::Settings(|setting, configured| match setting {
+            Setting::AnalogueErrorValue => configured & 0xFFFF,
+            _ => configured,
+        }),
+    ),
+    (
+        "limits-unsigned",
+        Deviation::Settings(|setting, configured| match setting {
+            Setting::UpperLimit | Setting::LowerLimit => configured & 0xFFFF,
+            _ => configured,
+        }),
+    ),
+    ("interrupts-enabled-together", Deviation::EnabledTogether),
     ("interrupt-source-never-cleared", Deviation::SourceStays),
     ("outputs-keep-their-error-value", Deviation::KeepsErrorValue),
 ];

@@ -4,7 +4,7 @@ use canopen::emcy::EmcyCode;
 use canopen::{Abort, Instant, Mux, NmtState};
 
 use super::super::encoder;
-use super::super::indicators::Phase;
+use super::super::indicators::{Pattern, Phase};
 use super::super::parameters::{DEFAULT_BIT_RATE, Item};
 use super::super::sensor::Wiring;
 use super::{Diagnosis, Layer, Manual, Mcm260xRules};
@@ -514,6 +514,14 @@ const DEVIATIONS: &[Deviation<dyn Mcm260xRules>] = deviating! { dyn Mcm260xRules
             digits * (1.0 + gain / 100.0) + offset
         }
     }
+    "gain-of-whole-percent" {
+        fn calibrated(&self, digits: f64, gain: f64, offset: f64) -> f64 {
+            Manual.calibrated(digits, (gain / 10.0).trunc() * 10.0, offset)
+        }
+    }
+    "span-of-16-bits" {
+        fn span(&self, lower: i64, upper: i64) -> i64 { i64::from((upper - lower) as i16) }
+    }
     "gain-raises-only" {
         fn calibrated(&self, digits: f64, gain: f64, offset: f64) -> f64 {
             Manual.calibrated(digits, gain.max(0.0), offset)
@@ -667,23 +675,19 @@ const DEVIATIONS: &[Deviation<dyn Mcm260xRules>] = deviating! { dyn Mcm260xRules
     "output-led-always-lit" {
         fn output_led(&self, _active: bool) -> bool { true }
     }
+    "flashes-end-with-a-pause" {
+        fn run_pattern(&self, pattern: Pattern) -> Pattern {
+            match pattern {
+                Pattern::ThreeOn => Pattern::ThreeOnThenPause,
+                Pattern::ThreeOff => Pattern::ThreeOffThenPause,
+                _ => pattern,
+            }
+        }
+    }
     "diagnosis-of-the-first" {
         fn diagnosis(&self, _place: usize) -> Option<Diagnosis> { Manual.diagnosis(0) }
     }
 };
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn every_name_is_used_once() {
-        let mut all: Vec<&str> = names().collect();
-        let count = all.len();
-        all.sort_unstable();
-        all.dedup();
-        assert_eq!(all.len(), count);
-        assert!(all.iter().all(|name| named(name).is_some()));
-        assert!(named("none-of-these").is_none());
-    }
-}
+mod tests;
