@@ -11,7 +11,7 @@ use super::deeds::protected;
 use super::each::{each_scope, has_access};
 use super::instance::{Instance, Plan};
 use super::kind;
-use super::profile::{bind_names, of_another_profile, wrong_option};
+use super::profile::{self, of_another_profile, wrong_option};
 use super::scope::{Binding, Bound, Scope};
 use crate::dut::Dut;
 use crate::source::{At, Complaint};
@@ -47,6 +47,7 @@ pub(crate) fn plan_cases(
 ) -> Result<Plan, Vec<Complaint>> {
     let (mut instances, mut complaints) = (Vec::new(), Vec::new());
     let relaxed = relaxed(library, dut, models);
+    let bus = bus(dut);
     for suite in &library.suites {
         let model = match &suite.file.device {
             None => None,
@@ -56,8 +57,13 @@ pub(crate) fn plan_cases(
             },
         };
         let cases = suite.file.cases.iter().enumerate();
-        for (place, case) in cases.filter(|(_, case)| wanted(suite, &case.value)) {
-            match bind_case(suite, place, &case.value, (dut, model), holds) {
+        let mut cases = cases.filter(|(_, case)| wanted(suite, &case.value)).peekable();
+        if cases.peek().is_none() {
+            continue;
+        }
+        let offered = Offered::of(suite, &bus);
+        for (place, case) in cases {
+            match bind_case((suite, place, &case.value), &offered, (dut, model), holds) {
                 Ok(bound) => instances.extend(bound.into_iter().map(|instance| {
                     let checks = &case.value.checks;
                     let is_checked = |id: &str| checks.iter().any(|check| check.value == id);
@@ -96,10 +102,27 @@ fn relaxed<'l>(
     own.map(|relaxation| (relaxation.requirement.value.as_str(), relaxation.by.as_str())).collect()
 }
 
+/// The names that all instances of a suite have.
+struct Offered<'s> {
+    names: Arc<Scope>,
+    /// Those that a case cannot use for something of its own.
+    reserved: BTreeSet<&'s str>,
+}
+
+impl<'s> Offered<'s> {
+    fn of(suite: &'s Suite, bus: &Scope) -> Self {
+        let (mut names, mut reserved) = (bus.clone(), BTreeSet::from([NODE, BIT_RATE]));
+        for (name, binding) in profile::names(suite) {
+            names.bind(name.to_owned(), binding);
+            reserved.insert(name);
+        }
+        Self { names: Arc::new(names), reserved }
+    }
+}
+
 fn bind_case(
-    suite: &Arc<Suite>,
-    place: usize,
-    case: &Case,
+    (suite, place, case): (&Arc<Suite>, usize, &Case),
+    offered: &Offered,
     (dut, model): (&Dut, Option<&Eds>),
     holds: &mut dyn FnMut(&Instance) -> bool,
 ) -> Result<Vec<Instance>, Vec<Complaint>> {
@@ -152,8 +175,8 @@ fn bind_case(
         .collect();
     let mut complaints = Vec::new();
     for bound in &mut bound {
-        bind_bus(&mut bound.scope, dut);
-        bind_names(&mut bound.scope, suite);
+        bound.scope.forget(&offered.reserved);
+        bound.scope.share(&offered.names);
         let checked = check::case(bound, dut, model);
         // A guess would move the device to a bit rate that the bus does not have.
         let unknown = dut.unlisted_bit_rate().filter(|_| checked.used.contains(BIT_RATE));
@@ -177,20 +200,24 @@ fn bind_case(
 /// So many take hours on a real bus.
 const MOST_INSTANCES: usize = 20_000;
 
+/// The name that stands for the node id.
+const NODE: &str = "node";
+
 /// The name that stands for the place of the bit rate in the table of CiA 305.
 const BIT_RATE: &str = "bit-rate";
 
 /// The node id, others that the device does not have, the identifiers that come with those, and the
 /// place of the bit rate in the table of CiA 305.
-fn bind_bus(scope: &mut Scope, dut: &Dut) {
+fn bus(dut: &Dut) -> Scope {
     let place =
         lss::BIT_RATES.iter().position(|listed| listed.is_some() && *listed == dut.bit_rate);
-    scope.bind("node", int(dut.node.into()));
+    let mut scope = Scope::default();
+    scope.bind(NODE, int(dut.node.into()));
     scope.bind(BIT_RATE, int(place.map_or(u8::MAX, |place| place as u8).into()));
     for (name, binding) in others(dut, &[]) {
-        // A suite may have the name for something of its own.
-        scope.bind_unless_bound(name, binding);
+        scope.bind(name, binding);
     }
+    scope
 }
 
 /// Node ids that neither the device has nor any node that it monitors, by its data sheet or by

@@ -82,8 +82,7 @@ impl Plan {
         while grows {
             let known = relied.len();
             // Another data sheet has the same cases with other instances.
-            let cases: BTreeSet<&str> =
-                names.iter().filter_map(|name| name.split('[').next()).collect();
+            let cases: BTreeSet<&str> = names.iter().map(|name| case_of(name)).collect();
             let wanted = |instance: &&Instance| cases.contains(instance.case_name().as_str());
             let wanted = self.instances.iter().filter(wanted);
             relied.extend(wanted.flat_map(Instance::relies_on));
@@ -193,7 +192,8 @@ impl Instance {
 
     /// Whether the names contain it or its case.
     pub fn is_one_of(&self, names: &BTreeSet<String>) -> bool {
-        names.contains(&self.name()) || names.contains(&self.case_name())
+        let name = self.name();
+        names.contains(&name) || names.contains(case_of(&name))
     }
 
     /// The full name: `cia301/heartbeat/heartbeat-period[period=20 ms]`.
@@ -212,4 +212,9 @@ pub(crate) fn is_named(pattern: &str, name: &str) -> bool {
     let below = name.strip_prefix(pattern.trim_end_matches('/'));
     let whole = below.is_some_and(|rest| rest.is_empty() || rest.starts_with(['/', '[']));
     whole || WildMatch::new(pattern).matches(name)
+}
+
+/// The name of the case in the full name of an instance.
+pub(crate) fn case_of(name: &str) -> &str {
+    name.split_once('[').map_or(name, |(case, _)| case)
 }

@@ -48,14 +48,11 @@ fn of_another_name(profile: &Profile, dut: &Dut) -> Option<String> {
     }
 }
 
-/// Binds the bits and codes that the profile of the suite has names for.
-pub(super) fn bind_names(scope: &mut Scope, suite: &Suite) {
-    for profile in suite.profile().into_iter().flat_map(Profile::chain) {
-        for (name, value) in &profile.names {
-            let value = Literal::Int(i128::from(*value));
-            scope.bind(name.clone(), Binding::Literal(value));
-        }
-    }
+/// The bits and codes that the profile of the suite has names for.
+pub(super) fn names(suite: &Suite) -> impl Iterator<Item = (&str, Binding)> {
+    let profiles = suite.profile().into_iter().flat_map(Profile::chain);
+    let names = profiles.flat_map(|profile| &profile.names);
+    names.map(|(name, value)| (name.as_str(), Binding::Literal(Literal::Int(i128::from(*value)))))
 }
 
 /// Checks that a capability which a case requires is one that can be known.

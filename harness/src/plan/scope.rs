@@ -35,6 +35,8 @@ pub struct Scope {
     /// Sorted by name. Most names are words of the notation, and an instance is offered many of
     /// which it keeps few.
     names: Vec<(Cow<'static, str>, Binding)>,
+    /// What names stand for that this instance does not bind itself.
+    shared: Option<Arc<Self>>,
     /// The names that were asked for, when somebody wants to know.
     used: Option<Arc<Mutex<BTreeSet<String>>>>,
 }
@@ -55,20 +57,29 @@ impl Scope {
         }
     }
 
-    /// Binds a name that stands for nothing yet.
-    pub fn bind_unless_bound(&mut self, name: String, binding: Binding) {
-        if let Err(place) = self.place(&name) {
-            self.names.insert(place, (name.into(), binding));
-        }
+    /// Takes the names of another scope for those that are not bound.
+    pub fn share(&mut self, shared: &Arc<Self>) {
+        self.shared = Some(Arc::clone(shared));
+    }
+
+    /// Forgets names.
+    pub fn forget(&mut self, names: &BTreeSet<&str>) {
+        self.names.retain(|(name, _)| !names.contains(&**name));
     }
 
     /// Binds a name to something else that still stands for what was `planned`: a suite may use the
     /// name for something of its own.
     pub fn rebind(&mut self, name: &str, planned: &Binding, binding: Binding) {
-        if let Ok(place) = self.place(name)
-            && self.names[place].1 == *planned
-        {
-            self.names[place].1 = binding;
+        if self.find(name) == Some(planned) {
+            self.bind(name.to_owned(), binding);
+        }
+    }
+
+    /// What a name stands for.
+    fn find(&self, name: &str) -> Option<&Binding> {
+        match self.place(name) {
+            Ok(place) => Some(&self.names[place].1),
+            Err(_) => self.shared.as_ref()?.find(name),
         }
     }
 
@@ -110,10 +121,11 @@ impl Scope {
         {
             used.insert(name.0.clone());
         }
-        let place = self.place(&name.0).ok();
-        place.map(|place| &self.names[place].1).ok_or_else(|| {
-            let known = self.names.iter().map(|(name, _)| format!("${name}"));
-            let known: Vec<String> = known.collect();
+        self.find(&name.0).ok_or_else(|| {
+            let shared = self.shared.iter().flat_map(|shared| &shared.names);
+            let known: BTreeSet<String> =
+                self.names.iter().chain(shared).map(|(name, _)| format!("${name}")).collect();
+            let known: Vec<String> = known.into_iter().collect();
             let meant = did_you_mean(&name.to_string(), known.iter().map(String::as_str));
             match known.is_empty() {
                 true => format!("nothing is bound to {name}"),

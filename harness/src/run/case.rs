@@ -265,9 +265,11 @@ impl CaseRun<'_, '_> {
         let watched_from = self.link.trace().len();
         let (case, patience) = (self.instance.case(), self.patience());
         let mut scope = self.instance.scope.clone();
-        let stored = others(self.dut, &self.baseline.monitored);
-        for ((name, planned), (_, binding)) in others(self.dut, &[]).zip(stored) {
-            scope.rebind(&name, &planned, binding);
+        if !self.baseline.monitored.is_empty() {
+            let stored = others(self.dut, &self.baseline.monitored);
+            for ((name, planned), (_, binding)) in others(self.dut, &[]).zip(stored) {
+                scope.rebind(&name, &planned, binding);
+            }
         }
         let mut steps = Steps {
             link: &mut *self.link,

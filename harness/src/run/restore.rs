@@ -8,7 +8,7 @@ use canopen::monitor::Seen;
 use canopen::pdo::{CobId, Mapping};
 use canopen::sdo::block::BlockRequest;
 use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response, Transfer};
-use canopen::{BusError, Frame, Mux, Stamped};
+use canopen::{BusError, Frame, Mux, Stamped, heartbeat, nmt};
 
 use super::link::Link;
 use super::policy::Policy;
@@ -88,9 +88,10 @@ impl Snapshot {
         changed: &mut BTreeSet<Mux>,
     ) -> Result<bool, BusError> {
         let behind = is_behind(link.trace(), node);
-        let to = &mut Restoring { link, policy, node, silent: 0, behind };
+        let has_booted = has_booted(link.trace(), node);
+        let to = &mut Restoring { link, policy, node, silent: 0, behind, has_booted };
         for record in self.changed_records(to, changed)? {
-            let whole = self.restore_record(to, record)?;
+            let whole = self.restore_record(to, record, changed)?;
             let of_record = self.values.iter().filter(|(mux, _)| record_of(mux.index) == record);
             for (mux, value) in of_record {
                 match whole || to.reads(*mux, value)? {
@@ -157,7 +158,15 @@ impl Snapshot {
     }
 
     /// In the order of CiA 301, 7.5.2.36: invalid, count 0, entries, count, parameters, valid.
-    fn restore_record(&self, to: &mut Restoring, record: u16) -> Result<bool, BusError> {
+    /// Entries that were out of use and were not `written` stay out of use, unless the device has
+    /// booted since.
+    fn restore_record(
+        &self,
+        to: &mut Restoring,
+        record: u16,
+        written: &BTreeSet<Mux>,
+    ) -> Result<bool, BusError> {
+        let as_booted = to.has_booted;
         let (cob_id, mapping) = (Mux::new(record, 1), record | 0x0200);
         let mut whole = true;
         let mut write = |mux: Mux, value: &[u8]| -> Result<(), BusError> {
@@ -174,8 +183,11 @@ impl Snapshot {
         let mapped = |(mux, _): &(&Mux, &Vec<u8>)| mux.index == mapping;
         if self.values.keys().any(|mux| mux.index == mapping) {
             write(Mux::new(mapping, 0), &[0])?;
-            let used = |(mux, _): &(&Mux, &Vec<u8>)| mux.sub != 0;
-            for (mux, value) in self.values.iter().filter(mapped).filter(used) {
+            let needed = |(mux, value): &(&Mux, &Vec<u8>)| {
+                mux.sub != 0
+                    && (as_booted || written.contains(mux) || value.iter().any(|byte| *byte != 0))
+            };
+            for (mux, value) in self.values.iter().filter(mapped).filter(needed) {
                 write(*mux, value)?;
             }
             if let Some(count) = self.values.get(&Mux::new(mapping, 0)) {
@@ -216,6 +228,8 @@ struct Restoring<'r, 'b> {
     /// Whether an answer may come that is older than the next request, and would be taken for the
     /// proof that an object is back.
     behind: bool,
+    /// Whether the device may have begun anew since its objects were read.
+    has_booted: bool,
 }
 
 impl Restoring<'_, '_> {
@@ -276,6 +290,16 @@ fn is_behind(trace: &[Seen], node: u8) -> bool {
     }
     // Before the trace began, anything may have been asked.
     behind || open || !asked
+}
+
+/// Whether the trace has a reset, or a boot-up message.
+fn has_booted(trace: &[Seen], node: u8) -> bool {
+    let error_control = heartbeat::COB_ID + u16::from(node);
+    trace.iter().map(|seen| seen.stamped).any(|Stamped { frame, own, .. }| match frame.data_id() {
+        Some(nmt::COB_ID) => own && matches!(frame.data.first(), Some(0x81 | 0x82)),
+        Some(id) => !own && id == error_control && *frame.data == [0],
+        None => false,
+    })
 }
 
 /// The object that a request to the server begins to write.
