@@ -130,6 +130,15 @@ impl Digital {
         self.due = None;
     }
 
+    /// A fault leaves the state as it is.
+    pub(super) fn keep(&mut self, now: Instant, rules: &dyn Ax021211Rules) {
+        if !rules.hotshot_ends_in_a_fault() {
+            let later = |end| if now < end { now + Duration::from_secs(3600) } else { end };
+            self.hotshot_end = self.hotshot_end.map(later);
+        }
+        self.hold();
+    }
+
     /// The current of a hotshot output in milliamperes (figure 3).
     pub(super) fn current(
         &mut self,

@@ -221,6 +221,8 @@ pub(super) struct Output {
     level: f64,
     /// The field value that the ramps lead to.
     target: f64,
+    /// The field value that the control input asked for last, whatever decided.
+    asked: f64,
     digital: Digital,
     detector: Detector,
     moves: bool,
@@ -240,6 +242,9 @@ impl Output {
             *self = Self { kind: settings.kind, ..Self::default() };
         }
         self.moves = false;
+        if inputs[0].is_valid() {
+            self.asked = settings.field_value(inputs[0].value, rules);
+        }
         let command = settings.command(inputs, rules);
         let stage = if self.kind.is_digital() {
             self.drive_digital(now, command, settings, rules)
@@ -268,7 +273,7 @@ impl Output {
     ) -> Stage {
         let target = match command {
             Command::Fault if rules.keeps(settings.keeps_on_fault) => {
-                rules.kept_on_fault(self.level, self.target)
+                rules.kept_on_fault(self.level, self.target, self.asked)
             }
             Command::Fault => settings.fault_fv,
             Command::Override => rules.override_fv(settings.override_fv, self.level),
@@ -303,7 +308,7 @@ impl Output {
         let is_hotshot = self.kind == Kind::Hotshot;
         let set = &settings.digital;
         match command {
-            Command::Fault if rules.keeps(set.keeps_on_fault) => self.digital.hold(),
+            Command::Fault if rules.keeps(set.keeps_on_fault) => self.digital.keep(now, rules),
             Command::Fault => self.digital.force(rules.fault_state(set.fault_state)),
             Command::Override => self.digital.force(settings.override_fv != 0.0),
             Command::Disabled(Disabled::KeepLast) => self.digital.hold(),

@@ -88,7 +88,7 @@ decisions! {
     }
 
     /// Fault mode 0 keeps what the output has, not what it is on its way to (1.3, table 10).
-    fn kept_on_fault(&self, level: f64, _target: f64) -> f64 {
+    fn kept_on_fault(&self, level: f64, _target: f64, _asked: f64) -> f64 {
         level
     }
 

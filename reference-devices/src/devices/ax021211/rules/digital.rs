@@ -44,6 +44,11 @@ decisions! {
         true
     }
 
+    /// A fault that keeps the output on leaves the hotshot its time (1.2, figure 3).
+    fn hotshot_ends_in_a_fault(&self) -> bool {
+        true
+    }
+
     /// 2222h (2.4.3).
     fn hotshot_time(&self, configured: Duration) -> Duration {
         configured
@@ -94,6 +99,9 @@ pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
     }
     "hotshot-once" {
         fn hotshot_is_armed_again(&self) -> bool { false }
+    }
+    "hotshot-lasts-in-a-fault" {
+        fn hotshot_ends_in_a_fault(&self) -> bool { false }
     }
     "hotshot-skipped" {
         fn hotshot_time(&self, _configured: Duration) -> Duration { Duration::ZERO }

@@ -16,7 +16,10 @@ pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
         fn reads_types_at_a_start(&self) -> bool { false }
     }
     "last-target-kept-on-fault" {
-        fn kept_on_fault(&self, _level: f64, target: f64) -> f64 { target }
+        fn kept_on_fault(&self, _level: f64, target: f64, _asked: f64) -> f64 { target }
+    }
+    "control-input-kept-on-fault" {
+        fn kept_on_fault(&self, _level: f64, _target: f64, asked: f64) -> f64 { asked }
     }
     "only-output-1-changes-the-state" {
         fn reacts(&self, place: usize) -> bool { place == 0 }
