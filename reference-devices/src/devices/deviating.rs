@@ -18,6 +18,20 @@ pub(super) fn names<R: ?Sized>(all: &[Deviation<R>]) -> impl Iterator<Item = &'s
     all.iter().map(|(name, _)| *name)
 }
 
+/// Asserts that each of the names is there once, and that what knows them knows no other.
+#[cfg(test)]
+pub(super) fn assert_unique<'n>(
+    names: impl Iterator<Item = &'n str>,
+    is_known: impl Fn(&str) -> bool,
+) {
+    let mut seen = std::collections::BTreeSet::new();
+    for name in names {
+        assert!(seen.insert(name), "{name} twice");
+        assert!(is_known(name), "{name}");
+    }
+    assert!(!is_known("none-of-these"));
+}
+
 /// The trait `Layer` of decisions that can lie on top of others.
 macro_rules! layer {
     ($visibility:vis of dyn $rules:ident) => {

@@ -690,4 +690,11 @@ const DEVIATIONS: &[Deviation<dyn Mcm260xRules>] = deviating! { dyn Mcm260xRules
 };
 
 #[cfg(test)]
-mod tests;
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_name_is_used_once() {
+        crate::devices::deviating::assert_unique(names(), |name| named(name).is_some());
+    }
+}
