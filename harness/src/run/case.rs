@@ -104,9 +104,11 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             None => return Finished { outcome, aftermath, shown },
         };
         if attempt == ATTEMPTS {
-            let outcome =
-                error(format!("{why}, and in {} attempts", attempt - u32::from(doubtful)));
-            return Finished { outcome, aftermath, shown };
+            let reason = match &late {
+                Some(_) => format!("{why}, and in {attempt} attempts"),
+                None => format!("the tester was late in {} attempts, and one failed", attempt - 1),
+            };
+            return Finished { outcome: error(reason), aftermath, shown };
         }
         (left, stalled, failed) = (how, stalled || late.is_some(), failed || doubtful);
         run.note(format!("{why}: the case is repeated"));

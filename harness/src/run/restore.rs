@@ -88,7 +88,8 @@ impl Snapshot {
         changed: &mut BTreeSet<Mux>,
     ) -> Result<bool, BusError> {
         let behind = is_behind(link.trace(), node);
-        let has_booted = has_booted(link.trace(), node);
+        // A device may load what it has stored at once.
+        let has_booted = has_booted(link.trace(), node) || stored(link, node);
         let to = &mut Restoring { link, policy, node, silent: 0, behind, has_booted };
         for record in self.changed_records(to, changed)? {
             let whole = self.restore_record(to, record, changed)?;
