@@ -619,6 +619,6 @@ mod tests {
 
     #[test]
     fn every_name_is_used_once() {
-        crate::devices::deviating::assert_unique(names(), |name| named(name).is_some());
+        deviating::assert_unique(names(), |name| named(name).is_some());
     }
 }
