@@ -23,7 +23,12 @@ pub struct Dictionary {
     places: Arc<Addresses>,
     values: Vec<Bytes>,
     changes: u64,
+    /// The places of the last changes; the one counted `n` is at `n % RECENT`.
+    recent: [u32; RECENT],
 }
+
+/// How many changes are remembered.
+const RECENT: usize = 32;
 
 /// A value. Most are no longer than a register, and need no memory of their own.
 type Bytes = SmallVec<[u8; 16]>;
@@ -37,7 +42,7 @@ impl Dictionary {
         let entries: Arc<[Entry]> = eds.entries().cloned().collect();
         let values = defaults(&entries, node)?;
         let places = Arc::new(Addresses::new(entries.iter().map(|entry| entry.mux)));
-        Ok(Self { entries, places, values, changes: 0 })
+        Ok(Self { entries, places, values, changes: 0, recent: [0; RECENT] })
     }
 
     /// The same device with another node id, every value at its default.
@@ -47,7 +52,9 @@ impl Dictionary {
     pub fn of_node(&self, node: u8) -> Result<Self, (Mux, ValueError)> {
         let values = defaults(&self.entries, node)?;
         let (entries, places) = (Arc::clone(&self.entries), Arc::clone(&self.places));
-        Ok(Self { entries, places, values, changes: self.changes + 1 })
+        // Any value may be another one, so nobody shall find that few have changed.
+        let changes = self.changes + RECENT as u64 + 1;
+        Ok(Self { entries, places, values, changes, recent: [0; RECENT] })
     }
 
     /// The value at `mux` for an SDO upload.
@@ -128,13 +135,22 @@ impl Dictionary {
         let (first, last) = indices.into_inner();
         let from = self.entries.partition_point(|entry| entry.mux.index < first);
         let to = self.entries.partition_point(|entry| entry.mux.index <= last).max(from);
-        self.values[from..to].clone_from_slice(&other.values[from..to]);
-        self.changes += 1;
+        for place in from..to {
+            self.store(place, &other.values[place]);
+        }
     }
 
     /// A number that grows with each change of a value.
     pub const fn changes(&self) -> u64 {
         self.changes
+    }
+
+    /// The addresses whose values have changed since [`changes`](Self::changes) was `count`, once
+    /// for each change; `None` when those were too many to tell.
+    pub fn changed_since(&self, count: u64) -> Option<impl Iterator<Item = Mux> + '_> {
+        let remembered = self.changes.checked_sub(count)? <= RECENT as u64;
+        let mux = |change| self.entries[self.recent[change as usize % RECENT] as usize].mux;
+        remembered.then(|| (count..self.changes).map(mux))
     }
 
     /// The description of the entry at `mux`.
@@ -164,6 +180,7 @@ impl Dictionary {
         if value.as_slice() != bytes {
             value.clear();
             value.extend_from_slice(bytes);
+            self.recent[self.changes as usize % RECENT] = place as u32;
             self.changes += 1;
         }
     }
@@ -269,6 +286,29 @@ mod tests {
         od.restore(&initial, 0x1000..=0x1FFF);
         assert_eq!(od.int(Mux::new(0x1017, 0)), Some(105));
         assert_eq!(od.get(Mux::new(0x2001, 0)), Some(&[1][..]));
+    }
+
+    #[test]
+    fn changes_are_told_as_long_as_they_are_few() {
+        let initial = dictionary();
+        let mut od = initial.clone();
+        let told =
+            |od: &Dictionary, count| od.changed_since(count).map(Iterator::collect::<Vec<_>>);
+        let [period, on] = [Mux::new(0x1017, 0), Mux::new(0x2001, 0)];
+        od.set(period, &[1, 0]);
+        od.set(on, &[0]);
+        assert_eq!(told(&od, 0), Some(vec![period]));
+        od.set(on, &[1]);
+        assert_eq!(told(&od, 0), Some(vec![period, on]));
+        assert_eq!(told(&od, od.changes()), Some(vec![]));
+        od.restore(&initial, 0x1000..=0x1FFF);
+        assert_eq!(told(&od, 1), Some(vec![on, period]));
+        for value in 0..RECENT as i64 {
+            od.set_int(period, value);
+        }
+        assert_eq!(told(&od, 3).map(|all| all.len()), Some(RECENT));
+        assert_eq!(told(&od, 2), None);
+        assert_eq!(told(&od.of_node(6).unwrap(), od.changes()), None);
     }
 
     #[test]

@@ -35,6 +35,12 @@ impl PdoMapping {
         bits(&self.entries).div_ceil(8).min(8) as usize
     }
 
+    /// Whether one of the values has changed since [`Dictionary::changes`] was `count`.
+    pub(crate) fn has_changed_since(&self, count: u64, od: &Dictionary) -> bool {
+        let is_mapped = |mux| self.entries.iter().any(|entry| entry.mux == mux);
+        od.changed_since(count).is_none_or(|mut changed| changed.any(is_mapped))
+    }
+
     /// The present values, side by side.
     pub(crate) fn pack(&self, od: &Dictionary) -> Data {
         let mut packer = Packer::default();

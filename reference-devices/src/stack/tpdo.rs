@@ -137,8 +137,12 @@ impl Tpdo {
         let by_change = self.is_event_driven() || self.kind == 0;
         // A pending event transmits the values that hold when the inhibit time ends, so the last
         // change within it is the one that is sent.
+        if !self.is_active() || !by_change || self.pending {
+            return;
+        }
         let changes = Some(base.od.changes());
-        if !self.is_active() || !by_change || self.pending || self.quiet == changes {
+        if self.quiet.is_some_and(|then| !self.mapping.has_changed_since(then, &base.od)) {
+            self.quiet = changes;
             return;
         }
         let data = self.mapping.pack(&base.od);
@@ -257,7 +261,7 @@ impl Tpdo {
 
     fn remember(&mut self, base: &Base) {
         self.last = self.mapping.pack(&base.od);
-        (self.seen, self.quiet) = (self.last, None);
+        (self.seen, self.quiet) = (self.last, Some(base.od.changes()));
     }
 
     fn start_timer(&mut self, now: Instant) {
