@@ -149,8 +149,12 @@ impl DataType {
 
     /// The whole number that `bytes` are in this type; `None` when they are none, or too large.
     pub fn decode_int(self, bytes: &[u8]) -> Option<i64> {
-        let number =
-            || bytes.iter().rev().fold(0, |number: u64, byte| number << 8 | u64::from(*byte));
+        let number = || match *bytes {
+            [a] => a.into(),
+            [a, b] => u16::from_le_bytes([a, b]).into(),
+            [a, b, c, d] => u32::from_le_bytes([a, b, c, d]).into(),
+            _ => bytes.iter().rev().fold(0, |number: u64, byte| number << 8 | u64::from(*byte)),
+        };
         match self.kind() {
             Kind::Unsigned(size) if size == bytes.len() => number().try_into().ok(),
             Kind::Signed(size) if size == bytes.len() => {
