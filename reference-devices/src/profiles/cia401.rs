@@ -40,6 +40,9 @@ pub(crate) struct IoBlock {
     sources: Vec<u32>,
     /// Whether a failure has set the outputs.
     failed: bool,
+    /// How many changes the dictionary had when a run would have found nothing more to do; `None`
+    /// after anything else that a run has to do with.
+    settled: Option<u64>,
 }
 
 impl IoBlock {
@@ -58,6 +61,7 @@ impl IoBlock {
             analogue_outputs: channels(Kind::AnalogueOutput).map(Output::new).collect(),
             sources: vec![0; banks],
             failed: false,
+            settled: None,
         }
     }
 
@@ -90,7 +94,10 @@ impl IoBlock {
     /// device of which they are outputs as well.
     pub(crate) fn drive_inputs(&mut self, place: usize, levels: i64) {
         if let Some(input) = self.digital_inputs.get_mut(place) {
-            input.driven = levels & input.channel.mask();
+            let driven = levels & input.channel.mask();
+            if std::mem::replace(&mut input.driven, driven) != driven {
+                self.settled = None;
+            }
         }
     }
 
@@ -117,18 +124,26 @@ impl IoBlock {
 
 impl Behaviour for IoBlock {
     fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {
+        self.settled = None;
         self.sources.fill(0);
         self.digital_inputs.iter_mut().for_each(DigitalInput::restart);
         self.outputs().for_each(Output::restart);
     }
 
     fn supply_lost(&mut self) {
+        self.settled = None;
         self.outputs().for_each(Output::restart);
     }
 
     fn written(&mut self, _now: Instant, mux: Mux, _od: &mut Dictionary) {
         if self.rules.follows_after_failure() {
-            self.outputs().filter(|output| output.is_at(mux)).for_each(Output::recover);
+            for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {
+                if output.is_at(mux) {
+                    output.recover();
+                    // What was written need not be another value than before.
+                    self.settled = None;
+                }
+            }
         }
     }
 
@@ -143,6 +158,7 @@ impl Behaviour for IoBlock {
     }
 
     fn event(&mut self, _now: Instant, event: CommunicationEvent, od: &mut Dictionary) {
+        self.settled = None;
         if self.rules.fails(event) {
             if std::mem::replace(&mut self.failed, true) && !self.rules.fails_again() {
                 return;
@@ -158,6 +174,10 @@ impl Behaviour for IoBlock {
     }
 
     fn run(&mut self, now: Instant, od: &mut Dictionary, _errors: &mut Errors) {
+        if self.settled.is_some_and(|then| !has_changed_since(then, od)) {
+            self.settled = Some(od.changes());
+            return;
+        }
         for input in &mut self.digital_inputs {
             input.sample(now, od, &*self.rules);
         }
@@ -166,6 +186,8 @@ impl Behaviour for IoBlock {
         }
         self.drive(od);
         self.show_sources(od);
+        let waits = self.poll_at().is_some();
+        self.settled = (!waits).then(|| od.changes());
     }
 
     fn poll_at(&self) -> Option<Instant> {
@@ -190,6 +212,7 @@ impl Behaviour for IoBlock {
         value: &Value,
         _od: &mut Dictionary,
     ) -> Result<(), BenchError> {
+        self.settled = None;
         let number = value.as_int().and_then(|number| i64::try_from(number).ok());
         let block = place(name, DIGITAL_INPUTS);
         let field = place(name, ANALOGUE_INPUTS);
@@ -237,6 +260,7 @@ impl Behaviour for IoBlock {
                 let (bank, bit) = (usize::from(mux.sub - 1) / 32, (mux.sub - 1) % 32);
                 if event && let Some(bank) = self.sources.get_mut(bank) {
                     *bank |= 1 << bit;
+                    self.settled = None;
                 }
                 event
             }
@@ -263,6 +287,12 @@ fn place(name: &str, prefix: &str) -> Option<usize> {
     name.strip_prefix(prefix)?.parse::<usize>().ok()?.checked_sub(1)
 }
 
+/// Whether a value of the application has changed since [`Dictionary::changes`] was `count`.
+fn has_changed_since(count: u64, od: &Dictionary) -> bool {
+    let mut changed = od.changed_since(count);
+    changed.as_mut().is_none_or(|changed| changed.any(|mux| mux.index >= APPLICATION))
+}
+
 /// Whether the value is a bank of 32 interrupt sources.
 const fn is_source(mux: Mux) -> bool {
     mux.index == SOURCE && mux.sub > 0
@@ -273,5 +303,7 @@ const ANALOGUE_INPUTS: &str = "analogue-input-";
 const DIGITAL_OUTPUTS: &str = "digital-outputs-";
 const ANALOGUE_OUTPUTS: &str = "analogue-output-";
 
+/// The first index that is not of the communication profile.
+const APPLICATION: u16 = 0x2000;
 /// Analogue input interrupt source.
 const SOURCE: u16 = 0x6422;

@@ -18,18 +18,21 @@ pub(super) struct DigitalInput {
     levels: i64,
     /// When the level of a terminal that changed has held long enough, terminal by terminal.
     due: Vec<Option<Instant>>,
+    /// The first of them.
+    next: Option<Instant>,
 }
 
 impl DigitalInput {
     pub(super) fn new(channel: Channel) -> Self {
         let due = vec![None; channel.bits as usize];
-        Self { channel, terminals: 0, driven: 0, levels: 0, due }
+        Self { channel, terminals: 0, driven: 0, levels: 0, due, next: None }
     }
 
     /// Begins anew: what is there now is not a change.
     pub(super) fn restart(&mut self) {
         self.levels = self.present();
         self.due.fill(None);
+        self.next = None;
     }
 
     /// Takes over what is at the terminals, polarity included, into the object.
@@ -50,11 +53,12 @@ impl DigitalInput {
                 *due = None;
             }
         }
+        self.next = self.due.iter().flatten().min().copied();
         od.set_int(self.channel.value, self.levels ^ polarity);
     }
 
-    pub(super) fn poll_at(&self) -> Option<Instant> {
-        self.due.iter().flatten().min().copied()
+    pub(super) const fn poll_at(&self) -> Option<Instant> {
+        self.next
     }
 
     const fn present(&self) -> i64 {

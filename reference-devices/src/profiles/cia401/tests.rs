@@ -1,5 +1,6 @@
 use canopen::eds::{Access, Eds};
-use canopen::{DataType, Device, Value};
+use canopen::{DataType, Device, NmtState, Value};
+use proptest::prelude::*;
 
 use super::*;
 use crate::devices;
@@ -239,4 +240,95 @@ fn without_settings_each_change_is_an_event_and_a_failure_switches_off() {
     );
     fixture.send("000#0205");
     assert_eq!((seen(&fixture, "digital-outputs-1"), seen(&fixture, "analogue-output-1")), (0, 0));
+}
+
+/// What can happen to a block.
+#[derive(Clone, Debug)]
+enum Happening {
+    Written(Mux, i64),
+    Stimulated(String, i64),
+    Entered(NmtState),
+    Uploaded(Mux),
+    Reset,
+    /// A TPDO compares the value.
+    Compared(Mux, i64),
+    Driven(i64),
+    Measured(i64),
+    Later(u64),
+}
+
+fn happening(eds: &Eds) -> impl Strategy<Value = Happening> + use<> {
+    let entries: Vec<Mux> = eds.entries().map(|entry| entry.mux).collect();
+    let mux = prop::sample::select(entries);
+    let names = IoBlock::new(eds, Box::new(Cia401)).bench_names();
+    let states = vec![NmtState::OPERATIONAL, NmtState::STOPPED, NmtState::PRE_OPERATIONAL];
+    let value = || -3..300_i64;
+    prop_oneof![
+        6 => (mux.clone(), value()).prop_map(|(mux, value)| Happening::Written(mux, value)),
+        3 => (prop::sample::select(names), value())
+            .prop_map(|(name, value)| Happening::Stimulated(name, value)),
+        2 => prop::sample::select(states).prop_map(Happening::Entered),
+        1 => mux.clone().prop_map(Happening::Uploaded),
+        1 => Just(Happening::Reset),
+        2 => (mux, value()).prop_map(|(mux, value)| Happening::Compared(mux, value)),
+        1 => value().prop_map(Happening::Driven),
+        1 => value().prop_map(Happening::Measured),
+        3 => (0..70_000_000_u64).prop_map(Happening::Later),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 32, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_block_that_leaves_out_runs_does_what_one_does_that_never_does(
+        happenings in prop::collection::vec(
+            happening(&devices::device("generic").unwrap().description.eds),
+            1..60,
+        ),
+    ) {
+        let sheet = &devices::device("generic").unwrap().description.eds;
+        let new = || (IoBlock::new(sheet, Box::new(Cia401)), Dictionary::new(sheet, 1).unwrap());
+        let (mut both, mut now) = ([new(), new()], Instant::ZERO);
+        for happening in happenings {
+            for (place, (io, od)) in both.iter_mut().enumerate() {
+                match &happening {
+                    Happening::Written(mux, value) => {
+                        od.set_int(*mux, *value);
+                        io.written(now, *mux, od);
+                    }
+                    Happening::Stimulated(name, value) => {
+                        io.stimulate(now, name, &Value::from(*value), od).ok();
+                    }
+                    Happening::Entered(state) => {
+                        io.event(now, CommunicationEvent::Entered(*state), od);
+                    }
+                    Happening::Uploaded(mux) => io.uploaded(*mux, od),
+                    Happening::Reset => io.reset(now, od),
+                    Happening::Compared(mux, value) => {
+                        let len = od.get(*mux).unwrap().len().min(8);
+                        io.triggers(*mux, &value.to_le_bytes()[..len], od);
+                    }
+                    Happening::Driven(levels) => io.drive_inputs(0, *levels),
+                    Happening::Measured(field) => io.measure(0, *field, od),
+                    Happening::Later(_) => {}
+                }
+                if place == 1 {
+                    io.settled = None;
+                }
+                io.run(now, od, &mut Errors::default());
+            }
+            if let Happening::Later(nanos) = happening {
+                now = Instant(now.0 + nanos);
+            }
+            let [(io, od), (other, its)] = &both;
+            prop_assert_eq!(io.poll_at(), other.poll_at());
+            for entry in od.entries() {
+                prop_assert_eq!(od.get(entry.mux), its.get(entry.mux), "{}", entry.mux);
+            }
+            for name in io.bench_names() {
+                prop_assert_eq!(io.observe(&name, od), other.observe(&name, its), "{}", name);
+            }
+        }
+    }
 }
