@@ -15,6 +15,7 @@ use crate::stack::nmt::Nmt;
 use crate::stack::sdo_servers::SdoServers;
 use crate::stack::services::Services;
 use crate::stack::settings::NodeSettings;
+use crate::stack::time::earlier;
 
 /// A device on a bus. Which services it has is a matter of the objects in its data sheet.
 #[derive(Clone)]
@@ -244,9 +245,12 @@ impl Device for Node {
     }
 
     fn poll_at(&self) -> Option<Instant> {
+        if !self.on {
+            return None;
+        }
         let lss = self.lss.as_ref().and_then(Lss::poll_at);
         let deadlines = [self.nmt.poll_at(), self.sdo.poll_at(), self.services.poll_at(), lss];
-        deadlines.into_iter().flatten().min().filter(|_| self.on)
+        deadlines.into_iter().fold(None, earlier)
     }
 
     fn bench_names(&self) -> Vec<String> {

@@ -119,7 +119,7 @@ impl Services {
         }
         let base = &mut self.base;
         if base.rules.reset_restores(reset) {
-            base.od.restore(&self.storage.image(), reset.objects());
+            self.storage.load(reset.objects(), &mut base.od);
         }
         if base.rules.reset_ends_errors() {
             let all = base.rules.reset_ends_application_errors(reset);
@@ -324,9 +324,10 @@ impl Services {
             self.sdo_clients.poll_at(),
             self.behaviour.poll_at(),
         ];
-        let rpdos = self.rpdos.iter().map(Rpdo::poll_at);
-        let tpdos = self.tpdos.iter().map(Tpdo::poll_at);
-        deadlines.into_iter().chain(rpdos).chain(tpdos).fold(None, earlier)
+        // Asked for after each event, and loops cost less than a chain of iterators.
+        let due = deadlines.into_iter().fold(None, earlier);
+        let due = self.rpdos.iter().map(Rpdo::poll_at).fold(due, earlier);
+        self.tpdos.iter().map(Tpdo::poll_at).fold(due, earlier)
     }
 
     /// Tells the application how its transfer ended.

@@ -1,6 +1,7 @@
 //! Storing and restoring parameters (CiA 301, 7.5.2.13 and 7.5.2.14, objects 1010h and 1011h).
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 use canopen::eds::{Access, Eds};
 use canopen::{Abort, Dictionary, Instant, Mux};
@@ -37,7 +38,8 @@ type Values = BTreeMap<Mux, Vec<u8>>;
 /// What is being stored.
 #[derive(Clone)]
 struct Save {
-    values: Vec<(Mux, Vec<u8>)>,
+    /// Most have the default, which is `None`.
+    values: Vec<(Mux, Option<Vec<u8>>)>,
     /// What is stored beside them.
     onto: Values,
     begun: Instant,
@@ -68,18 +70,21 @@ impl Storage {
         Self { defaults, storable, banks, save: None, torn: false, restart: false }
     }
 
-    /// What a reset loads: the newest bank.
-    pub(crate) fn image(&self) -> Dictionary {
-        let mut image = self.defaults.clone();
-        for (mux, bytes) in &self.newest().values {
-            image.set(*mux, bytes);
-        }
-        image
+    /// What a reset does with the objects of these indices: they take what the newest bank has.
+    pub(crate) fn load(&self, indices: RangeInclusive<u16>, od: &mut Dictionary) {
+        od.restore(&self.defaults, indices.clone());
+        let stored = self.newest().values.iter();
+        stored
+            .filter(|(mux, _)| indices.contains(&mux.index))
+            .for_each(|(mux, bytes)| od.set(*mux, bytes));
     }
 
     /// The device has another node id, and therefore other defaults.
     pub(crate) fn take_defaults(&mut self, defaults: Dictionary) {
-        self.defaults = defaults;
+        let before = std::mem::replace(&mut self.defaults, defaults);
+        for (mux, bytes) in self.save.iter_mut().flat_map(|save| &mut save.values) {
+            bytes.get_or_insert_with(|| before.get(*mux).unwrap_or_default().to_vec());
+        }
     }
 
     /// Whether the object is a parameter that can be stored.
@@ -99,7 +104,8 @@ impl Storage {
             let chosen = |mux: &&Mux| group.contains(&mux.index) && base.rules.stored(**mux);
             let values = self.storable.iter().filter(chosen).filter_map(|mux| {
                 let bytes = base.od.get(*mux)?;
-                Some((*mux, bytes[..base.rules.stored_length(bytes.len())].to_vec()))
+                let bytes = &bytes[..base.rules.stored_length(bytes.len())];
+                Some((*mux, (self.defaults.get(*mux) != Some(bytes)).then(|| bytes.to_vec())))
             });
             let values = values.collect();
             let done = now + base.settings.save_time;
@@ -141,7 +147,7 @@ impl Storage {
         }
         if let Some(bytes) = base.od.get(mux) {
             let onto = self.newest().values.clone();
-            let values = self.with(onto, vec![(mux, bytes.to_vec())]);
+            let values = self.with(onto, vec![(mux, Some(bytes.to_vec()))]);
             self.commit(values);
         }
     }
@@ -175,13 +181,12 @@ impl Storage {
         }
     }
 
-    fn with(&self, mut values: Values, saved: Vec<(Mux, Vec<u8>)>) -> Values {
+    fn with(&self, mut values: Values, saved: Vec<(Mux, Option<Vec<u8>>)>) -> Values {
         for (mux, bytes) in saved {
-            if self.defaults.get(mux) == Some(&bytes) {
-                values.remove(&mux);
-            } else {
-                values.insert(mux, bytes);
-            }
+            match bytes.filter(|bytes| self.defaults.get(mux) != Some(bytes)) {
+                Some(bytes) => values.insert(mux, bytes),
+                None => values.remove(&mux),
+            };
         }
         values
     }
