@@ -26,6 +26,7 @@ mod output;
 mod pid;
 mod ramp;
 mod rules;
+mod settings;
 mod signal;
 mod table;
 pub mod worked;
@@ -112,7 +113,7 @@ impl Ax021211 {
             // It wakes up just in time for a cycle.
             return self.cycle(now);
         }
-        self.network.evaluate(now, Duration::ZERO, &self.outside, &*self.rules);
+        self.network.evaluate(now, Duration::ZERO, &*self.rules);
         if is_asleep {
             self.last = Instant(next.0.saturating_sub(CYCLE.as_nanos() as u64));
             self.next = Some(next);
@@ -122,7 +123,7 @@ impl Ax021211 {
     /// A control cycle.
     fn cycle(&mut self, now: Instant) {
         let elapsed = now.since(self.last).min(CYCLE);
-        self.network.evaluate(now, elapsed, &self.outside, &*self.rules);
+        self.network.evaluate(now, elapsed, &*self.rules);
         self.last = now;
         let due = match self.network.finish() {
             true => Some(now),
@@ -298,6 +299,9 @@ impl Behaviour for Ax021211 {
     fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
         let timed_out = diagnosis::timed_out(errors, od, &*self.rules);
         self.touched |= std::mem::replace(&mut self.outside.timed_out, timed_out) != timed_out;
+        if self.touched {
+            self.network.look(&self.outside, &*self.rules);
+        }
         while let Some(due) = self.next.filter(|due| *due <= now) {
             self.cycle(due);
         }
@@ -308,7 +312,7 @@ impl Behaviour for Ax021211 {
             show_real(od, SUPPLY, supply);
             show_real(od, TEMPERATURE, temperature);
         }
-        self.network.show(od);
+        self.network.show(od, &*self.rules);
         diagnosis::report(&self.network, self.outside.supply, errors, &*self.rules);
     }
 

@@ -83,6 +83,11 @@ impl Errors {
         self.is_active(Some(kind), subject)
     }
 
+    /// Whether no error is present.
+    pub(crate) const fn are_none(&self) -> bool {
+        self.active.is_empty()
+    }
+
     /// The error register of what is present (CiA 301, 7.5.2.2).
     pub(crate) fn register(&self) -> u8 {
         self.active.iter().fold(0, |bits, active| bits | active.register)

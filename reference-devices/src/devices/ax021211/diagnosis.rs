@@ -15,9 +15,13 @@ pub(super) fn report(
     errors: &mut Errors,
     rules: &dyn Ax021211Rules,
 ) {
+    let (faults, (low, high)) = (network.faults(), rules.supply_errors(supply));
+    if errors.are_none() && faults == 0 && !low && !high {
+        return;
+    }
     for place in 0..OUTPUTS {
         let error = place as u16 + 1;
-        if !network.has_fault(place) {
+        if faults >> place & 1 == 0 {
             errors.clear(error);
         } else if !errors.has(error) {
             errors.raise(error, OUTPUT_OVERLOAD, GENERIC, [rules.channel(place), 0x10, 0, 0, 0]);
@@ -26,7 +30,6 @@ pub(super) fn report(
             }
         }
     }
-    let (low, high) = rules.supply_errors(supply);
     for (error, found, description) in [(LOW, low, 0x40), (HIGH, high, 0x20)] {
         match found {
             true => errors.raise(error, VOLTAGE, GENERIC, [0, description, 0, 0, 0]),
@@ -38,6 +41,9 @@ pub(super) fn report(
 /// The messages of table 5 that are mapped into an RPDO which has timed out.
 pub(super) fn timed_out(errors: &Errors, od: &Dictionary, rules: &dyn Ax021211Rules) -> [bool; 24] {
     let mut messages = [false; 24];
+    if errors.are_none() {
+        return messages;
+    }
     for rpdo in (0..6).filter(|rpdo| errors.has_fault(FaultKind::RpdoTimeout, rpdo + 1)) {
         let mapping = MAPPINGS + rpdo;
         let count = od.int(Mux::new(mapping, 0)).unwrap_or(0) as u8;

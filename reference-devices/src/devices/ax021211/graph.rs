@@ -5,6 +5,9 @@
 
 use super::signal::{COMMANDED, FEEDBACKS, LOGICS, Link, MATHS, PIDS, SIGNALS, SUPPLY, TABLES};
 
+/// A set of blocks, each with the bit of its [number](Block::number).
+pub(super) type Blocks = u64;
+
 /// A function block, by its place from 0 on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Block {
@@ -16,15 +19,16 @@ pub(super) enum Block {
 }
 
 /// The order of evaluation.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Order {
     pub(super) blocks: Vec<Block>,
     /// For each signal the turn of the block that it comes from, counted from 1 on; 0 for what
     /// comes from outside.
-    turns: Vec<usize>,
-    /// The signals that the blocks take, block by block, and where those of each one end.
-    taken: Vec<usize>,
-    ends: Vec<usize>,
+    turns: [u8; SIGNALS],
+    /// For each signal the blocks that come after it and take it.
+    takers: [Blocks; SIGNALS],
+    /// For each signal the blocks that take what it was in the last control cycle.
+    late_takers: [Blocks; SIGNALS],
 }
 
 /// How many blocks there are.
@@ -33,13 +37,21 @@ pub(super) const BLOCKS: usize = 36;
 /// Hands on each link of a block.
 pub(super) type Links<'l> = dyn Fn(Block, &mut dyn FnMut(Link)) + 'l;
 
-/// All blocks, in the order in which the walk begins with them.
-pub(super) fn all() -> impl Iterator<Item = Block> {
-    let maths = (0..6).map(Block::Math);
-    let tables = (0..12).map(Block::Table);
-    let pids = (0..4).map(Block::Pid);
-    let logics = (0..4).map(Block::Logic);
-    maths.chain(tables).chain(pids).chain(logics).chain((0..10).map(Block::Output))
+/// The sets of the blocks of a kind.
+pub(super) const ALL_MATHS: Blocks = 0x3F;
+pub(super) const ALL_TABLES: Blocks = 0xFFF << 6;
+pub(super) const ALL_PIDS: Blocks = 0xF << 18;
+pub(super) const ALL_LOGICS: Blocks = 0xF << 22;
+pub(super) const ALL_OUTPUTS: Blocks = 0x3FF << 26;
+pub(super) const ALL: Blocks = ALL_MATHS | ALL_TABLES | ALL_PIDS | ALL_LOGICS | ALL_OUTPUTS;
+
+/// The blocks of a set, in the order in which the walk begins with them.
+pub(super) fn members(mut blocks: Blocks) -> impl Iterator<Item = Block> {
+    std::iter::from_fn(move || {
+        let number = blocks.trailing_zeros() as usize;
+        blocks &= blocks.wrapping_sub(1);
+        (number < BLOCKS).then(|| Block::numbered(number))
+    })
 }
 
 impl Block {
@@ -54,6 +66,21 @@ impl Block {
             FEEDBACKS..SUPPLY => Self::Output(signal - FEEDBACKS),
             _ => return None,
         })
+    }
+
+    const fn numbered(number: usize) -> Self {
+        match number {
+            0..6 => Self::Math(number),
+            6..18 => Self::Table(number - 6),
+            18..22 => Self::Pid(number - 18),
+            22..26 => Self::Logic(number - 22),
+            _ => Self::Output(number - 26),
+        }
+    }
+
+    /// The set of this block alone.
+    pub(super) const fn bit(self) -> Blocks {
+        1 << self.number()
     }
 
     /// Its place among all blocks.
@@ -84,41 +111,48 @@ impl Order {
     /// The order for blocks that take what `links` says.
     pub(super) fn of(links: &Links) -> Self {
         let blocks = Vec::with_capacity(BLOCKS);
-        let mut order = Self { blocks, turns: vec![0; SIGNALS], ..Self::default() };
-        let mut met = [false; BLOCKS];
-        for block in all() {
+        let (turns, takers, late_takers) = ([0; SIGNALS], [0; SIGNALS], [0; SIGNALS]);
+        let mut order = Self { blocks, turns, takers, late_takers };
+        let mut met = 0;
+        for block in members(ALL) {
             order.visit(block, links, &mut met);
-            links(block, &mut |link| order.taken.extend(link.place()));
-            order.ends.push(order.taken.len());
         }
         order
     }
 
-    fn visit(&mut self, block: Block, links: &Links, met: &mut [bool; BLOCKS]) {
-        if std::mem::replace(&mut met[block.number()], true) {
+    fn visit(&mut self, block: Block, links: &Links, met: &mut Blocks) {
+        if *met & block.bit() != 0 {
             return;
         }
+        *met |= block.bit();
         links(block, &mut |link| {
-            if let Some(before) = link.place().and_then(Block::of) {
-                self.visit(before, links, met);
-            }
+            let Some(place) = link.place() else { return };
+            let source = Block::of(place);
+            source.into_iter().for_each(|source| self.visit(source, links, met));
+            // In a circle the walk comes back to a block that has no turn yet.
+            let in_time = source.is_none() || self.turns[place] > 0;
+            let takers = if in_time { &mut self.takers } else { &mut self.late_takers };
+            takers[place] |= block.bit();
         });
         self.blocks.push(block);
         for signal in block.signals() {
-            self.turns[signal] = self.blocks.len();
+            self.turns[signal] = self.blocks.len() as u8;
         }
     }
 
-    /// The signals that a block takes.
-    pub(super) fn taken_by(&self, block: Block) -> &[usize] {
-        let number = block.number();
-        let start = number.checked_sub(1).map_or(0, |before| self.ends[before]);
-        &self.taken[start..self.ends[number]]
+    /// The blocks that come after a signal and take it.
+    pub(super) const fn takers(&self, signal: usize) -> Blocks {
+        self.takers[signal]
+    }
+
+    /// The blocks that take what a signal was in the last control cycle.
+    pub(super) const fn late_takers(&self, signal: usize) -> Blocks {
+        self.late_takers[signal]
     }
 
     /// Whether a signal is there when it is a block's turn, counted from 1 on.
     pub(super) fn is_before(&self, signal: usize, turn: usize) -> bool {
-        self.turns[signal] < turn
+        usize::from(self.turns[signal]) < turn
     }
 }
 
@@ -147,19 +181,26 @@ mod tests {
         assert!(turns.is_sorted(), "{turns:?}");
         assert_eq!(order.blocks.len(), BLOCKS);
         assert!(order.is_before(TABLES + 11, turns[3]));
-        assert_eq!(order.taken_by(Block::Math(0)), [TABLES + 11]);
-        assert_eq!(order.taken_by(Block::Pid(3)), [10, FEEDBACKS + 9]);
-        assert!(order.taken_by(Block::Output(9)).is_empty());
+        assert_eq!(order.takers(TABLES + 11), Block::Math(0).bit());
+        assert_eq!([10, FEEDBACKS + 9].map(|place| order.takers(place)), [Block::Pid(3).bit(); 2]);
+        assert_eq!(order.takers(COMMANDED + 9), 0);
         assert!(order.is_before(0, 1));
     }
 
     #[test]
     fn each_block_has_a_number_and_its_signals() {
-        assert!(all().map(Block::number).eq(0..BLOCKS));
-        for block in all() {
+        assert!(members(ALL).map(Block::number).eq(0..BLOCKS));
+        for block in members(ALL) {
             assert!(block.signals().all(|signal| Block::of(signal) == Some(block)), "{block:?}");
         }
-        assert_eq!(all().flat_map(Block::signals).count(), SUPPLY - PIDS);
+        assert_eq!(members(ALL).flat_map(Block::signals).count(), SUPPLY - PIDS);
+        let kinds = [Block::Math(5), Block::Table(11), Block::Pid(3), Block::Logic(3)];
+        let sets = [ALL_MATHS, ALL_TABLES, ALL_PIDS, ALL_LOGICS];
+        for (last, set) in kinds.into_iter().zip(sets) {
+            assert_eq!(members(set).last(), Some(last));
+        }
+        assert_eq!(members(ALL_OUTPUTS).count(), 10);
+        assert_eq!(members(!ALL).next(), None);
     }
 
     #[test]
@@ -173,5 +214,8 @@ mod tests {
         let [first, second, third] = [0, 1, 2].map(|place| turn(&order, Block::Math(place)));
         assert!(order.is_before(MATHS + 1, first) && !order.is_before(MATHS, second));
         assert!(!order.is_before(MATHS + 2, third));
+        let bits = [0, 1, 2].map(|place| Block::Math(place).bit());
+        assert_eq!([0, 1, 2].map(|place| order.takers(MATHS + place)), [0, bits[0], 0]);
+        assert_eq!([0, 1, 2].map(|place| order.late_takers(MATHS + place)), [bits[1], 0, bits[2]]);
     }
 }

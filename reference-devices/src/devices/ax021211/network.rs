@@ -4,36 +4,26 @@ use std::time::Duration;
 
 use canopen::{Dictionary, Instant, Mux};
 
-use super::graph::{BLOCKS, Block, Order};
+use super::graph::{self, Block, Blocks, Order};
 use super::load::Load;
-use super::logic::LogicSettings;
-use super::math::{Math, MathSettings};
+use super::math::Math;
 use super::objects::{
     CONSTANTS, DIGITS_PV, EXTRA, EXTRA_DIGITS, EXTRA_SCALING_1, EXTRA_SCALING_2, FEEDBACK,
     FIELD_VALUE, LOGIC_OUTPUT, MATH_OUTPUT, PID_OUTPUT, PROCESS_VALUE, Parameters, RECEIVED,
-    RECEIVED_STATUS, SELECTED_TABLE, WRITE_STATES, show, table, table_of,
+    RECEIVED_STATUS, SELECTED_TABLE, WRITE_STATES, table, table_of,
 };
 use super::output::{Output, OutputSettings, OutputView};
-use super::pid::{Pid, PidSettings};
+use super::pid::Pid;
 use super::rules::Ax021211Rules;
+use super::settings::{OF_CONSTANTS, OF_EXTRAS, OF_MESSAGES, OF_VALUES, Settings};
 use super::signal::{
     self, COMMANDED, EXTRAS, FEEDBACKS, LOGICS, Link, MATHS, MESSAGES, PIDS, SIGNALS, SUPPLY,
     Signal, TABLES, TEMPERATURE,
 };
-use super::table::{Table, TableSettings};
+use super::table::Table;
 
 /// How many outputs there are.
 pub(super) const OUTPUTS: usize = 10;
-
-/// What the blocks are set up for.
-#[derive(Clone, Debug, Default)]
-struct Settings {
-    outputs: [OutputSettings; OUTPUTS],
-    tables: [TableSettings; 12],
-    maths: [MathSettings; 6],
-    logics: [LogicSettings; 4],
-    pids: [PidSettings; 4],
-}
 
 /// What the blocks see of the world.
 #[derive(Clone, Debug)]
@@ -60,27 +50,31 @@ pub(super) struct Network {
     last: [Signal; SIGNALS],
     outputs: [Output; OUTPUTS],
     views: [Option<OutputView>; OUTPUTS],
-    /// Counts what can change a signal: an evaluation, values from outside, the end of a cycle.
-    round: u64,
-    /// The round in which each signal changed last.
-    changed: [u64; SIGNALS],
-    /// The round in which the last control cycle ended.
-    finished: u64,
-    /// The round in which each block was evaluated that goes on as it is until it takes another
-    /// signal; 0 for the others.
-    rests_since: [u64; BLOCKS],
+    /// The blocks that do not go on as they are: time alone may change them, or what they take has
+    /// changed.
+    awake: Blocks,
+    /// The signals that have changed in this control cycle.
+    moved: Signals,
     /// What the outputs saw last of the world.
-    around: Option<Around>,
+    around: Around,
     /// The messages that were missing when they were looked at last; `None` after new values.
     timed_out: Option<[bool; 24]>,
+    /// The outputs have an open or short circuit that was recognised, a bit each.
+    faults: u16,
     tables: [Table; 12],
     maths: [Math; 6],
     pids: [Pid; 4],
-    /// What the objects of the signals of blocks show, and 3310h.
-    shown: Shown,
-    /// What they showed last; `None` when that is not known.
-    told: Option<Shown>,
+    /// What the objects of the signals of blocks show.
+    shown: [i64; SIGNALS],
+    /// The signals of which the objects do not show it yet.
+    untold: Signals,
+    /// What 3310h shows, and whether it does so yet.
+    selected: [u8; 4],
+    selection_told: bool,
 }
+
+/// A set of signals, each with the bit of its place.
+type Signals = u128;
 
 /// What the outputs see of the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,50 +86,39 @@ struct Around {
     off: bool,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Shown {
-    signals: [i64; SIGNALS],
-    selected: [u8; 4],
-}
-
 impl Network {
     /// Blocks as after power-on.
     pub(super) fn new(od: Parameters<'_>) -> Self {
+        let settings = Settings::read(od);
         let mut network = Self {
-            settings: Settings::default(),
-            order: Order::default(),
+            order: settings.order(od.rules),
             signals: [Signal::ABSENT; SIGNALS],
             last: [Signal::ABSENT; SIGNALS],
             outputs: [Output::default(); OUTPUTS],
             views: [None; OUTPUTS],
-            round: 0,
-            changed: [0; SIGNALS],
-            finished: 0,
-            rests_since: [0; BLOCKS],
-            around: None,
+            awake: graph::ALL,
+            moved: 0,
+            around: Around { loads: [Load::default(); OUTPUTS], supply: 0.0, off: false },
             timed_out: None,
+            faults: 0,
             tables: [Table::default(); 12],
             maths: [Math::default(); 6],
             pids: [Pid::default(); 4],
-            shown: Shown { signals: [0; SIGNALS], selected: [0; 4] },
-            told: None,
+            shown: [0; SIGNALS],
+            untold: (PIDS..SUPPLY).fold(0, |all, place| all | 1 << place),
+            // Until a block is evaluated, table A is the one that is selected.
+            selected: settings.logics.each_ref().map(|logic| logic.tables[0]),
+            selection_told: false,
+            settings,
         };
-        let settings = &mut network.settings;
-        settings.outputs = std::array::from_fn(|place| OutputSettings::read(od, place));
-        settings.tables = std::array::from_fn(|place| TableSettings::read(od, place));
-        settings.maths = std::array::from_fn(|place| MathSettings::read(od, place));
-        settings.logics = std::array::from_fn(|place| LogicSettings::read(od, place));
-        settings.pids = std::array::from_fn(|place| PidSettings::read(od, place));
-        // Until a block is evaluated, table A is the one that is selected.
-        network.shown.selected = settings.logics.each_ref().map(|logic| logic.tables[0]);
-        network.order = network.settings.order(od.rules);
         network.receive(od);
         network
     }
 
     /// Takes over what was written at an address. Returns whether the blocks see anything of it.
     pub(super) fn written(&mut self, mux: Mux, od: Parameters<'_>) -> bool {
-        let (index, settings) = (mux.index, &mut self.settings);
+        self.settings.notice(od);
+        let index = mux.index;
         let ignored = index < 0x2000 || matches!(index, RECEIVED | RECEIVED_STATUS);
         if ignored || !od.rules.takes_over(index) {
             return false;
@@ -146,40 +129,48 @@ impl Network {
             self.receive(od);
             return true;
         }
-        let rewired = if let Some((place, _)) = table_of(index) {
-            let read = TableSettings::read(od, place);
-            replaces(&mut settings.tables[place], read, |table| table.x)
-        } else if let 0x3300..=0x3799 = index {
-            let read = std::array::from_fn(|place| LogicSettings::read(od, place));
-            replaces(&mut settings.logics, read, |logics| {
-                logics.each_ref().map(LogicSettings::links)
-            })
-        } else if let 0x4000..=0x4699 = index {
-            let read = std::array::from_fn(|place| MathSettings::read(od, place));
-            let links = |math: &MathSettings| math.inputs.each_ref().map(|input| input.link);
-            replaces(&mut settings.maths, read, |maths| maths.each_ref().map(links))
-        } else if let 0x2450..=0x2457 | 0x7450..=0x7456 | 0x6458..=0x6459 = index {
-            let read = std::array::from_fn(|place| PidSettings::read(od, place));
-            let links = |pid: &PidSettings| (pid.target, pid.feedback);
-            replaces(&mut settings.pids, read, |pids| pids.each_ref().map(links))
-        } else {
-            let read = std::array::from_fn(|place| OutputSettings::read(od, place));
-            let links = |output: &OutputSettings| output.links;
-            let rewired = replaces(&mut settings.outputs, read, |all| all.each_ref().map(links));
-            self.receive(od);
-            rewired
+        let kind = match (table_of(index), index) {
+            (Some((place, _)), _) => Block::Table(place).bit(),
+            (_, 0x3300..=0x3799) => graph::ALL_LOGICS,
+            (_, 0x4000..=0x4699) => graph::ALL_MATHS,
+            (_, 0x2450..=0x2457 | 0x7450..=0x7456 | 0x6458..=0x6459) => graph::ALL_PIDS,
+            _ => graph::ALL_OUTPUTS,
         };
-        if rewired {
-            self.order = self.settings.order(od.rules);
+        let renewed = self.settings.renew(kind, od);
+        self.awake |= renewed.blocks;
+        if kind == graph::ALL_OUTPUTS {
+            self.receive(od);
         }
-        self.rests_since = [0; BLOCKS];
+        if renewed.rewired {
+            self.order = self.settings.order(od.rules);
+            self.awake = graph::ALL;
+        }
         true
     }
 
     /// Takes the values that come from outside the blocks by the network (tables 5 and 6).
     fn receive(&mut self, od: Parameters<'_>) {
-        self.round += 1;
         self.timed_out = None;
+        let unread = self.settings.take_unread(OF_VALUES);
+        if unread & OF_MESSAGES != 0 {
+            self.receive_messages(od);
+        }
+        if unread & OF_EXTRAS != 0 {
+            for place in 0..14 {
+                let digits = od.byte(EXTRA_DIGITS, place);
+                let scaled = |index| od.scaled(index, place, digits);
+                let limits = (scaled(EXTRA_SCALING_1), scaled(EXTRA_SCALING_2));
+                self.put(EXTRAS + place, Signal::new(scaled(EXTRA), Some(limits)));
+            }
+        }
+        if unread & OF_CONSTANTS != 0 {
+            for place in 0..15 {
+                self.put(signal::CONSTANTS + place, Signal::new(od.real(CONSTANTS, place), None));
+            }
+        }
+    }
+
+    fn receive_messages(&mut self, od: Parameters<'_>) {
         let states = od.od.int(WRITE_STATES).unwrap_or(0);
         for place in 0..OUTPUTS {
             let output = &self.settings.outputs[place];
@@ -195,27 +186,10 @@ impl Network {
             };
             self.put(MESSAGES + place, message);
         }
-        for place in 0..14 {
-            let digits = od.byte(EXTRA_DIGITS, place);
-            let scaled = |index| od.scaled(index, place, digits);
-            let limits = (scaled(EXTRA_SCALING_1), scaled(EXTRA_SCALING_2));
-            self.put(EXTRAS + place, Signal::new(scaled(EXTRA), Some(limits)));
-        }
-        for place in 0..15 {
-            self.put(signal::CONSTANTS + place, Signal::new(od.real(CONSTANTS, place), None));
-        }
     }
 
-    /// Evaluates the blocks, `elapsed` after the last time, but for those that would go on as they
-    /// are.
-    pub(super) fn evaluate(
-        &mut self,
-        now: Instant,
-        elapsed: Duration,
-        outside: &Outside,
-        rules: &dyn Ax021211Rules,
-    ) {
-        self.round += 1;
+    /// Takes what is to be seen of the world.
+    pub(super) fn look(&mut self, outside: &Outside, rules: &dyn Ax021211Rules) {
         if self.timed_out.replace(outside.timed_out) != Some(outside.timed_out) {
             for (place, timed_out) in outside.timed_out.iter().enumerate() {
                 let message = Signal { quality: signal::Quality::Valid, ..self.signals[place] };
@@ -230,23 +204,22 @@ impl Network {
         self.put(TEMPERATURE, measured(temperature));
         let off = rules.outputs_need_operational() && !outside.operational;
         let around = Around { loads: outside.loads, supply: outside.supply, off };
-        if self.around.replace(around) != Some(around) {
-            self.rests_since = [0; BLOCKS];
-        }
-        for turn in 0..self.order.blocks.len() {
-            let block = self.order.blocks[turn];
-            if !self.rests(block) {
-                let rests = self.evaluate_block(block, turn, (now, elapsed), &around, rules);
-                self.rests_since[block.number()] = if rests { self.round } else { 0 };
-            }
+        if self.around != around {
+            (self.around, self.awake) = (around, graph::ALL);
         }
     }
 
-    /// Whether a block goes on as it is: time alone does not change it, and neither does what it
-    /// takes.
-    fn rests(&self, block: Block) -> bool {
-        let since = self.rests_since[block.number()];
-        since > 0 && self.order.taken_by(block).iter().all(|place| self.changed[*place] <= since)
+    /// Evaluates the blocks, `elapsed` after the last time, but for those that would go on as they
+    /// are.
+    pub(super) fn evaluate(&mut self, now: Instant, elapsed: Duration, rules: &dyn Ax021211Rules) {
+        for turn in 0..self.order.blocks.len() {
+            let block = self.order.blocks[turn];
+            if self.awake & block.bit() != 0
+                && self.evaluate_block(block, turn, (now, elapsed), rules)
+            {
+                self.awake &= !block.bit();
+            }
+        }
     }
 
     /// Evaluates one block. Returns whether it would do the same again.
@@ -255,7 +228,6 @@ impl Network {
         block: Block,
         turn: usize,
         (now, elapsed): (Instant, Duration),
-        around: &Around,
         rules: &dyn Ax021211Rules,
     ) -> bool {
         match block {
@@ -287,37 +259,45 @@ impl Network {
             Block::Logic(place) => {
                 let read = |link| self.read(link, turn, rules);
                 let table = |signal| self.see(signal, turn);
-                let (settings, before) = (&self.settings.logics[place], self.shown.selected[place]);
+                let (settings, before) = (&self.settings.logics[place], self.selected[place]);
                 let (selected, shown, signal) = settings.evaluate(before, read, table, rules);
                 let rests = selected == before && settings.tables.contains(&selected);
-                self.shown.selected[place] = selected;
+                self.selected[place] = selected;
+                self.selection_told &= selected == before;
                 self.keep(LOGICS + place, shown, signal);
                 rests
             }
             Block::Output(place) => {
                 let (own, before) = (&self.settings.outputs[place], self.outputs[place]);
                 let inputs = own.links.map(|link| self.read(link, turn, rules));
-                let settings = if around.off { &OutputSettings::default() } else { own };
-                let outside = (&around.loads[place], around.supply);
+                let settings = if self.around.off { &OutputSettings::default() } else { own };
+                let outside = (&self.around.loads[place], self.around.supply);
                 let output = &mut self.outputs[place];
                 let view = output.evaluate((now, elapsed), settings, inputs, outside, rules);
                 let rests = *output == before && before.due(now).is_none();
                 self.keep(COMMANDED + place, view.commanded.0, view.commanded.1);
                 self.keep(FEEDBACKS + place, view.feedback.0, view.feedback.1);
                 self.views[place] = Some(view);
+                let fault = u16::from(self.outputs[place].has_fault()) << place;
+                self.faults = self.faults & !(1 << place) | fault;
                 rests
             }
         }
     }
 
     fn keep(&mut self, place: usize, shown: i64, signal: Signal) {
-        self.shown.signals[place] = shown;
+        if self.shown[place] != shown {
+            self.shown[place] = shown;
+            self.untold |= 1 << place;
+        }
         self.put(place, signal);
     }
 
     fn put(&mut self, place: usize, signal: Signal) {
         if self.signals[place] != signal {
-            (self.signals[place], self.changed[place]) = (signal, self.round);
+            self.signals[place] = signal;
+            self.moved |= 1 << place;
+            self.awake |= self.order.takers(place);
         }
     }
 
@@ -341,19 +321,17 @@ impl Network {
     /// A control cycle is over: its signals are what circles see in the next one. Returns whether
     /// anything changed since the end of the one before.
     pub(super) fn finish(&mut self) -> bool {
-        self.round += 1;
         let mut any = false;
-        let before = std::mem::replace(&mut self.finished, self.round);
-        for place in 0..SIGNALS {
-            if self.changed[place] > before && self.last[place] != self.signals[place] {
-                // Whoever looks back sees it from now on.
-                (self.last[place], self.changed[place]) = (self.signals[place], self.round);
+        for place in places(std::mem::take(&mut self.moved)) {
+            if self.last[place] != self.signals[place] {
+                self.last[place] = self.signals[place];
+                self.awake |= self.order.late_takers(place);
                 any = true;
             }
         }
         for (place, math) in self.maths.iter_mut().enumerate() {
             if math.finish() {
-                self.rests_since[Block::Math(place).number()] = 0;
+                self.awake |= Block::Math(place).bit();
                 any = true;
             }
         }
@@ -362,31 +340,30 @@ impl Network {
 
     /// When time alone changes anything next.
     pub(super) fn due(&self, now: Instant) -> Option<Instant> {
-        let outputs = self.outputs.iter().filter_map(|output| output.due(now));
-        let tables = self.tables.iter().filter_map(Table::due);
-        let pids = self.pids.iter().filter_map(Pid::due);
-        outputs.chain(tables).chain(pids).min()
+        let due = |block| match block {
+            Block::Table(place) => self.tables[place].due(),
+            Block::Pid(place) => self.pids[place].due(),
+            Block::Output(place) => self.outputs[place].due(now),
+            Block::Math(_) | Block::Logic(_) => None,
+        };
+        graph::members(self.awake).filter_map(due).min()
     }
 
     /// Shows what the blocks make in their objects.
-    pub(super) fn show(&mut self, od: &mut Dictionary) {
-        if self.told == Some(self.shown) {
+    pub(super) fn show(&mut self, od: &mut Dictionary, rules: &dyn Ax021211Rules) {
+        if self.untold == 0 && self.selection_told {
             return;
         }
-        let told = self.told.replace(self.shown);
-        for place in PIDS..SUPPLY {
-            let number = self.shown.signals[place];
-            match told {
-                None => show(od, address(place), number),
-                Some(told) if told.signals[place] == number => {}
-                Some(_) => od.set_int(address(place), number),
+        self.settings.notice(Parameters { od, rules });
+        for place in places(std::mem::take(&mut self.untold)) {
+            od.set_int(address(place), self.shown[place]);
+        }
+        if !std::mem::replace(&mut self.selection_told, true) {
+            for (place, number) in self.selected.iter().enumerate() {
+                od.set_int(Mux::new(SELECTED_TABLE, place as u8 + 1), (*number).into());
             }
         }
-        if told.is_none_or(|told| told.selected != self.shown.selected) {
-            for (place, number) in self.shown.selected.iter().enumerate() {
-                show(od, Mux::new(SELECTED_TABLE, place as u8 + 1), (*number).into());
-            }
-        }
+        self.settings.pass_over(od);
     }
 
     /// What the last control cycle made of an output.
@@ -399,9 +376,9 @@ impl Network {
         &self.settings.outputs[place]
     }
 
-    /// Whether an output has an open or short circuit that was recognised.
-    pub(super) const fn has_fault(&self, place: usize) -> bool {
-        self.outputs[place].has_fault()
+    /// The outputs with an open or short circuit that was recognised, a bit each.
+    pub(super) const fn faults(&self) -> u16 {
+        self.faults
     }
 
     /// The limits of the X-axis of a table, which are those of its source (1.5.1).
@@ -410,35 +387,13 @@ impl Network {
     }
 }
 
-impl Settings {
-    fn order(&self, rules: &dyn Ax021211Rules) -> Order {
-        Order::of(&|block, take| {
-            let mut link = |link| take(rules.link(link));
-            match block {
-                Block::Math(place) => {
-                    self.maths[place].inputs.iter().for_each(|input| link(input.link));
-                }
-                Block::Table(place) => link(self.tables[place].x),
-                Block::Pid(place) => {
-                    let pid = &self.pids[place];
-                    [pid.target, pid.feedback].into_iter().for_each(link);
-                }
-                Block::Logic(place) => {
-                    let (arguments, tables) = self.logics[place].links();
-                    arguments.into_iter().flatten().flatten().for_each(link);
-                    // It selects among tables, which are not sources that a user chooses.
-                    tables.into_iter().for_each(take);
-                }
-                Block::Output(place) => self.outputs[place].links.into_iter().for_each(link),
-            }
-        })
-    }
-}
-
-/// Takes over settings. Returns whether what they link is something else than before.
-fn replaces<S, L: PartialEq>(settings: &mut S, read: S, links: impl Fn(&S) -> L) -> bool {
-    let before = std::mem::replace(settings, read);
-    links(&before) != links(settings)
+/// The places of a set of signals.
+fn places(mut signals: Signals) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let place = signals.trailing_zeros() as usize;
+        signals &= signals.wrapping_sub(1);
+        (place < SIGNALS).then_some(place)
+    })
 }
 
 /// Where a block shows its signal.

@@ -105,9 +105,10 @@ pub(super) const fn table(place: usize, item: u16) -> u16 {
 
 /// The place of the lookup table that an index belongs to, and which of its objects it is.
 pub(super) fn table_of(index: u16) -> Option<(usize, u16)> {
-    let item = index & 0x0F;
-    let place = (0..12).find(|place| table(*place, 0) == index & 0xFFF0)?;
-    (item <= 8).then_some((place, item))
+    let [tens, ones, item] = [index >> 8, index >> 4 & 0x0F, index & 0x0F];
+    let number = 10 * tens.checked_sub(0x30)? + ones;
+    let exists = ones <= 9 && matches!(number, 1..=12) && item <= 8;
+    exists.then(|| (usize::from(number) - 1, item))
 }
 
 /// The objects of a logic block, 3x01h to 3x33h with x from 4 on, by its place from 0 on.

@@ -292,9 +292,10 @@ proptest! {
         let described = od.clone();
         let mut model = Model::new(&described, plan.failing);
         for cycle in 0..5_u64 {
-            network.evaluate(Instant(cycle * 1_000_000), CYCLE, &outside, &Manual);
+            network.look(&outside, &Manual);
+            network.evaluate(Instant(cycle * 1_000_000), CYCLE, &Manual);
             network.finish();
-            network.show(&mut od);
+            network.show(&mut od, &Manual);
             model.cycle();
             for (block, mux) in shown_at() {
                 prop_assert_eq!(od.int(mux), Some(model.shown(block)), "{} cycle {}", mux, cycle);
