@@ -2,7 +2,7 @@
 
 mod addresses;
 
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 use std::sync::Arc;
 
 use smallvec::SmallVec;
@@ -19,12 +19,22 @@ use addresses::Addresses;
 /// [`set`](Self::set) are the device's own.
 #[derive(Clone, Debug)]
 pub struct Dictionary {
-    entries: Arc<[Entry]>,
-    places: Arc<Addresses>,
+    sheet: Arc<Sheet>,
     values: Vec<Bytes>,
     changes: u64,
     /// The places of the last changes; the one counted `n` is at `n % RECENT`.
     recent: [u32; RECENT],
+}
+
+/// What all devices with one data sheet share.
+#[derive(Debug)]
+struct Sheet {
+    entries: Vec<Entry>,
+    places: Addresses,
+    /// What each entry holds on a device that nobody has changed, whatever its node id is...
+    defaults: Vec<Bytes>,
+    /// ...but for those at these places.
+    of_node: Vec<usize>,
 }
 
 /// How many changes are remembered.
@@ -39,10 +49,14 @@ impl Dictionary {
     /// # Errors
     /// The address of a default value that is not one of its entry's type, and why.
     pub fn new(eds: &Eds, node: u8) -> Result<Self, (Mux, ValueError)> {
-        let entries: Arc<[Entry]> = eds.entries().cloned().collect();
-        let values = defaults(&entries, node)?;
-        let places = Arc::new(Addresses::new(entries.iter().map(|entry| entry.mux)));
-        Ok(Self { entries, places, values, changes: 0, recent: [0; RECENT] })
+        let entries: Vec<Entry> = eds.entries().cloned().collect();
+        let defaults =
+            entries.iter().map(|entry| default(entry, node)).collect::<Result<_, _>>()?;
+        let places = Addresses::new(entries.iter().map(|entry| entry.mux));
+        let depends = |entry: &Entry| entry.default.as_ref().is_some_and(|term| term.plus_node);
+        let of_node = (0..entries.len()).filter(|place| depends(&entries[*place])).collect();
+        let sheet = Arc::new(Sheet { entries, places, defaults, of_node });
+        Ok(Self { values: sheet.defaults.clone(), sheet, changes: 0, recent: [0; RECENT] })
     }
 
     /// The same device with another node id, every value at its default.
@@ -50,11 +64,14 @@ impl Dictionary {
     /// # Errors
     /// As [`new`](Self::new): a default value that is too large with this node id.
     pub fn of_node(&self, node: u8) -> Result<Self, (Mux, ValueError)> {
-        let values = defaults(&self.entries, node)?;
-        let (entries, places) = (Arc::clone(&self.entries), Arc::clone(&self.places));
+        let sheet = Arc::clone(&self.sheet);
+        let mut values = sheet.defaults.clone();
+        for place in &sheet.of_node {
+            values[*place] = default(&sheet.entries[*place], node)?;
+        }
         // Any value may be another one, so nobody shall find that few have changed.
         let changes = self.changes + RECENT as u64 + 1;
-        Ok(Self { entries, places, values, changes, recent: [0; RECENT] })
+        Ok(Self { sheet, values, changes, recent: [0; RECENT] })
     }
 
     /// The value at `mux` for an SDO upload.
@@ -63,7 +80,7 @@ impl Dictionary {
     /// [`Abort::NO_OBJECT`], [`Abort::NO_SUB_INDEX`] or [`Abort::WRITE_ONLY`].
     pub fn read(&self, mux: Mux) -> Result<&[u8], Abort> {
         let place = self.place(mux)?;
-        if !self.entries[place].access.readable() {
+        if !self.sheet.entries[place].access.readable() {
             return Err(Abort::WRITE_ONLY);
         }
         Ok(&self.values[place])
@@ -86,7 +103,7 @@ impl Dictionary {
     /// [`Abort::TOO_SHORT`], [`Abort::VALUE`], [`Abort::TOO_HIGH`] or [`Abort::TOO_LOW`].
     pub fn check(&self, mux: Mux, bytes: &[u8]) -> Result<usize, Abort> {
         let place = self.place(mux)?;
-        let entry = &self.entries[place];
+        let entry = &self.sheet.entries[place];
         if !entry.access.writable() {
             return Err(Abort::READ_ONLY);
         }
@@ -103,7 +120,7 @@ impl Dictionary {
     /// The whole number at `mux`, `None` when there is none.
     pub fn int(&self, mux: Mux) -> Option<i64> {
         let place = self.find(mux)?;
-        self.entries[place].data_type.decode_int(&self.values[place])
+        self.sheet.entries[place].data_type.decode_int(&self.values[place])
     }
 
     /// Stores `bytes` at `mux`, whatever the network may do there; ignored when there is no such
@@ -118,7 +135,7 @@ impl Dictionary {
     /// entry.
     pub fn set_int(&mut self, mux: Mux, number: i64) {
         if let Some(place) = self.find(mux)
-            && let Some(size) = self.entries[place].data_type.size()
+            && let Some(size) = self.sheet.entries[place].data_type.size()
         {
             let bytes = i128::from(number).to_le_bytes();
             self.store(place, &bytes[..size]);
@@ -131,11 +148,8 @@ impl Dictionary {
     /// # Panics
     /// When `other` was made from another sheet.
     pub fn restore(&mut self, other: &Self, indices: RangeInclusive<u16>) {
-        assert_eq!(self.entries.len(), other.entries.len(), "dictionaries of different sheets");
-        let (first, last) = indices.into_inner();
-        let from = self.entries.partition_point(|entry| entry.mux.index < first);
-        let to = self.entries.partition_point(|entry| entry.mux.index <= last).max(from);
-        for place in from..to {
+        assert_eq!(self.values.len(), other.values.len(), "dictionaries of different sheets");
+        for place in self.places_in(indices) {
             self.store(place, &other.values[place]);
         }
     }
@@ -149,30 +163,34 @@ impl Dictionary {
     /// for each change; `None` when those were too many to tell.
     pub fn changed_since(&self, count: u64) -> Option<impl Iterator<Item = Mux> + '_> {
         let remembered = self.changes.checked_sub(count)? <= RECENT as u64;
-        let mux = |change| self.entries[self.recent[change as usize % RECENT] as usize].mux;
+        let mux = |change| self.sheet.entries[self.recent[change as usize % RECENT] as usize].mux;
         remembered.then(|| (count..self.changes).map(mux))
     }
 
     /// The description of the entry at `mux`.
     pub fn entry(&self, mux: Mux) -> Option<&Entry> {
-        self.find(mux).map(|place| &self.entries[place])
+        self.find(mux).map(|place| &self.sheet.entries[place])
     }
 
     /// Every entry, by ascending address.
     pub fn entries(&self) -> &[Entry] {
-        &self.entries
+        &self.sheet.entries
+    }
+
+    /// The entries of the objects of these indices, by ascending address.
+    pub fn entries_in(&self, indices: RangeInclusive<u16>) -> &[Entry] {
+        &self.sheet.entries[self.places_in(indices)]
     }
 
     /// Whether there is an object at `index`.
     pub fn has_object(&self, index: u16) -> bool {
-        let place = self.entries.partition_point(|entry| entry.mux.index < index);
-        self.entries.get(place).is_some_and(|entry| entry.mux.index == index)
+        !self.entries_in(index..=index).is_empty()
     }
 
     /// The address's value as a typed value.
     pub fn value(&self, mux: Mux) -> Option<Value> {
         let place = self.find(mux)?;
-        self.entries[place].data_type.decode(&self.values[place]).ok()
+        self.sheet.entries[place].data_type.decode(&self.values[place]).ok()
     }
 
     fn store(&mut self, place: usize, bytes: &[u8]) {
@@ -186,7 +204,14 @@ impl Dictionary {
     }
 
     fn find(&self, mux: Mux) -> Option<usize> {
-        self.places.find(mux)
+        self.sheet.places.find(mux)
+    }
+
+    fn places_in(&self, indices: RangeInclusive<u16>) -> Range<usize> {
+        let (first, last) = indices.into_inner();
+        let entries = &self.sheet.entries;
+        let from = entries.partition_point(|entry| entry.mux.index < first);
+        from..entries.partition_point(|entry| entry.mux.index <= last).max(from)
     }
 
     fn place(&self, mux: Mux) -> Result<usize, Abort> {
@@ -197,10 +222,9 @@ impl Dictionary {
     }
 }
 
-/// What each entry holds on a device with this node id that nobody has changed.
-fn defaults(entries: &[Entry], node: u8) -> Result<Vec<Bytes>, (Mux, ValueError)> {
-    let of = |entry: &Entry| entry.default_bytes(node).map_err(|error| (entry.mux, error));
-    entries.iter().map(|entry| Ok(Bytes::from_vec(of(entry)?))).collect()
+/// What an entry holds on a device with this node id that nobody has changed.
+fn default(entry: &Entry, node: u8) -> Result<Bytes, (Mux, ValueError)> {
+    entry.default_bytes(node).map(Bytes::from_vec).map_err(|error| (entry.mux, error))
 }
 
 fn check_length(data_type: DataType, len: usize) -> Result<(), Abort> {
@@ -286,6 +310,26 @@ mod tests {
         od.restore(&initial, 0x1000..=0x1FFF);
         assert_eq!(od.int(Mux::new(0x1017, 0)), Some(105));
         assert_eq!(od.get(Mux::new(0x2001, 0)), Some(&[1][..]));
+    }
+
+    #[test]
+    fn another_node_id_has_other_defaults() {
+        let mut od = dictionary();
+        od.set_int(Mux::new(0x2001, 0), 1);
+        let other = od.of_node(6).unwrap();
+        assert_eq!(other.int(Mux::new(0x1017, 0)), Some(106));
+        assert_eq!(other.get(Mux::new(0x2001, 0)), Some(&[0][..]));
+        assert!(od.of_node(7).is_ok());
+    }
+
+    #[test]
+    fn entries_are_found_by_the_indices_of_their_objects() {
+        let od = dictionary();
+        let indices = |range| od.entries_in(range).iter().map(|entry| entry.mux.index);
+        assert!(indices(0x1001..=0x2000).eq([0x1017, 0x2000]));
+        assert_eq!(indices(0x2002..=0xFFFF).count(), 0);
+        assert_eq!(indices(0..=0x0FFF).count(), 0);
+        assert!(od.has_object(0x1017) && !od.has_object(0x1018));
     }
 
     #[test]

@@ -27,7 +27,7 @@ pub(crate) struct EmcyProducer {
 impl EmcyProducer {
     /// Starts anew: nothing waits, the history is empty.
     pub(crate) fn reset(&mut self, base: &mut Base) {
-        let history = base.od.entries().iter().filter(|entry| entry.mux.index == HISTORY);
+        let history = base.od.entries_in(HISTORY..=HISTORY).iter();
         let depth = history.filter(|entry| entry.mux.sub > 0).count();
         let queue = match base.rules.reset_drops_emcy() {
             true => VecDeque::new(),

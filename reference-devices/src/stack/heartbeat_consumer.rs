@@ -38,8 +38,8 @@ enum State {
 impl HeartbeatConsumer {
     /// Takes all entries of 1016h.
     pub(crate) fn reset(&mut self, now: Instant, base: &mut Base) {
-        let entries = base.od.entries().iter().map(|entry| entry.mux);
-        let subs = entries.filter(|mux| mux.index == TIMES && mux.sub > 0).map(|mux| mux.sub);
+        let subs = base.od.entries_in(TIMES..=TIMES).iter().map(|entry| entry.mux.sub);
+        let subs = subs.filter(|sub| *sub > 0);
         let unused = |sub| Watch { sub, node: 0, time: Duration::ZERO, state: State::Unused };
         self.watches = subs.map(unused).collect();
         for watch in &mut self.watches {

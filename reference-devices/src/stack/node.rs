@@ -30,6 +30,8 @@ pub struct Node {
     pub(crate) services: Services,
     /// Answers to SDO requests whose work is not done yet.
     held: Outbox,
+    /// Empty between two requests, and kept for its memory.
+    answers: Outbox,
 }
 
 impl Node {
@@ -54,6 +56,7 @@ impl Node {
             lss,
             services: Services::new(eds, base, behaviour),
             held: Outbox::default(),
+            answers: Outbox::default(),
         };
         node.power_on(Instant::ZERO);
         Ok(node)
@@ -143,11 +146,10 @@ impl Node {
             return false;
         }
         let busy = self.services.is_storing();
-        let mut answers = Outbox::default();
-        let taken = self.sdo.handle_data(now, id, data, &mut self.services, &mut answers);
+        let taken = self.sdo.handle_data(now, id, data, &mut self.services, &mut self.answers);
         // What asks to store is answered when it is done.
         let waits = !busy && self.services.is_storing();
-        move_all(&mut answers, if waits { &mut self.held } else { out });
+        move_all(&mut self.answers, if waits { &mut self.held } else { out });
         taken
     }
 

@@ -39,9 +39,9 @@ impl Parameter {
 /// The PDOs of a device, counted from 0: those that have both parameter objects.
 pub(crate) fn existing(od: &Dictionary, direction: Direction) -> Vec<u16> {
     let first = communication(direction, 0);
-    let cob_ids = od.entries().iter().map(|entry| entry.mux).filter(|mux| mux.sub == 1);
+    let entries = od.entries_in(first..=first + 0x1FF).iter();
+    let cob_ids = entries.map(|entry| entry.mux).filter(|mux| mux.sub == 1);
     cob_ids
-        .filter(|mux| (first..first + 0x200).contains(&mux.index))
         .map(|mux| mux.index - first)
         .filter(|pdo| od.has_object(mapping(direction, *pdo)))
         .collect()

@@ -16,8 +16,8 @@ pub(crate) fn channels(
     od: &Dictionary,
     range: std::ops::RangeInclusive<u16>,
 ) -> impl Iterator<Item = u16> {
-    let first = od.entries().iter().map(|entry| entry.mux).filter(|mux| mux.sub == TO_SERVER);
-    first.map(|mux| mux.index).filter(move |index| range.contains(index))
+    let entries = od.entries_in(range).iter().map(|entry| entry.mux);
+    entries.filter(|mux| mux.sub == TO_SERVER).map(|mux| mux.index)
 }
 
 /// The identifiers to the server and to the client; `None` while the channel is off, which it is

@@ -116,7 +116,9 @@ impl SdoServer {
                 if let Some(response) = response {
                     let frame = Frame::new(self.answers, response.encode());
                     // From deadline to deadline, so that a device that wakes up late is no slower.
-                    self.next_segment += wire_time(&frame, services.base.settings.bit_rate);
+                    if self.state.in_upload_sub_block() {
+                        self.next_segment += wire_time(&frame, services.base.settings.bit_rate);
+                    }
                     out.push(frame);
                 }
             }
