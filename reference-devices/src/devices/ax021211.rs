@@ -34,7 +34,6 @@ pub mod worked;
 use std::sync::Arc;
 use std::time::Duration;
 
-use canopen::eds::Eds;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
 use crate::stack::{Behaviour, CommunicationEvent, Errors};
@@ -84,10 +83,9 @@ impl Ax021211 {
     }
 
     fn with(rules: Box<dyn Ax021211Rules>) -> Self {
-        // It is set up when it starts.
-        let od = Dictionary::new(&Eds::default(), 1).expect("nothing that could be wrong");
         Self {
-            network: Network::new(Parameters { od: &od, rules: &*rules }),
+            // It is set up when it starts.
+            network: Network::new(&*rules),
             rules: rules.into(),
             outside: Outside {
                 loads: [Load::default(); OUTPUTS],
@@ -250,11 +248,7 @@ impl Behaviour for Ax021211 {
     fn reset(&mut self, now: Instant, od: &mut Dictionary) {
         self.powered = true;
         (self.outside.timed_out, self.outside.operational) = ([false; 24], false);
-        let network = Network::new(Parameters { od, rules: &*self.rules });
-        let before = std::mem::replace(&mut self.network, network);
-        if !self.rules.forgets() {
-            self.network.remember(&before);
-        }
+        self.network.restart(Parameters { od, rules: &*self.rules });
         for place in (0..OUTPUTS).filter(|_| self.rules.reads_types_at_a_start()) {
             self.kinds[place] = od.int(Mux::new(OUTPUT_TYPE, place as u8 + 1)).unwrap_or(0);
         }

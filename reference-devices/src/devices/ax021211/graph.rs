@@ -34,8 +34,25 @@ pub(super) struct Order {
 /// How many blocks there are.
 pub(super) const BLOCKS: usize = 36;
 
-/// Hands on each link of a block.
-pub(super) type Links<'l> = dyn Fn(Block, &mut dyn FnMut(Link)) + 'l;
+/// The places of the signals that a block takes, in the order of its links; [`NOTHING`] where a link
+/// names none.
+pub(super) type Taken = [u8; LINKS];
+
+/// What the blocks take, by their numbers.
+pub(super) type Wiring = [Taken; BLOCKS];
+
+/// The most links of a block: a logic block has 18 arguments and 3 tables.
+const LINKS: usize = 21;
+const NOTHING: u8 = u8::MAX;
+
+/// The signals that links name.
+pub(super) fn taken(links: impl IntoIterator<Item = Link>) -> Taken {
+    let mut taken = [NOTHING; LINKS];
+    for (place, link) in taken.iter_mut().zip(links) {
+        *place = link.place().map_or(NOTHING, |signal| signal as u8);
+    }
+    taken
+}
 
 /// The sets of the blocks of a kind.
 pub(super) const ALL_MATHS: Blocks = 0x3F;
@@ -108,32 +125,34 @@ impl Block {
 }
 
 impl Order {
-    /// The order for blocks that take what `links` says.
-    pub(super) fn of(links: &Links) -> Self {
+    /// The order for blocks that are wired so.
+    pub(super) fn of(wiring: &Wiring) -> Self {
         let blocks = Vec::with_capacity(BLOCKS);
         let (turns, takers, late_takers) = ([0; SIGNALS], [0; SIGNALS], [0; SIGNALS]);
         let mut order = Self { blocks, turns, takers, late_takers };
         let mut met = 0;
         for block in members(ALL) {
-            order.visit(block, links, &mut met);
+            order.visit(block, wiring, &mut met);
         }
         order
     }
 
-    fn visit(&mut self, block: Block, links: &Links, met: &mut Blocks) {
+    fn visit(&mut self, block: Block, wiring: &Wiring, met: &mut Blocks) {
         if *met & block.bit() != 0 {
             return;
         }
         *met |= block.bit();
-        links(block, &mut |link| {
-            let Some(place) = link.place() else { return };
+        let taken = wiring[block.number()].iter().filter(|place| **place != NOTHING);
+        for place in taken.map(|place| usize::from(*place)) {
             let source = Block::of(place);
-            source.into_iter().for_each(|source| self.visit(source, links, met));
+            if let Some(source) = source {
+                self.visit(source, wiring, met);
+            }
             // In a circle the walk comes back to a block that has no turn yet.
             let in_time = source.is_none() || self.turns[place] > 0;
             let takers = if in_time { &mut self.takers } else { &mut self.late_takers };
             takers[place] |= block.bit();
-        });
+        }
         self.blocks.push(block);
         for signal in block.signals() {
             self.turns[signal] = self.blocks.len() as u8;
@@ -161,7 +180,9 @@ mod tests {
     use super::*;
 
     fn order(links: impl Fn(Block) -> Vec<Link>) -> Order {
-        Order::of(&|block, take| links(block).into_iter().for_each(take))
+        let mut wiring = [taken([]); BLOCKS];
+        members(ALL).for_each(|block| wiring[block.number()] = taken(links(block)));
+        Order::of(&wiring)
     }
 
     fn turn(order: &Order, block: Block) -> usize {

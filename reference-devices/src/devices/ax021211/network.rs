@@ -87,11 +87,30 @@ struct Around {
 }
 
 impl Network {
+    /// Blocks that are not set up.
+    pub(super) fn new(rules: &dyn Ax021211Rules) -> Self {
+        let settings = Settings::unread(rules);
+        Self::fresh(settings.order(), settings)
+    }
+
     /// Blocks as after power-on.
-    pub(super) fn new(od: Parameters<'_>) -> Self {
-        let settings = Settings::read(od);
-        let mut network = Self {
-            order: settings.order(od.rules),
+    pub(super) fn restart(&mut self, od: Parameters<'_>) {
+        let mut settings = self.settings.clone();
+        let order = match settings.restart(od).rewired {
+            true => settings.order(),
+            false => self.order.clone(),
+        };
+        let (pids, tables) = (self.pids, self.tables);
+        *self = Self::fresh(order, settings);
+        if !od.rules.forgets() {
+            (self.pids, self.tables) = (pids, tables);
+        }
+        self.receive(od);
+    }
+
+    fn fresh(order: Order, settings: Settings) -> Self {
+        Self {
+            order,
             signals: [Signal::ABSENT; SIGNALS],
             last: [Signal::ABSENT; SIGNALS],
             outputs: [Output::default(); OUTPUTS],
@@ -110,9 +129,7 @@ impl Network {
             selected: settings.logics.each_ref().map(|logic| logic.tables[0]),
             selection_told: false,
             settings,
-        };
-        network.receive(od);
-        network
+        }
     }
 
     /// Takes over what was written at an address. Returns whether the blocks see anything of it.
@@ -142,7 +159,7 @@ impl Network {
             self.receive(od);
         }
         if renewed.rewired {
-            self.order = self.settings.order(od.rules);
+            self.order = self.settings.order();
             self.awake = graph::ALL;
         }
         true
@@ -311,11 +328,6 @@ impl Network {
             true => self.signals[place],
             false => self.last[place],
         }
-    }
-
-    /// What a unit goes on with that does not forget in a reset.
-    pub(super) fn remember(&mut self, before: &Self) {
-        (self.pids, self.tables) = (before.pids, before.tables);
     }
 
     /// A control cycle is over: its signals are what circles see in the next one. Returns whether

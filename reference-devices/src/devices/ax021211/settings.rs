@@ -2,7 +2,7 @@
 
 use canopen::{Dictionary, Mux};
 
-use super::graph::{self, BLOCKS, Block, Blocks, Order};
+use super::graph::{self, BLOCKS, Block, Blocks, Order, Taken, Wiring};
 use super::logic::LogicSettings;
 use super::math::MathSettings;
 use super::network::OUTPUTS;
@@ -23,6 +23,8 @@ pub(super) struct Settings {
     pub(super) maths: [MathSettings; 6],
     pub(super) logics: [LogicSettings; 4],
     pub(super) pids: [PidSettings; 4],
+    /// What comes of the links.
+    wiring: Wiring,
     /// Who has not read what has changed in the dictionary.
     unread: Readers,
     /// How many changes of the dictionary are in `unread`.
@@ -49,17 +51,31 @@ pub(super) struct Renewed {
 }
 
 impl Settings {
-    /// All of them.
-    pub(super) fn read(od: Parameters<'_>) -> Self {
-        Self {
-            outputs: std::array::from_fn(|place| OutputSettings::read(od, place)),
-            tables: std::array::from_fn(|place| TableSettings::read(od, place)),
-            maths: std::array::from_fn(|place| MathSettings::read(od, place)),
-            logics: std::array::from_fn(|place| LogicSettings::read(od, place)),
-            pids: std::array::from_fn(|place| PidSettings::read(od, place)),
-            unread: OF_VALUES,
-            noticed: od.od.changes(),
+    /// Those of blocks that have read nothing yet.
+    pub(super) fn unread(rules: &dyn Ax021211Rules) -> Self {
+        let mut settings = Self {
+            outputs: [OutputSettings::default(); OUTPUTS],
+            tables: [TableSettings::default(); 12],
+            maths: [MathSettings::default(); 6],
+            logics: [LogicSettings::default(); 4],
+            pids: [PidSettings::default(); 4],
+            wiring: [graph::taken([]); BLOCKS],
+            unread: EVERYONE,
+            noticed: 0,
+        };
+        for block in graph::members(graph::ALL) {
+            settings.wiring[block.number()] = settings.taken(block, rules);
         }
+        settings
+    }
+
+    /// All of them and all values are read anew where something has changed.
+    pub(super) fn restart(&mut self, od: Parameters<'_>) -> Renewed {
+        self.notice(od);
+        let renewed = self.renew(graph::ALL, od);
+        // Whoever starts anew has no values yet.
+        self.unread |= OF_VALUES;
+        renewed
     }
 
     /// Notes who reads what has changed in the dictionary.
@@ -90,32 +106,25 @@ impl Settings {
     pub(super) fn renew(&mut self, blocks: Blocks, od: Parameters<'_>) -> Renewed {
         let mut renewed = Renewed::default();
         for block in graph::members(self.take_unread(blocks)) {
-            let links_differ = match block {
+            let differs = match block {
                 Block::Math(place) => {
-                    let links = |math: &MathSettings| math.inputs.map(|input| input.link);
-                    replace(&mut self.maths[place], MathSettings::read(od, place), links)
+                    replace(&mut self.maths[place], MathSettings::read(od, place))
                 }
                 Block::Table(place) => {
-                    replace(&mut self.tables[place], TableSettings::read(od, place), |table| {
-                        table.x
-                    })
+                    replace(&mut self.tables[place], TableSettings::read(od, place))
                 }
-                Block::Pid(place) => {
-                    let links = |pid: &PidSettings| (pid.target, pid.feedback);
-                    replace(&mut self.pids[place], PidSettings::read(od, place), links)
-                }
+                Block::Pid(place) => replace(&mut self.pids[place], PidSettings::read(od, place)),
                 Block::Logic(place) => {
-                    let read = LogicSettings::read(od, place);
-                    replace(&mut self.logics[place], read, LogicSettings::links)
+                    replace(&mut self.logics[place], LogicSettings::read(od, place))
                 }
                 Block::Output(place) => {
-                    let read = OutputSettings::read(od, place);
-                    replace(&mut self.outputs[place], read, |output| output.links)
+                    replace(&mut self.outputs[place], OutputSettings::read(od, place))
                 }
             };
-            if let Some(links_differ) = links_differ {
+            if differs {
+                let taken = self.taken(block, od.rules);
                 renewed.blocks |= block.bit();
-                renewed.rewired |= links_differ;
+                renewed.rewired |= replace(&mut self.wiring[block.number()], taken);
             }
         }
         // A message has the type and the scaling of its output.
@@ -126,42 +135,38 @@ impl Settings {
     }
 
     /// The order of evaluation.
-    pub(super) fn order(&self, rules: &dyn Ax021211Rules) -> Order {
-        Order::of(&|block, take| {
-            let mut link = |link| take(rules.link(link));
-            match block {
-                Block::Math(place) => {
-                    self.maths[place].inputs.iter().for_each(|input| link(input.link));
-                }
-                Block::Table(place) => link(self.tables[place].x),
-                Block::Pid(place) => {
-                    let pid = &self.pids[place];
-                    [pid.target, pid.feedback].into_iter().for_each(link);
-                }
-                Block::Logic(place) => {
-                    let (arguments, tables) = self.logics[place].links();
-                    arguments.into_iter().flatten().flatten().for_each(link);
-                    // It selects among tables, which are not sources that a user chooses.
-                    tables.into_iter().for_each(take);
-                }
-                Block::Output(place) => self.outputs[place].links.into_iter().for_each(link),
+    pub(super) fn order(&self) -> Order {
+        Order::of(&self.wiring)
+    }
+
+    fn taken(&self, block: Block, rules: &dyn Ax021211Rules) -> Taken {
+        let named = |link| rules.link(link);
+        match block {
+            Block::Math(place) => {
+                graph::taken(self.maths[place].inputs.map(|input| named(input.link)))
             }
-        })
+            Block::Table(place) => graph::taken([named(self.tables[place].x)]),
+            Block::Pid(place) => {
+                let pid = &self.pids[place];
+                graph::taken([pid.target, pid.feedback].map(named))
+            }
+            Block::Logic(place) => {
+                let (arguments, tables) = self.logics[place].links();
+                // It selects among tables, which are not sources that a user chooses.
+                graph::taken(arguments.into_iter().flatten().flatten().map(named).chain(tables))
+            }
+            Block::Output(place) => graph::taken(self.outputs[place].links.map(named)),
+        }
     }
 }
 
-/// Takes over settings. Returns whether what they link is something else than before; `None` when
-/// they are the same.
-fn replace<S: PartialEq, L: PartialEq>(
-    settings: &mut S,
-    read: S,
-    links: impl Fn(&S) -> L,
-) -> Option<bool> {
-    if *settings == read {
-        return None;
+/// Takes over a value. Returns whether it is another one.
+fn replace<T: PartialEq>(value: &mut T, new: T) -> bool {
+    let differs = *value != new;
+    if differs {
+        *value = new;
     }
-    let before = std::mem::replace(settings, read);
-    Some(links(&before) != links(settings))
+    differs
 }
 
 /// Everyone whose settings or values an entry is a part of, and maybe some more.
@@ -193,6 +198,68 @@ fn readers(mux: Mux, rules: &dyn Ax021211Rules) -> Readers {
             let reads = |place| rules.place(index, place) + 1 == usize::from(mux.sub);
             let messages = if index == DIGITS_PV { OF_MESSAGES } else { 0 };
             set(OUTPUTS, Block::Output, &reads) | messages
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::rules::{Manual, named};
+    use super::*;
+    use crate::devices;
+    use proptest::prelude::*;
+
+    const RULES: &[&str] = &[
+        "math-operator-of-another-function",
+        "scaling-of-another-output",
+        "polarity-of-another-output",
+        "tables-beyond-6-repeat",
+        "math-blocks-are-one",
+        "logic-blocks-are-two",
+        "loops-are-one",
+    ];
+
+    fn rules(name: Option<&str>) -> Box<dyn Ax021211Rules> {
+        match name {
+            Some(name) => named(name).unwrap()(Box::new(Manual)),
+            None => Box::new(Manual),
+        }
+    }
+
+    fn assert_same(kept: &Settings, read: &Settings) {
+        assert_eq!(kept.outputs, read.outputs);
+        assert_eq!(kept.tables, read.tables);
+        assert_eq!(kept.maths, read.maths);
+        assert_eq!(kept.logics, read.logics);
+        assert_eq!(kept.pids, read.pids);
+        assert_eq!(kept.wiring, read.wiring);
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 32, ..ProptestConfig::default() })]
+
+        #[test]
+        fn who_reads_what_has_changed_knows_as_much_as_who_reads_everything(
+            name in prop::option::of(prop::sample::select(RULES)),
+            writes in prop::collection::vec((any::<prop::sample::Index>(), 0..12_i64, 0..4), 1..80),
+        ) {
+            let rules = &*rules(name);
+            let sheet = &devices::device("ax021211").unwrap().description.eds;
+            let mut od = Dictionary::new(sheet, 1).unwrap();
+            let mut kept = Settings::unread(rules);
+            kept.restart(Parameters { od: &od, rules });
+            for (place, value, look) in writes {
+                let mux = place.get(od.entries_in(0x2000..=0xFFFF)).mux;
+                od.set_int(mux, value);
+                if look == 0 {
+                    kept.restart(Parameters { od: &od, rules });
+                    let mut read = Settings::unread(rules);
+                    read.restart(Parameters { od: &od, rules });
+                    assert_same(&kept, &read);
+                } else if look == 1 {
+                    kept.notice(Parameters { od: &od, rules });
+                }
+            }
         }
     }
 }

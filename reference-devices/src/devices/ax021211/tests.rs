@@ -1,4 +1,5 @@
 use canopen::Device;
+use canopen::eds::Eds;
 use proptest::prelude::*;
 
 use super::model::{Model, Plan, plan};
@@ -238,7 +239,8 @@ fn each_name_of_the_bench_can_be_seen() {
 fn built(plan: &Plan) -> (Dictionary, Network, Outside) {
     let mut od = Dictionary::new(&sheet(), 1).unwrap();
     plan.write_to(&mut od);
-    let network = Network::new(Parameters { od: &od, rules: &Manual });
+    let mut network = Network::new(&Manual);
+    network.restart(Parameters { od: &od, rules: &Manual });
     let mut timed_out = [false; 24];
     timed_out[10..].copy_from_slice(&plan.failing);
     let loads = [Load { ohms: 1.0, ..Load::default() }; OUTPUTS];
