@@ -89,9 +89,12 @@ impl Data {
 
     /// The first eight bytes of `bytes`; more do not fit a classical CAN frame.
     pub fn new(bytes: &[u8]) -> Self {
-        let len = bytes.len().min(8);
+        if let Some(whole) = bytes.first_chunk() {
+            return Self { bytes: *whole, len: 8 };
+        }
+        let len = bytes.len();
         let mut data = Self { bytes: [0; 8], len: len as u8 };
-        data.bytes[..len].copy_from_slice(&bytes[..len]);
+        data.bytes[..len].copy_from_slice(bytes);
         data
     }
 

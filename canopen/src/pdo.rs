@@ -124,10 +124,12 @@ impl Unpacker {
 }
 
 fn number(bytes: &[u8]) -> u64 {
-    let mut wide = [0; 8];
-    let len = bytes.len().min(8);
-    wide[..len].copy_from_slice(&bytes[..len]);
-    u64::from_le_bytes(wide)
+    match *bytes {
+        [a] => a.into(),
+        [a, b] => u16::from_le_bytes([a, b]).into(),
+        [a, b, c, d] => u32::from_le_bytes([a, b, c, d]).into(),
+        _ => bytes.iter().take(8).rev().fold(0, |number, byte| number << 8 | u64::from(*byte)),
+    }
 }
 
 const fn ones(bits: u8) -> u64 {
