@@ -43,7 +43,7 @@ pub(super) type Wiring = [Taken; BLOCKS];
 
 /// The most links of a block: a logic block has 18 arguments and 3 tables.
 const LINKS: usize = 21;
-const NOTHING: u8 = u8::MAX;
+pub(super) const NOTHING: u8 = u8::MAX;
 
 /// The signals that links name.
 pub(super) fn taken(links: impl IntoIterator<Item = Link>) -> Taken {

@@ -259,15 +259,14 @@ impl Network {
             }
             Block::Table(place) => {
                 let (settings, before) = (&self.settings.tables[place], self.tables[place]);
-                let x = self.read(settings.x, turn, rules);
+                let x = self.take(block, 0, turn);
                 let (shown, signal) = self.tables[place].evaluate(now, settings, x, rules);
                 self.keep(TABLES + place, shown, signal);
                 self.tables[place] == before && before.due().is_none()
             }
             Block::Pid(place) => {
                 let (settings, before) = (&self.settings.pids[place], self.pids[place]);
-                let target = self.read(settings.target, turn, rules);
-                let feedback = self.read(settings.feedback, turn, rules);
+                let [target, feedback] = [0, 1].map(|input| self.take(block, input, turn));
                 let (shown, signal) =
                     self.pids[place].evaluate(now, settings, target, feedback, rules);
                 self.keep(PIDS + place, shown, signal);
@@ -286,7 +285,7 @@ impl Network {
             }
             Block::Output(place) => {
                 let (own, before) = (&self.settings.outputs[place], self.outputs[place]);
-                let inputs = own.links.map(|link| self.read(link, turn, rules));
+                let inputs = [0, 1, 2].map(|input| self.take(block, input, turn));
                 let settings = if self.around.off { &OutputSettings::default() } else { own };
                 let outside = (&self.around.loads[place], self.around.supply);
                 let output = &mut self.outputs[place];
@@ -316,6 +315,11 @@ impl Network {
             self.moved |= 1 << place;
             self.awake |= self.order.takers(place);
         }
+    }
+
+    /// What an input of the block whose turn it is takes.
+    fn take(&self, block: Block, input: usize, turn: usize) -> Signal {
+        self.settings.source(block, input).map_or(Signal::ABSENT, |place| self.see(place, turn))
     }
 
     /// What a link gives to the block whose turn it is.

@@ -139,6 +139,12 @@ impl Settings {
         Order::of(&self.wiring)
     }
 
+    /// The signal that an input of a block takes; `None` without a source.
+    pub(super) fn source(&self, block: Block, input: usize) -> Option<usize> {
+        let place = self.wiring[block.number()][input];
+        (place != graph::NOTHING).then_some(place.into())
+    }
+
     fn taken(&self, block: Block, rules: &dyn Ax021211Rules) -> Taken {
         let named = |link| rules.link(link);
         match block {
