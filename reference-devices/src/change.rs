@@ -163,13 +163,18 @@ impl Deviation {
         let behaviour =
             device.deviating_behaviour(&behaviour).expect("rules that the application knows");
         let behaviour = self.ignoring(behaviour, &eds, node)?;
-        let node_of = Node::new(&eds, node, settings, rules, behaviour);
-        let mut built: Box<dyn Replica> = Box::new(node_of.map_err(|(mux, error)| {
+        let od = match &eds {
+            Cow::Borrowed(_) => device.dictionary(node),
+            Cow::Owned(eds) => Dictionary::new(eds, node),
+        };
+        let od = od.map_err(|(mux, error)| {
             let dictionary = |(change, _): &&(Change, _)| matches!(change, Change::Dictionary(_));
             let part = self.parts.iter().find(dictionary).or_else(|| self.parts.first());
             let origin = part.map(|(_, origin)| origin.clone()).unwrap_or_default();
             origin.refuse(&Misfit::at(&["dictionary"], format!("{mux}: {error}")))
-        })?);
+        })?;
+        let mut built: Box<dyn Replica> =
+            Box::new(Node::new(&eds, od, node, settings, rules, behaviour));
         for (change, origin) in &self.parts {
             let Change::Frame(change) = change else { continue };
             let bind = |text: &str| Ok(text.parse::<Pattern>()?.bind(node, &|_| None));

@@ -11,12 +11,12 @@ pub mod mcm260x;
 mod pixsys;
 mod terminal;
 
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, LazyLock, OnceLock};
 
-use canopen::Mux;
 use canopen::catalogue::Catalogue;
 use canopen::nearest::did_you_mean;
 use canopen::source::{At, Complaint, Source, read_yaml};
+use canopen::{Dictionary, Mux, ValueError};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
@@ -38,6 +38,18 @@ pub struct ReferenceDevice {
     /// The relative on which deviations are proved that name none: the device, or the first model
     /// of a family that is none itself.
     pub first: String,
+    prototype: Prototype,
+}
+
+/// The dictionary of a new device, made when it is first asked for. Each copy makes its own, so
+/// that whoever copies a device to change it gets what the change makes of it.
+#[derive(Debug, Default)]
+struct Prototype(OnceLock<Dictionary>);
+
+impl Clone for Prototype {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
 }
 
 /// The files of a device and its variants.
@@ -137,7 +149,7 @@ impl DeviceFiles {
         let first = first.device.clone();
         let device = |(description, source)| {
             let (files, first) = (Arc::clone(&files), first.clone());
-            ReferenceDevice { description, source, files, first }
+            ReferenceDevice { description, source, files, first, prototype: Prototype::default() }
         };
         Ok(devices.into_iter().map(device).collect())
     }
@@ -270,8 +282,23 @@ impl ReferenceDevice {
     /// When a default value is not of its type, which loading the description excludes.
     pub fn node(&self, node_id: u8, rules: Box<dyn Rules>) -> Node {
         let (eds, settings) = (&self.description.eds, self.settings());
-        Node::new(eds, node_id, settings, rules, self.behaviour())
-            .unwrap_or_else(|(mux, error)| panic!("{mux}: {error}"))
+        let od = self.dictionary(node_id).unwrap_or_else(|(mux, error)| panic!("{mux}: {error}"));
+        Node::new(eds, od, node_id, settings, rules, self.behaviour())
+    }
+
+    /// Its objects with this node id, every value at its default.
+    ///
+    /// # Errors
+    /// The address of a default value that is not one of its entry's type, and why.
+    pub(crate) fn dictionary(&self, node_id: u8) -> Result<Dictionary, (Mux, ValueError)> {
+        let eds = &self.description.eds;
+        if let Some(prototype) = self.prototype.0.get() {
+            debug_assert!(prototype.entries().iter().eq(eds.entries()), "a stale prototype");
+            return prototype.of_node(node_id);
+        }
+        let od = Dictionary::new(eds, node_id)?;
+        self.prototype.0.get_or_init(|| od.clone());
+        Ok(od)
     }
 }
 

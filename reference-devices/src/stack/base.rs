@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use canopen::eds::Eds;
-use canopen::{Dictionary, Instant, Mux, NmtState, ValueError};
+use canopen::{Dictionary, Instant, NmtState};
 
 use crate::rules::Rules;
 use crate::stack::errors::Errors;
@@ -28,25 +28,25 @@ pub(crate) struct Base {
 }
 
 impl Base {
-    /// # Errors
-    /// The address of a default value that is not one of its entry's type, and why.
+    /// The base of a device with this data sheet, whose objects are `od`.
     pub(crate) fn new(
         eds: &Eds,
+        od: Dictionary,
         id: u8,
         settings: NodeSettings,
         rules: Box<dyn Rules>,
-    ) -> Result<Self, (Mux, ValueError)> {
-        Ok(Self {
+    ) -> Self {
+        Self {
             id,
             state: NmtState::INITIALISING,
             settings,
             rules: rules.into(),
-            od: Dictionary::new(eds, id)?,
+            od,
             errors: Errors::default(),
             dummies: eds.dummies.clone(),
             granularity: eds.device.granularity,
             window_end: None,
-        })
+        }
     }
 
     /// An error of the communication appeared.

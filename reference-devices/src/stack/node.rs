@@ -3,8 +3,7 @@
 use canopen::bench::{Needs, POWER};
 use canopen::eds::Eds;
 use canopen::{
-    BenchError, Data, Device, Dictionary, Frame, Instant, Mux, NmtState, Outbox, Value, ValueError,
-    lss, nmt,
+    BenchError, Data, Device, Dictionary, Frame, Instant, NmtState, Outbox, Value, lss, nmt,
 };
 
 use crate::rules::{Change, Reset, Rules};
@@ -35,19 +34,18 @@ pub struct Node {
 }
 
 impl Node {
-    /// A device that is switched on at time 0.
-    ///
-    /// # Errors
-    /// The address of a default value that is not one of its entry's type, and why.
+    /// A device that is switched on at time 0. `od` is the dictionary of the data sheet for this
+    /// node id.
     pub(crate) fn new(
         eds: &Eds,
+        od: Dictionary,
         node_id: u8,
         settings: NodeSettings,
         rules: Box<dyn Rules>,
         behaviour: Box<dyn Behaviour>,
-    ) -> Result<Self, (Mux, ValueError)> {
+    ) -> Self {
         let lss = Lss::new(eds, node_id, settings.bit_rate);
-        let base = Base::new(eds, node_id, settings, rules)?;
+        let base = Base::new(eds, od, node_id, settings, rules);
         let mut node = Self {
             on: true,
             attached: true,
@@ -59,7 +57,7 @@ impl Node {
             answers: Outbox::default(),
         };
         node.power_on(Instant::ZERO);
-        Ok(node)
+        node
     }
 
     /// Switches the device on; when it was on, it is off for a moment. What was stored is kept.
@@ -311,7 +309,7 @@ mod tests {
     use crate::rules::Specification;
     use crate::stack::Inert;
     use crate::stack::testing::{Fixture, basic, eds, mux};
-    use canopen::Abort;
+    use canopen::{Abort, Mux};
     use std::time::Duration;
 
     mod any_input {
@@ -401,7 +399,8 @@ mod tests {
                 let mut eds = eds(entries);
                 eds.device.lss = true;
                 eds.device.bit_rates = vec![1000, 500];
-                let mut node = Node::new(&eds, 5, settings, rules, Box::new(Inert)).unwrap();
+                let od = Dictionary::new(&eds, 5).unwrap();
+                let mut node = Node::new(&eds, od, 5, settings, rules, Box::new(Inert));
                 let (mut now, mut out) = (Instant::ZERO, Outbox::default());
                 for input in inputs {
                     match input {

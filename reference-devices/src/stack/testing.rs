@@ -1,7 +1,7 @@
 //! A device on a table: frames go in, what it sends comes out with its time.
 
 use canopen::eds::{Access, Eds, Entry, Object, ObjectKind, Term};
-use canopen::{DataType, Device, Frame, Instant, Mux, Outbox, Value};
+use canopen::{DataType, Device, Dictionary, Frame, Instant, Mux, Outbox, Value};
 
 use crate::rules::{Rules, Specification};
 use crate::stack::{Behaviour, Inert, Node, NodeSettings};
@@ -31,7 +31,8 @@ impl Fixture {
         rules: Box<dyn Rules>,
         behaviour: Box<dyn Behaviour>,
     ) -> Self {
-        let node = Node::new(eds, 5, settings, rules, behaviour).unwrap();
+        let od = Dictionary::new(eds, 5).unwrap();
+        let node = Node::new(eds, od, 5, settings, rules, behaviour);
         let mut fixture =
             Self { node, now: Instant::ZERO, sent: Vec::new(), out: Outbox::default() };
         fixture.run_to(1000);
