@@ -3,6 +3,7 @@
 //! of them.
 
 mod data;
+mod dissent;
 mod frame;
 mod ignoring;
 mod origin;
@@ -19,10 +20,11 @@ use canopen::nearest::did_you_mean;
 use canopen::source::Complaint;
 use canopen::{Dictionary, Pattern};
 
-use crate::devices::ReferenceDevice;
+use crate::devices::{Otherwise, ReferenceDevice};
 use crate::rules::{self, Rules, Specification};
 use crate::stack::{Behaviour, Node};
 
+pub use dissent::Dissent;
 pub use frame::DeviantWire;
 pub use replica::Replica;
 
@@ -33,11 +35,20 @@ use data::Misfit;
 use ignoring::Ignoring;
 
 /// Changes of one device, in the order in which they are made.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Deviation {
     /// What a target says to have it, such as `mutant=no-boot-up`.
     pub query: String,
-    parts: Vec<(Change, Origin)>,
+    parts: Vec<Part>,
+}
+
+/// One change.
+#[derive(Clone, Debug)]
+struct Part {
+    change: Change,
+    origin: Origin,
+    /// What notes where it would make a difference; `None` when it makes it.
+    muted: Option<Dissent>,
 }
 
 impl Deviation {
@@ -46,17 +57,28 @@ impl Deviation {
     }
 
     pub(crate) fn add(&mut self, change: Change, origin: Origin) {
-        self.parts.push((change, origin));
+        self.parts.push(Part { change, origin, muted: None });
     }
 
     /// Adds the changes of another deviation.
-    pub(crate) fn append(&mut self, other: Self) {
+    pub fn append(&mut self, other: Self) {
         self.parts.extend(other.parts);
+    }
+
+    /// The same deviation, muted: the device is as without it, and notes where it would make a
+    /// difference. `None` when a change is not one of decisions or frames alone.
+    pub fn muted(mut self, dissent: &Dissent) -> Option<Self> {
+        for part in &mut self.parts {
+            let decides =
+                matches!(part.change, Change::Rule(_) | Change::Behaviour(_) | Change::Frame(_));
+            part.muted = Some(decides.then(|| dissent.clone())?);
+        }
+        Some(self)
     }
 
     /// Whether the data sheet is another one, and so is every plan made from it.
     pub fn changes_data_sheet(&self) -> bool {
-        self.parts.iter().any(|(change, _)| match change {
+        self.parts.iter().any(|part| match &part.change {
             Change::Eds(_) | Change::Object(_) => true,
             Change::Profile(patch) => patch.moves_objects(),
             _ => false,
@@ -65,7 +87,7 @@ impl Deviation {
 
     /// Whether the data sheet can be wrong about the device.
     pub fn falsifies_data_sheet(&self) -> bool {
-        self.parts.iter().any(|(change, _)| matches!(change, Change::Eds(_)))
+        self.parts.iter().any(|part| matches!(part.change, Change::Eds(_)))
     }
 
     /// The device as its own data sheet describes it.
@@ -77,7 +99,7 @@ impl Deviation {
         device: &'d ReferenceDevice,
     ) -> Result<Cow<'d, ReferenceDevice>, Complaint> {
         let mut device = Cow::Borrowed(device);
-        for (change, origin) in &self.parts {
+        for Part { change, origin, .. } in &self.parts {
             let (key, applied) = match change {
                 Change::Object(patch) => {
                     ("object", patch.apply(&mut device.to_mut().description.eds))
@@ -101,7 +123,7 @@ impl Deviation {
     /// When a change names something that the data sheet does not have.
     pub fn data_sheet(&self, device: &ReferenceDevice) -> Result<String, Complaint> {
         let mut text = self.described(device)?.eds_text();
-        for (change, origin) in &self.parts {
+        for Part { change, origin, .. } in &self.parts {
             let Change::Eds(patches) = change else { continue };
             for (number, patch) in patches.iter().enumerate() {
                 let patched = patch.apply(&text);
@@ -130,12 +152,12 @@ impl Deviation {
         let mut rules: Box<dyn Rules> = Box::new(Specification);
         let (mut behaviour, mut settings) = (Vec::new(), device.settings());
         let known = device.behaviour_rule_names();
-        for (change, origin) in &self.parts {
+        for Part { change, origin, muted } in &self.parts {
             let refuse = |misfit: Misfit| origin.refuse(&misfit);
             match change {
-                Change::Rule(name) => rules = with_rule(name, rules).map_err(refuse)?,
+                Change::Rule(name) => rules = with_rule(name, rules, muted).map_err(refuse)?,
                 Change::Behaviour(name) if known.contains(&name.as_str()) => {
-                    behaviour.push(name.as_str())
+                    behaviour.push(Otherwise { name, muted: muted.as_ref() })
                 }
                 Change::Behaviour(name) => {
                     let meant = did_you_mean(name, known.into_iter());
@@ -168,18 +190,19 @@ impl Deviation {
             Cow::Owned(eds) => Dictionary::new(eds, node),
         };
         let od = od.map_err(|(mux, error)| {
-            let dictionary = |(change, _): &&(Change, _)| matches!(change, Change::Dictionary(_));
+            let dictionary = |part: &&Part| matches!(part.change, Change::Dictionary(_));
             let part = self.parts.iter().find(dictionary).or_else(|| self.parts.first());
-            let origin = part.map(|(_, origin)| origin.clone()).unwrap_or_default();
+            let origin = part.map(|part| part.origin.clone()).unwrap_or_default();
             origin.refuse(&Misfit::at(&["dictionary"], format!("{mux}: {error}")))
         })?;
         let mut built: Box<dyn Replica> =
             Box::new(Node::new(&eds, od, node, settings, rules, behaviour));
-        for (change, origin) in &self.parts {
+        for Part { change, origin, muted } in &self.parts {
             let Change::Frame(change) = change else { continue };
             let bind = |text: &str| Ok(text.parse::<Pattern>()?.bind(node, &|_| None));
             let wire = DeviantWire::new(built, change, bind);
-            built = Box::new(wire.map_err(|wrong| origin.refuse(&wrong.below(&["frame"])))?);
+            let wire = wire.map_err(|wrong| origin.refuse(&wrong.below(&["frame"])))?;
+            built = Box::new(wire.muted(muted.clone()));
         }
         Ok(built)
     }
@@ -193,7 +216,7 @@ impl Deviation {
         eds: &Eds,
         node: u8,
     ) -> Result<Box<dyn Behaviour>, Complaint> {
-        for (change, origin) in &self.parts {
+        for Part { change, origin, .. } in &self.parts {
             let Change::Ignores(object) = change else { continue };
             let objects = Dictionary::new(eds, node).ok();
             let ignoring = objects.and_then(|od| Ignoring::new(behaviour, *object, &od));
@@ -206,8 +229,12 @@ impl Deviation {
     }
 }
 
-fn with_rule(name: &str, rules: Box<dyn Rules>) -> Result<Box<dyn Rules>, Misfit> {
-    rules::deviating(name, rules).ok_or_else(|| {
+fn with_rule(
+    name: &str,
+    rules: Box<dyn Rules>,
+    muted: &Option<Dissent>,
+) -> Result<Box<dyn Rules>, Misfit> {
+    rules::laid(name, rules, muted.clone()).ok_or_else(|| {
         let meant = did_you_mean(name, rules::names());
         Misfit::at(&["rule"], format!("the stack has no rule `{name}`{meant}"))
     })

@@ -26,3 +26,30 @@ macro_rules! decisions {
         }
     };
 }
+
+/// The decisions of one layer, a struct of the rules beneath and what notes that it is muted. A
+/// layer that is muted decides as the rules beneath, and notes where it would not have.
+macro_rules! taken_otherwise {
+    ($(
+        fn $name:ident(&$self:ident $(, $argument:ident: $type:ty)* $(,)?) -> $result:ty
+            $body:block
+    )*) => {
+        $(
+            fn $name(&$self $(, $argument: $type)*) -> $result {
+                let beneath = $self.1.as_ref().map(|dissent| {
+                    (dissent, $self.0.$name($(Clone::clone(&$argument)),*))
+                });
+                let taken: $result = $body;
+                match beneath {
+                    None => taken,
+                    Some((dissent, beneath)) => {
+                        if taken != beneath {
+                            dissent.note();
+                        }
+                        beneath
+                    }
+                }
+            }
+        )*
+    };
+}

@@ -25,6 +25,7 @@ use crate::rules::Rules;
 use crate::stack::{Behaviour, Node, NodeSettings};
 
 use applications::Application;
+pub(crate) use deviating::Otherwise;
 
 /// A device that can be built.
 #[derive(Clone, Debug)]
@@ -249,7 +250,7 @@ impl ReferenceDevice {
 
     /// The same with the decisions of these names taken otherwise; `None` when there is no such
     /// decision.
-    pub(crate) fn deviating_behaviour(&self, rules: &[&str]) -> Option<Box<dyn Behaviour>> {
+    pub(crate) fn deviating_behaviour(&self, rules: &[Otherwise]) -> Option<Box<dyn Behaviour>> {
         (self.application().build)(&self.description, rules)
     }
 
@@ -438,10 +439,12 @@ mod tests {
     fn each_deviation_of_an_application_has_one_name() {
         for device in names().map(|name| device(name).unwrap()) {
             let known = device.behaviour_rule_names();
-            assert!(known.iter().all(|name| device.deviating_behaviour(&[name]).is_some()));
+            assert!(
+                known.iter().all(|name| device.deviating_behaviour(&[(*name).into()]).is_some())
+            );
             let unique: std::collections::BTreeSet<_> = known.iter().collect();
             assert_eq!(unique.len(), known.len(), "{}", device.description.device);
-            assert!(device.deviating_behaviour(&["none-of-these"]).is_none());
+            assert!(device.deviating_behaviour(&["none-of-these".into()]).is_none());
         }
     }
 

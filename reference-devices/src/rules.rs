@@ -23,6 +23,7 @@ mod time;
 mod timers;
 
 pub use access::AccessRules;
+pub(crate) use deviations::laid;
 pub use deviations::{Layer, deviating, named, names};
 pub use emcy::EmcyRules;
 pub use error_control::ErrorControlRules;

@@ -7,6 +7,7 @@ use canopen::bench::{Needs, POWER};
 use canopen::{BenchError, Device, Frame, Instant, Outbox, Pattern, PatternError, Value};
 
 use super::data::{FrameChange, Misfit};
+use super::dissent::Dissent;
 use super::replica::Replica;
 
 /// A device some of whose frames are not what it meant to send, or to receive.
@@ -22,6 +23,8 @@ pub struct DeviantWire {
     delayed: VecDeque<(Instant, Frame)>,
     /// What is lost while a frame is delayed.
     deaf: Option<Pattern>,
+    /// What notes that a frame would not be as it was meant; it is left alone then.
+    muted: Option<Dissent>,
 }
 
 #[derive(Clone)]
@@ -89,7 +92,13 @@ impl DeviantWire {
             scratch: Outbox::default(),
             delayed: VecDeque::new(),
             deaf,
+            muted: None,
         })
+    }
+
+    /// The same; where it is muted, frames are left alone.
+    pub(super) fn muted(self, muted: Option<Dissent>) -> Self {
+        Self { muted, ..self }
     }
 
     /// Whether the change happens to this frame.
@@ -103,7 +112,12 @@ impl DeviantWire {
         }
         let applies = self.left > 0;
         self.left = self.left.saturating_sub(1);
-        applies
+        let Some(dissent) = &self.muted else { return applies };
+        let leaves = |edit: &Pattern| edit.edit(frame) == *frame;
+        if applies && !matches!(&self.what, What::Edit(edit) if leaves(edit)) {
+            dissent.note();
+        }
+        false
     }
 
     fn forward(&mut self, now: Instant, out: &mut Outbox) {

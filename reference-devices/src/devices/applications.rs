@@ -5,6 +5,7 @@ use crate::profiles::cia401::{self, Cia401, Cia401Rules, IoBlock};
 use crate::stack::{Behaviour, Inert};
 
 use super::ax021211::Ax021211;
+use super::deviating::Otherwise;
 use super::drr460::Drr460;
 use super::em66::Em66;
 use super::generic::Generic;
@@ -19,7 +20,7 @@ pub(super) struct Application {
     /// That of a device which keeps to its documents but for the decisions of these names; where
     /// two concern the same decision, the later one takes it. `None` when there is no such
     /// decision.
-    pub(super) build: fn(&Description, &[&str]) -> Option<Built>,
+    pub(super) build: fn(&Description, &[Otherwise]) -> Option<Built>,
     /// The names that `build` knows.
     pub(super) deviations: fn() -> Vec<&'static str>,
 }
@@ -46,7 +47,8 @@ const APPLICATIONS: &[Application] = &[
         build: |device, names| {
             let mut rules: Box<dyn Cia401Rules> = Box::new(Cia401);
             for name in names {
-                rules = cia401::deviation(name)?.of(rules);
+                let deviation = cia401::deviation(name.name)?;
+                rules = name.unmutable(rules, |rules| deviation.of(rules));
             }
             Some(Box::new(IoBlock::new(&device.eds, rules)))
         },

@@ -36,6 +36,7 @@ use std::time::Duration;
 
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
+use crate::devices::deviating::Otherwise;
 use crate::stack::{Behaviour, CommunicationEvent, Errors};
 
 use bench::Sight;
@@ -69,10 +70,10 @@ pub(super) struct Ax021211 {
 impl Ax021211 {
     /// The controller that keeps to its manual but for the decisions of these names; `None` when
     /// there is no such decision.
-    pub(super) fn with_deviations(names: &[&str]) -> Option<Self> {
+    pub(super) fn with_deviations(names: &[Otherwise]) -> Option<Self> {
         let mut rules: Box<dyn Ax021211Rules> = Box::new(Manual);
         for name in names {
-            rules = rules::named(name)?(rules);
+            rules = rules::named(name.name)?(rules, *name);
         }
         Some(Self::with(rules))
     }

@@ -1,16 +1,47 @@
 //! How an application that takes one decision otherwise is written down and found. Deviations add
 //! up: each lies on top of other rules, and leaves to them what it does not decide.
 
+use crate::change::Dissent;
+
+/// A decision that is taken otherwise.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Otherwise<'n> {
+    /// The name of the deviation.
+    pub(crate) name: &'n str,
+    /// What notes where it would make a difference. The device decides as without it.
+    pub(crate) muted: Option<&'n Dissent>,
+}
+
+impl<'n> From<&'n str> for Otherwise<'n> {
+    fn from(name: &'n str) -> Self {
+        Self { name, muted: None }
+    }
+}
+
+impl Otherwise<'_> {
+    /// Lays a deviation on top of other rules. One that cannot be muted is left out where it is to
+    /// be, and might make a difference from the start.
+    pub(super) fn unmutable<R>(self, rules: R, lay: impl FnOnce(R) -> R) -> R {
+        match self.muted {
+            None => lay(rules),
+            Some(dissent) => {
+                dissent.note();
+                rules
+            }
+        }
+    }
+}
+
 /// What puts a deviation on top of other rules `R`.
-pub(super) type Lay<R> = Box<dyn FnOnce(Box<R>) -> Box<R>>;
+pub(super) type Lay<R> = Box<dyn FnOnce(Box<R>, Otherwise) -> Box<R>>;
 
 /// A name, and what puts the deviation on top of other rules `R`.
-pub(super) type Deviation<R> = (&'static str, fn(Box<R>) -> Box<R>);
+pub(super) type Deviation<R> = (&'static str, fn(Box<R>, Option<Dissent>) -> Box<R>);
 
 /// The deviation of that name; `None` when there is none.
 pub(super) fn named<R: ?Sized + 'static>(all: &[Deviation<R>], name: &str) -> Option<Lay<R>> {
-    let (_, lay) = all.iter().find(|(known, _)| *known == name)?;
-    Some(Box::new(*lay))
+    let (_, lay) = *all.iter().find(|(known, _)| *known == name)?;
+    Some(Box::new(move |rules, otherwise| lay(rules, otherwise.muted.cloned())))
 }
 
 /// The names that [`named`] knows.
@@ -56,16 +87,16 @@ macro_rules! deviating {
         )),*]
     };
     (@one $rules:ident $trait:ident [$($other:ident)*] $name:literal { $($method:tt)* }) => {
-        ($name, |beneath| {
-            struct Deviating(Box<dyn $rules>);
+        ($name, |beneath, muted| {
+            struct Deviating(Box<dyn $rules>, Option<crate::change::Dissent>);
             impl Layer for Deviating {
                 fn beneath(&self) -> Option<&dyn $rules> {
                     Some(&*self.0)
                 }
             }
-            impl $trait for Deviating { $($method)* }
+            impl $trait for Deviating { taken_otherwise! { $($method)* } }
             $(impl $other for Deviating {})*
-            Box::new(Deviating(beneath))
+            Box::new(Deviating(beneath, muted))
         })
     };
 }

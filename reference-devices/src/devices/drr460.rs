@@ -21,6 +21,7 @@ use std::time::Duration;
 use canopen::eds::Eds;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
+use crate::devices::deviating::Otherwise;
 use crate::profiles::cia401::{self, Cia401Rules, IoBlock};
 use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, earlier};
 
@@ -87,13 +88,16 @@ pub(crate) struct Drr460 {
 impl Drr460 {
     /// The controller that keeps to its manual but for the decisions of these names; `None` when
     /// there is no such decision.
-    pub(crate) fn with_deviations(eds: &Eds, names: &[&str]) -> Option<Self> {
+    pub(crate) fn with_deviations(eds: &Eds, names: &[Otherwise]) -> Option<Self> {
         let mut rules: Box<dyn Rules> = Box::new(Manual);
         let mut of_io: Box<dyn Cia401Rules> = Box::new(PixsysIo::default());
         for name in names {
-            match rules::named(name) {
-                Some(lay) => rules = lay(rules),
-                None => of_io = cia401::deviation(name)?.of(of_io),
+            match rules::named(name.name) {
+                Some(lay) => rules = lay(rules, *name),
+                None => {
+                    let deviation = cia401::deviation(name.name)?;
+                    of_io = name.unmutable(of_io, |rules| deviation.of(rules));
+                }
             }
         }
         Some(Self::with(rules, IoBlock::new(eds, of_io)))

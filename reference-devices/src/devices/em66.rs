@@ -26,6 +26,7 @@ use std::time::Duration;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, Value};
 
 use crate::describe::Description;
+use crate::devices::deviating::Otherwise;
 use crate::stack::{Behaviour, Errors};
 
 use alarm::Alarms;
@@ -169,10 +170,10 @@ enum Pump {
 impl Em66 {
     /// The device that keeps to its documents but for the decisions of these names; `None` when
     /// there is no such decision.
-    pub(super) fn with_deviations(device: &Description, names: &[&str]) -> Option<Self> {
+    pub(super) fn with_deviations(device: &Description, names: &[Otherwise]) -> Option<Self> {
         let mut rules: Box<dyn Em66Rules> = Box::new(Conformant);
         for name in names {
-            rules = rules::named(name)?(rules);
+            rules = rules::named(name.name)?(rules, *name);
         }
         Some(Self::with(rules, device))
     }

@@ -13,6 +13,7 @@ use canopen::emcy::EmcyCode;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 use std::sync::Arc;
 
+use crate::devices::deviating::Otherwise;
 use crate::profiles::cia401::{self, Cia401, Cia401Rules, IoBlock};
 use crate::stack::{Behaviour, CommunicationEvent, Errors, SdoJob};
 
@@ -47,13 +48,16 @@ struct Fault {
 impl Generic {
     /// The device that keeps to its documents but for the decisions of these names; `None` when
     /// there is no such decision.
-    pub(crate) fn with_deviations(eds: &Eds, names: &[&str]) -> Option<Self> {
+    pub(crate) fn with_deviations(eds: &Eds, names: &[Otherwise]) -> Option<Self> {
         let mut rules: Box<dyn GenericRules> = Box::new(DataSheet);
         let mut of_io: Box<dyn Cia401Rules> = Box::new(Cia401);
         for name in names {
-            match rules::named(name) {
-                Some(lay) => rules = lay(rules),
-                None => of_io = cia401::deviation(name)?.of(of_io),
+            match rules::named(name.name) {
+                Some(lay) => rules = lay(rules, *name),
+                None => {
+                    let deviation = cia401::deviation(name.name)?;
+                    of_io = name.unmutable(of_io, |rules| deviation.of(rules));
+                }
             }
         }
         Some(Self::with(rules, IoBlock::new(eds, of_io)))

@@ -29,6 +29,7 @@ use canopen::bench::Needs;
 use canopen::eds::Eds;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
+use crate::devices::deviating::Otherwise;
 use crate::profiles::cia401::{self, Cia401Rules, IoBlock};
 use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, earlier};
 
@@ -82,12 +83,15 @@ pub(crate) struct Mcm260x {
 impl Mcm260x {
     /// The module that keeps to its documents but for the decisions of these names; `None` when
     /// there is no such decision.
-    pub(crate) fn with_deviations(eds: &Eds, names: &[&str]) -> Option<Self> {
+    pub(crate) fn with_deviations(eds: &Eds, names: &[Otherwise]) -> Option<Self> {
         let (mut rules, mut of_io): (Box<dyn Mcm260xRules>, _) = (Box::new(Manual), Vec::new());
         for name in names {
-            match rules::named(name) {
-                Some(lay) => rules = lay(rules),
-                None => of_io.push(cia401::deviation(name)?),
+            match rules::named(name.name) {
+                Some(lay) => rules = lay(rules, *name),
+                None => {
+                    let deviation = cia401::deviation(name.name)?;
+                    of_io.extend(name.unmutable(None, |_| Some(deviation)));
+                }
             }
         }
         Some(Self::with(eds, rules, of_io))

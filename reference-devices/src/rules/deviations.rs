@@ -2,6 +2,8 @@
 //! beside the decisions. Some break the specification, others use a freedom that it leaves: the
 //! data of mutants and freedoms say which.
 
+use crate::change::Dissent;
+
 use super::{
     Rules, Specification, access, emcy, error_control, lss, nmt, pdo, sdo, sdo_block, storage,
     sync, time, timers,
@@ -15,8 +17,17 @@ pub fn named(name: &str) -> Option<Box<dyn Rules>> {
 /// `rules` with one decision taken otherwise; `None` if there is no deviation `name`. Where two
 /// deviations concern the same decision, the later one takes it.
 pub fn deviating(name: &str, rules: Box<dyn Rules>) -> Option<Box<dyn Rules>> {
-    let (_, build) = all().find(|(known, _)| *known == name)?;
-    Some(build(rules))
+    laid(name, rules, None)
+}
+
+/// The same; where the deviation is muted, it decides as `rules` and notes where it would not have.
+pub(crate) fn laid(
+    name: &str,
+    rules: Box<dyn Rules>,
+    muted: Option<Dissent>,
+) -> Option<Box<dyn Rules>> {
+    let (_, lay) = all().find(|(known, _)| *known == name)?;
+    Some(lay(rules, muted))
 }
 
 /// The names of the deviations.
@@ -44,7 +55,7 @@ fn all() -> impl Iterator<Item = &'static Deviation> {
 }
 
 /// A name, and what puts the deviation on top of other rules.
-pub(super) type Deviation = (&'static str, fn(Box<dyn Rules>) -> Box<dyn Rules>);
+pub(super) type Deviation = (&'static str, fn(Box<dyn Rules>, Option<Dissent>) -> Box<dyn Rules>);
 
 /// Decisions that can lie on top of others.
 pub trait Layer {
@@ -58,16 +69,17 @@ pub trait Layer {
 /// Each deviation is its name and the decisions of one trait that it takes otherwise.
 macro_rules! deviations {
     ($trait:ident; $($name:literal { $($method:tt)* })*) => {
-        pub(super) const DEVIATIONS: &[crate::rules::deviations::Deviation] = &[$(($name, |rules| {
-            struct Deviation(Box<dyn crate::rules::Rules>);
+        use crate::rules::deviations::Deviation as Known;
+        pub(super) const DEVIATIONS: &[Known] = &[$(($name, |rules, muted| {
+            struct Deviation(Box<dyn crate::rules::Rules>, Option<crate::change::Dissent>);
             impl crate::rules::Layer for Deviation {
                 fn beneath(&self) -> Option<&dyn crate::rules::Rules> {
                     Some(&*self.0)
                 }
             }
-            impl $trait for Deviation { $($method)* }
+            impl $trait for Deviation { taken_otherwise! { $($method)* } }
             as_beneath!(Deviation, but $trait);
-            Box::new(Deviation(rules))
+            Box::new(Deviation(rules, muted))
         })),*];
     };
 }

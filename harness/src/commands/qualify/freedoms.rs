@@ -20,8 +20,10 @@ use crate::parallel::{self, processors, try_map};
 /// How many freedoms a mixture has at most.
 const LARGEST_MIXTURE: usize = 6;
 
-/// How many freedoms are tried together at first.
+/// How many freedoms are tried together at first. Where they meet each one is tried alone again,
+/// wherever any of them changed something; of some it is known that it was not them.
 const LARGEST_GROUP: usize = 8;
+const LARGEST_KNOWN_GROUP: usize = 16;
 
 /// How many instances say whether a freedom is one that changes most of them.
 const SAMPLE: usize = 8;
@@ -67,9 +69,16 @@ struct Compared<'c, 'l> {
     trials: HashMap<&'c str, &'c Trial>,
 }
 
+/// A freedom, and the instances in which it can make a difference, if that is known.
+#[derive(Clone, Copy)]
+struct Member<'f> {
+    freedom: &'f Freedom,
+    touches: Option<&'f BTreeSet<String>>,
+}
+
 /// What is tried of a device at once.
 enum Task<'f> {
-    Group(Vec<&'f Freedom>),
+    Group(Vec<Member<'f>>),
     Personality(&'f Personality),
 }
 
@@ -96,18 +105,29 @@ impl<'c, 'l> Freedoms<'c, 'l> {
         let mut all = try_map(cleans, Self::untried)?;
         let personalities = cleans.iter().map(|clean| freedom::personalities(&clean.device));
         let personalities = personalities.collect::<Result<Vec<_>, _>>()?;
-        let each: Vec<(&Compared, &Freedom)> = all
+        let touched = try_map(&all, |of| {
+            of.compared.clean.touched_by(of.freedoms.iter().map(Freedom::deviation))
+        })?;
+        let each: Vec<(&Compared, Member)> = all
             .iter()
-            .flat_map(|of| of.freedoms.iter().map(|freedom| (&of.compared, freedom)))
+            .zip(&touched)
+            .flat_map(|(of, touched)| {
+                let members = of.freedoms.iter().zip(touched);
+                let members =
+                    members.map(|(freedom, touches)| Member { freedom, touches: touches.as_ref() });
+                members.map(|member| (&of.compared, member))
+            })
             .collect();
-        let mut loud = try_map(&each, |(of, freedom)| of.is_loud(freedom))?.into_iter();
+        let loud = try_map(&each, |(of, member)| of.is_loud(member))?;
+        let mut each = each.into_iter().zip(loud).map(|((_, member), loud)| (member, loud));
         let mut tasks = Vec::new();
         for (place, (of, personalities)) in all.iter().zip(&personalities).enumerate() {
             // One that changes everything would leave nothing alike in its group.
             let (alone, quiet): (Vec<_>, Vec<_>) =
-                of.freedoms.iter().partition(|_| loud.next() == Some(true));
+                each.by_ref().take(of.freedoms.len()).partition(|(_, loud)| *loud);
+            let quiet: Vec<Member> = quiet.into_iter().map(|(member, _)| member).collect();
             let groups = groups(&of.compared.clean.device, &quiet);
-            let groups = alone.into_iter().map(|freedom| vec![freedom]).chain(groups);
+            let groups = alone.into_iter().map(|(member, _)| vec![member]).chain(groups);
             tasks.extend(groups.map(|group| (place, Task::Group(group))));
             tasks.extend(personalities.iter().map(|one| (place, Task::Personality(one))));
         }
@@ -232,26 +252,30 @@ impl Compared<'_, '_> {
         })
     }
 
-    /// Whether a freedom changes the frames of most instances, by a sample.
-    fn is_loud(&self, freedom: &Freedom) -> Result<bool, Refused> {
+    /// Whether a freedom changes the frames of most instances, by a sample where that is not known.
+    fn is_loud(&self, member: &Member) -> Result<bool, Refused> {
         let passed = || self.clean.trials.iter().filter(|trial| trial.verdict == Verdict::Pass);
+        if member.touches.is_some_and(|touches| 2 * touches.len() < passed().count()) {
+            return Ok(false);
+        }
         let step = passed().count().div_ceil(SAMPLE).max(1);
         let names: BTreeSet<String> =
             passed().step_by(step).map(|trial| trial.name.clone()).collect();
-        let tried = self.tried(freedom.deviation(), &Wanted::Instances(&names))?;
+        let tried = self.tried(member.freedom.deviation(), &Wanted::Instances(&names))?;
         Ok(2 * tried.affected.len() > names.len())
     }
 
     /// Tries freedoms that a device can use together, then each alone. What goes as without
     /// deviation on a device that uses them all goes so with each of them, unless two undo each
     /// other bit by bit, and is not tried again.
-    fn apart(&self, members: &[&Freedom]) -> Result<Apart, Refused> {
-        let together = |members: &[&Freedom]| freedom::mixture(members.iter().copied());
+    fn apart(&self, members: &[Member]) -> Result<Apart, Refused> {
+        let freedoms: Vec<&Freedom> = members.iter().map(|member| member.freedom).collect();
+        let together = freedom::mixture(freedoms.iter().copied());
         if let [_only] = members {
-            let single = vec![self.tried(together(members), &Wanted::All)?];
+            let single = vec![self.tried(together, &Wanted::All)?];
             return Ok(Apart { single, groups: Vec::new() });
         }
-        let (mut group, mut went) = self.compared(together(members), &Wanted::All)?;
+        let (mut group, mut went) = self.compared(together, &Wanted::All)?;
         let missing = self.trials.values().filter(|trial| !went.alike.contains(&trial.name));
         went.otherwise.extend(missing.map(|trial| trial.case.clone()));
         let cases = self.trials.values().map(|trial| &trial.case);
@@ -259,11 +283,21 @@ impl Compared<'_, '_> {
             cases.filter(|case| !went.otherwise.contains(*case)).cloned().collect();
         let rest = Wanted::Except { instances: &went.alike, cases: &cases };
         let (mut single, mut known) = (Vec::new(), BTreeSet::new());
-        for member in members {
-            let mut tried = self.tried(member.deviation(), &rest)?;
+        for Member { freedom, touches } in members {
+            let alone = |wanted: &Wanted| self.tried(freedom.deviation(), wanted);
+            let mut tried = match touches {
+                None => alone(&rest)?,
+                Some(touches) => {
+                    let differing = touches.difference(&went.alike).cloned().collect();
+                    alone(&Wanted::Instances(&differing))?
+                }
+            };
+            // What shifts frames without changing one may be seen where all frames are alike.
+            if let Some(touches) = touches.filter(|_| !tried.noticed) {
+                tried = alone(&Wanted::Instances(touches))?;
+            }
             if !tried.noticed {
-                // What shifts frames without changing one is seen in a whole run.
-                tried = self.tried(member.deviation(), &Wanted::All)?;
+                tried = alone(&Wanted::All)?;
             }
             known.extend(tried.red.iter().map(|(instance, ..)| instance.clone()));
             single.push(tried);
@@ -272,7 +306,7 @@ impl Compared<'_, '_> {
         let red = std::mem::take(&mut group.red).into_iter().map(|(instance, ..)| instance);
         let red: BTreeSet<String> = red.filter(|instance| !known.contains(instance)).collect();
         if !red.is_empty() {
-            groups.extend(self.smallest_red(members.to_vec(), &red, 0)?);
+            groups.extend(self.smallest_red(freedoms, &red, 0)?);
         }
         groups.push(group);
         Ok(Apart { single, groups })
@@ -373,20 +407,36 @@ fn fits<'f>(device: &ReferenceDevice, freedoms: impl Iterator<Item = &'f Freedom
 }
 
 /// Sets of freedoms that a device can use together, with each freedom in one of them. Those that
-/// change the data sheet, and with it the plan, come first.
-fn groups<'f>(device: &ReferenceDevice, freedoms: &[&'f Freedom]) -> Vec<Vec<&'f Freedom>> {
-    let mut groups: Vec<Vec<&Freedom>> = Vec::new();
-    let (sheet, rest): (Vec<&Freedom>, Vec<_>) =
-        freedoms.iter().copied().partition(|freedom| freedom.deviation().changes_data_sheet());
-    for freedom in sheet.into_iter().chain(rest) {
-        let takes = |group: &&mut Vec<&'f Freedom>| {
-            group.len() < LARGEST_GROUP
-                && group.iter().all(|member| member.agrees_with(freedom))
-                && fits(device, group.iter().copied().chain([freedom]))
+/// change the data sheet, and with it the plan, come first, and those last of which it is known
+/// where they can make a difference.
+fn groups<'f>(device: &ReferenceDevice, members: &[Member<'f>]) -> Vec<Vec<Member<'f>>> {
+    let (known, rest): (Vec<Member>, Vec<_>) =
+        members.iter().partition(|member| member.touches.is_some());
+    let (sheet, rest): (Vec<Member>, Vec<_>) =
+        rest.into_iter().partition(|member| member.freedom.deviation().changes_data_sheet());
+    let rest = sheet.into_iter().chain(rest);
+    let mut groups = filled(device, rest, LARGEST_GROUP);
+    groups.extend(filled(device, known.into_iter(), LARGEST_KNOWN_GROUP));
+    groups
+}
+
+fn filled<'f>(
+    device: &ReferenceDevice,
+    members: impl Iterator<Item = Member<'f>>,
+    most: usize,
+) -> Vec<Vec<Member<'f>>> {
+    let mut groups: Vec<Vec<Member>> = Vec::new();
+    for member in members {
+        let freedom = member.freedom;
+        let takes = |group: &&mut Vec<Member>| {
+            let others = || group.iter().map(|member| member.freedom);
+            group.len() < most
+                && others().all(|other| other.agrees_with(freedom))
+                && fits(device, others().chain([freedom]))
         };
         match groups.iter_mut().find(takes) {
-            Some(group) => group.push(freedom),
-            None => groups.push(vec![freedom]),
+            Some(group) => group.push(member),
+            None => groups.push(vec![member]),
         }
     }
     groups
@@ -445,15 +495,23 @@ mod tests {
     fn each_freedom_is_in_one_group_with_freedoms_that_agree() {
         let device = devices::device(WITH_EVERYTHING).unwrap();
         let freedoms = freedom::of(&device).unwrap();
-        let freedoms: Vec<&Freedom> = freedoms.iter().collect();
-        let groups = groups(&device, &freedoms);
-        let mut names: Vec<&String> = groups.iter().flatten().map(|member| &member.name).collect();
+        let nothing = BTreeSet::new();
+        let touches = |place: usize| (place % 2 == 0).then_some(&nothing);
+        let members = freedoms.iter().enumerate();
+        let members: Vec<Member> =
+            members.map(|(place, freedom)| Member { freedom, touches: touches(place) }).collect();
+        let groups = groups(&device, &members);
+        let mut names: Vec<&String> =
+            groups.iter().flatten().map(|member| &member.freedom.name).collect();
         let count = names.len();
         names.sort_unstable();
         names.dedup();
         assert_eq!((names.len(), count), (freedoms.len(), freedoms.len()));
         for group in &groups {
-            assert!(group.len() <= LARGEST_GROUP && fits(&device, group.iter().copied()));
+            let known = group.iter().filter(|member| member.touches.is_some()).count();
+            assert!(known == 0 && group.len() <= LARGEST_GROUP || known == group.len());
+            let group: Vec<&Freedom> = group.iter().map(|member| member.freedom).collect();
+            assert!(group.len() <= LARGEST_KNOWN_GROUP && fits(&device, group.iter().copied()));
             let agree = |one: &&Freedom| {
                 group.iter().all(|other| one.name == other.name || one.agrees_with(other))
             };

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use canopen::Instant;
 use fastrand::Rng;
-use reference_devices::change::Deviation;
+use reference_devices::change::{Deviation, Dissent};
 use reference_devices::devices::ReferenceDevice;
 use reports::{Event, Outcome, Verdict};
 
@@ -98,13 +98,52 @@ impl<'l> Clean<'l> {
         let instances = plan.instances.iter().filter(|instance| fits(instance.case()));
         let (dut, instances) = (plan.dut.clone(), instances.cloned().collect());
         let fitting = Plan { dut, instances, left_out: BTreeMap::new() };
-        let (trials, _) = run(library, &fitting, &target)?;
+        let (trials, _) = run(library, &fitting, &target, &mut |_| ())?;
         Ok(Self { library, device, target, plan, trials })
     }
 
     /// The name of the device.
     pub(super) fn name(&self) -> &str {
         &self.device.description.device
+    }
+
+    /// The instances in which each of these deviations would make a difference to the device, by
+    /// one run with all of them muted. `None` for one of which that cannot be told: it changes more
+    /// than decisions and frames, or is there before the first case begins.
+    ///
+    /// # Errors
+    /// When the device cannot be built.
+    pub(super) fn touched_by(
+        &self,
+        deviations: impl Iterator<Item = Deviation>,
+    ) -> Result<Vec<Option<BTreeSet<String>>>, Refused> {
+        let (mut muted, mut noted) = (Deviation::default(), Vec::new());
+        for deviation in deviations {
+            let dissent = Dissent::default();
+            let part = deviation.muted(&dissent);
+            noted.push(part.is_some().then(|| (dissent, BTreeSet::new())));
+            part.into_iter().for_each(|part| muted.append(part));
+        }
+        let (dut, instances) = (self.plan.dut.clone(), self.plan.instances.clone());
+        let plan = Plan { dut, instances, left_out: BTreeMap::new() };
+        let target = self.target.deviating(muted)?;
+        let (mut name, mut begun) = (String::new(), false);
+        run(self.library, &plan, &target, &mut |event| match event {
+            Event::CaseStarted(started) => {
+                name = started.name();
+                if !std::mem::replace(&mut begun, true) {
+                    for of_one in &mut noted {
+                        of_one.take_if(|(dissent, _)| dissent.take());
+                    }
+                }
+            }
+            Event::CaseEnded(_) => {
+                let differing = noted.iter_mut().flatten().filter(|(dissent, _)| dissent.take());
+                differing.for_each(|(_, touched)| _ = touched.insert(name.clone()));
+            }
+            _ => {}
+        })?;
+        Ok(noted.into_iter().map(|of_one| Some(of_one?.1)).collect())
     }
 
     /// Runs what is wanted on the device with a deviation.
@@ -130,7 +169,7 @@ impl<'l> Clean<'l> {
             }
         };
         wanted.order(&mut plan.instances);
-        let (trials, ending) = run(self.library, &plan, &target)?;
+        let (trials, ending) = run(self.library, &plan, &target, &mut |_| ())?;
         Ok(Ran { instances: plan.instances, trials, ending })
     }
 }
@@ -181,8 +220,13 @@ impl Wanted<'_> {
     }
 }
 
-/// Runs a plan.
-fn run(library: &Library, plan: &Plan, target: &Target) -> Result<(Vec<Trial>, Ending), Refused> {
+/// Runs a plan, and shows every event first.
+fn run(
+    library: &Library,
+    plan: &Plan,
+    target: &Target,
+    show: &mut dyn FnMut(&Event),
+) -> Result<(Vec<Trial>, Ending), Refused> {
     let stop = Stop::default();
     let mut bus = target.open(&stop)?;
     let shown = Cell::default();
@@ -200,7 +244,7 @@ fn run(library: &Library, plan: &Plan, target: &Target) -> Result<(Vec<Trial>, E
     let mut trials = Vec::new();
     let (mut case, mut name, mut start) = (String::new(), String::new(), Instant::ZERO);
     let (mut frames, mut timing) = (DefaultHasher::new(), DefaultHasher::new());
-    let ending = session.run(&mut *bus, &mut |event| match event {
+    let mut take = |event: Event| match event {
         Event::CaseStarted(started) => {
             case = format!("{}/{}", started.suite, started.case);
             name = started.name();
@@ -222,6 +266,10 @@ fn run(library: &Library, plan: &Plan, target: &Target) -> Result<(Vec<Trial>, E
             shown: shown.take(),
         }),
         _ => {}
+    };
+    let ending = session.run(&mut *bus, &mut |event| {
+        show(&event);
+        take(event);
     });
     Ok((trials, ending))
 }

@@ -372,7 +372,7 @@ fn each_parameter_has_a_mutant_that_does_not_obey_it() {
     let all: Vec<_> = rules::names()
         .filter(|name| is_mutant(name))
         .filter_map(rules::named)
-        .map(|deviates| deviates(Box::new(Manual)))
+        .map(|deviates| deviates(Box::new(Manual), "".into()))
         .collect();
     let obeys = |sub| {
         let values = -1..=200;

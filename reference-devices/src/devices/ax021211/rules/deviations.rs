@@ -218,13 +218,13 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
         fn math_is_enabled(&self, _configured: bool) -> bool { true }
     }
     "math-function-of-one-input" {
-        fn function_counts(&self, [a, b]: [bool; 2]) -> bool { a || b }
+        fn function_counts(&self, inputs: [bool; 2]) -> bool { inputs[0] || inputs[1] }
     }
     "math-negative-result-passed-on" {
         fn linked_result(&self, result: f64, gain: f64, _subtracts: bool) -> f64 { result * gain }
     }
     "math-inputs-swapped" {
-        fn function_inputs(&self, [a, b]: [f64; 2]) -> [f64; 2] { [b, a] }
+        fn function_inputs(&self, inputs: [f64; 2]) -> [f64; 2] { [inputs[1], inputs[0]] }
     }
     "math-truth-above-half" {
         fn math_result(&self, operator: u8, a: f64, b: f64) -> f64 {
@@ -291,7 +291,8 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
         fn math_input(&self, part: f64, _gain: f64) -> f64 { part }
     }
     "logic-error-of-argument-2-unseen" {
-        fn condition(&self, operator: u8, _links: [Link; 2], [a, b]: [Signal; 2]) -> Verdict {
+        fn condition(&self, operator: u8, _links: [Link; 2], arguments: [Signal; 2]) -> Verdict {
+            let [a, b] = arguments;
             let seen = if b.has_failed() { Signal::new(b.value, b.limits) } else { b };
             logic::judge(operator, [a, seen])
         }
@@ -313,12 +314,13 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
         }
     }
     "logic-arguments-swapped" {
-        fn condition(&self, operator: u8, _links: [Link; 2], [a, b]: [Signal; 2]) -> Verdict {
+        fn condition(&self, operator: u8, _links: [Link; 2], arguments: [Signal; 2]) -> Verdict {
+            let [a, b] = arguments;
             logic::judge(operator, [b, a])
         }
     }
     "fault-of-control-only" {
-        fn input_fault(&self, [control, ..]: [bool; 3]) -> bool { control }
+        fn input_fault(&self, inputs: [bool; 3]) -> bool { inputs[0] }
     }
     "fault-not-seen" {
         fn input_fault(&self, _failed: [bool; 3]) -> bool { false }
@@ -348,12 +350,14 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
         fn override_fv(&self, _configured: f64, _level: f64) -> f64 { 0.0 }
     }
     "off-at-scaling-1" {
-        fn is_off(&self, response: u8, pv: f64, (low, high): (f64, f64)) -> bool {
+        fn is_off(&self, response: u8, pv: f64, limits: (f64, f64)) -> bool {
+            let (low, high) = limits;
             response == 1 && pv <= low || response == 2 && pv > high
         }
     }
     "off-at-scaling-2" {
-        fn is_off(&self, response: u8, pv: f64, (low, high): (f64, f64)) -> bool {
+        fn is_off(&self, response: u8, pv: f64, limits: (f64, f64)) -> bool {
+            let (low, high) = limits;
             response == 1 && pv < low || response == 2 && pv >= high
         }
     }
@@ -550,7 +554,8 @@ const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
         fn within_segment(&self, x: f64, point: f64) -> bool { x < point }
     }
     "nothing-below-the-table" {
-        fn below_table(&self, x: f64, (start, first): (f64, f64)) -> f64 {
+        fn below_table(&self, x: f64, first: (f64, f64)) -> f64 {
+            let (start, first) = first;
             if x < start { 0.0 } else { first }
         }
     }

@@ -234,7 +234,8 @@ pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
         }
     }
     "pid-lower-limit-ignored" {
-        fn percent(&self, signal: Signal, (_, high): (f64, f64)) -> f64 {
+        fn percent(&self, signal: Signal, limits: (f64, f64)) -> f64 {
+            let (_, high) = limits;
             signal.percent((0.0, high))
         }
     }

@@ -211,7 +211,7 @@ fn a_device_without_a_limit_of_cooling_cannot_cool() {
 
 #[test]
 fn each_deviation_is_known_by_its_name() {
-    let mut plant = Plant::new(named("never-heats").unwrap()(Box::new(Conformant)));
+    let mut plant = Plant::new(named("never-heats").unwrap()(Box::new(Conformant), "".into()));
     assert_eq!(plant.set(SET_POINT, 800).after(5, |_| {}).output(), 0);
 }
 

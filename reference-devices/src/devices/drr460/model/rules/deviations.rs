@@ -426,16 +426,20 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
         fn outputs_status(&self, q1: bool, q2: bool) -> i64 { i64::from(q2) | i64::from(q1) << 1 }
     }
     "switches-ignored" {
-        fn attachment(&self, _: Switches, _: (i64, i64), _: i64) -> Attachment { Attachment::AsIs }
+        fn attachment(&self, _switches: Switches, _own: (i64, i64), _bus: i64) -> Attachment {
+            Attachment::AsIs
+        }
     }
     "address-parameter-first" {
-        fn attachment(&self, switches: Switches, (address, _): (i64, i64), _: i64) -> Attachment {
+        fn attachment(&self, switches: Switches, own: (i64, i64), _bus: i64) -> Attachment {
+            let (address, _) = own;
             let node = Switches { address: 0, ..switches }.node(address);
             node.or_else(|| switches.node(address)).map_or(Attachment::Off, Attachment::Node)
         }
     }
     "address-parameter-or-switches" {
-        fn attachment(&self, switches: Switches, (address, _): (i64, i64), _: i64) -> Attachment {
+        fn attachment(&self, switches: Switches, own: (i64, i64), _bus: i64) -> Attachment {
+            let (address, _) = own;
             let set = Switches { address: 0, ..switches }.node(address).unwrap_or(0);
             let node = Switches { address: switches.address | set, ..switches }.node(address);
             node.map_or(Attachment::Off, Attachment::Node)
@@ -455,7 +459,7 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
         }
     }
     "error-leds-blink-together" {
-        fn error_leds(&self, [first, _]: [Pattern; 2]) -> [Pattern; 2] { [first; 2] }
+        fn error_leds(&self, alternate: [Pattern; 2]) -> [Pattern; 2] { [alternate[0]; 2] }
     }
     "thermoresistance-with-terminals" {
         fn wires(&self, terminals: f64) -> f64 { terminals - 25.0 }
@@ -466,7 +470,8 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
         }
     }
     "limits-of-temperatures" {
-        fn temperature(&self, digits: f64, (low, high): (f64, f64)) -> f64 {
+        fn temperature(&self, digits: f64, limits: (f64, f64)) -> f64 {
+            let (low, high) = limits;
             digits.clamp(low.min(high), high.max(low))
         }
     }
@@ -509,7 +514,7 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
         fn errors_commute(&self) -> bool { false }
     }
     "output-leds-swapped" {
-        fn output_leds(&self, [first, second]: [Pattern; 2]) -> [Pattern; 2] { [second, first] }
+        fn output_leds(&self, outputs: [Pattern; 2]) -> [Pattern; 2] { [outputs[1], outputs[0]] }
     }
     "key-led-steady" {
         fn key_led(&self, _pattern: Pattern) -> Pattern { Pattern::SteadyOn }
@@ -561,7 +566,7 @@ const DEVIATIONS: &[Deviation<dyn Rules>] = deviating! { dyn Rules: Rules [];
         fn any_gap_tunes(&self) -> bool { true }
     }
     "tuning-without-limits" {
-        fn tuning_limits(&self, _: (f64, f64), _: f64) -> ((f64, f64), f64) {
+        fn tuning_limits(&self, _bands: (f64, f64), _integral_time: f64) -> ((f64, f64), f64) {
             ((1.0, f64::from(i16::MAX)), 0.0)
         }
     }

@@ -31,7 +31,9 @@ pub(super) fn named(name: &str) -> Option<Lay<dyn Rules>> {
         let (_, index, value) = DEAF.iter().find(|row| row.0 == name)?;
         Row::Deaf { index: *index, value: *value }
     };
-    Some(Box::new(move |beneath| Box::new(OfRow { beneath, row })))
+    Some(Box::new(move |rules, otherwise| {
+        otherwise.unmutable(rules, |beneath| Box::new(OfRow { beneath, row }))
+    }))
 }
 
 /// A deviation that is a row of a table.
