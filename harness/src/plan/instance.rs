@@ -75,22 +75,26 @@ impl Plan {
 
     /// The names of these instances and of the cases that prove what they rely on.
     pub fn with_proofs(&self, names: &BTreeSet<String>) -> BTreeSet<String> {
-        let mut names = names.clone();
-        let mut relied = BTreeSet::new();
+        // Another data sheet has the same cases with other instances.
+        let mut wanted: BTreeSet<&str> = names.iter().map(|name| case_of(name)).collect();
+        let of_cases = self.instances.chunk_by(|one, other| std::ptr::eq(one.case(), other.case()));
+        let cases = of_cases.map(|instances| (instances[0].case_name(), &instances[0]));
+        let cases: Vec<(String, &Instance)> = cases.collect();
+        let (mut names, mut relied) = (names.clone(), BTreeSet::new());
         // What proves something may rely on something else.
         let mut grows = true;
         while grows {
             let known = relied.len();
-            // Another data sheet has the same cases with other instances.
-            let cases: BTreeSet<&str> = names.iter().map(|name| case_of(name)).collect();
-            let wanted = |instance: &&Instance| cases.contains(instance.case_name().as_str());
-            let wanted = self.instances.iter().filter(wanted);
-            relied.extend(wanted.flat_map(Instance::relies_on));
+            let relying = cases.iter().filter(|(name, _)| wanted.contains(name.as_str()));
+            relied.extend(relying.flat_map(|(_, of)| of.relies_on()));
             grows = relied.len() > known;
-            let proves = |instance: &&Instance| {
-                instance.case().checks.iter().all(|id| relied.contains(id.value.as_str()))
+            let proves = |of: &Instance| {
+                of.case().checks.iter().all(|id| relied.contains(id.value.as_str()))
             };
-            names.extend(self.instances.iter().filter(proves).map(Instance::case_name));
+            for (name, _) in cases.iter().filter(|(_, of)| proves(of)) {
+                wanted.insert(name);
+                names.insert(name.clone());
+            }
         }
         names
     }

@@ -22,14 +22,12 @@ impl<'p> Reliance<'p> {
     /// The instances, those first that prove what others rely on. Otherwise their order stays: the
     /// verdicts do not depend on it.
     pub(super) fn order(&self, plan: &'p Plan) -> Vec<&'p Instance> {
-        let mut order: Vec<&Instance> = plan.instances.iter().collect();
-        if self.relied.is_empty() {
-            return order;
-        }
+        let proves = |instance: &&Instance| self.proves(instance);
+        let (mut first, others): (Vec<_>, Vec<_>) = plan.instances.iter().partition(proves);
         // Who proves something may rely on something else.
         let mut ranks = BTreeMap::<&str, usize>::new();
         for _ in 0..DEEPEST {
-            for instance in order.iter().filter(|instance| self.proves(instance)) {
+            for instance in &first {
                 let rank = rank(instance, &ranks);
                 for id in checks(instance) {
                     let known = ranks.entry(id).or_default();
@@ -37,11 +35,9 @@ impl<'p> Reliance<'p> {
                 }
             }
         }
-        order.sort_by_key(|instance| match self.proves(instance) {
-            true => rank(instance, &ranks),
-            false => usize::MAX,
-        });
-        order
+        first.sort_by_cached_key(|instance| rank(instance, &ranks));
+        first.extend(others);
+        first
     }
 
     /// Why a case cannot say anything about the device.

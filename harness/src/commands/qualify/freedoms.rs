@@ -289,12 +289,12 @@ impl Compared<'_, '_> {
                 None => alone(&rest)?,
                 Some(touches) => {
                     let differing = touches.difference(&went.alike).cloned().collect();
-                    alone(&Wanted::Instances(&differing))?
+                    alone(&Wanted::Instances(&self.clean.plan.with_proofs(&differing)))?
                 }
             };
             // What shifts frames without changing one may be seen where all frames are alike.
             if let Some(touches) = touches.filter(|_| !tried.noticed) {
-                tried = alone(&Wanted::Instances(touches))?;
+                tried = alone(&Wanted::Instances(&self.clean.plan.with_proofs(touches)))?;
             }
             if !tried.noticed {
                 tried = alone(&Wanted::All)?;
