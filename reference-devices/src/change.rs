@@ -65,15 +65,22 @@ impl Deviation {
         self.parts.extend(other.parts);
     }
 
-    /// The same deviation, muted: the device is as without it, and notes where it would make a
-    /// difference. `None` when a change is not one of decisions or frames alone.
-    pub fn muted(mut self, dissent: &Dissent) -> Option<Self> {
-        for part in &mut self.parts {
-            let decides =
-                matches!(part.change, Change::Rule(_) | Change::Behaviour(_) | Change::Frame(_));
-            part.muted = Some(decides.then(|| dissent.clone())?);
-        }
-        Some(self)
+    /// What it changes of decisions and frames, muted: the device is as without it, and notes
+    /// where it would make a difference. The second is whether that is all of it.
+    pub fn muted(mut self, dissent: &Dissent) -> (Self, bool) {
+        let all = self.parts.len();
+        self.parts.retain(|part| {
+            matches!(part.change, Change::Rule(_) | Change::Behaviour(_) | Change::Frame(_))
+        });
+        self.parts.iter_mut().for_each(|part| part.muted = Some(dissent.clone()));
+        let is_all = self.parts.len() == all;
+        (self, is_all)
+    }
+
+    /// Whether one of the two may take back what the other changes of the data of the device.
+    pub fn collides_with(&self, other: &Self) -> bool {
+        let others = || other.parts.iter().map(|part| &part.change);
+        self.parts.iter().any(|part| others().any(|other| part.change.collides_with(other)))
     }
 
     /// Whether the data sheet is another one, and so is every plan made from it.

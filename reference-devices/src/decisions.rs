@@ -44,7 +44,7 @@ macro_rules! taken_otherwise {
                     None => taken,
                     Some((dissent, beneath)) => {
                         if taken != beneath {
-                            dissent.note();
+                            dissent.note(stringify!($name));
                         }
                         beneath
                     }

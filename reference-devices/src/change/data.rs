@@ -60,6 +60,24 @@ pub(crate) enum Change {
     Eds(Vec<SheetPatch>),
 }
 
+impl Change {
+    /// Whether one of the two may take back what the other changes of the data of the device.
+    pub(super) fn collides_with(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Dictionary(one) | Self::Object(one), Self::Dictionary(other))
+            | (Self::Dictionary(one) | Self::Object(one), Self::Object(other)) => {
+                one.index() == other.index()
+            }
+            (Self::Ignores(one), Self::Ignores(other)) => one.index == other.index,
+            (Self::Settings(_), Self::Settings(_)) | (Self::Profile(_), Self::Profile(_)) => true,
+            (Self::Eds(one), Self::Eds(other)) => {
+                one.iter().any(|one| other.iter().any(|other| one.section() == other.section()))
+            }
+            _ => false,
+        }
+    }
+}
+
 /// What happens to frames that fit a pattern. Exactly one of `edit`, `drop`, `repeat`, `delay`,
 /// `answer`.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]

@@ -115,7 +115,7 @@ impl DeviantWire {
         let Some(dissent) = &self.muted else { return applies };
         let leaves = |edit: &Pattern| edit.edit(frame) == *frame;
         if applies && !matches!(&self.what, What::Edit(edit) if leaves(edit)) {
-            dissent.note();
+            dissent.note("frames");
         }
         false
     }

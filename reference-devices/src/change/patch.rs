@@ -53,6 +53,11 @@ pub(crate) struct Patch {
 }
 
 impl Patch {
+    /// The index of the object that it changes.
+    pub(super) const fn index(&self) -> u16 {
+        self.object.index
+    }
+
     /// Changes the description.
     ///
     /// # Errors

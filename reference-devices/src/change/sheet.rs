@@ -32,6 +32,11 @@ pub(crate) struct SheetPatch {
 }
 
 impl SheetPatch {
+    /// The section that it changes.
+    pub(super) fn section(&self) -> &str {
+        &self.section
+    }
+
     /// Changes the text.
     ///
     /// # Errors

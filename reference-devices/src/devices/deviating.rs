@@ -25,7 +25,7 @@ impl Otherwise<'_> {
         match self.muted {
             None => lay(rules),
             Some(dissent) => {
-                dissent.note();
+                dissent.note("decisions that cannot be muted");
                 rules
             }
         }

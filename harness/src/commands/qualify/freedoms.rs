@@ -11,7 +11,7 @@ use reference_devices::freedom::{self, Freedom, Personality};
 use reports::Verdict;
 
 use super::assertion::Assertion;
-use super::trial::{Clean, Trial, Wanted};
+use super::trial::{Clean, Reach, Trial, Wanted};
 use crate::cli::QualifyArgs;
 use crate::commands::check::sound_freedoms;
 use crate::exit::Refused;
@@ -20,9 +20,12 @@ use crate::parallel::{self, processors, try_map};
 /// How many freedoms a mixture has at most.
 const LARGEST_MIXTURE: usize = 6;
 
-/// How many freedoms are tried together at first. Where they meet each one is tried alone again,
-/// wherever any of them changed something; of some it is known that it was not them.
+/// How many freedoms are tried together at first. Wherever one of them changes something, each is
+/// tried alone again.
 const LARGEST_GROUP: usize = 8;
+
+/// The same for freedoms of which it is known where they make a difference: those are tried alone
+/// there and nowhere else.
 const LARGEST_KNOWN_GROUP: usize = 16;
 
 /// How many instances say whether a freedom is one that changes most of them.
@@ -69,11 +72,11 @@ struct Compared<'c, 'l> {
     trials: HashMap<&'c str, &'c Trial>,
 }
 
-/// A freedom, and the instances in which it can make a difference, if that is known.
+/// A freedom, and where it makes a difference.
 #[derive(Clone, Copy)]
 struct Member<'f> {
     freedom: &'f Freedom,
-    touches: Option<&'f BTreeSet<String>>,
+    reach: &'f Reach,
 }
 
 /// What is tried of a device at once.
@@ -105,17 +108,15 @@ impl<'c, 'l> Freedoms<'c, 'l> {
         let mut all = try_map(cleans, Self::untried)?;
         let personalities = cleans.iter().map(|clean| freedom::personalities(&clean.device));
         let personalities = personalities.collect::<Result<Vec<_>, _>>()?;
-        let touched = try_map(&all, |of| {
-            of.compared.clean.touched_by(of.freedoms.iter().map(Freedom::deviation))
+        let reaches = try_map(&all, |of| {
+            of.compared.clean.reach_of(of.freedoms.iter().map(Freedom::deviation))
         })?;
         let each: Vec<(&Compared, Member)> = all
             .iter()
-            .zip(&touched)
-            .flat_map(|(of, touched)| {
-                let members = of.freedoms.iter().zip(touched);
-                let members =
-                    members.map(|(freedom, touches)| Member { freedom, touches: touches.as_ref() });
-                members.map(|member| (&of.compared, member))
+            .zip(&reaches)
+            .flat_map(|(of, reaches)| {
+                let members = of.freedoms.iter().zip(reaches);
+                members.map(|(freedom, reach)| (&of.compared, Member { freedom, reach }))
             })
             .collect();
         let loud = try_map(&each, |(of, member)| of.is_loud(member))?;
@@ -255,7 +256,8 @@ impl Compared<'_, '_> {
     /// Whether a freedom changes the frames of most instances, by a sample where that is not known.
     fn is_loud(&self, member: &Member) -> Result<bool, Refused> {
         let passed = || self.clean.trials.iter().filter(|trial| trial.verdict == Verdict::Pass);
-        if member.touches.is_some_and(|touches| 2 * touches.len() < passed().count()) {
+        let known = member.reach.instances.as_ref();
+        if known.is_some_and(|instances| 2 * instances.len() < passed().count()) {
             return Ok(false);
         }
         let step = passed().count().div_ceil(SAMPLE).max(1);
@@ -266,8 +268,8 @@ impl Compared<'_, '_> {
     }
 
     /// Tries freedoms that a device can use together, then each alone. What goes as without
-    /// deviation on a device that uses them all goes so with each of them, unless two undo each
-    /// other bit by bit, and is not tried again.
+    /// deviation on a device that uses them all goes so with each of them, since none takes back
+    /// what another one changes; it is not tried again, but where one is known to make a difference.
     fn apart(&self, members: &[Member]) -> Result<Apart, Refused> {
         let freedoms: Vec<&Freedom> = members.iter().map(|member| member.freedom).collect();
         let together = freedom::mixture(freedoms.iter().copied());
@@ -283,20 +285,14 @@ impl Compared<'_, '_> {
             cases.filter(|case| !went.otherwise.contains(*case)).cloned().collect();
         let rest = Wanted::Except { instances: &went.alike, cases: &cases };
         let (mut single, mut known) = (Vec::new(), BTreeSet::new());
-        for Member { freedom, touches } in members {
+        for Member { freedom, reach } in members {
             let alone = |wanted: &Wanted| self.tried(freedom.deviation(), wanted);
-            let mut tried = match touches {
+            let mut tried = match &reach.instances {
                 None => alone(&rest)?,
-                Some(touches) => {
-                    let differing = touches.difference(&went.alike).cloned().collect();
-                    alone(&Wanted::Instances(&self.clean.plan.with_proofs(&differing)))?
-                }
+                Some(reached) => alone(&Wanted::Instances(&self.clean.plan.with_proofs(reached)))?,
             };
-            // What shifts frames without changing one may be seen where all frames are alike.
-            if let Some(touches) = touches.filter(|_| !tried.noticed) {
-                tried = alone(&Wanted::Instances(&self.clean.plan.with_proofs(touches)))?;
-            }
             if !tried.noticed {
+                // What shifts frames without changing one is seen in a whole run.
                 tried = alone(&Wanted::All)?;
             }
             known.extend(tried.red.iter().map(|(instance, ..)| instance.clone()));
@@ -401,6 +397,16 @@ impl Compared<'_, '_> {
     }
 }
 
+impl Member<'_> {
+    /// Whether one of the two may take back what the other one changes, so that neither is seen.
+    fn hides(&self, other: &Self) -> bool {
+        let tried_there = self.reach.instances.is_some() && other.reach.instances.is_some();
+        let shared = !self.reach.decisions.is_disjoint(&other.reach.decisions);
+        let data = || self.freedom.deviation().collides_with(&other.freedom.deviation());
+        !tried_there && (shared || data())
+    }
+}
+
 /// Whether a device can be built with all of these freedoms.
 fn fits<'f>(device: &ReferenceDevice, freedoms: impl Iterator<Item = &'f Freedom>) -> bool {
     freedom::mixture(freedoms).complaints(device).next().is_none()
@@ -411,7 +417,7 @@ fn fits<'f>(device: &ReferenceDevice, freedoms: impl Iterator<Item = &'f Freedom
 /// where they can make a difference.
 fn groups<'f>(device: &ReferenceDevice, members: &[Member<'f>]) -> Vec<Vec<Member<'f>>> {
     let (known, rest): (Vec<Member>, Vec<_>) =
-        members.iter().partition(|member| member.touches.is_some());
+        members.iter().partition(|member| member.reach.instances.is_some());
     let (sheet, rest): (Vec<Member>, Vec<_>) =
         rest.into_iter().partition(|member| member.freedom.deviation().changes_data_sheet());
     let rest = sheet.into_iter().chain(rest);
@@ -431,6 +437,7 @@ fn filled<'f>(
         let takes = |group: &&mut Vec<Member>| {
             let others = || group.iter().map(|member| member.freedom);
             group.len() < most
+                && !group.iter().any(|other| member.hides(other))
                 && others().all(|other| other.agrees_with(freedom))
                 && fits(device, others().chain([freedom]))
         };
@@ -495,11 +502,13 @@ mod tests {
     fn each_freedom_is_in_one_group_with_freedoms_that_agree() {
         let device = devices::device(WITH_EVERYTHING).unwrap();
         let freedoms = freedom::of(&device).unwrap();
-        let nothing = BTreeSet::new();
-        let touches = |place: usize| (place % 2 == 0).then_some(&nothing);
+        let decisions = BTreeSet::from(["one"]);
+        let known = Reach { instances: Some(BTreeSet::new()), decisions: decisions.clone() };
+        let unknown = Reach { instances: None, decisions: BTreeSet::new() };
+        let reach = |place: usize| if place % 2 == 0 { &known } else { &unknown };
         let members = freedoms.iter().enumerate();
         let members: Vec<Member> =
-            members.map(|(place, freedom)| Member { freedom, touches: touches(place) }).collect();
+            members.map(|(place, freedom)| Member { freedom, reach: reach(place) }).collect();
         let groups = groups(&device, &members);
         let mut names: Vec<&String> =
             groups.iter().flatten().map(|member| &member.freedom.name).collect();
@@ -508,7 +517,7 @@ mod tests {
         names.dedup();
         assert_eq!((names.len(), count), (freedoms.len(), freedoms.len()));
         for group in &groups {
-            let known = group.iter().filter(|member| member.touches.is_some()).count();
+            let known = group.iter().filter(|member| member.reach.instances.is_some()).count();
             assert!(known == 0 && group.len() <= LARGEST_GROUP || known == group.len());
             let group: Vec<&Freedom> = group.iter().map(|member| member.freedom).collect();
             assert!(group.len() <= LARGEST_KNOWN_GROUP && fits(&device, group.iter().copied()));

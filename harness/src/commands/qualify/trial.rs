@@ -72,6 +72,15 @@ pub(super) enum Wanted<'w> {
     Except { instances: &'w BTreeSet<String>, cases: &'w BTreeSet<String> },
 }
 
+/// Where a deviation would make a difference.
+pub(super) struct Reach {
+    /// The instances; `None` where that cannot be told: it changes more than decisions and frames,
+    /// or is there before the first case begins.
+    pub instances: Option<BTreeSet<String>>,
+    /// The decisions in which it does.
+    pub decisions: BTreeSet<&'static str>,
+}
+
 /// What ran on a deviating device, and how that ended.
 pub(super) struct Ran {
     /// What was to run.
@@ -107,22 +116,22 @@ impl<'l> Clean<'l> {
         &self.device.description.device
     }
 
-    /// The instances in which each of these deviations would make a difference to the device, by
-    /// one run with all of them muted. `None` for one of which that cannot be told: it changes more
-    /// than decisions and frames, or is there before the first case begins.
+    /// Where each of these deviations would make a difference to the device, by one run with all
+    /// of them muted.
     ///
     /// # Errors
     /// When the device cannot be built.
-    pub(super) fn touched_by(
+    pub(super) fn reach_of(
         &self,
         deviations: impl Iterator<Item = Deviation>,
-    ) -> Result<Vec<Option<BTreeSet<String>>>, Refused> {
-        let (mut muted, mut noted) = (Deviation::default(), Vec::new());
+    ) -> Result<Vec<Reach>, Refused> {
+        let (mut muted, mut reaches) = (Deviation::default(), Vec::new());
         for deviation in deviations {
             let dissent = Dissent::default();
-            let part = deviation.muted(&dissent);
-            noted.push(part.is_some().then(|| (dissent, BTreeSet::new())));
-            part.into_iter().for_each(|part| muted.append(part));
+            let (part, is_all) = deviation.muted(&dissent);
+            let instances = is_all.then(BTreeSet::new);
+            reaches.push((dissent, Reach { instances, decisions: BTreeSet::new() }));
+            muted.append(part);
         }
         let (dut, instances) = (self.plan.dut.clone(), self.plan.instances.clone());
         let plan = Plan { dut, instances, left_out: BTreeMap::new() };
@@ -132,18 +141,22 @@ impl<'l> Clean<'l> {
             Event::CaseStarted(started) => {
                 name = started.name();
                 if !std::mem::replace(&mut begun, true) {
-                    for of_one in &mut noted {
-                        of_one.take_if(|(dissent, _)| dissent.take());
+                    for (dissent, reach) in &mut reaches {
+                        reach.instances.take_if(|_| dissent.take());
                     }
                 }
             }
             Event::CaseEnded(_) => {
-                let differing = noted.iter_mut().flatten().filter(|(dissent, _)| dissent.take());
-                differing.for_each(|(_, touched)| _ = touched.insert(name.clone()));
+                let differing = reaches.iter_mut().filter(|(dissent, _)| dissent.take());
+                for instances in differing.filter_map(|(_, reach)| reach.instances.as_mut()) {
+                    instances.insert(name.clone());
+                }
             }
             _ => {}
         })?;
-        Ok(noted.into_iter().map(|of_one| Some(of_one?.1)).collect())
+        let with_decisions =
+            |(dissent, reach): (Dissent, Reach)| Reach { decisions: dissent.decisions(), ..reach };
+        Ok(reaches.into_iter().map(with_decisions).collect())
     }
 
     /// Runs what is wanted on the device with a deviation.
