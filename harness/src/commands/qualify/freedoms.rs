@@ -274,7 +274,7 @@ impl Compared<'_, '_> {
         let freedoms: Vec<&Freedom> = members.iter().map(|member| member.freedom).collect();
         let together = freedom::mixture(freedoms.iter().copied());
         if let [_only] = members {
-            let single = vec![self.tried(together, &Wanted::All)?];
+            let single = vec![self.everywhere(&together)?];
             return Ok(Apart { single, groups: Vec::new() });
         }
         let (mut group, mut went) = self.compared(together, &Wanted::All)?;
@@ -293,7 +293,7 @@ impl Compared<'_, '_> {
             };
             if !tried.noticed {
                 // What shifts frames without changing one is seen in a whole run.
-                tried = alone(&Wanted::All)?;
+                tried = self.everywhere(&freedom.deviation())?;
             }
             known.extend(tried.red.iter().map(|(instance, ..)| instance.clone()));
             single.push(tried);
@@ -306,6 +306,16 @@ impl Compared<'_, '_> {
         }
         groups.push(group);
         Ok(Apart { single, groups })
+    }
+
+    /// Runs every instance on the device with a deviation.
+    fn everywhere(&self, deviation: &Deviation) -> Result<Tried, Refused> {
+        let tried = self.tried(deviation.clone(), &Wanted::All)?;
+        match tried.noticed {
+            true => Ok(tried),
+            // What somebody has stored is gone with the first case that loads the defaults.
+            false => self.tried(deviation.clone(), &Wanted::Each),
+        }
     }
 
     /// Runs what is wanted on the device with a deviation.

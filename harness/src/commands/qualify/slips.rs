@@ -21,11 +21,14 @@ use crate::parallel;
 use crate::plan::{Instance, Plan};
 use crate::run::{Policy, Session, Shown, Undo};
 use crate::stop::Stop;
-use crate::suite::constraint::{Allowance, Constraint};
+use crate::suite::constraint::{Allowance, Constraint, assertion_name};
 use crate::waivers::Waivers;
 
 /// How many instances of a case are tried until all of it is proved.
 const INSTANCES: usize = 4;
+
+/// How many of them show that an excuse is needed still: where it is not, most show it.
+const INSTANCES_OF_EXCUSED: usize = 1;
 
 /// How many runs there are for each assertion of a case at most, on average.
 const RUNS: usize = 40;
@@ -122,6 +125,13 @@ impl Search {
                 break;
             }
             tried += usize::from(search.instance(clean, instance)?);
+            if tried == INSTANCES_OF_EXCUSED {
+                let excused = &instance.case().unproved;
+                let is_excused = |one: &Assertion| {
+                    excused.contains_key(&assertion_name(one.step, one.constraint.as_ref()))
+                };
+                search.open.retain(|one| !is_excused(one));
+            }
         }
         Ok(search)
     }

@@ -62,6 +62,8 @@ pub(super) type Fits<'f> = dyn Fn(&Case) -> bool + Sync + 'f;
 pub(super) enum Wanted<'w> {
     /// Everything that is for the device.
     All,
+    /// The same, each instance on a device of its own.
+    Each,
     /// The cases that fit.
     Cases(&'w Fits<'w>),
     /// The instances of these names, and all instances of cases that are named.
@@ -182,7 +184,18 @@ impl<'l> Clean<'l> {
             }
         };
         wanted.order(&mut plan.instances);
-        let (trials, ending) = run(self.library, &plan, &target, &mut |_| ())?;
+        let parts: Vec<&[Instance]> = match wanted {
+            Wanted::Each => plan.instances.chunks(1).collect(),
+            _ => vec![&plan.instances],
+        };
+        let (mut trials, mut ending) = (Vec::new(), Ending::Complete);
+        for part in parts {
+            let (dut, instances) = (plan.dut.clone(), part.to_vec());
+            let part = Plan { dut, instances, left_out: BTreeMap::new() };
+            let ran = run(self.library, &part, &target, &mut |_| ())?;
+            trials.extend(ran.0);
+            ending = ran.1;
+        }
         Ok(Ran { instances: plan.instances, trials, ending })
     }
 }
@@ -195,11 +208,11 @@ impl Wanted<'_> {
             Self::Instances(names) | Self::Shuffled { of: names, .. } => {
                 names.iter().map(of_instance).collect()
             }
-            Self::All | Self::Cases(_) | Self::Except { .. } => BTreeSet::new(),
+            Self::All | Self::Each | Self::Cases(_) | Self::Except { .. } => BTreeSet::new(),
         };
         let name = |suite: &Suite, case: &Case| format!("{}/{}", suite.name(), case.id.value);
         move |suite, case| match self {
-            Self::All => true,
+            Self::All | Self::Each => true,
             Self::Cases(fit) => fit(case),
             Self::Instances(_) | Self::Shuffled { .. } => names.contains(&name(suite, case)),
             Self::Except { cases, .. } => !cases.contains(&name(suite, case)),
@@ -219,7 +232,7 @@ impl Wanted<'_> {
     fn holds(&self) -> impl FnMut(&Instance) -> bool {
         let mut last: Option<(*const Case, bool)> = None;
         move |instance| match self {
-            Self::All => true,
+            Self::All | Self::Each => true,
             Self::Cases(fit) => {
                 let case = std::ptr::from_ref(instance.case());
                 let known = last.filter(|(of, _)| *of == case).map(|(_, fits)| fits);
