@@ -116,12 +116,7 @@ impl Scope {
     /// # Errors
     /// When it stands for nothing.
     pub fn get(&self, name: &Name) -> Result<&Binding, Wrong> {
-        if let Some(mut used) = self.used.as_ref().and_then(|used| used.lock().ok())
-            && !used.contains(&name.0)
-        {
-            used.insert(name.0.clone());
-        }
-        self.find(&name.0).ok_or_else(|| {
+        self.bound(&name.0).ok_or_else(|| {
             let shared = self.shared.iter().flat_map(|shared| &shared.names);
             let known: BTreeSet<String> =
                 self.names.iter().chain(shared).map(|(name, _)| format!("${name}")).collect();
@@ -134,6 +129,16 @@ impl Scope {
                 }
             }
         })
+    }
+
+    /// What the name stands for, if it stands for anything.
+    fn bound(&self, name: &str) -> Option<&Binding> {
+        if let Some(mut used) = self.used.as_ref().and_then(|used| used.lock().ok())
+            && !used.contains(name)
+        {
+            used.insert(name.to_owned());
+        }
+        self.find(name)
     }
 
     /// The address.
@@ -306,8 +311,8 @@ impl Scope {
     ) -> Result<Pattern, Wrong> {
         let mut bound = BTreeMap::new();
         for name in text.pattern.names() {
-            let name = Name(name.to_owned());
-            bound.insert(name.0.clone(), self.frame_bytes(&name)?);
+            let binding = self.get(&Name(name.to_owned()))?;
+            bound.insert(name, frame_bytes(name, binding)?);
         }
         let lookup = |name: &str| bound.get(name).cloned();
         let pattern = text.pattern.bind_open(node, &lookup, open);
@@ -322,27 +327,14 @@ impl Scope {
 
     /// The pattern as far as names are bound; `None` when its identifier is not.
     pub fn known_pattern(&self, text: &FrameText, node: u8) -> Option<Pattern> {
-        let lookup = |name: &str| self.frame_bytes(&Name(name.to_owned())).ok();
+        let lookup = |name: &str| frame_bytes(name, self.bound(name)?).ok();
         let pattern = text.pattern.bind(node, &lookup);
         match &text.id {
             None => Some(pattern),
-            Some(name) => match self.get(name) {
-                Ok(Binding::Id(id)) => Some(pattern.with_id(Id::standard(*id))),
+            Some(name) => match self.bound(&name.0) {
+                Some(Binding::Id(id)) => Some(pattern.with_id(Id::standard(*id))),
                 _ => None,
             },
-        }
-    }
-
-    fn frame_bytes(&self, name: &Name) -> Result<Vec<u8>, Wrong> {
-        match self.get(name)? {
-            Binding::Mux(mux) => Ok(mux.bytes().to_vec()),
-            Binding::Id(id) => Ok(id.to_le_bytes().to_vec()),
-            Binding::Bytes(bytes) => Ok(bytes.clone()),
-            Binding::Value(value, data_type) => {
-                data_type.encode(value).map_err(|error| format!("{name}: {error}"))
-            }
-            Binding::Literal(Literal::Int(byte @ 0..=255)) => Ok(vec![*byte as u8]),
-            _ => Err(format!("{name} has no bytes of its own: only whole numbers up to 255 do")),
         }
     }
 
@@ -359,6 +351,20 @@ impl Scope {
             ));
         }
         Ok((time.as_nanos() / tick.as_nanos()) as i128)
+    }
+}
+
+/// The bytes that the binding of a name is in a frame.
+fn frame_bytes(name: &str, binding: &Binding) -> Result<Vec<u8>, Wrong> {
+    match binding {
+        Binding::Mux(mux) => Ok(mux.bytes().to_vec()),
+        Binding::Id(id) => Ok(id.to_le_bytes().to_vec()),
+        Binding::Bytes(bytes) => Ok(bytes.clone()),
+        Binding::Value(value, data_type) => {
+            data_type.encode(value).map_err(|error| format!("${name}: {error}"))
+        }
+        Binding::Literal(Literal::Int(byte @ 0..=255)) => Ok(vec![*byte as u8]),
+        _ => Err(format!("${name} has no bytes of its own: only whole numbers up to 255 do")),
     }
 }
 
