@@ -201,7 +201,10 @@ impl CaseRun<'_, '_> {
         let lasts = |error: &BusError| {
             !matches!(error, BusError::Controller(_) | BusError::Withheld(_) | BusError::Ended(_))
         };
-        let (outcome, stop) = match self.steps() {
+        self.witness.inspect(|witness| witness.case_begins());
+        let stepped = self.steps();
+        self.witness.inspect(|witness| witness.case_over());
+        let (outcome, stop) = match stepped {
             Ok(outcome) => (self.with_way_out(outcome), None),
             Err(BusError::Withheld(why)) => (Outcome::Skip(why), None),
             Err(error) => (self.bus_failed(error.clone()).0, Some(error)),

@@ -4,7 +4,6 @@
 //! nothing else is wrong, the verdict rests on that constraint alone: without it, the case would
 //! have passed, and so it is proved.
 
-use std::cell::Cell;
 use std::collections::BTreeSet;
 
 use canopen::{Instant, Pattern, Stamped};
@@ -18,6 +17,12 @@ use crate::suite::literal::FrameText;
 
 /// Who watches the steps of cases, to find out what their assertions are worth.
 pub trait Witness {
+    /// The device is settled, and the setup of a case begins.
+    fn case_begins(&self) {}
+
+    /// The last step of a case is over, and what it changed is set back.
+    fn case_over(&self) {}
+
     /// A step of a case begins to judge what comes after `from`.
     fn step_begins(&self, _step: usize, _from: Instant) {}
 
@@ -35,12 +40,6 @@ pub trait Witness {
 
     /// The case shows this.
     fn shows(&self, shown: Shown);
-}
-
-impl Witness for Cell<Shown> {
-    fn shows(&self, shown: Shown) {
-        self.set(shown);
-    }
 }
 
 /// What one run of an instance shows.

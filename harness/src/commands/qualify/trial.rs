@@ -6,7 +6,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use canopen::Instant;
 use fastrand::Rng;
 use reference_devices::change::{Deviation, Dissent};
 use reference_devices::devices::ReferenceDevice;
@@ -16,7 +15,7 @@ use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::commands::run::plan_all;
 use crate::exit::Refused;
 use crate::plan::{Instance, Plan, plan_cases};
-use crate::run::{Ending, Policy, Session, Shown, Undo};
+use crate::run::{Ending, Policy, Session, Shown, Undo, Witness};
 use crate::stop::Stop;
 use crate::suite::model::Case;
 use crate::suite::{Library, Suite};
@@ -37,9 +36,10 @@ pub(super) struct Trial {
     pub kills: bool,
     /// What is wrong, if anything is.
     pub problem: Option<String>,
-    /// The frames, as a hash of their identifiers and data.
+    /// The frames from its setup to its last step, as a hash of their identifiers and data. Those
+    /// before and after depend on which cases ran before.
     pub frames: u64,
-    /// Their times since the case began, as a hash.
+    /// Their times since the first of them, as a hash.
     pub timing: u64,
     /// What it shows about the assertions of the case.
     pub shown: Shown,
@@ -246,6 +246,28 @@ impl Wanted<'_> {
     }
 }
 
+/// What is seen of the case that runs.
+#[derive(Default)]
+struct Seen {
+    shown: Cell<Shown>,
+    /// Its frames count: it is between its setup and its last step.
+    counts: Cell<bool>,
+}
+
+impl Witness for Seen {
+    fn case_begins(&self) {
+        self.counts.set(true);
+    }
+
+    fn case_over(&self) {
+        self.counts.set(false);
+    }
+
+    fn shows(&self, shown: Shown) {
+        self.shown.set(shown);
+    }
+}
+
 /// Runs a plan, and shows every event first.
 fn run(
     library: &Library,
@@ -255,7 +277,7 @@ fn run(
 ) -> Result<(Vec<Trial>, Ending), Refused> {
     let stop = Stop::default();
     let mut bus = target.open(&stop)?;
-    let shown = Cell::default();
+    let seen = Seen::default();
     let session = Session {
         plan,
         register: &library.register,
@@ -263,23 +285,23 @@ fn run(
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        witness: Some(&shown),
+        witness: Some(&seen),
         stop: &stop,
         undo: &Undo::default(),
     };
     let mut trials = Vec::new();
-    let (mut case, mut name, mut start) = (String::new(), String::new(), Instant::ZERO);
+    let (mut case, mut name, mut start) = (String::new(), String::new(), None);
     let (mut frames, mut timing) = (DefaultHasher::new(), DefaultHasher::new());
     let mut take = |event: Event| match event {
         Event::CaseStarted(started) => {
             case = format!("{}/{}", started.suite, started.case);
             name = started.name();
-            start = started.at;
+            start = None;
             (frames, timing) = (DefaultHasher::new(), DefaultHasher::new());
         }
-        Event::Frame(seen) => {
-            (seen.own, seen.frame).hash(&mut frames);
-            seen.at.since(start).hash(&mut timing);
+        Event::Frame(frame) if seen.counts.get() => {
+            (frame.own, frame.frame).hash(&mut frames);
+            frame.at.since(*start.get_or_insert(frame.at)).hash(&mut timing);
         }
         Event::CaseEnded(end) => trials.push(Trial {
             case: std::mem::take(&mut case),
@@ -289,7 +311,7 @@ fn run(
             problem: problem(&end.outcome),
             frames: frames.finish(),
             timing: timing.finish(),
-            shown: shown.take(),
+            shown: seen.shown.take(),
         }),
         _ => {}
     };
