@@ -59,6 +59,8 @@ pub(super) struct Common<'r> {
     pub dut: &'r Dut,
     /// How it was before the first case.
     pub baseline: &'r Baseline,
+    /// The identifiers that its data sheet gives to TPDOs, SYNC and TIME.
+    pub known: &'r [u16],
     /// What was changed in it.
     pub undo: &'r Undo,
     /// Who learns what the cases show about their assertions.
@@ -67,7 +69,7 @@ pub(super) struct Common<'r> {
 
 /// Runs one instance.
 pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Left) -> Finished {
-    let Common { policy, dut, baseline, undo, witness } = common;
+    let Common { policy, dut, baseline, known, undo, witness } = common;
     let mut left = left;
     let (mut attempt, mut stalled, mut failed) = (0, false, false);
     loop {
@@ -80,6 +82,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             policy,
             dut,
             baseline,
+            known,
             instance,
             bench_snapshot,
             undo,
@@ -153,6 +156,7 @@ struct CaseRun<'r, 'b> {
     policy: &'r Policy,
     dut: &'r Dut,
     baseline: &'r Baseline,
+    known: &'r [u16],
     instance: &'r Instance,
     bench_snapshot: BenchSnapshot,
     undo: &'r Undo,
@@ -345,9 +349,9 @@ impl CaseRun<'_, '_> {
         };
         let frames = &self.link.trace()[from..];
         let now = self.link.mark();
-        let known = data_sheet_identifiers(self.dut);
+        let (node, known) = (self.dut.node, self.known.to_vec());
         let mut monitors =
-            monitor::all(self.dut.node, known, self.baseline.standing(), self.policy.slow_wire);
+            monitor::all(node, known, self.baseline.standing(), self.policy.slow_wire);
         monitors.iter_mut().find_map(|monitor| {
             let seen = frames.iter().find_map(|seen| monitor.observe(&waited_for(seen)).err());
             // Without power, silence is expected.

@@ -280,7 +280,9 @@ impl Session<'_> {
         let (mut left, mut failed) = (Left::Calm, 0);
         let mut gone: Option<String> = None;
         let mut reliance = Reliance::of(self.plan);
+        let known = case::data_sheet_identifiers(&self.plan.dut);
         let common = Common {
+            known: &known,
             policy: &self.policy,
             dut: &self.plan.dut,
             baseline,

@@ -69,7 +69,8 @@ impl Change {
                 one.index() == other.index()
             }
             (Self::Ignores(one), Self::Ignores(other)) => one.index == other.index,
-            (Self::Settings(_), Self::Settings(_)) | (Self::Profile(_), Self::Profile(_)) => true,
+            (Self::Settings(one), Self::Settings(other)) => one.collides_with(other),
+            (Self::Profile(_), Self::Profile(_)) => true,
             (Self::Eds(one), Self::Eds(other)) => {
                 one.iter().any(|one| other.iter().any(|other| one.section() == other.section()))
             }

@@ -56,6 +56,33 @@ pub(crate) struct SettingsPatch {
 }
 
 impl SettingsPatch {
+    /// Whether both change the same setting.
+    pub(super) fn collides_with(&self, other: &Self) -> bool {
+        let changed = |patch: &Self| {
+            [
+                patch.boot_up_ms.is_some(),
+                patch.sdo_timeout_ms.is_some(),
+                patch.longest_value.is_some(),
+                patch.save_ms.is_some(),
+                patch.block_size.is_some(),
+                patch.sync_producer_us.is_some(),
+                patch.sync_percent.is_some(),
+                patch.emcy_queue.is_some(),
+                patch.emcy_register.is_some(),
+                !patch.silent.is_empty(),
+                patch.tells_history_cleared.is_some(),
+                patch.history_of_present.is_some(),
+                patch.predefined_id.is_some(),
+                patch.error_class.is_some(),
+                patch.lss_store.is_some(),
+                patch.lss_restarts.is_some(),
+                patch.lss_short_requests.is_some(),
+                !patch.stored.is_empty(),
+            ]
+        };
+        changed(self).into_iter().zip(changed(other)).any(|(one, other)| one && other)
+    }
+
     /// Changes the settings.
     ///
     /// # Errors

@@ -174,9 +174,17 @@ impl<'c, 'l> Freedoms<'c, 'l> {
     /// # Errors
     /// When a device cannot be built.
     pub(super) fn mix(all: &mut [Self], args: &QualifyArgs) -> Result<(), Refused> {
-        let whole: usize = all.iter().map(Self::mixed).sum();
-        for freedoms in all.iter_mut().filter(|freedoms| freedoms.mixed() > 0) {
-            freedoms.try_mixtures((args.mixtures * freedoms.mixed()).div_ceil(whole), args.seed)?;
+        let whole = all.iter().map(Self::mixed).sum::<usize>().max(1);
+        let mut each = Vec::new();
+        for (place, of) in all.iter_mut().enumerate() {
+            let count = (args.mixtures * of.mixed()).div_ceil(whole);
+            let drawn = mixtures(&of.compared.clean.device, &of.freedoms, count, args.seed);
+            of.mixtures = drawn.len();
+            each.extend(drawn.into_iter().map(|mixture| (place, mixture)));
+        }
+        let found = try_map(&each, |(place, mixture)| all[*place].mixture(mixture))?;
+        for ((place, _), red) in each.iter().zip(found) {
+            all[*place].red.extend(red);
         }
         Ok(())
     }
@@ -186,17 +194,11 @@ impl<'c, 'l> Freedoms<'c, 'l> {
         if self.freedoms.len() < 2 { 0 } else { self.freedoms.len() }
     }
 
-    fn try_mixtures(&mut self, count: usize, seed: u64) -> Result<(), Refused> {
-        let (freedoms, single) = (&self.freedoms, &self.single);
-        let mixtures = mixtures(&self.compared.clean.device, freedoms, count, seed);
-        let red = try_map(&mixtures, |(mixture, order)| {
-            let members: Vec<&Freedom> = mixture.iter().map(|&place| &freedoms[place]).collect();
-            let affected = touched(mixture.iter().map(|&place| &single[place]));
-            self.compared.smallest_red(members, &affected, *order)
-        })?;
-        self.mixtures = mixtures.len();
-        self.red = red.into_iter().flatten().collect();
-        Ok(())
+    /// What is red on a mixture, the smallest part of it on which it is.
+    fn mixture(&self, (mixture, order): &(Vec<usize>, u64)) -> Result<Option<Tried>, Refused> {
+        let members = mixture.iter().map(|&place| &self.freedoms[place]).collect();
+        let affected = touched(mixture.iter().map(|&place| &self.single[place]));
+        self.compared.smallest_red(members, &affected, *order)
     }
 
     /// Adds the summary, and with `verbose` a line for each freedom and personality.
