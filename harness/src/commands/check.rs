@@ -90,9 +90,7 @@ pub(super) fn sound_mutants(
     device: &ReferenceDevice,
     register: &Register,
 ) -> Result<Vec<Mutant>, Vec<Complaint>> {
-    let mut mutants = mutant::of(device)?;
-    let proves_shared = device.description.device == devices::WITH_EVERYTHING;
-    mutants.retain(|mutant| !mutant.shared || proves_shared);
+    let mutants = mutants_proved_on(device)?;
     let mut complaints = Vec::new();
     for mutant in &mutants {
         complaints.extend(mutant.deviation().complaints(device));
@@ -105,6 +103,17 @@ pub(super) fn sound_mutants(
         }
     }
     if complaints.is_empty() { Ok(mutants) } else { Err(complaints) }
+}
+
+/// The mutants that are proved on a device, by their files alone.
+///
+/// # Errors
+/// Everything that is wrong with the files of mutants.
+pub(super) fn mutants_proved_on(device: &ReferenceDevice) -> Result<Vec<Mutant>, Vec<Complaint>> {
+    let mut mutants = mutant::of(device)?;
+    let proves_shared = device.description.device == devices::WITH_EVERYTHING;
+    mutants.retain(|mutant| !mutant.shared || proves_shared);
+    Ok(mutants)
 }
 
 /// The freedoms that are tried on a device, each of which it can use.

@@ -12,7 +12,7 @@ use reports::Verdict;
 
 use super::assertion::Assertion;
 use super::trial::{Clean, Fits, Wanted};
-use crate::commands::check::sound_mutants;
+use crate::commands::check::mutants_proved_on;
 use crate::exit::Refused;
 use crate::parallel;
 use crate::run::Ending;
@@ -51,9 +51,9 @@ impl Matrix {
     /// # Errors
     /// When the data of a mutant do not load.
     pub(super) fn of(cleans: &[Clean], fits: &Fits) -> Result<Vec<Self>, Refused> {
-        let sound = |clean: &Clean| sound_mutants(&clean.device, &clean.library.register);
+        let proved = |clean: &Clean| mutants_proved_on(&clean.device);
         let mut work = Vec::new();
-        for (place, mut mutants) in parallel::try_map(cleans, sound)?.into_iter().enumerate() {
+        for (place, mut mutants) in parallel::try_map(cleans, proved)?.into_iter().enumerate() {
             let register = &cleans[place].library.register;
             mutants.retain(|mutant| {
                 let applies = |id: &String| !register.lacks_document_of(id);

@@ -33,6 +33,9 @@ const INSTANCES_OF_EXCUSED: usize = 1;
 /// How many runs there are for each assertion of a case at most, on average.
 const RUNS: usize = 40;
 
+/// How many of them a session has.
+const AT_ONCE: usize = 32;
+
 /// How many slips there are for a case at most, for each of its assertions.
 const SLIPS: usize = 30;
 
@@ -138,8 +141,9 @@ impl Search {
 
     /// Runs one instance with one slip after the other; whether a device in order passes it.
     fn instance(&mut self, clean: &Clean, instance: &Instance) -> Result<bool, Refused> {
-        let most = 1 + RUNS * self.open.len();
-        let instances = vec![instance.clone(); most];
+        let mut left = 1 + RUNS * self.open.len();
+        // Most searches are over long before.
+        let instances = vec![instance.clone(); left.min(AT_ONCE)];
         let plan = Plan { dut: clean.target.dut.clone(), instances, left_out: BTreeMap::new() };
         let (stop, undo) = (Stop::default(), Undo::default());
         let tape = Rc::new(Tape::default());
@@ -159,7 +163,7 @@ impl Search {
         let mut queue: Option<Queue> = None;
         let mut trial: Option<Trial> = None;
         let mut in_order = Rc::new(Answers::new());
-        session.run(&mut bus, &mut |event| match event {
+        let mut emit = |event| match event {
             // The rest is not run.
             _ if stop.asked() => {}
             Event::CaseStarted(_) => {
@@ -168,6 +172,7 @@ impl Search {
             }
             Event::CaseEnded(end) => {
                 self.runs += 1;
+                left -= 1;
                 let (shown, heard, moments) = tape.end();
                 let mut next = None;
                 let clean = trial.as_ref().is_none_or(|trial| trial.target.is_none());
@@ -180,12 +185,15 @@ impl Search {
                     next = self.learn(&shown, &end.outcome, trial);
                 }
                 trial = next.or_else(|| next_of(queue.as_mut()?, &self.open));
-                if trial.is_none() {
+                if trial.is_none() || left == 0 {
                     stop.signal();
                 }
             }
             _ => {}
-        });
+        };
+        while !stop.asked() {
+            session.run(&mut bus, &mut emit);
+        }
         Ok(queue.is_some())
     }
 
