@@ -227,7 +227,7 @@ mod tests {
 
     fn rules(name: Option<&str>) -> Box<dyn Ax021211Rules> {
         match name {
-            Some(name) => named(name).unwrap()(Box::new(Manual)),
+            Some(name) => named(name).unwrap()(Box::new(Manual), name.into()),
             None => Box::new(Manual),
         }
     }
