@@ -97,6 +97,11 @@ impl Deviation {
         self.parts.iter().any(|part| matches!(part.change, Change::Eds(_)))
     }
 
+    /// Whether nothing but the data sheet is changed.
+    pub fn is_of_data_sheet_alone(&self) -> bool {
+        self.parts.iter().all(|part| matches!(part.change, Change::Eds(_)))
+    }
+
     /// The device as its own data sheet describes it.
     ///
     /// # Errors

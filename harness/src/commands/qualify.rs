@@ -42,7 +42,7 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
         None => devices::names().map(str::to_owned).collect(),
     };
     let every: &Fits = &|_| true;
-    let cleans = parallel::try_map(&names, |name| Clean::of(&library, name, every))?;
+    let cleans = parallel::try_map(&names, |name| Clean::with_freedoms(&library, name))?;
     let matrices = Matrix::of(&cleans, every)?;
     let mut freedoms = Freedoms::of(&cleans)?;
     Freedoms::mix(&mut freedoms, args)?;

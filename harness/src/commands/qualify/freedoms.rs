@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::fmt::Write;
 
+use canopen::source::Complaint;
 use fastrand::Rng;
 use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
@@ -16,6 +17,7 @@ use crate::cli::QualifyArgs;
 use crate::commands::check::sound_freedoms;
 use crate::exit::Refused;
 use crate::parallel::{self, processors, try_map};
+use crate::suite::Register;
 
 /// How many freedoms a mixture has at most.
 const LARGEST_MIXTURE: usize = 6;
@@ -26,7 +28,7 @@ const LARGEST_GROUP: usize = 8;
 
 /// The same for freedoms of which it is known where they make a difference: those are tried alone
 /// there and nowhere else.
-const LARGEST_KNOWN_GROUP: usize = 16;
+const LARGEST_KNOWN_GROUP: usize = 32;
 
 /// How many instances say whether a freedom is one that changes most of them.
 const SAMPLE: usize = 8;
@@ -34,7 +36,6 @@ const SAMPLE: usize = 8;
 /// The freedoms of one device, and what they showed.
 pub(super) struct Freedoms<'c, 'l> {
     compared: Compared<'c, 'l>,
-    freedoms: Vec<Freedom>,
     single: Vec<Tried>,
     /// What was tried together on the way to them.
     groups: Vec<Tried>,
@@ -105,32 +106,34 @@ impl<'c, 'l> Freedoms<'c, 'l> {
     /// # Errors
     /// When the data of a device or of a freedom do not load.
     pub(super) fn of(cleans: &'c [Clean<'l>]) -> Result<Vec<Self>, Refused> {
-        let mut all = try_map(cleans, Self::untried)?;
+        let mut all: Vec<Self> = cleans.iter().map(Self::untried).collect();
         let personalities = cleans.iter().map(|clean| freedom::personalities(&clean.device));
         let personalities = personalities.collect::<Result<Vec<_>, _>>()?;
-        let reaches = try_map(&all, |of| {
-            of.compared.clean.reach_of(of.freedoms.iter().map(Freedom::deviation))
-        })?;
         let each: Vec<(&Compared, Member)> = all
             .iter()
-            .zip(&reaches)
-            .flat_map(|(of, reaches)| {
-                let members = of.freedoms.iter().zip(reaches);
+            .flat_map(|of| {
+                let members = of.freedoms().iter().zip(&of.compared.clean.reaches);
                 members.map(|(freedom, reach)| (&of.compared, Member { freedom, reach }))
             })
             .collect();
         let loud = try_map(&each, |(of, member)| of.is_loud(member))?;
         let mut each = each.into_iter().zip(loud).map(|((_, member), loud)| (member, loud));
+        // One that changes everything would leave nothing alike in its group.
+        let apart: Vec<(Vec<_>, Vec<_>)> = all
+            .iter()
+            .map(|of| each.by_ref().take(of.freedoms().len()).partition(|(_, loud)| *loud))
+            .collect();
+        let devices: Vec<_> = cleans.iter().zip(&apart).collect();
+        let grouped = parallel::map(devices, processors(), |(clean, (_, quiet))| {
+            let quiet: Vec<Member> = quiet.iter().map(|(member, _)| *member).collect();
+            groups(&clean.device, &quiet)
+        });
         let mut tasks = Vec::new();
-        for (place, (of, personalities)) in all.iter().zip(&personalities).enumerate() {
-            // One that changes everything would leave nothing alike in its group.
-            let (alone, quiet): (Vec<_>, Vec<_>) =
-                each.by_ref().take(of.freedoms.len()).partition(|(_, loud)| *loud);
-            let quiet: Vec<Member> = quiet.into_iter().map(|(member, _)| member).collect();
-            let groups = groups(&of.compared.clean.device, &quiet);
+        for (place, ((alone, _), groups)) in apart.into_iter().zip(grouped).enumerate() {
             let groups = alone.into_iter().map(|(member, _)| vec![member]).chain(groups);
             tasks.extend(groups.map(|group| (place, Task::Group(group))));
-            tasks.extend(personalities.iter().map(|one| (place, Task::Personality(one))));
+            let personalities = personalities[place].iter();
+            tasks.extend(personalities.map(|one| (place, Task::Personality(one))));
         }
         let done = try_map(&tasks, |(place, task)| all[*place].compared.run(task))?;
         let places: Vec<usize> = tasks.iter().map(|(place, _)| *place).collect();
@@ -147,24 +150,21 @@ impl<'c, 'l> Freedoms<'c, 'l> {
         Ok(all)
     }
 
-    fn untried(clean: &'c Clean<'l>) -> Result<Self, Refused> {
-        let register = &clean.library.register;
-        let mut freedoms = sound_freedoms(&clean.device, register)?;
-        // Without the cases of a document nothing shows what it leaves open.
-        freedoms.retain(|freedom| {
-            let loaded = |id: &String| !register.lacks_document_of(id);
-            freedom.allowed_by.iter().any(loaded)
-        });
+    fn untried(clean: &'c Clean<'l>) -> Self {
         let trials = clean.trials.iter().map(|trial| (trial.name.as_str(), trial)).collect();
         let compared = Compared { clean, trials };
         let (single, groups, personalities, red) = Default::default();
-        Ok(Self { compared, freedoms, single, groups, personalities, mixtures: 0, red })
+        Self { compared, single, groups, personalities, mixtures: 0, red }
+    }
+
+    fn freedoms(&self) -> &'c [Freedom] {
+        &self.compared.clean.freedoms
     }
 
     /// Puts what was tried alone in the order of the freedoms.
     fn sort(&mut self) {
         let queries: Vec<String> =
-            self.freedoms.iter().map(|freedom| freedom.deviation().query).collect();
+            self.freedoms().iter().map(|freedom| freedom.deviation().query).collect();
         let place = |tried: &Tried| queries.iter().position(|query| *query == tried.query);
         self.single.sort_by_cached_key(place);
     }
@@ -178,7 +178,7 @@ impl<'c, 'l> Freedoms<'c, 'l> {
         let mut each = Vec::new();
         for (place, of) in all.iter_mut().enumerate() {
             let count = (args.mixtures * of.mixed()).div_ceil(whole);
-            let drawn = mixtures(&of.compared.clean.device, &of.freedoms, count, args.seed);
+            let drawn = mixtures(&of.compared.clean.device, of.freedoms(), count, args.seed);
             of.mixtures = drawn.len();
             each.extend(drawn.into_iter().map(|mixture| (place, mixture)));
         }
@@ -191,12 +191,12 @@ impl<'c, 'l> Freedoms<'c, 'l> {
 
     /// How many freedoms there are to mix.
     fn mixed(&self) -> usize {
-        if self.freedoms.len() < 2 { 0 } else { self.freedoms.len() }
+        if self.freedoms().len() < 2 { 0 } else { self.freedoms().len() }
     }
 
     /// What is red on a mixture, the smallest part of it on which it is.
     fn mixture(&self, (mixture, order): &(Vec<usize>, u64)) -> Result<Option<Tried>, Refused> {
-        let members = mixture.iter().map(|&place| &self.freedoms[place]).collect();
+        let members = mixture.iter().map(|&place| &self.freedoms()[place]).collect();
         let affected = touched(mixture.iter().map(|&place| &self.single[place]));
         self.compared.smallest_red(members, &affected, *order)
     }
@@ -271,7 +271,7 @@ impl Compared<'_, '_> {
 
     /// Tries freedoms that a device can use together, then each alone. What goes as without
     /// deviation on a device that uses them all goes so with each of them, since none takes back
-    /// what another one changes; it is not tried again, but where one is known to make a difference.
+    /// what another one changes, and is not tried again.
     fn apart(&self, members: &[Member]) -> Result<Apart, Refused> {
         let freedoms: Vec<&Freedom> = members.iter().map(|member| member.freedom).collect();
         let together = freedom::mixture(freedoms.iter().copied());
@@ -291,8 +291,14 @@ impl Compared<'_, '_> {
             let alone = |wanted: &Wanted| self.tried(freedom.deviation(), wanted);
             let mut tried = match &reach.instances {
                 None => alone(&rest)?,
-                Some(reached) => alone(&Wanted::Instances(&self.clean.plan.with_proofs(reached)))?,
+                Some(reached) => {
+                    let seen = reached.difference(&went.alike).cloned().collect();
+                    alone(&Wanted::Instances(&self.clean.plan.with_proofs(&seen)))?
+                }
             };
+            if let Some(reached) = reach.instances.as_ref().filter(|_| !tried.noticed) {
+                tried = alone(&Wanted::Instances(&self.clean.plan.with_proofs(reached)))?;
+            }
             if !tried.noticed {
                 // What shifts frames without changing one is seen in a whole run.
                 tried = self.everywhere(&freedom.deviation())?;
@@ -412,11 +418,31 @@ impl Compared<'_, '_> {
 impl Member<'_> {
     /// Whether one of the two may take back what the other one changes, so that neither is seen.
     fn hides(&self, other: &Self) -> bool {
-        let tried_there = self.reach.instances.is_some() && other.reach.instances.is_some();
         let shared = !self.reach.decisions.is_disjoint(&other.reach.decisions);
+        let apart = match (&self.reach.instances, &other.reach.instances) {
+            (Some(one), Some(other)) => one.is_disjoint(other),
+            _ => false,
+        };
         let data = || self.freedom.deviation().collides_with(&other.freedom.deviation());
-        !tried_there && (shared || data())
+        shared && !apart || data()
     }
+}
+
+/// The freedoms that are tried on a device.
+///
+/// # Errors
+/// Everything that is wrong with the files of freedoms.
+pub(super) fn tried_on(
+    device: &ReferenceDevice,
+    register: &Register,
+) -> Result<Vec<Freedom>, Vec<Complaint>> {
+    let mut freedoms = sound_freedoms(device, register)?;
+    // Without the cases of a document nothing shows what it leaves open.
+    freedoms.retain(|freedom| {
+        let loaded = |id: &String| !register.lacks_document_of(id);
+        freedom.allowed_by.iter().any(loaded)
+    });
+    Ok(freedoms)
 }
 
 /// Whether a device can be built with all of these freedoms.

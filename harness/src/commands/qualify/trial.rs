@@ -9,8 +9,10 @@ use std::sync::Arc;
 use fastrand::Rng;
 use reference_devices::change::{Deviation, Dissent};
 use reference_devices::devices::ReferenceDevice;
+use reference_devices::freedom::Freedom;
 use reports::{Event, Outcome, Verdict};
 
+use super::freedoms;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::commands::run::plan_all;
 use crate::exit::Refused;
@@ -18,6 +20,7 @@ use crate::plan::{Instance, Plan, plan_cases};
 use crate::run::{Ending, Policy, Session, Shown, Undo, Witness};
 use crate::stop::Stop;
 use crate::suite::model::Case;
+use crate::suite::step::Step;
 use crate::suite::{Library, Suite};
 use crate::target::{self, Target, reference_device};
 use crate::waivers::Waivers;
@@ -53,6 +56,9 @@ pub(super) struct Clean<'l> {
     pub target: Target,
     pub plan: Plan,
     pub trials: Vec<Trial>,
+    /// The freedoms that are tried on it, and where each one makes a difference.
+    pub freedoms: Vec<Freedom>,
+    pub reaches: Vec<Reach>,
 }
 
 /// Which cases are looked at.
@@ -99,6 +105,29 @@ impl<'l> Clean<'l> {
     /// # Errors
     /// When the data of the device do not load, or it cannot be built.
     pub(super) fn of(library: &'l Library, name: &str, fits: &Fits) -> Result<Self, Refused> {
+        let mut clean = Self::planned(library, name)?;
+        let instances = clean.plan.instances.iter().filter(|instance| fits(instance.case()));
+        let (dut, instances) = (clean.plan.dut.clone(), instances.cloned().collect());
+        let fitting = Plan { dut, instances, left_out: BTreeMap::new() };
+        clean.trials = run(library, &fitting, &clean.target, &mut |_| ())?.0;
+        Ok(clean)
+    }
+
+    /// The same for all cases, and where each of the freedoms that are tried on the device would
+    /// make a difference: all of them are there, muted.
+    ///
+    /// # Errors
+    /// The same, and when the data of a freedom do not load.
+    pub(super) fn with_freedoms(library: &'l Library, name: &str) -> Result<Self, Refused> {
+        let mut clean = Self::planned(library, name)?;
+        let freedoms = freedoms::tried_on(&clean.device, &library.register)?;
+        (clean.trials, clean.reaches) = clean.muted(freedoms.iter().map(Freedom::deviation))?;
+        clean.freedoms = freedoms;
+        Ok(clean)
+    }
+
+    /// The simulated device of that name, before anything has run.
+    fn planned(library: &'l Library, name: &str) -> Result<Self, Refused> {
         let device = reference_device(name, &library.catalogue)?;
         let name = format!("sim:{name}");
         let selection = Selection::of_target(Some(&name));
@@ -106,11 +135,8 @@ impl<'l> Clean<'l> {
         let mut plan = plan_all(library, &targets)?.remove(0);
         plan.leave_out_foreign();
         let target = targets.remove(0);
-        let instances = plan.instances.iter().filter(|instance| fits(instance.case()));
-        let (dut, instances) = (plan.dut.clone(), instances.cloned().collect());
-        let fitting = Plan { dut, instances, left_out: BTreeMap::new() };
-        let (trials, _) = run(library, &fitting, &target, &mut |_| ())?;
-        Ok(Self { library, device, target, plan, trials })
+        let (trials, freedoms, reaches) = Default::default();
+        Ok(Self { library, device, target, plan, trials, freedoms, reaches })
     }
 
     /// The name of the device.
@@ -118,20 +144,21 @@ impl<'l> Clean<'l> {
         &self.device.description.device
     }
 
-    /// Where each of these deviations would make a difference to the device, by one run with all
-    /// of them muted.
-    ///
-    /// # Errors
-    /// When the device cannot be built.
-    pub(super) fn reach_of(
+    /// What comes of all cases on the device with these deviations muted, and where each of them
+    /// would make a difference.
+    fn muted(
         &self,
         deviations: impl Iterator<Item = Deviation>,
-    ) -> Result<Vec<Reach>, Refused> {
+    ) -> Result<(Vec<Trial>, Vec<Reach>), Refused> {
         let (mut muted, mut reaches) = (Deviation::default(), Vec::new());
         for deviation in deviations {
             let dissent = Dissent::default();
+            let reworded = self.is_reworded_by(&deviation)?;
             let (part, is_all) = deviation.muted(&dissent);
-            let instances = is_all.then(BTreeSet::new);
+            let instances = match reworded {
+                true => Some(self.readers_of_data_sheet()),
+                false => is_all.then(BTreeSet::new),
+            };
             reaches.push((dissent, Reach { instances, decisions: BTreeSet::new() }));
             muted.append(part);
         }
@@ -139,7 +166,7 @@ impl<'l> Clean<'l> {
         let plan = Plan { dut, instances, left_out: BTreeMap::new() };
         let target = self.target.deviating(muted)?;
         let (mut name, mut begun) = (String::new(), false);
-        run(self.library, &plan, &target, &mut |event| match event {
+        let (trials, _) = run(self.library, &plan, &target, &mut |event| match event {
             Event::CaseStarted(started) => {
                 name = started.name();
                 if !std::mem::replace(&mut begun, true) {
@@ -158,7 +185,22 @@ impl<'l> Clean<'l> {
         })?;
         let with_decisions =
             |(dissent, reach): (Dissent, Reach)| Reach { decisions: dissent.decisions(), ..reach };
-        Ok(reaches.into_iter().map(with_decisions).collect())
+        Ok((trials, reaches.into_iter().map(with_decisions).collect()))
+    }
+
+    /// Whether a deviation leaves device and data sheet what they are, and writes the data sheet
+    /// in other words.
+    fn is_reworded_by(&self, deviation: &Deviation) -> Result<bool, Refused> {
+        let rewords = deviation.is_of_data_sheet_alone();
+        Ok(rewords && self.target.deviating(deviation.clone())?.dut.eds == self.target.dut.eds)
+    }
+
+    /// The instances that look at the words of the data sheet.
+    fn readers_of_data_sheet(&self) -> BTreeSet<String> {
+        let reads = |instance: &&Instance| {
+            instance.case().all_steps().any(|step| matches!(step.value, Step::Eds(_)))
+        };
+        self.plan.instances.iter().filter(reads).map(Instance::name).collect()
     }
 
     /// Runs what is wanted on the device with a deviation.
