@@ -3,7 +3,6 @@
 //! of them.
 
 mod data;
-mod dissent;
 mod frame;
 mod ignoring;
 mod origin;
@@ -21,10 +20,9 @@ use canopen::source::Complaint;
 use canopen::{Dictionary, Pattern};
 
 use crate::devices::{Otherwise, ReferenceDevice};
-use crate::rules::{self, Rules, Specification};
+use crate::rules::{self, Dissent, Rules, Specification};
 use crate::stack::{Behaviour, Node};
 
-pub use dissent::Dissent;
 pub use frame::DeviantWire;
 pub use replica::Replica;
 

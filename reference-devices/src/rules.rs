@@ -9,6 +9,7 @@
 mod deviations;
 
 mod access;
+mod dissent;
 mod emcy;
 mod error_control;
 mod lss;
@@ -25,6 +26,7 @@ mod timers;
 pub use access::AccessRules;
 pub(crate) use deviations::laid;
 pub use deviations::{Layer, deviating, named, names};
+pub use dissent::Dissent;
 pub use emcy::EmcyRules;
 pub use error_control::ErrorControlRules;
 pub use lss::LssRules;

@@ -73,12 +73,16 @@ impl Plan {
         self.instances.retain(|instance| instance.is_one_of(&kept));
     }
 
+    /// The instances, those of one case at once where they follow each other.
+    pub fn by_case(&self) -> impl Iterator<Item = &[Instance]> {
+        self.instances.chunk_by(|one, other| std::ptr::eq(one.case(), other.case()))
+    }
+
     /// The names of these instances and of the cases that prove what they rely on.
     pub fn with_proofs(&self, names: &BTreeSet<String>) -> BTreeSet<String> {
         // Another data sheet has the same cases with other instances.
         let mut wanted: BTreeSet<&str> = names.iter().map(|name| case_of(name)).collect();
-        let of_cases = self.instances.chunk_by(|one, other| std::ptr::eq(one.case(), other.case()));
-        let cases = of_cases.map(|instances| (instances[0].case_name(), &instances[0]));
+        let cases = self.by_case().map(|instances| (instances[0].case_name(), &instances[0]));
         let cases: Vec<(String, &Instance)> = cases.collect();
         let (mut names, mut relied) = (names.clone(), BTreeSet::new());
         // What proves something may rely on something else.

@@ -15,15 +15,16 @@ pub(super) struct Reliance<'p> {
 impl<'p> Reliance<'p> {
     /// Nothing is known to be broken.
     pub(super) fn of(plan: &'p Plan) -> Self {
-        let relied = plan.instances.iter().flat_map(Instance::relies_on).collect();
+        let relied = plan.by_case().flat_map(|instances| instances[0].relies_on()).collect();
         Self { relied, broken: BTreeMap::new() }
     }
 
     /// The instances, those first that prove what others rely on. Otherwise their order stays: the
     /// verdicts do not depend on it.
     pub(super) fn order(&self, plan: &'p Plan) -> Vec<&'p Instance> {
-        let proves = |instance: &&Instance| self.proves(instance);
-        let (mut first, others): (Vec<_>, Vec<_>) = plan.instances.iter().partition(proves);
+        let (first, others): (Vec<&[Instance]>, Vec<&[Instance]>) =
+            plan.by_case().partition(|instances| self.proves(&instances[0]));
+        let mut first: Vec<&Instance> = first.into_iter().flatten().collect();
         // Who proves something may rely on something else.
         let mut ranks = BTreeMap::<&str, usize>::new();
         for _ in 0..DEEPEST {
@@ -36,7 +37,7 @@ impl<'p> Reliance<'p> {
             }
         }
         first.sort_by_cached_key(|instance| rank(instance, &ranks));
-        first.extend(others);
+        first.extend(others.into_iter().flatten());
         first
     }
 

@@ -7,8 +7,8 @@ use canopen::bench::{Needs, POWER};
 use canopen::{BenchError, Device, Frame, Instant, Outbox, Pattern, PatternError, Value};
 
 use super::data::{FrameChange, Misfit};
-use super::dissent::Dissent;
 use super::replica::Replica;
+use crate::rules::Dissent;
 
 /// A device some of whose frames are not what it meant to send, or to receive.
 #[derive(Clone)]
@@ -249,6 +249,26 @@ mod tests {
             device.handle_timeout(due, &mut out);
         }
         std::iter::from_fn(|| out.pop()).map(|frame| frame.to_string()).collect()
+    }
+
+    #[test]
+    fn a_muted_change_notes_the_frames_that_it_leaves_alone() {
+        let noted = |yaml: &str| {
+            let change: FrameChange = serde_yaml::from_str(yaml).unwrap();
+            let wire = DeviantWire::new(Box::new(Echo), &change, |text: &str| text.parse());
+            let dissent = Dissent::default();
+            let mut wire = wire.unwrap().muted(Some(dissent.clone()));
+            let mut out = Outbox::default();
+            wire.handle_frame(Instant(0), &Frame::new(0x605, [1, 2]), &mut out);
+            assert_eq!(out.pop(), Some(Frame::new(0x585, [1, 2])));
+            dissent.take()
+        };
+        assert!(noted("{ when: '585#...', drop: true }"));
+        assert!(noted("{ when: '605#...', received: true, delay: 2 ms }"));
+        assert!(!noted("{ when: '585#...', drop: true, skip: 1 }"));
+        assert!(!noted("{ when: '586#...', drop: true }"));
+        assert!(noted("{ when: '585#...', edit: '585#= 09' }"));
+        assert!(!noted("{ when: '585#...', edit: '585#= 02' }"));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! How an application that takes one decision otherwise is written down and found. Deviations add
 //! up: each lies on top of other rules, and leaves to them what it does not decide.
 
-use crate::change::Dissent;
+use crate::rules::Dissent;
 
 /// A decision that is taken otherwise.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +34,13 @@ impl Otherwise<'_> {
 
 /// What puts a deviation on top of other rules `R`.
 pub(super) type Lay<R> = Box<dyn FnOnce(Box<R>, Otherwise) -> Box<R>>;
+
+/// What puts a deviation on top of other rules that cannot be muted.
+pub(super) fn unmutable<R: ?Sized + 'static>(
+    lay: impl FnOnce(Box<R>) -> Box<R> + 'static,
+) -> Lay<R> {
+    Box::new(|rules, otherwise| otherwise.unmutable(rules, lay))
+}
 
 /// A name, and what puts the deviation on top of other rules `R`.
 pub(super) type Deviation<R> = (&'static str, fn(Box<R>, Option<Dissent>) -> Box<R>);
@@ -88,7 +95,7 @@ macro_rules! deviating {
     };
     (@one $rules:ident $trait:ident [$($other:ident)*] $name:literal { $($method:tt)* }) => {
         ($name, |beneath, muted| {
-            struct Deviating(Box<dyn $rules>, Option<crate::change::Dissent>);
+            struct Deviating(Box<dyn $rules>, Option<crate::rules::Dissent>);
             impl Layer for Deviating {
                 fn beneath(&self) -> Option<&dyn $rules> {
                     Some(&*self.0)

@@ -2,11 +2,9 @@
 //! beside the decisions. Some break the specification, others use a freedom that it leaves: the
 //! data of mutants and freedoms say which.
 
-use crate::change::Dissent;
-
 use super::{
-    Rules, Specification, access, emcy, error_control, lss, nmt, pdo, sdo, sdo_block, storage,
-    sync, time, timers,
+    Dissent, Rules, Specification, access, emcy, error_control, lss, nmt, pdo, sdo, sdo_block,
+    storage, sync, time, timers,
 };
 
 /// The specification with one decision taken otherwise; `None` if there is no deviation `name`.
@@ -71,7 +69,7 @@ macro_rules! deviations {
     ($trait:ident; $($name:literal { $($method:tt)* })*) => {
         use crate::rules::deviations::Deviation as Known;
         pub(super) const DEVIATIONS: &[Known] = &[$(($name, |rules, muted| {
-            struct Deviation(Box<dyn crate::rules::Rules>, Option<crate::change::Dissent>);
+            struct Deviation(Box<dyn crate::rules::Rules>, Option<crate::rules::Dissent>);
             impl crate::rules::Layer for Deviation {
                 fn beneath(&self) -> Option<&dyn crate::rules::Rules> {
                     Some(&*self.0)
@@ -139,5 +137,22 @@ mod tests {
         assert!(rules.reset_ends_errors());
         let rules = deviating("no-boot-up", rules).unwrap();
         assert_eq!((rules.boot_up_messages(), rules.startup_valid(1)), (0, true));
+    }
+
+    #[test]
+    fn a_muted_deviation_decides_as_the_rules_beneath_and_notes_it() {
+        let dissents = [Dissent::default(), Dissent::default()];
+        let names = ["startup-bits-unchecked", "boot-up-twice"];
+        let specified: &dyn Rules = &Specification;
+        let mut rules: Box<dyn Rules> = Box::new(Specification);
+        for (name, dissent) in names.iter().zip(&dissents) {
+            rules = laid(name, rules, Some(dissent.clone())).unwrap();
+        }
+        assert!(dissents.iter().all(|dissent| !dissent.take()));
+        assert_eq!(rules.boot_up_messages(), specified.boot_up_messages());
+        assert_eq!(dissents.each_ref().map(Dissent::take), [false, true]);
+        assert_eq!(rules.startup_valid(1), specified.startup_valid(1));
+        assert_eq!(dissents.each_ref().map(Dissent::take), [true, false]);
+        assert_eq!(dissents[0].decisions(), ["startup_valid"].into());
     }
 }

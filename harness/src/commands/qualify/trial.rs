@@ -1,16 +1,17 @@
 //! Plans on devices in virtual time, and what came of each instance.
 
 use std::cell::Cell;
-use std::collections::hash_map::DefaultHasher;
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
 use fastrand::Rng;
-use reference_devices::change::{Deviation, Dissent};
+use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
 use reference_devices::freedom::Freedom;
+use reference_devices::rules::Dissent;
 use reports::{Event, Outcome, Verdict};
+use rustc_hash::FxHasher;
 
 use super::freedoms;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
@@ -333,13 +334,13 @@ fn run(
     };
     let mut trials = Vec::new();
     let (mut case, mut name, mut start) = (String::new(), String::new(), None);
-    let (mut frames, mut timing) = (DefaultHasher::new(), DefaultHasher::new());
+    let (mut frames, mut timing) = (FxHasher::default(), FxHasher::default());
     let mut take = |event: Event| match event {
         Event::CaseStarted(started) => {
             case = format!("{}/{}", started.suite, started.case);
             name = started.name();
             start = None;
-            (frames, timing) = (DefaultHasher::new(), DefaultHasher::new());
+            (frames, timing) = (FxHasher::default(), FxHasher::default());
         }
         Event::Frame(frame) if seen.counts.get() => {
             (frame.own, frame.frame).hash(&mut frames);
@@ -374,5 +375,28 @@ fn problem(outcome: &Outcome) -> Option<String> {
     match outcome {
         Outcome::Error { reason, .. } => Some(reason.clone()),
         _ => what,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::suite::Folders;
+
+    #[test]
+    fn a_device_goes_with_all_its_freedoms_muted_as_without_them() {
+        let library = Library::load(&Folders::default()).unwrap();
+        let name = "mcm260x-1ad";
+        let without = Clean::of(&library, name, &|_| true).unwrap();
+        let muted = Clean::with_freedoms(&library, name).unwrap();
+        assert_eq!(without.trials.len(), muted.trials.len());
+        for (without, muted) in without.trials.iter().zip(&muted.trials) {
+            let went = |of: &Trial| (of.name.clone(), of.verdict, of.frames, of.timing);
+            assert_eq!(went(without), went(muted));
+        }
+        let known = muted.reaches.iter().filter_map(|reach| reach.instances.as_ref());
+        let (some, all) = (known.clone().filter(|reached| !reached.is_empty()), known.clone());
+        assert!(2 * some.count() > all.count());
+        assert!(known.clone().all(|reached| reached.len() < without.trials.len()));
     }
 }

@@ -34,8 +34,8 @@ pub(super) struct Order {
 /// How many blocks there are.
 pub(super) const BLOCKS: usize = 36;
 
-/// The places of the signals that a block takes, in the order of its links; [`NOTHING`] where a link
-/// names none.
+/// The places of the signals that a block takes, in the order of its links; [`NOTHING`] where a
+/// link names none.
 pub(super) type Taken = [u8; LINKS];
 
 /// What the blocks take, by their numbers.

@@ -4,7 +4,7 @@ use canopen::Mux;
 
 use super::super::objects::{logic, math, table_of};
 use super::{Ax021211Rules, DigitalRules, Layer};
-use crate::devices::deviating::Lay;
+use crate::devices::deviating::{self, Lay};
 
 /// The names of the devices that break one decision.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
@@ -16,9 +16,7 @@ pub(super) fn names() -> impl Iterator<Item = &'static str> {
 /// The deviation of that name; `None` when there is none.
 pub(super) fn named(name: &str) -> Option<Lay<dyn Ax021211Rules>> {
     let parameter = |item, from, to| -> Option<Lay<dyn Ax021211Rules>> {
-        Some(Box::new(move |rules, otherwise| {
-            otherwise.unmutable(rules, |beneath| Box::new(TakenFor { beneath, item, from, to }))
-        }))
+        Some(deviating::unmutable(move |beneath| Box::new(TakenFor { beneath, item, from, to })))
     };
     if let Some((_, item, value)) = FIXED.iter().find(|(fixed, ..)| *fixed == name) {
         return parameter(*item, None, *value);
@@ -27,9 +25,7 @@ pub(super) fn named(name: &str) -> Option<Lay<dyn Ax021211Rules>> {
         return parameter(*item, Some(*from), *to);
     }
     let (_, item, from, to) = *MISPLACED.iter().find(|(misplaced, ..)| *misplaced == name)?;
-    Some(Box::new(move |rules, otherwise| {
-        otherwise.unmutable(rules, |beneath| Box::new(Misplaced { beneath, item, from, to }))
-    }))
+    Some(deviating::unmutable(move |beneath| Box::new(Misplaced { beneath, item, from, to })))
 }
 
 /// The objects that hold one parameter of the blocks of a kind.

@@ -20,9 +20,7 @@ pub(crate) fn names() -> impl Iterator<Item = &'static str> {
 /// The deviation of that name; `None` when there is none.
 pub(crate) fn named(name: &str) -> Option<Lay<dyn Mcm260xRules>> {
     let parameter = |item, from, to| -> Option<Lay<dyn Mcm260xRules>> {
-        Some(Box::new(move |rules, otherwise| {
-            otherwise.unmutable(rules, |beneath| Box::new(TakenFor { beneath, item, from, to }))
-        }))
+        Some(deviating::unmutable(move |beneath| Box::new(TakenFor { beneath, item, from, to })))
     };
     if let Some((_, item, value)) = FIXED.iter().find(|(fixed, ..)| *fixed == name) {
         return parameter(*item, None, *value);

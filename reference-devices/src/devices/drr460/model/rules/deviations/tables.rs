@@ -1,6 +1,6 @@
 //! Deviations that are rows of a table: of a parameter, a flag, the RUN LED or a command.
 
-use crate::devices::deviating::Lay;
+use crate::devices::deviating::{self, Lay};
 use crate::devices::drr460::model::rules::{Layer, Rules};
 use crate::devices::pixsys::led::Pattern;
 
@@ -31,9 +31,7 @@ pub(super) fn named(name: &str) -> Option<Lay<dyn Rules>> {
         let (_, index, value) = DEAF.iter().find(|row| row.0 == name)?;
         Row::Deaf { index: *index, value: *value }
     };
-    Some(Box::new(move |rules, otherwise| {
-        otherwise.unmutable(rules, |beneath| Box::new(OfRow { beneath, row }))
-    }))
+    Some(deviating::unmutable(move |beneath| Box::new(OfRow { beneath, row })))
 }
 
 /// A deviation that is a row of a table.
