@@ -205,10 +205,7 @@ impl CaseRun<'_, '_> {
         let lasts = |error: &BusError| {
             !matches!(error, BusError::Controller(_) | BusError::Withheld(_) | BusError::Ended(_))
         };
-        self.witness.inspect(|witness| witness.case_begins());
-        let stepped = self.steps();
-        self.witness.inspect(|witness| witness.case_over());
-        let (outcome, stop) = match stepped {
+        let (outcome, stop) = match self.watched_steps() {
             Ok(outcome) => (self.with_way_out(outcome), None),
             Err(BusError::Withheld(why)) => (Outcome::Skip(why), None),
             Err(error) => (self.bus_failed(error.clone()).0, Some(error)),
@@ -244,6 +241,14 @@ impl CaseRun<'_, '_> {
                 (outcome, Aftermath::Left(left))
             }
         }
+    }
+
+    /// Its steps, and who watches them.
+    fn watched_steps(&mut self) -> Result<Outcome, BusError> {
+        self.witness.inspect(|witness| witness.case_begins());
+        let outcome = self.steps();
+        self.witness.inspect(|witness| witness.case_over());
+        outcome
     }
 
     /// Setup, steps, finally, and what the monitors say.

@@ -543,7 +543,7 @@ mod tests {
         let decisions = BTreeSet::from(["one"]);
         let known = Reach { instances: Some(BTreeSet::new()), decisions: decisions.clone() };
         let unknown = Reach { instances: None, decisions: BTreeSet::new() };
-        let reach = |place: usize| if place % 2 == 0 { &known } else { &unknown };
+        let reach = |place: usize| if place.is_multiple_of(2) { &known } else { &unknown };
         let members = freedoms.iter().enumerate();
         let members: Vec<Member> =
             members.map(|(place, freedom)| Member { freedom, reach: reach(place) }).collect();
