@@ -390,10 +390,14 @@ mod tests {
         let without = Clean::of(&library, name, &|_| true).unwrap();
         let muted = Clean::with_freedoms(&library, name).unwrap();
         assert_eq!(without.trials.len(), muted.trials.len());
+        let mut others = Vec::new();
         for (without, muted) in without.trials.iter().zip(&muted.trials) {
-            let went = |of: &Trial| (of.name.clone(), of.verdict, of.frames, of.timing);
-            assert_eq!(went(without), went(muted));
+            assert_eq!((&without.name, without.verdict), (&muted.name, muted.verdict));
+            let went = |of: &Trial| (of.frames, of.timing);
+            others.extend((went(without) != went(muted)).then_some(&without.name));
         }
+        // What a wire has taken from the device, a reset of the device does not take back.
+        assert_eq!(others, ["cia301/store/reset-during-a-save"]);
         let known = muted.reaches.iter().filter_map(|reach| reach.instances.as_ref());
         let (some, all) = (known.clone().filter(|reached| !reached.is_empty()), known.clone());
         assert!(2 * some.count() > all.count());
