@@ -69,7 +69,7 @@ pub(super) type Fits<'f> = dyn Fn(&Case) -> bool + Sync + 'f;
 pub(super) enum Wanted<'w> {
     /// Everything that is for the device.
     All,
-    /// The same, each instance on a device of its own.
+    /// The same, each case on a device of its own.
     Each,
     /// The cases that fit.
     Cases(&'w Fits<'w>),
@@ -228,7 +228,7 @@ impl<'l> Clean<'l> {
         };
         wanted.order(&mut plan.instances);
         let parts: Vec<&[Instance]> = match wanted {
-            Wanted::Each => plan.instances.chunks(1).collect(),
+            Wanted::Each => plan.by_case().collect(),
             _ => vec![&plan.instances],
         };
         let (mut trials, mut ending) = (Vec::new(), Ending::Complete);
