@@ -25,7 +25,7 @@ impl Source {
     /// The text of a line, counted from 1; empty when there is none.
     pub fn line(&self, line: usize) -> &str {
         // YAML takes a lone CR for the end of a line, too.
-        let end = |text: &str| text.bytes().position(|byte| matches!(byte, b'\r' | b'\n'));
+        let end = |text: &str| memchr::memchr2(b'\r', b'\n', text.as_bytes());
         let mut rest = self.text.as_str();
         for _ in 1..line {
             let Some(end) = end(rest) else { return "" };

@@ -86,7 +86,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
 /// # Errors
 /// Everything that is wrong with the files of mutants: also a requirement that the register does
 /// not have, unless its document is not loaded.
-pub(super) fn sound_mutants(
+fn sound_mutants(
     device: &ReferenceDevice,
     register: &Register,
 ) -> Result<Vec<Mutant>, Vec<Complaint>> {
@@ -121,7 +121,7 @@ pub(super) fn mutants_proved_on(device: &ReferenceDevice) -> Result<Vec<Mutant>,
 /// # Errors
 /// Everything that is wrong with the files of freedoms: also what the register does not have,
 /// unless its document is not loaded.
-pub(super) fn sound_freedoms(
+fn sound_freedoms(
     device: &ReferenceDevice,
     register: &Register,
 ) -> Result<Vec<Freedom>, Vec<Complaint>> {

@@ -14,7 +14,6 @@ use reports::Verdict;
 use super::assertion::Assertion;
 use super::trial::{Clean, Reach, Trial, Wanted};
 use crate::cli::QualifyArgs;
-use crate::commands::check::sound_freedoms;
 use crate::exit::Refused;
 use crate::parallel::{self, processors, try_map};
 use crate::suite::Register;
@@ -436,7 +435,7 @@ pub(super) fn tried_on(
     device: &ReferenceDevice,
     register: &Register,
 ) -> Result<Vec<Freedom>, Vec<Complaint>> {
-    let mut freedoms = sound_freedoms(device, register)?;
+    let mut freedoms = freedom::of(device)?;
     // Without the cases of a document nothing shows what it leaves open.
     freedoms.retain(|freedom| {
         let loaded = |id: &String| !register.lacks_document_of(id);

@@ -273,18 +273,20 @@ impl Wanted<'_> {
     /// Whether instances are wanted. Those of one case come one after the other, and whether the
     /// case fits is asked once.
     fn holds(&self) -> impl FnMut(&Instance) -> bool {
+        let fits = self.cases();
         let mut last: Option<(*const Case, bool)> = None;
-        move |instance| match self {
-            Self::All | Self::Each => true,
-            Self::Cases(fit) => {
-                let case = std::ptr::from_ref(instance.case());
-                let known = last.filter(|(of, _)| *of == case).map(|(_, fits)| fits);
-                let fits = known.unwrap_or_else(|| fit(instance.case()));
-                last = Some((case, fits));
-                fits
+        move |instance| {
+            let case = std::ptr::from_ref(instance.case());
+            let known = last.filter(|(of, _)| *of == case).map(|(_, fits)| fits);
+            let fits = known.unwrap_or_else(|| fits(&instance.suite, instance.case()));
+            last = Some((case, fits));
+            fits && match self {
+                Self::All | Self::Each | Self::Cases(_) => true,
+                Self::Instances(names) | Self::Shuffled { of: names, .. } => {
+                    instance.is_one_of(names)
+                }
+                Self::Except { instances, .. } => !instances.contains(&instance.name()),
             }
-            Self::Instances(names) | Self::Shuffled { of: names, .. } => instance.is_one_of(names),
-            Self::Except { instances, .. } => !instances.contains(&instance.name()),
         }
     }
 }
