@@ -5,6 +5,7 @@ use std::fmt;
 
 use crate::frame::Data;
 use crate::mux::Mux;
+use crate::value::unsigned;
 
 /// Sub-index 1 of a PDO communication parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -91,7 +92,7 @@ impl Packer {
     /// Appends the lowest `bits` bits of `bytes`; what exceeds 64 bits in all is lost.
     pub fn push(&mut self, bytes: &[u8], bits: u8) {
         if self.bits < 64 && bits > 0 {
-            self.word |= (number(bytes) & ones(bits)) << self.bits;
+            self.word |= (unsigned(bytes) & ones(bits)) << self.bits;
         }
         self.bits = (self.bits + u32::from(bits)).min(64);
     }
@@ -120,15 +121,6 @@ impl Unpacker {
         let value = if self.at < 64 { self.word >> self.at & ones(bits) } else { 0 };
         self.at = self.at.saturating_add(u32::from(bits));
         value.to_le_bytes()
-    }
-}
-
-fn number(bytes: &[u8]) -> u64 {
-    match *bytes {
-        [a] => a.into(),
-        [a, b] => u16::from_le_bytes([a, b]).into(),
-        [a, b, c, d] => u32::from_le_bytes([a, b, c, d]).into(),
-        _ => bytes.iter().take(8).rev().fold(0, |number, byte| number << 8 | u64::from(*byte)),
     }
 }
 

@@ -149,12 +149,7 @@ impl DataType {
 
     /// The whole number that `bytes` are in this type; `None` when they are none, or too large.
     pub fn decode_int(self, bytes: &[u8]) -> Option<i64> {
-        let number = || match *bytes {
-            [a] => a.into(),
-            [a, b] => u16::from_le_bytes([a, b]).into(),
-            [a, b, c, d] => u32::from_le_bytes([a, b, c, d]).into(),
-            _ => bytes.iter().rev().fold(0, |number: u64, byte| number << 8 | u64::from(*byte)),
-        };
+        let number = || unsigned(bytes);
         match self.kind() {
             Kind::Unsigned(size) if size == bytes.len() => number().try_into().ok(),
             Kind::Signed(size) if size == bytes.len() => {
@@ -315,6 +310,17 @@ impl fmt::Display for ValueError {
 }
 
 impl std::error::Error for ValueError {}
+
+/// The number that bytes are, the lowest first; what comes after eight of them is left out.
+pub(crate) fn unsigned(bytes: &[u8]) -> u64 {
+    // Most are of these lengths, which need no loop.
+    match *bytes {
+        [a] => a.into(),
+        [a, b] => u16::from_le_bytes([a, b]).into(),
+        [a, b, c, d] => u32::from_le_bytes([a, b, c, d]).into(),
+        _ => bytes.iter().take(8).rev().fold(0, |number, byte| number << 8 | u64::from(*byte)),
+    }
+}
 
 #[cfg(test)]
 mod tests {
