@@ -163,11 +163,9 @@ impl<'l> Clean<'l> {
             reaches.push((dissent, Reach { instances, decisions: BTreeSet::new() }));
             muted.append(part);
         }
-        let (dut, instances) = (self.plan.dut.clone(), self.plan.instances.clone());
-        let plan = Plan { dut, instances, left_out: BTreeMap::new() };
         let target = self.target.deviating(muted)?;
         let (mut name, mut begun) = (String::new(), false);
-        let (trials, _) = run(self.library, &plan, &target, &mut |event| match event {
+        let (trials, _) = run(self.library, &self.plan, &target, &mut |event| match event {
             Event::CaseStarted(started) => {
                 name = started.name();
                 if !std::mem::replace(&mut begun, true) {
@@ -227,19 +225,22 @@ impl<'l> Clean<'l> {
             }
         };
         wanted.order(&mut plan.instances);
-        let parts: Vec<&[Instance]> = match wanted {
-            Wanted::Each => plan.by_case().collect(),
-            _ => vec![&plan.instances],
+        let (trials, ending) = match wanted {
+            Wanted::Each => (self.each_case(&plan, &target)?, Ending::Complete),
+            _ => run(self.library, &plan, &target, &mut |_| ())?,
         };
-        let (mut trials, mut ending) = (Vec::new(), Ending::Complete);
-        for part in parts {
-            let (dut, instances) = (plan.dut.clone(), part.to_vec());
-            let part = Plan { dut, instances, left_out: BTreeMap::new() };
-            let ran = run(self.library, &part, &target, &mut |_| ())?;
-            trials.extend(ran.0);
-            ending = ran.1;
-        }
         Ok(Ran { instances: plan.instances, trials, ending })
+    }
+
+    /// Runs a plan with a device of its own for each case.
+    fn each_case(&self, plan: &Plan, target: &Target) -> Result<Vec<Trial>, Refused> {
+        let mut trials = Vec::new();
+        for of_case in plan.by_case() {
+            let (dut, instances) = (plan.dut.clone(), of_case.to_vec());
+            let part = Plan { dut, instances, left_out: BTreeMap::new() };
+            trials.extend(run(self.library, &part, target, &mut |_| ())?.0);
+        }
+        Ok(trials)
     }
 }
 
