@@ -1,16 +1,18 @@
 //! Files we read, places in them, and errors that point at the place.
 
 mod outline;
+mod tree;
 
 use std::fmt;
 use std::sync::Arc;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
-use serde::{Deserialize, Deserializer};
+use serde::Deserialize;
 
 use crate::nearest::did_you_mean;
 
 pub use outline::Outline;
+pub use tree::{Node, Tree, Unfit};
 
 /// A text with the name by which the user knows it.
 #[derive(Debug, Default)]
@@ -37,6 +39,21 @@ impl Source {
 }
 
 impl Source {
+    /// The lines.
+    fn lines(&self) -> impl Iterator<Item = &str> {
+        // YAML takes a lone CR for the end of a line, too.
+        let mut rest = Some(self.text.as_str());
+        std::iter::from_fn(move || {
+            let text = rest?;
+            let end = memchr::memchr2(b'\r', b'\n', text.as_bytes());
+            rest = end.map(|end| {
+                let two = text[end..].starts_with("\r\n");
+                &text[end + 1 + usize::from(two)..]
+            });
+            Some(end.map_or(text, |end| &text[..end]))
+        })
+    }
+
     /// The place of a byte within the text that starts at `place`, with or without a quote.
     pub fn inside(&self, place: Place, offset: usize) -> Place {
         Place { column: place.column + quoted(self, place, offset), ..place }
@@ -77,17 +94,6 @@ impl<T> At<T> {
     /// Puts a value at a place.
     pub const fn new(value: T, place: Place) -> Self {
         Self { value, place }
-    }
-}
-
-impl<'de, T: Deserialize<'de>> Deserialize<'de> for At<T> {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        let spanned = serde_yaml::Spanned::<T>::deserialize(deserializer)?;
-        let place = Place {
-            line: spanned.referenced.line() as usize,
-            column: spanned.referenced.column() as usize,
-        };
-        Ok(Self { value: spanned.value, place })
     }
 }
 
@@ -172,6 +178,18 @@ pub fn read_yaml<T: for<'de> Deserialize<'de>>(source: &Arc<Source>) -> Result<T
         // The location is shown below the message, once.
         let message = message.rsplit_once(" at line ").map_or(message.as_str(), |(text, _)| text);
         let (offset, message) = offset_of(message);
+        let place = place.map(|place| source.inside(place, offset));
+        Complaint { source: Arc::clone(source), place, message: in_our_words(message) }
+    })
+}
+
+/// Reads something out of a tree of the file, and makes of what does not fit a complaint.
+pub fn read_tree<T: for<'de> Deserialize<'de>>(
+    source: &Arc<Source>,
+    tree: &Tree,
+) -> Result<T, Complaint> {
+    tree.read().map_err(|Unfit { message, place }| {
+        let (offset, message) = offset_of(&message);
         let place = place.map(|place| source.inside(place, offset));
         Complaint { source: Arc::clone(source), place, message: in_our_words(message) }
     })

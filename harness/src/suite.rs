@@ -1,10 +1,13 @@
 //! Suites: the notation, the requirement register, and loading both.
 
 pub(crate) mod constraint;
+mod definition;
 mod dimension;
 pub(crate) mod each;
 pub(crate) mod effect;
+mod expand;
 mod folders;
+mod formula;
 mod library;
 pub(crate) mod literal;
 mod loaded;
@@ -14,6 +17,8 @@ pub(crate) mod refusal;
 mod register;
 pub(crate) mod step;
 mod test_map;
+mod vocabulary;
+mod words;
 
 pub(crate) use dimension::{Dimension, Extent};
 pub use folders::{CatalogueFolder, Folders};

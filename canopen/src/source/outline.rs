@@ -1,27 +1,13 @@
 //! Where everything in a YAML text stands: the keys and items by which a value is reached, and
 //! the places of both. It is made only after something was found wrong in a text that reads well.
 
-use std::fmt;
-
-use serde::de::{MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
-use super::{At, Place, Source};
+use super::{Node, Place, Source, Tree};
 
 /// A text as keys, items and their places.
 #[derive(Clone, Debug)]
-pub struct Outline(At<Node>);
-
-#[derive(Clone, Debug)]
-enum Node {
-    Map(Vec<(At<Word>, At<Self>)>),
-    List(Vec<At<Self>>),
-    Leaf,
-}
-
-/// A key as text, whatever YAML takes it for.
-#[derive(Clone, Debug)]
-struct Word(String);
+pub struct Outline(Tree);
 
 impl Outline {
     /// The outline of a text; `None` when it is not YAML.
@@ -38,10 +24,10 @@ impl Outline {
     /// map.
     pub fn keys(&self, path: &[&str]) -> impl Iterator<Item = (&str, Place)> {
         let entries = match self.walk(path) {
-            Some((_, At { value: Node::Map(entries), .. })) => entries.as_slice(),
+            Some((_, Tree { node: Node::Map(entries), .. })) => entries.as_slice(),
             _ => &[],
         };
-        entries.iter().map(|(key, _)| (key.value.0.as_str(), key.place))
+        entries.iter().map(|(key, _)| (key.value.as_str(), key.place))
     }
 
     /// Where the value stands that is reached by these keys; an item of a list by its number,
@@ -61,95 +47,24 @@ impl Outline {
         found.unwrap_or(self.0.place)
     }
 
-    fn walk(&self, path: &[&str]) -> Option<(Place, &At<Node>)> {
-        path.iter().try_fold((self.0.place, &self.0), |(_, at), step| match &at.value {
+    fn walk(&self, path: &[&str]) -> Option<(Place, &Tree)> {
+        path.iter().try_fold((self.0.place, &self.0), |(_, at), step| match &at.node {
             Node::Map(entries) => {
-                let (key, value) = entries.iter().find(|(key, _)| key.value.0 == *step)?;
+                let (key, value) = entries.iter().find(|(key, _)| key.value == *step)?;
                 Some((key.place, value))
             }
             Node::List(items) => {
                 let item = items.get(step.parse::<usize>().ok()?)?;
                 Some((item.place, item))
             }
-            Node::Leaf => None,
+            _ => None,
         })
     }
 }
 
 impl<'de> Deserialize<'de> for Outline {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        At::deserialize(deserializer).map(Self)
-    }
-}
-
-impl<'de> Deserialize<'de> for Node {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        deserializer.deserialize_any(NodeVisitor)
-    }
-}
-
-impl<'de> Deserialize<'de> for Word {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        // As text: as anything, `on` would be `true`.
-        String::deserialize(deserializer).map(Self)
-    }
-}
-
-struct NodeVisitor;
-
-impl<'de> Visitor<'de> for NodeVisitor {
-    type Value = Node;
-
-    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("anything")
-    }
-
-    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Node, A::Error> {
-        let mut entries = Vec::new();
-        while let Some(entry) = map.next_entry()? {
-            entries.push(entry);
-        }
-        Ok(Node::Map(entries))
-    }
-
-    fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Node, A::Error> {
-        let mut items = Vec::new();
-        while let Some(item) = list.next_element()? {
-            items.push(item);
-        }
-        Ok(Node::List(items))
-    }
-
-    fn visit_bool<E>(self, _: bool) -> Result<Node, E> {
-        Ok(Node::Leaf)
-    }
-
-    fn visit_i64<E>(self, _: i64) -> Result<Node, E> {
-        Ok(Node::Leaf)
-    }
-
-    fn visit_u64<E>(self, _: u64) -> Result<Node, E> {
-        Ok(Node::Leaf)
-    }
-
-    fn visit_f64<E>(self, _: f64) -> Result<Node, E> {
-        Ok(Node::Leaf)
-    }
-
-    fn visit_str<E>(self, _: &str) -> Result<Node, E> {
-        Ok(Node::Leaf)
-    }
-
-    fn visit_unit<E>(self) -> Result<Node, E> {
-        Ok(Node::Leaf)
-    }
-
-    fn visit_none<E>(self) -> Result<Node, E> {
-        Ok(Node::Leaf)
-    }
-
-    fn visit_some<D: Deserializer<'de>>(self, deserializer: D) -> Result<Node, D::Error> {
-        Node::deserialize(deserializer)
+        Tree::deserialize(deserializer).map(Self)
     }
 }
 

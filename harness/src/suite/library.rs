@@ -7,15 +7,17 @@ use canopen::catalogue::Catalogue;
 
 use super::constraint::assertion_name;
 use super::dimension::{Dimension, Extent};
+use super::expand::expand;
 use super::folders::{Folders, embedded};
 use super::loaded::Suite;
 use super::model::{Case, SuiteFile};
 use super::register::{Register, Relaxation};
 use super::step::Step;
 use super::test_map::{TestMapEntry, wrong_map};
+use super::vocabulary::{Files, Vocabularies};
 use crate::nearest::did_you_mean;
 use crate::parallel::{self, processors};
-use crate::source::{At, Complaint, Source, read_yaml};
+use crate::source::{At, Complaint, Source, Tree, read_tree, read_yaml};
 
 /// Everything in `suites/`.
 #[derive(Debug)]
@@ -125,18 +127,38 @@ impl Library {
     ) -> Result<Self, Vec<Complaint>> {
         let Rest { test_map, mut complaints, register_is_whole } = rest;
         let mut loaded = Vec::new();
-        let files =
-            parallel::map(suites, processors(), |source| (read_yaml::<SuiteFile>(&source), source));
-        let suites_are_whole = files.iter().all(|(file, _)| file.is_ok());
+        let (trees, wrong) = trees(suites);
+        let mut suites_are_whole = wrong.is_empty();
+        complaints.extend(wrong);
+        let (vocabularies, suites, wrong) = Vocabularies::of(trees);
+        complaints.extend(wrong);
+        let files = parallel::map(suites, processors(), |(source, tree)| {
+            let expanded = expand(&source, tree, vocabularies.at(&source.name));
+            let file = expanded.and_then(|(tree, used)| {
+                let file = read_tree::<SuiteFile>(&source, &tree);
+                file.map(|file| (file, used)).map_err(|complaint| vec![complaint])
+            });
+            (file, source)
+        });
+        let mut used = BTreeSet::new();
         for (file, source) in files {
             match file {
-                Ok(file) => {
-                    let suite = Suite { source, file, catalogue: Arc::clone(catalogue) };
+                Ok((file, names)) => {
+                    let words = Arc::clone(&vocabularies.at(&source.name).words);
+                    let catalogue = Arc::clone(catalogue);
+                    let suite = Suite { source, file, catalogue, words };
                     complaints.extend(unknown_profiles(&suite));
+                    used.extend(names);
                     loaded.push(Arc::new(suite));
                 }
-                Err(complaint) => complaints.push(complaint),
+                Err(wrong) => {
+                    suites_are_whole = false;
+                    complaints.extend(wrong);
+                }
             }
+        }
+        if suites_are_whole {
+            complaints.extend(vocabularies.unused(&used));
         }
         complaints.extend(reused_ids(&loaded));
         complaints.extend(needless_excuses(&loaded));
@@ -158,6 +180,19 @@ impl Library {
             Err(complaints)
         }
     }
+}
+
+/// The files as trees, and what is wrong with those that are no YAML.
+fn trees(sources: Vec<Arc<Source>>) -> (Files, Vec<Complaint>) {
+    let read = parallel::map(sources, processors(), |source| (Tree::of(&source), source));
+    let (mut trees, mut wrong) = (Vec::new(), Vec::new());
+    for (tree, source) in read {
+        match tree {
+            Ok(tree) => trees.push((source, tree)),
+            Err(complaint) => wrong.push(complaint),
+        }
+    }
+    (trees, wrong)
 }
 
 /// What is read before the suites.

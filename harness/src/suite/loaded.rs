@@ -6,6 +6,7 @@ use canopen::catalogue::{Catalogue, Profile};
 
 use super::model::SuiteFile;
 use super::profile::About;
+use super::words::Words;
 use crate::source::Source;
 
 /// A loaded suite.
@@ -17,6 +18,8 @@ pub struct Suite {
     pub file: SuiteFile,
     /// What it takes from profiles.
     pub catalogue: Arc<Catalogue>,
+    /// What its document calls objects and values.
+    pub words: Arc<Words>,
 }
 
 impl Suite {

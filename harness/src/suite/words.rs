@@ -1,0 +1,239 @@
+//! The words of suites: what a document calls its objects, its values and the refusals that belong
+//! to them, in the files `words.yaml` of the folders.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use canopen::Mux;
+use canopen::source::Node;
+
+use crate::nearest::did_you_mean;
+use crate::source::{At, Complaint, Place, Source, Tree};
+
+/// The words that suites of a folder may use: its own and those of the folders above.
+#[derive(Clone, Debug, Default)]
+pub struct Words {
+    objects: BTreeMap<String, Mux>,
+    values: BTreeMap<String, Arc<Enumeration>>,
+    /// What the values of an object mean.
+    meanings: BTreeMap<Mux, Arc<Enumeration>>,
+    refusals: BTreeMap<String, Tree>,
+    /// What an object is called.
+    names: BTreeMap<Mux, String>,
+}
+
+/// A table of the document: words and the values that they stand for.
+pub(super) type Enumeration = BTreeMap<String, i128>;
+
+impl Words {
+    /// Adds the words of a file, which go before those that are known.
+    pub(super) fn add(&mut self, source: &Arc<Source>, tree: &Tree) -> Vec<Complaint> {
+        let mut reader = Reader { source, words: self, complaints: Vec::new() };
+        reader.file(tree);
+        reader.complaints
+    }
+
+    /// The address of a word.
+    ///
+    /// # Errors
+    /// When it is no word for an object.
+    pub(super) fn object(&self, word: &str) -> Result<Mux, String> {
+        self.objects.get(word).copied().ok_or_else(|| {
+            let meant = did_you_mean(word, self.objects.keys().map(String::as_str));
+            format!("`{word}` is neither an object such as \"1017:00\" nor a word for one{meant}")
+        })
+    }
+
+    /// What the values of an object mean.
+    pub(super) fn meaning(&self, mux: Mux) -> Option<&Enumeration> {
+        self.meanings.get(&mux).map(AsRef::as_ref)
+    }
+
+    /// What a word for a refusal stands for.
+    pub(super) fn refusal(&self, word: &str) -> Option<&Tree> {
+        self.refusals.get(word)
+    }
+
+    /// The words for refusals.
+    pub(super) fn refusals(&self) -> impl Iterator<Item = &str> {
+        self.refusals.keys().map(String::as_str)
+    }
+
+    /// What the object is called.
+    pub fn name(&self, mux: Mux) -> Option<&str> {
+        self.names.get(&mux).map(String::as_str)
+    }
+
+    /// What the value of an object is called.
+    pub fn value(&self, mux: Mux, value: i128) -> Option<&str> {
+        let known = self.meaning(mux)?.iter().find(|(_, known)| **known == value);
+        known.map(|(word, _)| word.as_str())
+    }
+}
+
+struct Reader<'w> {
+    source: &'w Arc<Source>,
+    words: &'w mut Words,
+    complaints: Vec<Complaint>,
+}
+
+impl Reader<'_> {
+    fn file(&mut self, tree: &Tree) {
+        // Objects name tables of values, wherever those stand.
+        for (part, read) in [
+            ("values", Self::values as fn(&mut Self, &At<String>, &Tree)),
+            ("objects", Self::object),
+            ("refusals", Self::refusal),
+        ] {
+            for (word, value) in self.entries(tree.get(part)) {
+                read(self, word, value);
+            }
+        }
+        for (key, _) in self.entries(Some(tree)) {
+            if !["objects", "values", "refusals"].contains(&key.value.as_str()) {
+                let message =
+                    format!("unknown key `{}`: there is values, objects, refusals", key.value);
+                self.complain(key.place, message);
+            }
+        }
+    }
+
+    fn entries<'t>(&mut self, tree: Option<&'t Tree>) -> &'t [(At<String>, Tree)] {
+        match tree {
+            None => &[],
+            Some(Tree { node: Node::Map(entries), .. }) => entries,
+            Some(other) => {
+                self.complain(other.place, "words belong here: `{ word: what it stands for }`");
+                &[]
+            }
+        }
+    }
+
+    fn values(&mut self, name: &At<String>, tree: &Tree) {
+        let mut table = Enumeration::new();
+        for (word, value) in self.entries(Some(tree)) {
+            match value.node {
+                Node::Int(number, _) => _ = table.insert(word.value.clone(), number),
+                _ => self.complain(value.place, "a whole number belongs here"),
+            }
+        }
+        self.words.values.insert(name.value.clone(), Arc::new(table));
+    }
+
+    fn refusal(&mut self, name: &At<String>, tree: &Tree) {
+        self.words.refusals.insert(name.value.clone(), tree.clone());
+    }
+
+    fn object(&mut self, word: &At<String>, tree: &Tree) {
+        let (address, means) = match &tree.node {
+            Node::Map(_) => (tree.get("at"), tree.get("means")),
+            _ => (Some(tree), None),
+        };
+        let Some((address, text)) = address.and_then(|at| Some((at, at.text()?))) else {
+            return self.complain(tree.place, "an address belongs here, or `at` and `means`");
+        };
+        let table = match means.and_then(|means| Some((means, means.text()?))) {
+            None => None,
+            Some((means, name)) => match self.words.values.get(name) {
+                Some(table) => Some(Arc::clone(table)),
+                None => {
+                    let known = self.words.values.keys().map(String::as_str);
+                    let meant = did_you_mean(name, known);
+                    let message = format!("no table `{name}` under `values`{meant}");
+                    return self.complain(means.place, message);
+                }
+            },
+        };
+        let named = counted(&word.value, text).and_then(|named| {
+            let parsed = named.into_iter().map(|(word, address)| {
+                let mux: Mux = address.parse().map_err(|error| format!("`{address}`: {error}"))?;
+                Ok((word, mux))
+            });
+            parsed.collect::<Result<Vec<_>, String>>()
+        });
+        match named {
+            Err(wrong) => self.complain(address.place, wrong),
+            Ok(named) => named.into_iter().for_each(|(word, mux)| {
+                if let Some(table) = &table {
+                    self.words.meanings.insert(mux, Arc::clone(table));
+                }
+                self.words.names.insert(mux, word.clone());
+                self.words.objects.insert(word, mux);
+            }),
+        }
+    }
+
+    fn complain(&mut self, place: Place, message: impl Into<String>) {
+        self.complaints.push(Complaint::at(self.source, place, message));
+    }
+}
+
+/// The words of a family with their addresses: each counter of the word has its counter in the
+/// address, in the same order.
+fn counted(word: &str, address: &str) -> Result<Vec<(String, String)>, String> {
+    let (Some(open), Some(there)) = (word.find('{'), address.find('{')) else {
+        return match word.contains('{') == address.contains('{') {
+            true => Ok(vec![(word.to_owned(), address.to_owned())]),
+            false => Err("word and address have as many counters as each other".to_owned()),
+        };
+    };
+    let colon = address.find(':').unwrap_or(address.len());
+    let names = counter(&word[open..], 10)?;
+    let places = counter(&address[there..], if there > colon { 16 } else { 10 })?;
+    if names.values.len() != places.values.len() {
+        let (ours, theirs) = (names.values.len(), places.values.len());
+        return Err(format!(
+            "a counter of the word has {ours} values, that of the address {theirs}"
+        ));
+    }
+    let pairs = names.values.iter().zip(&places.values).map(|(name, place)| {
+        let word = format!("{}{name}{}", &word[..open], &word[open + names.length..]);
+        let address = format!("{}{place}{}", &address[..there], &address[there + places.length..]);
+        counted(&word, &address)
+    });
+    Ok(pairs.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+}
+
+/// A counter, and how long it is in the text.
+struct Counter {
+    values: Vec<String>,
+    length: usize,
+}
+
+/// `{1..13}` at the start of a text.
+fn counter(text: &str, radix: u32) -> Result<Counter, String> {
+    let wrong = || format!("`{text}`: counters are written `{{1..13}}`");
+    let end = text.find('}').ok_or_else(wrong)?;
+    let (from, to) = text[1..end].split_once("..").ok_or_else(wrong)?;
+    let number = |digits: &str| u32::from_str_radix(digits, radix).map_err(|_| wrong());
+    let width = from.len();
+    let values = (number(from)?..=number(to)?).map(|value| match radix {
+        16 => format!("{value:0width$X}"),
+        _ => format!("{value:0width$}"),
+    });
+    Ok(Counter { values: values.collect(), length: end + 1 })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn families_have_counters() {
+        let family = |word, address| counted(word, address).unwrap();
+        let of = |word: &str, address: &str| (word.to_owned(), address.to_owned());
+        assert_eq!(family("a", "1017:00"), [of("a", "1017:00")]);
+        let received = family("received-{9..11}", "2500:{09..0B}");
+        let expected =
+            [("received-9", "2500:09"), ("received-10", "2500:0A"), ("received-11", "2500:0B")];
+        assert_eq!(received, expected.map(|(word, address)| of(word, address)));
+        let points = family("x-{0..1}-of-table-{9..10}", "3{0..1}0:{09..0A}");
+        assert_eq!(points.len(), 4);
+        assert_eq!(points[1], of("x-0-of-table-10", "300:0A"));
+        for (word, address) in
+            [("a-{1..2}", "1017:00"), ("a-{1..2}", "1017:{1..3}"), ("a-{1}", "1:{1..2}")]
+        {
+            assert!(counted(word, address).is_err(), "{word} {address}");
+        }
+    }
+}
