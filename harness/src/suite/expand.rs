@@ -328,7 +328,7 @@ impl Expander<'_> {
         each.collect()
     }
 
-    /// What is written for short behind an object: a value, `5 .. 7`, `>= 5`, `6 +/- 1`, or
+    /// What is written for short behind an object: a value, `5 .. 7`, `at least 5`, `6 +/- 1`, or
     /// `6 tolerating +/- 1`.
     fn short(&self, step: &str, value: &Tree, parts: &mut Vec<(At<String>, Tree)>) {
         let mut part = |name: &str, node: Node| {
@@ -339,10 +339,10 @@ impl Expander<'_> {
             Node::Text(text) if step != "write" => text.trim(),
             _ => return part("value", value.node.clone()),
         };
-        if let Some(low) = text.strip_prefix(">=") {
+        if let Some(low) = text.strip_prefix("at least ") {
             return part("min", Node::from(low.trim()));
         }
-        if let Some(high) = text.strip_prefix("<=") {
+        if let Some(high) = text.strip_prefix("at most ") {
             return part("max", Node::from(high.trim()));
         }
         if let Some((low, high)) = text.split_once(" .. ") {

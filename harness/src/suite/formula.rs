@@ -12,7 +12,7 @@ pub(super) fn has(text: &str, name: &str) -> bool {
     text.split('$').skip(1).any(|rest| starts(rest, name))
 }
 
-/// Whether a name is at the start of a text, and is not the beginning of a longer word. What follows
+/// Whether a name is at the start of a text and does not begin a longer word there. What follows
 /// a `-` may be of another one: `alarm-$number-of-$table`.
 fn starts(text: &str, name: &str) -> bool {
     let rest = text.strip_prefix(name);
