@@ -91,14 +91,49 @@ const OF_OBJECTS: [(&str, &str, &[&str], &[&str]); 4] = [
     ("observe", "bench", &["within"], &["value", "min", "max"]),
 ];
 
+/// The key of a suite for what its cases have in common.
+const EVERY_CASE: &str = "every-case";
+
+/// What is common to cases that do not say it themselves.
+const INSTEAD: [&str; 3] = ["state", "tolerates", "requires"];
+
+/// Steps that are common to all cases, whatever a case adds: it does so inside of them.
+const JOINED: [&str; 2] = ["setup", "finally"];
+
 impl Expander<'_> {
     fn suite(&self, tree: &mut Tree) {
         let Node::Map(entries) = &mut tree.node else { return };
+        let common = entries.iter().position(|(key, _)| key.value == EVERY_CASE);
+        let common = common.map(|at| entries.remove(at).1);
+        if let Some(common) = &common {
+            self.only_common(common);
+        }
         let cases = entries.iter_mut().filter(|(key, _)| key.value == "cases");
         for (_, cases) in cases {
             let Node::List(cases) = &mut cases.node else { continue };
             for case in cases {
+                if let Some(common) = &common {
+                    join(case, common);
+                }
                 self.case(case);
+            }
+        }
+    }
+
+    fn only_common(&self, common: &Tree) {
+        if !matches!(common.node, Node::Map(_)) {
+            self.complain(common.place, "keys of cases belong here");
+        }
+        let known = || INSTEAD.iter().chain(&JOINED).copied();
+        for (key, _) in common.entries() {
+            if !known().any(|known| known == key.value) {
+                let known: Vec<&str> = known().collect();
+                let message = format!(
+                    "`{}` belongs to a case: every case may have {}",
+                    key.value,
+                    known.join(", ")
+                );
+                self.complain(key.place, message);
             }
         }
     }
@@ -312,7 +347,9 @@ impl Expander<'_> {
         if objects.is_empty() {
             self.complain(content.place, format!("`{name}` names no object"));
         }
-        let each = objects.into_iter().map(|(word, value)| {
+        let objects = objects.into_iter().flat_map(|(word, value)| self.members(word, value));
+        let each = objects.map(|(word, value)| {
+            let (word, value) = (&word, &value);
             let named = Tree { node: Node::Text(word.value.clone()), place: word.place };
             let mut parts = vec![(At::new((*object).to_owned(), word.place), named)];
             match &value.node {
@@ -328,8 +365,26 @@ impl Expander<'_> {
         each.collect()
     }
 
-    /// What is written for short behind an object: a value, `5 .. 7`, `at least 5`, `6 +/- 1`, or
-    /// `6 tolerating +/- 1`.
+    /// The objects of a record, each with its value of the list, without those whose value is `~`;
+    /// another object as it is.
+    fn members(&self, word: &At<String>, value: &Tree) -> Vec<(At<String>, Tree)> {
+        let Node::List(values) = &value.node else { return vec![(word.clone(), value.clone())] };
+        let Some(members) = self.words.record(&word.value) else {
+            let meant = did_you_mean(&word.value, self.words.records());
+            self.complain(word.place, format!("`{}` is no record of several{meant}", word.value));
+            return Vec::new();
+        };
+        if values.len() > members.len() {
+            let (most, given) = (members.len(), values.len());
+            let message = format!("`{}` has {most} objects, not {given}", word.value);
+            self.complain(value.place, message);
+        }
+        let given = members.iter().zip(values).filter(|(_, value)| value.node != Node::Null);
+        given.map(|(member, value)| (At::new(member.clone(), word.place), value.clone())).collect()
+    }
+
+    /// What is written for short behind an object: a value, `5 .. 7`, `at least 5`, `6 +/- 1`,
+    /// `6 tolerating +/- 1`, or of bits `has 4` and `lacks 4`.
     fn short(&self, step: &str, value: &Tree, parts: &mut Vec<(At<String>, Tree)>) {
         let mut part = |name: &str, node: Node| {
             let value = Tree { node, place: value.place };
@@ -348,6 +403,14 @@ impl Expander<'_> {
         if let Some((low, high)) = text.split_once(" .. ") {
             part("min", Node::from(low.trim()));
             return part("max", Node::from(high.trim()));
+        }
+        if let Some(bits) = text.strip_prefix("has ") {
+            part("mask", Node::from(bits.trim()));
+            return part("value", Node::from(bits.trim()));
+        }
+        if let Some(bits) = text.strip_prefix("lacks ") {
+            part("mask", Node::from(bits.trim()));
+            return part("value", Node::Int(0, "0".to_owned()));
         }
         let Some((center, spread)) = text.split_once(" +/- ") else {
             return part("value", value.node.clone());
@@ -384,7 +447,7 @@ impl Expander<'_> {
         }
         for (key, value) in entries {
             match key.value.as_str() {
-                "value" | "min" | "max" => self.meant(mux, value),
+                "value" | "min" | "max" | "mask" => self.meant(mux, value),
                 "tolerated" => {
                     if let Node::List(values) = &mut value.node {
                         values.iter_mut().for_each(|value| self.meant(mux, value));
@@ -476,6 +539,24 @@ impl Expander<'_> {
 
     fn complain(&self, place: Place, message: impl Into<String>) {
         self.complaints.borrow_mut().push(Complaint::at(self.source, place, message));
+    }
+}
+
+/// Adds to a case what it has in common with the others of its suite.
+fn join(case: &mut Tree, common: &Tree) {
+    let Node::Map(entries) = &mut case.node else { return };
+    for (key, value) in common.entries() {
+        let own = entries.iter_mut().find(|(own, _)| own.value == key.value);
+        let Some((_, own)) = own else {
+            entries.push((key.clone(), value.clone()));
+            continue;
+        };
+        if let (true, Node::List(own), Node::List(common)) =
+            (JOINED.contains(&key.value.as_str()), &mut own.node, &value.node)
+        {
+            let at = if key.value == "setup" { 0 } else { own.len() };
+            own.splice(at..at, common.iter().cloned());
+        }
     }
 }
 

@@ -17,6 +17,8 @@ pub struct Words {
     values: BTreeMap<String, Arc<Enumeration>>,
     /// What the values of an object mean.
     meanings: BTreeMap<Mux, Arc<Enumeration>>,
+    /// Words of objects that are set together, in that order.
+    records: BTreeMap<String, Vec<String>>,
     refusals: BTreeMap<String, Tree>,
     /// What an object is called.
     names: BTreeMap<Mux, String>,
@@ -42,6 +44,16 @@ impl Words {
             let meant = did_you_mean(word, self.objects.keys().map(String::as_str));
             format!("`{word}` is neither an object such as \"1017:00\" nor a word for one{meant}")
         })
+    }
+
+    /// The words of the objects of a record.
+    pub(super) fn record(&self, word: &str) -> Option<&[String]> {
+        self.records.get(word).map(Vec::as_slice)
+    }
+
+    /// The words for records.
+    pub(super) fn records(&self) -> impl Iterator<Item = &str> {
+        self.records.keys().map(String::as_str)
     }
 
     /// What the values of an object mean.
@@ -83,6 +95,7 @@ impl Reader<'_> {
         for (part, read) in [
             ("values", Self::values as fn(&mut Self, &At<String>, &Tree)),
             ("objects", Self::object),
+            ("records", Self::record),
             ("refusals", Self::refusal),
         ] {
             for (word, value) in self.entries(tree.get(part)) {
@@ -90,9 +103,11 @@ impl Reader<'_> {
             }
         }
         for (key, _) in self.entries(Some(tree)) {
-            if !["objects", "values", "refusals"].contains(&key.value.as_str()) {
-                let message =
-                    format!("unknown key `{}`: there is values, objects, refusals", key.value);
+            if !["values", "objects", "records", "refusals"].contains(&key.value.as_str()) {
+                let message = format!(
+                    "unknown key `{}`: there is values, objects, records, refusals",
+                    key.value
+                );
                 self.complain(key.place, message);
             }
         }
@@ -122,6 +137,36 @@ impl Reader<'_> {
 
     fn refusal(&mut self, name: &At<String>, tree: &Tree) {
         self.words.refusals.insert(name.value.clone(), tree.clone());
+    }
+
+    /// Members of a family have the counters of the record first; one more stands for several.
+    fn record(&mut self, word: &At<String>, tree: &Tree) {
+        let Node::List(members) = &tree.node else {
+            return self.complain(tree.place, "the words of its objects belong here: `[a, b]`");
+        };
+        let mut records = BTreeMap::<String, Vec<String>>::new();
+        for member in members {
+            let text = member.text().unwrap_or_default();
+            let known = paired(&word.value, text, 10, 10);
+            let known = known.and_then(|pairs| {
+                let all = pairs.into_iter().map(|(word, text)| Ok((word, family(&text)?)));
+                all.collect::<Result<Vec<_>, String>>()
+            });
+            match known {
+                Err(wrong) => self.complain(member.place, wrong),
+                Ok(known) => {
+                    for (record, words) in known {
+                        if let Some(wrong) =
+                            words.iter().find_map(|word| self.words.object(word).err())
+                        {
+                            return self.complain(member.place, wrong);
+                        }
+                        records.entry(record).or_default().extend(words);
+                    }
+                }
+            }
+        }
+        self.words.records.extend(records);
     }
 
     fn object(&mut self, word: &At<String>, tree: &Tree) {
@@ -171,25 +216,47 @@ impl Reader<'_> {
 /// The words of a family with their addresses: each counter of the word has its counter in the
 /// address, in the same order.
 fn counted(word: &str, address: &str) -> Result<Vec<(String, String)>, String> {
-    let (Some(open), Some(there)) = (word.find('{'), address.find('{')) else {
-        return match word.contains('{') == address.contains('{') {
-            true => Ok(vec![(word.to_owned(), address.to_owned())]),
-            false => Err("word and address have as many counters as each other".to_owned()),
-        };
+    let pairs = paired(word, address, 10, 16)?;
+    match pairs.iter().any(|(_, address)| address.contains('{')) {
+        true => Err("word and address have as many counters as each other".to_owned()),
+        false => Ok(pairs),
+    }
+}
+
+/// The words of a family.
+fn family(word: &str) -> Result<Vec<String>, String> {
+    let Some(open) = word.find('{') else { return Ok(vec![word.to_owned()]) };
+    let counter = counter(&word[open..], 10)?;
+    let words = counter
+        .values
+        .iter()
+        .map(|value| family(&format!("{}{value}{}", &word[..open], &word[open + counter.length..])));
+    Ok(words.collect::<Result<Vec<_>, _>>()?.concat())
+}
+
+/// Two texts with the values of their counters, the first with the first and so on. The second may
+/// have more of them, which stay. Behind a colon, counters have the other radix.
+fn paired(
+    word: &str,
+    text: &str,
+    radix: u32,
+    behind: u32,
+) -> Result<Vec<(String, String)>, String> {
+    let Some(open) = word.find('{') else { return Ok(vec![(word.to_owned(), text.to_owned())]) };
+    let Some(there) = text.find('{') else {
+        return Err("word and address have as many counters as each other".to_owned());
     };
-    let colon = address.find(':').unwrap_or(address.len());
+    let colon = text.find(':').unwrap_or(text.len());
     let names = counter(&word[open..], 10)?;
-    let places = counter(&address[there..], if there > colon { 16 } else { 10 })?;
+    let places = counter(&text[there..], if there > colon { behind } else { radix })?;
     if names.values.len() != places.values.len() {
         let (ours, theirs) = (names.values.len(), places.values.len());
-        return Err(format!(
-            "a counter of the word has {ours} values, that of the address {theirs}"
-        ));
+        return Err(format!("a counter of the word has {ours} values, its other one {theirs}"));
     }
     let pairs = names.values.iter().zip(&places.values).map(|(name, place)| {
         let word = format!("{}{name}{}", &word[..open], &word[open + names.length..]);
-        let address = format!("{}{place}{}", &address[..there], &address[there + places.length..]);
-        counted(&word, &address)
+        let text = format!("{}{place}{}", &text[..there], &text[there + places.length..]);
+        paired(&word, &text, radix, behind)
     });
     Ok(pairs.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
 }
