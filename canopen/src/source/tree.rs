@@ -48,6 +48,10 @@ impl Tree {
     /// What is wrong with the YAML.
     pub fn of(source: &std::sync::Arc<Source>) -> Result<Self, super::Complaint> {
         let mut tree: Self = super::read_yaml(source)?;
+        if tree.node == Node::Null {
+            let message = super::in_our_words("unexpected end of input");
+            return Err(super::Complaint::at(source, tree.place, message));
+        }
         tree.remember(source);
         Ok(tree)
     }
@@ -208,6 +212,24 @@ impl std::error::Error for Unfit {}
 impl de::Error for Unfit {
     fn custom<T: fmt::Display>(message: T) -> Self {
         Self { message: message.to_string(), place: None }
+    }
+
+    // What the YAML library says of a text, so that there is one translation of both.
+
+    fn invalid_type(_: de::Unexpected<'_>, expected: &dyn de::Expected) -> Self {
+        Self::custom(format!("invalid {expected}"))
+    }
+
+    fn invalid_value(_: de::Unexpected<'_>, expected: &dyn de::Expected) -> Self {
+        Self::custom(format!("invalid {expected}"))
+    }
+
+    fn unknown_field(field: &str, known: &'static [&'static str]) -> Self {
+        Self::custom(format!("unknown field `{field}`, expected one of {}", known.join(", ")))
+    }
+
+    fn unknown_variant(variant: &str, known: &'static [&'static str]) -> Self {
+        Self::custom(format!("unknown variant `{variant}`, expected one of {}", known.join(", ")))
     }
 }
 
@@ -511,7 +533,8 @@ impl<'de> VariantAccess<'de> for Content<'de> {
     }
 
     fn newtype_variant_seed<T: DeserializeSeed<'de>>(self, seed: T) -> Result<T::Value, Unfit> {
-        seed.deserialize(self.tree()?)
+        let tree = self.tree()?;
+        seed.deserialize(tree).map_err(|unfit| unfit.or_at(tree.place))
     }
 
     fn tuple_variant<V: Visitor<'de>>(self, _: usize, visitor: V) -> Result<V::Value, Unfit> {
