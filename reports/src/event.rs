@@ -30,6 +30,8 @@ pub enum Event {
     Frame(Stamped),
     /// A remark of the runner, the bench or the CAN controller.
     Note(Note),
+    /// Something was set on the physical side of the device.
+    Stimulus(Stimulus),
     /// A figure that the case took, whatever came of it.
     Measured(Measured),
     /// The case is over.
@@ -181,6 +183,19 @@ pub struct Note {
     pub at: Instant,
     /// What, in one line, such as `settled by reset node`.
     pub text: String,
+}
+
+/// What a case sets on the bench.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Stimulus {
+    /// When.
+    #[serde(with = "wire::nanoseconds")]
+    pub at: Instant,
+    /// The name, such as `load-wiring-1`.
+    pub name: String,
+    /// The value, such as `broken`.
+    pub value: String,
 }
 
 /// A series of measurements. All numbers are finite.

@@ -18,7 +18,7 @@ mod wire;
 pub use cause::Cause;
 pub use event::{
     CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
-    RunStarted, SheetUsed, Versions,
+    RunStarted, SheetUsed, Stimulus, Versions,
 };
 pub use format::{FORMATS, Format};
 pub use junit::date;

@@ -7,7 +7,7 @@ use canopen::{Instant, Stamped};
 
 use crate::cause::Cause;
 use crate::event::{
-    CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, RunEnded, RunStarted,
+    CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, RunEnded, RunStarted, Stimulus,
 };
 use crate::journal::{self, JournalError};
 use crate::verdict::{Grade, Outcome, Verdict};
@@ -124,6 +124,13 @@ impl Run {
                 if let Some(case) = self.open_case() {
                     case.ended = case.ended.max(note.at);
                     case.notes.push(note.clone());
+                }
+                Ok(())
+            }
+            Event::Stimulus(Stimulus { at, name, value }) => {
+                if let Some(case) = self.open_case() {
+                    case.ended = case.ended.max(*at);
+                    case.notes.push(Note { at: *at, text: format!("bench: {name} = {value}") });
                 }
                 Ok(())
             }

@@ -5,6 +5,7 @@ use std::collections::btree_map::Entry;
 
 use canopen::bench::{INTERFACE, POWER, moved_by};
 use canopen::{BenchError, Value};
+use reports::{Event, Stimulus};
 
 use super::judge::Trouble;
 use super::link::Link;
@@ -42,6 +43,9 @@ impl BenchSnapshot {
             }
         }
         link.look_from_now()?;
+        let stimulus =
+            Stimulus { at: link.mark(), name: name.to_owned(), value: value.to_string() };
+        link.emit(Event::Stimulus(stimulus));
         bench(link)?.set(name, value).map_err(failed)?;
         link.moved();
         if name == POWER {
