@@ -15,6 +15,7 @@ pub(crate) mod model;
 pub(crate) mod profile;
 pub(crate) mod refusal;
 mod register;
+mod scale;
 pub(crate) mod step;
 mod test_map;
 mod vocabulary;

@@ -14,12 +14,21 @@ pub(super) struct Definition {
     /// What they do, in a sentence.
     #[expect(dead_code, reason = "a sentence for people who read the file")]
     pub says: String,
-    /// The names of what they are given.
-    pub takes: Vec<At<String>>,
+    /// What they are given.
+    pub takes: Vec<Taken>,
     /// The steps as they are written.
     pub steps: Vec<Tree>,
     /// Where the name stands.
     pub place: Place,
+}
+
+/// Something that named steps are given.
+#[derive(Clone, Debug)]
+pub(super) struct Taken {
+    /// Its name.
+    pub name: At<String>,
+    /// What it is unless the steps are given another value.
+    pub default: Option<Tree>,
 }
 
 /// Named steps.
@@ -38,10 +47,10 @@ impl Definitions {
             match definition(name, content) {
                 Err((place, message)) => complaints.push(Complaint::at(source, place, message)),
                 Ok(definition) => {
-                    for taken in &definition.takes {
-                        if !definition.steps.iter().any(|step| mentions(step, &taken.value)) {
-                            let message = format!("no step uses ${}", taken.value);
-                            complaints.push(Complaint::at(source, taken.place, message));
+                    for Taken { name, .. } in &definition.takes {
+                        if !definition.steps.iter().any(|step| mentions(step, &name.value)) {
+                            let message = format!("no step uses ${}", name.value);
+                            complaints.push(Complaint::at(source, name.place, message));
                         }
                     }
                     self.0.insert(name.value.clone(), Arc::new(definition));
@@ -73,11 +82,8 @@ fn definition(name: &At<String>, content: &Tree) -> Result<Definition, (Place, S
     let says = says.ok_or_else(|| (name.place, format!("`{}` has no `says`", name.value)))?;
     let takes = match content.get("takes").map(|takes| (&takes.node, takes.place)) {
         None => Vec::new(),
-        Some((Node::List(names), _)) => {
-            let names = names.iter().filter_map(|name| Some((name.text()?, name.place)));
-            names.map(|(text, place)| At::new(text.to_owned(), place)).collect()
-        }
-        Some((_, place)) => return Err((place, "a list of names belongs here".to_owned())),
+        Some((Node::List(names), _)) => names.iter().map(taken).collect::<Result<_, _>>()?,
+        Some((_, place)) => return Err((place, TAKES.to_owned())),
     };
     let steps = match content.get("steps").map(|steps| (&steps.node, steps.place)) {
         Some((Node::List(steps), _)) => steps.clone(),
@@ -91,4 +97,17 @@ fn definition(name: &At<String>, content: &Tree) -> Result<Definition, (Place, S
         }
     }
     Ok(Definition { says: says.to_owned(), takes, steps, place: name.place })
+}
+
+const TAKES: &str = "a list of names belongs here, those with a default as `{ name: default }`";
+
+fn taken(tree: &Tree) -> Result<Taken, (Place, String)> {
+    match (&tree.node, tree.text()) {
+        (Node::Map(entries), _) if entries.len() == 1 => {
+            let (name, default) = entries[0].clone();
+            Ok(Taken { name, default: Some(default) })
+        }
+        (_, Some(name)) => Ok(Taken { name: At::new(name.to_owned(), tree.place), default: None }),
+        _ => Err((tree.place, TAKES.to_owned())),
+    }
 }

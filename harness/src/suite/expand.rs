@@ -9,8 +9,9 @@ use std::sync::Arc;
 use canopen::Mux;
 use canopen::source::Node;
 
-use super::definition::{Definition, Definitions};
+use super::definition::{Definition, Definitions, Taken};
 use super::formula;
+use super::scale::{Decimal, Scale};
 use super::vocabulary::Vocabulary;
 use super::words::Words;
 use crate::nearest::did_you_mean;
@@ -44,6 +45,9 @@ pub(super) fn expand(
         let message = format!("the steps `{name}` are never used");
         complaints.push(Complaint::at(source, definition.place, message));
     }
+    // What is wrong in a step of several rows is wrong once.
+    let mut known = BTreeSet::new();
+    complaints.retain(|wrong| known.insert((wrong.place, wrong.message.clone())));
     if complaints.is_empty() { Ok((tree, used)) } else { Err(complaints) }
 }
 
@@ -57,6 +61,12 @@ struct Expander<'s> {
     shared: &'s Definitions,
     used: RefCell<BTreeSet<String>>,
     complaints: RefCell<Vec<Complaint>>,
+}
+
+/// A table: its columns, and for each row its place and the values.
+struct Table {
+    columns: Vec<At<String>>,
+    rows: Vec<(Place, Values)>,
 }
 
 /// Where steps stand.
@@ -91,6 +101,12 @@ const OF_OBJECTS: [(&str, &str, &[&str], &[&str]); 4] = [
     ("observe", "bench", &["within"], &["value", "min", "max"]),
 ];
 
+/// Steps about frames, and the keys under which frames stand.
+const OF_FRAMES: [&str; 8] =
+    ["send", "reply", "ask", "expect", "never", "collect", "measure", "produce"];
+const FRAMES: [&str; 5] = ["send", "reply", "frame", "lenient", "or-else"];
+const BOUNDS: [&str; 4] = ["interval", "mean", "median", "latency"];
+
 /// The key of a suite for what its cases have in common.
 const EVERY_CASE: &str = "every-case";
 
@@ -111,12 +127,14 @@ impl Expander<'_> {
         let cases = entries.iter_mut().filter(|(key, _)| key.value == "cases");
         for (_, cases) in cases {
             let Node::List(cases) = &mut cases.node else { continue };
-            for case in cases {
+            let joined = std::mem::take(cases).into_iter().flat_map(|mut case| {
                 if let Some(common) = &common {
-                    join(case, common);
+                    join(&mut case, common);
                 }
-                self.case(case);
-            }
+                self.each_row(case)
+            });
+            *cases = joined.collect();
+            cases.iter_mut().for_each(|case| self.case(case));
         }
     }
 
@@ -182,49 +200,111 @@ impl Expander<'_> {
         }
     }
 
-    /// Steps for each row of a table.
-    fn rows(&self, table: &Tree, inside: Inside<'_>) -> Vec<Tree> {
-        let part = |name: &str| match table.get(name).map(|part| &part.node) {
-            Some(Node::List(items)) => Some(items),
-            _ => None,
-        };
-        let (Some(columns), Some(rows), Some(steps)) = (part("for"), part("rows"), part("steps"))
-        else {
-            self.complain(table.place, "`for` has columns, `rows` and `steps`: each a list");
+    /// The cases of one with a table: one for each row, whose id says which.
+    fn each_row(&self, mut case: Tree) -> Vec<Tree> {
+        if case.get("for").is_none() && case.get("rows").is_none() {
+            return vec![case];
+        }
+        let none = Values::new();
+        let top = Inside { values: &none, depth: 0, place: None };
+        let Node::Map(entries) = &mut case.node else { return Vec::new() };
+        let is_table = |key: &At<String>| ["for", "rows"].contains(&key.value.as_str());
+        let (table, content): (Vec<_>, Vec<_>) =
+            std::mem::take(entries).into_iter().partition(|(key, _)| is_table(key));
+        let table = Tree { node: Node::Map(table), place: case.place };
+        let content = Tree { node: Node::Map(content), place: case.place };
+        let Some(table) = self.table(&table, std::slice::from_ref(&content), top) else {
             return Vec::new();
         };
-        for (key, _) in table.entries() {
+        if let Some(id) = content.get("id")
+            && !table.columns.iter().any(|column| mentions(id, &column.value))
+        {
+            let columns: Vec<String> =
+                table.columns.iter().map(|column| format!("${}", column.value)).collect();
+            let message = format!(
+                "each row is a case, so a column belongs into the id: {}",
+                columns.join(", ")
+            );
+            self.complain(id.place, message);
+            return Vec::new();
+        }
+        let cases = table.rows.iter().map(|(place, values)| {
+            let mut case = self.filled(&content, Inside { values, ..top });
+            // The row is what differs from the other cases.
+            case.place = *place;
+            if let Node::Map(entries) = &mut case.node {
+                let ids = entries.iter_mut().filter(|(key, _)| key.value == "id");
+                ids.for_each(|(_, id)| id.place = *place);
+            }
+            case
+        });
+        cases.collect()
+    }
+
+    /// Steps for each row of a table.
+    fn rows(&self, written: &Tree, inside: Inside<'_>) -> Vec<Tree> {
+        for (key, _) in written.entries() {
             if !["for", "rows", "steps"].contains(&key.value.as_str()) {
                 self.complain(key.place, format!("unknown key `{}` of a table", key.value));
             }
         }
-        let names: Vec<&str> = columns.iter().filter_map(Tree::text).collect();
-        for (column, name) in columns.iter().zip(&names) {
-            if !steps.iter().any(|step| mentions(step, name)) {
-                self.complain(column.place, format!("no step uses ${name}"));
+        let Some(Node::List(steps)) = written.get("steps").map(|steps| &steps.node) else {
+            self.complain(written.place, "a table of steps has `for`, `rows` and `steps`");
+            return Vec::new();
+        };
+        let Some(table) = self.table(written, steps, inside) else { return Vec::new() };
+        let plain = table.rows.iter().flat_map(|(place, values)| {
+            // A failure is shown at the row: the steps are the same for all.
+            let place = inside.place.unwrap_or(*place);
+            let inside = Inside { values, depth: inside.depth, place: Some(place) };
+            steps.iter().flat_map(|step| self.step(step, inside)).collect::<Vec<_>>()
+        });
+        plain.collect()
+    }
+
+    /// Columns and rows, with a value for each column in each row. All columns are used in
+    /// `content`.
+    fn table(&self, written: &Tree, content: &[Tree], inside: Inside<'_>) -> Option<Table> {
+        let part = |name: &str| match written.get(name).map(|part| &part.node) {
+            Some(Node::List(items)) => Some(items),
+            _ => None,
+        };
+        let (Some(columns), Some(rows)) = (part("for"), part("rows")) else {
+            let message = "a table has its columns in `for` and its `rows`, each a list";
+            self.complain(written.place, message);
+            return None;
+        };
+        let named = columns.iter().filter_map(|column| Some((column.text()?, column.place)));
+        let columns: Vec<_> = named.map(|(name, place)| At::new(name.to_owned(), place)).collect();
+        for column in &columns {
+            if !content.iter().any(|part| mentions(part, &column.value)) {
+                self.complain(column.place, format!("nothing uses ${}", column.value));
             }
         }
-        let mut plain = Vec::new();
+        let mut all = Vec::new();
         for row in rows {
-            let Node::List(cells) = &row.node else {
-                self.complain(row.place, "a row is a list of values");
-                continue;
+            let cells: &[Tree] = match &row.node {
+                Node::List(cells) => cells,
+                // A table of one column has no need for brackets.
+                _ if columns.len() == 1 => std::slice::from_ref(row),
+                _ => {
+                    self.complain(row.place, "a row is a list of values");
+                    continue;
+                }
             };
-            if cells.len() != names.len() {
-                let message = format!("the table has {} columns, not {}", names.len(), cells.len());
+            if cells.len() != columns.len() {
+                let (wanted, given) = (columns.len(), cells.len());
+                let message = format!("the table has {wanted} columns, this row {given} values");
                 self.complain(row.place, message);
                 continue;
             }
             let mut values = inside.values.clone();
-            for (name, cell) in names.iter().zip(cells) {
-                values.insert((*name).to_owned(), self.filled(cell, inside));
+            for (name, cell) in columns.iter().zip(cells) {
+                values.insert(name.value.clone(), self.filled(cell, inside));
             }
-            // A failure is shown at the row: the steps are the same for all.
-            let place = inside.place.unwrap_or(row.place);
-            let inside = Inside { values: &values, depth: inside.depth, place: Some(place) };
-            plain.extend(steps.iter().flat_map(|step| self.step(step, inside)));
+            all.push((row.place, values));
         }
-        plain
+        Some(Table { columns, rows: all })
     }
 
     /// The steps that a name stands for.
@@ -260,17 +340,22 @@ impl Expander<'_> {
         }
         let mut values = Values::new();
         for (argument, value) in given {
-            if definition.takes.iter().any(|known| known.value == argument.value) {
+            if definition.takes.iter().any(|known| known.name.value == argument.value) {
                 values.insert(argument.value.clone(), self.filled(value, inside));
             } else {
-                let known = definition.takes.iter().map(|known| known.value.as_str());
+                let known = definition.takes.iter().map(|known| known.name.value.as_str());
                 let meant = did_you_mean(&argument.value, known);
                 let message = format!("`{name}` takes no `{}`{meant}", argument.value);
                 self.complain(argument.place, message);
             }
         }
-        let missing = definition.takes.iter().filter(|known| !values.contains_key(&known.value));
-        let missing: Vec<&str> = missing.map(|known| known.value.as_str()).collect();
+        for Taken { name, default } in &definition.takes {
+            if let (Some(default), false) = (default, values.contains_key(&name.value)) {
+                values.insert(name.value.clone(), default.clone());
+            }
+        }
+        let names = definition.takes.iter().map(|known| known.name.value.as_str());
+        let missing: Vec<&str> = names.filter(|name| !values.contains_key(*name)).collect();
         if !missing.is_empty() {
             let message = format!("`{name}` also takes {}", missing.join(", "));
             self.complain(used.place, message);
@@ -324,8 +409,10 @@ impl Expander<'_> {
             (of_objects, &content.node)
         else {
             let mut content = content;
-            if key.value == "remap" {
-                self.remap(&mut content);
+            match key.value.as_str() {
+                "remap" => self.remap(&mut content),
+                name if OF_FRAMES.contains(&name) => self.frames(&mut content, true),
+                _ => {}
             }
             return vec![step(content, place)];
         };
@@ -355,7 +442,7 @@ impl Expander<'_> {
             match &value.node {
                 Node::Map(own) => parts.extend(own.iter().cloned()),
                 Node::Null => {}
-                _ => self.short(name, value, &mut parts),
+                _ => self.short(name, self.scale_of(word), value, &mut parts),
             }
             parts.extend(options.iter().map(|(key, value)| (key.clone(), value.clone())));
             let mut content = Tree { node: Node::Map(parts), place: word.place };
@@ -385,7 +472,13 @@ impl Expander<'_> {
 
     /// What is written for short behind an object: a value, `5 .. 7`, `at least 5`, `6 +/- 1`,
     /// `6 tolerating +/- 1`, or of bits `has 4` and `lacks 4`.
-    fn short(&self, step: &str, value: &Tree, parts: &mut Vec<(At<String>, Tree)>) {
+    fn short(
+        &self,
+        step: &str,
+        scale: Option<&Scale>,
+        value: &Tree,
+        parts: &mut Vec<(At<String>, Tree)>,
+    ) {
         let mut part = |name: &str, node: Node| {
             let value = Tree { node, place: value.place };
             parts.push((At::new(name.to_owned(), value.place), value));
@@ -415,26 +508,42 @@ impl Expander<'_> {
         let Some((center, spread)) = text.split_once(" +/- ") else {
             return part("value", value.node.clone());
         };
-        let tolerated = center.strip_suffix(" tolerating");
-        let center = Node::from(tolerated.unwrap_or(center).trim());
-        match (formula::around(&center, spread), tolerated) {
-            (Some(around), Some(_)) => {
-                part("value", center);
-                let around = around.into_iter();
-                let around = around.map(|node| Tree { node, place: value.place });
-                part("tolerated", Node::List(around.collect()));
-            }
-            (Some(around), None) => {
-                let mut ends = around.into_iter();
-                if let (Some(low), Some(high)) = (ends.next(), ends.next_back()) {
+        let number = |text: &str| {
+            let node = Node::from(text.trim());
+            let number = scale.and_then(|scale| scale.number(&node));
+            number.map_or(node, Decimal::node)
+        };
+        let (tolerated, spread) = (center.strip_suffix(" tolerating"), number(spread));
+        let center = number(tolerated.unwrap_or(center));
+        let wrong = match tolerated {
+            None => match formula::ends(&center, &spread) {
+                Some([low, high]) => {
                     part("min", low);
                     part("max", high);
+                    None
                 }
-            }
-            (None, _) => {
-                self.complain(value.place, "write `6 +/- 1` or `6 tolerating +/- 1`, with numbers");
-            }
+                None => Some("write `6 +/- 1`, with numbers"),
+            },
+            Some(_) => match around(scale, &center, &spread) {
+                Some(around) => {
+                    part("value", center);
+                    let around = around.into_iter();
+                    let around = around.map(|node| Tree { node, place: value.place });
+                    part("tolerated", Node::List(around.collect()));
+                    None
+                }
+                None => Some("write `6 tolerating +/- 1`, with numbers that are 64 apart at most"),
+            },
+        };
+        if let Some(wrong) = wrong {
+            self.complain(value.place, wrong);
         }
+    }
+
+    /// What a count of the object is worth that a word or an address names.
+    fn scale_of(&self, word: &At<String>) -> Option<&Scale> {
+        let mux = word.value.parse().ok().or_else(|| self.words.object(&word.value).ok())?;
+        self.words.scale(mux)
     }
 
     /// Address, values and refusals of a step on one object.
@@ -479,6 +588,31 @@ impl Expander<'_> {
         }
     }
 
+    /// The frames of words.
+    fn frames(&self, content: &mut Tree, is_frame: bool) {
+        match &mut content.node {
+            Node::Map(entries) => {
+                // `lenient` of a bound is a bound.
+                let named = entries.iter_mut().filter(|(key, _)| !BOUNDS.contains(&&*key.value));
+                for (key, value) in named {
+                    self.frames(value, FRAMES.contains(&key.value.as_str()));
+                }
+            }
+            Node::List(items) => items.iter_mut().for_each(|item| self.frames(item, is_frame)),
+            Node::Text(text) if is_frame && !text.contains('#') => match self.words.frame(text) {
+                Some(frame) => frame.clone_into(text),
+                None => {
+                    let meant = did_you_mean(text, self.words.frames());
+                    let message = format!(
+                        "`{text}` is neither a frame such as \"000#01 02\" nor a word for one{meant}"
+                    );
+                    self.complain(content.place, message);
+                }
+            },
+            _ => {}
+        }
+    }
+
     /// The address of a word.
     fn address(&self, object: &mut Tree) {
         let Node::Text(text) = &mut object.node else { return };
@@ -491,9 +625,15 @@ impl Expander<'_> {
         }
     }
 
-    /// The value of a word, or of several that are set together.
+    /// The number of a word, of several that are set together, or of a value in its unit.
     fn meant(&self, mux: Option<Mux>, value: &mut Tree) {
-        let Some(table) = mux.and_then(|mux| self.words.meaning(mux)) else { return };
+        let Some(mux) = mux else { return };
+        match self.words.scale(mux).and_then(|scale| scale.counts(&value.node)) {
+            Some(Ok(counts)) => return value.node = counts,
+            Some(Err(wrong)) => return self.complain(value.place, wrong),
+            None => {}
+        }
+        let Some(table) = self.words.meaning(mux) else { return };
         let Node::Text(text) = &value.node else { return };
         if text.starts_with('$') {
             return;
@@ -540,6 +680,16 @@ impl Expander<'_> {
     fn complain(&self, place: Place, message: impl Into<String>) {
         self.complaints.borrow_mut().push(Complaint::at(self.source, place, message));
     }
+}
+
+/// The values around one in the unit of the object, count by count; whole numbers where it has none.
+fn around(scale: Option<&Scale>, center: &Node, spread: &Node) -> Option<Vec<Node>> {
+    let (center, spread) = (Decimal::of(center)?, Decimal::of(spread)?);
+    let one = scale.map_or_else(|| Decimal::of(&Node::from("1")), |scale| Some(scale.count))?;
+    let around = formula::around(center.contains(one)?, spread.contains(one)?)?;
+    let of_count =
+        |count: i128| Some(Decimal::of(&Node::Int(count, count.to_string()))?.times(one)?.node());
+    around.into_iter().map(of_count).collect()
 }
 
 /// Adds to a case what it has in common with the others of its suite.

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use canopen::source::Node;
 
+use super::scale::Decimal;
 use crate::source::Tree;
 
 /// Whether the text has that name.
@@ -48,43 +49,35 @@ pub(super) fn filled(text: &str, values: &BTreeMap<String, Tree>) -> Option<Node
 /// The result of a formula of numbers; `None` when it is anything else.
 fn result(text: &str) -> Option<Node> {
     let mut words = text.split_whitespace();
-    let number = |word: &str| match Node::from(word) {
-        Node::Int(number, _) => Some(number as f64),
-        Node::Real(number, _) => Some(number),
-        _ => None,
-    };
-    let whole = !text.contains('.');
+    let number = |word: &str| Decimal::of(&Node::from(word));
     let mut sum = number(words.next()?)?;
     let mut any = false;
     while let Some(sign) = words.next() {
-        let term = number(words.next()?)?;
-        any = true;
-        match sign {
-            "x" => sum *= term,
-            "+" => sum += term,
-            "-" => sum -= term,
+        let of = match sign {
+            "x" => Decimal::times,
+            "+" => Decimal::plus,
+            "-" => Decimal::minus,
             _ => return None,
-        }
+        };
+        sum = of(sum, number(words.next()?)?)?;
+        any = true;
     }
-    any.then(|| match whole {
-        true => Node::Int(sum as i128, (sum as i128).to_string()),
-        false => Node::Real(sum, sum.to_string()),
-    })
+    any.then(|| sum.node())
 }
 
-/// The values around one: whole numbers, the ends of anything else.
-pub(super) fn around(center: &Node, spread: &str) -> Option<Vec<Node>> {
-    match (center, Node::from(spread.trim())) {
-        (Node::Int(center, _), Node::Int(spread, _)) if (1..=64).contains(&spread) => {
-            let all = (center - spread..=center + spread).filter(|value| value != center);
-            Some(all.map(|value| Node::Int(value, value.to_string())).collect())
-        }
-        (Node::Int(center, _), Node::Int(spread, _)) if spread > 64 => {
-            let ends = [center - spread, center + spread];
-            Some(ends.map(|value| Node::Int(value, value.to_string())).to_vec())
-        }
-        _ => None,
-    }
+/// Center minus spread and center plus spread.
+pub(super) fn ends(center: &Node, spread: &Node) -> Option<[Node; 2]> {
+    let (center, spread) = (Decimal::of(center)?, Decimal::of(spread)?);
+    Some([center.minus(spread)?.node(), center.plus(spread)?.node()])
+}
+
+/// So many values are tolerated around one at most: they are accepted one by one.
+const MOST_AROUND: i128 = 64;
+
+/// The whole numbers around one.
+pub(super) fn around(center: i128, spread: i128) -> Option<Vec<i128>> {
+    let all = (1..=MOST_AROUND).contains(&spread).then(|| center - spread..=center + spread)?;
+    Some(all.filter(|value| *value != center).collect())
 }
 
 #[cfg(test)]
@@ -116,12 +109,11 @@ mod tests {
 
     #[test]
     fn values_around_one() {
-        let texts = |center: &str, spread| {
-            let around = around(&Node::from(center), spread)?;
-            Some(around.iter().map(|node| format!("{node:?}")).collect::<Vec<_>>().len())
-        };
-        assert_eq!(texts("10", "2"), Some(4));
-        assert_eq!(texts("10", "100"), Some(2));
-        assert_eq!(texts("word", "1"), None);
+        assert_eq!(around(10, 2).unwrap(), [8, 9, 11, 12]);
+        assert_eq!(around(10, 100), None);
+        let ends = |center: &str, spread: &str| ends(&Node::from(center), &Node::from(spread));
+        let shown = |ends: Option<[Node; 2]>| ends.map(|ends| format!("{ends:?}"));
+        assert_eq!(shown(ends("10", "0.5")).unwrap(), r#"[Real(9.5, "9.5"), Real(10.5, "10.5")]"#);
+        assert_eq!(shown(ends("word", "1")), None);
     }
 }

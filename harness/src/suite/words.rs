@@ -7,6 +7,7 @@ use std::sync::Arc;
 use canopen::Mux;
 use canopen::source::Node;
 
+use super::scale::{Decimal, Scale};
 use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Place, Source, Tree};
 
@@ -20,6 +21,9 @@ pub struct Words {
     /// Words of objects that are set together, in that order.
     records: BTreeMap<String, Vec<String>>,
     refusals: BTreeMap<String, Tree>,
+    frames: BTreeMap<String, String>,
+    /// What a count of an object is worth.
+    scales: BTreeMap<Mux, Arc<Scale>>,
     /// What an object is called.
     names: BTreeMap<Mux, String>,
 }
@@ -71,17 +75,37 @@ impl Words {
         self.refusals.keys().map(String::as_str)
     }
 
+    /// The frame that a word stands for.
+    pub(super) fn frame(&self, word: &str) -> Option<&str> {
+        self.frames.get(word).map(String::as_str)
+    }
+
+    /// The words for frames.
+    pub(super) fn frames(&self) -> impl Iterator<Item = &str> {
+        self.frames.keys().map(String::as_str)
+    }
+
+    /// What a count of an object is worth.
+    pub(super) fn scale(&self, mux: Mux) -> Option<&Scale> {
+        self.scales.get(&mux).map(AsRef::as_ref)
+    }
+
     /// What the object is called.
     pub fn name(&self, mux: Mux) -> Option<&str> {
         self.names.get(&mux).map(String::as_str)
     }
 
-    /// What the value of an object is called.
-    pub fn value(&self, mux: Mux, value: i128) -> Option<&str> {
-        let known = self.meaning(mux)?.iter().find(|(_, known)| **known == value);
-        known.map(|(word, _)| word.as_str())
+    /// What the value of an object is called, or in its unit.
+    pub fn value(&self, mux: Mux, value: i128) -> Option<String> {
+        let known = self.meaning(mux).and_then(|table| {
+            table.iter().find(|(_, known)| **known == value).map(|(word, _)| word.clone())
+        });
+        known.or_else(|| self.scale(mux)?.show(value))
     }
 }
+
+/// The parts of a file.
+const PARTS: [&str; 5] = ["values", "objects", "records", "refusals", "frames"];
 
 struct Reader<'w> {
     source: &'w Arc<Source>,
@@ -97,17 +121,15 @@ impl Reader<'_> {
             ("objects", Self::object),
             ("records", Self::record),
             ("refusals", Self::refusal),
+            ("frames", Self::frame),
         ] {
             for (word, value) in self.entries(tree.get(part)) {
                 read(self, word, value);
             }
         }
         for (key, _) in self.entries(Some(tree)) {
-            if !["values", "objects", "records", "refusals"].contains(&key.value.as_str()) {
-                let message = format!(
-                    "unknown key `{}`: there is values, objects, records, refusals",
-                    key.value
-                );
+            if !PARTS.contains(&key.value.as_str()) {
+                let message = format!("unknown key `{}`: there is {}", key.value, PARTS.join(", "));
                 self.complain(key.place, message);
             }
         }
@@ -137,6 +159,15 @@ impl Reader<'_> {
 
     fn refusal(&mut self, name: &At<String>, tree: &Tree) {
         self.words.refusals.insert(name.value.clone(), tree.clone());
+    }
+
+    fn frame(&mut self, name: &At<String>, tree: &Tree) {
+        match tree.text() {
+            Some(text) if text.contains('#') => {
+                self.words.frames.insert(name.value.clone(), text.to_owned());
+            }
+            _ => self.complain(tree.place, "a frame belongs here, such as \"7E5#04 01 ...\""),
+        }
     }
 
     /// Members of a family have the counters of the record first; one more stands for several.
@@ -174,6 +205,14 @@ impl Reader<'_> {
             Node::Map(_) => (tree.get("at"), tree.get("means")),
             _ => (Some(tree), None),
         };
+        for (key, _) in tree.entries() {
+            if !["at", "means", "scale", "unit"].contains(&key.value.as_str()) {
+                let message =
+                    format!("unknown key `{}`: there is at, means, scale, unit", key.value);
+                self.complain(key.place, message);
+            }
+        }
+        let scale = self.scale(tree).map(Arc::new);
         let Some((address, text)) = address.and_then(|at| Some((at, at.text()?))) else {
             return self.complain(tree.place, "an address belongs here, or `at` and `means`");
         };
@@ -202,10 +241,27 @@ impl Reader<'_> {
                 if let Some(table) = &table {
                     self.words.meanings.insert(mux, Arc::clone(table));
                 }
+                if let Some(scale) = &scale {
+                    self.words.scales.insert(mux, Arc::clone(scale));
+                }
                 self.words.names.insert(mux, word.clone());
                 self.words.objects.insert(word, mux);
             }),
         }
+    }
+
+    /// What a count is worth: `scale` and `unit`, of which one may be absent.
+    fn scale(&mut self, tree: &Tree) -> Option<Scale> {
+        let unit = tree.get("unit").and_then(Tree::text).unwrap_or_default().to_owned();
+        let Some(scale) = tree.get("scale") else {
+            let count = Decimal::of(&Node::from("1"))?;
+            return (!unit.is_empty()).then_some(Scale { count, unit });
+        };
+        let count = Decimal::of(&scale.node).filter(|count| !count.is_zero());
+        if count.is_none() {
+            self.complain(scale.place, "what one count is worth belongs here, such as 0.1");
+        }
+        Some(Scale { count: count?, unit })
     }
 
     fn complain(&mut self, place: Place, message: impl Into<String>) {
@@ -227,10 +283,9 @@ fn counted(word: &str, address: &str) -> Result<Vec<(String, String)>, String> {
 fn family(word: &str) -> Result<Vec<String>, String> {
     let Some(open) = word.find('{') else { return Ok(vec![word.to_owned()]) };
     let counter = counter(&word[open..], 10)?;
-    let words = counter
-        .values
-        .iter()
-        .map(|value| family(&format!("{}{value}{}", &word[..open], &word[open + counter.length..])));
+    let words = counter.values.iter().map(|value| {
+        family(&format!("{}{value}{}", &word[..open], &word[open + counter.length..]))
+    });
     Ok(words.collect::<Result<Vec<_>, _>>()?.concat())
 }
 
