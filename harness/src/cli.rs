@@ -397,6 +397,10 @@ pub struct QualifyArgs {
     /// List the steps and constraints that nothing proves
     #[arg(long)]
     pub unproved: bool,
+    /// Write what each instance does (its frames and stimuli as a number), its verdict, the kills
+    /// and the proofs to a file, a line each: what a change of suites must leave as it is
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
     /// How many random mixtures of freedoms are tried; each device has a part of them by how many
     /// freedoms it has
     #[arg(long, value_name = "N", default_value_t = 1000)]

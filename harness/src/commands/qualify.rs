@@ -9,6 +9,7 @@ mod assertions;
 mod freedoms;
 mod matrix;
 mod mistakes;
+mod record;
 mod slip;
 mod slips;
 mod trial;
@@ -57,6 +58,9 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     let assertions = Assertions::of(&library, &matrices, &freedoms, &slips);
     holes.extend(assertions.holes(args.device.is_none()));
     assertions.show(&mut text, args);
+    if let Some(file) = &args.record {
+        record::write(file, &cleans, &matrices, &assertions)?;
+    }
     if args.verbose {
         text.push_str(&format!("slips: {} runs of cases\n", slips.runs()));
     }

@@ -69,6 +69,18 @@ impl<'l> Assertions<'l> {
         Self { all }
     }
 
+    /// The case, the name and the state of each.
+    pub(super) fn states(&self) -> impl Iterator<Item = (String, String, &'static str)> {
+        self.all.iter().map(|judged| {
+            let state = match (&judged.by, judged.excuse) {
+                (Some(_), _) => "proved",
+                (None, Some(_)) => "excused",
+                (None, None) => "open",
+            };
+            (format!("{}/{}", judged.suite.name(), judged.case.id.value), judged.name(), state)
+        })
+    }
+
     /// Those of one case.
     pub(super) fn about(self, case: &Case) -> Vec<Judged<'l>> {
         self.all.into_iter().filter(|judged| std::ptr::eq(judged.case, case)).collect()

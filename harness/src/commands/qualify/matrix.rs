@@ -102,6 +102,18 @@ impl Matrix {
         allowed.chain(demanded)
     }
 
+    /// Which mutant is killed by which case.
+    pub(super) fn kills(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.rows
+            .iter()
+            .flat_map(|row| row.kills.iter().map(|case| (row.mutant.name.as_str(), case.as_str())))
+    }
+
+    /// The name of the device.
+    pub(super) fn device(&self) -> &str {
+        &self.device
+    }
+
     /// The steps that fail, although without them another one would.
     pub(super) fn failing(&self) -> impl Iterator<Item = &Assertion> {
         self.rows.iter().flat_map(|row| &row.failing)

@@ -17,6 +17,7 @@ use super::freedoms;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::commands::run::plan_all;
 use crate::exit::Refused;
+use crate::parallel;
 use crate::plan::{Instance, Plan, plan_cases};
 use crate::run::{Ending, Policy, Session, Shown, Undo, Witness};
 use crate::stop::Stop;
@@ -40,8 +41,8 @@ pub(super) struct Trial {
     pub kills: bool,
     /// What is wrong, if anything is.
     pub problem: Option<String>,
-    /// The frames from its setup to its last step, as a hash of their identifiers and data. Those
-    /// before and after depend on which cases ran before.
+    /// The frames and stimuli from its setup to its last step, as a hash of identifiers and data,
+    /// names and values. Those before and after depend on which cases ran before.
     pub frames: u64,
     /// Their times since the first of them, as a hash.
     pub timing: u64,
@@ -236,11 +237,31 @@ impl<'l> Clean<'l> {
     fn each_case(&self, plan: &Plan, target: &Target) -> Result<Vec<Trial>, Refused> {
         let mut trials = Vec::new();
         for of_case in plan.by_case() {
-            let (dut, instances) = (plan.dut.clone(), of_case.to_vec());
-            let part = Plan { dut, instances, left_out: BTreeMap::new() };
-            trials.extend(run(self.library, &part, target, &mut |_| ())?.0);
+            trials.extend(self.apart(plan, of_case, target)?);
         }
         Ok(trials)
+    }
+
+    /// What comes of each instance on a device of its own, so that it does not depend on others.
+    ///
+    /// # Errors
+    /// When the device cannot be built.
+    pub(super) fn each_instance(&self) -> Result<Vec<Trial>, Refused> {
+        let each = parallel::try_map(&self.plan.instances, |instance| {
+            self.apart(&self.plan, std::slice::from_ref(instance), &self.target)
+        })?;
+        Ok(each.concat())
+    }
+
+    fn apart(
+        &self,
+        plan: &Plan,
+        instances: &[Instance],
+        target: &Target,
+    ) -> Result<Vec<Trial>, Refused> {
+        let (dut, instances) = (plan.dut.clone(), instances.to_vec());
+        let part = Plan { dut, instances, left_out: BTreeMap::new() };
+        Ok(run(self.library, &part, target, &mut |_| ())?.0)
     }
 }
 
@@ -348,6 +369,9 @@ fn run(
         Event::Frame(frame) if seen.counts.get() => {
             (frame.own, frame.frame).hash(&mut frames);
             frame.at.since(*start.get_or_insert(frame.at)).hash(&mut timing);
+        }
+        Event::Stimulus(stimulus) if seen.counts.get() => {
+            (&stimulus.name, &stimulus.value).hash(&mut frames);
         }
         Event::CaseEnded(end) => trials.push(Trial {
             case: std::mem::take(&mut case),
