@@ -10,6 +10,7 @@ mod kind;
 mod pdo;
 mod profile;
 mod scope;
+mod wording;
 
 pub use bind::plan;
 pub(crate) use bind::{others, plan_cases};
@@ -19,3 +20,4 @@ pub(crate) use each::{index_range, matching_entries};
 pub use instance::Plan;
 pub(crate) use instance::{Instance, is_named};
 pub(crate) use scope::{Binding, Scope};
+pub(crate) use wording::Wording;

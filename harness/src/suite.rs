@@ -27,3 +27,4 @@ pub use library::Library;
 pub(crate) use loaded::Suite;
 pub(crate) use register::{Level, Register, RegisterFile, Requirement};
 pub(crate) use test_map::CHECKS;
+pub use words::Words;

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cause::Cause;
 use crate::names::ObjectNames;
-use crate::verdict::{Grade, Outcome};
+use crate::verdict::{Grade, Outcome, Phase};
 use crate::wire;
 
 /// One thing that happened. In the journal, one line.
@@ -30,6 +30,8 @@ pub enum Event {
     Frame(Stamped),
     /// A remark of the runner, the bench or the CAN controller.
     Note(Note),
+    /// A step of the case begins.
+    Step(Begun),
     /// Something was set on the physical side of the device.
     Stimulus(Stimulus),
     /// A figure that the case took, whatever came of it.
@@ -182,6 +184,22 @@ pub struct Note {
     #[serde(with = "wire::nanoseconds")]
     pub at: Instant,
     /// What, in one line, such as `settled by reset node`.
+    pub text: String,
+}
+
+/// A step as it begins.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Begun {
+    /// When.
+    #[serde(with = "wire::nanoseconds")]
+    pub at: Instant,
+    /// In which part of the case.
+    pub phase: Phase,
+    /// The line of the suite file, counted from 1.
+    pub line: u32,
+    /// What is done or judged, with names, addresses, values and units:
+    /// `write operator-1 (3412:05) = greater (2)`.
     pub text: String,
 }
 

@@ -17,7 +17,7 @@ mod wire;
 
 pub use cause::Cause;
 pub use event::{
-    CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
+    Begun, CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
     RunStarted, SheetUsed, Stimulus, Versions,
 };
 pub use format::{FORMATS, Format};

@@ -48,7 +48,9 @@ impl ObjectNames {
             let name = self.0.get(text.get(start..end)?)?;
             let alone = !text[..start].ends_with(|before: char| before.is_alphanumeric())
                 && !text[end..].starts_with(|after: char| after.is_alphanumeric());
-            alone.then_some((end, name.as_str()))
+            // `operator-1 (3412:05)` has its name.
+            let named = text[..start].ends_with('(') && text[end..].starts_with(')');
+            (alone && !named).then_some((end, name.as_str()))
         })
     }
 }

@@ -7,7 +7,8 @@ use canopen::{Instant, Stamped};
 
 use crate::cause::Cause;
 use crate::event::{
-    CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, RunEnded, RunStarted, Stimulus,
+    Begun, CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, RunEnded, RunStarted,
+    Stimulus,
 };
 use crate::journal::{self, JournalError};
 use crate::verdict::{Grade, Outcome, Verdict};
@@ -74,6 +75,10 @@ pub struct CaseRun {
     pub measured: Vec<Measured>,
     /// Remarks, by time.
     pub notes: Vec<Note>,
+    /// Its steps, by time; of a case that passed, empty when they were not [kept](Keep).
+    pub steps: Vec<Begun>,
+    /// What it set on the bench, by time; the same.
+    pub stimuli: Vec<Stimulus>,
     /// How many frames were on the bus.
     pub frames: usize,
     /// Those frames, by time; empty when they were not [kept](Keep).
@@ -127,10 +132,17 @@ impl Run {
                 }
                 Ok(())
             }
-            Event::Stimulus(Stimulus { at, name, value }) => {
+            Event::Step(step) => {
                 if let Some(case) = self.open_case() {
-                    case.ended = case.ended.max(*at);
-                    case.notes.push(Note { at: *at, text: format!("bench: {name} = {value}") });
+                    case.ended = case.ended.max(step.at);
+                    case.steps.push(step.clone());
+                }
+                Ok(())
+            }
+            Event::Stimulus(stimulus) => {
+                if let Some(case) = self.open_case() {
+                    case.ended = case.ended.max(stimulus.at);
+                    case.stimuli.push(stimulus.clone());
                 }
                 Ok(())
             }
@@ -216,6 +228,8 @@ impl Run {
             ended: case.at,
             measured: Vec::new(),
             notes: Vec::new(),
+            steps: Vec::new(),
+            stimuli: Vec::new(),
             frames: 0,
             trace: std::mem::take(&mut self.spare),
         });
@@ -230,6 +244,7 @@ impl Run {
         case.outcome = end.outcome.clone();
         case.cause = end.cause.clone().map(Box::new);
         if keep == Keep::Unusual && case.verdict().is_usual() {
+            (case.steps, case.stimuli) = (Vec::new(), Vec::new());
             let mut spare = std::mem::take(&mut case.trace);
             spare.clear();
             self.spare = spare;

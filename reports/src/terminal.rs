@@ -1,6 +1,7 @@
 //! A run as text for a terminal: a line or a block per case, and a summary.
 
 mod details;
+mod excerpt;
 mod summary;
 
 use std::collections::BTreeSet;

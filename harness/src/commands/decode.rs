@@ -10,7 +10,7 @@ use canopen::decoder::Unit;
 use canopen::eds::{Eds, Object};
 use canopen::{Decoder, Frame, Instant, Mux};
 use reference_devices::devices;
-use reports::{CaseStarted, DeviceStarted, Event, ObjectNames, Stimulus, journal};
+use reports::{Begun, CaseStarted, DeviceStarted, Event, ObjectNames, Stimulus, journal};
 
 use super::counted::counted;
 use crate::candump::{self, LONGEST};
@@ -160,6 +160,9 @@ impl<'a> Printed<'a> {
             Some((_, Ok(Event::CaseStarted(case)))) => say(&format!("\n{}\n", heading(&case))),
             Some((_, Ok(Event::Note(note)))) => {
                 say(&format!("{:>STAMP$}  --  {}\n", note.at.to_string(), note.text));
+            }
+            Some((_, Ok(Event::Step(Begun { at, text, .. })))) => {
+                say(&format!("{:>STAMP$}  --  {}\n", at.to_string(), self.names.in_text(&text)));
             }
             Some((_, Ok(Event::Stimulus(Stimulus { at, name, value })))) => {
                 say(&format!("{:>STAMP$}  --  bench: {name} = {value}\n", at.to_string()));

@@ -9,13 +9,19 @@ use reference_devices::devices;
 use reference_devices::freedom::{self, Freedom, Personality};
 use reference_devices::mutant::{self, Mutant};
 
+use reports::ObjectNames;
+
 use super::qualify::{Judged, assertions_of};
 use crate::cli::ExplainArgs;
+use crate::dut::Sheet;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
+use crate::plan::Wording;
 use crate::reporter::say;
 use crate::source::At;
 use crate::suite::model::Case;
+use crate::suite::refusal::Refusal;
+use crate::suite::step::Step;
 use crate::suite::{Dimension, Extent, Library, Requirement, Suite};
 use crate::target::reference_device;
 
@@ -124,8 +130,10 @@ impl Book {
                 self.checked(&mut page, id, requirement);
             }
         }
-        page.field("carried out", "");
-        page.source(suite, case);
+        if let Some(state) = case.state {
+            page.field("starts in", state.name());
+        }
+        page.steps(suite, case, &names_for(suite, &self.library.catalogue));
         let checks: BTreeSet<&str> = case.checks.iter().map(|id| id.value.as_str()).collect();
         let meant = |mutant: &Mutant| mutant.breaks.iter().any(|id| checks.contains(id.as_str()));
         let mut mutants = self.mutants.iter().filter(|(mutant, _)| meant(mutant)).peekable();
@@ -266,14 +274,11 @@ impl Book {
                 if known && let Some(advice) = advice(abort) {
                     page.field("look at", advice);
                 }
-                let hex = format!("{code:08x}");
-                let expects = |suite: &Suite, case: &At<Case>| {
-                    block(suite, &case.value).any(|line| {
-                        line.to_ascii_lowercase().contains(&format!("refused: 0x{hex}"))
-                            || line.to_ascii_lowercase().contains(&format!("code: 0x{hex}"))
-                    })
+                let expects = |case: &At<Case>| {
+                    let refusals = case.value.all_steps().filter_map(|step| refusal(&step.value));
+                    refusals.flat_map(|refusal| &refusal.codes).any(|known| *known == code)
                 };
-                let cases = self.cases().filter(|(suite, case)| expects(suite, case));
+                let cases = self.cases().filter(|(_, case)| expects(case));
                 page.list(
                     "demanded by",
                     cases.map(|(suite, case)| full_name(suite, case)).collect(),
@@ -285,9 +290,11 @@ impl Book {
                 let mut page = Page::new(format!("emergency error code {code:04X}h"));
                 page.field("meaning", emcy.meaning());
                 let bytes = format!("{:02X} {:02X}", code & 0xFF, code >> 8);
-                let frame = format!("80+n#{bytes}");
+                let frame = format!("080+n#{bytes}");
                 let waits = |suite: &Suite, case: &At<Case>| {
-                    block(suite, &case.value).any(|line| line.contains(&frame))
+                    let wording = Wording { words: &suite.words, scope: None };
+                    let mut steps = case.value.all_steps();
+                    steps.any(|step| wording.step(&step.value).contains(&frame))
                 };
                 let cases = self.cases().filter(|(suite, case)| waits(suite, case));
                 page.list(
@@ -423,12 +430,15 @@ fn full_name(suite: &Suite, case: &At<Case>) -> String {
     format!("{}/{}", suite.name(), case.value.id.value)
 }
 
-/// The lines of a case, without its end.
-fn block<'s>(suite: &'s Suite, case: &Case) -> impl Iterator<Item = &'s str> {
-    let start = case.id.place.line;
-    let next = suite.file.cases.iter().map(|case| case.value.id.place.line);
-    let end = next.filter(|line| *line > start).min().unwrap_or(usize::MAX);
-    suite.source.text.lines().skip(start - 1).take(end - start)
+/// The refusal that the step demands.
+fn refusal(step: &Step) -> Option<&Refusal> {
+    let refused = match step {
+        Step::Read(read) => read.refused.as_deref(),
+        Step::Write(write) => write.refused.as_deref(),
+        Step::Remap(remap) => remap.refused.as_ref(),
+        _ => None,
+    };
+    refused.map(|refused| &refused.value)
 }
 
 /// What to look at in a device that gives, or does not give, this code.
@@ -446,6 +456,18 @@ const fn advice(abort: Abort) -> Option<&'static str> {
         0x0800_0022 => "the NMT state, or a PDO that must be switched off first",
         _ => return None,
     })
+}
+
+/// What the data sheet of the device that a suite is for calls its objects; of a suite for any
+/// device, that of the device that has them all.
+fn names_for(suite: &Suite, catalogue: &Catalogue) -> ObjectNames {
+    let device = suite.file.device.as_ref().map_or("generic", |device| device.value.as_str());
+    let device = devices::names().find(|name| *name == device || name.starts_with(device));
+    let Some(Ok(device)) = device.map(|name| reference_device(name, catalogue)) else {
+        return ObjectNames::default();
+    };
+    let (sheet, _) = Sheet::read("", device.eds_text().as_bytes());
+    ObjectNames::clone(&sheet.names)
 }
 
 /// A text with labels at its side.
@@ -478,16 +500,16 @@ impl Page {
         items.for_each(|item| self.more(&item));
     }
 
-    /// The case as it is written, which is meant to be read: from where it comes to what it does.
-    fn source(&mut self, suite: &Suite, case: &Case) {
-        let told = ["- id:", "title:", "checks:"];
-        let lines = block(suite, case)
-            .filter(|line| !told.iter().any(|key| line.trim_start().starts_with(key)));
-        let mut lines: Vec<&str> = lines.collect();
-        while lines.last().is_some_and(|line| line.trim().is_empty() || line.starts_with("  #")) {
-            lines.pop();
+    /// What a case does, in words.
+    fn steps(&mut self, suite: &Suite, case: &Case, names: &ObjectNames) {
+        let wording = Wording { words: &suite.words, scope: None };
+        let phases = [("setup", &case.setup), ("steps", &case.steps), ("finally", &case.finally)];
+        for (label, steps) in phases.into_iter().filter(|(_, steps)| !steps.is_empty()) {
+            self.field(label, "");
+            for step in steps {
+                self.item(&names.in_text(&wording.step(&step.value)));
+            }
         }
-        lines.iter().for_each(|line| self.0.push_str(&format!("{line}\n")));
     }
 }
 

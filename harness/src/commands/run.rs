@@ -184,6 +184,7 @@ impl Sessions<'_> {
                 patience: args.patience.unwrap_or(1),
                 seed: args.seed.unwrap_or(1),
                 every_index: args.every_index,
+                every_step: args.journal.is_some() || args.verbose,
                 ..Policy::at_bit_rate(target.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE))
             },
             rerun: rerun(args, target),

@@ -28,7 +28,8 @@ impl Steps<'_, '_> {
         for (name, literal) in stimuli {
             let value = self.scope.value(&literal.value).map_err(Trouble::Impossible)?;
             let value = worded(name, value);
-            self.bench_snapshot.set(self.link, name, &value)?;
+            let shown = self.words.bench_value(name, &value);
+            self.bench_snapshot.set(self.link, name, &value, shown)?;
         }
         Ok(None)
     }
@@ -53,9 +54,11 @@ impl Steps<'_, '_> {
             }
             let next = self.link.now() + EVERY;
             if next > end {
-                let expected = format!("{name} = {} within {}", show(&wanted), show_time(within));
+                let shown = |value: &Value| self.words.bench_value(name, value);
+                let wanted_words = show(&wanted, &shown);
+                let expected = format!("{name} = {wanted_words} within {}", show_time(within));
                 let wrong: Vec<Constraint> = misfits(&seen, &wanted).collect();
-                return self.broken(&wrong, Difference::new(expected, seen.to_string()));
+                return self.broken(&wrong, Difference::new(expected, shown(&seen)));
             }
             self.link.wait(next)?;
         }
@@ -118,9 +121,10 @@ fn misfits(
     table.into_iter().filter(|(_, fits)| !fits).map(|(constraint, _)| constraint)
 }
 
-fn show([value, min, max]: &[Option<Value>; 3]) -> String {
+fn show([value, min, max]: &[Option<Value>; 3], shown: &dyn Fn(&Value) -> String) -> String {
     let words = [("", value), ("at least ", min), ("at most ", max)];
-    let words =
-        words.iter().filter_map(|(word, value)| Some(format!("{word}{}", (*value).as_ref()?)));
+    let words = words
+        .iter()
+        .filter_map(|(word, value)| Some(format!("{word}{}", shown((*value).as_ref()?))));
     words.collect::<Vec<_>>().join(", ")
 }

@@ -24,7 +24,7 @@ impl BenchSnapshot {
         self.off || !self.before.is_empty()
     }
 
-    /// Sets a stimulus and remembers what it was, and what it moves.
+    /// Sets a stimulus, `shown` in reports, and remembers what it was, and what it moves.
     ///
     /// # Errors
     /// When the bench fails.
@@ -33,6 +33,7 @@ impl BenchSnapshot {
         link: &mut Link,
         name: &str,
         value: &Value,
+        shown: String,
     ) -> Result<(), Trouble> {
         for name in [Some(name.to_owned()), moved_by(name)].into_iter().flatten() {
             // What cannot be read is left as the case leaves it.
@@ -43,8 +44,7 @@ impl BenchSnapshot {
             }
         }
         link.look_from_now()?;
-        let stimulus =
-            Stimulus { at: link.mark(), name: name.to_owned(), value: value.to_string() };
+        let stimulus = Stimulus { at: link.mark(), name: name.to_owned(), value: shown };
         link.emit(Event::Stimulus(stimulus));
         bench(link)?.set(name, value).map_err(failed)?;
         link.moved();

@@ -294,6 +294,8 @@ impl CaseRun<'_, '_> {
             patience,
             bench_snapshot: &mut self.bench_snapshot,
             proof: self.proof.take(),
+            words: &self.instance.suite.words,
+            begun: Vec::new(),
         };
         let witness = self.witness;
         let ran = match run_phase(&mut steps, &case.setup, Phase::Setup, &mut result, None) {
@@ -304,6 +306,9 @@ impl CaseRun<'_, '_> {
         // Whatever ended the steps, what they set up is undone.
         steps.link.clean(true);
         let undone = run_phase(&mut steps, &case.finally, Phase::Finally, &mut result, None);
+        if !matches!(result.outcome, Outcome::Pass | Outcome::Skip(_)) {
+            steps.tell_begun();
+        }
         self.proof = steps.proof.take();
         let alive = ran?;
         undone?;
@@ -481,9 +486,9 @@ impl CaseRun<'_, '_> {
 }
 
 /// Runs steps until one does not succeed or is declined; whether none failed.
-fn run_phase(
-    steps: &mut Steps,
-    list: &[At<Step>],
+fn run_phase<'s>(
+    steps: &mut Steps<'s, '_>,
+    list: &'s [At<Step>],
     phase: Phase,
     result: &mut CaseOutcome,
     witness: Option<&dyn Witness>,
@@ -496,6 +501,7 @@ fn run_phase(
                 continue;
             }
         }
+        steps.begins(phase, step);
         let judgement = promised(steps, &step.value);
         witness.inspect(|witness| witness.step_ended(place, steps.link.mark(), &steps.scope));
         if let Some(proof) = &mut steps.proof {

@@ -9,7 +9,9 @@ use reports::Excerpt;
 
 use crate::plan::show_bytes;
 use crate::source::{Place, Source};
+use crate::suite::Words;
 use crate::suite::constraint::{Allowance, Constraint};
+use crate::suite::literal::ObjectRef;
 use crate::suite::refusal::Refusal;
 
 /// What was expected, and what came instead.
@@ -134,28 +136,9 @@ pub(super) fn show(entry: Option<&Entry>, bytes: &[u8]) -> String {
 /// More bytes than a person compares.
 const LONG: usize = 64;
 
-/// Two values that differ, for people: long ones from the first difference on.
-fn show_both(entry: Option<&Entry>, expected: &[u8], got: &[u8]) -> (String, String) {
-    const SHOWN: usize = 16;
-    if expected.len().max(got.len()) <= LONG {
-        return (show(entry, expected), show(entry, got));
-    }
-    let equal = expected.iter().zip(got).take_while(|(one, other)| one == other).count();
-    let from_there = |bytes: &[u8]| {
-        let rest = &bytes[equal..];
-        let shown = match rest.len() {
-            0 => "no more".to_owned(),
-            1..=SHOWN => show_bytes(rest),
-            _ => format!("{} ...", show_bytes(&rest[..SHOWN])),
-        };
-        format!("from byte {} of {}: {shown}", equal + 1, bytes.len())
-    };
-    (from_there(expected), from_there(got))
-}
-
 /// What a value must be, in bytes of the entry's type.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Condition {
+pub(super) struct Condition<'w> {
     /// The value.
     pub value: Option<Vec<u8>>,
     /// What is accepted instead of it.
@@ -170,6 +153,8 @@ pub(super) struct Condition {
     pub length: Option<usize>,
     /// It is readable ASCII, one character at least and so many at most.
     pub characters: Option<usize>,
+    /// What the suite calls its values, and the object as the step has it.
+    pub words: Option<(&'w Words, &'w ObjectRef)>,
 }
 
 /// How a value is.
@@ -184,10 +169,39 @@ pub(super) enum Judged {
     Wrong(Vec<Constraint>, Difference),
 }
 
-impl Condition {
+impl Condition<'_> {
+    /// A value for people: `greater (2)` where the suite has a word for it.
+    fn show(&self, entry: Option<&Entry>, bytes: &[u8]) -> String {
+        let number = || entry?.data_type.decode(bytes).ok()?.as_int();
+        let worded = self.words.and_then(|(words, object)| {
+            let number = number()?;
+            Some(format!("{} ({number})", words.value(object, number)?))
+        });
+        worded.unwrap_or_else(|| show(entry, bytes))
+    }
+
+    /// Two values that differ, for people: long ones from the first difference on.
+    fn show_both(&self, entry: Option<&Entry>, expected: &[u8], got: &[u8]) -> (String, String) {
+        const SHOWN: usize = 16;
+        if expected.len().max(got.len()) <= LONG {
+            return (self.show(entry, expected), self.show(entry, got));
+        }
+        let equal = expected.iter().zip(got).take_while(|(one, other)| one == other).count();
+        let from_there = |bytes: &[u8]| {
+            let rest = &bytes[equal..];
+            let shown = match rest.len() {
+                0 => "no more".to_owned(),
+                1..=SHOWN => show_bytes(rest),
+                _ => format!("{} ...", show_bytes(&rest[..SHOWN])),
+            };
+            format!("from byte {} of {}: {shown}", equal + 1, bytes.len())
+        };
+        (from_there(expected), from_there(got))
+    }
+
     /// Judges a value.
     pub(super) fn judge(&self, entry: Option<&Entry>, got: &[u8]) -> Judged {
-        let actual = show(entry, got);
+        let actual = self.show(entry, got);
         let differs = |expected: String| Difference::new(expected, actual.clone());
         let mut wrong: Vec<(Constraint, Difference)> = Vec::new();
         if let Some(length) = self.length
@@ -220,10 +234,10 @@ impl Condition {
         }
         let mut tolerated = None;
         if let Some(value) = self.value.as_ref().filter(|value| !self.same(value, got)) {
-            let (shown, actual) = show_both(entry, value, got);
+            let (shown, actual) = self.show_both(entry, value, got);
             let expected = match &self.mask {
                 None => shown,
-                Some(mask) => format!("{shown} in the bits {}", show(entry, mask)),
+                Some(mask) => format!("{shown} in the bits {}", self.show(entry, mask)),
             };
             let difference = Difference::new(expected, actual);
             match self.tolerated.iter().position(|value| self.same(value, got)) {
@@ -255,12 +269,12 @@ impl Condition {
         if let Some(min) = &self.min
             && order(min).is_none_or(Ordering::is_lt)
         {
-            wrong.push((Constraint::Min, differs(format!("at least {}", show(entry, min)))));
+            wrong.push((Constraint::Min, differs(format!("at least {}", self.show(entry, min)))));
         }
         if let Some(max) = &self.max
             && order(max).is_none_or(Ordering::is_gt)
         {
-            wrong.push((Constraint::Max, differs(format!("at most {}", show(entry, max)))));
+            wrong.push((Constraint::Max, differs(format!("at most {}", self.show(entry, max)))));
         }
         wrong
     }

@@ -50,7 +50,8 @@ impl Steps<'_, '_> {
             &read.tolerated,
             read.length.as_deref(),
         )?;
-        let condition = Condition { characters: read.characters, ..condition };
+        let words = Some((self.words, &read.object.value));
+        let condition = Condition { characters: read.characters, words, ..condition };
         let data = match ended.result {
             Ok(data) => data,
             Err(failure) => return self.unread(read, mux, &failure, ended.raw),
@@ -235,6 +236,8 @@ impl Steps<'_, '_> {
             &until.tolerated,
             None,
         )?;
+        let words = Some((self.words, &until.object.value));
+        let condition = Condition { words, ..condition };
         let within = self.time(&until.within)? * self.patience;
         let every = self.optional_time(&until.every, DEFAULT_POLL)?.max(Duration::from_millis(1));
         let start = self.link.mark();
@@ -339,7 +342,7 @@ impl Steps<'_, '_> {
         [mask, min, max]: [&Option<Box<At<Literal>>>; 3],
         tolerated: &[At<Literal>],
         length: Option<&At<Literal>>,
-    ) -> Result<Condition, Trouble> {
+    ) -> Result<Condition<'static>, Trouble> {
         let of = |literal: &At<Literal>| {
             let bytes = entry.map(|entry| self.scope.bytes(&literal.value, entry));
             bytes.transpose().map_err(Trouble::Impossible)
@@ -353,6 +356,7 @@ impl Steps<'_, '_> {
             None => None,
         };
         Ok(Condition {
+            words: None,
             value: bytes(value)?,
             tolerated: others.collect::<Result<_, _>>()?,
             mask: bytes(mask.as_deref())?,

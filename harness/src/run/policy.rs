@@ -33,6 +33,8 @@ pub struct Policy {
     pub seed: u64,
     /// Whether every index is asked for where otherwise a sample is.
     pub every_index: bool,
+    /// Whether steps are reported as they begin; otherwise those of a case that does not pass.
+    pub every_step: bool,
 }
 
 impl Policy {
@@ -61,6 +63,7 @@ impl Policy {
             patience: 1,
             seed: 1,
             every_index: false,
+            every_step: false,
         }
     }
 

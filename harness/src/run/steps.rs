@@ -5,6 +5,7 @@ use std::time::Duration;
 use canopen::catalogue::Catalogue;
 use canopen::pdo::CobId;
 use canopen::{Abort, BusError, Frame, Instant, Mux, Pattern, Stamped, lss, sdo, sync};
+use reports::{Begun, Event, Phase};
 
 use super::bench_snapshot::BenchSnapshot;
 use super::judge::{Difference, Judgement, Trouble};
@@ -12,8 +13,9 @@ use super::link::{Lateness, Link};
 use super::policy::Policy;
 use super::proof::Proof;
 use crate::dut::Dut;
-use crate::plan::{Binding, Scope, nmt_frame};
+use crate::plan::{Binding, Scope, Wording, nmt_frame};
 use crate::source::At;
+use crate::suite::Words;
 use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, show_time};
 use crate::suite::step::{Expect, Never, Nmt, Produce, Reply, Step, SyncStep};
@@ -36,6 +38,10 @@ pub(super) struct Steps<'s, 'b> {
     pub bench_snapshot: &'s mut BenchSnapshot,
     /// What the run shows about the assertions, where somebody wants to know.
     pub proof: Option<Proof>,
+    /// What the suite calls objects and values.
+    pub words: &'s Words,
+    /// The steps that began and are not reported.
+    pub begun: Vec<(Instant, Phase, &'s At<Step>)>,
 }
 
 /// How long an answer may take unless the step says otherwise.
@@ -43,6 +49,30 @@ pub(super) const DEFAULT_REPLY: Duration = Duration::from_secs(1);
 const DEFAULT_SYNC_PERIOD: Duration = Duration::from_millis(10);
 /// Of how much of the time of an `until` a tenth may pass without a look.
 const LOOKS: Duration = Duration::from_secs(1);
+
+impl<'s> Steps<'s, '_> {
+    /// A step begins.
+    pub(super) fn begins(&mut self, phase: Phase, step: &'s At<Step>) {
+        let at = self.link.mark();
+        match self.policy.every_step {
+            true => self.tell(at, phase, step),
+            false => self.begun.push((at, phase, step)),
+        }
+    }
+
+    /// Reports the steps that are not yet. Names have the values that they have now.
+    pub(super) fn tell_begun(&mut self) {
+        for (at, phase, step) in std::mem::take(&mut self.begun) {
+            self.tell(at, phase, step);
+        }
+    }
+
+    fn tell(&mut self, at: Instant, phase: Phase, step: &At<Step>) {
+        let wording = Wording { words: self.words, scope: Some(&self.scope) };
+        let (line, text) = (step.place.line as u32, wording.step(&step.value));
+        self.link.emit(Event::Step(Begun { at, phase, line, text }));
+    }
+}
 
 impl Steps<'_, '_> {
     /// Runs one step.

@@ -13,7 +13,7 @@ use super::definition::{Definition, Definitions, Taken};
 use super::formula;
 use super::scale::{Decimal, Scale};
 use super::vocabulary::Vocabulary;
-use super::words::Words;
+use super::words::{Counted, Words};
 use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Place, Source, Tree};
 
@@ -111,10 +111,10 @@ const BOUNDS: [&str; 4] = ["interval", "mean", "median", "latency"];
 const EVERY_CASE: &str = "every-case";
 
 /// What is common to cases that do not say it themselves.
-const INSTEAD: [&str; 3] = ["state", "tolerates", "requires"];
+const INSTEAD: [&str; 1] = ["state"];
 
-/// Steps that are common to all cases, whatever a case adds: it does so inside of them.
-const JOINED: [&str; 2] = ["setup", "finally"];
+/// What is common to all cases, whatever a case adds. Its steps are inside of the common ones.
+const JOINED: [&str; 5] = ["tolerates", "requires", "relies-on", "setup", "finally"];
 
 impl Expander<'_> {
     fn suite(&self, tree: &mut Tree) {
@@ -170,6 +170,7 @@ impl Expander<'_> {
                 "requires" => {
                     let Node::List(required) = &mut value.node else { continue };
                     for required in required {
+                        in_full(required);
                         let Node::Map(entries) = &mut required.node else { continue };
                         let named = entries
                             .iter_mut()
@@ -411,6 +412,13 @@ impl Expander<'_> {
             let mut content = content;
             match key.value.as_str() {
                 "remap" => self.remap(&mut content),
+                "bench" => {
+                    if let Node::Map(stimuli) = &mut content.node {
+                        for (name, value) in stimuli {
+                            self.on_bench(&name.value, value);
+                        }
+                    }
+                }
                 name if OF_FRAMES.contains(&name) => self.frames(&mut content, true),
                 _ => {}
             }
@@ -514,9 +522,16 @@ impl Expander<'_> {
             number.map_or(node, Decimal::node)
         };
         let (tolerated, spread) = (center.strip_suffix(" tolerating"), number(spread));
-        let center = number(tolerated.unwrap_or(center));
+        let center = Tree { node: number(tolerated.unwrap_or(center)), place: value.place };
         let wrong = match tolerated {
-            None => match formula::ends(&center, &spread) {
+            // What a name stands for is known later.
+            None if center.text().is_some_and(|center| center.starts_with('$')) => {
+                let (center, spread) = text.split_once(" +/- ").unwrap_or_default();
+                part("min", Node::Text(format!("{center} - {spread}")));
+                part("max", Node::Text(format!("{center} + {spread}")));
+                None
+            }
+            None => match formula::ends(&center.node, &spread) {
                 Some([low, high]) => {
                     part("min", low);
                     part("max", high);
@@ -524,9 +539,9 @@ impl Expander<'_> {
                 }
                 None => Some("write `6 +/- 1`, with numbers"),
             },
-            Some(_) => match around(scale, &center, &spread) {
+            Some(_) => match around(scale, &center.node, &spread) {
                 Some(around) => {
-                    part("value", center);
+                    part("value", center.node);
                     let around = around.into_iter();
                     let around = around.map(|node| Tree { node, place: value.place });
                     part("tolerated", Node::List(around.collect()));
@@ -542,24 +557,37 @@ impl Expander<'_> {
 
     /// What a count of the object is worth that a word or an address names.
     fn scale_of(&self, word: &At<String>) -> Option<&Scale> {
-        let mux = word.value.parse().ok().or_else(|| self.words.object(&word.value).ok())?;
-        self.words.scale(mux)
+        if let Some(scale) = self.words.bench_scale(&word.value) {
+            return Some(scale);
+        }
+        match self.words.object(&word.value) {
+            Ok(mux) => self.words.scale(mux),
+            Err(_) => self.words.counted(&word.value).scale,
+        }
     }
 
     /// Address, values and refusals of a step on one object.
     fn of_object(&self, content: &mut Tree) {
         let Node::Map(entries) = &mut content.node else { return };
-        let mut mux = None;
+        let mut counted = Counted::default();
+        let bench = entries.iter().find(|(key, _)| key.value == "bench");
+        if let Some(name) = bench.and_then(|(_, name)| name.text()).map(str::to_owned) {
+            let judged = entries
+                .iter_mut()
+                .filter(|(key, _)| ["value", "min", "max"].contains(&key.value.as_str()));
+            judged.for_each(|(_, value)| self.on_bench(&name, value));
+            return;
+        }
         for (_, object) in entries.iter_mut().filter(|(key, _)| key.value == "object") {
             self.address(object);
-            mux = object.text().and_then(|text| text.parse::<Mux>().ok());
+            counted = object.text().map_or(counted, |text| self.words.counted(text));
         }
         for (key, value) in entries {
             match key.value.as_str() {
-                "value" | "min" | "max" | "mask" => self.meant(mux, value),
+                "value" | "min" | "max" | "mask" => self.meant(counted, value),
                 "tolerated" => {
                     if let Node::List(values) = &mut value.node {
-                        values.iter_mut().for_each(|value| self.meant(mux, value));
+                        values.iter_mut().for_each(|value| self.meant(counted, value));
                     }
                 }
                 "refused" | "or-refused" | "lenient" => self.refusal(value),
@@ -626,18 +654,22 @@ impl Expander<'_> {
     }
 
     /// The number of a word, of several that are set together, or of a value in its unit.
-    fn meant(&self, mux: Option<Mux>, value: &mut Tree) {
-        let Some(mux) = mux else { return };
-        match self.words.scale(mux).and_then(|scale| scale.counts(&value.node)) {
+    fn meant(&self, Counted { table, scale }: Counted<'_>, value: &mut Tree) {
+        match scale.and_then(|scale| scale.counts(&value.node)) {
             Some(Ok(counts)) => return value.node = counts,
             Some(Err(wrong)) => return self.complain(value.place, wrong),
             None => {}
         }
-        let Some(table) = self.words.meaning(mux) else { return };
-        let Node::Text(text) = &value.node else { return };
+        let Node::Text(text) = &mut value.node else { return };
         if text.starts_with('$') {
+            match scale.map(|scale| scaled_terms(text, scale)) {
+                Some(Ok(terms)) => *text = terms,
+                Some(Err(wrong)) => self.complain(value.place, wrong),
+                None => {}
+            }
             return;
         }
+        let Some(table) = table else { return };
         let parts: Option<Vec<i128>> =
             text.split(" + ").map(|word| table.get(word).copied()).collect();
         match parts {
@@ -654,6 +686,14 @@ impl Expander<'_> {
                 };
                 self.complain(value.place, message);
             }
+        }
+    }
+
+    /// The counts of a value of the bench that is written in its unit.
+    fn on_bench(&self, name: &str, value: &mut Tree) {
+        let amount = self.words.bench_scale(name).and_then(|scale| scale.amount(&value.node));
+        if let Some(amount) = amount {
+            value.node = amount;
         }
     }
 
@@ -692,6 +732,53 @@ fn around(scale: Option<&Scale>, center: &Node, spread: &Node) -> Option<Vec<Nod
     around.into_iter().map(of_count).collect()
 }
 
+/// `$now + 30.0 °C` with counts behind the signs: a number with a point or with the unit is a
+/// value, another one counts.
+fn scaled_terms(text: &str, scale: &Scale) -> Result<String, String> {
+    let is_sign =
+        |(at, _): &(usize, &str)| text[..*at].ends_with(' ') && text[at + 1..].starts_with(' ');
+    let signs: Vec<usize> =
+        text.match_indices(['+', '-']).filter(is_sign).map(|(at, _)| at).collect();
+    let mut terms = text[..signs.first().copied().unwrap_or(text.len())].to_owned();
+    for (place, at) in signs.iter().enumerate() {
+        let end = signs.get(place + 1).copied().unwrap_or(text.len());
+        let term = text[at + 1..end].trim();
+        let is_value = term.contains('.') || term.ends_with(|last: char| !last.is_ascii_digit());
+        let term = match (is_value && !term.starts_with('$'))
+            .then(|| scale.counts(&Node::from(term)))
+            .flatten()
+        {
+            Some(Ok(Node::Int(_, counts))) => counts,
+            Some(Err(wrong)) => return Err(wrong),
+            _ => term.to_owned(),
+        };
+        terms.push_str(&format!("{} {term} ", &text[*at..=*at]));
+    }
+    terms.truncate(terms.trim_end().len());
+    Ok(terms)
+}
+
+/// What a case requires, written for short: `set-point`, or `{ set-point: rw }` with its access.
+fn in_full(required: &mut Tree) {
+    const KEYS: [&str; 6] = ["object", "access", "absent", "bit-rate", "supports", "lacks"];
+    let place = required.place;
+    let key = |name: &str| At::new(name.to_owned(), place);
+    let object = |name: &str, place| Tree { node: Node::Text(name.to_owned()), place };
+    match &mut required.node {
+        Node::Text(name) => {
+            required.node = Node::Map(vec![(key("object"), object(name, place))]);
+        }
+        Node::Map(entries) => {
+            let [(name, access)] = entries.as_slice() else { return };
+            if !KEYS.contains(&name.value.as_str()) {
+                let named = (key("object"), object(&name.value, name.place));
+                required.node = Node::Map(vec![named, (key("access"), access.clone())]);
+            }
+        }
+        _ => {}
+    }
+}
+
 /// Adds to a case what it has in common with the others of its suite.
 fn join(case: &mut Tree, common: &Tree) {
     let Node::Map(entries) = &mut case.node else { return };
@@ -704,7 +791,7 @@ fn join(case: &mut Tree, common: &Tree) {
         if let (true, Node::List(own), Node::List(common)) =
             (JOINED.contains(&key.value.as_str()), &mut own.node, &value.node)
         {
-            let at = if key.value == "setup" { 0 } else { own.len() };
+            let at = if key.value == "finally" { own.len() } else { 0 };
             own.splice(at..at, common.iter().cloned());
         }
     }

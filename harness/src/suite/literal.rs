@@ -250,6 +250,15 @@ fn sum(text: &str) -> Result<Literal, String> {
     Ok(Literal::Sum(others, number))
 }
 
+impl fmt::Display for ObjectRef {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fixed(mux) => write!(f, "{mux}"),
+            Self::Named(name) => write!(f, "{name}"),
+        }
+    }
+}
+
 impl fmt::Display for Name {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "${}", self.0)

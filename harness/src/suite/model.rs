@@ -108,6 +108,17 @@ pub enum State {
     Stopped,
 }
 
+impl State {
+    /// As sentences have it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::PreOperational => "PRE-OPERATIONAL",
+            Self::Operational => "OPERATIONAL",
+            Self::Stopped => "STOPPED",
+        }
+    }
+}
+
 /// One thing a device must have, or lack: an object, or a capability.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]

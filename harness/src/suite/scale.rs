@@ -28,6 +28,10 @@ impl Decimal {
         }
     }
 
+    fn real(self) -> f64 {
+        self.to_string().parse().unwrap_or(f64::NAN)
+    }
+
     /// Whether it is 0.
     pub(super) fn is_zero(self) -> bool {
         self.digits == 0
@@ -133,6 +137,24 @@ impl Scale {
             Some(counts) => Ok(Node::Int(counts, counts.to_string())),
             None => Err(format!("{number} lies between two values: one count is {}", self.one())),
         })
+    }
+
+    /// The same where a part of a count is something as well, as on a bench.
+    pub(super) fn amount(&self, node: &Node) -> Option<Node> {
+        let number = self.number(node)?;
+        Some(match number.contains(self.count) {
+            Some(counts) => Node::Int(counts, counts.to_string()),
+            None => {
+                let counts = number.real() / self.count.real();
+                Node::Real(counts, counts.to_string())
+            }
+        })
+    }
+
+    /// The value of a number of counts that need not be whole, with its unit.
+    pub(super) fn show_real(&self, counts: f64) -> String {
+        let value = (counts * self.count.real() * 1e6).round() / 1e6;
+        format!("{value} {}", self.unit).trim_end().to_owned()
     }
 
     /// The value of so many counts, without its unit.

@@ -4,9 +4,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use canopen::Mux;
 use canopen::source::Node;
+use canopen::{Mux, Value};
 
+use super::literal::ObjectRef;
 use super::scale::{Decimal, Scale};
 use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Place, Source, Tree};
@@ -24,8 +25,21 @@ pub struct Words {
     frames: BTreeMap<String, String>,
     /// What a count of an object is worth.
     scales: BTreeMap<Mux, Arc<Scale>>,
+    /// What a count of a name of the bench is worth.
+    bench: BTreeMap<String, Arc<Scale>>,
     /// What an object is called.
     names: BTreeMap<Mux, String>,
+    /// The same of names that instances bind to addresses, such as `$type`.
+    bound: BTreeMap<String, (Option<Arc<Enumeration>>, Option<Arc<Scale>>)>,
+}
+
+/// What the values of an object stand for.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Counted<'w> {
+    /// The words for its values.
+    pub table: Option<&'w Enumeration>,
+    /// What a count is worth.
+    pub scale: Option<&'w Scale>,
 }
 
 /// A table of the document: words and the values that they stand for.
@@ -90,22 +104,58 @@ impl Words {
         self.scales.get(&mux).map(AsRef::as_ref)
     }
 
+    /// What the values of an object mean that is written as an address or a name, and what a count
+    /// of it is worth.
+    pub(super) fn counted(&self, object: &str) -> Counted<'_> {
+        match object.parse() {
+            Ok(mux) => Counted { table: self.meaning(mux), scale: self.scale(mux) },
+            Err(_) => self.bound.get(object).map_or_else(Counted::default, |(table, scale)| {
+                Counted { table: table.as_deref(), scale: scale.as_deref() }
+            }),
+        }
+    }
+
+    /// What a count of a name of the bench is worth.
+    pub(super) fn bench_scale(&self, name: &str) -> Option<&Scale> {
+        self.bench.get(name).map(AsRef::as_ref)
+    }
+
+    /// A value of the bench in its unit.
+    pub fn bench_value(&self, name: &str, value: &Value) -> String {
+        let scale = self.bench_scale(name);
+        let scaled = match (value, scale) {
+            (Value::Int(counts), Some(scale)) => scale.show(*counts),
+            (Value::Real(counts), Some(scale)) => Some(scale.show_real(*counts)),
+            _ => None,
+        };
+        scaled.unwrap_or_else(|| match value {
+            Value::Int(number) => number.to_string(),
+            Value::Text(text) => text.clone(),
+            other => other.to_string(),
+        })
+    }
+
     /// What the object is called.
     pub fn name(&self, mux: Mux) -> Option<&str> {
         self.names.get(&mux).map(String::as_str)
     }
 
-    /// What the value of an object is called, or in its unit.
-    pub fn value(&self, mux: Mux, value: i128) -> Option<String> {
-        let known = self.meaning(mux).and_then(|table| {
+    /// What the value of an object is called that is written as an address or a name, or the value
+    /// in its unit.
+    pub(crate) fn value(&self, object: &ObjectRef, value: i128) -> Option<String> {
+        let Counted { table, scale } = match object {
+            ObjectRef::Fixed(mux) => Counted { table: self.meaning(*mux), scale: self.scale(*mux) },
+            ObjectRef::Named(name) => self.counted(&name.to_string()),
+        };
+        let known = table.and_then(|table| {
             table.iter().find(|(_, known)| **known == value).map(|(word, _)| word.clone())
         });
-        known.or_else(|| self.scale(mux)?.show(value))
+        known.or_else(|| scale?.show(value))
     }
 }
 
 /// The parts of a file.
-const PARTS: [&str; 5] = ["values", "objects", "records", "refusals", "frames"];
+const PARTS: [&str; 6] = ["values", "objects", "records", "refusals", "frames", "bench"];
 
 struct Reader<'w> {
     source: &'w Arc<Source>,
@@ -122,6 +172,7 @@ impl Reader<'_> {
             ("records", Self::record),
             ("refusals", Self::refusal),
             ("frames", Self::frame),
+            ("bench", Self::bench),
         ] {
             for (word, value) in self.entries(tree.get(part)) {
                 read(self, word, value);
@@ -170,6 +221,25 @@ impl Reader<'_> {
         }
     }
 
+    fn bench(&mut self, word: &At<String>, tree: &Tree) {
+        for (key, _) in tree.entries() {
+            if !["scale", "unit"].contains(&key.value.as_str()) {
+                self.complain(
+                    key.place,
+                    format!("unknown key `{}`: there is scale, unit", key.value),
+                );
+            }
+        }
+        let (scale, names) = (self.scale(tree).map(Arc::new), family(&word.value));
+        match (scale, names) {
+            (Some(scale), Ok(names)) => {
+                self.words.bench.extend(names.into_iter().map(|name| (name, Arc::clone(&scale))));
+            }
+            (_, Err(wrong)) => self.complain(word.place, wrong),
+            (None, _) => self.complain(tree.place, "`unit` and `scale` belong here"),
+        }
+    }
+
     /// Members of a family have the counters of the record first; one more stands for several.
     fn record(&mut self, word: &At<String>, tree: &Tree) {
         let Node::List(members) = &tree.node else {
@@ -213,21 +283,18 @@ impl Reader<'_> {
             }
         }
         let scale = self.scale(tree).map(Arc::new);
+        if word.value.starts_with('$') {
+            if let Some(address) = tree.get("at") {
+                return self.complain(address.place, "each instance binds its own address");
+            }
+            let table = tree.get("means").and_then(|means| self.table(means));
+            self.words.bound.insert(word.value.clone(), (table, scale));
+            return;
+        }
         let Some((address, text)) = address.and_then(|at| Some((at, at.text()?))) else {
             return self.complain(tree.place, "an address belongs here, or `at` and `means`");
         };
-        let table = match means.and_then(|means| Some((means, means.text()?))) {
-            None => None,
-            Some((means, name)) => match self.words.values.get(name) {
-                Some(table) => Some(Arc::clone(table)),
-                None => {
-                    let known = self.words.values.keys().map(String::as_str);
-                    let meant = did_you_mean(name, known);
-                    let message = format!("no table `{name}` under `values`{meant}");
-                    return self.complain(means.place, message);
-                }
-            },
-        };
+        let table = means.and_then(|means| self.table(means));
         let named = counted(&word.value, text).and_then(|named| {
             let parsed = named.into_iter().map(|(word, address)| {
                 let mux: Mux = address.parse().map_err(|error| format!("`{address}`: {error}"))?;
@@ -248,6 +315,18 @@ impl Reader<'_> {
                 self.words.objects.insert(word, mux);
             }),
         }
+    }
+
+    /// The table of values of that name.
+    fn table(&mut self, means: &Tree) -> Option<Arc<Enumeration>> {
+        let name = means.text().unwrap_or_default();
+        let table = self.words.values.get(name).map(Arc::clone);
+        if table.is_none() {
+            let known = self.words.values.keys().map(String::as_str);
+            let meant = did_you_mean(name, known);
+            self.complain(means.place, format!("no table `{name}` under `values`{meant}"));
+        }
+        table
     }
 
     /// What a count is worth: `scale` and `unit`, of which one may be absent.

@@ -4,8 +4,9 @@ use std::fmt::{self, Write as _};
 
 use canopen::{Decoder, Frame, Instant, Stamped, meaning};
 
+use super::excerpt::{Done, Excerpt as Happened, Line};
 use super::{one_line, plural};
-use crate::event::{Measured, Note};
+use crate::event::Measured;
 use crate::names::ObjectNames;
 use crate::run::{CaseRun, DeviceRun};
 use crate::style::{Style, printable, shell_word};
@@ -27,6 +28,7 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
         Outcome::Pass | Outcome::Lenient(_) | Outcome::Fail(_) => {}
     }
     if let Some(problem) = problem {
+        block.step(case, problem);
         block.difference(problem);
     }
     for measured in &case.measured {
@@ -117,6 +119,16 @@ impl Block<'_> {
         }
     }
 
+    /// The step that was judged, in words.
+    fn step(&mut self, case: &CaseRun, problem: &Problem) {
+        let begun = case.steps.iter().rfind(|step| {
+            step.at <= problem.at && (step.phase, step.line) == (problem.phase, problem.place.line)
+        });
+        if let Some(step) = begun {
+            self.named("step", &step.text);
+        }
+    }
+
     fn place(&mut self, problem: &Problem) {
         let place = &problem.place;
         let phase = match problem.phase {
@@ -153,43 +165,50 @@ impl Block<'_> {
     }
 
     fn trace(&mut self, case: &CaseRun) {
-        // What came after the problem did not lead to it.
         let until = case.outcome.problem().map_or(Instant::NEVER, |problem| problem.at);
-        let trace = &case.trace[..case.trace.partition_point(|seen| seen.at <= until)];
-        let (shown, folded) = fold(trace);
-        let heading = match (case.frames, folded.len()) {
+        let excerpt = Happened::until(case, until);
+        let before = case.trace.last().is_some_and(|last| last.at > until);
+        let heading = match (case.frames, excerpt.frames) {
             (0, _) => "none".to_owned(),
             (all, 0) => format!("{all}, not kept"),
             (all, some) if all == some => format!("{all}, seconds since the case began"),
-            (all, some) if trace.len() < case.trace.len() => {
-                format!("the last {some} of {all} before that, seconds since the case began")
+            (all, some) if before => {
+                format!("{some} of {all}, the last before that, seconds since the case began")
             }
-            (all, some) => format!("the last {some} of {all}, seconds since the case began"),
+            (all, some) => format!("{some} of {all}, the last, seconds since the case began"),
         };
         self.field("frames", &heading);
-        let from = match folded.first() {
-            Some(first) if trace.len() > folded.len() => first.at,
-            _ => Instant::ZERO,
+        let place = |line: &Line| match line {
+            Line::Frame(place) => Some(length(&case.trace[*place].frame)),
+            _ => None,
         };
-        let notes = &case.notes[case.notes.partition_point(|note| note.at < from)..];
-        let mut notes = notes[notes.len().saturating_sub(FRAMES)..].iter().peekable();
-        let width = shown.iter().map(|(_, place)| length(&trace[*place].frame)).max();
-        let width = width.unwrap_or_default();
+        let width = excerpt.lines.iter().filter_map(place).max().unwrap_or_default();
         let mut decoder = Decoder::default();
-        let meanings: Vec<String> = trace.iter().map(|seen| decoder.see(&seen.frame)).collect();
-        for (again, place) in shown {
-            let (seen, meaning) = (&trace[place], &meanings[place]);
-            if again > 0 {
-                self.line(format!("    {:>STAMP$}  ..  {again} times the two that follow", ""));
+        let meanings: Vec<String> =
+            case.trace.iter().map(|seen| decoder.see(&seen.frame)).collect();
+        for line in excerpt.lines {
+            match line {
+                Line::Again(times) => {
+                    self.aside(&format!("{times} times the two that follow"));
+                }
+                Line::Left(1) => self.aside("1 frame left out"),
+                Line::Left(count) => self.aside(&format!("{count} frames left out")),
+                Line::Frame(place) => {
+                    self.frame(case.info.at, &case.trace[place], &meanings[place], width);
+                }
+                Line::Done(at, done) => {
+                    let text = match done {
+                        Done::Step(text) | Done::Note(text) => text.to_owned(),
+                        Done::Bench(name, value) => format!("bench: {name} = {value}"),
+                    };
+                    self.done(case.info.at, at, &text);
+                }
             }
-            while let Some(note) = notes.next_if(|note| note.at < seen.at) {
-                self.note(case.info.at, note);
-            }
-            self.frame(case.info.at, seen, meaning, width);
         }
-        for note in notes {
-            self.note(case.info.at, note);
-        }
+    }
+
+    fn aside(&mut self, text: &str) {
+        self.line(format!("    {:>STAMP$}  ..  {text}", ""));
     }
 
     fn frame(&mut self, start: Instant, seen: &Stamped, meaning: &str, width: usize) {
@@ -205,46 +224,12 @@ impl Block<'_> {
         self.line(line);
     }
 
-    fn note(&mut self, start: Instant, note: &Note) {
-        let time = format!("{:>STAMP$}", relative(start, note.at));
-        let line = format!(
-            "    {}  --  {}",
-            self.style.dim(time),
-            one_line(&self.names.in_text(&note.text))
-        );
+    fn done(&mut self, start: Instant, at: Instant, text: &str) {
+        let time = format!("{:>STAMP$}", relative(start, at));
+        let line =
+            format!("    {}  --  {}", self.style.dim(time), one_line(&self.names.in_text(text)));
         self.line(line);
     }
-}
-
-/// The places of the frames to show, each with the number of times that the frame and the next one
-/// were seen before them, and the stretch of the trace that these tell. A question that is asked
-/// until its answer changes would else hide what led to it; of frames that come by themselves the
-/// times matter.
-fn fold(trace: &[Stamped]) -> (Vec<(usize, usize)>, &[Stamped]) {
-    let same = |one: &Stamped, other: &Stamped| one.own == other.own && one.frame == other.frame;
-    let (mut shown, mut rest) = (Vec::new(), trace);
-    while shown.len() < FRAMES {
-        let Some((last, mut before)) = rest.split_last() else { break };
-        shown.push((0, before.len()));
-        if let Some((first, earlier)) = before.split_last()
-            && (first.own, last.own) == (true, false)
-        {
-            let (mut again, mut earlier) = (0, earlier);
-            while let Some((start, [one, two])) = earlier.split_last_chunk::<2>()
-                && same(one, first)
-                && same(two, last)
-            {
-                (again, earlier) = (again + 1, start);
-            }
-            if again > 1 {
-                shown.push((again, before.len() - 1));
-                before = earlier;
-            }
-        }
-        rest = before;
-    }
-    shown.reverse();
-    (shown, &trace[rest.len()..])
 }
 
 fn relative(start: Instant, at: Instant) -> String {
@@ -286,8 +271,6 @@ fn length(frame: &Frame) -> usize {
     id + 1 + if frame.remote { 2 } else { 2 * frame.data.len() }
 }
 
-/// How many frames, and how many remarks between them, a block shows.
-const FRAMES: usize = 12;
 /// The width of the labels and of the time stamps.
 const LABEL: usize = 12;
 const STAMP: usize = 11;
@@ -310,30 +293,6 @@ mod tests {
         assert_eq!(caret(&place(3, 900)), "  ^^^^^^^^^^");
         assert_eq!(caret(&place(900, 1)), "            ^");
         assert_eq!(caret(&place(0, 0)), "^");
-    }
-
-    #[test]
-    fn a_question_that_is_asked_again_and_again_takes_one_place() {
-        let seen = |own: bool, text: &str| Stamped {
-            at: Instant::ZERO,
-            frame: text.parse().expect("a frame in candump form"),
-            own,
-        };
-        let (ask, answer) =
-            (seen(true, "605#4002200100000000"), seen(false, "585#4F02200100000000"));
-        let mut trace =
-            vec![seen(true, "605#2F01200101000000"), seen(false, "585#6001200100000000")];
-        for _ in 0..100 {
-            trace.extend([ask, answer]);
-        }
-        let (shown, told) = fold(&trace);
-        let again: Vec<usize> = shown.iter().map(|(again, _)| *again).collect();
-        assert_eq!((again, told.len()), (vec![0, 0, 99, 0], trace.len()));
-
-        let beats = vec![seen(false, "705#05"); 20];
-        let (shown, told) = fold(&beats);
-        assert_eq!((shown.len(), told.len()), (FRAMES, FRAMES));
-        assert!(fold(&[]).0.is_empty());
     }
 
     #[test]
