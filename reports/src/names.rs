@@ -49,7 +49,9 @@ impl ObjectNames {
             let alone = !text[..start].ends_with(|before: char| before.is_alphanumeric())
                 && !text[end..].starts_with(|after: char| after.is_alphanumeric());
             // `operator-1 (3412:05)` has its name.
-            let named = text[..start].ends_with('(') && text[end..].starts_with(')');
+            let word = text[..start].strip_suffix(" (");
+            let named = word.is_some_and(|word| word.ends_with(char::is_alphanumeric))
+                && text[end..].starts_with(')');
             (alone && !named).then_some((end, name.as_str()))
         })
     }
@@ -75,6 +77,7 @@ mod tests {
         for (text, expected) in [
             ("upload 1017:00", "upload 1017:00 Heartbeat"),
             ("6504:01 = 1, 1017:00 = 0", "6504:01 AL1 state = 1, 1017:00 Heartbeat = 0"),
+            ("operator-1 (1017:00)", "operator-1 (1017:00)"),
             ("(1017:00)", "(1017:00 Heartbeat)"),
             ("a:1017:00:", "a:1017:00 Heartbeat:"),
             ("1018:01 and 11017:00 and 1017:001", "1018:01 and 11017:00 and 1017:001"),
