@@ -111,7 +111,7 @@ const BOUNDS: [&str; 4] = ["interval", "mean", "median", "latency"];
 const EVERY_CASE: &str = "every-case";
 
 /// What is common to cases that do not say it themselves.
-const INSTEAD: [&str; 1] = ["state"];
+const INSTEAD: [&str; 4] = ["state", "each", "for", "rows"];
 
 /// What is common to all cases, whatever a case adds. Its steps are inside of the common ones.
 const JOINED: [&str; 5] = ["tolerates", "requires", "relies-on", "setup", "finally"];
@@ -266,9 +266,14 @@ impl Expander<'_> {
     /// Columns and rows, with a value for each column in each row. All columns are used in
     /// `content`.
     fn table(&self, written: &Tree, content: &[Tree], inside: Inside<'_>) -> Option<Table> {
-        let part = |name: &str| match written.get(name).map(|part| &part.node) {
-            Some(Node::List(items)) => Some(items),
-            _ => None,
+        let part = |name: &str| {
+            let part = written.get(name)?;
+            // The rows may be an argument of named steps.
+            let given = part.text().and_then(|text| inside.values.get(text.strip_prefix('$')?));
+            match &given.unwrap_or(part).node {
+                Node::List(items) => Some(items),
+                _ => None,
+            }
         };
         let (Some(columns), Some(rows)) = (part("for"), part("rows")) else {
             let message = "a table has its columns in `for` and its `rows`, each a list";
@@ -557,13 +562,8 @@ impl Expander<'_> {
 
     /// What a count of the object is worth that a word or an address names.
     fn scale_of(&self, word: &At<String>) -> Option<&Scale> {
-        if let Some(scale) = self.words.bench_scale(&word.value) {
-            return Some(scale);
-        }
-        match self.words.object(&word.value) {
-            Ok(mux) => self.words.scale(mux),
-            Err(_) => self.words.counted(&word.value).scale,
-        }
+        let on_bench = self.words.on_bench(&word.value).scale;
+        on_bench.or_else(|| self.words.counted(&word.value).scale)
     }
 
     /// Address, values and refusals of a step on one object.
@@ -579,8 +579,8 @@ impl Expander<'_> {
             return;
         }
         for (_, object) in entries.iter_mut().filter(|(key, _)| key.value == "object") {
-            self.address(object);
             counted = object.text().map_or(counted, |text| self.words.counted(text));
+            self.address(object);
         }
         for (key, value) in entries {
             match key.value.as_str() {
@@ -691,9 +691,11 @@ impl Expander<'_> {
 
     /// The counts of a value of the bench that is written in its unit.
     fn on_bench(&self, name: &str, value: &mut Tree) {
-        let amount = self.words.bench_scale(name).and_then(|scale| scale.amount(&value.node));
-        if let Some(amount) = amount {
-            value.node = amount;
+        let Counted { table, scale } = self.words.on_bench(name);
+        match (scale.and_then(|scale| scale.amount(&value.node)), table) {
+            (Some(amount), _) => value.node = amount,
+            (None, table @ Some(_)) => self.meant(Counted { table, scale: None }, value),
+            (None, None) => {}
         }
     }
 

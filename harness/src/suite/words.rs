@@ -17,20 +17,36 @@ use crate::source::{At, Complaint, Place, Source, Tree};
 pub struct Words {
     objects: BTreeMap<String, Mux>,
     values: BTreeMap<String, Arc<Enumeration>>,
-    /// What the values of an object mean.
-    meanings: BTreeMap<Mux, Arc<Enumeration>>,
+    /// What the values of an object stand for, unless two words say different things of it.
+    of_objects: BTreeMap<Mux, Facts>,
     /// Words of objects that are set together, in that order.
     records: BTreeMap<String, Vec<String>>,
     refusals: BTreeMap<String, Tree>,
     frames: BTreeMap<String, String>,
-    /// What a count of an object is worth.
-    scales: BTreeMap<Mux, Arc<Scale>>,
-    /// What a count of a name of the bench is worth.
-    bench: BTreeMap<String, Arc<Scale>>,
+    /// The same of names of the bench.
+    bench: BTreeMap<String, Facts>,
     /// What an object is called.
     names: BTreeMap<Mux, String>,
-    /// The same of names that instances bind to addresses, such as `$type`.
-    bound: BTreeMap<String, (Option<Arc<Enumeration>>, Option<Arc<Scale>>)>,
+    /// What the values of words stand for, and of names that instances bind to addresses, such as
+    /// `$type`.
+    facts: BTreeMap<String, Facts>,
+}
+
+/// The words for values, and what a count is worth.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+struct Facts {
+    table: Option<Arc<Enumeration>>,
+    scale: Option<Arc<Scale>>,
+}
+
+impl Facts {
+    fn counted(&self) -> Counted<'_> {
+        Counted { table: self.table.as_deref(), scale: self.scale.as_deref() }
+    }
+
+    fn is_empty(&self) -> bool {
+        self.table.is_none() && self.scale.is_none()
+    }
 }
 
 /// What the values of an object stand for.
@@ -74,11 +90,6 @@ impl Words {
         self.records.keys().map(String::as_str)
     }
 
-    /// What the values of an object mean.
-    pub(super) fn meaning(&self, mux: Mux) -> Option<&Enumeration> {
-        self.meanings.get(&mux).map(AsRef::as_ref)
-    }
-
     /// What a word for a refusal stands for.
     pub(super) fn refusal(&self, word: &str) -> Option<&Tree> {
         self.refusals.get(word)
@@ -99,31 +110,26 @@ impl Words {
         self.frames.keys().map(String::as_str)
     }
 
-    /// What a count of an object is worth.
-    pub(super) fn scale(&self, mux: Mux) -> Option<&Scale> {
-        self.scales.get(&mux).map(AsRef::as_ref)
-    }
-
-    /// What the values of an object mean that is written as an address or a name, and what a count
-    /// of it is worth.
+    /// What the values stand for of an object that is written as a word, an address or a name.
     pub(super) fn counted(&self, object: &str) -> Counted<'_> {
-        match object.parse() {
-            Ok(mux) => Counted { table: self.meaning(mux), scale: self.scale(mux) },
-            Err(_) => self.bound.get(object).map_or_else(Counted::default, |(table, scale)| {
-                Counted { table: table.as_deref(), scale: scale.as_deref() }
-            }),
-        }
+        let of_word = self.facts.get(object).filter(|facts| !facts.is_empty());
+        let of_object = || {
+            let mux = object.parse().ok().or_else(|| self.objects.get(object).copied())?;
+            self.of_objects.get(&mux)
+        };
+        of_word.or_else(of_object).map(Facts::counted).unwrap_or_default()
     }
 
-    /// What a count of a name of the bench is worth.
-    pub(super) fn bench_scale(&self, name: &str) -> Option<&Scale> {
-        self.bench.get(name).map(AsRef::as_ref)
+    /// What the values of a name of the bench stand for.
+    pub(super) fn on_bench(&self, name: &str) -> Counted<'_> {
+        self.bench.get(name).map(Facts::counted).unwrap_or_default()
     }
 
     /// A value of the bench in its unit.
     pub fn bench_value(&self, name: &str, value: &Value) -> String {
-        let scale = self.bench_scale(name);
+        let Counted { table, scale } = self.on_bench(name);
         let scaled = match (value, scale) {
+            (Value::Int(number), None) => table.and_then(|table| word(table, *number)),
             (Value::Int(counts), Some(scale)) => scale.show(*counts),
             (Value::Real(counts), Some(scale)) => Some(scale.show_real(*counts)),
             _ => None,
@@ -144,14 +150,19 @@ impl Words {
     /// in its unit.
     pub(crate) fn value(&self, object: &ObjectRef, value: i128) -> Option<String> {
         let Counted { table, scale } = match object {
-            ObjectRef::Fixed(mux) => Counted { table: self.meaning(*mux), scale: self.scale(*mux) },
+            ObjectRef::Fixed(mux) => {
+                self.of_objects.get(mux).map(Facts::counted).unwrap_or_default()
+            }
             ObjectRef::Named(name) => self.counted(&name.to_string()),
         };
-        let known = table.and_then(|table| {
-            table.iter().find(|(_, known)| **known == value).map(|(word, _)| word.clone())
-        });
+        let known = table.and_then(|table| word(table, value));
         known.or_else(|| scale?.show(value))
     }
+}
+
+/// What a value is called.
+fn word(table: &Enumeration, value: i128) -> Option<String> {
+    table.iter().find(|(_, known)| **known == value).map(|(word, _)| word.clone())
 }
 
 /// The parts of a file.
@@ -223,20 +234,20 @@ impl Reader<'_> {
 
     fn bench(&mut self, word: &At<String>, tree: &Tree) {
         for (key, _) in tree.entries() {
-            if !["scale", "unit"].contains(&key.value.as_str()) {
-                self.complain(
-                    key.place,
-                    format!("unknown key `{}`: there is scale, unit", key.value),
-                );
+            if !["means", "scale", "unit"].contains(&key.value.as_str()) {
+                let message = format!("unknown key `{}`: there is means, scale, unit", key.value);
+                self.complain(key.place, message);
             }
         }
-        let (scale, names) = (self.scale(tree).map(Arc::new), family(&word.value));
-        match (scale, names) {
-            (Some(scale), Ok(names)) => {
-                self.words.bench.extend(names.into_iter().map(|name| (name, Arc::clone(&scale))));
+        let facts = self.facts(tree);
+        match family(&word.value) {
+            Err(wrong) => self.complain(word.place, wrong),
+            Ok(_) if facts.is_empty() => {
+                self.complain(tree.place, "`means`, `scale` or `unit` belongs here");
             }
-            (_, Err(wrong)) => self.complain(word.place, wrong),
-            (None, _) => self.complain(tree.place, "`unit` and `scale` belong here"),
+            Ok(names) => {
+                self.words.bench.extend(names.into_iter().map(|name| (name, facts.clone())));
+            }
         }
     }
 
@@ -271,9 +282,9 @@ impl Reader<'_> {
     }
 
     fn object(&mut self, word: &At<String>, tree: &Tree) {
-        let (address, means) = match &tree.node {
-            Node::Map(_) => (tree.get("at"), tree.get("means")),
-            _ => (Some(tree), None),
+        let address = match &tree.node {
+            Node::Map(_) => tree.get("at"),
+            _ => Some(tree),
         };
         for (key, _) in tree.entries() {
             if !["at", "means", "scale", "unit"].contains(&key.value.as_str()) {
@@ -282,19 +293,17 @@ impl Reader<'_> {
                 self.complain(key.place, message);
             }
         }
-        let scale = self.scale(tree).map(Arc::new);
+        let facts = self.facts(tree);
         if word.value.starts_with('$') {
             if let Some(address) = tree.get("at") {
                 return self.complain(address.place, "each instance binds its own address");
             }
-            let table = tree.get("means").and_then(|means| self.table(means));
-            self.words.bound.insert(word.value.clone(), (table, scale));
+            self.words.facts.insert(word.value.clone(), facts);
             return;
         }
         let Some((address, text)) = address.and_then(|at| Some((at, at.text()?))) else {
             return self.complain(tree.place, "an address belongs here, or `at` and `means`");
         };
-        let table = means.and_then(|means| self.table(means));
         let named = counted(&word.value, text).and_then(|named| {
             let parsed = named.into_iter().map(|(word, address)| {
                 let mux: Mux = address.parse().map_err(|error| format!("`{address}`: {error}"))?;
@@ -305,16 +314,23 @@ impl Reader<'_> {
         match named {
             Err(wrong) => self.complain(address.place, wrong),
             Ok(named) => named.into_iter().for_each(|(word, mux)| {
-                if let Some(table) = &table {
-                    self.words.meanings.insert(mux, Arc::clone(table));
-                }
-                if let Some(scale) = &scale {
-                    self.words.scales.insert(mux, Arc::clone(scale));
+                if !facts.is_empty() {
+                    // Two words for one object may count in different units; then it has none.
+                    let differ = |known: &Facts| *known != facts;
+                    let other = self.words.of_objects.get(&mux).is_some_and(differ);
+                    let known = if other { Facts::default() } else { facts.clone() };
+                    self.words.of_objects.insert(mux, known);
+                    self.words.facts.insert(word.clone(), facts.clone());
                 }
                 self.words.names.insert(mux, word.clone());
                 self.words.objects.insert(word, mux);
             }),
         }
+    }
+
+    fn facts(&mut self, tree: &Tree) -> Facts {
+        let table = tree.get("means").and_then(|means| self.table(means));
+        Facts { table, scale: self.scale(tree).map(Arc::new) }
     }
 
     /// The table of values of that name.
