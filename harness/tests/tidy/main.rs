@@ -9,14 +9,6 @@ use std::path::{Path, PathBuf};
 use imports::{Crate, circles};
 
 #[test]
-fn no_file_is_longer_than_700_lines() {
-    each(&["rs", "md", "sh", "toml", "yml"], |file, text| {
-        let lines = text.lines().count();
-        (lines > 700 && !is_generated(text)).then(|| format!("{file} has {lines} lines"))
-    });
-}
-
-#[test]
 fn no_line_of_code_is_wider_than_100_columns() {
     each(&["rs"], |file, text| {
         first_line(file, text, |line| line.chars().count() > 100, "is wider than 100 columns")
