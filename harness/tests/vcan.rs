@@ -24,12 +24,13 @@ use tempfile::TempDir;
 use common::harness;
 
 /// Every kind of terminal of the controller, in a minute and a half; all but `slow` take five.
-const OF_THERMOSTAT: [&str; 25] = [
+const OF_THERMOSTAT: [&str; 26] = [
     "drr460/alarm-modes",
     "drr460/alarm-parameters",
     "drr460/alarms-otherwise",
     "drr460/analogue-input",
     "drr460/automatic-manual",
+    "drr460/automatic-manual-broken-sensor",
     "drr460/command-output",
     "drr460/communication-errors",
     "drr460/control",
