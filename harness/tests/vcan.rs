@@ -24,17 +24,23 @@ use tempfile::TempDir;
 use common::harness;
 
 /// Every kind of terminal of the controller, in a minute and a half; all but `slow` take five.
-const OF_THERMOSTAT: [&str; 22] = [
-    "drr460/alarms",
+const OF_THERMOSTAT: [&str; 26] = [
+    "drr460/alarm-modes",
+    "drr460/alarm-parameters",
+    "drr460/alarms-otherwise",
     "drr460/analogue-input",
+    "drr460/automatic-manual",
+    "drr460/automatic-manual-broken-sensor",
+    "drr460/command-output",
     "drr460/communication-errors",
     "drr460/control",
     "drr460/emergency",
     "drr460/error-and-stop",
     "drr460/expansion",
     "drr460/faults",
-    "drr460/linear-inputs",
-    "drr460/manual",
+    "drr460/key-and-switches",
+    "drr460/linear-inputs/retransmission",
+    "drr460/linear-inputs/signals",
     "drr460/off-line",
     "drr460/parameters",
     "drr460/pdo",
@@ -43,10 +49,8 @@ const OF_THERMOSTAT: [&str; 22] = [
     "drr460/sensor-error",
     "drr460/set-points",
     "drr460/store",
-    "drr460/switches",
     "drr460/tuning",
     "drr460/valve",
-    "drr460/wiring",
 ];
 
 #[test]
