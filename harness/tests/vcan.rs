@@ -58,7 +58,7 @@ const OF_THERMOSTAT: [&str; 26] = [
 fn the_real_bus_gives_the_verdicts_of_the_virtual_one() {
     let _wire = wire();
     // What the bench of a module turns, warms and sees; all of its suites would take five minutes.
-    let of_module = &["cia401/*", "mcm260x/encoders-of-9ad", "mcm260x/emergency"][..];
+    let of_module = &["cia401/*", "mcm260x/encoder*", "mcm260x/emergency"][..];
     // Loads and their currents, loops and chains of blocks, in a quarter of a minute.
     let of_controller = &["ax021211/outputs-types", "ax021211/pid", "ax021211/sources-chains"][..];
     for (device, cases) in [
