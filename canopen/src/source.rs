@@ -1,6 +1,9 @@
 //! Files we read, places in them, and errors that point at the place.
 
+mod decimal;
+mod formula;
 mod outline;
+mod table;
 mod tree;
 
 use std::fmt;
@@ -11,7 +14,9 @@ use serde::Deserialize;
 
 use crate::nearest::did_you_mean;
 
+pub use decimal::Decimal;
 pub use outline::Outline;
+pub use table::{Stand, TABLE, Table, Values};
 pub use tree::{Node, Tree, Unfit};
 
 /// A text with the name by which the user knows it.
