@@ -59,6 +59,14 @@ impl Source {
         })
     }
 
+    /// Whether a text stands at that place, with or without a quote.
+    pub fn has(&self, place: Place, text: &str) -> bool {
+        let line = self.line(place.line);
+        let from = line.char_indices().nth(place.column.saturating_sub(1));
+        let rest = from.map_or("", |(from, _)| &line[from..]);
+        rest.strip_prefix(['"', '\'']).unwrap_or(rest).starts_with(text)
+    }
+
     /// The place of a byte within the text that starts at `place`, with or without a quote.
     pub fn inside(&self, place: Place, offset: usize) -> Place {
         Place { column: place.column + quoted(self, place, offset), ..place }

@@ -20,6 +20,20 @@ fn after<'t>(text: &'t str, name: &str) -> Option<&'t str> {
     (!goes_on).then_some(rest)
 }
 
+/// The names in a text, each with its `$` and all that may belong to it; without those in capital
+/// letters.
+pub(super) fn names(text: &str) -> impl Iterator<Item = String> {
+    let starts = |part: &&str| part.starts_with(|c: char| c.is_ascii_lowercase() || c == '{');
+    text.split('$').skip(1).filter(starts).map(|part| {
+        let is_part = |c: char| c.is_ascii_alphanumeric() || "-_".contains(c);
+        let end = match part.strip_prefix('{') {
+            Some(braced) => braced.find('}').map_or(part.len(), |end| end + 2),
+            None => part.find(|c: char| !is_part(c)).unwrap_or(part.len()),
+        };
+        format!("${}", &part[..end])
+    })
+}
+
 /// The value whose name is all of the text.
 pub(super) fn whole<'v>(text: &str, values: &'v Values) -> Option<&'v Tree> {
     text.strip_prefix('$').and_then(|name| values.get(name))

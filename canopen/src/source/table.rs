@@ -80,6 +80,21 @@ impl Table {
         }
         Some(Self { columns, rows: all })
     }
+
+    /// Names in `content` that no column has, with `$`, each with the place of its text. Names of
+    /// another kind, such as `$NODEID`, are in capital letters.
+    pub fn strangers(&self, content: &Tree) -> Vec<At<String>> {
+        let mut strangers = Vec::new();
+        let mut look = |text: &str, place: Place| {
+            for name in formula::names(text) {
+                if !self.columns.iter().any(|column| formula::has(&name, &column.value)) {
+                    strangers.push(At::new(name, place));
+                }
+            }
+        };
+        content.texts(&mut look);
+        strangers
+    }
 }
 
 /// Where something stands after names in it became values.
@@ -104,6 +119,19 @@ impl Tree {
             Node::List(items) => items.iter().any(|item| item.mentions(name)),
             Node::Text(text) => formula::has(text, name),
             _ => false,
+        }
+    }
+
+    /// All keys and texts, each with its place.
+    fn texts(&self, look: &mut dyn FnMut(&str, Place)) {
+        match &self.node {
+            Node::Map(entries) => entries.iter().for_each(|(key, value)| {
+                look(&key.value, key.place);
+                value.texts(look);
+            }),
+            Node::List(items) => items.iter().for_each(|item| item.texts(look)),
+            Node::Text(text) => look(text, self.place),
+            _ => {}
         }
     }
 
