@@ -222,7 +222,11 @@ impl<T: JsonSchema> JsonSchema for Written<T> {
             "type": "object",
             "required": ["for", "rows"],
             "properties": {
-                "for": { "description": "The columns.", "type": "array", "items": { "type": "string" } },
+                "for": {
+                    "description": "The columns.",
+                    "type": "array",
+                    "items": { "type": "string" }
+                },
                 "rows": { "description": "A list of values for each entry.", "type": "array" }
             }
         }] })

@@ -347,7 +347,8 @@ mod tests {
             ),
             (
                 "- m-$rule: $why\n  for: [rule, as, why]\n  rows: [[b, ~, A.], [c, sign, B.]]",
-                "{name: m-b, why: A., change: {rule: b}}, {name: m-c, why: B., as: sign, change: {rule: c}}",
+                "{name: m-b, why: A., change: {rule: b}}, \
+                 {name: m-c, why: B., as: sign, change: {rule: c}}",
             ),
         ] {
             let tree = read(&format!("mutants:\n{short}\n")).unwrap();
