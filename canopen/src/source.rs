@@ -1,6 +1,9 @@
 //! Files we read, places in them, and errors that point at the place.
 
+mod decimal;
+mod formula;
 mod outline;
+mod table;
 mod tree;
 
 use std::fmt;
@@ -11,7 +14,9 @@ use serde::Deserialize;
 
 use crate::nearest::did_you_mean;
 
+pub use decimal::Decimal;
 pub use outline::Outline;
+pub use table::{Stand, TABLE, Table, Values};
 pub use tree::{Node, Tree, Unfit};
 
 /// A text with the name by which the user knows it.
@@ -52,6 +57,14 @@ impl Source {
             });
             Some(end.map_or(text, |end| &text[..end]))
         })
+    }
+
+    /// Whether a text stands at that place, with or without a quote.
+    pub fn has(&self, place: Place, text: &str) -> bool {
+        let line = self.line(place.line);
+        let from = line.char_indices().nth(place.column.saturating_sub(1));
+        let rest = from.map_or("", |(from, _)| &line[from..]);
+        rest.strip_prefix(['"', '\'']).unwrap_or(rest).starts_with(text)
     }
 
     /// The place of a byte within the text that starts at `place`, with or without a quote.

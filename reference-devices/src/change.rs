@@ -3,6 +3,7 @@
 //! of them.
 
 mod data;
+mod entry;
 mod frame;
 mod ignoring;
 mod origin;
@@ -14,6 +15,8 @@ mod sheet;
 
 use std::borrow::Cow;
 
+#[cfg(test)]
+use canopen::Mux;
 use canopen::eds::Eds;
 use canopen::nearest::did_you_mean;
 use canopen::source::Complaint;
@@ -23,10 +26,12 @@ use crate::devices::{Otherwise, ReferenceDevice};
 use crate::rules::{self, Dissent, Rules, Specification};
 use crate::stack::{Behaviour, Node};
 
+pub use data::On;
 pub use frame::DeviantWire;
 pub use replica::Replica;
 
-pub(crate) use data::Change;
+pub(crate) use data::{Change, OnEach, OneOrMore, Written, WrittenChange};
+pub(crate) use entry::{Changes, Form, in_full};
 pub(crate) use origin::Origin;
 
 use data::Misfit;
@@ -56,6 +61,24 @@ impl Deviation {
 
     pub(crate) fn add(&mut self, change: Change, origin: Origin) {
         self.parts.push(Part { change, origin, muted: None });
+    }
+
+    /// Its decisions of the application.
+    #[cfg(test)]
+    pub(crate) fn behaviours(&self) -> impl Iterator<Item = &str> {
+        self.parts.iter().filter_map(|part| match &part.change {
+            Change::Behaviour(name) => Some(name.as_str()),
+            _ => None,
+        })
+    }
+
+    /// The objects that its application does not obey.
+    #[cfg(test)]
+    pub(crate) fn ignored(&self) -> impl Iterator<Item = Mux> {
+        self.parts.iter().filter_map(|part| match part.change {
+            Change::Ignores(object) => Some(object),
+            _ => None,
+        })
     }
 
     /// Adds the changes of another deviation.

@@ -6,12 +6,12 @@ mod data;
 use std::sync::{Arc, LazyLock};
 
 use canopen::nearest::did_you_mean;
-use canopen::source::{Complaint, Source, read_yaml};
+use canopen::source::{Complaint, Source, Tree, read_tree};
 
-use crate::change::{Deviation, Origin};
+use crate::change::{Changes, Deviation, Form, Origin, in_full};
 use crate::devices::{ReferenceDevice, WITH_EVERYTHING};
 
-pub use data::{Freedom, FreedomFile, On, Personality, PersonalityFile};
+pub use data::{Freedom, FreedomFile, Personality, PersonalityFile};
 
 /// Freedoms of the stack, which any device can use, by document.
 const COMMON: &[(&str, &str)] = &[
@@ -24,6 +24,14 @@ const PERSONALITIES: (&str, &str) = (
     "reference-devices/freedoms/personalities.yaml",
     include_str!("../freedoms/personalities.yaml"),
 );
+
+const FORM: Form<'static> = Form {
+    list: "freedoms",
+    keys: &["name", "why", "allowed-by", "on", "excludes", "changes"],
+    lists: &["allowed-by", "on", "excludes"],
+    change: Changes::Several,
+    family: None,
+};
 
 static COMMON_SOURCES: LazyLock<Vec<Arc<Source>>> =
     LazyLock::new(|| COMMON.iter().copied().map(source).collect());
@@ -43,10 +51,12 @@ pub fn personality_source() -> Arc<Source> {
 ///
 /// # Errors
 /// What is wrong with its text.
-pub fn read(source: &Arc<Source>) -> Result<Vec<Freedom>, Complaint> {
-    let mut freedoms = read_yaml::<FreedomFile>(source)?.freedoms;
+pub fn read(source: &Arc<Source>) -> Result<Vec<Freedom>, Vec<Complaint>> {
+    let tree = in_full(source, &FORM)?;
+    let file = read_tree::<FreedomFile>(source, &tree).map_err(|wrong| vec![wrong])?;
+    let (mut freedoms, origin) = (file.freedoms, Origin::file_of(source, tree));
     for (number, freedom) in freedoms.iter_mut().enumerate() {
-        freedom.origin = Origin::item(source, "freedoms", number);
+        freedom.origin = origin.below(&["freedoms", &number.to_string()]);
     }
     Ok(freedoms)
 }
@@ -63,8 +73,8 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Freedom>, Vec<Complaint>> {
     for (place, source) in sources(device).iter().enumerate() {
         let read = match read(source) {
             Ok(read) => read,
-            Err(wrong) => {
-                complaints.push(wrong);
+            Err(mut wrong) => {
+                complaints.append(&mut wrong);
                 continue;
             }
         };
@@ -114,13 +124,15 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Freedom>, Vec<Complaint>> {
 /// What is wrong with their file, or with a file of the device's freedoms.
 pub fn personalities(device: &ReferenceDevice) -> Result<Vec<Personality>, Vec<Complaint>> {
     let source = personality_source();
-    let file = read_yaml::<PersonalityFile>(&source).map_err(|wrong| vec![wrong])?;
+    let tree = Tree::of(&source).map_err(|wrong| vec![wrong])?;
+    let file = read_tree::<PersonalityFile>(&source, &tree).map_err(|wrong| vec![wrong])?;
+    let origin = Origin::file_of(&source, tree);
     let (freedoms, mut complaints, mut all) = (of(device)?, Vec::new(), Vec::new());
     for (number, mut personality) in file.personalities.into_iter().enumerate() {
         if personality.device() != device.description.device {
             continue;
         }
-        let origin = Origin::item(&source, "personalities", number);
+        let origin = origin.below(&["personalities", &number.to_string()]);
         for (place, name) in personality.freedoms.iter().enumerate() {
             let Some(freedom) = freedoms.iter().find(|freedom| freedom.name == *name) else {
                 let meant = did_you_mean(name, freedoms.iter().map(|known| known.name.as_str()));

@@ -6,9 +6,9 @@ mod data;
 use std::sync::{Arc, LazyLock};
 
 use canopen::nearest::did_you_mean;
-use canopen::source::{Complaint, Source, read_yaml};
+use canopen::source::{Complaint, Source, read_tree};
 
-use crate::change::Origin;
+use crate::change::{Changes, Form, Origin, in_full};
 use crate::devices::ReferenceDevice;
 
 pub use data::{Mistake, Mutant, MutantFile};
@@ -33,14 +33,23 @@ pub fn sources(device: &ReferenceDevice) -> Vec<Arc<Source>> {
     COMMON_SOURCES.iter().chain(&device.files.mutants).cloned().collect()
 }
 
-/// Reads a file of mutants.
+/// Reads a file of mutants of a family of devices.
 ///
 /// # Errors
 /// What is wrong with it; a name that stands there twice is, too.
-pub fn read(source: &Arc<Source>) -> Result<Vec<Mutant>, Vec<Complaint>> {
-    let mut mutants = read_yaml::<MutantFile>(source).map_err(|wrong| vec![wrong])?.mutants;
+pub fn read(source: &Arc<Source>, family: &str) -> Result<Vec<Mutant>, Vec<Complaint>> {
+    let form = Form {
+        list: "mutants",
+        keys: &["name", "why", "breaks", "on", "as", "canary", "change"],
+        lists: &["breaks", "on"],
+        change: Changes::One,
+        family: Some(family),
+    };
+    let tree = in_full(source, &form)?;
+    let file = read_tree::<MutantFile>(source, &tree).map_err(|wrong| vec![wrong])?;
+    let (mut mutants, origin) = (file.mutants, Origin::file_of(source, tree));
     for (number, mutant) in mutants.iter_mut().enumerate() {
-        mutant.origin = Origin::item(source, "mutants", number);
+        mutant.origin = origin.below(&["mutants", &number.to_string()]);
     }
     let twice = mutants.iter().enumerate().filter_map(|(number, mutant)| {
         let is_first = mutants[..number].iter().all(|other| other.name != mutant.name);
@@ -60,7 +69,7 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Mutant>, Vec<Complaint>> {
     let family = device.family();
     let (mut mutants, mut complaints) = (Vec::<Mutant>::new(), Vec::new());
     for (place, source) in sources(device).iter().enumerate() {
-        let mut read = match read(source) {
+        let mut read = match read(source, family) {
             Ok(read) => read,
             Err(mut wrong) => {
                 complaints.append(&mut wrong);
@@ -75,18 +84,21 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Mutant>, Vec<Complaint>> {
                 complaints.push(mutant.complain(&["name"], message));
             }
             let stranger = |on: &str| device.relatives().all(|name| name != on);
-            if let Some(on) = mutant.on.as_ref().filter(|on| stranger(on)) {
+            for (number, on) in mutant.on.names().iter().enumerate().filter(|(_, on)| stranger(on))
+            {
                 let names: Vec<String> = device.relatives().collect();
                 let meant = did_you_mean(on, names.iter().map(String::as_str));
                 let message = format!("`{on}` is not a variant of {family}{meant}");
-                complaints.push(mutant.complain(&["on"], message));
+                complaints.push(mutant.complain(&["on", &number.to_string()], message));
             }
         }
         mutants.append(&mut read);
     }
-    let lives_here = |mutant: &Mutant| {
-        let on = mutant.on.as_deref().unwrap_or(&device.first);
-        mutant.shared || on == device.description.device
+    let own = &device.description.device;
+    let lives_here = |mutant: &Mutant| match mutant.on.names() {
+        _ if mutant.shared => true,
+        [] => device.first == *own,
+        names => names.contains(own),
     };
     mutants.retain(lives_here);
     if complaints.is_empty() { Ok(mutants) } else { Err(complaints) }

@@ -34,7 +34,7 @@ fn the_examples_of_the_readme_load() {
             own += 1;
         }
     }
-    assert_eq!(own, 6);
+    assert_eq!(own, 9);
     let freedoms = freedom::of(&family[0]).unwrap_or_else(|wrong| panic!("{}", wrong[0]));
     let freedom = freedoms.iter().find(|freedom| !freedom.shared).expect("it has one of its own");
     let deviation = freedom::mixture([freedom]);

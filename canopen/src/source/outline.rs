@@ -15,6 +15,11 @@ impl Outline {
         serde_yaml::from_str(&source.text).ok().map(Self)
     }
 
+    /// The scalar that is reached by these keys, as it is written.
+    pub fn text(&self, path: &[&str]) -> Option<&str> {
+        self.walk(path).and_then(|(_, value)| value.text())
+    }
+
     /// Where the text starts.
     pub const fn start(&self) -> Place {
         self.0.place
@@ -59,6 +64,19 @@ impl Outline {
             }
             _ => None,
         })
+    }
+}
+
+/// The outline of what a text stands for.
+impl From<Tree> for Outline {
+    fn from(tree: Tree) -> Self {
+        Self(tree)
+    }
+}
+
+impl Default for Outline {
+    fn default() -> Self {
+        Self(Tree { node: Node::Null, place: Place::new(1, 1) })
     }
 }
 

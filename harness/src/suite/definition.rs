@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use canopen::source::Node;
 
-use super::expand::mentions;
 use crate::source::{At, Complaint, Place, Source, Tree};
 
 /// Steps that have a name.
@@ -48,7 +47,7 @@ impl Definitions {
                 Err((place, message)) => complaints.push(Complaint::at(source, place, message)),
                 Ok(definition) => {
                     for Taken { name, .. } in &definition.takes {
-                        if !definition.steps.iter().any(|step| mentions(step, &name.value)) {
+                        if !definition.steps.iter().any(|step| step.mentions(&name.value)) {
                             let message = format!("no step uses ${}", name.value);
                             complaints.push(Complaint::at(source, name.place, message));
                         }

@@ -3,15 +3,15 @@
 //! rest of the harness reads has one step for each thing that is done.
 
 use std::cell::RefCell;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use canopen::Mux;
-use canopen::source::Node;
+use canopen::source::{Decimal, Node, Stand, Table, Values};
 
 use super::definition::{Definition, Definitions, Taken};
 use super::formula;
-use super::scale::{Decimal, Scale};
+use super::scale::Scale;
 use super::vocabulary::Vocabulary;
 use super::words::{Counted, Words};
 use crate::nearest::did_you_mean;
@@ -51,9 +51,6 @@ pub(super) fn expand(
     if complaints.is_empty() { Ok((tree, used)) } else { Err(complaints) }
 }
 
-/// Names that rows and arguments give a value.
-type Values = BTreeMap<String, Tree>;
-
 struct Expander<'s> {
     source: &'s Arc<Source>,
     words: &'s Words,
@@ -61,12 +58,6 @@ struct Expander<'s> {
     shared: &'s Definitions,
     used: RefCell<BTreeSet<String>>,
     complaints: RefCell<Vec<Complaint>>,
-}
-
-/// A table: its columns, and for each row its place and the values.
-struct Table {
-    columns: Vec<At<String>>,
-    rows: Vec<(Place, Values)>,
 }
 
 /// Where steps stand.
@@ -78,6 +69,15 @@ struct Inside<'v> {
     depth: usize,
     /// Where the failure is shown instead of the place in a definition of another file.
     place: Option<Place>,
+}
+
+impl Inside<'_> {
+    const fn stand(self) -> Stand {
+        match self.place {
+            Some(place) => Stand::At(place),
+            None => Stand::Own,
+        }
+    }
 }
 
 /// Definitions are nested no deeper.
@@ -194,7 +194,7 @@ impl Expander<'_> {
             "for" => self.rows(step, inside),
             _ if rest == 1 => {
                 let place = inside.place.unwrap_or(step.place);
-                let content = self.filled(content, inside);
+                let content = content.filled(inside.values, inside.stand());
                 self.plain(place, key, content)
             }
             _ => vec![step.clone()],
@@ -218,7 +218,7 @@ impl Expander<'_> {
             return Vec::new();
         };
         if let Some(id) = content.get("id")
-            && !table.columns.iter().any(|column| mentions(id, &column.value))
+            && !table.columns.iter().any(|column| id.mentions(&column.value))
         {
             let columns: Vec<String> =
                 table.columns.iter().map(|column| format!("${}", column.value)).collect();
@@ -230,7 +230,7 @@ impl Expander<'_> {
             return Vec::new();
         }
         let cases = table.rows.iter().map(|(place, values)| {
-            let mut case = self.filled(&content, Inside { values, ..top });
+            let mut case = content.filled(values, Stand::Own);
             // The row is what differs from the other cases.
             case.place = *place;
             if let Node::Map(entries) = &mut case.node {
@@ -266,51 +266,8 @@ impl Expander<'_> {
     /// Columns and rows, with a value for each column in each row. All columns are used in
     /// `content`.
     fn table(&self, written: &Tree, content: &[Tree], inside: Inside<'_>) -> Option<Table> {
-        let part = |name: &str| {
-            let part = written.get(name)?;
-            // The rows may be an argument of named steps.
-            let given = part.text().and_then(|text| inside.values.get(text.strip_prefix('$')?));
-            match &given.unwrap_or(part).node {
-                Node::List(items) => Some(items),
-                _ => None,
-            }
-        };
-        let (Some(columns), Some(rows)) = (part("for"), part("rows")) else {
-            let message = "a table has its columns in `for` and its `rows`, each a list";
-            self.complain(written.place, message);
-            return None;
-        };
-        let named = columns.iter().filter_map(|column| Some((column.text()?, column.place)));
-        let columns: Vec<_> = named.map(|(name, place)| At::new(name.to_owned(), place)).collect();
-        for column in &columns {
-            if !content.iter().any(|part| mentions(part, &column.value)) {
-                self.complain(column.place, format!("nothing uses ${}", column.value));
-            }
-        }
-        let mut all = Vec::new();
-        for row in rows {
-            let cells: &[Tree] = match &row.node {
-                Node::List(cells) => cells,
-                // A table of one column has no need for brackets.
-                _ if columns.len() == 1 => std::slice::from_ref(row),
-                _ => {
-                    self.complain(row.place, "a row is a list of values");
-                    continue;
-                }
-            };
-            if cells.len() != columns.len() {
-                let (wanted, given) = (columns.len(), cells.len());
-                let message = format!("the table has {wanted} columns, this row {given} values");
-                self.complain(row.place, message);
-                continue;
-            }
-            let mut values = inside.values.clone();
-            for (name, cell) in columns.iter().zip(cells) {
-                values.insert(name.value.clone(), self.filled(cell, inside));
-            }
-            all.push((row.place, values));
-        }
-        Some(Table { columns, rows: all })
+        let complain = &mut |place, message| self.complain(place, message);
+        Table::read(written, content, inside.values, inside.stand(), complain)
     }
 
     /// The steps that a name stands for.
@@ -347,7 +304,8 @@ impl Expander<'_> {
         let mut values = Values::new();
         for (argument, value) in given {
             if definition.takes.iter().any(|known| known.name.value == argument.value) {
-                values.insert(argument.value.clone(), self.filled(value, inside));
+                let value = value.filled(inside.values, inside.stand());
+                values.insert(argument.value.clone(), value);
             } else {
                 let known = definition.takes.iter().map(|known| known.name.value.as_str());
                 let meant = did_you_mean(&argument.value, known);
@@ -376,32 +334,6 @@ impl Expander<'_> {
     fn definition(&self, name: &str) -> Option<(&Definition, bool)> {
         let own = self.own.get(name).map(|definition| (definition, true));
         own.or_else(|| Some((self.shared.get(name)?, false)))
-    }
-
-    /// A copy with the values of names in their stead.
-    fn filled(&self, tree: &Tree, inside: Inside<'_>) -> Tree {
-        let place = inside.place.unwrap_or(tree.place);
-        let node = match &tree.node {
-            Node::Map(entries) => {
-                let entries = entries.iter().map(|(key, value)| {
-                    let word = match formula::filled(&key.value, inside.values) {
-                        Some(Node::Text(text) | Node::Int(_, text)) => text,
-                        _ => key.value.clone(),
-                    };
-                    let place = inside.place.unwrap_or(key.place);
-                    (At::new(word, place), self.filled(value, inside))
-                });
-                Node::Map(entries.collect())
-            }
-            Node::List(items) => {
-                Node::List(items.iter().map(|item| self.filled(item, inside)).collect())
-            }
-            Node::Text(text) => {
-                formula::filled(text, inside.values).unwrap_or_else(|| tree.node.clone())
-            }
-            other => other.clone(),
-        };
-        Tree { node, place }
     }
 
     /// The plain steps of one without names of rows and arguments.
@@ -812,16 +744,4 @@ fn placed(tree: &Tree, place: Place) -> Tree {
         other => other.clone(),
     };
     Tree { node, place }
-}
-
-/// Whether a name is used somewhere in it.
-pub(super) fn mentions(tree: &Tree, name: &str) -> bool {
-    match &tree.node {
-        Node::Map(entries) => entries
-            .iter()
-            .any(|(key, value)| formula::has(&key.value, name) || mentions(value, name)),
-        Node::List(items) => items.iter().any(|item| mentions(item, name)),
-        Node::Text(text) => formula::has(text, name),
-        _ => false,
-    }
 }

@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use canopen::source::Node;
+use canopen::source::{Decimal, Node};
 use canopen::{Mux, Value};
 
 use super::literal::ObjectRef;
-use super::scale::{Decimal, Scale};
+use super::scale::Scale;
 use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Place, Source, Tree};
 

@@ -1,7 +1,10 @@
 //! Changes as data.
 
+use std::borrow::Cow;
+use std::marker::PhantomData;
+
 use canopen::Mux;
-use schemars::JsonSchema;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::Deserialize;
 
 use super::patch::Patch;
@@ -61,6 +64,19 @@ pub(crate) enum Change {
 }
 
 impl Change {
+    /// The kinds, as they are written.
+    pub(super) const KINDS: [&'static str; 9] = [
+        "frame",
+        "dictionary",
+        "object",
+        "profile",
+        "rule",
+        "settings",
+        "behaviour",
+        "ignores",
+        "eds",
+    ];
+
     /// Whether one of the two may take back what the other changes of the data of the device.
     pub(super) fn collides_with(&self, other: &Self) -> bool {
         match (self, other) {
@@ -113,4 +129,119 @@ pub(crate) struct FrameChange {
     /// At most so many are changed.
     #[serde(default)]
     pub most: Option<u32>,
+}
+
+/// Devices and variants, by their names.
+#[derive(Clone, Debug, Default, Deserialize)]
+#[serde(transparent)]
+pub struct On(Vec<String>);
+
+impl On {
+    /// The names; none stands for the device itself.
+    pub fn names(&self) -> &[String] {
+        &self.0
+    }
+}
+
+/// What is different in an entry as it is written, by its kind.
+#[derive(JsonSchema)]
+#[schemars(rename_all = "kebab-case")]
+#[expect(dead_code, reason = "the schema is made of it")]
+pub(crate) struct WrittenChange {
+    /// Between the device and the wire.
+    frame: Option<FrameChange>,
+    /// In the dictionary, after the data sheet was made.
+    dictionary: Option<Patch>,
+    /// In the dictionary and in the data sheet alike: another device, described as it is.
+    object: Option<Patch>,
+    /// In what the device takes from its profiles, where the catalogue has decided what a document
+    /// leaves open: another device, described as it is.
+    profile: Option<ProfilePatch>,
+    /// In a decision of the stack.
+    rule: Option<String>,
+    /// In what the device is and a data sheet does not state.
+    settings: Option<SettingsPatch>,
+    /// In a decision of the device's application.
+    behaviour: Option<String>,
+    /// In the application, which does not obey the object at this address.
+    ignores: Option<Mux>,
+    /// In the data sheet, while the device is in order.
+    eds: Option<Vec<SheetPatch>>,
+}
+
+/// A text, or a list of them.
+pub(crate) struct OneOrMore;
+
+impl JsonSchema for OneOrMore {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "OneOrMore".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({ "type": ["string", "array"], "items": { "type": "string" } })
+    }
+}
+
+/// A text, a list of them, or a map from each to texts.
+pub(crate) struct OnEach;
+
+impl JsonSchema for OnEach {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "OnEach".into()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let texts = OneOrMore::json_schema(generator);
+        json_schema!({
+            "type": ["string", "array", "object"],
+            "items": { "type": "string" },
+            "additionalProperties": texts
+        })
+    }
+}
+
+/// An entry as it is written: one, of which the first key may be its name, with the sentence; or a
+/// table of several.
+pub(crate) struct Written<T>(PhantomData<T>);
+
+impl<T: JsonSchema> JsonSchema for Written<T> {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        T::schema_name()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let one = generator.subschema_for::<T>();
+        json_schema!({ "anyOf": [one, {
+            "description": "A table: `$column` is the value of the row.",
+            "type": "object",
+            "required": ["for", "rows"],
+            "properties": {
+                "for": {
+                    "description": "The columns.",
+                    "type": "array",
+                    "items": { "type": "string" }
+                },
+                "rows": { "description": "A list of values for each entry.", "type": "array" }
+            }
+        }] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_kind_of_change_is_known() {
+        let schema = schemars::schema_for!(Change).to_value();
+        let kinds = schema["oneOf"].as_array().unwrap().iter();
+        let kinds = kinds.map(|kind| kind["required"][0].as_str().unwrap());
+        assert_eq!(kinds.collect::<Vec<_>>(), Change::KINDS);
+    }
 }

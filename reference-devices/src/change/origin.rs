@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use canopen::source::{Complaint, Outline, Source};
+use canopen::source::{Complaint, Outline, Source, Tree};
 
 use super::data::Misfit;
 
@@ -10,13 +10,16 @@ use super::data::Misfit;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Origin {
     source: Arc<Source>,
+    /// What stands in the file, each entry in full.
+    outline: Arc<Outline>,
     path: Vec<String>,
 }
 
 impl Origin {
-    /// The item of that number, counted from 0, in a list of the file.
-    pub(crate) fn item(source: &Arc<Source>, list: &str, number: usize) -> Self {
-        Self { source: Arc::clone(source), path: vec![list.to_owned(), number.to_string()] }
+    /// The whole file, each entry in full.
+    pub(crate) fn file_of(source: &Arc<Source>, tree: Tree) -> Self {
+        let outline = Arc::new(Outline::from(tree));
+        Self { source: Arc::clone(source), outline, path: Vec::new() }
     }
 
     /// The name of the file.
@@ -27,15 +30,17 @@ impl Origin {
     /// What stands below these keys.
     pub(crate) fn below(&self, keys: &[&str]) -> Self {
         let path = self.path.iter().cloned().chain(keys.iter().map(|&key| key.to_owned()));
-        Self { source: Arc::clone(&self.source), path: path.collect() }
+        Self { path: path.collect(), ..self.clone() }
     }
 
     /// A complaint about what stands here, so many bytes after its start.
     pub(crate) fn complaint(&self, offset: usize, message: impl Into<String>) -> Complaint {
         let path: Vec<&str> = self.path.iter().map(String::as_str).collect();
-        let outline = Outline::of(&self.source);
-        let place = outline.map(|outline| self.source.inside(outline.nearest(&path), offset));
-        Complaint { source: Arc::clone(&self.source), place, message: message.into() }
+        let place = self.outline.nearest(&path);
+        // A text that is filled in stands nowhere: the row is shown.
+        let is_there = self.outline.text(&path).is_some_and(|text| self.source.has(place, text));
+        let place = self.source.inside(place, if is_there { offset } else { 0 });
+        Complaint::at(&self.source, place, message)
     }
 
     /// The complaint about a change that stands here and does not fit its device.

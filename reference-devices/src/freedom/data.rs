@@ -5,7 +5,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::mixture;
-use crate::change::{Change, Deviation, Origin};
+use crate::change::{Change, Deviation, On, OneOrMore, Origin, Written, WrittenChange};
 use crate::devices::WITH_EVERYTHING;
 
 /// A file of freedoms, `freedoms.yaml`.
@@ -13,11 +13,38 @@ use crate::devices::WITH_EVERYTHING;
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct FreedomFile {
     /// The freedoms.
+    #[schemars(with = "Vec<Written<WrittenFreedom>>")]
     pub(super) freedoms: Vec<Freedom>,
 }
 
+/// A freedom as it is written. Without a change, it takes the decision that has its name.
+#[derive(JsonSchema)]
+#[schemars(
+    rename_all = "kebab-case",
+    rename = "Freedom",
+    extend("additionalProperties" = { "description": "The name, and why.", "type": "string" })
+)]
+#[expect(dead_code, reason = "the schema is made of it")]
+struct WrittenFreedom {
+    /// Unique name.
+    name: Option<String>,
+    /// Why a vendor builds a device so, one sentence.
+    why: Option<String>,
+    /// The requirements and interpretations that leave room for it.
+    allowed_by: OneOrMore,
+    /// The devices and variants on which it is tried. Unless given, a freedom of a device is tried
+    /// on that device, and one that any device can use on the generic device.
+    on: Option<OneOrMore>,
+    /// Freedoms that no device can use together with this one.
+    excludes: Option<OneOrMore>,
+    /// What is different.
+    changes: Option<Vec<Written<Change>>>,
+    #[schemars(flatten)]
+    by_kind: WrittenChange,
+}
+
 /// A deviation that a document allows.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Freedom {
     /// Unique name.
@@ -26,8 +53,8 @@ pub struct Freedom {
     pub allowed_by: Vec<String>,
     /// Why a vendor builds a device so, one sentence.
     pub why: String,
-    /// The device or variant on which it is tried, or a list of them. Unless given, a freedom of a
-    /// device is tried on that device, and one that any device can use on the generic device.
+    /// The devices and variants on which it is tried. Unless given, a freedom of a device is tried
+    /// on that device, and one that any device can use on the generic device.
     #[serde(default)]
     pub on: On,
     /// Freedoms that no device can use together with this one.
@@ -41,32 +68,6 @@ pub struct Freedom {
     /// Where it stands.
     #[serde(skip)]
     pub(super) origin: Origin,
-}
-
-/// Devices and variants, one or a list.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
-#[serde(untagged)]
-pub enum On {
-    /// This one.
-    One(String),
-    /// Each of these; none stands for the device itself.
-    Each(Vec<String>),
-}
-
-impl Default for On {
-    fn default() -> Self {
-        Self::Each(Vec::new())
-    }
-}
-
-impl On {
-    /// The names.
-    pub fn names(&self) -> &[String] {
-        match self {
-            Self::One(name) => std::slice::from_ref(name),
-            Self::Each(names) => names,
-        }
-    }
 }
 
 /// The file of the personalities.

@@ -4,18 +4,49 @@ use canopen::source::Complaint;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
-use crate::change::{Change, Deviation, Origin};
+use crate::change::{Change, Deviation, On, OnEach, OneOrMore, Origin, Written, WrittenChange};
 
 /// A file of mutants, `mutants.yaml`.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct MutantFile {
     /// The mutants.
+    #[schemars(with = "Vec<Written<WrittenMutant>>")]
     pub(super) mutants: Vec<Mutant>,
 }
 
+/// A mutant as it is written. Without a change, it takes the decision that has its name.
+#[derive(JsonSchema)]
+#[schemars(
+    rename_all = "kebab-case",
+    rename = "Mutant",
+    extend("additionalProperties" = { "description": "The name, and why.", "type": "string" })
+)]
+#[expect(dead_code, reason = "the schema is made of it")]
+struct WrittenMutant {
+    /// Unique name.
+    name: Option<String>,
+    /// What is wrong with such a device, one sentence.
+    why: Option<String>,
+    /// The requirements it breaks.
+    breaks: Option<OneOrMore>,
+    /// The variants of the device it lives on, where it is proved; the device itself, unless given.
+    /// Of several, each has a mutant of its own; a map has the requirements it breaks there.
+    on: Option<OnEach>,
+    /// The mistake in the source of a firmware that leads to such a device; absent for a device
+    /// that was built otherwise on purpose.
+    #[schemars(rename = "as")]
+    mistake: Option<Mistake>,
+    /// Whether the deviation cannot be seen: it must survive, or the proof itself is broken.
+    canary: Option<bool>,
+    /// The deviation.
+    change: Option<Change>,
+    #[schemars(flatten)]
+    by_kind: WrittenChange,
+}
+
 /// A deviation.
-#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Mutant {
     /// Unique name.
@@ -25,9 +56,9 @@ pub struct Mutant {
     /// The requirements it breaks.
     #[serde(default)]
     pub breaks: Vec<String>,
-    /// The variant of the device it lives on, where it is proved; the device itself, unless given.
+    /// The variants of the device it lives on, where it is proved; the device itself, unless given.
     #[serde(default)]
-    pub on: Option<String>,
+    pub on: On,
     /// The mistake in the source of a firmware that leads to such a device; absent for a device
     /// that was built otherwise on purpose.
     #[serde(default, rename = "as")]

@@ -1,5 +1,8 @@
 use super::*;
-use crate::devices;
+use crate::change::Deviation;
+use crate::devices::{self, ReferenceDevice};
+use crate::freedom::{self, Freedom};
+use crate::mutant::{self, Mutant};
 
 /// A DRR460 without a network.
 struct Fixture {
@@ -363,12 +366,16 @@ const WITHOUT_EFFECT: [u8; 2] = [113, 114];
 const DECIDED_OTHERWISE: [(u8, &str); 2] =
     [(41, "fluid-presets-no-cycle"), (121, "expansion-ignored")];
 
+fn deviations_of_mutants(device: &ReferenceDevice) -> Vec<Deviation> {
+    mutant::of(device).unwrap().iter().map(Mutant::deviation).collect()
+}
+
 /// A mutant is killed by a case, so what it does not obey shows on the bus or on a bench.
 #[test]
 fn each_parameter_has_a_mutant_that_does_not_obey_it() {
     let device = devices::device("drr460").unwrap();
-    let mutants = device.files.mutants.as_ref().unwrap();
-    let is_mutant = |name: &str| mutants.text.contains(&format!("{{ behaviour: {name} }}"));
+    let mutants = deviations_of_mutants(&device);
+    let is_mutant = |name: &str| mutants.iter().any(|one| one.behaviours().any(|own| own == name));
     let all: Vec<_> = rules::names()
         .filter(|name| is_mutant(name))
         .filter_map(rules::named)
@@ -400,13 +407,12 @@ const OF_THE_STACK: [Mux; 1] = [Mux::new(0x67FE, 1)];
 #[test]
 fn each_object_that_can_be_written_has_a_mutant_that_does_not_obey_it() {
     let device = devices::device("drr460").unwrap();
-    let mutants = device.files.mutants.as_ref().unwrap();
+    let mutants = deviations_of_mutants(&device);
     let od = Dictionary::new(&device.description.eds, 1).unwrap();
     let written = od.entries().iter().filter(|entry| entry.mux.index >= 0x4000);
     let written = written.filter(|entry| entry.access.writable()).map(|entry| entry.mux);
     let is_ignored = |mux: &Mux| {
-        let change = format!("change: {{ ignores: \"{mux}\" }}");
-        mutants.text.contains(&change) || OF_THE_STACK.contains(mux)
+        mutants.iter().any(|one| one.ignored().any(|own| own == *mux)) || OF_THE_STACK.contains(mux)
     };
     let hidden: Vec<Mux> = written.filter(|mux| !is_ignored(mux)).collect();
     assert!(hidden.iter().all(|mux| shows_nothing(*mux)), "{hidden:?}");
@@ -415,11 +421,10 @@ fn each_object_that_can_be_written_has_a_mutant_that_does_not_obey_it() {
 #[test]
 fn each_deviation_is_a_mutant_or_a_freedom() {
     let device = devices::device("drr460").unwrap();
-    let files = [&device.files.mutants, &device.files.freedoms].map(|file| file.clone().unwrap());
-    let is_used = |name: &str| {
-        files.iter().any(|file| file.text.contains(&format!("{{ behaviour: {name} }}")))
-            || files.iter().any(|file| file.text.contains(&format!("behaviour: {name}\n")))
-    };
+    let freedoms = freedom::of(&device).unwrap();
+    let mut all = deviations_of_mutants(&device);
+    all.extend(freedoms.iter().map(Freedom::deviation));
+    let is_used = |name: &str| all.iter().any(|one| one.behaviours().any(|own| own == name));
     let unused: Vec<_> = rules::names().filter(|name| !is_used(name)).collect();
     assert!(unused.is_empty(), "{unused:?}");
 }
