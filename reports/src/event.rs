@@ -212,8 +212,10 @@ pub struct Stimulus {
     pub at: Instant,
     /// The name, such as `load-wiring-1`.
     pub name: String,
-    /// The value, such as `broken`.
+    /// The value as the bench takes it, such as `750000`.
     pub value: String,
+    /// The same in words and units, such as `750 mA`.
+    pub says: String,
 }
 
 /// A series of measurements. All numbers are finite.

@@ -164,8 +164,8 @@ impl<'a> Printed<'a> {
             Some((_, Ok(Event::Step(Begun { at, text, .. })))) => {
                 say(&format!("{:>STAMP$}  --  {}\n", at.to_string(), self.names.in_text(&text)));
             }
-            Some((_, Ok(Event::Stimulus(Stimulus { at, name, value })))) => {
-                say(&format!("{:>STAMP$}  --  bench: {name} = {value}\n", at.to_string()));
+            Some((_, Ok(Event::Stimulus(Stimulus { at, name, says, .. })))) => {
+                say(&format!("{:>STAMP$}  --  bench: {name} = {says}\n", at.to_string()));
             }
             Some((_, Ok(_))) => {}
         }

@@ -44,7 +44,12 @@ impl BenchSnapshot {
             }
         }
         link.look_from_now()?;
-        let stimulus = Stimulus { at: link.mark(), name: name.to_owned(), value: shown };
+        let stimulus = Stimulus {
+            at: link.mark(),
+            name: name.to_owned(),
+            value: value.to_string(),
+            says: shown,
+        };
         link.emit(Event::Stimulus(stimulus));
         bench(link)?.set(name, value).map_err(failed)?;
         link.moved();

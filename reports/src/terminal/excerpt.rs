@@ -149,7 +149,7 @@ fn done(case: &CaseRun, from: Instant, until: Instant) -> Vec<(Instant, Done<'_>
     words.drain(..words.len().saturating_sub(WORDS));
     let stimuli = case.stimuli.iter().filter(|stimulus| stimulus.at < until);
     let stimuli =
-        stimuli.map(|stimulus| (stimulus.at, Done::Bench(&stimulus.name, &stimulus.value)));
+        stimuli.map(|stimulus| (stimulus.at, Done::Bench(&stimulus.name, &stimulus.says)));
     // The step after a stimulus begins at the same instant.
     let mut words: Vec<_> = stimuli.chain(words).collect();
     words.sort_by_key(|(at, _)| *at);
