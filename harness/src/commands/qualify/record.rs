@@ -25,7 +25,10 @@ pub(super) fn write(
         let device = clean.name();
         for trial in clean.each_instance()? {
             let (name, verdict, frames) = (&trial.name, trial.verdict, trial.frames);
-            lines.push(format!("instance\t{device}\t{name}\t{verdict}\t{frames:016x}"));
+            let timing = trial.timing;
+            lines.push(format!(
+                "instance\t{device}\t{name}\t{verdict}\t{frames:016x}\t{timing:016x}"
+            ));
         }
     }
     for matrix in matrices {
