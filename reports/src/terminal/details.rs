@@ -171,11 +171,11 @@ impl Block<'_> {
         let heading = match (case.frames, excerpt.frames) {
             (0, _) => "none".to_owned(),
             (all, 0) => format!("{all}, not kept"),
-            (all, some) if all == some => format!("{all}, seconds since the case began"),
+            (all, some) if all == some => format!("{all}, in seconds since the case began"),
             (all, some) if before => {
-                format!("{some} of {all}, the last before that, seconds since the case began")
+                format!("{some} of {all}, up to the failure, in seconds since the case began")
             }
-            (all, some) => format!("{some} of {all}, the last, seconds since the case began"),
+            (all, some) => format!("{some} of {all}, in seconds since the case began"),
         };
         self.field("frames", &heading);
         let place = |line: &Line| match line {
