@@ -308,6 +308,10 @@ pub struct CheckArgs {
     /// Suite files to check together with the register, or folders of devices to check with all
     /// suites; all suites with all reference devices when absent
     pub files: Vec<PathBuf>,
+    /// Write your suites in the second edition of the notation, in place, where they still say the
+    /// same: those that are named by --suites, --only-suites or as files, else those of ./suites
+    #[arg(long)]
+    pub rewrite: bool,
     /// Which suites.
     #[command(flatten)]
     pub folders: Folders,
@@ -540,6 +544,10 @@ pub struct SchemaArgs {
 pub enum SchemaName {
     /// Suite files
     Suite,
+    /// Files `words.yaml`, which hold the words of suites
+    Words,
+    /// Files `steps.yaml`, which hold the named steps of suites
+    Steps,
     /// Files of the requirement register
     Requirements,
     /// Files `device.yaml`, which describe a device

@@ -10,6 +10,7 @@ mod init;
 mod list;
 mod qualify;
 mod restore;
+mod rewrite;
 mod run;
 mod scan;
 mod schema;

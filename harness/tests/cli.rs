@@ -5,8 +5,10 @@
 //! | `args` | the arguments, one per line |
 //! | `exit` | the exit code |
 //! | `stdout`, `stderr` | what is printed; nothing where the file is absent |
+//! | `after` | a folder of files as the program leaves them |
 //!
-//! The program runs in the folder, whose other files are there for it. In what is printed, `{..}`
+//! The program runs in the folder, whose other files are there for it, or in a copy of it if it is
+//! to change them. In what is printed, `{..}`
 //! stands for any part of a line and a line `{...}` for any number of lines. `WRITE_CLI_TESTS=1`
 //! writes what was printed over what did not match; put the wildcards back and review it.
 
@@ -52,6 +54,8 @@ fn an_absent_interface_is_refused_with_what_helps() {
 fn the_committed_schemas_are_those_of_the_program() {
     for (name, file) in [
         ("suite", "suites/suite"),
+        ("words", "suites/words"),
+        ("steps", "suites/steps"),
         ("requirements", "suites/requirements"),
         ("device", "reference-devices/device"),
         ("variant", "reference-devices/variant"),
@@ -454,7 +458,10 @@ fn find(folder: &Path, found: &mut Vec<PathBuf>) {
 /// What differs from what the folder says.
 fn wrong(folder: &Path) -> Option<String> {
     let args = read(folder, "args");
-    let output = harness().current_dir(folder).args(args.lines()).output().unwrap();
+    let after = folder.join("after");
+    let copy = after.is_dir().then(|| copied(folder));
+    let at = copy.as_ref().map_or(folder, |copy| copy.path());
+    let output = harness().current_dir(at).args(args.lines()).output().unwrap();
     let printed = [
         ("stdout", text(&output.stdout).to_owned()),
         ("stderr", text(&output.stderr).to_owned()),
@@ -471,14 +478,45 @@ fn wrong(folder: &Path) -> Option<String> {
         }
         wrong.push_str(&format!("--- expected {name}\n{expected}+++ got {name}\n{got}"));
     }
+    for file in files(&after) {
+        let name = file.strip_prefix(&after).unwrap();
+        let (expected, got) = (read(&after, name), read(at, name));
+        if expected != got {
+            if std::env::var_os("WRITE_CLI_TESTS").is_some() {
+                fs::write(&file, &got).unwrap();
+            }
+            let name = name.display();
+            wrong.push_str(&format!("--- expected {name}\n{expected}+++ got {name}\n{got}"));
+        }
+    }
     (!wrong.is_empty()).then(|| format!("=== {}\n{wrong}", folder.display()))
+}
+
+fn copied(folder: &Path) -> tempfile::TempDir {
+    let copy = tempfile::tempdir().unwrap();
+    for file in files(folder) {
+        let to = copy.path().join(file.strip_prefix(folder).unwrap());
+        fs::create_dir_all(to.parent().unwrap()).unwrap();
+        fs::copy(file, to).unwrap();
+    }
+    copy
+}
+
+/// The files below a folder; none where it is absent.
+fn files(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten();
+    let below = entries.flat_map(|entry| {
+        let path = entry.unwrap().path();
+        if path.is_dir() { files(&path) } else { vec![path] }
+    });
+    below.collect()
 }
 
 fn exit_code(output: &Output) -> String {
     output.status.code().map_or_else(|| output.status.to_string(), |code| code.to_string())
 }
 
-fn read(folder: &Path, name: &str) -> String {
+fn read(folder: &Path, name: impl AsRef<Path>) -> String {
     // Absent is empty.
     fs::read_to_string(folder.join(name)).unwrap_or_default()
 }

@@ -68,8 +68,9 @@ impl Table {
                 }
             };
             if cells.len() != columns.len() {
-                let (wanted, given) = (columns.len(), cells.len());
-                let message = format!("the table has {wanted} columns, this row {given} values");
+                let wanted = counted(columns.len(), "column");
+                let given = counted(cells.len(), "value");
+                let message = format!("the table has {wanted}, and this row has {given}");
                 complain(row.place, message);
                 continue;
             }
@@ -96,6 +97,10 @@ impl Table {
         content.texts(&mut look);
         strangers
     }
+}
+
+fn counted(count: usize, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 /// Where something stands after names in it became values.
@@ -225,7 +230,7 @@ mod tests {
             (
                 "content: $a\nfor: [a]\nrows: [1, [2, 3]]\n",
                 (3, 11),
-                "the table has 1 columns, this row 2 values",
+                "the table has 1 column, and this row has 2 values",
             ),
             (
                 "content: $a\nfor: [a]\n",

@@ -1,5 +1,6 @@
 //! `harness check`: load and lint everything, touch no bus.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -8,14 +9,15 @@ use reference_devices::freedom::{self, Freedom};
 use reference_devices::mutant::{self, Mutant};
 
 use super::counted::counted;
+use super::rewrite;
 use super::run::plan_all;
 use crate::cli::{CheckArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::files::read_source;
 use crate::nearest::did_you_mean;
 use crate::reporter::say;
-use crate::source::Complaint;
-use crate::suite::{Folders, Library, Register};
+use crate::source::{Complaint, Source};
+use crate::suite::{self, Folders, Library, Register};
 use crate::target;
 
 /// Checks what the arguments name: suites for every reference device, or devices against all
@@ -24,6 +26,9 @@ use crate::target;
 /// # Errors
 /// Everything that is wrong.
 pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
+    if args.rewrite {
+        return rewrite::run(args);
+    }
     let (devices, files): (Vec<_>, Vec<_>) =
         args.files.iter().cloned().partition(|path| target::holds_device(path));
     let library = match files.as_slice() {
@@ -149,9 +154,16 @@ fn sound_freedoms(
 /// Only these suites, with the whole register.
 fn with_register(folders: &Folders, files: &[PathBuf]) -> Result<Library, Refused> {
     let mut sources = Library::register_sources(folders)?;
-    for path in files {
-        let source = read_source(path).map_err(|complaint| Refused::from(vec![complaint]))?;
-        sources.push(source);
-    }
-    Ok(Library::from_sources(&sources, &folders.catalogue.load()?)?)
+    sources.append(&mut with_vocabulary(files)?);
+    Ok(Library::from_part(&sources, &folders.catalogue.load()?)?)
+}
+
+/// These suites, and the words and named steps that they may use.
+///
+/// # Errors
+/// When a file cannot be read.
+pub(super) fn with_vocabulary(files: &[PathBuf]) -> Result<Vec<Arc<Source>>, Complaint> {
+    let beside = files.iter().flat_map(|file| suite::beside(file));
+    let files: BTreeSet<PathBuf> = files.iter().cloned().chain(beside).collect();
+    files.iter().map(|path| read_source(path)).collect()
 }

@@ -1,10 +1,11 @@
 //! Named steps: the files `steps.yaml` of the folders, and what a suite has under `define`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use canopen::source::Node;
 
+use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Place, Source, Tree};
 
 /// Steps that have a name.
@@ -32,7 +33,11 @@ pub(super) struct Taken {
 
 /// Named steps.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Definitions(BTreeMap<String, Arc<Definition>>);
+pub(super) struct Definitions {
+    known: BTreeMap<String, Arc<Definition>>,
+    /// Those that something is wrong with, which is said where they stand.
+    wrong: BTreeSet<String>,
+}
 
 impl Definitions {
     /// Adds the named steps of a file, which go before those that are known.
@@ -44,7 +49,10 @@ impl Definitions {
         }
         for (name, content) in tree.entries() {
             match definition(name, content) {
-                Err((place, message)) => complaints.push(Complaint::at(source, place, message)),
+                Err((place, message)) => {
+                    complaints.push(Complaint::at(source, place, message));
+                    self.wrong.insert(name.value.clone());
+                }
                 Ok(definition) => {
                     for Taken { name, .. } in &definition.takes {
                         if !definition.steps.iter().any(|step| step.mentions(&name.value)) {
@@ -52,7 +60,7 @@ impl Definitions {
                             complaints.push(Complaint::at(source, name.place, message));
                         }
                     }
-                    self.0.insert(name.value.clone(), Arc::new(definition));
+                    self.known.insert(name.value.clone(), Arc::new(definition));
                 }
             }
         }
@@ -61,22 +69,45 @@ impl Definitions {
 
     /// Adds others, which go before those that are known.
     pub(super) fn extend(&mut self, others: &Self) {
-        let others = others.0.iter().map(|(name, steps)| (name.clone(), Arc::clone(steps)));
-        self.0.extend(others);
+        let known = others.known.iter().map(|(name, steps)| (name.clone(), Arc::clone(steps)));
+        self.known.extend(known);
+        self.wrong.extend(others.wrong.iter().cloned());
+    }
+
+    /// Whether steps of that name are defined, and something is wrong with the definition.
+    pub(super) fn has_wrong(&self, name: &str) -> bool {
+        self.wrong.contains(name)
     }
 
     /// The steps of that name.
     pub(super) fn get(&self, name: &str) -> Option<&Definition> {
-        self.0.get(name).map(AsRef::as_ref)
+        self.known.get(name).map(AsRef::as_ref)
     }
 
     /// All of them by their names.
     pub(super) fn iter(&self) -> impl Iterator<Item = (&str, &Definition)> {
-        self.0.iter().map(|(name, definition)| (name.as_str(), definition.as_ref()))
+        self.known.iter().map(|(name, definition)| (name.as_str(), definition.as_ref()))
+    }
+}
+
+/// The keys of named steps.
+pub(super) const KEYS: [&str; 3] = ["says", "takes", "steps"];
+
+/// What is meant instead of a key that is not known, or else all that are.
+pub(super) fn unknown_key(key: &str, known: &[&str]) -> String {
+    let meant = did_you_mean(key, known.iter().copied());
+    match meant.is_empty() {
+        true => format!("unknown key `{key}`: there is {}", known.join(", ")),
+        false => format!("unknown key `{key}`{meant}"),
     }
 }
 
 fn definition(name: &At<String>, content: &Tree) -> Result<Definition, (Place, String)> {
+    for (key, _) in content.entries() {
+        if !KEYS.contains(&key.value.as_str()) {
+            return Err((key.place, unknown_key(&key.value, &KEYS)));
+        }
+    }
     let says = content.get("says").and_then(Tree::text);
     let says = says.ok_or_else(|| (name.place, format!("`{}` has no `says`", name.value)))?;
     let takes = match content.get("takes").map(|takes| (&takes.node, takes.place)) {
@@ -89,12 +120,6 @@ fn definition(name: &At<String>, content: &Tree) -> Result<Definition, (Place, S
         Some((_, place)) => return Err((place, "a list of steps belongs here".to_owned())),
         None => return Err((name.place, format!("`{}` has no `steps`", name.value))),
     };
-    for (key, _) in content.entries() {
-        if !["says", "takes", "steps"].contains(&key.value.as_str()) {
-            let message = format!("unknown key `{}`: there is says, takes, steps", key.value);
-            return Err((key.place, message));
-        }
-    }
     Ok(Definition { says: says.to_owned(), takes, steps, place: name.place })
 }
 

@@ -9,8 +9,9 @@ use std::sync::Arc;
 use canopen::Mux;
 use canopen::source::{Decimal, Node, Stand, Table, Values};
 
-use super::definition::{Definition, Definitions, Taken};
+use super::definition::{Definition, Definitions, Taken, unknown_key};
 use super::formula;
+use super::literal::Amount;
 use super::scale::Scale;
 use super::vocabulary::Vocabulary;
 use super::words::{Counted, Words};
@@ -84,7 +85,7 @@ impl Inside<'_> {
 const MOST_DEPTH: usize = 2;
 
 /// Steps that name objects, and what their other keys are.
-const OF_OBJECTS: [(&str, &str, &[&str], &[&str]); 4] = [
+pub(super) const OF_OBJECTS: [(&str, &str, &[&str], &[&str]); 4] = [
     (
         "write",
         "object",
@@ -102,19 +103,22 @@ const OF_OBJECTS: [(&str, &str, &[&str], &[&str]); 4] = [
 ];
 
 /// Steps about frames, and the keys under which frames stand.
-const OF_FRAMES: [&str; 8] =
+pub(super) const OF_FRAMES: [&str; 8] =
     ["send", "reply", "ask", "expect", "never", "collect", "measure", "produce"];
-const FRAMES: [&str; 5] = ["send", "reply", "frame", "lenient", "or-else"];
-const BOUNDS: [&str; 4] = ["interval", "mean", "median", "latency"];
+pub(super) const FRAMES: [&str; 5] = ["send", "reply", "frame", "lenient", "or-else"];
+pub(super) const BOUNDS: [&str; 4] = ["interval", "mean", "median", "latency"];
+
+/// The keys of a table of steps.
+pub(super) const TABLE: [&str; 3] = ["for", "rows", "steps"];
 
 /// The key of a suite for what its cases have in common.
-const EVERY_CASE: &str = "every-case";
+pub(super) const EVERY_CASE: &str = "every-case";
 
 /// What is common to cases that do not say it themselves.
-const INSTEAD: [&str; 4] = ["state", "each", "for", "rows"];
+pub(super) const INSTEAD: [&str; 4] = ["state", "each", "for", "rows"];
 
 /// What is common to all cases, whatever a case adds. Its steps are inside of the common ones.
-const JOINED: [&str; 5] = ["tolerates", "requires", "relies-on", "setup", "finally"];
+pub(super) const JOINED: [&str; 5] = ["tolerates", "requires", "relies-on", "setup", "finally"];
 
 impl Expander<'_> {
     fn suite(&self, tree: &mut Tree) {
@@ -145,12 +149,16 @@ impl Expander<'_> {
         let known = || INSTEAD.iter().chain(&JOINED).copied();
         for (key, _) in common.entries() {
             if !known().any(|known| known == key.value) {
+                let meant = did_you_mean(&key.value, known());
                 let known: Vec<&str> = known().collect();
-                let message = format!(
-                    "`{}` belongs to a case: every case may have {}",
-                    key.value,
-                    known.join(", ")
-                );
+                let message = match meant.is_empty() {
+                    true => format!(
+                        "`{}` belongs to a case: every case may have {}",
+                        key.value,
+                        known.join(", ")
+                    ),
+                    false => format!("unknown key `{}`{meant}", key.value),
+                };
                 self.complain(key.place, message);
             }
         }
@@ -245,8 +253,8 @@ impl Expander<'_> {
     /// Steps for each row of a table.
     fn rows(&self, written: &Tree, inside: Inside<'_>) -> Vec<Tree> {
         for (key, _) in written.entries() {
-            if !["for", "rows", "steps"].contains(&key.value.as_str()) {
-                self.complain(key.place, format!("unknown key `{}` of a table", key.value));
+            if !TABLE.contains(&key.value.as_str()) {
+                self.complain(key.place, unknown_key(&key.value, &TABLE));
             }
         }
         let Some(Node::List(steps)) = written.get("steps").map(|steps| &steps.node) else {
@@ -277,6 +285,7 @@ impl Expander<'_> {
             Node::Map(entries) if entries.len() == 1 => match &entries[0].1.node {
                 Node::Map(given) => (entries[0].0.value.as_str(), given),
                 _ => {
+                    self.used.borrow_mut().insert(entries[0].0.value.clone());
                     let message = "arguments belong here: `{ name: value }`";
                     self.complain(entries[0].1.place, message);
                     return none;
@@ -288,6 +297,9 @@ impl Expander<'_> {
                 return none;
             }
         };
+        if self.own.has_wrong(name) || self.shared.has_wrong(name) {
+            return none;
+        }
         let Some((definition, own)) = self.definition(name) else {
             let known = self.own.iter().chain(self.shared.iter());
             let meant = did_you_mean(name, known.map(|(name, _)| name));
@@ -301,7 +313,7 @@ impl Expander<'_> {
             self.complain(used.place, message);
             return none;
         }
-        let mut values = Values::new();
+        let (mut values, mut all_known) = (Values::new(), true);
         for (argument, value) in given {
             if definition.takes.iter().any(|known| known.name.value == argument.value) {
                 let value = value.filled(inside.values, inside.stand());
@@ -311,6 +323,7 @@ impl Expander<'_> {
                 let meant = did_you_mean(&argument.value, known);
                 let message = format!("`{name}` takes no `{}`{meant}", argument.value);
                 self.complain(argument.place, message);
+                all_known = false;
             }
         }
         for Taken { name, default } in &definition.takes {
@@ -321,8 +334,11 @@ impl Expander<'_> {
         let names = definition.takes.iter().map(|known| known.name.value.as_str());
         let missing: Vec<&str> = names.filter(|name| !values.contains_key(*name)).collect();
         if !missing.is_empty() {
-            let message = format!("`{name}` also takes {}", missing.join(", "));
-            self.complain(used.place, message);
+            // One that is not known is often the one that is missing.
+            if all_known {
+                let message = format!("`{name}` also takes {}", missing.join(", "));
+                self.complain(used.place, message);
+            }
             return none;
         }
         // The lines of another file are not those of this one.
@@ -363,8 +379,11 @@ impl Expander<'_> {
         };
         if content.get(object).is_some() {
             let mut content = content;
-            self.of_object(&mut content);
+            self.of_object(&mut content, true);
             return vec![step(content, place)];
+        }
+        if self.mistyped(entries, &[&[*object], *shared, *single].concat()) {
+            return Vec::new();
         }
         let is_option = |key: &str| shared.contains(&key) || single.contains(&key);
         let (options, objects): (Vec<_>, Vec<_>) =
@@ -391,10 +410,30 @@ impl Expander<'_> {
             }
             parts.extend(options.iter().map(|(key, value)| (key.clone(), value.clone())));
             let mut content = Tree { node: Node::Map(parts), place: word.place };
-            self.of_object(&mut content);
+            self.of_object(&mut content, false);
             step(content, word.place)
         });
         each.collect()
+    }
+
+    /// Whether what stands in place of an object is a key of the step that is not well written.
+    fn mistyped(&self, entries: &[(At<String>, Tree)], keys: &[&str]) -> bool {
+        let mut any = false;
+        for (key, _) in entries {
+            let word = key.value.as_str();
+            let is_object = keys.contains(&word)
+                || word.starts_with('$')
+                || word.parse::<Mux>().is_ok()
+                || self.words.object(word).is_ok()
+                || self.words.record(word).is_some();
+            let is_slip = |known: &&&str| canopen::nearest::is_slip(word, known);
+            if let (false, Some(meant)) = (is_object, keys.iter().find(is_slip)) {
+                let message = format!("unknown key `{word}`; did you mean `{meant}`?");
+                self.complain(key.place, message);
+                any = true;
+            }
+        }
+        any
     }
 
     /// The objects of a record, each with its value of the list, without those whose value is `~`;
@@ -474,7 +513,7 @@ impl Expander<'_> {
                     part("max", high);
                     None
                 }
-                None => Some("write `6 +/- 1`, with numbers"),
+                None => Some("write `6 +/- 1`, with numbers in the unit of the object, if it has one"),
             },
             Some(_) => match around(scale, &center.node, &spread) {
                 Some(around) => {
@@ -498,10 +537,12 @@ impl Expander<'_> {
         on_bench.or_else(|| self.words.counted(&word.value).scale)
     }
 
-    /// Address, values and refusals of a step on one object.
-    fn of_object(&self, content: &mut Tree) {
+    /// Address, values and refusals of a step on one object. In a step that is written the long
+    /// way, without a word for its object, numbers are counts: suites that are older than words say
+    /// the same with them.
+    fn of_object(&self, content: &mut Tree, is_long: bool) {
         let Node::Map(entries) = &mut content.node else { return };
-        let mut counted = Counted::default();
+        let (mut counted, mut counts) = (Counted::default(), false);
         let bench = entries.iter().find(|(key, _)| key.value == "bench");
         if let Some(name) = bench.and_then(|(_, name)| name.text()).map(str::to_owned) {
             let judged = entries
@@ -511,15 +552,20 @@ impl Expander<'_> {
             return;
         }
         for (_, object) in entries.iter_mut().filter(|(key, _)| key.value == "object") {
+            counts = is_long && object.text().is_some_and(|text| self.words.object(text).is_err());
             counted = object.text().map_or(counted, |text| self.words.counted(text));
             self.address(object);
         }
+        let meant = |value: &mut Tree| match value.node {
+            Node::Int(..) | Node::Real(..) if counts => {}
+            _ => self.meant(counted, value),
+        };
         for (key, value) in entries {
             match key.value.as_str() {
-                "value" | "min" | "max" | "mask" => self.meant(counted, value),
+                "value" | "min" | "max" | "mask" => meant(value),
                 "tolerated" => {
                     if let Node::List(values) = &mut value.node {
-                        values.iter_mut().for_each(|value| self.meant(counted, value));
+                        values.iter_mut().for_each(meant);
                     }
                 }
                 "refused" | "or-refused" | "lenient" => self.refusal(value),
@@ -601,7 +647,14 @@ impl Expander<'_> {
             }
             return;
         }
-        let Some(table) = table else { return };
+        let Some(table) = table else {
+            // A time is a value of an object that counts times.
+            if let (Some(scale), Err(_)) = (scale, text.parse::<Amount>()) {
+                let message = format!("`{text}` is no value here: one count is {}", scale.one());
+                self.complain(value.place, message);
+            }
+            return;
+        };
         let parts: Option<Vec<i128>> =
             text.split(" + ").map(|word| table.get(word).copied()).collect();
         match parts {

@@ -1,6 +1,6 @@
 //! Which suite and register files are read: those of folders, or the copy in this program.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -66,6 +66,25 @@ impl Folders {
         let only = self.only.iter().map(|folder| format!(" --only-suites {}", folder.display()));
         let more = self.more.iter().map(|folder| format!(" --suites {}", folder.display()));
         only.chain(more).chain([self.catalogue.option()]).collect()
+    }
+
+    /// The files by name, and which of them are the user's: those of the folders that are named, or
+    /// else of `suites/` here, unless they are those in this program.
+    ///
+    /// # Errors
+    /// Every complaint about the folders.
+    pub(crate) fn with_own(&self) -> Result<(Vec<Arc<Source>>, BTreeSet<String>), Vec<Complaint>> {
+        let sources = self.sources()?;
+        let named: Vec<String> =
+            self.only.iter().chain(&self.more).map(|folder| shown(folder)).collect();
+        let embedded: BTreeMap<String, String> =
+            embedded().into_iter().map(|source| (source.name, source.text)).collect();
+        let is_own = |source: &&Arc<Source>| match named.as_slice() {
+            [] => embedded.get(&source.name) != Some(&source.text),
+            named => named.iter().any(|folder| Path::new(&source.name).starts_with(folder)),
+        };
+        let own = sources.iter().filter(is_own).map(|source| source.name.clone()).collect();
+        Ok((sources, own))
     }
 
     /// The files by name. Unless there are `only` folders, those of `suites/` here are read, or

@@ -59,6 +59,25 @@ impl Library {
         sources: &[Arc<Source>],
         catalogue: &Arc<Catalogue>,
     ) -> Result<Self, Vec<Complaint>> {
+        Self::of_sources(sources, catalogue, false)
+    }
+
+    /// The same of some suites of folders, whose other suites may use the rest of their named steps.
+    ///
+    /// # Errors
+    /// As [`from_sources`](Self::from_sources).
+    pub(crate) fn from_part(
+        sources: &[Arc<Source>],
+        catalogue: &Arc<Catalogue>,
+    ) -> Result<Self, Vec<Complaint>> {
+        Self::of_sources(sources, catalogue, true)
+    }
+
+    fn of_sources(
+        sources: &[Arc<Source>],
+        catalogue: &Arc<Catalogue>,
+        is_part: bool,
+    ) -> Result<Self, Vec<Complaint>> {
         let (maps, sources): (Vec<_>, Vec<_>) = sources.iter().cloned().partition(is_test_map);
         let (registers, suites): (Vec<_>, Vec<_>) = sources.into_iter().partition(is_register);
         let mut complaints = Vec::new();
@@ -74,7 +93,7 @@ impl Library {
             Register::default()
         });
         let register_is_whole = complaints.is_empty();
-        let rest = Rest { test_map, complaints, register_is_whole };
+        let rest = Rest { test_map, complaints, register_is_whole, is_part };
         Self::with(Arc::new(register), rest, suites, catalogue)
     }
 
@@ -88,7 +107,7 @@ impl Library {
         catalogue: &Arc<Catalogue>,
     ) -> Result<Self, Vec<Complaint>> {
         let (test_map, complaints) = (Vec::new(), Vec::new());
-        let rest = Rest { test_map, complaints, register_is_whole: true };
+        let rest = Rest { test_map, complaints, register_is_whole: true, is_part: false };
         Self::with(register, rest, suites, catalogue)
     }
 
@@ -125,7 +144,7 @@ impl Library {
         suites: Vec<Arc<Source>>,
         catalogue: &Arc<Catalogue>,
     ) -> Result<Self, Vec<Complaint>> {
-        let Rest { test_map, mut complaints, register_is_whole } = rest;
+        let Rest { test_map, mut complaints, register_is_whole, is_part } = rest;
         let mut loaded = Vec::new();
         let (trees, wrong) = trees(suites);
         let mut suites_are_whole = wrong.is_empty();
@@ -157,7 +176,7 @@ impl Library {
                 }
             }
         }
-        if suites_are_whole {
+        if suites_are_whole && !is_part {
             complaints.extend(vocabularies.unused(&used));
         }
         complaints.extend(reused_ids(&loaded));
@@ -183,7 +202,7 @@ impl Library {
 }
 
 /// The files as trees, and what is wrong with those that are no YAML.
-fn trees(sources: Vec<Arc<Source>>) -> (Files, Vec<Complaint>) {
+pub(super) fn trees(sources: Vec<Arc<Source>>) -> (Files, Vec<Complaint>) {
     let read = parallel::map(sources, processors(), |source| (Tree::of(&source), source));
     let (mut trees, mut wrong) = (Vec::new(), Vec::new());
     for (tree, source) in read {
@@ -200,14 +219,16 @@ struct Rest {
     test_map: Vec<(Arc<Source>, Vec<At<TestMapEntry>>)>,
     complaints: Vec<Complaint>,
     register_is_whole: bool,
+    /// Not all suites are read that may use named steps.
+    is_part: bool,
 }
 
-fn is_register(source: &Arc<Source>) -> bool {
+pub(super) fn is_register(source: &Arc<Source>) -> bool {
     source.name.contains("requirements/") && !is_test_map(source)
 }
 
 /// The list of checks that the conformance test of CiA makes, and what makes them here.
-fn is_test_map(source: &Arc<Source>) -> bool {
+pub(super) fn is_test_map(source: &Arc<Source>) -> bool {
     source.name.ends_with("requirements/cia-test-map.yaml")
 }
 

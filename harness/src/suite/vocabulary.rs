@@ -2,6 +2,7 @@
 //! `steps.yaml`, those of the folders above included.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
 use super::definition::Definitions;
@@ -103,6 +104,15 @@ impl Vocabularies {
         });
         complaints.collect()
     }
+}
+
+/// The files of words and named steps that a suite may use: in its folder and in those above.
+pub(crate) fn beside(suite: &Path) -> Vec<PathBuf> {
+    let leads_up = suite.components().any(|part| part == Component::ParentDir);
+    let folders = suite.ancestors().skip(1);
+    let folders = folders.filter(|folder| !(leads_up && folder.as_os_str().is_empty()));
+    let files = folders.flat_map(|folder| [WORDS, STEPS].map(|file| folder.join(file)));
+    files.filter(|file| file.is_file()).collect()
 }
 
 /// The folder of a path; that of a name alone is empty.

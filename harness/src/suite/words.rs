@@ -7,7 +7,9 @@ use std::sync::Arc;
 use canopen::source::{Decimal, Node};
 use canopen::{Mux, Value};
 
+use super::definition::unknown_key;
 use super::literal::ObjectRef;
+use super::same::same_numbers;
 use super::scale::Scale;
 use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Place, Source, Tree};
@@ -56,6 +58,13 @@ pub(super) struct Counted<'w> {
     pub table: Option<&'w Enumeration>,
     /// What a count is worth.
     pub scale: Option<&'w Scale>,
+}
+
+impl<'w> Counted<'w> {
+    /// The word for a value; `None` when several words stand for it.
+    pub(super) fn word(self, value: i128) -> Option<&'w str> {
+        only(self.table?.iter().filter(|(_, known)| **known == value).map(|(word, _)| word))
+    }
 }
 
 /// A table of the document: words and the values that they stand for.
@@ -141,6 +150,24 @@ impl Words {
         })
     }
 
+    /// The word for an object.
+    pub(super) fn word(&self, mux: Mux) -> Option<&str> {
+        let word = self.name(mux)?;
+        // A folder below may have given the word to another one.
+        (self.objects.get(word) == Some(&mux)).then_some(word)
+    }
+
+    /// The word for these abort codes; `None` when several words stand for them.
+    pub(super) fn refusal_word(&self, codes: &Tree) -> Option<&str> {
+        let known = self.refusals.iter().filter(|(_, known)| same_numbers(known, codes));
+        only(known.map(|(word, _)| word))
+    }
+
+    /// The word for a frame; `None` when several words stand for it.
+    pub(super) fn frame_word(&self, frame: &str) -> Option<&str> {
+        only(self.frames.iter().filter(|(_, known)| *known == frame).map(|(word, _)| word))
+    }
+
     /// What the object is called.
     pub fn name(&self, mux: Mux) -> Option<&str> {
         self.names.get(&mux).map(String::as_str)
@@ -166,7 +193,11 @@ fn word(table: &Enumeration, value: i128) -> Option<String> {
 }
 
 /// The parts of a file.
-const PARTS: [&str; 6] = ["values", "objects", "records", "refusals", "frames", "bench"];
+pub(super) const PARTS: [&str; 6] = ["values", "objects", "records", "refusals", "frames", "bench"];
+
+/// What a file says of an object, and of a name of the bench.
+pub(super) const OF_OBJECT: [&str; 4] = ["at", "means", "scale", "unit"];
+pub(super) const OF_BENCH: [&str; 3] = ["means", "scale", "unit"];
 
 struct Reader<'w> {
     source: &'w Arc<Source>,
@@ -191,8 +222,7 @@ impl Reader<'_> {
         }
         for (key, _) in self.entries(Some(tree)) {
             if !PARTS.contains(&key.value.as_str()) {
-                let message = format!("unknown key `{}`: there is {}", key.value, PARTS.join(", "));
-                self.complain(key.place, message);
+                self.complain(key.place, unknown_key(&key.value, &PARTS));
             }
         }
     }
@@ -234,9 +264,8 @@ impl Reader<'_> {
 
     fn bench(&mut self, word: &At<String>, tree: &Tree) {
         for (key, _) in tree.entries() {
-            if !["means", "scale", "unit"].contains(&key.value.as_str()) {
-                let message = format!("unknown key `{}`: there is means, scale, unit", key.value);
-                self.complain(key.place, message);
+            if !OF_BENCH.contains(&key.value.as_str()) {
+                self.complain(key.place, unknown_key(&key.value, &OF_BENCH));
             }
         }
         let facts = self.facts(tree);
@@ -287,10 +316,8 @@ impl Reader<'_> {
             _ => Some(tree),
         };
         for (key, _) in tree.entries() {
-            if !["at", "means", "scale", "unit"].contains(&key.value.as_str()) {
-                let message =
-                    format!("unknown key `{}`: there is at, means, scale, unit", key.value);
-                self.complain(key.place, message);
+            if !OF_OBJECT.contains(&key.value.as_str()) {
+                self.complain(key.place, unknown_key(&key.value, &OF_OBJECT));
             }
         }
         let facts = self.facts(tree);
@@ -362,6 +389,12 @@ impl Reader<'_> {
     fn complain(&mut self, place: Place, message: impl Into<String>) {
         self.complaints.push(Complaint::at(self.source, place, message));
     }
+}
+
+/// The only word; `None` when there are several.
+fn only<'w>(mut words: impl Iterator<Item = &'w String>) -> Option<&'w str> {
+    let word = words.next()?;
+    words.next().is_none().then_some(word)
 }
 
 /// The words of a family with their addresses: each counter of the word has its counter in the

@@ -362,7 +362,7 @@ mod tests {
             (
                 "- a-$n: W\n  for: [n]\n  rows: [[1, 2]]",
                 (4, 10),
-                "the table has 1 columns, this row 2 values",
+                "the table has 1 column, and this row has 2 values",
             ),
             ("- a: W\n  for: [n]\n  rows: [1]", (3, 9), "nothing uses $n"),
             ("- a-$n: W $m\n  for: [n]\n  rows: [1]", (2, 11), "no column is called $m"),
