@@ -4,8 +4,8 @@ use canopen::catalogue::CatalogueFile;
 use reference_devices::describe::{DeviceFile, PartFile, VariantFile};
 use reference_devices::freedom::{FreedomFile, PersonalityFile};
 use reference_devices::mutant::MutantFile;
-use schemars::generate::SchemaSettings;
 use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
 use serde_json::Value;
 
 use crate::cli::{SchemaArgs, SchemaName};

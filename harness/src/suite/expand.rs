@@ -424,10 +424,13 @@ impl Expander<'_> {
             let is_object = keys.contains(&word)
                 || word.starts_with('$')
                 || word.parse::<Mux>().is_ok()
-                || self.words.object(word).is_ok()
+                || self.words.has_object(word)
                 || self.words.record(word).is_some();
+            if is_object {
+                continue;
+            }
             let is_slip = |known: &&&str| canopen::nearest::is_slip(word, known);
-            if let (false, Some(meant)) = (is_object, keys.iter().find(is_slip)) {
+            if let Some(meant) = keys.iter().find(is_slip) {
                 let message = format!("unknown key `{word}`; did you mean `{meant}`?");
                 self.complain(key.place, message);
                 any = true;
@@ -513,7 +516,9 @@ impl Expander<'_> {
                     part("max", high);
                     None
                 }
-                None => Some("write `6 +/- 1`, with numbers in the unit of the object, if it has one"),
+                None => {
+                    Some("write `6 +/- 1`, with numbers in the unit of the object, if it has one")
+                }
             },
             Some(_) => match around(scale, &center.node, &spread) {
                 Some(around) => {
@@ -552,7 +557,7 @@ impl Expander<'_> {
             return;
         }
         for (_, object) in entries.iter_mut().filter(|(key, _)| key.value == "object") {
-            counts = is_long && object.text().is_some_and(|text| self.words.object(text).is_err());
+            counts = is_long && object.text().is_some_and(|text| !self.words.has_object(text));
             counted = object.text().map_or(counted, |text| self.words.counted(text));
             self.address(object);
         }
@@ -583,7 +588,7 @@ impl Expander<'_> {
                 ("objects", Node::List(objects)) => {
                     for object in objects {
                         let word = matches!(&object.node, Node::Text(text)
-                            if self.words.object(text).is_ok());
+                            if self.words.has_object(text));
                         if word {
                             self.address(object);
                         }

@@ -375,7 +375,12 @@ fn either(mut one: Value, other: Value) -> Value {
 }
 
 fn keys_of(definition: &Value) -> Vec<&str> {
-    definition["properties"].as_object().into_iter().flat_map(Map::keys).map(String::as_str).collect()
+    definition["properties"]
+        .as_object()
+        .into_iter()
+        .flat_map(Map::keys)
+        .map(String::as_str)
+        .collect()
 }
 
 /// The definitions that a schema names.

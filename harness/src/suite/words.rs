@@ -89,6 +89,11 @@ impl Words {
         })
     }
 
+    /// Whether it is a word for an object.
+    pub(super) fn has_object(&self, word: &str) -> bool {
+        self.objects.contains_key(word)
+    }
+
     /// The words of the objects of a record.
     pub(super) fn record(&self, word: &str) -> Option<&[String]> {
         self.records.get(word).map(Vec::as_slice)

@@ -88,12 +88,8 @@ mod tests {
         let word = |c: &str| format!("{}: 1", c.repeat(40));
         let long: Vec<String> = entries(&[&word("a"), &word("b"), &word("c")]);
         let lines = laid_out(6, "write", &long, None).unwrap();
-        let expected = format!(
-            "      - write: {{ {},\n          {}, {} }}",
-            word("a"),
-            word("b"),
-            word("c")
-        );
+        let expected =
+            format!("      - write: {{ {},\n          {}, {} }}", word("a"), word("b"), word("c"));
         assert_eq!(lines, expected);
         assert_eq!(laid_out(6, "write", &long, Some("# why")), None);
         let list = format!("list: [{}]", vec!["1234567"; 20].join(", "));

@@ -94,8 +94,10 @@ impl Shortener<'_> {
             }
         }
         for (key, value) in options {
-            let word = self.words.refusal_word(value).filter(|_| key.value.contains("refused")
-                || key.value == "lenient");
+            let word = self
+                .words
+                .refusal_word(value)
+                .filter(|_| key.value.contains("refused") || key.value == "lenient");
             short.changes.refusals += usize::from(word.is_some());
             let value = match word {
                 Some(word) => word.to_owned(),
@@ -115,7 +117,7 @@ impl Shortener<'_> {
         changes: &mut Changes,
     ) -> Option<Entry> {
         let (name, key, counted) = self.named(of, named, changes)?;
-        let counts = of.1 == "object" && self.words.object(named.text()?).is_err();
+        let counts = of.1 == "object" && !self.words.has_object(named.text()?);
         let numbers = Numbers { text: self.text, counted, counts };
         let value = numbers.value(of.0, own, changes)?;
         Some(Entry { name, key, value })
@@ -147,7 +149,8 @@ impl Shortener<'_> {
         changes: &mut Changes,
     ) -> Option<(String, String, Counted<'_>)> {
         let (_, object, shared, single) = *of;
-        let is_key = |word: &str| word == object || shared.contains(&word) || single.contains(&word);
+        let is_key =
+            |word: &str| word == object || shared.contains(&word) || single.contains(&word);
         let text = named.text()?;
         let mux = text.parse::<Mux>().ok().filter(|_| object == "object");
         let counted = |word: &str| match (object, self.words.object(word)) {
@@ -220,12 +223,7 @@ struct Numbers<'s> {
 
 impl Numbers<'_> {
     /// What stands behind the object.
-    fn value(
-        &self,
-        step: &str,
-        own: &[(&str, &Tree)],
-        changes: &mut Changes,
-    ) -> Option<String> {
+    fn value(&self, step: &str, own: &[(&str, &Tree)], changes: &mut Changes) -> Option<String> {
         let get = |name: &str| own.iter().find(|(key, _)| *key == name).map(|(_, value)| *value);
         if own.is_empty() {
             return Some("~".to_owned());

@@ -142,8 +142,7 @@ impl<'s> Text<'s> {
                 let written = &self.text[self.scalar(tree)?];
                 // In a line of its own it may have what ends a value in brackets.
                 let plain = !written.starts_with(['"', '\'']);
-                (!plain || !written.contains([',', '[', ']', '{', '}']))
-                    .then(|| written.to_owned())
+                (!plain || !written.contains([',', '[', ']', '{', '}'])).then(|| written.to_owned())
             }
         }
     }
@@ -176,8 +175,7 @@ impl<'s> Text<'s> {
             }
             end = line + 1;
         }
-        let mut item =
-            Item { step, lines: start..end, indent, comment: None, is_whole: false };
+        let mut item = Item { step, lines: start..end, indent, comment: None, is_whole: false };
         if begins {
             (item.comment, item.is_whole) = self.is_whole(&item);
         }
@@ -187,9 +185,10 @@ impl<'s> Text<'s> {
     /// Whether its lines hold nothing but the step, and a comment behind it.
     fn is_whole(&self, item: &Item<'_>) -> (Option<&str>, bool) {
         let text = &self.text[self.bytes_of(item.lines.clone())];
-        let comment = text.match_indices(" #").map(|(at, _)| at).find(|at| {
-            !text[*at..].contains('\n') && self.holds(&text[..*at], item.step)
-        });
+        let comment = text
+            .match_indices(" #")
+            .map(|(at, _)| at)
+            .find(|at| !text[*at..].contains('\n') && self.holds(&text[..*at], item.step));
         let (text, comment) = match comment {
             Some(at) => (text[..at].trim_end(), Some(text[at..].trim())),
             None => (text, None),
