@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use canopen::bench::POWER;
 use canopen::source::{Decimal, Node};
 use canopen::{Mux, Value};
 
@@ -151,6 +152,8 @@ impl Words {
         scaled.unwrap_or_else(|| match value {
             Value::Int(number) => number.to_string(),
             Value::Text(text) => text.clone(),
+            // YAML takes `on` and `off` for truth values.
+            Value::Bool(on) if name == POWER => (if *on { "on" } else { "off" }).to_owned(),
             other => other.to_string(),
         })
     }
