@@ -10,7 +10,8 @@ use crate::source::At;
 use crate::suite::Words;
 use crate::suite::literal::{Amount, FrameText, Literal, Name, ObjectRef, Tolerance, show_time};
 use crate::suite::step::{
-    Bounds, EdsStep, LssStep, Nmt, Observe, Produce, Read, Step, Undeclared, Until, Write,
+    Ask, Bounds, Collect, EdsStep, Expect, LssStep, Measure, Never, Nmt, Observe, Produce, Read,
+    Remap, Step, Undeclared, Until, Write,
 };
 
 /// The words of a suite, and the values of names where they are known.
@@ -28,54 +29,16 @@ impl Wording<'_> {
         match step {
             Step::Send(frame) => format!("send {}", self.frame(frame)),
             Step::Reply(reply) => format!("the answer is {}", self.frame(&reply.frame)),
-            Step::Ask(ask) => {
-                let times = ask.count.map_or_else(String::new, |count| format!(" {count} times"));
-                let (request, answer) = (self.frame(&ask.send), self.frame(&ask.reply));
-                format!("ask {request}{times}, the answer is {answer}")
-            }
-            Step::Expect(expect) => {
-                let after = expect.after.as_ref();
-                let after =
-                    after.map_or_else(String::new, |after| format!(" after {}", self.time(after)));
-                let (frame, within) = (self.frame(&expect.frame), self.time(&expect.within));
-                let during = self.during(expect.during.as_ref());
-                format!("expect {frame}{after} within {within}{during}")
-            }
-            Step::Never(never) => {
-                let (frame, time) = (self.frame(&never.frame), self.time(&never.time));
-                format!("no {frame} for {time}{}", self.during(never.during.as_ref()))
-            }
-            Step::Collect(collect) => {
-                let (count, frame) =
-                    (self.value(None, &collect.count.value), self.frame(&collect.frame));
-                let time = self.time(&collect.time);
-                format!("{count} of {frame} in {time}{}", self.during(collect.during.as_ref()))
-            }
-            Step::Measure(measure) => {
-                let bounds = [
-                    ("interval", &measure.interval),
-                    ("mean", &measure.mean),
-                    ("median", &measure.median),
-                    ("latency", &measure.latency),
-                ];
-                let bounds = bounds.into_iter().filter_map(|(what, bounds)| {
-                    Some(format!(", {what} {}", self.bounds(bounds.as_ref()?)))
-                });
-                let (count, frame) = (measure.count, self.frame(&measure.frame));
-                let during = self.during(measure.during.as_ref());
-                format!("measure {count} of {frame}{}{during}", bounds.collect::<String>())
-            }
+            Step::Ask(ask) => self.ask(ask),
+            Step::Expect(expect) => self.expect(expect),
+            Step::Never(never) => self.never(never),
+            Step::Collect(collect) => self.collect(collect),
+            Step::Measure(measure) => self.measure(measure),
             Step::Read(read) => self.read(read),
             Step::Write(write) => self.write(write),
             Step::Until(until) => self.until(until),
             Step::Defaults(_) => "each entry has its default value".to_owned(),
-            Step::Remap(remap) => {
-                let objects = remap.objects.iter().map(|object| self.mapped(&object.value));
-                let objects = list(objects, "nothing");
-                let refused = remap.refused.as_ref();
-                let refused = refused.map_or_else(String::new, |code| format!(", {}", code.value));
-                format!("map {objects} by {}{refused}", self.object(&remap.pdo))
-            }
+            Step::Remap(remap) => self.remap(remap),
             Step::Nmt(nmt) => command(*nmt).to_owned(),
             Step::Wait(time) => format!("wait {}", self.time(time)),
             Step::Sync(sync) => match &sync.every {
@@ -108,6 +71,54 @@ impl Wording<'_> {
                 }
             },
         }
+    }
+
+    fn ask(&self, ask: &Ask) -> String {
+        let times = ask.count.map_or_else(String::new, |count| format!(" {count} times"));
+        let (request, answer) = (self.frame(&ask.send), self.frame(&ask.reply));
+        format!("ask {request}{times}, the answer is {answer}")
+    }
+
+    fn expect(&self, expect: &Expect) -> String {
+        let after = expect.after.as_ref();
+        let after = after.map_or_else(String::new, |after| format!(" after {}", self.time(after)));
+        let (frame, within) = (self.frame(&expect.frame), self.time(&expect.within));
+        let during = self.during(expect.during.as_ref());
+        format!("expect {frame}{after} within {within}{during}")
+    }
+
+    fn never(&self, never: &Never) -> String {
+        let (frame, time) = (self.frame(&never.frame), self.time(&never.time));
+        format!("no {frame} for {time}{}", self.during(never.during.as_ref()))
+    }
+
+    fn collect(&self, collect: &Collect) -> String {
+        let (count, frame) = (self.value(None, &collect.count.value), self.frame(&collect.frame));
+        let time = self.time(&collect.time);
+        format!("{count} of {frame} in {time}{}", self.during(collect.during.as_ref()))
+    }
+
+    fn measure(&self, measure: &Measure) -> String {
+        let bounds = [
+            ("interval", &measure.interval),
+            ("mean", &measure.mean),
+            ("median", &measure.median),
+            ("latency", &measure.latency),
+        ];
+        let bounds = bounds.into_iter().filter_map(|(what, bounds)| {
+            Some(format!(", {what} {}", self.bounds(bounds.as_ref()?)))
+        });
+        let (count, frame) = (measure.count, self.frame(&measure.frame));
+        let during = self.during(measure.during.as_ref());
+        format!("measure {count} of {frame}{}{during}", bounds.collect::<String>())
+    }
+
+    fn remap(&self, remap: &Remap) -> String {
+        let objects = remap.objects.iter().map(|object| self.mapped(&object.value));
+        let objects = list(objects, "nothing");
+        let refused = remap.refused.as_ref();
+        let refused = refused.map_or_else(String::new, |code| format!(", {}", code.value));
+        format!("map {objects} by {}{refused}", self.object(&remap.pdo))
     }
 
     fn write(&self, write: &Write) -> String {

@@ -23,7 +23,7 @@ use super::steps::Steps;
 use super::traffic::Traffic;
 use super::undo::Undo;
 use crate::dut::Dut;
-use crate::plan::{Instance, others};
+use crate::plan::{Instance, Scope, others};
 use crate::source::{At, Place, Source};
 use crate::suite::literal::show_time;
 use crate::suite::model::Tolerated;
@@ -278,13 +278,7 @@ impl CaseRun<'_, '_> {
         self.link.forget_lateness();
         let watched_from = self.link.trace().len();
         let (case, patience) = (self.instance.case(), self.patience());
-        let mut scope = self.instance.scope.clone();
-        if !self.baseline.monitored.is_empty() {
-            let stored = others(self.dut, &self.baseline.monitored);
-            for ((name, planned), (_, binding)) in others(self.dut, &[]).zip(stored) {
-                scope.rebind(&name, &planned, binding);
-            }
-        }
+        let scope = self.scope();
         let mut steps = Steps {
             link: &mut *self.link,
             dut: self.dut,
@@ -330,6 +324,18 @@ impl CaseRun<'_, '_> {
         }
         self.late = result.late;
         Ok(result.outcome)
+    }
+
+    /// The names of the instance; nodes that the device monitors from the start are not `$other`.
+    fn scope(&self) -> Scope {
+        let mut scope = self.instance.scope.clone();
+        if !self.baseline.monitored.is_empty() {
+            let stored = others(self.dut, &self.baseline.monitored);
+            for ((name, planned), (_, binding)) in others(self.dut, &[]).zip(stored) {
+                scope.rebind(&name, &planned, binding);
+            }
+        }
+        scope
     }
 
     /// No document of a profile limits how long its application may take, while the times of

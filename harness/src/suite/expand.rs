@@ -614,9 +614,9 @@ impl Expander<'_> {
                 Some(frame) => frame.clone_into(text),
                 None => {
                     let meant = did_you_mean(text, self.words.frames());
-                    let message = format!(
-                        "`{text}` is neither a frame such as \"000#01 02\" nor a word for one{meant}"
-                    );
+                    let example = "a frame such as \"000#01 02\"";
+                    let message =
+                        format!("`{text}` is neither {example} nor a word for one{meant}");
                     self.complain(content.place, message);
                 }
             },
@@ -714,7 +714,8 @@ impl Expander<'_> {
     }
 }
 
-/// The values around one in the unit of the object, count by count; whole numbers where it has none.
+/// The values around one in the unit of the object, count by count, or whole numbers where it has
+/// none.
 fn around(scale: Option<&Scale>, center: &Node, spread: &Node) -> Option<Vec<Node>> {
     let (center, spread) = (Decimal::of(center)?, Decimal::of(spread)?);
     let one = scale.map_or_else(|| Decimal::of(&Node::from("1")), |scale| Some(scale.count))?;

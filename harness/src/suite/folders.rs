@@ -58,6 +58,9 @@ impl CatalogueFolder {
     }
 }
 
+/// Files, and the names of those that are the user's.
+pub(crate) type FilesAndOwn = (Vec<Arc<Source>>, BTreeSet<String>);
+
 static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../suites");
 
 impl Folders {
@@ -73,7 +76,7 @@ impl Folders {
     ///
     /// # Errors
     /// Every complaint about the folders.
-    pub(crate) fn with_own(&self) -> Result<(Vec<Arc<Source>>, BTreeSet<String>), Vec<Complaint>> {
+    pub(crate) fn with_own(&self) -> Result<FilesAndOwn, Vec<Complaint>> {
         let sources = self.sources()?;
         let named: Vec<String> =
             self.only.iter().chain(&self.more).map(|folder| shown(folder)).collect();

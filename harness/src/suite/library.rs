@@ -62,7 +62,7 @@ impl Library {
         Self::of_sources(sources, catalogue, false)
     }
 
-    /// The same of some suites of folders, whose other suites may use the rest of their named steps.
+    /// The same of some suites of folders. Others there may use the rest of the named steps.
     ///
     /// # Errors
     /// As [`from_sources`](Self::from_sources).
