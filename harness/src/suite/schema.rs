@@ -206,7 +206,7 @@ fn columns() -> Value {
 fn rows() -> Value {
     json!({
         "anyOf": [{ "type": "array", "minItems": 1 }, { "$ref": "#/definitions/Column" }],
-        "description": "The rows of a table: each a list of values, or the value of a single column."
+        "description": "The rows of a table: a list of values each, or the one value."
     })
 }
 
