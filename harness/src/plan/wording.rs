@@ -133,7 +133,8 @@ impl Wording<'_> {
         let refused = write.refused.as_ref();
         let refused = refused.map_or_else(String::new, |code| format!(", {}", code.value));
         let declined = if write.or_refused.is_empty() { "" } else { ", or refused" };
-        format!("write {object} = {value}{refused}{declined}")
+        let kept = kept(write.save.as_deref());
+        format!("write {object} = {value}{refused}{declined}{kept}")
     }
 
     fn read(&self, read: &Read) -> String {
@@ -152,7 +153,8 @@ impl Wording<'_> {
                 format!(", {} is tolerated", list(values, ""))
             }
         };
-        format!("read {object}{judged}{tolerated}")
+        let kept = kept(read.save.as_deref());
+        format!("read {object}{judged}{tolerated}{kept}")
     }
 
     fn until(&self, until: &Until) -> String {
@@ -241,12 +243,13 @@ impl Wording<'_> {
         known.map_or_else(|| amount.to_string(), show_time)
     }
 
+    /// `lss-switch-to-waiting (7E5#04 00 00 00 00 00 00 00)`; the frame alone where the suite has no
+    /// word for it.
     fn frame(&self, frame: &At<FrameText>) -> String {
-        let FrameText { id, pattern } = &frame.value;
-        let text = pattern.to_string();
-        match (id, text.split_once('#')) {
-            (Some(name), Some((_, data))) => format!("{name}#{data}"),
-            _ => text,
+        let text = frame.value.to_string();
+        match self.words.shown_frame(&text) {
+            Some(word) => format!("{word} ({text})"),
+            None => text,
         }
     }
 
@@ -323,6 +326,11 @@ fn range(value: Option<String>, min: Option<String>, max: Option<String>) -> Str
         (None, None) => String::new(),
     };
     value + &bounds
+}
+
+/// The name that later steps have for the value.
+fn kept(name: Option<&At<Name>>) -> String {
+    name.map_or_else(String::new, |name| format!(", kept as {}", name.value))
 }
 
 /// Words with commas between them.

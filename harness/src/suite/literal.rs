@@ -250,6 +250,16 @@ fn sum(text: &str) -> Result<Literal, String> {
     Ok(Literal::Sum(others, number))
 }
 
+impl fmt::Display for FrameText {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let text = self.pattern.to_string();
+        match (&self.id, text.split_once('#')) {
+            (Some(name), Some((_, data))) => write!(f, "{name}#{data}"),
+            _ => f.write_str(&text),
+        }
+    }
+}
+
 impl fmt::Display for ObjectRef {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -9,7 +9,7 @@ use canopen::source::{Decimal, Node};
 use canopen::{Mux, Value};
 
 use super::definition::unknown_key;
-use super::literal::ObjectRef;
+use super::literal::{FrameText, ObjectRef};
 use super::same::same_numbers;
 use super::scale::Scale;
 use crate::nearest::did_you_mean;
@@ -26,6 +26,8 @@ pub struct Words {
     records: BTreeMap<String, Vec<String>>,
     refusals: BTreeMap<String, Tree>,
     frames: BTreeMap<String, String>,
+    /// The words for frames as reports show them; none where there are several.
+    shown_frames: BTreeMap<String, Option<String>>,
     /// The same of names of the bench.
     bench: BTreeMap<String, Facts>,
     /// What an object is called.
@@ -118,6 +120,11 @@ impl Words {
     /// The frame that a word stands for.
     pub(super) fn frame(&self, word: &str) -> Option<&str> {
         self.frames.get(word).map(String::as_str)
+    }
+
+    /// The word for a frame as reports show it.
+    pub fn shown_frame(&self, shown: &str) -> Option<&str> {
+        self.shown_frames.get(shown)?.as_deref()
     }
 
     /// The words for frames.
@@ -262,11 +269,20 @@ impl Reader<'_> {
     }
 
     fn frame(&mut self, name: &At<String>, tree: &Tree) {
-        match tree.text() {
-            Some(text) if text.contains('#') => {
-                self.words.frames.insert(name.value.clone(), text.to_owned());
+        let Some(text) = tree.text().filter(|text| text.contains('#')) else {
+            return self.complain(tree.place, "a frame belongs here, such as \"7E5#04 01 ...\"");
+        };
+        match text.parse::<FrameText>() {
+            Err(wrong) => self.complain(tree.place, wrong),
+            Ok(frame) => {
+                let word = &name.value;
+                let shown = self.words.shown_frames.entry(frame.to_string());
+                let other = shown.or_insert_with(|| Some(word.clone()));
+                if other.as_ref().is_some_and(|other| other != word) {
+                    *other = None;
+                }
+                self.words.frames.insert(word.clone(), text.to_owned());
             }
-            _ => self.complain(tree.place, "a frame belongs here, such as \"7E5#04 01 ...\""),
         }
     }
 
