@@ -243,8 +243,8 @@ impl Wording<'_> {
         known.map_or_else(|| amount.to_string(), show_time)
     }
 
-    /// `lss-switch-to-waiting (7E5#04 00 00 00 00 00 00 00)`; the frame alone where the suite has no
-    /// word for it.
+    /// `lss-switch-to-waiting (7E5#04 00 00 00 00 00 00 00)`; the frame alone where the suite has
+    /// no word for it.
     fn frame(&self, frame: &At<FrameText>) -> String {
         let text = frame.value.to_string();
         match self.words.shown_frame(&text) {
