@@ -14,7 +14,7 @@ use super::model::{Case, SuiteFile};
 use super::register::{Register, Relaxation};
 use super::step::Step;
 use super::test_map::{TestMapEntry, wrong_map};
-use super::vocabulary::{Files, Vocabularies};
+use super::vocabulary::{Files, Vocabularies, Vocabulary, may_be_shared};
 use crate::nearest::did_you_mean;
 use crate::parallel::{self, processors};
 use crate::source::{At, Complaint, Source, Tree, read_tree, read_yaml};
@@ -146,17 +146,16 @@ impl Library {
     ) -> Result<Self, Vec<Complaint>> {
         let Rest { test_map, mut complaints, register_is_whole, is_part } = rest;
         let mut loaded = Vec::new();
-        let (trees, wrong) = trees(suites);
+        let (shared, suites): (Vec<_>, Vec<_>) = suites.into_iter().partition(may_be_shared);
+        let (shared, wrong) = trees(shared);
         let mut suites_are_whole = wrong.is_empty();
         complaints.extend(wrong);
-        let (vocabularies, suites, wrong) = Vocabularies::of(trees);
+        let (vocabularies, named_alike, wrong) = Vocabularies::of(shared);
         complaints.extend(wrong);
-        let files = parallel::map(suites, processors(), |(source, tree)| {
-            let expanded = expand(&source, tree, vocabularies.at(&source.name));
-            let file = expanded.and_then(|(tree, used)| {
-                let file = read_tree::<SuiteFile>(&source, &tree);
-                file.map(|file| (file, used)).map_err(|complaint| vec![complaint])
-            });
+        let named_alike = named_alike.into_iter().map(|(source, _)| source);
+        // A tree takes many times the memory of its text: there is one at a time on each processor.
+        let files = parallel::map(named_alike.chain(suites).collect(), processors(), |source| {
+            let file = read_suite(&source, vocabularies.at(&source.name));
             (file, source)
         });
         let mut used = BTreeSet::new();
@@ -199,6 +198,17 @@ impl Library {
             Err(complaints)
         }
     }
+}
+
+/// A suite, with the names of the steps that it uses.
+fn read_suite(
+    source: &Arc<Source>,
+    vocabulary: &Vocabulary,
+) -> Result<(SuiteFile, BTreeSet<String>), Vec<Complaint>> {
+    let tree = Tree::of(source).map_err(|complaint| vec![complaint])?;
+    let (tree, used) = expand(source, tree, vocabulary)?;
+    let file = read_tree::<SuiteFile>(source, &tree).map_err(|complaint| vec![complaint])?;
+    Ok((file, used))
 }
 
 /// The files as trees, and what is wrong with those that are no YAML.

@@ -50,8 +50,7 @@ impl Vocabularies {
     pub(super) fn of(files: Files) -> (Self, Files, Vec<Complaint>) {
         let is_suite = |tree: &Tree| tree.get("suite").is_some() || tree.get("cases").is_some();
         let (shared, suites): (Vec<_>, Vec<_>) = files.into_iter().partition(|(source, tree)| {
-            let name = source.name.rsplit('/').next().unwrap_or_default();
-            [WORDS, STEPS].contains(&name) && !is_suite(tree)
+            may_be_shared(source) && !is_suite(tree)
         });
         let base = Vocabulary { words: Arc::clone(&STANDARD), steps: Definitions::default() };
         let mut all = Self { folders: BTreeMap::new(), base, steps: Vec::new() };
@@ -104,6 +103,12 @@ impl Vocabularies {
         });
         complaints.collect()
     }
+}
+
+/// By its name; a suite may be named so as well.
+pub(super) fn may_be_shared(source: &Arc<Source>) -> bool {
+    let name = source.name.rsplit('/').next().unwrap_or_default();
+    [WORDS, STEPS].contains(&name)
 }
 
 /// The files of words and named steps that a suite may use: in its folder and in those above.
