@@ -17,7 +17,7 @@ use reference_devices::devices::drr460::hour as controlled;
 use reference_devices::devices::em66::hour;
 use reference_devices::devices::mcm260x::packaging;
 use reference_devices::devices::{self, ReferenceDevice};
-use reference_devices::rules::Specification;
+use reference_devices::rules::Rules;
 use reports::{Event, journal};
 
 criterion_group!(
@@ -80,7 +80,7 @@ fn sdo_round_trips(bench: &mut Criterion) {
     dut.bit_rate = Some(1_000_000);
     let policy = Policy::at_bit_rate(BIT_RATE);
     let mut bus = VirtualBus::new(BIT_RATE);
-    bus.attach(device.node(node, Box::new(Specification)));
+    bus.attach(device.node(node, Rules::default()));
     let mut link = Link::new(&mut bus);
     link.wait(Instant::ZERO + policy.boot_timeout).expect("a simulated bus does not fail");
     let mut group = bench.benchmark_group("SDO round trips");
@@ -102,7 +102,7 @@ fn block_transfers(bench: &mut Criterion) {
     let generic = devices::device("generic").expect("it is part of the program");
     let policy = Policy::at_bit_rate(BIT_RATE);
     let mut bus = VirtualBus::new(BIT_RATE);
-    bus.attach(generic.node(NODE, Box::new(Specification)));
+    bus.attach(generic.node(NODE, Rules::default()));
     let mut link = Link::new(&mut bus);
     link.wait(Instant::ZERO + policy.boot_timeout).expect("a simulated bus does not fail");
     let data: Vec<u8> = (0..=u16::MAX).map(|place| (place % 251) as u8).collect();

@@ -10,7 +10,7 @@ use harness::suite::{Folders, Library};
 use harness::target;
 use harness::waivers::Waivers;
 use reference_devices::devices;
-use reference_devices::rules::Specification;
+use reference_devices::rules::Rules;
 use reports::{Event, Verdict};
 
 #[test]
@@ -64,7 +64,7 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
         undo: &Undo::default(),
     };
     let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);
-    bus.attach(device.node(dut.node, Box::new(Specification)));
+    bus.attach(device.node(dut.node, Rules::default()));
     let (mut remarks, mut case) = (Vec::new(), String::new());
     _ = session.run(&mut bus, &mut |event| match event {
         Event::CaseStarted(started) => case = format!("{}/{}", started.suite, started.case),

@@ -14,7 +14,7 @@ use harness::stop::Stop;
 use harness::suite::Library;
 use harness::target::{self, Connection};
 use harness::waivers::Waivers;
-use reference_devices::rules::Specification;
+use reference_devices::rules::Rules;
 use reports::{Event, Outcome, Verdict};
 
 /// Before and behind everything else on the wire but NMT and SYNC: an emergency message of one node
@@ -146,7 +146,7 @@ fn run_with(target: &str, crowds: &[Crowd]) -> Came {
     };
     let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);
     match deviation {
-        None => _ = bus.attach(device.node(target.dut.node, Box::new(Specification))),
+        None => _ = bus.attach(device.node(target.dut.node, Rules::default())),
         Some(deviation) => {
             let built = deviation.build(device, target.dut.node).expect("it fits the device");
             bus.attach_boxed(built);

@@ -18,7 +18,7 @@ use harness::suite::Library;
 use harness::target;
 use harness::waivers::Waivers;
 use reference_devices::devices;
-use reference_devices::rules::Specification;
+use reference_devices::rules::Rules;
 use reference_devices::stack::Node;
 use reports::{Event, Verdict};
 
@@ -144,7 +144,7 @@ fn run(device: &str, drawn: &Drawn, file: &str) -> Came {
     let mut plan = plan::plan(&library, &target.dut, &models).expect("the suites fit");
     plan.leave_out_foreign();
     let described = devices::device(device).expect("it is part of the program");
-    let node = described.node(target.dut.node, Box::new(Specification));
+    let node = described.node(target.dut.node, Rules::default());
     let breaches = Arc::new(Mutex::new(Vec::new()));
     let drawn = drawn.clone();
     let writes = [0; 2];

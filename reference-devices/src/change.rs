@@ -22,8 +22,9 @@ use canopen::nearest::did_you_mean;
 use canopen::source::Complaint;
 use canopen::{Dictionary, Pattern};
 
-use crate::devices::{Otherwise, ReferenceDevice};
-use crate::rules::{self, Dissent, Rules, Specification};
+use crate::decisions::{How, Otherwise, Set};
+use crate::devices::ReferenceDevice;
+use crate::rules::{self, Dissent, Rules};
 use crate::stack::{Behaviour, Node};
 
 pub use data::On;
@@ -34,7 +35,7 @@ pub(crate) use data::{Change, OnEach, OneOrMore, Written, WrittenChange};
 pub(crate) use entry::{Changes, Form, in_full};
 pub(crate) use origin::Origin;
 
-use data::Misfit;
+use data::{DecisionChange, Misfit};
 use ignoring::Ignoring;
 
 /// Changes of one device, in the order in which they are made.
@@ -63,11 +64,20 @@ impl Deviation {
         self.parts.push(Part { change, origin, muted: None });
     }
 
-    /// Its decisions of the application.
+    /// The names of the closures that it uses.
     #[cfg(test)]
-    pub(crate) fn behaviours(&self) -> impl Iterator<Item = &str> {
+    pub(crate) fn closures(&self) -> impl Iterator<Item = &str> {
         self.parts.iter().filter_map(|part| match &part.change {
-            Change::Behaviour(name) => Some(name.as_str()),
+            Change::Rule(name) | Change::Behaviour(name) => Some(name.as_str()),
+            _ => None,
+        })
+    }
+
+    /// The decisions that data set in it, by their names in data.
+    #[cfg(test)]
+    pub(crate) fn set(&self) -> impl Iterator<Item = &str> {
+        self.parts.iter().filter_map(|part| match &part.change {
+            Change::Decision(set) => Some(set.decision.as_str()),
             _ => None,
         })
     }
@@ -91,7 +101,10 @@ impl Deviation {
     pub fn muted(mut self, dissent: &Dissent) -> (Self, bool) {
         let all = self.parts.len();
         self.parts.retain(|part| {
-            matches!(part.change, Change::Rule(_) | Change::Behaviour(_) | Change::Frame(_))
+            matches!(
+                part.change,
+                Change::Decision(_) | Change::Rule(_) | Change::Behaviour(_) | Change::Frame(_)
+            )
         });
         self.parts.iter_mut().for_each(|part| part.muted = Some(dissent.clone()));
         let is_all = self.parts.len() == all;
@@ -182,22 +195,10 @@ impl Deviation {
     pub fn build(&self, device: &ReferenceDevice, node: u8) -> Result<Box<dyn Replica>, Complaint> {
         let device = self.described(device)?;
         let mut eds = Cow::Borrowed(&device.description.eds);
-        let mut rules: Box<dyn Rules> = Box::new(Specification);
-        let (mut behaviour, mut settings) = (Vec::new(), device.settings());
-        let known = device.behaviour_rule_names();
-        for Part { change, origin, muted } in &self.parts {
+        let mut settings = device.settings();
+        for Part { change, origin, .. } in &self.parts {
             let refuse = |misfit: Misfit| origin.refuse(&misfit);
             match change {
-                Change::Rule(name) => rules = with_rule(name, rules, muted).map_err(refuse)?,
-                Change::Behaviour(name) if known.contains(&name.as_str()) => {
-                    behaviour.push(Otherwise { name, muted: muted.as_ref() })
-                }
-                Change::Behaviour(name) => {
-                    let meant = did_you_mean(name, known.into_iter());
-                    let of = &device.description.behaviour;
-                    let message = format!("behaviour `{of}` has no rule `{name}`{meant}");
-                    return Err(refuse(Misfit::at(&["behaviour"], message)));
-                }
                 Change::Dictionary(patch) => {
                     patch
                         .apply(eds.to_mut())
@@ -208,15 +209,19 @@ impl Deviation {
                         .apply(&mut settings, &eds)
                         .map_err(|wrong| refuse(wrong.below(&["settings"])))?;
                 }
-                Change::Object(_)
+                Change::Decision(_)
+                | Change::Rule(_)
+                | Change::Behaviour(_)
+                | Change::Object(_)
                 | Change::Profile(_)
                 | Change::Ignores(_)
                 | Change::Eds(_)
                 | Change::Frame(_) => {}
             }
         }
-        let behaviour =
-            device.deviating_behaviour(&behaviour).expect("rules that the application knows");
+        let [of_stack, of_application] = self.otherwise(&device)?;
+        let rules = Rules::default().with(&of_stack);
+        let behaviour = device.deviating_behaviour(&of_application);
         let behaviour = self.ignoring(behaviour, &eds, node)?;
         let od = match &eds {
             Cow::Borrowed(_) => device.dictionary(node),
@@ -242,6 +247,40 @@ impl Deviation {
 }
 
 impl Deviation {
+    /// The decisions that are taken otherwise, those of the stack and those of the application.
+    ///
+    /// # Errors
+    /// When there is no such decision or closure, or the value is none of the decision.
+    pub(crate) fn otherwise(
+        &self,
+        device: &ReferenceDevice,
+    ) -> Result<[Vec<Otherwise<'_>>; 2], Complaint> {
+        let (mut of_stack, mut of_application) = (Vec::new(), Vec::new());
+        for Part { change, origin, muted } in &self.parts {
+            let refuse = |misfit: Misfit| origin.refuse(&misfit);
+            let muted = muted.as_ref();
+            match change {
+                Change::Rule(name) => {
+                    named(name, &[OF_STACK], "rule", "the stack").map_err(refuse)?;
+                    of_stack.push(Otherwise { how: How::Named(name), muted });
+                }
+                Change::Behaviour(name) => {
+                    let of = format!("behaviour `{}`", device.description.behaviour);
+                    named(name, device.decisions(), "behaviour", &of).map_err(refuse)?;
+                    of_application.push(Otherwise { how: How::Named(name), muted });
+                }
+                Change::Decision(set) => {
+                    let how = How::Is { decision: &set.decision, value: &set.is };
+                    let is_of_stack = is_of_stack(set, device).map_err(refuse)?;
+                    let list = if is_of_stack { &mut of_stack } else { &mut of_application };
+                    list.push(Otherwise { how, muted });
+                }
+                _ => {}
+            }
+        }
+        Ok([of_stack, of_application])
+    }
+
     /// The application, which does not obey the objects that the changes name.
     fn ignoring(
         &self,
@@ -262,13 +301,65 @@ impl Deviation {
     }
 }
 
-fn with_rule(
-    name: &str,
-    rules: Box<dyn Rules>,
-    muted: &Option<Dissent>,
-) -> Result<Box<dyn Rules>, Misfit> {
-    rules::laid(name, rules, muted.clone()).ok_or_else(|| {
-        let meant = did_you_mean(name, rules::names());
-        Misfit::at(&["rule"], format!("the stack has no rule `{name}`{meant}"))
-    })
+/// What is wrong with a decision by its closures, which stand under that key.
+fn named(name: &str, known: &[Set], key: &str, of: &str) -> Result<(), Misfit> {
+    let names = known.iter().flat_map(|set| (set.names)()).collect::<Vec<_>>();
+    if names.contains(&name) {
+        return Ok(());
+    }
+    let meant = did_you_mean(name, names.into_iter());
+    Err(Misfit::at(&[key], format!("{of} has no rule `{name}`{meant}")))
+}
+
+/// Whether the decision is one of the stack, and not one of the application.
+fn is_of_stack(set: &DecisionChange, device: &ReferenceDevice) -> Result<bool, Misfit> {
+    let application = device.decisions();
+    let all = std::iter::once((true, &OF_STACK)).chain(application.iter().map(|set| (false, set)));
+    for (of_stack, decisions) in all.clone() {
+        if let Some(value) = decisions.check(&set.decision, &set.is) {
+            return value.map(|()| of_stack).map_err(|wrong| {
+                let message = format!("expected {}, found `{}`", wrong.expected, set.is);
+                Misfit::at(&["decision", "is"], message)
+            });
+        }
+    }
+    let names = all.flat_map(|(_, decisions)| (decisions.decisions)());
+    let names: Vec<String> = names.map(|name| name.replace('_', "-")).collect();
+    let meant = did_you_mean(&set.decision, names.iter().map(String::as_str));
+    let of = &device.description.behaviour;
+    let message = format!(
+        "neither the stack nor behaviour `{of}` has a decision `{}` that data can set{meant}",
+        set.decision
+    );
+    Err(Misfit::at(&["decision", "decision"], message))
+}
+
+const OF_STACK: Set = Set::of::<rules::Decision>();
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::{devices, freedom, mutant};
+
+    /// The manuals of Pixsys decide it, and no deviation.
+    const OF_MANUALS: [&str; 1] = ["failure_writes_objects"];
+
+    #[test]
+    fn each_decision_and_each_closure_is_of_a_mutant_or_a_freedom() {
+        let devices: Vec<_> = devices::all().collect();
+        let mutants = devices.iter().flat_map(|device| mutant::of(device).unwrap());
+        let freedoms = devices.iter().flat_map(|device| freedom::of(device).unwrap());
+        let deviations: Vec<Deviation> = mutants
+            .map(|mutant| mutant.deviation())
+            .chain(freedoms.map(|freedom| freedom.deviation()))
+            .collect();
+        let closures: Vec<_> = deviations.iter().flat_map(Deviation::closures).collect();
+        let set: Vec<_> = deviations.iter().flat_map(Deviation::set).collect();
+        let sets = devices.iter().flat_map(|device| device.decisions()).chain([&OF_STACK]);
+        let mut unused: BTreeSet<_> = sets.flat_map(|of| (of.unused)(&closures, &set)).collect();
+        unused.retain(|name| !OF_MANUALS.contains(name));
+        assert!(unused.is_empty(), "{unused:?}");
+    }
 }

@@ -2,7 +2,6 @@
 
 mod applications;
 pub mod ax021211;
-mod deviating;
 pub mod drr460;
 pub mod em66;
 mod generic;
@@ -24,8 +23,8 @@ use crate::describe::{Description, Family, Known, VariantFiles};
 use crate::rules::Rules;
 use crate::stack::{Behaviour, Node, NodeSettings};
 
+use crate::decisions::{Otherwise, Set};
 use applications::Application;
-pub(crate) use deviating::Otherwise;
 
 /// A device that can be built.
 #[derive(Clone, Debug)]
@@ -245,18 +244,17 @@ impl ReferenceDevice {
 
     /// What the device does beside communicating.
     pub(crate) fn behaviour(&self) -> Box<dyn Behaviour> {
-        self.deviating_behaviour(&[]).expect("an application without deviations")
+        self.deviating_behaviour(&[])
     }
 
-    /// The same with the decisions of these names taken otherwise; `None` when there is no such
-    /// decision.
-    pub(crate) fn deviating_behaviour(&self, rules: &[Otherwise]) -> Option<Box<dyn Behaviour>> {
-        (self.application().build)(&self.description, rules)
+    /// The same with these decisions taken otherwise.
+    pub(crate) fn deviating_behaviour(&self, otherwise: &[Otherwise<'_>]) -> Box<dyn Behaviour> {
+        (self.application().build)(&self.description, otherwise)
     }
 
-    /// The names that [`deviating_behaviour`](Self::deviating_behaviour) knows.
-    pub(crate) fn behaviour_rule_names(&self) -> Vec<&'static str> {
-        (self.application().deviations)()
+    /// What [`deviating_behaviour`](Self::deviating_behaviour) knows.
+    pub(crate) fn decisions(&self) -> &'static [Set] {
+        self.application().decisions
     }
 
     fn application(&self) -> &'static Application {
@@ -281,7 +279,7 @@ impl ReferenceDevice {
     ///
     /// # Panics
     /// When a default value is not of its type, which loading the description excludes.
-    pub fn node(&self, node_id: u8, rules: Box<dyn Rules>) -> Node {
+    pub fn node(&self, node_id: u8, rules: Rules) -> Node {
         let (eds, settings) = (&self.description.eds, self.settings());
         let od = self.dictionary(node_id).unwrap_or_else(|(mux, error)| panic!("{mux}: {error}"));
         Node::new(eds, od, node_id, settings, rules, self.behaviour())
@@ -416,7 +414,7 @@ mod tests {
     use canopen::{DataType, Device, Dictionary, Outbox, Value};
 
     use super::*;
-    use crate::rules::Specification;
+    use crate::rules::Rules;
 
     #[test]
     fn every_folder_of_data_is_a_device_of_the_program() {
@@ -436,15 +434,17 @@ mod tests {
     }
 
     #[test]
-    fn each_deviation_of_an_application_has_one_name() {
+    fn each_decision_and_each_closure_of_a_device_has_one_name() {
+        let of_stack = Set::of::<crate::rules::Decision>();
         for device in names().map(|name| device(name).unwrap()) {
-            let known = device.behaviour_rule_names();
-            assert!(
-                known.iter().all(|name| device.deviating_behaviour(&[(*name).into()]).is_some())
-            );
-            let unique: std::collections::BTreeSet<_> = known.iter().collect();
-            assert_eq!(unique.len(), known.len(), "{}", device.description.device);
-            assert!(device.deviating_behaviour(&["none-of-these".into()]).is_none());
+            let sets = || device.decisions().iter().chain([&of_stack]);
+            for known in [
+                sets().flat_map(|set| (set.decisions)()).collect::<Vec<_>>(),
+                device.decisions().iter().flat_map(|set| (set.names)()).collect(),
+            ] {
+                let unique: std::collections::BTreeSet<_> = known.iter().collect();
+                assert_eq!(unique.len(), known.len(), "{}", device.description.device);
+            }
         }
     }
 
@@ -511,7 +511,7 @@ mod tests {
     #[test]
     fn every_device_boots_up() {
         for name in names() {
-            let mut node = device(name).unwrap().node(7, Box::new(Specification));
+            let mut node = device(name).unwrap().node(7, Rules::default());
             let mut out = Outbox::default();
             while out.is_empty() {
                 let due = node.poll_at().expect("something to do until boot-up");

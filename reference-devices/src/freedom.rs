@@ -27,7 +27,7 @@ const PERSONALITIES: (&str, &str) = (
 
 const FORM: Form<'static> = Form {
     list: "freedoms",
-    keys: &["name", "why", "allowed-by", "on", "excludes", "changes"],
+    keys: &["name", "why", "allowed-by", "on", "excludes", "change", "changes"],
     lists: &["allowed-by", "on", "excludes"],
     change: Changes::Several,
     family: None,

@@ -12,7 +12,7 @@ use reference_devices::describe::{DeviceFile, PartFile, VariantFile};
 use reference_devices::devices::{DeviceFiles, ReferenceDevice};
 use reference_devices::freedom::{self, FreedomFile, PersonalityFile};
 use reference_devices::mutant::{self, MutantFile};
-use reference_devices::rules::Specification;
+use reference_devices::rules::Rules;
 use schemars::{JsonSchema, schema_for};
 
 const README: &str = include_str!("../README.md");
@@ -157,7 +157,7 @@ impl Edit {
 
 /// Boots a device, and every mutant of its own that can be built.
 fn run(device: &ReferenceDevice) {
-    let mut node = device.node(device.description.default_node, Box::new(Specification));
+    let mut node = device.node(device.description.default_node, Rules::default());
     let mut out = Outbox::default();
     for _ in 0..20 {
         let Some(due) = node.poll_at().filter(|due| *due != Instant::NEVER) else { break };

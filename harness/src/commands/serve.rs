@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use canopen::bench::Needs;
 use canopen::{Bench, BenchError, Bus, BusError, Device, Instant, Outbox, Value, serve};
-use reference_devices::rules::Specification;
+use reference_devices::rules::Rules;
 
 use crate::bus::socketcan::SocketCan;
 use crate::bus::{Bell, Interface, Stdio};
@@ -36,7 +36,7 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
     let named = named.or_else(|| args.personality.clone().map(Named::Personality));
     let deviation = named.map(|named| named.find(&device)).transpose()?;
     let mut served: Box<dyn Device> = match &deviation {
-        None => Box::new(device.node(node, Box::new(Specification))),
+        None => Box::new(device.node(node, Rules::default())),
         Some(deviation) => deviation.build(&device, node)?,
     };
     // The socket of the bench goes with the device.

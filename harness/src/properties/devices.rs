@@ -1,7 +1,7 @@
 //! The devices that the sessions of bytes are tried on.
 
 use reference_devices::devices;
-use reference_devices::rules::Specification;
+use reference_devices::rules::Rules;
 use reference_devices::stack::Node;
 
 /// The node that is spoken to.
@@ -11,5 +11,5 @@ pub(super) const NODE: u8 = 5;
 /// property builds its devices once for a thread, boots them and gives each session a copy.
 pub(super) fn switched_on(name: &str) -> Node {
     let device = devices::device(name).expect("it is part of the program");
-    device.node(NODE, Box::new(Specification))
+    device.node(NODE, Rules::default())
 }

@@ -319,7 +319,7 @@ impl Running {
 mod tests {
     use canopen::{Instant, VirtualBus, wire};
     use reference_devices::devices;
-    use reference_devices::rules::Specification;
+    use reference_devices::rules::Rules;
 
     use super::*;
 
@@ -332,7 +332,7 @@ mod tests {
         let policy = Policy::at_bit_rate(BIT_RATE);
         let device = devices::device("generic").unwrap();
         let mut bus = VirtualBus::new(BIT_RATE);
-        bus.attach(device.node(NODE, Box::new(Specification)));
+        bus.attach(device.node(NODE, Rules::default()));
         let mut link = Link::new(&mut bus);
         link.wait(Instant::ZERO + policy.boot_timeout).unwrap();
         let flow = Transfer::Segmented;

@@ -8,7 +8,7 @@ use std::time::Duration;
 use canopen::catalogue::Catalogue;
 use canopen::{Bus, BusError, Frame, Instant, Stamped, VirtualBus, eds};
 use reference_devices::devices;
-use reference_devices::rules::Specification;
+use reference_devices::rules::Rules;
 use reports::{Event, Outcome, Verdict};
 
 use super::{Ending, Policy, Session, Undo};
@@ -87,7 +87,7 @@ impl Bus for Odd {
 
 fn odd(way: Way) -> Odd {
     let mut bus = VirtualBus::new(BIT_RATE);
-    bus.attach(devices::device("drr460").unwrap().node(NODE, Box::new(Specification)));
+    bus.attach(devices::device("drr460").unwrap().node(NODE, Rules::default()));
     let (held, sent) = (VecDeque::new(), Vec::new());
     Odd { bus, real: true, stalls: 0, last: Instant::NEVER, held, sent, way }
 }
@@ -321,7 +321,7 @@ fn a_device_that_no_reset_brings_back_is_given_up() {
 #[test]
 fn two_devices_with_one_node_id_are_not_tested() {
     let mut bus = odd(Box::new(|_, seen| Some(seen)));
-    bus.bus.attach(devices::device("em66").unwrap().node(NODE, Box::new(Specification)));
+    bus.bus.attach(devices::device("em66").unwrap().node(NODE, Rules::default()));
     // Both have started long ago.
     while bus.bus.recv(Instant::ZERO + Duration::from_secs(20)).unwrap().is_some() {}
     let ran = run(&mut bus, 2, "[ read: { object: '1000:00' } ]");
@@ -338,7 +338,7 @@ fn two_devices_with_one_node_id_are_not_tested() {
 #[test]
 fn a_device_that_sends_twice_is_named() {
     let mut bus = odd(Box::new(|_, seen| Some(seen)));
-    bus.bus.attach(devices::device("drr460").unwrap().node(NODE, Box::new(Specification)));
+    bus.bus.attach(devices::device("drr460").unwrap().node(NODE, Rules::default()));
     while bus.bus.recv(Instant::ZERO + Duration::from_secs(20)).unwrap().is_some() {}
     let ran = run(&mut bus, 2, "[ read: { object: '1000:00' } ]");
     let said = "two devices may have node id 1, or one device sends twice: 2 uploads of 1000:00 \

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex};
 use canopen::{Bus, VirtualBus};
 use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
-use reference_devices::rules::Specification;
+use reference_devices::rules::Rules;
 
 use crate::bus::Interface;
 use crate::dut::Dut;
@@ -56,7 +56,7 @@ impl Target {
             Connection::Simulation { device, deviation, bit_rate } => {
                 let mut bus = VirtualBus::new(*bit_rate);
                 match deviation {
-                    None => bus.attach(device.node(self.dut.node, Box::new(Specification))),
+                    None => bus.attach(device.node(self.dut.node, Rules::default())),
                     Some(deviation) => bus.attach_boxed(deviation.build(device, self.dut.node)?),
                 };
                 Box::new(bus)

@@ -206,7 +206,7 @@ fn recognise(
 #[cfg(test)]
 mod tests {
     use canopen::{Device, Frame, Instant, Outbox, VirtualBus};
-    use reference_devices::rules::Specification;
+    use reference_devices::rules::Rules;
 
     use super::*;
 
@@ -235,7 +235,7 @@ mod tests {
             let mut bus = VirtualBus::new(500_000);
             bus.attach(Noise(noise));
             if with_device {
-                bus.attach_boxed(Box::new(served.node(5, Box::new(Specification))));
+                bus.attach_boxed(Box::new(served.node(5, Rules::default())));
             }
             nodes(&mut Link::new(&mut bus), 1..=127).unwrap()
         };

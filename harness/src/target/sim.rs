@@ -6,7 +6,7 @@ use std::sync::Arc;
 use canopen::Device;
 use canopen::catalogue::Catalogue;
 use reference_devices::change::Deviation;
-use reference_devices::rules::Specification;
+use reference_devices::rules::Rules;
 
 use super::connection::{Connection, Target};
 use super::long::long_values;
@@ -56,7 +56,7 @@ pub(super) fn target(
     let (rig, (bench, bench_needs)) = match rig(selection, &mut options)? {
         Some((rig, offer)) => (Some(rig), offer),
         None => {
-            let node = device.node(node, Box::new(Specification));
+            let node = device.node(node, Rules::default());
             (None, (node.bench_names(), node.bench_needs()))
         }
     };

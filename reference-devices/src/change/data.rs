@@ -40,7 +40,10 @@ impl Misfit {
 /// Where the deviation sits.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
+#[schemars(transform = decision_in_one)]
 pub(crate) enum Change {
+    /// In a decision of the stack or of the application, which always has the same result.
+    Decision(DecisionChange),
     /// Between the device and the wire.
     Frame(FrameChange),
     /// In the dictionary, after the data sheet was made.
@@ -65,7 +68,8 @@ pub(crate) enum Change {
 
 impl Change {
     /// The kinds, as they are written.
-    pub(super) const KINDS: [&'static str; 9] = [
+    pub(super) const KINDS: [&'static str; 10] = [
+        "decision",
         "frame",
         "dictionary",
         "object",
@@ -93,6 +97,31 @@ impl Change {
             _ => false,
         }
     }
+}
+
+/// A decision that always has the same result, as it is read: `{ decision: NAME, is: VALUE }` with
+/// both keys below `decision`.
+#[derive(Clone, Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub(crate) struct DecisionChange {
+    /// The decision of the stack or of the application.
+    pub decision: String,
+    /// Its result: `true` or `false`, a number, a code such as 0x06090030, a word.
+    #[schemars(with = "Scalar")]
+    pub is: String,
+}
+
+/// A decision in the schema, as it is written: with both keys where the kind stands otherwise.
+fn decision_in_one(schema: &mut Schema) {
+    let kinds = schema.get_mut("oneOf").and_then(|kinds| kinds.as_array_mut());
+    let first = kinds.and_then(|kinds| kinds.first_mut()).and_then(|kind| kind.as_object_mut());
+    let Some(decision) = first else { return };
+    let scalar = Scalar::json_schema(&mut SchemaGenerator::default());
+    let written = json_schema!({
+        "required": ["decision", "is"],
+        "properties": { "decision": { "description": "Its name.", "type": "string" }, "is": scalar }
+    });
+    decision.extend(written.as_object().cloned().unwrap_or_default());
 }
 
 /// What happens to frames that fit a pattern. Exactly one of `edit`, `drop`, `repeat`, `delay`,
@@ -148,6 +177,10 @@ impl On {
 #[schemars(rename_all = "kebab-case")]
 #[expect(dead_code, reason = "the schema is made of it")]
 pub(crate) struct WrittenChange {
+    /// In a decision of the stack or of the application, which always has the same result.
+    decision: Option<String>,
+    /// That result.
+    is: Option<Scalar>,
     /// Between the device and the wire.
     frame: Option<FrameChange>,
     /// In the dictionary, after the data sheet was made.
@@ -167,6 +200,24 @@ pub(crate) struct WrittenChange {
     ignores: Option<Mux>,
     /// In the data sheet, while the device is in order.
     eds: Option<Vec<SheetPatch>>,
+}
+
+/// `true` or `false`, a number or a word.
+pub(crate) struct Scalar;
+
+impl JsonSchema for Scalar {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "Scalar".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "Its result: `true` or `false`, a number, a code, a word.",
+            "type": ["boolean", "number", "string"]
+        })
+    }
 }
 
 /// A text, or a list of them.

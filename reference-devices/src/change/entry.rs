@@ -7,6 +7,7 @@ use std::sync::Arc;
 use canopen::source::{At, Complaint, Node, Place, Source, Stand, TABLE, Table, Tree, Values};
 
 use super::data::Change;
+use crate::decisions::Deciding;
 use crate::rules;
 
 /// How the entries of a file are written.
@@ -33,8 +34,22 @@ pub(crate) enum Changes {
 }
 
 /// A column with such a name is the value of that key, where an entry does not have the key itself.
-const BY_COLUMN: [&str; 9] =
-    ["name", "why", "breaks", "allowed-by", "on", "as", "rule", "behaviour", "ignores"];
+const BY_COLUMN: [&str; 11] = [
+    "name",
+    "why",
+    "breaks",
+    "allowed-by",
+    "on",
+    "as",
+    "decision",
+    "is",
+    "rule",
+    "behaviour",
+    "ignores",
+];
+
+/// The key beside `decision`.
+const RESULT: &str = "is";
 
 /// The file with each entry in full.
 ///
@@ -117,7 +132,7 @@ impl Reader<'_> {
     }
 
     fn is_key(&self, key: &str) -> bool {
-        self.form.keys.contains(&key) || Change::KINDS.contains(&key)
+        self.form.keys.contains(&key) || is_of_change(key)
     }
 
     /// Whether the first key is the name of the entry, and its sentence the value.
@@ -182,9 +197,9 @@ impl Reader<'_> {
             keys.insert(0, (At::new("name".to_owned(), name.place), name));
             keys.insert(1, (At::new("why".to_owned(), why.place), why));
         }
-        let is_kind = |key: &At<String>| Change::KINDS.contains(&key.value.as_str());
-        let (kinds, mut rest): (Keys, Keys) =
-            std::mem::take(keys).into_iter().partition(|(key, _)| is_kind(key));
+        let (mut kinds, mut rest): (Keys, Keys) =
+            std::mem::take(keys).into_iter().partition(|(key, _)| is_of_change(&key.value));
+        decision_in_one(&mut kinds);
         match self.form.change {
             Changes::One => add_change(&mut rest, kinds, place),
             Changes::Several => self.add_changes(&mut rest, kinds, place),
@@ -200,11 +215,17 @@ impl Reader<'_> {
             let place = kind.place;
             Tree { node: Node::Map(vec![(kind, change)]), place }
         });
-        let of_kinds: Vec<Tree> = of_kinds.collect();
+        let mut of_kinds: Vec<Tree> = of_kinds.collect();
+        if let Some(one) = rest.iter().position(|(key, _)| key.value == "change") {
+            let (_, mut change) = rest.remove(one);
+            decision_in_one_of(&mut change);
+            of_kinds.insert(0, change);
+        }
         if let Some((_, changes)) = rest.iter_mut().find(|(key, _)| key.value == "changes") {
             let Node::List(changes) = &mut changes.node else { return };
             let each = std::mem::take(changes).into_iter().flat_map(|change| self.rows(change));
             *changes = each.chain(of_kinds).collect();
+            changes.iter_mut().for_each(decision_in_one_of);
             return;
         }
         let changes = match (of_kinds.is_empty(), decision(rest)) {
@@ -232,8 +253,30 @@ fn as_list(value: &mut Tree) {
     }
 }
 
+fn is_of_change(key: &str) -> bool {
+    key == RESULT || Change::KINDS.contains(&key)
+}
+
+/// Puts what stands beside `decision` below it: one key for each change.
+fn decision_in_one(kinds: &mut Keys) {
+    let Some(decision) = kinds.iter().position(|(key, _)| key.value == "decision") else { return };
+    let result = kinds.iter().position(|(key, _)| key.value == RESULT);
+    let result = result.map(|result| kinds[result].clone());
+    let (key, name) = kinds[decision].clone();
+    let both = std::iter::once((key.clone(), name)).chain(result).collect();
+    kinds[decision].1 = Tree { place: key.place, node: Node::Map(both) };
+    kinds.retain(|(key, _)| key.value != RESULT);
+}
+
+fn decision_in_one_of(change: &mut Tree) {
+    if let Node::Map(kinds) = &mut change.node {
+        decision_in_one(kinds);
+    }
+}
+
 fn add_change(rest: &mut Keys, mut kinds: Keys, place: Place) {
     if let Some((_, change)) = rest.iter_mut().find(|(key, _)| key.value == "change") {
+        decision_in_one_of(change);
         // A second change, which does not belong there.
         if let Node::Map(change) = &mut change.node {
             change.append(&mut kinds);
@@ -254,7 +297,7 @@ fn add_change(rest: &mut Keys, mut kinds: Keys, place: Place) {
 /// of the application.
 fn decision(keys: &[(At<String>, Tree)]) -> Option<(At<String>, Tree)> {
     let (_, name) = keys.iter().find(|(key, _)| key.value == "name")?;
-    let is_of_stack = rules::names().any(|known| Some(known) == name.text());
+    let is_of_stack = rules::Decision::names().into_iter().any(|known| Some(known) == name.text());
     let kind = if is_of_stack { "rule" } else { "behaviour" };
     Some((At::new(kind.to_owned(), name.place), name.clone()))
 }
@@ -332,8 +375,21 @@ mod tests {
             ),
             ("- name: a\n  why: Why.", "{name: a, why: Why., change: {behaviour: a}}"),
             (
-                "- boot-up-twice: Why.",
-                "{name: boot-up-twice, why: Why., change: {rule: boot-up-twice}}",
+                "- nmt-broadcast-ignored: Why.",
+                "{name: nmt-broadcast-ignored, why: Why., change: {rule: nmt-broadcast-ignored}}",
+            ),
+            (
+                "- a: Why.\n  decision: b\n  is: 0x10",
+                "{name: a, why: Why., change: {decision: {decision: b, is: 0x10}}}",
+            ),
+            (
+                "- a: Why.\n  change: { decision: b, is: true }",
+                "{name: a, why: Why., change: {decision: {decision: b, is: true}}}",
+            ),
+            (
+                "- why: Why.\n  for: [name, decision, is]\n  rows: [[a, b, none], [c, ~, ~]]",
+                "{why: Why., name: a, change: {decision: {decision: b, is: none}}}, \
+                 {why: Why., name: c, change: {behaviour: c}}",
             ),
             (
                 "- a: Why.\n  on: [d, d-x]\n  rule: b",

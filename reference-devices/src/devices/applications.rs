@@ -1,15 +1,15 @@
 //! What devices do beside communicating, by the name that `behaviour:` in their data gives.
 
+use crate::decisions::{Otherwise, Set};
 use crate::describe::Description;
-use crate::profiles::cia401::{self, Cia401, Cia401Rules, IoBlock};
+use crate::profiles::cia401::{Cia401Decision, Cia401Rules, IoBlock};
 use crate::stack::{Behaviour, Inert};
 
-use super::ax021211::Ax021211;
-use super::deviating::Otherwise;
-use super::drr460::Drr460;
-use super::em66::Em66;
-use super::generic::Generic;
-use super::mcm260x::Mcm260x;
+use super::ax021211::{self, Ax021211};
+use super::drr460::{self, Drr460};
+use super::em66::{self, Em66};
+use super::generic::{self, Generic};
+use super::mcm260x::{self, Mcm260x};
 
 type Built = Box<dyn Behaviour>;
 
@@ -17,12 +17,11 @@ type Built = Box<dyn Behaviour>;
 pub(super) struct Application {
     /// As the data of a device name it.
     pub(super) name: &'static str,
-    /// That of a device which keeps to its documents but for the decisions of these names; where
-    /// two concern the same decision, the later one takes it. `None` when there is no such
-    /// decision.
-    pub(super) build: fn(&Description, &[Otherwise]) -> Option<Built>,
-    /// The names that `build` knows.
-    pub(super) deviations: fn() -> Vec<&'static str>,
+    /// That of a device which keeps to its documents but for these decisions; where two concern
+    /// the same one, the later takes it.
+    pub(super) build: fn(&Description, &[Otherwise<'_>]) -> Built,
+    /// The decisions that `build` knows.
+    pub(super) decisions: &'static [Set],
 }
 
 /// The application of that name; `None` when there is none.
@@ -35,48 +34,41 @@ pub(super) fn names() -> Vec<&'static str> {
     APPLICATIONS.iter().map(|application| application.name).collect()
 }
 
+const OF_IO: Set = Set::of::<Cia401Decision>();
+
 /// Those without a device of their own come first: they serve any data.
 const APPLICATIONS: &[Application] = &[
-    Application {
-        name: "inert",
-        build: |_, names| names.is_empty().then(|| Box::new(Inert) as Built),
-        deviations: Vec::new,
-    },
+    Application { name: "inert", build: |_, _| Box::new(Inert), decisions: &[] },
     Application {
         name: "cia401",
-        build: |device, names| {
-            let mut rules: Box<dyn Cia401Rules> = Box::new(Cia401);
-            for name in names {
-                let deviation = cia401::deviation(name.name)?;
-                rules = name.unmutable(rules, |rules| deviation.of(rules));
-            }
-            Some(Box::new(IoBlock::new(&device.eds, rules)))
+        build: |device, otherwise| {
+            Box::new(IoBlock::new(&device.eds, Cia401Rules::default().with(otherwise)))
         },
-        deviations: || cia401::names().collect(),
+        decisions: &[OF_IO],
     },
     Application {
         name: "ax021211",
-        build: |_, names| Some(Box::new(Ax021211::with_deviations(names)?)),
-        deviations: || Ax021211::deviations().collect(),
+        build: |_, otherwise| Box::new(Ax021211::with_deviations(otherwise)),
+        decisions: &[ax021211::DECISIONS],
     },
     Application {
         name: "drr460",
-        build: |device, names| Some(Box::new(Drr460::with_deviations(&device.eds, names)?)),
-        deviations: || Drr460::deviations().collect(),
+        build: |device, otherwise| Box::new(Drr460::with_deviations(&device.eds, otherwise)),
+        decisions: &[drr460::DECISIONS, OF_IO],
     },
     Application {
         name: "em66",
-        build: |device, names| Some(Box::new(Em66::with_deviations(device, names)?)),
-        deviations: || Em66::deviations().collect(),
+        build: |device, otherwise| Box::new(Em66::with_deviations(device, otherwise)),
+        decisions: &[em66::DECISIONS],
     },
     Application {
         name: "mcm260x",
-        build: |device, names| Some(Box::new(Mcm260x::with_deviations(&device.eds, names)?)),
-        deviations: || Mcm260x::deviations().collect(),
+        build: |device, otherwise| Box::new(Mcm260x::with_deviations(&device.eds, otherwise)),
+        decisions: &[mcm260x::DECISIONS, OF_IO],
     },
     Application {
         name: "generic",
-        build: |device, names| Some(Box::new(Generic::with_deviations(&device.eds, names)?)),
-        deviations: || Generic::deviations().collect(),
+        build: |device, otherwise| Box::new(Generic::with_deviations(&device.eds, otherwise)),
+        decisions: &[generic::DECISIONS, OF_IO],
     },
 ];

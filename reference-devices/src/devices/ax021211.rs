@@ -36,7 +36,7 @@ use std::time::Duration;
 
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
-use crate::devices::deviating::Otherwise;
+use crate::decisions::{Otherwise, Set};
 use crate::stack::{Behaviour, CommunicationEvent, Errors};
 
 use bench::Sight;
@@ -47,12 +47,15 @@ use objects::{
     RECEIVED, RECEIVED_STATUS, SUPPLY, TEMPERATURE, power, show, show_real, table, table_of,
 };
 use output::Kind;
-use rules::{Ax021211Rules, Manual};
+use rules::Ax021211Rules;
+
+/// What can be taken otherwise in the application.
+pub(super) const DECISIONS: Set = Set::of::<rules::Otherwise>();
 
 /// The application of the controller.
 #[derive(Clone)]
 pub(super) struct Ax021211 {
-    rules: Arc<dyn Ax021211Rules>,
+    rules: Arc<Ax021211Rules>,
     network: Network,
     outside: Outside,
     powered: bool,
@@ -68,26 +71,16 @@ pub(super) struct Ax021211 {
 }
 
 impl Ax021211 {
-    /// The controller that keeps to its manual but for the decisions of these names; `None` when
-    /// there is no such decision.
-    pub(super) fn with_deviations(names: &[Otherwise]) -> Option<Self> {
-        let mut rules: Box<dyn Ax021211Rules> = Box::new(Manual);
-        for name in names {
-            rules = rules::named(name.name)?(rules, *name);
-        }
-        Some(Self::with(rules))
+    /// The controller that keeps to its manual but for these decisions.
+    pub(super) fn with_deviations(otherwise: &[Otherwise<'_>]) -> Self {
+        Self::with(Ax021211Rules::default().with(otherwise))
     }
 
-    /// The names that [`with_deviations`](Self::with_deviations) knows.
-    pub(super) fn deviations() -> impl Iterator<Item = &'static str> {
-        rules::names()
-    }
-
-    fn with(rules: Box<dyn Ax021211Rules>) -> Self {
+    fn with(rules: Ax021211Rules) -> Self {
         Self {
             // It is set up when it starts.
-            network: Network::new(&*rules),
-            rules: rules.into(),
+            network: Network::new(&rules),
+            rules: Arc::new(rules),
             outside: Outside {
                 loads: [Load::default(); OUTPUTS],
                 supply: 24.0,

@@ -21,8 +21,8 @@ use std::time::Duration;
 use canopen::eds::Eds;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
-use crate::devices::deviating::Otherwise;
-use crate::profiles::cia401::{self, Cia401Rules, IoBlock};
+use crate::decisions::{Otherwise, Set};
+use crate::profiles::cia401::IoBlock;
 use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, earlier};
 
 use super::pixsys::PixsysIo;
@@ -36,7 +36,7 @@ use model::expansion::{self, Silence};
 use model::flags::MemoryFault;
 use model::load::{Drive, Load};
 use model::parameters::Parameters;
-use model::rules::{self, Manual, Rules};
+use model::rules::Rules;
 use model::switches::Switches;
 use model::wiring::Terminals;
 use objects::{
@@ -47,10 +47,13 @@ use objects::{
 };
 use panel::{Panel, Shown};
 
+/// What can be taken otherwise in the application.
+pub(super) const DECISIONS: Set = Set::of::<model::rules::Decision>();
+
 /// The application of a DRR460.
 #[derive(Clone)]
 pub(crate) struct Drr460 {
-    rules: Arc<dyn Rules>,
+    rules: Arc<Rules>,
     io: IoBlock,
     settings: Settings,
     expansion: expansion::Settings,
@@ -86,34 +89,18 @@ pub(crate) struct Drr460 {
 }
 
 impl Drr460 {
-    /// The controller that keeps to its manual but for the decisions of these names; `None` when
-    /// there is no such decision.
-    pub(crate) fn with_deviations(eds: &Eds, names: &[Otherwise]) -> Option<Self> {
-        let mut rules: Box<dyn Rules> = Box::new(Manual);
-        let mut of_io: Box<dyn Cia401Rules> = Box::new(PixsysIo::default());
-        for name in names {
-            match rules::named(name.name) {
-                Some(lay) => rules = lay(rules, *name),
-                None => {
-                    let deviation = cia401::deviation(name.name)?;
-                    of_io = name.unmutable(of_io, |rules| deviation.of(rules));
-                }
-            }
-        }
-        Some(Self::with(rules, IoBlock::new(eds, of_io)))
+    /// The controller that keeps to its manual but for these decisions.
+    pub(crate) fn with_deviations(eds: &Eds, otherwise: &[Otherwise<'_>]) -> Self {
+        let of_io = PixsysIo::default().rules().with(otherwise);
+        Self::with(Rules::default().with(otherwise), IoBlock::new(eds, of_io))
     }
 
-    /// The names that [`with_deviations`](Self::with_deviations) knows.
-    pub(crate) fn deviations() -> impl Iterator<Item = &'static str> {
-        rules::names().chain(cia401::names())
-    }
-
-    fn with(rules: Box<dyn Rules>, io: IoBlock) -> Self {
-        let parameters = Parameters::none(&*rules);
+    fn with(rules: Rules, io: IoBlock) -> Self {
+        let parameters = Parameters::none(&rules);
         Self {
             settings: Settings::of(&parameters),
             expansion: expansion::Settings::of(&parameters),
-            rules: rules.into(),
+            rules: Arc::new(rules),
             io,
             controller: Controller::default(),
             inputs: Inputs::default(),
@@ -215,7 +202,7 @@ impl Drr460 {
         self.show_outcome(outcome, od);
         self.memory.keep(od);
         if !self.is_settled() {
-            self.next_decision = Some(self.at + DECISIONS);
+            self.next_decision = Some(self.at + BETWEEN_DECISIONS);
         }
     }
 
@@ -638,7 +625,7 @@ const ANALOGUE_INPUTS: u16 = 0x6401;
 /// The analogue input of the process value.
 const PROCESS_INPUT: usize = 0;
 /// Time from one decision to the next while something moves.
-const DECISIONS: Duration = Duration::from_millis((model::PERIOD * 1000.0) as u64);
+const BETWEEN_DECISIONS: Duration = Duration::from_millis((model::PERIOD * 1000.0) as u64);
 /// 100 % in hundredths of a per cent.
 const FULL_OUTPUT: f64 = 10_000.0;
 /// The sub of 1029h.

@@ -26,7 +26,7 @@ use std::time::Duration;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, Value};
 
 use crate::describe::Description;
-use crate::devices::deviating::Otherwise;
+use crate::decisions::{Otherwise, Set};
 use crate::stack::{Behaviour, Errors};
 
 use alarm::Alarms;
@@ -38,12 +38,15 @@ use objects::{DIFFERENCE, EXTERNAL_SENSOR, FLOW, INTAKE_PRESSURE, MAIN_LINE, RET
 use operation::Operation;
 use process::Process;
 
-use rules::{Conformant, Em66Rules};
+use rules::{Em66Rules};
+
+/// What can be taken otherwise in the application.
+pub(super) const DECISIONS: Set = Set::of::<rules::Decision>();
 
 /// The application of a heating/cooling device.
 #[derive(Clone)]
 pub(super) struct Em66 {
-    rules: Arc<dyn Em66Rules>,
+    rules: Arc<Em66Rules>,
     options: Options,
     codes: Codes,
     process: Process,
@@ -89,7 +92,7 @@ struct Sensed {
 
 impl Sensed {
     /// Shows what the sensors measure (3.4.9 to 3.4.15).
-    fn show(&self, od: &mut Dictionary, rules: &dyn Em66Rules) {
+    fn show(&self, od: &mut Dictionary, rules: &Em66Rules) {
         let (main, return_line) = rules.lines(self.main, self.return_line);
         let difference = rules.difference(self.main, self.return_line);
         let external = match self.external {
@@ -168,22 +171,12 @@ enum Pump {
 }
 
 impl Em66 {
-    /// The device that keeps to its documents but for the decisions of these names; `None` when
-    /// there is no such decision.
-    pub(super) fn with_deviations(device: &Description, names: &[Otherwise]) -> Option<Self> {
-        let mut rules: Box<dyn Em66Rules> = Box::new(Conformant);
-        for name in names {
-            rules = rules::named(name.name)?(rules, *name);
-        }
-        Some(Self::with(rules, device))
+    /// The device that keeps to its documents but for these decisions.
+    pub(super) fn with_deviations(device: &Description, otherwise: &[Otherwise<'_>]) -> Self {
+        Self::with(Em66Rules::default().with(otherwise), device)
     }
 
-    /// The names that [`with_deviations`](Self::with_deviations) knows.
-    pub(super) fn deviations() -> impl Iterator<Item = &'static str> {
-        rules::names()
-    }
-
-    fn with(rules: Box<dyn Em66Rules>, device: &Description) -> Self {
+    fn with(rules: Em66Rules, device: &Description) -> Self {
         let has = |option: &str| !device.without.iter().any(|lacking| lacking == option);
         let codes = Codes::of(&device.names);
         let options = Options {
@@ -195,7 +188,7 @@ impl Em66 {
             external_sensor_control: has("external-sensor-control"),
         };
         Self {
-            rules: rules.into(),
+            rules: Arc::new(rules),
             options,
             codes,
             process: Process::new(),

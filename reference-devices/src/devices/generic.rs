@@ -13,17 +13,20 @@ use canopen::emcy::EmcyCode;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 use std::sync::Arc;
 
-use crate::devices::deviating::Otherwise;
-use crate::profiles::cia401::{self, Cia401, Cia401Rules, IoBlock};
+use crate::decisions::{Otherwise, Set};
+use crate::profiles::cia401::{Cia401Rules, IoBlock};
 use crate::stack::{Behaviour, CommunicationEvent, Errors, SdoJob};
 
-use rules::{DataSheet, GenericRules};
+use rules::GenericRules;
 use sdo_client::ClientRecord;
+
+/// What can be taken otherwise in the application.
+pub(super) const DECISIONS: Set = Set::of::<rules::Decision>();
 
 /// The application of the generic device.
 #[derive(Clone)]
 pub(crate) struct Generic {
-    rules: Arc<dyn GenericRules>,
+    rules: Arc<GenericRules>,
     state: NmtState,
     /// The codes of the simulated errors that are present.
     simulated: [i64; SIMULATED],
@@ -46,31 +49,15 @@ struct Fault {
 }
 
 impl Generic {
-    /// The device that keeps to its documents but for the decisions of these names; `None` when
-    /// there is no such decision.
-    pub(crate) fn with_deviations(eds: &Eds, names: &[Otherwise]) -> Option<Self> {
-        let mut rules: Box<dyn GenericRules> = Box::new(DataSheet);
-        let mut of_io: Box<dyn Cia401Rules> = Box::new(Cia401);
-        for name in names {
-            match rules::named(name.name) {
-                Some(lay) => rules = lay(rules, *name),
-                None => {
-                    let deviation = cia401::deviation(name.name)?;
-                    of_io = name.unmutable(of_io, |rules| deviation.of(rules));
-                }
-            }
-        }
-        Some(Self::with(rules, IoBlock::new(eds, of_io)))
+    /// The device that keeps to its documents but for these decisions.
+    pub(crate) fn with_deviations(eds: &Eds, otherwise: &[Otherwise<'_>]) -> Self {
+        let of_io = Cia401Rules::default().with(otherwise);
+        Self::with(GenericRules::default().with(otherwise), IoBlock::new(eds, of_io))
     }
 
-    /// The names that [`with_deviations`](Self::with_deviations) knows.
-    pub(crate) fn deviations() -> impl Iterator<Item = &'static str> {
-        rules::names().chain(cia401::names())
-    }
-
-    fn with(rules: Box<dyn GenericRules>, io: IoBlock) -> Self {
+    fn with(rules: GenericRules, io: IoBlock) -> Self {
         Self {
-            rules: rules.into(),
+            rules: Arc::new(rules),
             state: NmtState::INITIALISING,
             simulated: [0; SIMULATED],
             io,
@@ -116,7 +103,12 @@ impl Behaviour for Generic {
 
     fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {
         match (mux, bytes) {
-            (PARAMETER, _) => self.rules.parameter_change(value(od, MODE)),
+            // Neither under local control, nor in a state that forbids it (2F04h).
+            (PARAMETER, _) => match value(od, MODE) {
+                1 => Err(Abort::LOCAL_CONTROL),
+                2 => Err(Abort::DEVICE_STATE),
+                _ => Ok(()),
+            },
             (REFUSED_WITH, &[a, b, c, d]) => match u32::from_le_bytes([a, b, c, d]) {
                 0 => Ok(()),
                 code => Err(Abort(code)),
@@ -214,7 +206,7 @@ impl Fault {
     }
 
     /// Lets the error appear or go.
-    fn show(&mut self, errors: &mut Errors, rules: &dyn GenericRules) {
+    fn show(&mut self, errors: &mut Errors, rules: &GenericRules) {
         if self.present == self.wanted {
             return;
         }
@@ -275,7 +267,7 @@ mod tests {
         let mut fixture = Fixture::with(
             &device.description.eds,
             device.settings(),
-            Box::new(crate::rules::Specification),
+            crate::rules::Rules::default(),
             device.behaviour(),
         );
         fixture.run_to(10_000);

@@ -7,7 +7,7 @@ use canopen::nmt::{Command, Service};
 use canopen::{Bus, Data, Frame, Instant, Mux, Value, VirtualBus, sync};
 
 use super::ReferenceDevice;
-use crate::rules::Specification;
+use crate::rules::Rules;
 
 /// The master, with one device on its bus.
 pub(super) struct Master {
@@ -24,7 +24,7 @@ impl Master {
     pub(super) fn new(device: &ReferenceDevice, bit_rate: u32, patience: Duration) -> Self {
         let node = device.description.default_node;
         let mut bus = VirtualBus::new(bit_rate);
-        bus.attach(device.node(node, Box::new(Specification)));
+        bus.attach(device.node(node, Rules::default()));
         let mut master = Self { bus, node, received: [Data::EMPTY; 8], messages: [0; 8] };
         master.listen(Instant::ZERO + patience);
         master

@@ -29,8 +29,8 @@ use canopen::bench::Needs;
 use canopen::eds::Eds;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
-use crate::devices::deviating::Otherwise;
-use crate::profiles::cia401::{self, Cia401Rules, IoBlock};
+use crate::decisions::{Otherwise, Set};
+use crate::profiles::cia401::IoBlock;
 use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, earlier};
 
 use super::pixsys::PixsysIo;
@@ -38,14 +38,17 @@ use bench::Surroundings;
 use encoder::{Encoder, Setup, TENTH};
 use flags::Faults;
 use indicators::{Led, Pattern, Phase};
-use parameters::{COUNTS, Item, Parameters, Table};
-use rules::{Manual, Mcm260xRules};
+use parameters::{COUNTS, DEFAULT_BIT_RATE, Item, Parameters, Table};
+use rules::Mcm260xRules;
 use sampling::AnalogueInput;
+
+/// What can be taken otherwise in the application.
+pub(super) const DECISIONS: Set = Set::of::<rules::Decision>();
 
 /// The application of an MCM260X module.
 #[derive(Clone)]
 pub(crate) struct Mcm260x {
-    rules: Arc<dyn Mcm260xRules>,
+    rules: Arc<Mcm260xRules>,
     table: Table,
     io: IoBlock,
     encoders: Vec<Encoder>,
@@ -81,34 +84,14 @@ pub(crate) struct Mcm260x {
 }
 
 impl Mcm260x {
-    /// The module that keeps to its documents but for the decisions of these names; `None` when
-    /// there is no such decision.
-    pub(crate) fn with_deviations(eds: &Eds, names: &[Otherwise]) -> Option<Self> {
-        let (mut rules, mut of_io): (Box<dyn Mcm260xRules>, _) = (Box::new(Manual), Vec::new());
-        for name in names {
-            match rules::named(name.name) {
-                Some(lay) => rules = lay(rules, *name),
-                None => {
-                    let deviation = cia401::deviation(name.name)?;
-                    of_io.extend(name.unmutable(None, |_| Some(deviation)));
-                }
-            }
-        }
-        Some(Self::with(eds, rules, of_io))
-    }
-
-    /// The names that [`with_deviations`](Self::with_deviations) knows.
-    pub(crate) fn deviations() -> impl Iterator<Item = &'static str> {
-        rules::names().chain(cia401::names())
-    }
-
-    fn with(eds: &Eds, rules: Box<dyn Mcm260xRules>, of_io: Vec<cia401::Deviation>) -> Self {
+    /// The module that keeps to its documents but for these decisions.
+    pub(crate) fn with_deviations(eds: &Eds, otherwise: &[Otherwise<'_>]) -> Self {
+        let rules = Mcm260xRules::default().with(otherwise);
         let table = Table::of(eds);
         let filter = table.address(Item::InputFilter, 0);
         let own =
             PixsysIo { filter, stop_is_failure: true, objects_stay: rules.output_objects_stay() };
-        let own: Box<dyn Cia401Rules> = Box::new(own);
-        let io = IoBlock::new(eds, of_io.into_iter().fold(own, |rules, other| other.of(rules)));
+        let io = IoBlock::new(eds, own.rules().with(otherwise));
         let encoders = (1..=8).filter(|sub| eds.entry(Mux::new(COUNTS, *sub)).is_some()).count();
         let mut encoders = vec![Encoder::default(); encoders];
         if let Some(third) = encoders.get_mut(2) {
@@ -116,7 +99,7 @@ impl Mcm260x {
         }
         let inputs = io.counts().analogue_inputs;
         Self {
-            rules: rules.into(),
+            rules: Arc::new(rules),
             table,
             io,
             setups: vec![Setup { mode: 0, preset: 0 }; encoders.len()],
@@ -216,7 +199,7 @@ impl Mcm260x {
     /// the output drives.
     fn connect(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
         self.io.drive(od);
-        if self.table == Table::Large && self.rules.output_is_seen() {
+        if self.table == Table::Large {
             for block in 0..self.io.counts().digital_outputs {
                 self.io.drive_inputs(block, self.driven(block));
             }
@@ -298,9 +281,16 @@ impl Behaviour for Mcm260x {
         leds.for_each(|led| *led = Led::default());
     }
 
+    /// Parameters 1 to 3, which a start takes over, put the module on the bus: with its address, or
+    /// not at all when it works with Modbus or at another bit rate (chapters 6 to 8).
     fn attachment(&self, od: &Dictionary) -> Attachment {
         let value = |item| self.parameters(od).common(item);
-        self.rules.attachment(value(Item::Interface), value(Item::Address), value(Item::BitRate))
+        match u8::try_from(value(Item::Address)) {
+            _ if value(Item::Interface) != 0 => Attachment::Off,
+            _ if value(Item::BitRate) != DEFAULT_BIT_RATE => Attachment::Off,
+            Ok(address @ 1..=127) => Attachment::Node(address),
+            _ => Attachment::AsIs,
+        }
     }
 
     fn takes_restart(&mut self) -> bool {

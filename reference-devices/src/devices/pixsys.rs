@@ -4,11 +4,13 @@
 pub(crate) mod led;
 pub(crate) mod sensor;
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::{Dictionary, Mux, NmtState};
 
-use crate::profiles::cia401::{Cia401Rules, EVERY_LEVEL, Setting};
+use crate::decisions::Taken;
+use crate::profiles::cia401::{Cia401Decision as By, Cia401Rules, EVERY_LEVEL, Setting};
 use crate::stack::CommunicationEvent;
 
 /// Inputs and outputs as the manuals describe them.
@@ -24,39 +26,33 @@ pub(super) struct PixsysIo {
     pub(super) objects_stay: bool,
 }
 
-impl Cia401Rules for PixsysIo {
-    fn setting(&self, setting: Setting, configured: i64) -> i64 {
-        match setting {
-            Setting::InputFilter if self.filter.is_some() => EVERY_LEVEL,
-            _ => configured,
-        }
-    }
-
-    fn filter_time(&self, od: &Dictionary) -> Duration {
-        let steps = self.filter.and_then(|mux| od.int(mux)).unwrap_or(0);
-        FILTER_STEP.saturating_mul(u32::try_from(steps).unwrap_or(0))
-    }
-
-    /// The lower limit belongs to the values that trigger (DRR460 11.4.9, MCM260X 11.4.14), in
-    /// contrast to the profile.
-    fn below_limit(&self, value: i64, limit: i64) -> bool {
-        value <= limit
-    }
-
-    /// For the DRR460 only a communication error sets the outputs (DRR460 11.4.2).
-    fn fails(&self, event: CommunicationEvent) -> bool {
-        match event {
-            CommunicationEvent::Entered(NmtState::STOPPED) => self.stop_is_failure,
-            _ => event == CommunicationEvent::CommunicationError,
-        }
-    }
-
-    fn failure_writes_objects(&self) -> bool {
-        !self.objects_stay
-    }
-
-    fn start_ends_failure(&self) -> bool {
-        !self.objects_stay
+impl PixsysIo {
+    /// The decisions of CiA 401 as the manuals take them.
+    pub(super) fn rules(self) -> Cia401Rules {
+        let Self { filter, stop_is_failure, objects_stay } = self;
+        let steps = move |od: &Dictionary| filter.and_then(|mux| od.int(mux)).unwrap_or(0);
+        let own = [
+            By::filter_time(Taken::By(Arc::new(move |_, od| {
+                FILTER_STEP.saturating_mul(u32::try_from(steps(od)).unwrap_or(0))
+            }))),
+            // The lower limit belongs to the values that trigger (DRR460 11.4.9, MCM260X 11.4.14),
+            // in contrast to the profile.
+            By::below_limit(Taken::By(Arc::new(|_, value, limit| value <= limit))),
+            // For the DRR460 only a communication error sets the outputs (DRR460 11.4.2).
+            By::fails(Taken::By(Arc::new(move |_, event| match event {
+                CommunicationEvent::Entered(NmtState::STOPPED) => stop_is_failure,
+                _ => event == CommunicationEvent::CommunicationError,
+            }))),
+            By::failure_writes_objects(Taken::Is(!objects_stay)),
+            By::recovers(Taken::By(Arc::new(move |_, event| {
+                !objects_stay && event == CommunicationEvent::Entered(NmtState::OPERATIONAL)
+            }))),
+            By::setting(Taken::By(Arc::new(move |_, setting, configured| match setting {
+                Setting::InputFilter if filter.is_some() => EVERY_LEVEL,
+                _ => configured,
+            }))),
+        ];
+        own.into_iter().fold(Cia401Rules::default(), |rules, taken| rules.under(taken, None))
     }
 }
 
@@ -101,7 +97,7 @@ mod tests {
             od.set_int(Mux::new(*index, if *index == 0x6423 { 0 } else { 1 }), *number);
         }
         od.set_int(Mux::new(0x6401, 1), now);
-        IoBlock::new(&eds, Box::new(PixsysIo::default())).triggers(
+        IoBlock::new(&eds, PixsysIo::default().rules()).triggers(
             Mux::new(0x6401, 1),
             &last.to_le_bytes(),
             &od,

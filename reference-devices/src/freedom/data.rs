@@ -38,6 +38,8 @@ struct WrittenFreedom {
     /// Freedoms that no device can use together with this one.
     excludes: Option<OneOrMore>,
     /// What is different.
+    change: Option<Change>,
+    /// What is different, where it is several changes.
     changes: Option<Vec<Written<Change>>>,
     #[schemars(flatten)]
     by_kind: WrittenChange,

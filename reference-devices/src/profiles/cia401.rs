@@ -24,14 +24,14 @@ use channel::{Channel, Kind};
 use inputs::{AnalogueInput, DigitalInput};
 use outputs::Output;
 
-pub(crate) use rules::{Cia401, Cia401Rules, Deviation, deviation, names};
+pub(crate) use rules::{Cia401Decision, Cia401Rules};
 pub(crate) use setting::{EVERY_LEVEL, Setting};
 
 /// The inputs and outputs of a device. It is a complete application for a device that has nothing
 /// else.
 #[derive(Clone)]
 pub(crate) struct IoBlock {
-    rules: Arc<dyn Cia401Rules>,
+    rules: Arc<Cia401Rules>,
     digital_inputs: Vec<DigitalInput>,
     analogue_inputs: Vec<AnalogueInput>,
     digital_outputs: Vec<Output>,
@@ -47,14 +47,14 @@ pub(crate) struct IoBlock {
 
 impl IoBlock {
     /// The block of a device with this data sheet, which decides in this manner.
-    pub(crate) fn new(eds: &Eds, rules: Box<dyn Cia401Rules>) -> Self {
+    pub(crate) fn new(eds: &Eds, rules: Cia401Rules) -> Self {
         let channels = |kind| {
             let values = eds.entries().map(|entry| entry.mux);
             values.filter_map(Channel::at).filter(move |channel| channel.kind == kind)
         };
         let banks = eds.entries().filter(|entry| is_source(entry.mux)).count();
         Self {
-            rules: rules.into(),
+            rules: Arc::new(rules),
             digital_inputs: channels(Kind::DigitalInput).map(DigitalInput::new).collect(),
             analogue_inputs: channels(Kind::AnalogueInput).map(AnalogueInput::new).collect(),
             digital_outputs: channels(Kind::DigitalOutput).map(Output::new).collect(),

@@ -2,12 +2,12 @@
 
 use canopen::Mux;
 
-use super::Layer;
+use super::Rules;
 use super::pdo::is_mapping;
 
 decisions! {
     /// The decisions on values that are written (CiA 301, 7.4).
-    pub trait AccessRules: Layer;
+    pub AccessDecision of Rules, otherwise [DEVIATIONS];
 
     /// A value below or above the limits of its object is refused (7.2.4.3.17).
     fn range_checked(&self) -> bool {
@@ -36,24 +36,8 @@ decisions! {
 }
 
 deviations! {
-    AccessRules;
+    DEVIATIONS of AccessDecision;
 
-    "range-unchecked" {
-        fn range_checked(&self) -> bool { false }
-    }
-    "refused-write-changes-value" {
-        fn refused_write_changes_nothing(&self, _mux: Mux) -> bool { false }
-    }
-    "text-keeps-the-end-of-the-last-one" {
-        fn shorter_text_ends_earlier(&self) -> bool { false }
-    }
-    "pdo-cob-id-moves-while-valid" {
-        fn cob_id_fixed_while_valid(&self) -> bool { false }
-    }
-    "mapping-refused-but-written" {
-        fn refused_write_changes_nothing(&self, mux: Mux) -> bool { !is_mapping(mux) }
-    }
-    "mapping-refused-sets-error-register" {
-        fn refused_write_is_an_error(&self, mux: Mux) -> bool { is_mapping(mux) }
-    }
+    "mapping-refused-but-written" => refused_write_changes_nothing: |_, mux| !is_mapping(mux);
+    "mapping-refused-sets-error-register" => refused_write_is_an_error: |_, mux| is_mapping(mux);
 }

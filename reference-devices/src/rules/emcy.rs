@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use canopen::NmtState;
 
-use super::Layer;
+use super::Rules;
 
 decisions! {
     /// The decisions of the emergency producer (CiA 301, 7.2.7).
-    pub trait EmcyRules: Layer;
+    pub EmcyDecision of Rules, otherwise [DEVIATIONS];
 
     /// Emergency messages belong to PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
     fn emcy_sent_in(&self, state: NmtState) -> bool {
@@ -97,62 +97,10 @@ decisions! {
 }
 
 deviations! {
-    EmcyRules;
+    DEVIATIONS of EmcyDecision;
 
-    "last-waiting-emcy-follows-at-once" {
-        fn emcy_inhibits(&self, waiting: usize) -> bool { waiting != 1 }
-    }
-    "history-clear-drops-waiting-emcy" {
-        fn history_cleared_beside_messages(&self) -> bool { false }
-    }
-    "emcy-sent-in-stopped" {
-        fn emcy_sent_in(&self, _state: NmtState) -> bool { true }
-    }
-    "emcy-repeated" {
-        fn emcy_repeated(&self) -> bool { true }
-    }
-    "emcy-lost-when-busy" {
-        fn emcy_queued(&self) -> bool { false }
-    }
-    "emcy-inhibit-ignored" {
-        fn emcy_inhibit(&self, _configured: u16) -> Duration { Duration::ZERO }
-    }
-    "emcy-inhibit-in-milliseconds" {
-        fn emcy_inhibit(&self, configured: u16) -> Duration {
-            Duration::from_millis(configured.into())
-        }
-    }
-    "error-register-never-cleared" {
-        fn error_register(&self, before: u8, present: u8) -> u8 { before | present }
-    }
-    "history-order-reversed" {
-        fn history_newest_first(&self) -> bool { false }
-    }
-    "history-cleared-by-any-value" {
-        fn history_count_valid(&self, _count: u8) -> bool { true }
-    }
-    "history-empty-line-readable" {
-        fn empty_history_readable(&self) -> bool { true }
-    }
-    "emcy-kept-over-reset" {
-        fn reset_drops_emcy(&self) -> bool { false }
-    }
-    "history-without-end" {
-        fn history_depth(&self, _lines: usize) -> usize { 254 }
-    }
-    "emcy-inhibit-time-cannot-be-switched-off" {
-        fn emcy_inhibit_can_end(&self) -> bool { false }
-    }
-    "deleting-the-history-clears-the-register" {
-        fn history_cleared_alone(&self) -> bool { false }
-    }
-    "emcy-kept-while-disabled" {
-        fn disabled_emcy_forgotten(&self) -> bool { false }
-    }
-    "communication-errors-last-until-a-reset" {
-        fn communication_errors_end(&self) -> bool { false }
-    }
-    "emcy-consumer-judged-by-its-first-entry" {
-        fn emcy_consumer_entry(&self, _sub: u8) -> u8 { 1 }
-    }
+    "last-waiting-emcy-follows-at-once" => emcy_inhibits: |_, waiting| waiting != 1;
+    "emcy-inhibit-in-milliseconds" =>
+        emcy_inhibit: |_, configured| Duration::from_millis(configured.into());
+    "error-register-never-cleared" => error_register: |_, before, present| before | present;
 }

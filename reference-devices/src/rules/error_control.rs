@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use canopen::NmtState;
 
-use super::Layer;
+use super::Rules;
 
 decisions! {
     /// The decisions of error control (CiA 301, 7.2.8.2, 7.2.8.3.2 and 7.5.2.32).
-    pub trait ErrorControlRules: Layer;
+    pub ErrorControlDecision of Rules, otherwise [DEVIATIONS];
 
     /// The producer keeps the period of 1017h (7.5.2.20).
     fn heartbeat_period(&self, configured: Duration) -> Duration {
@@ -168,144 +168,35 @@ decisions! {
 }
 
 deviations! {
-    ErrorControlRules;
+    DEVIATIONS of ErrorControlDecision;
 
-    "heartbeat-period-drifts" {
-        fn heartbeat_period(&self, configured: Duration) -> Duration {
-            configured * 101 / 100
-        }
-    }
-    "heartbeat-period-of-15-bits" {
-        fn heartbeat_period(&self, configured: Duration) -> Duration {
-            Duration::from_millis((configured.as_millis() as u64 & 0x7FFF).max(1))
-        }
-    }
-    "heartbeat-burst-at-boot-up" {
-        fn heartbeats_at_boot_up(&self) -> u32 { 3 }
-    }
-    "heartbeat-begins-at-once" {
-        fn heartbeat_begins_at_once(&self) -> bool { true }
-    }
-    "heartbeat-at-change-of-state" {
-        fn heartbeat_at_change_of_state(&self) -> bool { true }
-    }
-    "guarding-needs-guard-time" {
-        fn guarding_needs_guard_time(&self) -> bool { true }
-    }
-    "guarding-needs-life-time-factor" {
-        fn guarding_needs_life_time_factor(&self) -> bool { true }
-    }
-    "error-classes-are-one" {
-        fn error_class(&self, _sub: u8) -> Option<u8> { Some(1) }
-    }
-    "errors-of-the-application-without-reaction" {
-        fn error_class(&self, sub: u8) -> Option<u8> { (sub == 1).then_some(sub) }
-    }
-    "error-behaviour-ignored" {
-        fn error_reaction(&self, _configured: u8) -> Option<NmtState> { None }
-    }
-    "heartbeat-watched-before-first" {
-        fn first_heartbeat_starts_watch(&self) -> bool { false }
-    }
-    "heartbeat-loss-never-recovers" {
-        fn heartbeat_loss_recovers(&self) -> bool { false }
-    }
-    "heartbeat-error-outlives-its-entry" {
-        fn end_of_watch_ends_error(&self) -> bool { false }
-    }
-    "lost-nodes-end-together" {
-        fn lost_nodes_end_one_by_one(&self) -> bool { false }
-    }
-    "nodes-not-watched-in-stopped" {
-        fn nodes_watched_in(&self, state: NmtState) -> bool { state != NmtState::STOPPED }
-    }
-    "heartbeat-losses-told-once" {
-        fn each_lost_node_told(&self) -> bool { false }
-    }
-    "heartbeat-consumer-time-doubled" {
-        fn heartbeat_consumer_time(&self, configured: Duration) -> Duration { configured * 2 }
-    }
-    "heartbeat-consumer-time-quartered" {
-        fn heartbeat_consumer_time(&self, configured: Duration) -> Duration { configured / 4 }
-    }
-    "heartbeat-of-any-state" {
-        fn is_heartbeat(&self, _state: NmtState) -> bool { true }
-    }
-    "life-guarding-beside-heartbeat" {
-        fn heartbeat_ends_life_guarding(&self, _runs: bool) -> bool { false }
-    }
-    "life-guarding-ends-with-the-write-of-1017h" {
-        fn heartbeat_ends_life_guarding(&self, _runs: bool) -> bool { true }
-    }
-    "errors-change-every-state" {
-        fn errors_change(&self, _state: NmtState) -> bool { true }
-    }
-    "heartbeat-node-watched-twice" {
-        fn heartbeat_node_taken(&self, _other: u8, _used: bool, _node: u8) -> bool { false }
-    }
-    "heartbeat-node-taken-by-an-unused-entry" {
-        fn heartbeat_node_taken(&self, other: u8, _used: bool, node: u8) -> bool { other == node }
-    }
-    "heartbeat-nodes-in-their-order" {
-        fn heartbeat_node_taken(&self, other: u8, used: bool, node: u8) -> bool {
-            used && other >= node
-        }
-    }
-    "guarding-answered-beside-heartbeat" {
-        fn guarding_answered(&self, _heartbeat_runs: bool) -> bool { true }
-    }
-    "guarding-toggle-stuck" {
-        fn guarding_toggle_after(&self, toggle: bool) -> bool { toggle }
-    }
-    "guarding-toggle-kept-over-reset" {
-        fn guarding_toggle_after_reset(&self, toggle: bool) -> bool { toggle }
-    }
-    "life-guarding-before-first-question" {
-        fn first_question_starts_life_time(&self) -> bool { false }
-    }
-    "life-time-factor-0-is-1" {
-        fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
-            guard_time * u32::from(factor.max(1))
-        }
-    }
-    "life-time-quartered" {
-        fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
-            guard_time * u32::from(factor) / 4
-        }
-    }
-    "life-time-factor-ignored" {
-        fn life_time(&self, guard_time: Duration, factor: u8) -> Duration {
-            if factor == 0 { Duration::ZERO } else { guard_time }
-        }
-    }
-    "heartbeat-restarts-with-each-state" {
-        fn state_change_restarts_heartbeat(&self) -> bool { true }
-    }
-    "heartbeat-return-not-seen-in-stopped" {
-        fn heartbeat_return_seen_in(&self, state: NmtState) -> bool { state != NmtState::STOPPED }
-    }
-    "heartbeat-of-a-stopped-node-ignored" {
-        fn is_heartbeat(&self, state: NmtState) -> bool {
-            matches!(state, NmtState::OPERATIONAL | NmtState::PRE_OPERATIONAL)
-        }
-    }
-    "heartbeat-consumer-time-of-15-bits" {
-        fn heartbeat_consumer_time(&self, configured: Duration) -> Duration {
-            Duration::from_millis(configured.as_millis() as u64 & 0x7FFF)
-        }
-    }
-    "guarding-toggle-reset-by-parameters" {
-        fn guarding_toggle_after_configuration(&self, _toggle: bool) -> bool { false }
-    }
-    "life-guarding-cannot-be-switched-off" {
-        fn life_guarding_can_end(&self) -> bool { false }
-    }
-    "no-life-guarding-in-stopped" {
-        fn life_guarded_in(&self, state: NmtState) -> bool { state != NmtState::STOPPED }
-    }
-    "life-time-not-restarted-in-stopped" {
-        fn guarding_restarts_life_time_in(&self, state: NmtState) -> bool {
-            state != NmtState::STOPPED
-        }
-    }
+    "heartbeat-period-drifts" => heartbeat_period: |_, configured| configured * 101 / 100;
+    "heartbeat-period-of-15-bits" => heartbeat_period: |_, configured| {
+        Duration::from_millis((configured.as_millis() as u64 & 0x7FFF).max(1))
+    };
+    "errors-of-the-application-without-reaction" => error_class: |_, sub| (sub == 1).then_some(sub);
+    "nodes-not-watched-in-stopped" => nodes_watched_in: |_, state| state != NmtState::STOPPED;
+    "heartbeat-consumer-time-doubled" => heartbeat_consumer_time: |_, configured| configured * 2;
+    "heartbeat-consumer-time-quartered" => heartbeat_consumer_time: |_, configured| configured / 4;
+    "heartbeat-node-taken-by-an-unused-entry" =>
+        heartbeat_node_taken: |_, other, _, node| other == node;
+    "heartbeat-nodes-in-their-order" =>
+        heartbeat_node_taken: |_, other, used, node| used && other >= node;
+    "guarding-toggle-stuck" => guarding_toggle_after: |_, toggle| toggle;
+    "guarding-toggle-kept-over-reset" => guarding_toggle_after_reset: |_, toggle| toggle;
+    "life-time-factor-0-is-1" =>
+        life_time: |_, guard_time, factor| guard_time * u32::from(factor.max(1));
+    "life-time-quartered" => life_time: |_, guard_time, factor| guard_time * u32::from(factor) / 4;
+    "life-time-factor-ignored" =>
+        life_time: |_, guard_time, factor| if factor == 0 { Duration::ZERO } else { guard_time };
+    "heartbeat-return-not-seen-in-stopped" =>
+        heartbeat_return_seen_in: |_, state| state != NmtState::STOPPED;
+    "heartbeat-of-a-stopped-node-ignored" =>
+        is_heartbeat: |_, state| matches!(state, NmtState::OPERATIONAL | NmtState::PRE_OPERATIONAL);
+    "heartbeat-consumer-time-of-15-bits" => heartbeat_consumer_time: |_, configured| {
+        Duration::from_millis(configured.as_millis() as u64 & 0x7FFF)
+    };
+    "no-life-guarding-in-stopped" => life_guarded_in: |_, state| state != NmtState::STOPPED;
+    "life-time-not-restarted-in-stopped" =>
+        guarding_restarts_life_time_in: |_, state| state != NmtState::STOPPED;
 }

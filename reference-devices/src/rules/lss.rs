@@ -5,11 +5,11 @@ use std::time::Duration;
 use canopen::lss::{BIT_RATES, Bound, Fastscan, Mode, Part, Request, UNCONFIGURED};
 use canopen::{Data, NmtState};
 
-use super::Layer;
+use super::Rules;
 
 decisions! {
     /// The decisions of an LSS slave. Clauses are those of CiA 305.
-    pub trait LssRules: Layer;
+    pub LssDecision of Rules, otherwise [DEVIATIONS];
 
     /// A request has exactly eight bytes (6.1).
     fn lss_request(&self, data: &[u8]) -> Option<Request> {
@@ -165,190 +165,64 @@ fn bit_rate(table: u8, index: u8, supported: &[u32]) -> Option<u32> {
 }
 
 deviations! {
-    LssRules;
+    DEVIATIONS of LssDecision;
 
-    "lss-short-frame-answered" {
-        fn lss_request(&self, data: &[u8]) -> Option<Request> {
-            Request::decode(&Data::new(data).padded()).ok()
+    "lss-short-frame-answered" =>
+        lss_request: |_, data| Request::decode(&Data::new(data).padded()).ok();
+    "lss-in-pre-operational-only" => lss_served_in: |_, state| {
+        matches!(state, NmtState::PRE_OPERATIONAL | NmtState::INITIALISING)
+    };
+    "lss-not-in-operational" => lss_served_in: |_, state| state != NmtState::OPERATIONAL;
+    "lss-some-bit-rates" => lss_bit_rate: |_, table, index, supported| {
+        bit_rate(table, index, supported).filter(|rate| *rate >= 125_000)
+    };
+    "lss-vendor-not-compared" => lss_part_compared: |_, part| part != Part::Vendor;
+    "lss-product-not-compared" => lss_part_compared: |_, part| part != Part::Product;
+    "lss-revision-not-compared" => lss_part_compared: |_, part| part != Part::Revision;
+    "lss-serial-not-compared" => lss_part_compared: |_, part| part != Part::Serial;
+    "lss-node-id-0-accepted" => lss_node_id_valid: |_, node| node <= 127 || node == UNCONFIGURED;
+    "lss-node-id-128-accepted" => lss_node_id_valid: |_, node| node != 0;
+    "lss-node-id-127-refused" => lss_node_id_valid: |_, node| matches!(node, 1..127 | UNCONFIGURED);
+    "lss-node-id-255-refused" => lss_node_id_valid: |_, node| matches!(node, 1..=127);
+    "lss-node-id-never" => lss_node_id_after_reset: |_, active, _| active;
+    "lss-unconfigured-node-starts" => lss_node_id_after_reset: |_, active, pending| {
+        if pending == UNCONFIGURED { active } else { pending }
+    };
+    "lss-reserved-bit-rate-accepted" => lss_bit_rate: |_, table, index, supported| {
+        match (table, index) {
+            (0, 5) => Some(100_000),
+            _ => bit_rate(table, index, supported),
         }
-    }
-    "lss-in-pre-operational-only" {
-        fn lss_served_in(&self, state: NmtState) -> bool {
-            matches!(state, NmtState::PRE_OPERATIONAL | NmtState::INITIALISING)
-        }
-    }
-    "lss-not-in-operational" {
-        fn lss_served_in(&self, state: NmtState) -> bool { state != NmtState::OPERATIONAL }
-    }
-    "lss-some-bit-rates" {
-        fn lss_bit_rate(&self, table: u8, index: u8, supported: &[u32]) -> Option<u32> {
-            bit_rate(table, index, supported).filter(|rate| *rate >= 125_000)
-        }
-    }
-    "lss-global-switch-answered" {
-        fn lss_global_switch_answered(&self) -> bool { true }
-    }
-    "lss-configures-while-waiting" {
-        fn lss_configures_in(&self, _mode: Mode) -> bool { true }
-    }
-    "lss-selected-while-configured" {
-        fn lss_selects_in(&self, _mode: Mode) -> bool { true }
-    }
-    "lss-configuration-survives-reset" {
-        fn lss_waits_after_reset(&self) -> bool { false }
-    }
-    "lss-serial-number-selects" {
-        fn lss_selection_in_order(&self) -> bool { false }
-    }
-    "lss-vendor-not-compared" {
-        fn lss_part_compared(&self, part: Part) -> bool { part != Part::Vendor }
-    }
-    "lss-product-not-compared" {
-        fn lss_part_compared(&self, part: Part) -> bool { part != Part::Product }
-    }
-    "lss-revision-not-compared" {
-        fn lss_part_compared(&self, part: Part) -> bool { part != Part::Revision }
-    }
-    "lss-serial-not-compared" {
-        fn lss_part_compared(&self, part: Part) -> bool { part != Part::Serial }
-    }
-    "lss-node-id-0-accepted" {
-        fn lss_node_id_valid(&self, node: u8) -> bool { node <= 127 || node == UNCONFIGURED }
-    }
-    "lss-node-id-128-accepted" {
-        fn lss_node_id_valid(&self, node: u8) -> bool { node != 0 }
-    }
-    "lss-node-id-127-refused" {
-        fn lss_node_id_valid(&self, node: u8) -> bool { matches!(node, 1..127 | UNCONFIGURED) }
-    }
-    "lss-node-id-255-refused" {
-        fn lss_node_id_valid(&self, node: u8) -> bool { matches!(node, 1..=127) }
-    }
-    "lss-node-ids-refused" {
-        fn lss_node_id_valid(&self, _node: u8) -> bool { false }
-    }
-    "lss-node-id-at-once" {
-        fn lss_node_id_waits(&self) -> bool { false }
-    }
-    "lss-node-id-never" {
-        fn lss_node_id_after_reset(&self, active: u8, _pending: u8) -> u8 { active }
-    }
-    "lss-unconfigured-node-starts" {
-        fn lss_node_id_after_reset(&self, active: u8, pending: u8) -> u8 {
-            if pending == UNCONFIGURED { active } else { pending }
-        }
-    }
-    "lss-configuring-restarts" {
-        fn lss_configuring_renews(&self) -> bool { true }
-    }
-    "lss-configured-node-does-not-start" {
-        fn lss_leaving_starts(&self) -> bool { false }
-    }
-    "lss-reserved-bit-rate-accepted" {
-        fn lss_bit_rate(&self, table: u8, index: u8, supported: &[u32]) -> Option<u32> {
-            match (table, index) {
-                (0, 5) => Some(100_000),
-                _ => bit_rate(table, index, supported),
-            }
-        }
-    }
-    "lss-any-bit-rate-index-accepted" {
-        fn lss_bit_rate(&self, table: u8, index: u8, supported: &[u32]) -> Option<u32> {
-            let beyond = usize::from(index) >= BIT_RATES.len() && table == 0;
-            if beyond { Some(1_000_000) } else { bit_rate(table, index, supported) }
-        }
-    }
-    "lss-bit-rate-table-ignored" {
-        fn lss_bit_rate(&self, _table: u8, index: u8, supported: &[u32]) -> Option<u32> {
-            bit_rate(0, index, supported)
-        }
-    }
-    "lss-bit-rates-refused" {
-        fn lss_bit_rate(&self, _table: u8, _index: u8, _supported: &[u32]) -> Option<u32> { None }
-    }
-    "lss-silent-for-one-delay" {
-        fn lss_silence(&self, delay: Duration) -> Duration { delay }
-    }
-    "lss-never-speaks-after-activation" {
-        fn lss_silence(&self, _delay: Duration) -> Duration { Duration::from_secs(1 << 20) }
-    }
-    "lss-store-forgets" {
-        fn lss_stores(&self) -> bool { false }
-    }
-    "lss-stored-for-one-power-on" {
-        fn lss_stored_kept(&self) -> bool { false }
-    }
-    "lss-pending-survives-power" {
-        fn lss_forgets_without_supply(&self) -> bool { false }
-    }
-    "lss-configured-node-says-unconfigured" {
-        fn lss_says_unconfigured(&self, _active: u8) -> bool { true }
-    }
-    "lss-identify-range-inverted" {
-        fn lss_bound_met(&self, bound: Bound, own: u32, number: u32) -> bool {
-            match bound {
-                Bound::Vendor | Bound::Product => own == number,
-                Bound::RevisionLow | Bound::SerialLow => own <= number,
-                Bound::RevisionHigh | Bound::SerialHigh => own >= number,
-            }
-        }
-    }
-    "lss-identify-bounds-excluded" {
-        fn lss_bound_met(&self, bound: Bound, own: u32, number: u32) -> bool {
-            match bound {
-                Bound::Vendor | Bound::Product => own == number,
-                Bound::RevisionLow | Bound::SerialLow => own > number,
-                Bound::RevisionHigh | Bound::SerialHigh => own < number,
-            }
-        }
-    }
-    "lss-identify-any-vendor" {
-        fn lss_bound_met(&self, bound: Bound, own: u32, number: u32) -> bool {
-            match bound {
-                Bound::Vendor | Bound::Product => true,
-                Bound::RevisionLow | Bound::SerialLow => own >= number,
-                Bound::RevisionHigh | Bound::SerialHigh => own <= number,
-            }
-        }
-    }
-    "lss-identify-any-bounds" {
-        fn lss_bound_met(&self, bound: Bound, own: u32, number: u32) -> bool {
-            !matches!(bound, Bound::Vendor | Bound::Product) || own == number
-        }
-    }
-    "lss-fastscan-of-configured-node" {
-        fn lss_scanned(&self, _active: u8, _pending: u8) -> bool { true }
-    }
-    "lss-fastscan-any-bit" {
-        fn lss_scan_valid(&self, scan: Fastscan) -> bool { scan.part < 4 && scan.next < 4 }
-    }
-    "lss-fastscan-any-next" {
-        fn lss_scan_valid(&self, scan: Fastscan) -> bool { scan.bit < 32 && scan.part < 4 }
-    }
-    "lss-fastscan-in-any-order" {
-        fn lss_scan_in_order(&self) -> bool { false }
-    }
-    "lss-fastscan-ends-early" {
-        fn lss_scan_complete(&self, scan: Fastscan) -> bool { scan.next < scan.part }
-    }
-    "lss-fastscan-never-ends" {
-        fn lss_scan_complete(&self, _scan: Fastscan) -> bool { false }
-    }
-    "lss-scan-not-begun-anew" {
-        fn lss_confirm_restarts_scan(&self) -> bool { false }
-    }
-    "lss-node-id-lost-with-a-bit-rate" {
-        fn lss_bit_rate_leaves_node_id(&self) -> bool { false }
-    }
-    "lss-active-node-id-not-stored" {
-        fn lss_node_id_stored(&self, pending: u8, active: u8) -> bool { pending != active }
-    }
-    "lss-identification-outlives-a-misfit" {
-        fn lss_misfit_ends_identification(&self) -> bool { false }
-    }
-    "lss-switch-delay-in-a-byte" {
-        fn lss_silence(&self, delay: Duration) -> Duration {
-            Duration::from_millis(delay.as_millis() as u64 & 0xFF) * 2
-        }
-    }
+    };
+    "lss-any-bit-rate-index-accepted" => lss_bit_rate: |_, table, index, supported| {
+        let beyond = usize::from(index) >= BIT_RATES.len() && table == 0;
+        if beyond { Some(1_000_000) } else { bit_rate(table, index, supported) }
+    };
+    "lss-bit-rate-table-ignored" =>
+        lss_bit_rate: |_, _, index, supported| bit_rate(0, index, supported);
+    "lss-silent-for-one-delay" => lss_silence: |_, delay| delay;
+    "lss-identify-range-inverted" => lss_bound_met: |_, bound, own, number| match bound {
+        Bound::Vendor | Bound::Product => own == number,
+        Bound::RevisionLow | Bound::SerialLow => own <= number,
+        Bound::RevisionHigh | Bound::SerialHigh => own >= number,
+    };
+    "lss-identify-bounds-excluded" => lss_bound_met: |_, bound, own, number| match bound {
+        Bound::Vendor | Bound::Product => own == number,
+        Bound::RevisionLow | Bound::SerialLow => own > number,
+        Bound::RevisionHigh | Bound::SerialHigh => own < number,
+    };
+    "lss-identify-any-vendor" => lss_bound_met: |_, bound, own, number| match bound {
+        Bound::Vendor | Bound::Product => true,
+        Bound::RevisionLow | Bound::SerialLow => own >= number,
+        Bound::RevisionHigh | Bound::SerialHigh => own <= number,
+    };
+    "lss-identify-any-bounds" => lss_bound_met: |_, bound, own, number| {
+        !matches!(bound, Bound::Vendor | Bound::Product) || own == number
+    };
+    "lss-fastscan-any-bit" => lss_scan_valid: |_, scan| scan.part < 4 && scan.next < 4;
+    "lss-fastscan-any-next" => lss_scan_valid: |_, scan| scan.bit < 32 && scan.part < 4;
+    "lss-fastscan-ends-early" => lss_scan_complete: |_, scan| scan.next < scan.part;
+    "lss-active-node-id-not-stored" => lss_node_id_stored: |_, pending, active| pending != active;
+    "lss-switch-delay-in-a-byte" =>
+        lss_silence: |_, delay| Duration::from_millis(delay.as_millis() as u64 & 0xFF) * 2;
 }

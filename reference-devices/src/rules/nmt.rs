@@ -3,12 +3,12 @@
 use canopen::nmt::{Command, Service};
 use canopen::{Data, NmtState};
 
-use super::Layer;
+use super::Rules;
 use super::reset::{Change, Reset};
 
 decisions! {
     /// The decisions of an NMT slave (CiA 301, 7.2.8 and 7.3.2).
-    pub trait NmtRules: Layer;
+    pub NmtDecision of Rules, otherwise [DEVIATIONS];
 
     /// A command has exactly two bytes (7.2.8.3.1).
     fn nmt_command(&self, data: &[u8]) -> Option<Command> {
@@ -80,86 +80,38 @@ decisions! {
 }
 
 deviations! {
-    NmtRules;
+    DEVIATIONS of NmtDecision;
 
-    "no-boot-up" {
-        fn boot_up_messages(&self) -> u32 { 0 }
-    }
-    "nmt-remembered-until-boot-up" {
-        fn nmt_remembered_until_boot_up(&self) -> bool { true }
-    }
-    "errors-outlive-reset" {
-        fn reset_ends_errors(&self) -> bool { false }
-    }
-    "reset-communication-ends-application-errors" {
-        fn reset_ends_application_errors(&self, _reset: Reset) -> bool { true }
-    }
-    "boot-up-twice" {
-        fn boot_up_messages(&self) -> u32 { 2 }
-    }
-    "nmt-short-command-acts" {
-        fn nmt_command(&self, data: &[u8]) -> Option<Command> {
-            Command::decode(&Data::new(data).padded()[..2]).ok()
+    "nmt-short-command-acts" =>
+        nmt_command: |_, data| Command::decode(&Data::new(data).padded()[..2]).ok();
+    "nmt-unknown-command-acts" => nmt_change: |_, service| {
+        Some(match service {
+            Service::START => Change::Enter(NmtState::OPERATIONAL),
+            Service::STOP => Change::Enter(NmtState::STOPPED),
+            Service::RESET_NODE => Change::Reset(Reset::Node),
+            Service::RESET_COMMUNICATION => Change::Reset(Reset::Communication),
+            _ => Change::Enter(NmtState::PRE_OPERATIONAL),
+        })
+    };
+    "reset-communication-as-reset-node" => nmt_change: |rules, service| {
+        match rules.nmt_change(service) {
+            Some(Change::Reset(_)) => Some(Change::Reset(Reset::Node)),
+            change => change,
         }
-    }
-    "nmt-unknown-command-acts" {
-        fn nmt_change(&self, service: Service) -> Option<Change> {
-            Some(match service {
-                Service::START => Change::Enter(NmtState::OPERATIONAL),
-                Service::STOP => Change::Enter(NmtState::STOPPED),
-                Service::RESET_NODE => Change::Reset(Reset::Node),
-                Service::RESET_COMMUNICATION => Change::Reset(Reset::Communication),
-                _ => Change::Enter(NmtState::PRE_OPERATIONAL),
-            })
-        }
-    }
-    "reset-communication-as-reset-node" {
-        fn nmt_change(&self, service: Service) -> Option<Change> {
-            match self.0.nmt_change(service) {
-                Some(Change::Reset(_)) => Some(Change::Reset(Reset::Node)),
-                change => change,
-            }
-        }
-    }
-    "nmt-other-node-acts" {
-        fn nmt_addressed(&self, _node: u8, _to: u8) -> bool { true }
-    }
-    "nmt-broadcast-ignored" {
-        fn nmt_addressed(&self, node: u8, to: u8) -> bool { to == node }
-    }
-    "nmt-node-ids-above-127-obeyed" {
-        fn nmt_addressed(&self, node: u8, to: u8) -> bool { to == 0 || to == node || to > 127 }
-    }
-    "nmt-start-ignored-after-error" {
-        fn nmt_obeyed(&self, service: Service, error_register: u8) -> bool {
-            service != Service::START || error_register == 0
-        }
-    }
-    "reset-communication-keeps-objects" {
-        fn reset_restores(&self, reset: Reset) -> bool { reset == Reset::Node }
-    }
-    "reset-node-keeps-objects" {
-        fn reset_restores(&self, reset: Reset) -> bool { reset == Reset::Communication }
-    }
-    "start-by-itself-ignored" {
-        fn starts_itself(&self, _startup: u32) -> bool { false }
-    }
-    "start-by-itself-always" {
-        fn starts_itself(&self, _startup: u32) -> bool { true }
-    }
-    "startup-bits-unchecked" {
-        fn startup_valid(&self, _startup: u32) -> bool { true }
-    }
-    "parameters-of-rpdos-outlive-reset-communication" {
-        fn reset_takes_over(&self, index: u16) -> bool { index != 0x1400 }
-    }
-    "parameters-of-tpdos-outlive-reset-communication" {
-        fn reset_takes_over(&self, index: u16) -> bool { index != 0x1800 }
-    }
-    "parameters-of-sync-outlive-reset-communication" {
-        fn reset_takes_over(&self, index: u16) -> bool { index != 0x1005 }
-    }
-    "parameters-of-time-outlive-reset-communication" {
-        fn reset_takes_over(&self, index: u16) -> bool { index != 0x1012 }
-    }
+    };
+    "nmt-broadcast-ignored" => nmt_addressed: |_, node, to| to == node;
+    "nmt-node-ids-above-127-obeyed" =>
+        nmt_addressed: |_, node, to| to == 0 || to == node || to > 127;
+    "nmt-start-ignored-after-error" =>
+        nmt_obeyed: |_, service, error_register| service != Service::START || error_register == 0;
+    "reset-communication-keeps-objects" => reset_restores: |_, reset| reset == Reset::Node;
+    "reset-node-keeps-objects" => reset_restores: |_, reset| reset == Reset::Communication;
+    "parameters-of-rpdos-outlive-reset-communication" =>
+        reset_takes_over: |_, index| index != 0x1400;
+    "parameters-of-tpdos-outlive-reset-communication" =>
+        reset_takes_over: |_, index| index != 0x1800;
+    "parameters-of-sync-outlive-reset-communication" =>
+        reset_takes_over: |_, index| index != 0x1005;
+    "parameters-of-time-outlive-reset-communication" =>
+        reset_takes_over: |_, index| index != 0x1012;
 }

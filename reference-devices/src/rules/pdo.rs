@@ -6,11 +6,11 @@ use canopen::eds::Direction;
 use canopen::pdo::CobId;
 use canopen::{Mux, NmtState};
 
-use super::Layer;
+use super::Rules;
 
 decisions! {
     /// The decisions of RPDOs and TPDOs (CiA 301, 7.2.2 and 7.5.2.35 to 7.5.2.38).
-    pub trait PdoRules: Layer;
+    pub PdoDecision of Rules, otherwise [DEVIATIONS];
 
     // PDO parameters, 7.5.2.35 to 7.5.2.38
 
@@ -279,265 +279,72 @@ pub(super) fn is_mapping(mux: Mux) -> bool {
 }
 
 deviations! {
-    PdoRules;
+    DEVIATIONS of PdoDecision;
 
-    "tpdo-sent-in-pre-operational" {
-        fn tpdo_sent_in(&self, state: NmtState) -> bool { state != NmtState::STOPPED }
-    }
-    "pdo-inhibit-changes-while-valid" {
-        fn pdo_parameter_fixed_while_valid(&self, _sub: u8) -> bool { false }
-    }
-    "pdo-parameters-fixed-while-valid" {
-        fn pdo_parameter_fixed_while_valid(&self, _sub: u8) -> bool { true }
-    }
-    "pdos-configured-in-pre-operational-only" {
-        fn pdos_configured_in(&self, state: NmtState) -> bool { state == NmtState::PRE_OPERATIONAL }
-    }
-    "event-timer-fixed-while-valid" {
-        fn pdo_parameter_fixed_while_valid(&self, sub: u8) -> bool { matches!(sub, 3 | 5 | 6) }
-    }
-    "pdo-restricted-id-accepted" {
-        fn restricted_ids_refused(&self) -> bool { false }
-    }
-    "pdo-synchronous-types-0-and-1-only" {
-        fn transmission_type_valid(&self, direction: Direction, kind: u8) -> bool {
-            let rtr = direction == Direction::Transmit && matches!(kind, 252 | 253);
-            rtr || matches!(kind, 0 | 1 | 254 | 255)
-        }
-    }
-    "pdo-without-synchronous-types" {
-        fn transmission_type_valid(&self, _direction: Direction, kind: u8) -> bool { kind >= 254 }
-    }
-    "pdo-without-remote-types" {
-        fn transmission_type_valid(&self, _direction: Direction, kind: u8) -> bool {
-            matches!(kind, 0..=240 | 254..)
-        }
-    }
-    "pdo-with-type-255-only" {
-        fn transmission_type_valid(&self, direction: Direction, kind: u8) -> bool {
-            let rtr = direction == Direction::Transmit && matches!(kind, 252 | 253);
-            rtr || matches!(kind, 0..=240 | 255)
-        }
-    }
-    "rpdo-type-253-accepted" {
-        fn transmission_type_valid(&self, direction: Direction, kind: u8) -> bool {
-            let remote = direction == Direction::Transmit && kind == 252;
-            remote || matches!(kind, 0..=240 | 253..)
-        }
-    }
-    "pdo-reserved-type-accepted" {
-        fn transmission_type_valid(&self, _direction: Direction, _kind: u8) -> bool { true }
-    }
-    "tpdo-identifier-used-twice" {
-        fn tpdo_ids_unique(&self) -> bool { false }
-    }
-    "tpdo-id-kept-while-disabled" {
-        fn disabled_tpdo_leaves_its_id(&self) -> bool { false }
-    }
-    "pdo-without-mapping-exists" {
-        fn pdo_needs_mapping(&self, _exists: bool) -> bool { false }
-    }
-    "pdo-without-mapping-stays-as-it-is" {
-        fn pdo_needs_mapping(&self, _exists: bool) -> bool { true }
-    }
-    "mapping-changes-while-valid" {
-        fn mapping_fixed_while_valid(&self) -> bool { false }
-    }
-    "mapping-changes-while-active" {
-        fn mapping_fixed_while_active(&self) -> bool { false }
-    }
-    "mapping-length-unchecked" {
-        fn pdo_bits_max(&self) -> u32 { u32::MAX }
-    }
-    "mapping-length-off-by-one" {
-        fn pdo_bits_max(&self) -> u32 { 72 }
-    }
-    "mapping-of-any-object" {
-        fn mappability_checked(&self) -> bool { false }
-    }
-    "mapping-entry-length-unchecked" {
-        fn mapped_length_valid(&self, _own: Option<u8>, _asked: u8) -> bool { true }
-    }
-    "mapping-of-the-first-bytes" {
-        fn mapped_length_valid(&self, own: Option<u8>, asked: u8) -> bool {
-            asked.is_multiple_of(8) && own.is_some_and(|own| asked <= own)
-        }
-    }
-    "mapping-with-empty-entries" {
-        fn empty_entries_refused(&self) -> bool { false }
-    }
-    "mapping-gaps-unchecked" {
-        fn gaps_checked(&self) -> bool { false }
-    }
-    "same-mapping-taken" {
-        fn same_mapping_taken(&self) -> bool { true }
-    }
-    "rpdo-used-in-pre-operational" {
-        fn rpdo_used_in(&self, _state: NmtState) -> bool { true }
-    }
-    "rpdo-used-in-stopped" {
-        fn rpdo_used_in(&self, state: NmtState) -> bool {
-            matches!(state, NmtState::OPERATIONAL | NmtState::STOPPED)
-        }
-    }
-    "synchronous-rpdo-waits-for-operational" {
-        fn rpdo_waits_in(&self, state: NmtState) -> bool { state == NmtState::PRE_OPERATIONAL }
-    }
-    "event-driven-tpdos-go-on-in-pre-operational" {
-        fn tpdo_goes_on_in(&self, state: NmtState, kind: u8) -> bool {
-            state == NmtState::PRE_OPERATIONAL && kind >= 254
-        }
-    }
-    "event-driven-tpdos-go-on-in-stopped" {
-        fn tpdo_goes_on_in(&self, state: NmtState, kind: u8) -> bool {
-            state == NmtState::STOPPED && kind >= 254
-        }
-    }
-    "cyclic-tpdos-go-on-in-pre-operational" {
-        fn tpdo_goes_on_in(&self, state: NmtState, kind: u8) -> bool {
-            state == NmtState::PRE_OPERATIONAL && matches!(kind, 1..=240)
-        }
-    }
-    "acyclic-tpdos-go-on-in-pre-operational" {
-        fn tpdo_goes_on_in(&self, state: NmtState, kind: u8) -> bool {
-            state == NmtState::PRE_OPERATIONAL && kind == 0
-        }
-    }
-    "remote-requests-answered-after-operational" {
-        fn tpdo_goes_on_in(&self, state: NmtState, kind: u8) -> bool {
-            state == NmtState::PRE_OPERATIONAL && matches!(kind, 252 | 253)
-        }
-    }
-    "delayed-tpdo-sent-in-pre-operational" {
-        fn event_waits_in(&self, state: NmtState) -> bool { state == NmtState::PRE_OPERATIONAL }
-    }
-    "delayed-tpdo-sent-in-stopped" {
-        fn event_waits_in(&self, state: NmtState) -> bool { state == NmtState::STOPPED }
-    }
-    "rpdo-short-used" {
-        fn rpdo_length_usable(&self, _mapped: usize, _actual: usize) -> bool { true }
-    }
-    "rpdo-long-dropped" {
-        fn rpdo_length_usable(&self, mapped: usize, actual: usize) -> bool { mapped == actual }
-    }
-    "rpdo-range-unchecked" {
-        fn rpdo_range_checked(&self) -> bool { false }
-    }
-    "rpdo-length-end-not-told" {
-        fn rpdo_length_end_told(&self) -> bool { false }
-    }
-    "rpdo-length-not-told" {
-        fn rpdo_length_told(&self) -> bool { false }
-    }
-    "rpdo-acts-before-sync" {
-        fn synchronous_rpdo_waits(&self) -> bool { false }
-    }
-    "rpdo-first-before-sync-wins" {
-        fn synchronous_rpdo_replaced(&self) -> bool { false }
-    }
-    "rpdo-acts-with-every-sync" {
-        fn synchronous_rpdo_acts_once(&self) -> bool { false }
-    }
-    "rpdo-gap-takes-no-room" {
-        fn gap_takes_room(&self) -> bool { false }
-    }
-    "rpdo-deadline-before-first" {
-        fn first_rpdo_starts_deadline(&self) -> bool { false }
-    }
-    "tpdo-sent-in-stopped" {
-        fn tpdo_sent_in(&self, state: NmtState) -> bool {
-            matches!(state, NmtState::OPERATIONAL | NmtState::STOPPED)
-        }
-    }
-    "tpdo-not-sent-at-start" {
-        fn tpdo_sent_at_start(&self) -> bool { false }
-    }
-    "tpdo-counts-from-another-sync" {
-        fn syncs_before_first(&self, kind: u8) -> u8 { kind / 2 }
-    }
-    "tpdo-sent-with-the-sync-start-value" {
-        fn syncs_before_start_value(&self, kind: u8) -> u8 { kind - 1 }
-    }
-    "acyclic-tpdo-sent-after-the-start" {
-        fn start_is_event_of_acyclic_tpdo(&self) -> bool { true }
-    }
-    "tpdo-sent-when-configured" {
-        fn tpdo_sent_when_configured(&self) -> bool { true }
-    }
-    "rpdo-length-errors-are-one" {
-        fn rpdo_length_error_of(&self, _pdo: u16) -> u16 { 0 }
-    }
-    "tpdo-one-sync-late" {
-        fn cyclic_tpdo_due(&self, syncs: u8, kind: u8) -> bool { syncs > kind }
-    }
-    "tpdo-rtr-always-answered" {
-        fn rtr_answered(&self, _cob: CobId) -> bool { true }
-    }
-    "tpdo-rtr-unanswered" {
-        fn rtr_answered(&self, _cob: CobId) -> bool { false }
-    }
-    "tpdo-inhibit-in-milliseconds" {
-        fn pdo_inhibit(&self, configured: u16) -> Duration {
-            Duration::from_millis(configured.into())
-        }
-    }
-    "tpdo-inhibit-in-tenths-of-a-second" {
-        fn pdo_inhibit(&self, configured: u16) -> Duration {
-            Duration::from_millis(100) * u32::from(configured)
-        }
-    }
-    "tpdo-inhibit-ignored" {
-        fn pdo_inhibit(&self, _configured: u16) -> Duration { Duration::ZERO }
-    }
-    "tpdo-event-timer-ignores-the-inhibit-time" {
-        fn event_timer_is_inhibited(&self) -> bool { false }
-    }
-    "tpdo-event-timer-not-restarted" {
-        fn event_timer_restarts(&self) -> bool { false }
-    }
-    "inhibit-time-of-the-first-tpdo" {
-        fn pdo_parameter_of(&self, direction: Direction, pdo: u16, sub: u8) -> u16 {
-            if (direction, sub) == (Direction::Transmit, 3) { 0 } else { pdo }
-        }
-    }
-    "sync-start-of-the-first-tpdo" {
-        fn pdo_parameter_of(&self, direction: Direction, pdo: u16, sub: u8) -> u16 {
-            if (direction, sub) == (Direction::Transmit, 6) { 0 } else { pdo }
-        }
-    }
-    "type-of-the-first-rpdo" {
-        fn pdo_parameter_of(&self, direction: Direction, pdo: u16, sub: u8) -> u16 {
-            if (direction, sub) == (Direction::Receive, 2) { 0 } else { pdo }
-        }
-    }
-    "delayed-tpdo-repeated" {
-        fn delayed_event_ends(&self) -> bool { false }
-    }
-    "disabled-tpdo-sent-after-its-inhibit-time" {
-        fn disabled_tpdo_forgets_its_event(&self) -> bool { false }
-    }
-    "change-triggers-one-tpdo" {
-        fn change_triggers_each_tpdo(&self) -> bool { false }
-    }
-    "changes-beyond-four-bytes-unseen" {
-        fn tpdo_bytes_compared(&self, mapped: usize) -> usize { mapped.min(4) }
-    }
-    "sync-brings-one-rpdo" {
-        fn sync_brings_each_rpdo(&self) -> bool { false }
-    }
-    "rpdo-from-before-it-was-disabled" {
-        fn waiting_rpdo_dropped(&self, by_stop: bool) -> bool { by_stop }
-    }
-    "rpdo-from-before-stopped" {
-        fn waiting_rpdo_dropped(&self, by_stop: bool) -> bool { !by_stop }
-    }
-    "rpdo-deadline-outlives-its-event-time" {
-        fn new_parameters_end_rpdo_deadline(&self) -> bool { false }
-    }
-    "rpdo-event-time-fixed-while-monitored" {
-        fn new_rpdo_event_time_taken(&self, monitored: bool) -> bool { !monitored }
-    }
-    "rpdo-of-seven-entries" {
-        fn rpdo_entries_used(&self, mapped: usize) -> usize { mapped.min(7) }
-    }
+    "tpdo-sent-in-pre-operational" => tpdo_sent_in: |_, state| state != NmtState::STOPPED;
+    "pdos-configured-in-pre-operational-only" =>
+        pdos_configured_in: |_, state| state == NmtState::PRE_OPERATIONAL;
+    "event-timer-fixed-while-valid" =>
+        pdo_parameter_fixed_while_valid: |_, sub| matches!(sub, 3 | 5 | 6);
+    "pdo-synchronous-types-0-and-1-only" => transmission_type_valid: |_, direction, kind| {
+        let rtr = direction == Direction::Transmit && matches!(kind, 252 | 253);
+        rtr || matches!(kind, 0 | 1 | 254 | 255)
+    };
+    "pdo-without-synchronous-types" => transmission_type_valid: |_, _, kind| kind >= 254;
+    "pdo-without-remote-types" =>
+        transmission_type_valid: |_, _, kind| matches!(kind, 0..=240 | 254..);
+    "pdo-with-type-255-only" => transmission_type_valid: |_, direction, kind| {
+        let rtr = direction == Direction::Transmit && matches!(kind, 252 | 253);
+        rtr || matches!(kind, 0..=240 | 255)
+    };
+    "rpdo-type-253-accepted" => transmission_type_valid: |_, direction, kind| {
+        let remote = direction == Direction::Transmit && kind == 252;
+        remote || matches!(kind, 0..=240 | 253..)
+    };
+    "mapping-of-the-first-bytes" => mapped_length_valid: |_, own, asked| {
+        asked.is_multiple_of(8) && own.is_some_and(|own| asked <= own)
+    };
+    "rpdo-used-in-stopped" =>
+        rpdo_used_in: |_, state| matches!(state, NmtState::OPERATIONAL | NmtState::STOPPED);
+    "synchronous-rpdo-waits-for-operational" =>
+        rpdo_waits_in: |_, state| state == NmtState::PRE_OPERATIONAL;
+    "event-driven-tpdos-go-on-in-pre-operational" =>
+        tpdo_goes_on_in: |_, state, kind| state == NmtState::PRE_OPERATIONAL && kind >= 254;
+    "event-driven-tpdos-go-on-in-stopped" =>
+        tpdo_goes_on_in: |_, state, kind| state == NmtState::STOPPED && kind >= 254;
+    "cyclic-tpdos-go-on-in-pre-operational" => tpdo_goes_on_in: |_, state, kind| {
+        state == NmtState::PRE_OPERATIONAL && matches!(kind, 1..=240)
+    };
+    "acyclic-tpdos-go-on-in-pre-operational" =>
+        tpdo_goes_on_in: |_, state, kind| state == NmtState::PRE_OPERATIONAL && kind == 0;
+    "remote-requests-answered-after-operational" => tpdo_goes_on_in: |_, state, kind| {
+        state == NmtState::PRE_OPERATIONAL && matches!(kind, 252 | 253)
+    };
+    "delayed-tpdo-sent-in-pre-operational" =>
+        event_waits_in: |_, state| state == NmtState::PRE_OPERATIONAL;
+    "delayed-tpdo-sent-in-stopped" => event_waits_in: |_, state| state == NmtState::STOPPED;
+    "rpdo-long-dropped" => rpdo_length_usable: |_, mapped, actual| mapped == actual;
+    "tpdo-sent-in-stopped" =>
+        tpdo_sent_in: |_, state| matches!(state, NmtState::OPERATIONAL | NmtState::STOPPED);
+    "tpdo-counts-from-another-sync" => syncs_before_first: |_, kind| kind / 2;
+    "tpdo-sent-with-the-sync-start-value" => syncs_before_start_value: |_, kind| kind - 1;
+    "tpdo-one-sync-late" => cyclic_tpdo_due: |_, syncs, kind| syncs > kind;
+    "tpdo-inhibit-in-milliseconds" =>
+        pdo_inhibit: |_, configured| Duration::from_millis(configured.into());
+    "tpdo-inhibit-in-tenths-of-a-second" =>
+        pdo_inhibit: |_, configured| Duration::from_millis(100) * u32::from(configured);
+    "inhibit-time-of-the-first-tpdo" => pdo_parameter_of: |_, direction, pdo, sub| {
+        if (direction, sub) == (Direction::Transmit, 3) { 0 } else { pdo }
+    };
+    "sync-start-of-the-first-tpdo" => pdo_parameter_of: |_, direction, pdo, sub| {
+        if (direction, sub) == (Direction::Transmit, 6) { 0 } else { pdo }
+    };
+    "type-of-the-first-rpdo" => pdo_parameter_of: |_, direction, pdo, sub| {
+        if (direction, sub) == (Direction::Receive, 2) { 0 } else { pdo }
+    };
+    "changes-beyond-four-bytes-unseen" => tpdo_bytes_compared: |_, mapped| mapped.min(4);
+    "rpdo-from-before-it-was-disabled" => waiting_rpdo_dropped: |_, by_stop| by_stop;
+    "rpdo-from-before-stopped" => waiting_rpdo_dropped: |_, by_stop| !by_stop;
+    "rpdo-event-time-fixed-while-monitored" => new_rpdo_event_time_taken: |_, monitored| !monitored;
+    "rpdo-of-seven-entries" => rpdo_entries_used: |_, mapped| mapped.min(7);
 }

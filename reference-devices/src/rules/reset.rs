@@ -4,6 +4,8 @@ use std::ops::RangeInclusive;
 
 use canopen::NmtState;
 
+use crate::decisions::in_code_alone;
+
 /// What an NMT command leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
@@ -21,6 +23,8 @@ pub enum Reset {
     /// The communication profile area.
     Communication,
 }
+
+in_code_alone! { Change }
 
 impl Reset {
     /// The objects that take their stored or default values.

@@ -5,12 +5,12 @@ use std::time::Duration;
 use canopen::sdo::Request;
 use canopen::{Abort, Data, DataType, Mux, NmtState};
 
-use super::Layer;
+use super::Rules;
 use super::pdo::is_mapping;
 
 decisions! {
     /// The decisions of SDO servers and clients (CiA 301, 7.2.4).
-    pub trait SdoRules: Layer;
+    pub SdoDecision of Rules, otherwise [DEVIATIONS];
 
     /// SDOs are served in PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
     fn sdo_served_in(&self, state: NmtState) -> bool {
@@ -179,224 +179,81 @@ fn is_fixed_by_pdo(mux: Mux, reason: Abort) -> bool {
 }
 
 deviations! {
-    SdoRules;
+    DEVIATIONS of SdoDecision;
 
-    "sdo-served-in-stopped" {
-        fn sdo_served_in(&self, _state: NmtState) -> bool { true }
-    }
-    "sdo-short-frame-answered" {
-        fn sdo_request(&self, data: &[u8]) -> Option<Request> {
-            Request::decode(&Data::new(data).padded()).ok()
-        }
-    }
-    "sdo-unknown-command-unanswered" {
-        fn answers_unknown_command(&self) -> bool { false }
-    }
-    "sdo-first-toggle-unchecked" {
-        fn toggle_checked(&self, first: bool) -> bool { !first }
-    }
-    "sdo-toggle-unchecked" {
-        fn toggle_checked(&self, first: bool) -> bool { first }
-    }
-    "sdo-open-after-toggle-abort" {
-        fn goes_on_after_abort(&self, code: Abort, open: Mux) -> Option<Request> {
-            (code == Abort::TOGGLE).then_some(Request::Upload(open))
-        }
-    }
-    "sdo-stuck-after-client-reset" {
-        fn initiate_replaces_transfer(&self) -> bool { false }
-    }
-    "sdo-initiate-ends-transfer" {
-        fn initiate_refused_in_transfer(&self) -> Option<Abort> { Some(Abort::COMMAND) }
-    }
-    "sdo-initiate-refused-for-the-state" {
-        fn initiate_refused_in_transfer(&self) -> Option<Abort> { Some(Abort::DEVICE_STATE) }
-    }
-    "sdo-upload-of-abandoned-object" {
-        fn uploaded(&self, requested: Mux, open: Option<Mux>) -> Mux { open.unwrap_or(requested) }
-    }
-    "sdo-download-needs-size" {
-        fn size_may_be_missing(&self) -> bool { false }
-    }
-    "sdo-size-checked-late" {
-        fn size_checked_at_initiate(&self) -> bool { false }
-    }
-    "sdo-underflow-accepted" {
-        fn underflow_checked(&self) -> bool { false }
-    }
-    "sdo-overflow-accepted" {
-        fn overflow_checked(&self) -> bool { false }
-    }
-    "sdo-timeout-early" {
-        fn sdo_timeout(&self, configured: Duration) -> Duration { configured / 4 }
-    }
-    "sdo-timeout-long" {
-        fn sdo_timeout(&self, configured: Duration) -> Duration { configured * 8 }
-    }
-    "sdo-timeout-never" {
-        fn sdo_timeout(&self, _configured: Duration) -> Duration { Duration::MAX }
-    }
-    "sdo-timeout-not-restarted" {
-        fn request_restarts_sdo_timeout(&self, first: bool) -> bool { first }
-    }
-    "sdo-stale-timeout-aborts-next" {
-        fn request_restarts_sdo_timeout(&self, first: bool) -> bool { !first }
-    }
-    "sdo-transfer-survives-stop" {
-        fn stop_ends_sdo_transfers(&self) -> bool { false }
-    }
-    "sdo-transfers-aborted-at-stop" {
-        fn stop_aborts_sdo_transfers(&self) -> bool { true }
-    }
-    "sdo-segments-for-long-objects-only" {
-        fn segmented_download_taken(&self, longest: usize) -> bool { longest > 4 }
-    }
-    "sdo-short-frame-aborted" {
-        fn sdo_request(&self, data: &[u8]) -> Option<Request> {
-            let short = || Request::Unknown(Data::new(data).padded());
-            (!data.is_empty()).then(|| Request::decode(data).unwrap_or_else(|_| short()))
-        }
-    }
-    "sdo-upload-of-changing-value" {
-        fn upload_is_snapshot(&self) -> bool { false }
-    }
-    "sdo-full-segment-never-last" {
-        fn full_segment_ends_upload(&self) -> bool { false }
-    }
-    "sdo-servers-share-transfer" {
-        fn sdo_servers_independent(&self) -> bool { false }
-    }
-    "sdo-channel-half-valid" {
-        fn sdo_channel_needs_both(&self) -> bool { false }
-    }
-    "sdo-long-identifier-taken" {
-        fn sdo_long_identifier_taken(&self) -> bool { true }
-    }
-    "sdo-partner-unchecked" {
-        fn sdo_partner_valid(&self, _node: u8) -> bool { true }
-    }
-    "sdo-client-gives-up-in-silence" {
-        fn sdo_client_tells_timeout(&self) -> bool { false }
-    }
-    "sdo-client-ends-with-each-state" {
-        fn sdo_client_ends_with_each_state(&self) -> bool { true }
-    }
-    "sdo-client-goes-on-in-stopped" {
-        fn sdo_client_ends_with_sdo(&self) -> bool { false }
-    }
-    "domains-stored-as-they-come" {
-        fn stored_as_it_comes(&self, data_type: DataType) -> bool { data_type == DataType::DOMAIN }
-    }
-    "abort-general" {
-        fn abort_code(&self, _mux: Mux, _reason: Abort) -> Abort { Abort::GENERAL }
-    }
-    "abort-general-where-allowed" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            if is_specific(reason) { reason } else { Abort::GENERAL }
-        }
-    }
-    "abort-value-for-range" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            match reason {
-                Abort::TOO_HIGH | Abort::TOO_LOW => Abort::VALUE,
-                reason => reason,
-            }
-        }
-    }
-    "abort-length" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            match reason {
-                Abort::TOO_LONG | Abort::TOO_SHORT => Abort::LENGTH,
-                reason => reason,
-            }
-        }
-    }
-    "abort-access" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            match reason {
-                Abort::READ_ONLY | Abort::WRITE_ONLY => Abort::ACCESS,
-                reason => reason,
-            }
-        }
-    }
-    "abort-value-for-mapping" {
-        fn abort_code(&self, mux: Mux, reason: Abort) -> Abort {
-            if is_mapping(mux) && reason == Abort::ACCESS { Abort::VALUE } else { reason }
-        }
-    }
-    "abort-store-for-valid-pdo" {
-        fn abort_code(&self, mux: Mux, reason: Abort) -> Abort {
-            if is_fixed_by_pdo(mux, reason) { Abort::STORE } else { reason }
-        }
-    }
-    "abort-state-for-valid-pdo" {
-        fn abort_code(&self, mux: Mux, reason: Abort) -> Abort {
-            if is_fixed_by_pdo(mux, reason) { Abort::DEVICE_STATE } else { reason }
-        }
-    }
-    "abort-hardware-for-length" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            match reason {
-                Abort::LENGTH | Abort::TOO_LONG | Abort::TOO_SHORT => Abort::HARDWARE,
-                reason => reason,
-            }
-        }
-    }
-    "abort-too-long-for-too-short" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            if reason == Abort::TOO_SHORT { Abort::TOO_LONG } else { reason }
-        }
-    }
-    "abort-no-object-for-no-sub-index" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            if reason == Abort::NO_SUB_INDEX { Abort::NO_OBJECT } else { reason }
-        }
-    }
-    "abort-no-connection-for-no-sub-index" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            if reason == Abort::NO_SUB_INDEX { Abort::NO_CONNECTION } else { reason }
-        }
-    }
-    "abort-command-for-toggle" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            if reason == Abort::TOGGLE { Abort::COMMAND } else { reason }
-        }
-    }
-    "abort-sequence-for-command" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            if reason == Abort::COMMAND { Abort::SEQUENCE } else { reason }
-        }
-    }
-    "abort-command-for-checksum" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            if reason == Abort::CRC { Abort::COMMAND } else { reason }
-        }
-    }
-    "abort-block-codes-swapped" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            match reason {
-                Abort::SEQUENCE => Abort::BLOCK_SIZE,
-                Abort::BLOCK_SIZE => Abort::SEQUENCE,
-                reason => reason,
-            }
-        }
-    }
-    "abort-access-for-read-only" {
-        fn abort_code(&self, _mux: Mux, reason: Abort) -> Abort {
-            if reason == Abort::READ_ONLY { Abort::NO_OBJECT } else { reason }
-        }
-    }
-    "mapping-wrong-abort-out-of-order" {
-        fn abort_code(&self, mux: Mux, reason: Abort) -> Abort {
-            if is_mapping(mux) && reason == Abort::ACCESS { Abort::READ_ONLY } else { reason }
-        }
-    }
-    "further-sdo-servers-in-pre-operational-only" {
-        fn further_sdo_servers_in(&self, state: NmtState) -> bool {
-            state == NmtState::PRE_OPERATIONAL
-        }
-    }
-    "upload-outlives-an-expedited-download" {
-        fn expedited_download_ends_upload(&self) -> bool { false }
-    }
+    "sdo-short-frame-answered" =>
+        sdo_request: |_, data| Request::decode(&Data::new(data).padded()).ok();
+    "sdo-first-toggle-unchecked" => toggle_checked: |_, first| !first;
+    "sdo-toggle-unchecked" => toggle_checked: |_, first| first;
+    "sdo-open-after-toggle-abort" => goes_on_after_abort: |_, code, open| {
+        (code == Abort::TOGGLE).then_some(Request::Upload(open))
+    };
+    "sdo-upload-of-abandoned-object" => uploaded: |_, requested, open| open.unwrap_or(requested);
+    "sdo-timeout-early" => sdo_timeout: |_, configured| configured / 4;
+    "sdo-timeout-long" => sdo_timeout: |_, configured| configured * 8;
+    "sdo-timeout-never" => sdo_timeout: |_, _| Duration::MAX;
+    "sdo-timeout-not-restarted" => request_restarts_sdo_timeout: |_, first| first;
+    "sdo-stale-timeout-aborts-next" => request_restarts_sdo_timeout: |_, first| !first;
+    "sdo-segments-for-long-objects-only" => segmented_download_taken: |_, longest| longest > 4;
+    "sdo-short-frame-aborted" => sdo_request: |_, data| {
+        let short = || Request::Unknown(Data::new(data).padded());
+        (!data.is_empty()).then(|| Request::decode(data).unwrap_or_else(|_| short()))
+    };
+    "domains-stored-as-they-come" =>
+        stored_as_it_comes: |_, data_type| data_type == DataType::DOMAIN;
+    "abort-general-where-allowed" =>
+        abort_code: |_, _, reason| if is_specific(reason) { reason } else { Abort::GENERAL };
+    "abort-value-for-range" => abort_code: |_, _, reason| match reason {
+        Abort::TOO_HIGH | Abort::TOO_LOW => Abort::VALUE,
+        reason => reason,
+    };
+    "abort-length" => abort_code: |_, _, reason| match reason {
+        Abort::TOO_LONG | Abort::TOO_SHORT => Abort::LENGTH,
+        reason => reason,
+    };
+    "abort-access" => abort_code: |_, _, reason| match reason {
+        Abort::READ_ONLY | Abort::WRITE_ONLY => Abort::ACCESS,
+        reason => reason,
+    };
+    "abort-value-for-mapping" => abort_code: |_, mux, reason| {
+        if is_mapping(mux) && reason == Abort::ACCESS { Abort::VALUE } else { reason }
+    };
+    "abort-store-for-valid-pdo" => abort_code: |_, mux, reason| {
+        if is_fixed_by_pdo(mux, reason) { Abort::STORE } else { reason }
+    };
+    "abort-state-for-valid-pdo" => abort_code: |_, mux, reason| {
+        if is_fixed_by_pdo(mux, reason) { Abort::DEVICE_STATE } else { reason }
+    };
+    "abort-hardware-for-length" => abort_code: |_, _, reason| match reason {
+        Abort::LENGTH | Abort::TOO_LONG | Abort::TOO_SHORT => Abort::HARDWARE,
+        reason => reason,
+    };
+    "abort-too-long-for-too-short" => abort_code: |_, _, reason| {
+        if reason == Abort::TOO_SHORT { Abort::TOO_LONG } else { reason }
+    };
+    "abort-no-object-for-no-sub-index" => abort_code: |_, _, reason| {
+        if reason == Abort::NO_SUB_INDEX { Abort::NO_OBJECT } else { reason }
+    };
+    "abort-no-connection-for-no-sub-index" => abort_code: |_, _, reason| {
+        if reason == Abort::NO_SUB_INDEX { Abort::NO_CONNECTION } else { reason }
+    };
+    "abort-command-for-toggle" =>
+        abort_code: |_, _, reason| if reason == Abort::TOGGLE { Abort::COMMAND } else { reason };
+    "abort-sequence-for-command" =>
+        abort_code: |_, _, reason| if reason == Abort::COMMAND { Abort::SEQUENCE } else { reason };
+    "abort-command-for-checksum" =>
+        abort_code: |_, _, reason| if reason == Abort::CRC { Abort::COMMAND } else { reason };
+    "abort-block-codes-swapped" => abort_code: |_, _, reason| match reason {
+        Abort::SEQUENCE => Abort::BLOCK_SIZE,
+        Abort::BLOCK_SIZE => Abort::SEQUENCE,
+        reason => reason,
+    };
+    "abort-access-for-read-only" => abort_code: |_, _, reason| {
+        if reason == Abort::READ_ONLY { Abort::NO_OBJECT } else { reason }
+    };
+    "mapping-wrong-abort-out-of-order" => abort_code: |_, mux, reason| {
+        if is_mapping(mux) && reason == Abort::ACCESS { Abort::READ_ONLY } else { reason }
+    };
+    "further-sdo-servers-in-pre-operational-only" =>
+        further_sdo_servers_in: |_, state| state == NmtState::PRE_OPERATIONAL;
 }

@@ -2,11 +2,11 @@
 
 use canopen::sdo::block::{self, LARGEST_BLOCK};
 
-use super::Layer;
+use super::Rules;
 
 decisions! {
     /// The decisions of an SDO server in a block transfer.
-    pub trait SdoBlockRules: Layer;
+    pub SdoBlockDecision of Rules, otherwise [DEVIATIONS];
 
     /// Inside a sub-block every frame is a segment, whatever command its first byte looks like;
     /// only 80h is an abort (7.2.4.3.10).
@@ -114,97 +114,31 @@ decisions! {
 }
 
 deviations! {
-    SdoBlockRules;
+    DEVIATIONS of SdoBlockDecision;
 
-    "block-command-in-sub-block" {
-        fn command_in_sub_block(&self, first: u8) -> bool { matches!(first, 0x40 | 0x80 | 0xA4) }
-    }
-    "block-abort-unheard-in-sub-block" {
-        fn command_in_sub_block(&self, _first: u8) -> bool { false }
-    }
-    "block-sequence-unchecked" {
-        fn sequence_valid(&self, _sequence: u8, _block: u8) -> bool { true }
-    }
-    "block-loss-unnoticed" {
-        fn segment_taken(&self, _last_good: u8, _sequence: u8) -> bool { true }
-    }
-    "block-first-loss-unnoticed" {
-        fn segment_taken(&self, last_good: u8, sequence: u8) -> bool {
-            last_good == 0 || sequence == last_good + 1
-        }
-    }
-    "block-repeated-segment-stored-twice" {
-        fn segment_taken(&self, last_good: u8, sequence: u8) -> bool {
-            sequence == last_good + 1 || sequence == last_good
-        }
-    }
-    "block-each-segment-confirmed" {
-        fn each_block_segment_confirmed(&self) -> bool { true }
-    }
-    "block-confirmed-in-silence" {
-        fn silent_block_confirmed(&self) -> bool { true }
-    }
-    "block-ends-with-a-lost-segment" {
-        fn lost_segment_ends_block(&self) -> bool { true }
-    }
-    "block-second-replaces-first" {
-        fn blocks_put_together(&self) -> bool { false }
-    }
-    "block-end-before-last-segment" {
-        fn command_in_sub_block(&self, first: u8) -> bool { matches!(first, 0x80 | 0xC1) }
-        fn end_follows_last_segment(&self) -> bool { false }
-    }
-    "block-checksum-unchecked" {
-        fn checksum_right(&self, _told: u16, _data: &[u8], _padded: &[u8]) -> bool { true }
-    }
-    "block-checksum-over-padding" {
-        fn checksum_right(&self, told: u16, _data: &[u8], padded: &[u8]) -> bool {
-            told == block::crc(padded)
-        }
-        fn checksum(&self, data: &[u8], unused: u8) -> u16 {
-            let padded = [data, &[0; 7][..unused.into()]].concat();
-            block::crc(&padded)
-        }
-    }
-    "block-size-alternates" {
-        fn block_size_after(&self, size: u8) -> u8 { if size > 8 { 8 } else { 127 } }
-    }
-    "block-without-checksum" {
-        fn checksum_known(&self) -> bool { false }
-    }
-    "block-size-unchecked" {
-        fn block_size_valid(&self, _size: u8, first: bool) -> bool { !first }
-    }
-    "block-next-size-unchecked" {
-        fn block_size_valid(&self, size: u8, first: bool) -> bool {
-            !first || (1..=LARGEST_BLOCK).contains(&size)
-        }
-    }
-    "block-next-size-ignored" {
-        fn next_block_size(&self, before: u8, _asked: u8) -> u8 { before }
-    }
-    "block-upload-of-missing-object" {
-        fn missing_object_refused_in_blocks(&self) -> bool { false }
-    }
-    "block-protocol-changed-unasked" {
-        fn changes_protocol(&self, len: usize, _threshold: u8) -> bool { len <= 4 }
-    }
-    "block-never-changes-protocol" {
-        fn changes_protocol(&self, _len: usize, _threshold: u8) -> bool { false }
-    }
-    "block-threshold-refused" {
-        fn threshold_taken(&self, threshold: u8) -> bool { threshold == 0 }
-    }
-    "block-threshold-ignored" {
-        fn changes_protocol(&self, _len: usize, threshold: u8) -> bool { threshold > 0 }
-    }
-    "block-acknowledgement-unchecked" {
-        fn acknowledgement_checked(&self) -> bool { false }
-    }
-    "block-lost-segment-not-sent-again" {
-        fn acknowledged(&self, _last_good: u8, sent: u8) -> u8 { sent }
-    }
-    "block-sent-again-with-old-numbers" {
-        fn first_sequence(&self, last_good: u8) -> u8 { last_good + 1 }
-    }
+    "block-command-in-sub-block" =>
+        command_in_sub_block: |_, first| matches!(first, 0x40 | 0x80 | 0xA4);
+    "block-first-loss-unnoticed" =>
+        segment_taken: |_, last_good, sequence| last_good == 0 || sequence == last_good + 1;
+    "block-repeated-segment-stored-twice" =>
+        segment_taken: |_, last_good, sequence| sequence == last_good + 1 || sequence == last_good;
+    "block-end-before-last-segment" =>
+        command_in_sub_block: |_, first| matches!(first, 0x80 | 0xC1);
+    "block-end-before-last-segment" => end_follows_last_segment: |_| false;
+    "block-checksum-over-padding" =>
+        checksum_right: |_, told, _, padded| told == block::crc(padded);
+    "block-checksum-over-padding" => checksum: |_, data, unused| {
+        let padded = [data, &[0; 7][..unused.into()]].concat();
+        block::crc(&padded)
+    };
+    "block-size-alternates" => block_size_after: |_, size| if size > 8 { 8 } else { 127 };
+    "block-size-unchecked" => block_size_valid: |_, _, first| !first;
+    "block-next-size-unchecked" =>
+        block_size_valid: |_, size, first| !first || (1..=LARGEST_BLOCK).contains(&size);
+    "block-next-size-ignored" => next_block_size: |_, before, _| before;
+    "block-protocol-changed-unasked" => changes_protocol: |_, len, _| len <= 4;
+    "block-threshold-refused" => threshold_taken: |_, threshold| threshold == 0;
+    "block-threshold-ignored" => changes_protocol: |_, _, threshold| threshold > 0;
+    "block-lost-segment-not-sent-again" => acknowledged: |_, _, sent| sent;
+    "block-sent-again-with-old-numbers" => first_sequence: |_, last_good| last_good + 1;
 }

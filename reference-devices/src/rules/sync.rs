@@ -4,16 +4,11 @@ use std::time::Duration;
 
 use canopen::NmtState;
 
-use super::Layer;
+use super::Rules;
 
 decisions! {
     /// The decisions of SYNC (CiA 301, 7.2.5).
-    pub trait SyncRules: Layer;
-
-    /// SYNC is used in PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
-    fn sync_used_in(&self, state: NmtState) -> bool {
-        matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
-    }
+    pub SyncDecision of Rules, otherwise [DEVIATIONS];
 
     /// 1006h counts microseconds (7.5.2.6).
     fn sync_period(&self, configured: Duration) -> Duration {
@@ -117,84 +112,16 @@ decisions! {
 }
 
 deviations! {
-    SyncRules;
+    DEVIATIONS of SyncDecision;
 
-    "sync-loss-not-told" {
-        fn sync_loss_told(&self) -> bool { false }
-    }
-    "sync-watched-from-the-start" {
-        fn sync_watched_from_start(&self) -> bool { true }
-    }
-    "sync-watched-in-pre-operational" {
-        fn sync_watched_in(&self, _state: NmtState) -> bool { true }
-    }
-    "sync-period-in-milliseconds" {
-        fn sync_period(&self, configured: Duration) -> Duration { configured * 1000 }
-    }
-    "sync-any-length-used" {
-        fn sync_length_valid(&self, _expected: usize, _actual: usize) -> bool { true }
-    }
-    "sync-counter-to-255" {
-        fn sync_overflow_valid(&self, _last: u8) -> bool { true }
-    }
-    "sync-produced-by-everybody" {
-        fn sync_producer_chosen(&self, _cob: u32) -> bool { true }
-    }
-    "sync-never-produced" {
-        fn sync_producer_chosen(&self, _cob: u32) -> bool { false }
-    }
-    "sync-id-moves-while-producing" {
-        fn sync_id_fixed_while_producing(&self) -> bool { false }
-    }
-    "sync-id-refused-as-it-is" {
-        fn sync_id_taken_as_it_is(&self) -> bool { false }
-    }
-    "sync-production-drifts" {
-        fn sync_production_period(&self, configured: Duration) -> Duration {
-            configured * 105 / 100
-        }
-    }
-    "sync-period-in-whole-milliseconds" {
-        fn sync_production_period(&self, configured: Duration) -> Duration {
-            Duration::from_millis(configured.as_millis() as u64)
-        }
-    }
-    "sync-produced-in-stopped" {
-        fn sync_produced_in(&self, _state: NmtState) -> bool { true }
-    }
-    "sync-counter-from-0" {
-        fn sync_counter_after(&self, counter: u8, overflow: u8) -> u8 {
-            if counter >= overflow { 0 } else { counter + 1 }
-        }
-    }
-    "sync-counter-ignores-overflow" {
-        fn sync_counter_after(&self, counter: u8, _overflow: u8) -> u8 { counter.wrapping_add(1) }
-    }
-    "sync-counter-goes-on" {
-        fn sync_counter_at_start(&self, last: u8) -> u8 { last }
-    }
-    "sync-window-ignored" {
-        fn sync_window(&self, _configured: Duration) -> Duration { Duration::ZERO }
-    }
-    "sync-window-always" {
-        fn sync_window(&self, _configured: Duration) -> Duration { Duration::from_millis(2) }
-    }
-    "sync-period-ends-before-the-new-one" {
-        fn new_sync_period_at_once(&self) -> bool { false }
-    }
-    "longer-sync-period-after-the-shorter-one" {
-        fn longer_sync_period_at_once(&self) -> bool { false }
-    }
-    "sync-deadline-outlives-its-period" {
-        fn new_sync_period_ends_deadline(&self) -> bool { false }
-    }
-    "sync-length-error-lasts-until-a-reset" {
-        fn sync_length_error_ends(&self) -> bool { false }
-    }
-    "sync-begins-at-once" {
-        fn first_sync_after(&self, _period: Duration) -> Duration { Duration::ZERO }
-    }
-    "own-sync-ignored" {
-        fn own_sync_used(&self) -> bool { false }
-    }
+    "sync-period-in-milliseconds" => sync_period: |_, configured| configured * 1000;
+    "sync-production-drifts" => sync_production_period: |_, configured| configured * 105 / 100;
+    "sync-period-in-whole-milliseconds" => sync_production_period: |_, configured| {
+        Duration::from_millis(configured.as_millis() as u64)
+    };
+    "sync-counter-from-0" => sync_counter_after: |_, counter, overflow| {
+        if counter >= overflow { 0 } else { counter + 1 }
+    };
+    "sync-counter-ignores-overflow" => sync_counter_after: |_, counter, _| counter.wrapping_add(1);
+    "sync-counter-goes-on" => sync_counter_at_start: |_, last| last;
 }

@@ -3,11 +3,11 @@
 use canopen::timestamp::TimeOfDay;
 use canopen::{Data, NmtState};
 
-use super::Layer;
+use super::Rules;
 
 decisions! {
     /// The decisions of TIME (CiA 301, 7.2.6).
-    pub trait TimeRules: Layer;
+    pub TimeDecision of Rules, otherwise [DEVIATIONS];
 
     /// TIME belongs to PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
     fn time_used_in(&self, state: NmtState) -> bool {
@@ -31,25 +31,11 @@ decisions! {
 }
 
 deviations! {
-    TimeRules;
+    DEVIATIONS of TimeDecision;
 
-    "time-produced-in-stopped" {
-        fn time_used_in(&self, _state: NmtState) -> bool { true }
-    }
-    "time-stamp-of-any-length-used" {
-        fn time_stamp(&self, data: &[u8]) -> Option<TimeOfDay> {
-            TimeOfDay::decode(&Data::new(data).padded()[..6]).ok()
-        }
-    }
-    "time-consumed-in-stopped" {
-        fn time_consumed_in(&self, _state: NmtState) -> bool { true }
-    }
-    "time-producer-does-not-consume" {
-        fn time_producer_consumes(&self) -> bool { false }
-    }
-    "time-with-reserved-bits-ignored" {
-        fn time_stamp(&self, data: &[u8]) -> Option<TimeOfDay> {
-            TimeOfDay::decode(data).ok().filter(|_| data.get(3).is_none_or(|byte| byte & 0xF0 == 0))
-        }
-    }
+    "time-stamp-of-any-length-used" =>
+        time_stamp: |_, data| TimeOfDay::decode(&Data::new(data).padded()[..6]).ok();
+    "time-with-reserved-bits-ignored" => time_stamp: |_, data| {
+        TimeOfDay::decode(data).ok().filter(|_| data.get(3).is_none_or(|byte| byte & 0xF0 == 0))
+    };
 }

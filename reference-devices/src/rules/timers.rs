@@ -2,7 +2,7 @@
 
 use canopen::Instant;
 
-use super::Layer;
+use super::Rules;
 
 /// A period or a deadline of a service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -25,7 +25,7 @@ pub enum Timer {
 
 decisions! {
     /// The decisions about time (CiA 301, 7.5.2).
-    pub trait TimerRules: Layer;
+    pub TimerDecision of Rules, otherwise [DEVIATIONS];
 
     /// Each period and each deadline ends when it is over, whatever else ends before.
     fn elapsed(&self, _timer: Timer, due: Instant, now: Instant) -> bool {
@@ -34,41 +34,19 @@ decisions! {
 }
 
 deviations! {
-    TimerRules;
+    DEVIATIONS of TimerDecision;
 
-    "heartbeat-with-any-timer" {
-        fn elapsed(&self, timer: Timer, due: Instant, now: Instant) -> bool {
-            due <= now || timer == Timer::Heartbeat
-        }
-    }
-    "sync-with-any-timer" {
-        fn elapsed(&self, timer: Timer, due: Instant, now: Instant) -> bool {
-            due <= now || timer == Timer::Sync
-        }
-    }
-    "event-timer-ends-with-any-timer" {
-        fn elapsed(&self, timer: Timer, due: Instant, now: Instant) -> bool {
-            due <= now || timer == Timer::Event
-        }
-    }
-    "inhibit-time-ends-with-any-timer" {
-        fn elapsed(&self, timer: Timer, due: Instant, now: Instant) -> bool {
-            due <= now || timer == Timer::Inhibit
-        }
-    }
-    "consumer-time-ends-with-any-timer" {
-        fn elapsed(&self, timer: Timer, due: Instant, now: Instant) -> bool {
-            due <= now || timer == Timer::HeartbeatConsumer
-        }
-    }
-    "rpdo-deadline-ends-with-any-timer" {
-        fn elapsed(&self, timer: Timer, due: Instant, now: Instant) -> bool {
-            due <= now || timer == Timer::Rpdo
-        }
-    }
-    "sdo-timeout-ends-with-any-timer" {
-        fn elapsed(&self, timer: Timer, due: Instant, now: Instant) -> bool {
-            due <= now || timer == Timer::SdoServer
-        }
-    }
+    "heartbeat-with-any-timer" =>
+        elapsed: |_, timer, due, now| due <= now || timer == Timer::Heartbeat;
+    "sync-with-any-timer" => elapsed: |_, timer, due, now| due <= now || timer == Timer::Sync;
+    "event-timer-ends-with-any-timer" =>
+        elapsed: |_, timer, due, now| due <= now || timer == Timer::Event;
+    "inhibit-time-ends-with-any-timer" =>
+        elapsed: |_, timer, due, now| due <= now || timer == Timer::Inhibit;
+    "consumer-time-ends-with-any-timer" =>
+        elapsed: |_, timer, due, now| due <= now || timer == Timer::HeartbeatConsumer;
+    "rpdo-deadline-ends-with-any-timer" =>
+        elapsed: |_, timer, due, now| due <= now || timer == Timer::Rpdo;
+    "sdo-timeout-ends-with-any-timer" =>
+        elapsed: |_, timer, due, now| due <= now || timer == Timer::SdoServer;
 }

@@ -16,7 +16,7 @@ pub(crate) struct Base {
     pub(crate) id: u8,
     pub(crate) state: NmtState,
     pub(crate) settings: NodeSettings,
-    pub(crate) rules: Arc<dyn Rules>,
+    pub(crate) rules: Arc<Rules>,
     pub(crate) od: Dictionary,
     pub(crate) errors: Errors,
     /// Data types that may fill gaps in RPDOs.
@@ -34,13 +34,13 @@ impl Base {
         od: Dictionary,
         id: u8,
         settings: NodeSettings,
-        rules: Box<dyn Rules>,
+        rules: Rules,
     ) -> Self {
         Self {
             id,
             state: NmtState::INITIALISING,
             settings,
-            rules: rules.into(),
+            rules: Arc::new(rules),
             od,
             errors: Errors::default(),
             dummies: eds.dummies.clone(),

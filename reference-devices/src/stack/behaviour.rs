@@ -4,6 +4,7 @@ use canopen::bench::Needs;
 use canopen::emcy::Emcy;
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, NmtState, Value};
 
+use crate::decisions::words;
 use crate::stack::errors::Errors;
 use crate::stack::sdo_client::SdoJob;
 
@@ -152,6 +153,8 @@ pub(crate) enum Attachment {
     /// Not at all: it uses another interface, or another bit rate.
     Off,
 }
+
+words! { Attachment: "as-is" => Self::AsIs, "off" => Self::Off }
 
 /// What an application may want to know of the communication.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

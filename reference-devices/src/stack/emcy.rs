@@ -222,7 +222,7 @@ const PREDEFINED: u32 = 0x80;
 
 #[cfg(test)]
 mod tests {
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::testing::{Fixture, eds, full, mux, sent, set};
     use crate::stack::{Behaviour, Byte, EmcyForm, EmcyTable, Errors, FaultKind, NodeSettings};
     use canopen::emcy::EmcyCode;
@@ -251,7 +251,7 @@ mod tests {
     }
 
     fn with(rules: &str, settings: NodeSettings) -> Fixture {
-        let rules = crate::rules::named(rules).unwrap_or_else(|| Box::new(Specification));
+        let rules = if rules.is_empty() { Rules::default() } else { Rules::otherwise(rules) };
         let mut entries = full();
         set(&mut entries, mux(0x2000, 0), 0);
         if settings.emcy.predefined_id {
@@ -407,28 +407,28 @@ mod tests {
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut busy = fixture("emcy-lost-when-busy");
+        let mut busy = fixture("emcy-queued: false");
         busy.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
         assert_eq!(raise(&mut busy, 7).len(), 1);
         assert_eq!(busy.until(1_000_000), []);
-        let mut reversed = fixture("history-order-reversed");
+        let mut reversed = fixture("history-newest-first: false");
         raise(&mut reversed, 3);
         assert_eq!(reversed.read(mux(0x1003, 1)), Ok(vec![0, 0x50, 0, 0xAA]));
         let mut stuck = fixture("error-register-never-cleared");
         raise(&mut stuck, 1);
         raise(&mut stuck, 0);
         assert_eq!(stuck.read(mux(0x1001, 0)), Ok(vec![0x81]));
-        let mut any = fixture("history-cleared-by-any-value");
+        let mut any = fixture("history-count-valid: true");
         assert_eq!(any.write(mux(0x1003, 0), &[5]), Ok(()));
-        let mut stale = fixture("emcy-kept-over-reset");
+        let mut stale = fixture("reset-drops-emcy: false");
         stale.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
         raise(&mut stale, 3);
         stale.send("000#8205");
         assert_eq!(stale.until(1_000_000).len(), 2);
-        let mut endless = fixture("history-without-end");
+        let mut endless = fixture("history-depth: 254");
         raise(&mut endless, 0x0F);
         assert_eq!(endless.read(mux(0x1003, 0)), Ok(vec![4]));
-        let mut stopped = fixture("emcy-sent-in-stopped");
+        let mut stopped = fixture("emcy-sent-in: true");
         stopped.write(mux(0x1015, 0), &1000u16.to_le_bytes()).unwrap();
         raise(&mut stopped, 3);
         stopped.send("000#0205");

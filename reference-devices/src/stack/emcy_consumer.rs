@@ -43,7 +43,7 @@ mod tests {
     use canopen::emcy::EmcyCode;
     use canopen::{Abort, DataType, Dictionary, Instant};
 
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::testing::{Fixture, eds, entry, full, mux};
     use crate::stack::{Behaviour, CommunicationEvent, NodeSettings};
 
@@ -67,7 +67,7 @@ mod tests {
         {
             entries.push(entry(mux(0x1028, sub), data_type, Access::Rw, value));
         }
-        let (settings, rules) = (NodeSettings::default(), Box::new(Specification));
+        let (settings, rules) = (NodeSettings::default(), Rules::default());
         Fixture::with(&eds(entries), settings, rules, Box::new(Recorder))
     }
 

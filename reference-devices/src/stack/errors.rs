@@ -94,7 +94,7 @@ impl Errors {
     }
 
     /// An error of the communication appeared.
-    pub(crate) fn raise_fault(&mut self, fault: Fault, table: &EmcyTable, rules: &dyn Rules) {
+    pub(crate) fn raise_fault(&mut self, fault: Fault, table: &EmcyTable, rules: &Rules) {
         let known = self.is_active(Some(fault.kind), fault.subject);
         if known && !rules.emcy_repeated() {
             return;

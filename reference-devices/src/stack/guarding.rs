@@ -146,7 +146,7 @@ mod tests {
         fixture.send("000#8205");
         fixture.run_to(10_000);
         assert_eq!(fixture.ask("705#R1"), ["705#FF"]);
-        let mut fixture = Fixture::mutant(&eds(full()), "guarding-answered-beside-heartbeat");
+        let mut fixture = Fixture::mutant(&eds(full()), "guarding-answered: true");
         fixture.write(mux(0x1017, 0), &[0, 1]).unwrap();
         assert_eq!(fixture.ask("705#R1"), ["705#7F"]);
     }

@@ -250,18 +250,18 @@ mod tests {
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut fixture = watching("heartbeat-watched-before-first");
+        let mut fixture = watching("first-heartbeat-starts-watch: false");
         assert_eq!(fixture.until(110_000), sent(&[(101_000, "085#3081110000000000")]));
-        let mut fixture = watching("heartbeat-loss-never-recovers");
+        let mut fixture = watching("heartbeat-loss-recovers: false");
         fixture.send("70A#7F");
         fixture.run_to(400_000);
         assert!(fixture.ask("70A#7F").is_empty());
-        let mut fixture = watching("heartbeat-node-watched-twice");
+        let mut fixture = watching("heartbeat-node-taken: false");
         assert_eq!(fixture.write(mux(0x1016, 3), &[50, 0, 10, 0]), Ok(()));
         let mut fixture = watching("heartbeat-consumer-time-doubled");
         fixture.send("70A#7F");
         assert_eq!(fixture.until(900_000), sent(&[(201_000, "085#3081110000000000")]));
-        let mut fixture = watching("error-behaviour-ignored");
+        let mut fixture = watching("error-reaction: none");
         fixture.send("000#0105");
         fixture.send("70A#7F");
         fixture.run_to(900_000);

@@ -97,7 +97,7 @@ mod tests {
         assert_eq!(fixture.until(150_000), sent(&[(101_000, "705#7F")]));
         fixture.send("000#8205");
         assert_eq!(fixture.until(300_000), sent(&[(151_000, "705#00"), (251_000, "705#7F")]));
-        let mut fixture = Fixture::mutant(&eds(entries), "heartbeat-burst-at-boot-up");
+        let mut fixture = Fixture::mutant(&eds(entries), "heartbeats-at-boot-up: 3");
         fixture.send("000#8205");
         assert_eq!(fixture.until(50_000).len(), 4);
     }

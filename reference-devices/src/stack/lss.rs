@@ -317,7 +317,7 @@ fn address(base: &Base, part: Part) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::testing::{Fixture, eds, full, mux, sent, set};
     use crate::stack::{Inert, NodeSettings};
     use canopen::DataType;
@@ -333,10 +333,7 @@ mod tests {
     }
 
     fn with(rules: &str, settings: NodeSettings) -> Fixture {
-        let rules = crate::rules::named(rules).unwrap_or_else(|| {
-            assert_eq!(rules, "");
-            Box::new(Specification)
-        });
+        let rules = if rules.is_empty() { Rules::default() } else { Rules::otherwise(rules) };
         let mut entries = full();
         set(&mut entries, mux(0x1018, 0), 4);
         for (sub, value) in [(2, 8), (3, 9), (4, 0xB0A)] {

@@ -105,7 +105,7 @@ mod tests {
     use canopen::eds::{Entry, Term};
     use canopen::{DataType, NmtState, Value};
 
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::testing::{Fixture, basic, eds, mux, sent, set};
     use crate::stack::{Inert, NodeSettings};
 
@@ -114,7 +114,7 @@ mod tests {
         let settings =
             NodeSettings { boot_up_time: Duration::from_millis(10), ..NodeSettings::default() };
         let mut fixture =
-            Fixture::with(&eds(basic()), settings, Box::new(Specification), Box::new(Inert));
+            Fixture::with(&eds(basic()), settings, Rules::default(), Box::new(Inert));
         assert_eq!(fixture.node.state(), NmtState::INITIALISING);
         assert!(fixture.ask("605#4000100000000000").is_empty());
         fixture.send("000#0105");
@@ -167,7 +167,7 @@ mod tests {
         let mut entries = basic();
         set(&mut entries, mux(0x2001, 0), 5);
         let mut fixture =
-            Fixture::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
+            Fixture::with(&eds(entries), settings, Rules::default(), Box::new(Inert));
         assert_eq!(fixture.until(300_000), sent(&[(170_000, "705#00")]));
         assert_eq!(fixture.node.state(), NmtState::OPERATIONAL);
     }
@@ -184,7 +184,7 @@ mod tests {
             let entry = crate::stack::testing::entry(switch, DataType::BOOLEAN, access, 0);
             entries.push(Entry { default: Some(Term::fixed(Value::Bool(on))), ..entry });
             let fixture =
-                Fixture::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
+                Fixture::with(&eds(entries), settings, Rules::default(), Box::new(Inert));
             assert_eq!(fixture.node.state(), state, "{on}");
         }
     }
@@ -218,13 +218,13 @@ mod tests {
             fixture.write(mux(0x1017, 0), &[100, 0]).unwrap();
             fixture
         };
-        for (rules, boot_ups) in [("no-boot-up", 0), ("boot-up-twice", 2)] {
+        for (rules, boot_ups) in [("boot-up-messages: 0", 0), ("boot-up-messages: 2", 2)] {
             let mut fixture = booted(rules);
             fixture.send("000#8205");
             assert_eq!(fixture.until(50_000).len(), boot_ups);
         }
         for (rules, command) in
-            [("nmt-short-command-acts", "000#01"), ("nmt-other-node-acts", "000#0106")]
+            [("nmt-short-command-acts", "000#01"), ("nmt-addressed: true", "000#0106")]
         {
             let mut fixture = booted(rules);
             fixture.send(command);

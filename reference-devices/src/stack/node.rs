@@ -41,7 +41,7 @@ impl Node {
         od: Dictionary,
         node_id: u8,
         settings: NodeSettings,
-        rules: Box<dyn Rules>,
+        rules: Rules,
         behaviour: Box<dyn Behaviour>,
     ) -> Self {
         let lss = Lss::new(eds, node_id, settings.bit_rate);
@@ -306,7 +306,7 @@ fn move_all(from: &mut Outbox, to: &mut Outbox) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::Inert;
     use crate::stack::testing::{Fixture, basic, eds, mux};
     use canopen::{Abort, Mux};
@@ -381,8 +381,8 @@ mod tests {
                 mutant in 0usize..500,
                 inputs in prop::collection::vec(input(), 0..80),
             ) {
-                let rules = crate::rules::names().nth(mutant).and_then(crate::rules::named);
-                let rules = rules.unwrap_or_else(|| Box::new(Specification));
+                let rules = <crate::rules::Decision as crate::decisions::Deciding>::names().get(mutant).copied();
+                let rules = rules.map_or_else(Rules::default, Rules::otherwise);
                 let mut entries = full();
                 set(&mut entries, mux(0x1A00, 0), 1);
                 set(&mut entries, mux(0x1A00, 1), 0x2000_0008);
@@ -471,7 +471,7 @@ mod tests {
         let mut fixture = Fixture::with(
             &eds(basic()),
             NodeSettings::default(),
-            Box::new(Specification),
+            Rules::default(),
             Box::new(Doubler),
         );
         assert_eq!(fixture.read(mux(0x2002, 0)), Ok(vec![1, 0, 0, 0]));

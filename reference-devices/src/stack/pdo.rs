@@ -258,20 +258,20 @@ mod tests {
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-cob-id-moves-while-valid");
+        let mut fixture = Fixture::mutant(&eds(mapped()), "cob-id-fixed-while-valid: false");
         assert_eq!(cob(&mut fixture, 0x186), Ok(()));
-        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-reserved-type-accepted");
+        let mut fixture = Fixture::mutant(&eds(mapped()), "transmission-type-valid: true");
         assert_eq!(fixture.write(mux(0x1800, 2), &[245]), Ok(()));
-        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-inhibit-changes-while-valid");
+        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-parameter-fixed-while-valid: false");
         assert_eq!(fixture.write(mux(0x1800, 3), &[1, 0]), Ok(()));
-        let mut fixture = Fixture::mutant(&eds(mapped()), "tpdo-identifier-used-twice");
+        let mut fixture = Fixture::mutant(&eds(mapped()), "tpdo-ids-unique: false");
         fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
         assert_eq!(fixture.write(mux(0x1800, 1), &[0x85, 2, 0, 0]), Ok(()));
-        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-without-mapping-exists");
+        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-needs-mapping: false");
         fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]).unwrap();
         fixture.write(mux(0x1A00, 0), &[0]).unwrap();
         assert_eq!(fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0]), Ok(()));
-        let mut fixture = Fixture::mutant(&eds(mapped()), "pdo-restricted-id-accepted");
+        let mut fixture = Fixture::mutant(&eds(mapped()), "restricted-ids-refused: false");
         assert_eq!(fixture.write(mux(0x1800, 1), &[0x85, 1, 0, 0x80]), Ok(()));
         assert_eq!(fixture.write(mux(0x1800, 1), &[1, 6, 0, 0]), Ok(()));
     }

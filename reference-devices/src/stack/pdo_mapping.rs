@@ -286,17 +286,17 @@ mod tests {
             }
             fixture
         };
-        assert_eq!(count(&mut long("mapping-length-unchecked"), 0x1600, 9), Ok(()));
-        assert_eq!(count(&mut long("mapping-length-off-by-one"), 0x1600, 9), Ok(()));
+        assert_eq!(count(&mut long("pdo-bits-max: 0xFFFFFFFF"), 0x1600, 9), Ok(()));
+        assert_eq!(count(&mut long("pdo-bits-max: 72"), 0x1600, 9), Ok(()));
         let mut fixture = long("mapping-refused-but-written");
         assert_eq!(count(&mut fixture, 0x1600, 9), Err(Abort::PDO_LENGTH));
         assert_eq!(fixture.read(mux(0x1600, 0)), Ok(vec![9]));
         let mut fixture = long("mapping-refused-sets-error-register");
         assert_eq!(count(&mut fixture, 0x1600, 9), Err(Abort::PDO_LENGTH));
         assert_eq!(fixture.read(mux(0x1001, 0)), Ok(vec![1]));
-        let mut fixture = ready("mapping-of-any-object");
+        let mut fixture = ready("mappability-checked: false");
         assert_eq!(map(&mut fixture, 0x1600, 1, 0x1017_0010), Ok(()));
-        let mut fixture = ready("mapping-entry-length-unchecked");
+        let mut fixture = ready("mapped-length-valid: true");
         assert_eq!(map(&mut fixture, 0x1600, 1, 0x6200_0110), Ok(()));
     }
 }

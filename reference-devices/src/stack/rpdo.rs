@@ -182,7 +182,7 @@ mod tests {
     use canopen::NmtState;
     use canopen::emcy::EmcyCode;
 
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::testing::{Fixture, eds, full, mux, sent, set};
     use crate::stack::{EmcyForm, EmcyTable, FaultKind, Inert, NodeSettings};
 
@@ -305,7 +305,7 @@ mod tests {
             set(&mut entries, mux(0x1600, 0), 1);
             set(&mut entries, mux(0x1600, 1), 0x6200_0108);
             let mut fixture =
-                Fixture::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert));
+                Fixture::with(&eds(entries), settings, Rules::default(), Box::new(Inert));
             fixture.send("000#0105");
             fixture.send("205#01");
             fixture.run_to(500_000);
@@ -315,38 +315,38 @@ mod tests {
 
     #[test]
     fn mutants_break_what_they_say() {
-        let mut first = fixture("rpdo-first-before-sync-wins", 1);
+        let mut first = fixture("synchronous-rpdo-replaced: false", 1);
         first.send("000#0105");
         first.send("205#01000100");
         first.send("205#02000200");
         first.send("080#");
         assert_eq!(values(&mut first), (1, 1));
-        let mut again = fixture("rpdo-acts-with-every-sync", 1);
+        let mut again = fixture("synchronous-rpdo-acts-once: false", 1);
         again.send("000#0105");
         again.send("205#01000100");
         again.send("080#");
         again.write(mux(0x6200, 1), &[9]).unwrap();
         again.send("080#");
         assert_eq!(values(&mut again), (1, 1));
-        let mut dense = fixture("rpdo-gap-takes-no-room", 255);
+        let mut dense = fixture("gap-takes-room: false", 255);
         dense.send("000#0105");
         dense.send("205#01020003");
         assert_eq!(values(&mut dense), (1, 2));
-        let mut eager = fixture("rpdo-deadline-before-first", 255);
+        let mut eager = fixture("first-rpdo-starts-deadline: false", 255);
         eager.write(mux(0x1400, 5), &[50, 0]).unwrap();
         eager.send("000#0105");
         assert_eq!(eager.until(500_000).len(), 1);
-        let mut early = fixture("rpdo-used-in-pre-operational", 255);
+        let mut early = fixture("rpdo-used-in: true", 255);
         early.send("205#01000100");
         assert_eq!(values(&mut early), (1, 1));
-        let mut short = fixture("rpdo-short-used", 255);
+        let mut short = fixture("rpdo-length-usable: true", 255);
         short.send("000#0105");
         short.send("205#01");
         assert_eq!(values(&mut short), (1, 0));
-        let mut quiet = fixture("rpdo-length-not-told", 255);
+        let mut quiet = fixture("rpdo-length-told: false", 255);
         quiet.send("000#0105");
         assert!(quiet.ask("205#01").is_empty());
-        let mut early = fixture("rpdo-acts-before-sync", 1);
+        let mut early = fixture("synchronous-rpdo-waits: false", 1);
         early.send("000#0105");
         early.send("205#01000100");
         assert_eq!(values(&mut early), (1, 1));

@@ -191,7 +191,7 @@ mod tests {
     use canopen::eds::Access;
 
     use super::*;
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::testing::{Fixture, basic, eds, entry, mux};
     use crate::stack::{Behaviour, NodeSettings};
 
@@ -233,7 +233,7 @@ mod tests {
         let results = Results::default();
         let asker = Asker(None, Arc::clone(&results));
         let settings = NodeSettings::default();
-        let rules = Box::new(Specification);
+        let rules = Rules::default();
         (Fixture::with(&eds(entries), settings, rules, Box::new(asker)), results)
     }
 

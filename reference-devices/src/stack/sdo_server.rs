@@ -158,7 +158,7 @@ fn wire_time(frame: &Frame, bit_rate: u32) -> Duration {
 
 #[cfg(test)]
 mod tests {
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::testing::{Fixture, basic, eds, mux};
     use crate::stack::{Inert, NodeSettings};
 
@@ -315,7 +315,7 @@ mod tests {
     #[test]
     fn a_server_without_block_transfer_does_not_know_its_commands() {
         let settings = NodeSettings { block_transfer: None, ..NodeSettings::default() };
-        let (rules, inert) = (Box::new(Specification), Box::new(Inert));
+        let (rules, inert) = (Rules::default(), Box::new(Inert));
         talk(
             &mut Fixture::with(&eds(basic()), settings, rules, inert),
             &[("A400200010000000", "8000200001000405"), ("C200200000000000", "8000200001000405")],
@@ -379,7 +379,7 @@ mod tests {
         let upload = ("4004200000000000", "410420000F000000");
         let wrong_toggle = ("7000000000000000", "106669667465656E");
         talk(&mut mutant("sdo-first-toggle-unchecked"), &[upload, wrong_toggle]);
-        talk(&mut mutant("sdo-stuck-after-client-reset"), &[upload, ("4000200000000000", "")]);
+        talk(&mut mutant("initiate-replaces-transfer: false"), &[upload, ("4000200000000000", "")]);
         talk(&mut mutant("sdo-upload-of-abandoned-object"), &[upload, upload]);
         talk(
             &mut mutant("sdo-open-after-toggle-abort"),
@@ -400,7 +400,7 @@ mod tests {
         talk(&mut slow, &[("6000000000000000", "006669667465656E")]);
         assert_eq!(slow.until(1_400_000), [(1_001_000, "585#8004200000000405".to_owned())]);
         talk(
-            &mut mutant("refused-write-changes-value"),
+            &mut mutant("refused-write-changes-nothing: false"),
             &[("2B0120000B000000", "8001200031000906"), ("4001200000000000", "4B0120000B000000")],
         );
         talk(&mut mutant("sdo-short-frame-answered"), &[("40002000", "4F00200011000000")]);

@@ -237,7 +237,7 @@ const REFUSED_ON_DOWNLOAD: u32 = 1 << 0;
 mod tests {
     use std::time::Duration;
 
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::testing::{Fixture, eds, full, mux, sent};
     use crate::stack::{Inert, NodeSettings};
     use canopen::{Abort, Mux};
@@ -275,7 +275,7 @@ mod tests {
     }
 
     fn slow(rules: &str) -> Fixture {
-        let rules = crate::rules::named(rules).unwrap_or_else(|| Box::new(Specification));
+        let rules = if rules.is_empty() { Rules::default() } else { Rules::otherwise(rules) };
         let save_time = Duration::from_millis(10);
         let settings = NodeSettings { save_time, ..NodeSettings::default() };
         Fixture::with(&eds(full()), settings, rules, Box::new(Inert))
@@ -304,7 +304,7 @@ mod tests {
 
     #[test]
     fn a_save_that_is_cut_short_leaves_the_old_values() {
-        for (rules, torn) in [("", false), ("save-completes-first", true)] {
+        for (rules, torn) in [("", false), ("save-completes-last: false", true)] {
             let mut fixture = slow(rules);
             fixture.write(PERIOD, &[0xF4, 1]).unwrap();
             fixture.write(OWN, &[7]).unwrap();
@@ -358,7 +358,7 @@ mod tests {
         let mut fixture = changed("save-stores-half");
         fixture.write(mux(0x1010, 1), b"save").unwrap();
         assert_eq!(after_reset(&mut fixture), (vec![0xF4, 1], vec![0x11]));
-        let mut fixture = changed("load-at-once");
+        let mut fixture = changed("load-waits-for-reset: false");
         fixture.write(mux(0x1011, 1), b"load").unwrap();
         assert_eq!(fixture.read(OWN), Ok(vec![0x11]));
         let mut fixture = changed("save-with-any-signature");

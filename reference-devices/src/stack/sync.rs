@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::pdo::is_restricted;
 use canopen::sync::Sync;
-use canopen::{Abort, Instant, Mux};
+use canopen::{Abort, Instant, Mux, NmtState};
 
 use crate::stack::base::Base;
 use crate::stack::fault::{Fault, FaultKind};
@@ -56,7 +56,8 @@ impl SyncConsumer {
         data: &[u8],
         base: &mut Base,
     ) -> Option<Sync> {
-        if !base.rules.sync_used_in(base.state) {
+        // SYNC belongs to PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
+        if !matches!(base.state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL) {
             return None;
         }
         let expected = usize::from(self.counted);

@@ -92,7 +92,7 @@ mod tests {
 
     use canopen::{Abort, Mux};
 
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::testing::{Fixture, eds, full, mux, sent, set};
     use crate::stack::{Inert, NodeSettings};
 
@@ -106,7 +106,7 @@ mod tests {
         set(&mut entries, mux(0x1800, 2), 1);
         set(&mut entries, mux(0x1A00, 0), 1);
         set(&mut entries, mux(0x1A00, 1), 0x6000_0108);
-        Fixture::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert))
+        Fixture::with(&eds(entries), settings, Rules::default(), Box::new(Inert))
     }
 
     fn produce(fixture: &mut Fixture, period: u32) -> u64 {

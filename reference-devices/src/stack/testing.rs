@@ -3,7 +3,7 @@
 use canopen::eds::{Access, Eds, Entry, Object, ObjectKind, Term};
 use canopen::{DataType, Device, Dictionary, Frame, Instant, Mux, Outbox, Value};
 
-use crate::rules::{Rules, Specification};
+use crate::rules::Rules;
 use crate::stack::{Behaviour, Inert, Node, NodeSettings};
 
 pub(crate) struct Fixture {
@@ -16,19 +16,19 @@ pub(crate) struct Fixture {
 impl Fixture {
     /// Node 5 after boot-up, with default settings and no application.
     pub(crate) fn new(eds: &Eds) -> Self {
-        Self::with(eds, NodeSettings::default(), Box::new(Specification), Box::new(Inert))
+        Self::with(eds, NodeSettings::default(), Rules::default(), Box::new(Inert))
     }
 
-    /// The same with the rules of a mutant.
+    /// The same with a decision taken otherwise, as [`Rules::otherwise`] reads it.
     pub(crate) fn mutant(eds: &Eds, name: &str) -> Self {
-        let rules = crate::rules::named(name).unwrap();
+        let rules = Rules::otherwise(name);
         Self::with(eds, NodeSettings::default(), rules, Box::new(Inert))
     }
 
     pub(crate) fn with(
         eds: &Eds,
         settings: NodeSettings,
-        rules: Box<dyn Rules>,
+        rules: Rules,
         behaviour: Box<dyn Behaviour>,
     ) -> Self {
         let od = Dictionary::new(eds, 5).unwrap();

@@ -120,7 +120,7 @@ mod tests {
     use canopen::{Abort, DataType};
 
     use super::*;
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::testing::{Fixture, eds, entry, full, mux, sent};
     use crate::stack::{Inert, NodeSettings};
 
@@ -137,7 +137,7 @@ mod tests {
             time_interval_object: Some(INTERVAL),
             ..NodeSettings::default()
         };
-        Fixture::with(&eds(entries), settings, Box::new(Specification), Box::new(Inert))
+        Fixture::with(&eds(entries), settings, Rules::default(), Box::new(Inert))
     }
 
     fn clock(fixture: &mut Fixture) -> Vec<u8> {

@@ -297,7 +297,7 @@ impl Tpdo {
 
 #[cfg(test)]
 mod tests {
-    use crate::rules::Specification;
+    use crate::rules::Rules;
     use crate::stack::testing::{Fixture, eds, entry, full, mux, sent, set};
     use crate::stack::{Behaviour, NodeSettings};
     use canopen::eds::Access;
@@ -451,7 +451,7 @@ mod tests {
         set(&mut entries, mux(0x1A00, 0), 2);
         set(&mut entries, mux(0x1A00, 1), 0x2000_0008);
         set(&mut entries, mux(0x1A00, 2), 0x6000_0108);
-        let (rules, settings) = (Box::new(Specification), NodeSettings::default());
+        let (rules, settings) = (Rules::default(), NodeSettings::default());
         let mut fixture = Fixture::with(&eds(entries), settings, rules, Box::new(EvenOnly));
         fixture.send("000#0105");
         assert!(write(&mut fixture, 0x21).is_empty());
@@ -482,18 +482,18 @@ mod tests {
         let mut stopped = fixture("tpdo-sent-in-stopped", &[(5, 100)]);
         stopped.send("000#0205");
         assert_eq!(stopped.until(101_000).len(), 2);
-        let mut shy = fixture("tpdo-not-sent-at-start", &[]);
+        let mut shy = fixture("tpdo-sent-at-start: false", &[]);
         assert!(shy.ask("000#0105").is_empty());
         let mut slow = fixture("tpdo-inhibit-in-milliseconds", &[(3, 100)]);
         slow.send("000#0105");
         write(&mut slow, 1);
         assert_eq!(slow.until(900_000), sent(&[(101_000, "185#010000")]));
-        let mut stubborn = fixture("tpdo-event-timer-not-restarted", &[(5, 100)]);
+        let mut stubborn = fixture("event-timer-restarts: false", &[(5, 100)]);
         stubborn.send("000#0105");
         stubborn.run_to(50_000);
         write(&mut stubborn, 1);
         assert_eq!(stubborn.until(150_000), sent(&[(101_000, "185#010000")]));
-        let mut open = fixture("tpdo-rtr-always-answered", &[(1, 0x4000_0185)]);
+        let mut open = fixture("rtr-answered: true", &[(1, 0x4000_0185)]);
         open.send("000#0105");
         assert_eq!(open.ask("185#R3"), ["185#110000"]);
     }

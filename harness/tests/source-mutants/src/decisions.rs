@@ -45,8 +45,8 @@ pub fn constant_decisions(file: &syn::File) -> Vec<String> {
         syn::Item::Macro(item) if item.mac.path.is_ident("decisions") => Some(item),
         _ => None,
     });
-    let traits = macros.filter_map(|item| item.mac.parse_body::<Decisions>().ok());
-    let methods = traits.flat_map(|decisions| decisions.methods);
+    let parts = macros.filter_map(|item| item.mac.parse_body::<Decisions>().ok());
+    let methods = parts.flat_map(|decisions| decisions.methods);
     let unused = |input: &syn::FnArg| match input {
         syn::FnArg::Receiver(_) => true,
         syn::FnArg::Typed(typed) => {
@@ -57,11 +57,11 @@ pub fn constant_decisions(file: &syn::File) -> Vec<String> {
     constant.map(|method| method.sig.ident.to_string()).collect()
 }
 
-/// `trait Name: Layer;` and methods.
+/// `Name of Rules, otherwise [DEVIATIONS];` and methods.
 pub struct Decisions {
-    /// Of the trait.
+    /// Of the part of the rules.
     pub name: syn::Ident,
-    /// With their defaults.
+    /// With what the documents say as their bodies.
     pub methods: Vec<syn::TraitItemFn>,
 }
 
@@ -69,10 +69,12 @@ impl Parse for Decisions {
     fn parse(input: ParseStream<'_>) -> syn::Result<Self> {
         syn::Attribute::parse_outer(input)?;
         input.parse::<syn::Visibility>()?;
-        input.parse::<Token![trait]>()?;
         let name = input.parse()?;
-        input.parse::<Token![:]>()?;
+        input.parse::<syn::Ident>()?; // `of`
         input.parse::<syn::Path>()?;
+        input.parse::<Token![,]>()?;
+        input.parse::<syn::Ident>()?; // `otherwise`
+        input.parse::<syn::ExprArray>()?;
         input.parse::<Token![;]>()?;
         let mut methods = Vec::new();
         while !input.is_empty() {

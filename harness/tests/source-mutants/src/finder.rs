@@ -474,7 +474,7 @@ impl<'a> Finder<'a> {
         self.around.pop();
     }
 
-    /// A trait of decisions, as the macro of the rules takes it.
+    /// A part of the decisions, as the macro of the rules takes it.
     fn decisions(&mut self, item: &syn::ItemMacro) {
         if !item.mac.path.is_ident("decisions") {
             return;

@@ -47,7 +47,7 @@ pub(super) fn set(outside: &mut Outside, name: &str, value: &Value) -> Result<()
 pub(super) struct Sight<'a> {
     pub(super) outside: &'a Outside,
     pub(super) network: &'a Network,
-    pub(super) rules: &'a dyn Ax021211Rules,
+    pub(super) rules: &'a Ax021211Rules,
     /// The frequencies in force, in hertz: of the pulses of each output, and of its dither.
     pub(super) pulses: [i64; OUTPUTS],
     pub(super) dithers: [i64; OUTPUTS],

@@ -20,7 +20,7 @@ const fn of(kind: Kind) -> (i64, i64, i64, i64) {
 }
 
 /// Gives the objects of an output the defaults of a type.
-pub(super) fn update(sub: u8, kind: Kind, od: &mut Dictionary, rules: &dyn Ax021211Rules) {
+pub(super) fn update(sub: u8, kind: Kind, od: &mut Dictionary, rules: &Ax021211Rules) {
     let (digits, largest, overriding, fault) = of(kind);
     for (index, value) in [
         (DIGITS_PV, 0),

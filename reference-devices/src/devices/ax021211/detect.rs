@@ -22,7 +22,7 @@ impl Detector {
         now: Instant,
         wrong: bool,
         delay: Duration,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) {
         self.due = None;
         if !wrong {
@@ -46,14 +46,14 @@ impl Detector {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::ax021211::rules::Manual;
+    use crate::devices::ax021211::rules::Ax021211Rules;
 
     #[test]
     fn a_fault_must_last_and_ends_at_once() {
         let mut detector = Detector::default();
         let mut see = |millis: u64, wrong| {
             let now = Instant(millis * 1_000_000);
-            detector.watch(now, wrong, Duration::from_millis(100), &Manual);
+            detector.watch(now, wrong, Duration::from_millis(100), &Ax021211Rules::plain());
             detector.recognised
         };
         assert_eq!([see(0, true), see(99, true), see(99, false)], [false; 3]);

@@ -13,7 +13,7 @@ pub(super) fn report(
     network: &Network,
     supply: f64,
     errors: &mut Errors,
-    rules: &dyn Ax021211Rules,
+    rules: &Ax021211Rules,
 ) {
     let (faults, (low, high)) = (network.faults(), rules.supply_errors(supply));
     if errors.are_none() && faults == 0 && !low && !high {
@@ -39,7 +39,7 @@ pub(super) fn report(
 }
 
 /// The messages of table 5 that are mapped into an RPDO which has timed out.
-pub(super) fn timed_out(errors: &Errors, od: &Dictionary, rules: &dyn Ax021211Rules) -> [bool; 24] {
+pub(super) fn timed_out(errors: &Errors, od: &Dictionary, rules: &Ax021211Rules) -> [bool; 24] {
     let mut messages = [false; 24];
     if errors.are_none() {
         return messages;

@@ -77,7 +77,7 @@ impl Digital {
         on: bool,
         settings: &DigitalSettings,
         is_hotshot: bool,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) {
         self.logic = on;
         self.due = None;
@@ -131,7 +131,7 @@ impl Digital {
     }
 
     /// A fault leaves the state as it is.
-    pub(super) fn keep(&mut self, now: Instant, rules: &dyn Ax021211Rules) {
+    pub(super) fn keep(&mut self, now: Instant, rules: &Ax021211Rules) {
         if !rules.hotshot_ends_in_a_fault() {
             let later = |end| if now < end { now + Duration::from_secs(3600) } else { end };
             self.hotshot_end = self.hotshot_end.map(later);
@@ -144,7 +144,7 @@ impl Digital {
         &mut self,
         now: Instant,
         settings: &DigitalSettings,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> f64 {
         if !self.drive {
             self.hotshot_end = self.hotshot_end.filter(|_| !rules.hotshot_is_armed_again());
@@ -170,7 +170,7 @@ impl Digital {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::ax021211::rules::Manual;
+    use crate::devices::ax021211::rules::Ax021211Rules;
 
     fn at(millis: u64) -> Instant {
         Instant(millis * 1_000_000)
@@ -179,7 +179,7 @@ mod tests {
     fn drive(settings: &DigitalSettings, commands: &[(u64, bool)]) -> Vec<bool> {
         let mut digital = Digital::default();
         let follow = |(millis, on): &(u64, bool)| {
-            digital.command(at(*millis), *on, settings, false, &Manual);
+            digital.command(at(*millis), *on, settings, false, &Ax021211Rules::plain());
             digital.drive
         };
         commands.iter().map(follow).collect()
@@ -221,8 +221,8 @@ mod tests {
         };
         let mut digital = Digital::default();
         let mut see = |millis, on| {
-            digital.command(at(millis), on, &settings, true, &Manual);
-            digital.current(at(millis), &settings, &Manual)
+            digital.command(at(millis), on, &settings, true, &Ax021211Rules::plain());
+            digital.current(at(millis), &settings, &Ax021211Rules::plain())
         };
         assert_eq!([see(0, false), see(10, true), see(1009, true)], [0.0, 2000.0, 2000.0]);
         assert_eq!([see(1010, true), see(5000, true), see(5001, false)], [500.0, 500.0, 0.0]);

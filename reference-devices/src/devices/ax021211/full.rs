@@ -165,7 +165,7 @@ mod tests {
         for (mux, bytes) in connections() {
             od.set(mux, &bytes);
         }
-        let mut controller = Ax021211::with_deviations(&[]).unwrap();
+        let mut controller = Ax021211::with_deviations(&[]);
         controller.reset(Instant::ZERO, &mut od);
         let (mut errors, mut now) = (Errors::default(), Instant::ZERO);
         let shown: Vec<Mux> = (0..12)

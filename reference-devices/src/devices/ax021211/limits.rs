@@ -25,7 +25,7 @@ pub(super) fn check(
     mux: Mux,
     bytes: &[u8],
     od: &Dictionary,
-    (network, rules): (&Network, &dyn Ax021211Rules),
+    (network, rules): (&Network, &Ax021211Rules),
 ) -> Result<(), Abort> {
     let is_var = mux.index == HEARTBEAT || matches!(table_of(mux.index), Some((_, 1)));
     let Some(value) = number(bytes).filter(|_| mux.sub > 0 || is_var) else {
@@ -97,7 +97,7 @@ fn check_x(
     sub: u8,
     value: i64,
     od: &Dictionary,
-    (network, rules): (&Network, &dyn Ax021211Rules),
+    (network, rules): (&Network, &Ax021211Rules),
 ) -> Result<(), Abort> {
     let int = |item, sub| od.int(Mux::new(table(place, item), sub));
     if int(5, 1) == Some(1) {

@@ -40,7 +40,7 @@ impl LogicSettings {
             let part = |sub| od.byte(index, sub);
             Condition {
                 arguments: [Link::new(part(0), part(1)), Link::new(part(2), part(3))],
-                operator: od.rules.condition_operator(part(4)),
+                operator: part(4),
             }
         };
         Self {
@@ -67,7 +67,7 @@ impl LogicSettings {
         selected: u8,
         read: impl Fn(Link) -> Signal,
         table: impl Fn(usize) -> Signal,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> (u8, i64, Signal) {
         if !rules.logic_is_enabled(self.enabled) {
             return (rules.selected_while_disabled(selected), 0, Signal::ABSENT);
@@ -95,13 +95,13 @@ impl LogicSettings {
         &self,
         function: usize,
         read: impl Fn(Link) -> Signal,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> bool {
         let results = self.conditions[function].map(|condition| {
             let arguments = condition.arguments.map(&read);
             rules.condition(condition.operator, condition.arguments, arguments)
         });
-        rules.selects(self.operators[function], results)
+        combine(self.operators[function], results)
     }
 }
 
@@ -138,7 +138,7 @@ const TABLE_SOURCE: u8 = 4;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::ax021211::rules::Manual;
+    use crate::devices::ax021211::rules::Ax021211Rules;
     use Verdict::{Error, False, NotApplicable, True};
 
     fn condition(a: Link, operator: u8, b: Link) -> Condition {
@@ -175,7 +175,7 @@ mod tests {
         block.conditions[0][0] = condition(Link::new(1, 11), 4, Link::new(2, 15));
         block.operators[1] = 0;
         for (speed, number, shown) in [(999.0, 1, 100), (1000.0, 2, 200), (2500.0, 2, 200)] {
-            let (selected, output, signal) = block.evaluate(1, read(speed), table, &Manual);
+            let (selected, output, signal) = block.evaluate(1, read(speed), table, &Ax021211Rules::plain());
             assert_eq!((selected, output), (number, shown), "{speed}");
             assert_eq!(signal.limits, Some(PERCENT));
         }
@@ -235,18 +235,18 @@ mod tests {
     fn without_a_default_table_a_is_the_default() {
         let mut block = block();
         block.operators = [2, 2, 2];
-        assert_eq!(block.evaluate(1, read(0.0), table, &Manual).0, 1);
+        assert_eq!(block.evaluate(1, read(0.0), table, &Ax021211Rules::plain()).0, 1);
     }
 
     #[test]
     fn the_output_is_a_percentage_of_the_range_of_its_table() {
         let block = block();
         let wide = |_| Signal::new(125.0, Some((-500.0, 500.0)));
-        assert_eq!(block.evaluate(1, read(0.0), wide, &Manual).1, 625);
-        let (_, shown, signal) = block.evaluate(1, read(0.0), |_| Signal::ABSENT, &Manual);
+        assert_eq!(block.evaluate(1, read(0.0), wide, &Ax021211Rules::plain()).1, 625);
+        let (_, shown, signal) = block.evaluate(1, read(0.0), |_| Signal::ABSENT, &Ax021211Rules::plain());
         assert_eq!((shown, signal), (0, Signal::ABSENT));
         let disabled = LogicSettings { enabled: false, ..block };
-        let evaluated = disabled.evaluate(2, read(0.0), table, &Manual);
+        let evaluated = disabled.evaluate(2, read(0.0), table, &Ax021211Rules::plain());
         assert_eq!(evaluated, (2, 0, Signal::ABSENT));
     }
 }

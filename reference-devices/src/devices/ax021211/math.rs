@@ -46,9 +46,7 @@ impl MathSettings {
         Self {
             enabled: od.flag(MATH_ENABLE, place),
             inputs: std::array::from_fn(input),
-            operators: std::array::from_fn(|function| {
-                od.rules.math_operator(od.byte(index(0x50), function))
-            }),
+            operators: std::array::from_fn(|function| od.byte(index(0x50), function)),
             low: od.scaled(MATH_SCALING_1, place, digits),
             high: od.scaled(MATH_SCALING_2, place, digits),
             digits,
@@ -71,7 +69,7 @@ impl Math {
         place: usize,
         settings: &MathSettings,
         read: impl Fn(Link) -> Signal,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> (i64, Signal) {
         let limits = Some((settings.low, settings.high));
         if !rules.math_is_enabled(settings.enabled) {
@@ -104,7 +102,7 @@ impl Math {
     }
 
     /// The function of this block that an input takes (1.7): source, number and function name it.
-    fn own(place: usize, input: &MathInput, rules: &dyn Ax021211Rules) -> Option<usize> {
+    fn own(place: usize, input: &MathInput, rules: &Ax021211Rules) -> Option<usize> {
         let is_own = input.link.source == MATH_SOURCE
             && rules.is_own_block(usize::from(input.link.number) == place + 1);
         let function = usize::from(rules.function_number(input.function)).checked_sub(1)?;
@@ -119,7 +117,7 @@ impl Math {
 
 impl MathInput {
     /// The input as a part of its scaling, with its gain; what is in error counts as 0.
-    fn value(&self, signal: Signal, rules: &dyn Ax021211Rules) -> f64 {
+    fn value(&self, signal: Signal, rules: &Ax021211Rules) -> f64 {
         if !signal.is_valid() {
             return rules.math_input_in_error(signal.value);
         }
@@ -173,7 +171,7 @@ const TRUTH: f64 = 0.5;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::ax021211::rules::Manual;
+    use crate::devices::ax021211::rules::Ax021211Rules;
 
     fn input(link: Link, gain: f64) -> MathInput {
         MathInput { link, function: 0, low: 0.0, high: 100.0, gain }
@@ -195,7 +193,7 @@ mod tests {
     }
 
     fn shown(settings: &MathSettings) -> i64 {
-        Math::default().evaluate(0, settings, read, &Manual).0
+        Math::default().evaluate(0, settings, read, &Ax021211Rules::plain()).0
     }
 
     #[test]
@@ -254,7 +252,7 @@ mod tests {
         let inputs =
             [input(extra(1), 1.0), ahead, MathInput { function: 1, ..ahead }, input(extra(1), 1.0)];
         let (settings, mut math) = (block(&inputs, [12; 3]), Math::default());
-        let see = |math: &mut Math| math.evaluate(0, &settings, read, &Manual).0;
+        let see = |math: &mut Math| math.evaluate(0, &settings, read, &Ax021211Rules::plain()).0;
         assert_eq!([see(&mut math), see(&mut math)], [2000, 2000]);
         assert!(math.finish());
         assert_eq!(see(&mut math), 4000);
@@ -265,7 +263,7 @@ mod tests {
         let mut settings = block(&[input(extra(3), 1.0), input(extra(4), 1.0)], [12; 3]);
         settings.inputs[0].low = -100.0;
         let failing = |link: Link| read(link).failing(link.number == 13);
-        assert_eq!(Math::default().evaluate(0, &settings, failing, &Manual).0, 4000);
+        assert_eq!(Math::default().evaluate(0, &settings, failing, &Ax021211Rules::plain()).0, 4000);
         settings.low = 20.0;
         settings.enabled = false;
         assert_eq!(shown(&settings), 0);

@@ -88,7 +88,7 @@ struct Around {
 
 impl Network {
     /// Blocks that are not set up.
-    pub(super) fn new(rules: &dyn Ax021211Rules) -> Self {
+    pub(super) fn new(rules: &Ax021211Rules) -> Self {
         let settings = Settings::unread(rules);
         Self::fresh(settings.order(), settings)
     }
@@ -206,7 +206,7 @@ impl Network {
     }
 
     /// Takes what is to be seen of the world.
-    pub(super) fn look(&mut self, outside: &Outside, rules: &dyn Ax021211Rules) {
+    pub(super) fn look(&mut self, outside: &Outside, rules: &Ax021211Rules) {
         if self.timed_out.replace(outside.timed_out) != Some(outside.timed_out) {
             for (place, timed_out) in outside.timed_out.iter().enumerate() {
                 let message = Signal { quality: signal::Quality::Valid, ..self.signals[place] };
@@ -228,7 +228,7 @@ impl Network {
 
     /// Evaluates the blocks, `elapsed` after the last time, but for those that would go on as they
     /// are.
-    pub(super) fn evaluate(&mut self, now: Instant, elapsed: Duration, rules: &dyn Ax021211Rules) {
+    pub(super) fn evaluate(&mut self, now: Instant, elapsed: Duration, rules: &Ax021211Rules) {
         for turn in 0..self.order.blocks.len() {
             let block = self.order.blocks[turn];
             if self.awake & block.bit() != 0
@@ -245,7 +245,7 @@ impl Network {
         block: Block,
         turn: usize,
         (now, elapsed): (Instant, Duration),
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> bool {
         match block {
             Block::Math(place) => {
@@ -323,7 +323,7 @@ impl Network {
     }
 
     /// What a link gives to the block whose turn it is.
-    fn read(&self, link: Link, turn: usize, rules: &dyn Ax021211Rules) -> Signal {
+    fn read(&self, link: Link, turn: usize, rules: &Ax021211Rules) -> Signal {
         rules.link(link).place().map_or(Signal::ABSENT, |place| self.see(place, turn))
     }
 
@@ -366,7 +366,7 @@ impl Network {
     }
 
     /// Shows what the blocks make in their objects.
-    pub(super) fn show(&mut self, od: &mut Dictionary, rules: &dyn Ax021211Rules) {
+    pub(super) fn show(&mut self, od: &mut Dictionary, rules: &Ax021211Rules) {
         if self.untold == 0 && self.selection_told {
             return;
         }

@@ -125,7 +125,7 @@ pub(super) const fn math(place: usize, item: u16) -> u16 {
 #[derive(Clone, Copy)]
 pub(super) struct Parameters<'a> {
     pub(super) od: &'a Dictionary,
-    pub(super) rules: &'a dyn Ax021211Rules,
+    pub(super) rules: &'a Ax021211Rules,
 }
 
 impl Parameters<'_> {

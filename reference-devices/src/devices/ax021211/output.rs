@@ -141,7 +141,7 @@ impl OutputSettings {
 
     /// The field value for a process value (figure 5, table 7), with the static bias at zero
     /// command (1.3).
-    fn field_value(&self, pv: f64, rules: &dyn Ax021211Rules) -> f64 {
+    fn field_value(&self, pv: f64, rules: &Ax021211Rules) -> f64 {
         let (low, high) = self.pv;
         if rules.is_off(self.responses.control, pv, self.pv) {
             return 0.0;
@@ -236,7 +236,7 @@ impl Output {
         settings: &OutputSettings,
         inputs: [Signal; 3],
         (load, supply): (&Load, f64),
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> OutputView {
         if self.kind != settings.kind {
             *self = Self { kind: settings.kind, ..Self::default() };
@@ -259,7 +259,7 @@ impl Output {
         let difference = rules.difference(fv, self.target, feedback, seen);
         let drives = applied != 0 || view.drives_digital;
         let wrong = rules.is_wrong(drives, driven.shorted, difference, settings.hysteresis);
-        let watched = rules.watches(self.kind == Kind::Current) && rules.detects(settings.detects);
+        let watched = rules.watches(self.kind == Kind::Current) && settings.detects;
         self.detector.watch(now, watched && wrong, settings.reaction_delay, rules);
         view
     }
@@ -269,7 +269,7 @@ impl Output {
         elapsed: Duration,
         command: Command,
         settings: &OutputSettings,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> Stage {
         let target = match command {
             Command::Fault if rules.keeps(settings.keeps_on_fault) => {
@@ -303,7 +303,7 @@ impl Output {
         now: Instant,
         command: Command,
         settings: &OutputSettings,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> Stage {
         let is_hotshot = self.kind == Kind::Hotshot;
         let set = &settings.digital;
@@ -330,7 +330,7 @@ impl Output {
         &self,
         settings: &OutputSettings,
         driven: Driven,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> OutputView {
         let is_digital = self.kind.is_digital();
         let (commanded, feedback) = match self.kind {
@@ -352,7 +352,7 @@ impl Output {
         let places = if is_digital { 0 } else { settings.digits };
         let limits = if is_digital { (0.0, 1.0) } else { settings.pv };
         let signal = |shown: i64| Signal::new(shown as f64 / power(places), Some(limits));
-        let fault = rules.feedback_fails(self.detector.recognised);
+        let fault = self.detector.recognised;
         OutputView {
             commanded: (commanded, signal(commanded)),
             feedback: (feedback, signal(feedback).failing(fault)),
@@ -377,15 +377,15 @@ impl Output {
 }
 
 impl OutputSettings {
-    fn command(&self, inputs: [Signal; 3], rules: &dyn Ax021211Rules) -> Command {
+    fn command(&self, inputs: [Signal; 3], rules: &Ax021211Rules) -> Command {
         let [control, enable, overriding] = inputs;
         let fault = rules.input_fault(inputs.map(Signal::has_failed));
         let on = |signal: Signal| signal.is_valid().then(|| rules.is_on(signal));
         let enabling = on(enable).or_else(|| rules.absent(1));
-        let disabled = enabling.and_then(|on| rules.disabled(self.responses.enable, on));
+        let disabled = enabling.and_then(|on| disabled(self.responses.enable, on));
         let overrides = on(overriding)
             .or_else(|| rules.absent(2))
-            .is_some_and(|on| rules.overrides(self.responses.overriding, on));
+            .is_some_and(|on| on == (self.responses.overriding == 0));
         rules.decide(Interventions { fault, overrides, disabled }, control)
     }
 }

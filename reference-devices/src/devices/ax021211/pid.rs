@@ -94,7 +94,7 @@ impl Pid {
         settings: &PidSettings,
         target: Signal,
         feedback: Signal,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> (i64, Signal) {
         let sources = [settings.target, settings.feedback];
         let usable = |signal: Signal| signal.is_valid() || signal.has_failed();
@@ -121,7 +121,7 @@ impl Pid {
         now: Instant,
         settings: &PidSettings,
         difference: f64,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) {
         let tolerated = rules.is_tolerated(difference.abs(), settings.tolerance);
         let error = rules.counted(difference, settings.tolerance, tolerated);
@@ -141,7 +141,7 @@ impl Pid {
     }
 
     /// The algorithm of figure 8.
-    fn call(&mut self, settings: &PidSettings, error: f64, rules: &dyn Ax021211Rules) {
+    fn call(&mut self, settings: &PidSettings, error: f64, rules: &Ax021211Rules) {
         let before = (self.sum, self.last);
         let (p, i, d) = rules.pid_gains(settings.gains, settings.cycle);
         self.sum = rules.error_sum(self.sum, error);
@@ -159,7 +159,7 @@ impl Pid {
 
 /// Target less feedback in per cent, each between the limits of its source; a target without
 /// limits has those of the feedback (1.4).
-fn difference(target: Signal, feedback: Signal, rules: &dyn Ax021211Rules) -> f64 {
+fn difference(target: Signal, feedback: Signal, rules: &Ax021211Rules) -> f64 {
     let of_feedback = feedback.limits.or(target.limits).unwrap_or(PERCENT);
     let of_target = rules.target_limits(target.limits, of_feedback);
     rules.pid_error(rules.percent(target, of_target), rules.percent(feedback, of_feedback))
@@ -182,7 +182,7 @@ const SHORTEST_CYCLE: f64 = 0.001;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::ax021211::rules::Manual;
+    use crate::devices::ax021211::rules::Ax021211Rules;
     use crate::devices::ax021211::signal::Quality;
 
     fn settings(response: u8) -> PidSettings {
@@ -210,7 +210,7 @@ mod tests {
         let mut pid = Pid::default();
         let see = |(millis, target, feedback): &(u64, f64, f64)| {
             let now = Instant(millis * 1_000_000);
-            pid.evaluate(now, settings, of(*target), of(*feedback), &Manual).0
+            pid.evaluate(now, settings, of(*target), of(*feedback), &Ax021211Rules::plain()).0
         };
         inputs.iter().map(see).collect()
     }
@@ -252,9 +252,9 @@ mod tests {
     fn a_constant_target_is_scaled_as_the_feedback_is() {
         let target = Signal::new(50.0, None);
         let feedback = Signal::new(0.0, Some((0.0, 500.0)));
-        assert_eq!(difference(target, feedback, &Manual), 10.0);
+        assert_eq!(difference(target, feedback, &Ax021211Rules::plain()), 10.0);
         let target = Signal::new(50.0, Some((0.0, 100.0)));
-        assert_eq!(difference(target, feedback, &Manual), 50.0);
+        assert_eq!(difference(target, feedback, &Ax021211Rules::plain()), 50.0);
     }
 
     #[test]
@@ -262,7 +262,7 @@ mod tests {
         let (settings, mut pid) = (settings(0), Pid::default());
         let mut see = |micros: u64, target: f64| {
             let now = Instant(micros * 1000);
-            let shown = pid.evaluate(now, &settings, of(target), of(0.0), &Manual).0;
+            let shown = pid.evaluate(now, &settings, of(target), of(0.0), &Ax021211Rules::plain()).0;
             (shown, pid.due().map(|due| due.0 / 1000))
         };
         assert_eq!(see(0, 0.0), (0, None));
@@ -276,7 +276,7 @@ mod tests {
     fn without_both_sources_it_is_disabled_and_an_error_stops_it() {
         let (settings, mut pid) = (settings(0), Pid::default());
         let mut see = |settings: &PidSettings, target| {
-            let (shown, signal) = pid.evaluate(Instant::ZERO, settings, target, of(0.0), &Manual);
+            let (shown, signal) = pid.evaluate(Instant::ZERO, settings, target, of(0.0), &Ax021211Rules::plain());
             (shown, signal.quality)
         };
         assert_eq!(see(&settings, of(20.0)), (155, Quality::Valid));

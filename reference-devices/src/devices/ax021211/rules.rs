@@ -18,23 +18,30 @@ use super::pid::{self, Gains};
 use super::ramp::Ramp;
 use super::signal::{self, Link, Signal};
 use super::table::{self, POINTS};
-use crate::devices::deviating::layer;
+use crate::decisions::{Layers, in_code_alone};
 
-pub(super) use deviations::{named, names};
-pub(super) use digital::DigitalRules;
+use digital::DigitalDecision;
 
-/// A controller that keeps to its manual; clauses are those of the manual.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Manual;
+/// All decisions of a controller; clauses are those of its manual.
+pub(super) type Ax021211Rules = Layers<Otherwise>;
 
-layer!(pub(super) of dyn Ax021211Rules);
-impl Layer for Manual {}
-impl DigitalRules for Manual {}
-impl Ax021211Rules for Manual {}
+parts! {
+    /// A decision of a controller that is taken otherwise.
+    pub(super) Otherwise:
+    Block(Decision),
+    Digital(DigitalDecision),
+}
+
+in_code_alone! { Command, Disabled, Link, Ramp, Stage, Verdict }
 
 decisions! {
     /// The decisions. The default methods are a summary of what the manual says.
-    pub(super) trait Ax021211Rules: Layer, DigitalRules;
+    pub(super) Decision of Ax021211Rules, otherwise [
+        deviations::DEVIATIONS,
+        inputs::DEVIATIONS,
+        results::DEVIATIONS,
+        parameters::DEVIATIONS,
+    ];
 
     /// A parameter is in force as it is written.
     fn parameter(&self, _mux: Mux, configured: i64) -> i64 {
@@ -296,11 +303,6 @@ decisions! {
         0.0
     }
 
-    /// A table whose input is in error holds its value.
-    fn table_in_error(&self, held: f64) -> f64 {
-        held
-    }
-
     /// The X-axis is in the unit of the source (1.5.1).
     fn table_input(&self, x: f64, _repeats: bool) -> f64 {
         x
@@ -411,11 +413,6 @@ decisions! {
         0.0
     }
 
-    /// The operators of table 19.
-    fn math_operator(&self, code: u8) -> u8 {
-        code
-    }
-
     /// A gain has two digits (2.4.76).
     fn gain(&self, configured: i64) -> f64 {
         configured as f64 / 100.0
@@ -500,19 +497,9 @@ decisions! {
         selected
     }
 
-    /// The operators of table 14.
-    fn condition_operator(&self, code: u8) -> u8 {
-        code
-    }
-
     /// The results of table 15.
     fn condition(&self, operator: u8, _links: [Link; 2], arguments: [Signal; 2]) -> Verdict {
         logic::judge(operator, arguments)
-    }
-
-    /// The rows of table 17.
-    fn selects(&self, operator: u8, results: [Verdict; 3]) -> bool {
-        logic::combine(operator, results)
     }
 
     /// The first table whose conditions hold, or else table A (1.6.2).
@@ -556,16 +543,6 @@ decisions! {
     /// 7320h and 7322h have the digits of 6302h (2.3.8).
     fn digits_of_scaling(&self, digits: u8) -> u8 {
         digits
-    }
-
-    /// The responses of table 8.
-    fn disabled(&self, response: u8, on: bool) -> Option<Disabled> {
-        output::disabled(response, on)
-    }
-
-    /// The responses of table 9.
-    fn overrides(&self, response: u8, on: bool) -> bool {
-        on == (response == 0)
     }
 
     /// The order of figure 6.
@@ -648,16 +625,6 @@ decisions! {
     /// 7330h shows the logic state, 2370h the drive state (1.2, table 5).
     fn digital_states(&self, logic: bool, drive: bool) -> (bool, bool) {
         (logic, drive)
-    }
-
-    /// The feedback of an output with a fault is in error.
-    fn feedback_fails(&self, fault: bool) -> bool {
-        fault
-    }
-
-    /// 2310h (1.3).
-    fn detects(&self, configured: bool) -> bool {
-        configured
     }
 
     /// A short circuit, or a feedback out of the tolerance, while the output drives (1.3).

@@ -52,7 +52,7 @@ pub(super) struct Renewed {
 
 impl Settings {
     /// Those of blocks that have read nothing yet.
-    pub(super) fn unread(rules: &dyn Ax021211Rules) -> Self {
+    pub(super) fn unread(rules: &Ax021211Rules) -> Self {
         let mut settings = Self {
             outputs: [OutputSettings::default(); OUTPUTS],
             tables: [TableSettings::default(); 12],
@@ -145,7 +145,7 @@ impl Settings {
         (place != graph::NOTHING).then_some(place.into())
     }
 
-    fn taken(&self, block: Block, rules: &dyn Ax021211Rules) -> Taken {
+    fn taken(&self, block: Block, rules: &Ax021211Rules) -> Taken {
         let named = |link| rules.link(link);
         match block {
             Block::Math(place) => {
@@ -176,7 +176,7 @@ fn replace<T: PartialEq>(value: &mut T, new: T) -> bool {
 }
 
 /// Everyone whose settings or values an entry is a part of, and maybe some more.
-fn readers(mux: Mux, rules: &dyn Ax021211Rules) -> Readers {
+fn readers(mux: Mux, rules: &Ax021211Rules) -> Readers {
     let set = |count: usize, block: fn(usize) -> Block, reads: &dyn Fn(usize) -> bool| {
         (0..count).filter(|place| reads(*place)).fold(0, |all, place| all | block(place).bit())
     };
@@ -210,7 +210,7 @@ fn readers(mux: Mux, rules: &dyn Ax021211Rules) -> Readers {
 
 #[cfg(test)]
 mod tests {
-    use super::super::rules::{Manual, named};
+    use super::super::rules::Ax021211Rules;
     use super::*;
     use crate::devices;
     use proptest::prelude::*;
@@ -225,10 +225,10 @@ mod tests {
         "loops-are-one",
     ];
 
-    fn rules(name: Option<&str>) -> Box<dyn Ax021211Rules> {
+    fn rules(name: Option<&str>) -> Ax021211Rules {
         match name {
-            Some(name) => named(name).unwrap()(Box::new(Manual), name.into()),
-            None => Box::new(Manual),
+            Some(name) => Ax021211Rules::otherwise(name),
+            None => Ax021211Rules::default(),
         }
     }
 
@@ -249,7 +249,7 @@ mod tests {
             name in prop::option::of(prop::sample::select(RULES)),
             writes in prop::collection::vec((any::<prop::sample::Index>(), 0..12_i64, 0..4), 1..80),
         ) {
-            let rules = &*rules(name);
+            let rules = &rules(name);
             let sheet = &devices::device("ax021211").unwrap().description.eds;
             let mut od = Dictionary::new(sheet, 1).unwrap();
             let mut kept = Settings::unread(rules);

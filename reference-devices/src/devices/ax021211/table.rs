@@ -68,7 +68,7 @@ impl TableSettings {
 
     /// The limits of the output (1.5.2): those of a percentage as long as every point is within
     /// them, ignored points among them, or else the lowest and the highest point.
-    fn limits(&self, rules: &dyn Ax021211Rules) -> (f64, f64) {
+    fn limits(&self, rules: &Ax021211Rules) -> (f64, f64) {
         let counted = rules.points_of_limits(self.points());
         let points = &self.y_points[..counted];
         let low = points.iter().copied().fold(f64::INFINITY, f64::min);
@@ -83,7 +83,7 @@ impl TableSettings {
     }
 
     /// The output over data (1.5.1 to 1.5.3).
-    pub(super) fn over_data(&self, x: f64, rules: &dyn Ax021211Rules) -> f64 {
+    pub(super) fn over_data(&self, x: f64, rules: &Ax021211Rules) -> f64 {
         let last = rules.points_in_use(self.points());
         if rules.is_before_table(x, self.x_points[0]) {
             return rules.below_table(x, (self.x_points[0], self.y_points[0]));
@@ -102,7 +102,7 @@ impl TableSettings {
     }
 
     /// The output between the point before and this one, a part of the way on.
-    fn towards(&self, point: usize, gone: f64, way: f64, rules: &dyn Ax021211Rules) -> f64 {
+    fn towards(&self, point: usize, gone: f64, way: f64, rules: &Ax021211Rules) -> f64 {
         let (from, to) = (self.y_points[point - 1], self.y_points[point]);
         match self.responses[point] {
             Response::Jump => rules.jump(from, to),
@@ -112,7 +112,7 @@ impl TableSettings {
     }
 
     /// The output `millis` after the input came on (1.5.4), and when it is another one next.
-    fn over_time(&self, millis: f64, rules: &dyn Ax021211Rules) -> (f64, Next) {
+    fn over_time(&self, millis: f64, rules: &Ax021211Rules) -> (f64, Next) {
         let last = rules.points_in_use(self.points());
         let whole: f64 = (1..last).map(|point| self.interval(point, rules)).sum();
         let done = millis >= whole;
@@ -138,7 +138,7 @@ impl TableSettings {
     }
 
     /// The time from the point before to this one, in milliseconds.
-    fn interval(&self, point: usize, rules: &dyn Ax021211Rules) -> f64 {
+    fn interval(&self, point: usize, rules: &Ax021211Rules) -> f64 {
         rules.interval(self.x_points[point - 1], self.x_points[point]).max(1.0)
     }
 }
@@ -168,7 +168,7 @@ impl Table {
         now: Instant,
         settings: &TableSettings,
         x: Signal,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> (i64, Signal) {
         self.due = None;
         let used = settings.x.is_used() && (x.is_valid() || x.has_failed());
@@ -178,7 +178,7 @@ impl Table {
             return (rules.table_without_source(held), Signal::ABSENT);
         }
         let y = match settings.timed {
-            _ if x.has_failed() => rules.table_in_error(self.held),
+            _ if x.has_failed() => self.held,
             true => self.sequence(now, settings, rules.sequence_runs(rules.is_on(x)), rules),
             false => settings.over_data(rules.table_input(x.value, settings.repeats), rules),
         };
@@ -194,7 +194,7 @@ impl Table {
         now: Instant,
         settings: &TableSettings,
         on: bool,
-        rules: &dyn Ax021211Rules,
+        rules: &Ax021211Rules,
     ) -> f64 {
         if !on {
             self.on_since = self.on_since.filter(|_| !rules.sequence_begins_anew());
@@ -226,7 +226,7 @@ pub(super) fn limits_of(low: f64, high: f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::ax021211::rules::Manual;
+    use crate::devices::ax021211::rules::Ax021211Rules;
     use crate::devices::ax021211::signal::Quality;
 
     fn table(x: [f64; 11], y: [f64; 11]) -> TableSettings {
@@ -252,8 +252,8 @@ mod tests {
             (99.0, 99.0, 100.0),
             (150.0, 100.0, 100.0),
         ] {
-            assert_eq!(ramps.over_data(x, &Manual), ramp, "{x}");
-            assert_eq!(jumps.over_data(x, &Manual), jump, "{x}");
+            assert_eq!(ramps.over_data(x, &Ax021211Rules::plain()), ramp, "{x}");
+            assert_eq!(jumps.over_data(x, &Ax021211Rules::plain()), jump, "{x}");
         }
     }
 
@@ -261,9 +261,9 @@ mod tests {
     fn an_ignored_point_takes_the_rest_with_it() {
         let mut table = steps_of_ten();
         table.responses[4] = Response::Ignore;
-        assert_eq!(table.over_data(29.0, &Manual), 29.0);
-        assert_eq!(table.over_data(35.0, &Manual), 30.0);
-        assert_eq!(table.over_data(100.0, &Manual), 30.0);
+        assert_eq!(table.over_data(29.0, &Ax021211Rules::plain()), 29.0);
+        assert_eq!(table.over_data(35.0, &Ax021211Rules::plain()), 30.0);
+        assert_eq!(table.over_data(100.0, &Ax021211Rules::plain()), 30.0);
     }
 
     #[test]
@@ -289,23 +289,23 @@ mod tests {
             (4500.0, 0.0, 87.5),
             (5000.0, 0.0, 100.0),
         ] {
-            assert_eq!(profile_a.over_data(position, &Manual), a, "A at {position}");
-            assert_eq!(profile_b.over_data(position, &Manual), b, "B at {position}");
+            assert_eq!(profile_a.over_data(position, &Ax021211Rules::plain()), a, "A at {position}");
+            assert_eq!(profile_b.over_data(position, &Ax021211Rules::plain()), b, "B at {position}");
         }
     }
 
     #[test]
     fn limits_are_those_of_a_percentage_as_long_as_they_hold_all_points() {
         let mut table = steps_of_ten();
-        assert_eq!(table.limits(&Manual), (0.0, 100.0));
+        assert_eq!(table.limits(&Ax021211Rules::plain()), (0.0, 100.0));
         table.y_points = [20.0; 11];
-        assert_eq!(table.limits(&Manual), (0.0, 100.0));
+        assert_eq!(table.limits(&Ax021211Rules::plain()), (0.0, 100.0));
         table.responses[2] = Response::Ignore;
         table.y_points[10] = 500.0;
-        assert_eq!(table.limits(&Manual), (20.0, 500.0));
+        assert_eq!(table.limits(&Ax021211Rules::plain()), (20.0, 500.0));
         table.y_points[9] = -50.0;
         table.y_points[10] = 80.0;
-        assert_eq!(table.limits(&Manual), (-50.0, 80.0));
+        assert_eq!(table.limits(&Ax021211Rules::plain()), (-50.0, 80.0));
     }
 
     fn timed(repeats: bool) -> TableSettings {
@@ -327,7 +327,7 @@ mod tests {
         let at = |millis: u64| Instant(millis * 1_000_000);
         let settings = timed(false);
         let mut table = Table::default();
-        let mut see = |millis, x| table.evaluate(at(millis), &settings, x, &Manual).0;
+        let mut see = |millis, x| table.evaluate(at(millis), &settings, x, &Ax021211Rules::plain()).0;
         assert_eq!(see(0, off), 0);
         assert_eq!([1000, 1050, 1100, 1101].map(|time| see(time, on)), [0, 25, 80, 80]);
         assert_eq!([1299, 1300, 1350, 1400, 9000].map(|time| see(time, on)), [80, 80, 40, 0, 0]);
@@ -341,7 +341,7 @@ mod tests {
         let at = |millis: u64| Instant(millis * 1_000_000);
         let (settings, mut table) = (timed(true), Table::default());
         let mut see = |millis| {
-            let shown = table.evaluate(at(millis), &settings, on, &Manual).0;
+            let shown = table.evaluate(at(millis), &settings, on, &Ax021211Rules::plain()).0;
             (shown, table.due())
         };
         assert_eq!(see(0), (0, Some(at(0))));
@@ -355,7 +355,7 @@ mod tests {
     fn a_table_without_source_is_absent_and_one_in_error_holds_its_value() {
         let (settings, mut table) = (steps_of_ten(), Table::default());
         let mut see = |settings: &TableSettings, x| {
-            let (shown, signal) = table.evaluate(Instant::ZERO, settings, x, &Manual);
+            let (shown, signal) = table.evaluate(Instant::ZERO, settings, x, &Ax021211Rules::plain());
             (shown, signal.quality)
         };
         let x = Signal::new(42.0, None);

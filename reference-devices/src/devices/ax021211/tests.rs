@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use super::model::{Model, Plan, plan};
 use super::*;
 use crate::devices;
-use crate::rules::Specification;
+use crate::rules::Rules;
 use crate::stack::testing::{Fixture, mux};
 
 fn sheet() -> Eds {
@@ -16,8 +16,8 @@ fn sheet() -> Eds {
 fn controller() -> Fixture {
     let device = devices::device("ax021211").unwrap();
     let eds = &device.description.eds;
-    let behaviour = Box::new(Ax021211::with_deviations(&[]).unwrap());
-    let mut fixture = Fixture::with(eds, device.settings(), Box::new(Specification), behaviour);
+    let behaviour = Box::new(Ax021211::with_deviations(&[]));
+    let mut fixture = Fixture::with(eds, device.settings(), Rules::default(), behaviour);
     fixture.until(1_000_000);
     fixture
 }
@@ -225,7 +225,7 @@ fn digital_outputs_follow_their_bits() {
 
 #[test]
 fn each_name_of_the_bench_can_be_seen() {
-    let device = Ax021211::with_deviations(&[]).unwrap();
+    let device = Ax021211::with_deviations(&[]);
     let od = Dictionary::new(&sheet(), 1).unwrap();
     for name in device.bench_names() {
         assert!(device.observe(&name, &od).is_some(), "{name}");
@@ -239,8 +239,8 @@ fn each_name_of_the_bench_can_be_seen() {
 fn built(plan: &Plan) -> (Dictionary, Network, Outside) {
     let mut od = Dictionary::new(&sheet(), 1).unwrap();
     plan.write_to(&mut od);
-    let mut network = Network::new(&Manual);
-    network.restart(Parameters { od: &od, rules: &Manual });
+    let mut network = Network::new(&Ax021211Rules::plain());
+    network.restart(Parameters { od: &od, rules: &Ax021211Rules::plain() });
     let mut timed_out = [false; 24];
     timed_out[10..].copy_from_slice(&plan.failing);
     let loads = [Load { ohms: 1.0, ..Load::default() }; OUTPUTS];
@@ -294,10 +294,10 @@ proptest! {
         let described = od.clone();
         let mut model = Model::new(&described, plan.failing);
         for cycle in 0..5_u64 {
-            network.look(&outside, &Manual);
-            network.evaluate(Instant(cycle * 1_000_000), CYCLE, &Manual);
+            network.look(&outside, &Ax021211Rules::plain());
+            network.evaluate(Instant(cycle * 1_000_000), CYCLE, &Ax021211Rules::plain());
             network.finish();
-            network.show(&mut od, &Manual);
+            network.show(&mut od, &Ax021211Rules::plain());
             model.cycle();
             for (block, mux) in shown_at() {
                 prop_assert_eq!(od.int(mux), Some(model.shown(block)), "{} cycle {}", mux, cycle);
@@ -317,7 +317,7 @@ proptest! {
             for (mux, value) in &pace {
                 od.set_int(*mux, *value);
             }
-            let mut device = Ax021211::with_deviations(&[]).unwrap();
+            let mut device = Ax021211::with_deviations(&[]);
             device.reset(Instant::ZERO, &mut od);
             (device, od, Errors::default(), awake)
         });

@@ -36,7 +36,7 @@ impl Memory {
     }
 
     /// A tuning is done. That at one start is not to be repeated.
-    pub(super) fn tuned(&mut self, found: Found, od: &mut Dictionary, rules: &dyn Rules) {
+    pub(super) fn tuned(&mut self, found: Found, od: &mut Dictionary, rules: &Rules) {
         if parameter(od, TUNE) == ONCE && rules.tunes_once() {
             self.once = Some(found);
             set_parameter(od, TUNE, 0);
@@ -57,7 +57,7 @@ impl Memory {
     }
 
     /// The device was switched on: the objects have what was stored or their defaults.
-    pub(super) fn give_back(&self, od: &mut Dictionary, rules: &dyn Rules) {
+    pub(super) fn give_back(&self, od: &mut Dictionary, rules: &Rules) {
         let initial_state = rules.parameter(INITIAL_STATE, parameter(od, INITIAL_STATE));
         let started = rules.starts(initial_state, self.started);
         od.set_int(START, started.into());

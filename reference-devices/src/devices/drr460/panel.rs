@@ -58,7 +58,7 @@ impl Panel {
     }
 
     /// Whether the key has been pressed for so long just now that it teaches.
-    pub(super) fn teaches(&self, now: Instant, rules: &dyn Rules) -> bool {
+    pub(super) fn teaches(&self, now: Instant, rules: &Rules) -> bool {
         matches!(self.key, Key::Pressed(since) if since + teaching_time(rules) <= now)
     }
 
@@ -68,7 +68,7 @@ impl Panel {
     }
 
     /// Lets the LEDs show what there is.
-    pub(super) fn show(&mut self, now: Instant, shown: &Shown, rules: &dyn Rules) {
+    pub(super) fn show(&mut self, now: Instant, shown: &Shown, rules: &Rules) {
         if shown.loads_defaults {
             self.run.show(now, Pattern::Fast);
             self.outputs.iter_mut().for_each(|led| led.show(now, Pattern::Fast));
@@ -99,7 +99,7 @@ impl Panel {
     }
 
     /// When something changes by itself.
-    pub(super) fn poll_at(&self, rules: &dyn Rules) -> Option<Instant> {
+    pub(super) fn poll_at(&self, rules: &Rules) -> Option<Instant> {
         let key = match self.key {
             Key::Pressed(since) => Some(since + teaching_time(rules)),
             Key::Released | Key::Taught(_) => None,
@@ -108,14 +108,14 @@ impl Panel {
     }
 }
 
-fn teaching_time(rules: &dyn Rules) -> Duration {
+fn teaching_time(rules: &Rules) -> Duration {
     Duration::from_millis(rules.teaching_time())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     fn nothing(node: (NmtState, bool)) -> Shown {
         let (contacts, error) = ([false; 2], false);
@@ -131,13 +131,13 @@ mod tests {
         let operational = (NmtState::OPERATIONAL, false);
         let shown = Shown { contacts: [true, false], ..nothing(operational) };
         let mut panel = Panel::default();
-        panel.show(Instant::ZERO, &shown, &Manual);
+        panel.show(Instant::ZERO, &shown, &Rules::plain());
         assert_eq!(lit(&panel), [true, true, false]);
         let error = Shown { error: true, contacts: [false; 2], ..shown };
-        panel.show(Instant::ZERO, &error, &Manual);
+        panel.show(Instant::ZERO, &error, &Rules::plain());
         assert_eq!(lit(&panel), [true, true, false]);
         let half = Instant(500_000_000);
-        panel.show(half, &error, &Manual);
+        panel.show(half, &error, &Rules::plain());
         assert_eq!(lit(&panel), [true, false, true]);
         panel.go_dark();
         assert_eq!(lit(&panel), [false; 3]);
@@ -149,17 +149,17 @@ mod tests {
         let shown = Shown { command_on_q1: true, ..nothing(node) };
         let mut panel = Panel::default();
         panel.press(Instant::ZERO, true);
-        panel.show(Instant::ZERO, &shown, &Manual);
-        assert!(panel.outputs[0].lit && !panel.teaches(Instant(2_999_999_999), &Manual));
+        panel.show(Instant::ZERO, &shown, &Rules::plain());
+        assert!(panel.outputs[0].lit && !panel.teaches(Instant(2_999_999_999), &Rules::plain()));
         assert_eq!(panel.outputs[0].poll_at(), Some(Instant(50_000_000)));
         let taught = Instant(3_000_000_000);
-        assert!(panel.teaches(taught, &Manual));
+        assert!(panel.teaches(taught, &Rules::plain()));
         panel.taught(true);
-        panel.show(taught, &shown, &Manual);
+        panel.show(taught, &shown, &Rules::plain());
         assert_eq!(panel.outputs[0].poll_at(), Some(Instant(3_500_000_000)));
-        assert!(!panel.teaches(taught, &Manual) && panel.is_pressed());
+        assert!(!panel.teaches(taught, &Rules::plain()) && panel.is_pressed());
         panel.press(taught, false);
-        panel.show(taught, &shown, &Manual);
+        panel.show(taught, &shown, &Rules::plain());
         assert!(!panel.outputs[0].lit && !panel.is_pressed());
     }
 }

@@ -76,7 +76,7 @@ impl Alarms {
     }
 
     /// Starts anew with what the objects hold.
-    pub(super) fn reset(&mut self, od: &mut Dictionary, rules: &dyn Em66Rules) {
+    pub(super) fn reset(&mut self, od: &mut Dictionary, rules: &Em66Rules) {
         self.start = Start::new(self.start.codes);
         for alarm in &mut self.alarms {
             (alarm.kind, alarm.on) = (AlarmType::OFF, false);
@@ -94,7 +94,7 @@ impl Alarms {
         mux: Mux,
         bytes: &[u8],
         od: &Dictionary,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) -> Result<(), Abort> {
         let Some(alarm) = self.alarms.iter().find(|alarm| alarm.objects.have(mux)) else {
             return Ok(());
@@ -119,7 +119,7 @@ impl Alarms {
     }
 
     /// The network has written to an alarm.
-    pub(super) fn written(&mut self, mux: Mux, od: &mut Dictionary, rules: &dyn Em66Rules) {
+    pub(super) fn written(&mut self, mux: Mux, od: &mut Dictionary, rules: &Em66Rules) {
         let Some(place) = self.alarms.iter().position(|alarm| alarm.objects.have(mux)) else {
             return;
         };
@@ -152,7 +152,7 @@ impl Alarms {
         mux: Mux,
         bytes: &[u8],
         od: &mut Dictionary,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) {
         let Some(alarm) = self.alarms.iter_mut().find(|alarm| alarm.objects.kind == mux) else {
             return;
@@ -171,7 +171,7 @@ impl Alarms {
     }
 
     /// Compares, and shows the states.
-    pub(super) fn watch(&mut self, duty: &Duty, od: &mut Dictionary, rules: &dyn Em66Rules) {
+    pub(super) fn watch(&mut self, duty: &Duty, od: &mut Dictionary, rules: &Em66Rules) {
         self.start.watch(duty, od, rules);
         for alarm in &mut self.alarms {
             alarm.watch(self.start.waiting, od, rules);
@@ -184,7 +184,7 @@ impl Alarm {
         Self { objects, setup: Setup::default(), kind: AlarmType::OFF, on: false }
     }
 
-    fn watch(&mut self, waiting: bool, od: &mut Dictionary, rules: &dyn Em66Rules) {
+    fn watch(&mut self, waiting: bool, od: &mut Dictionary, rules: &Em66Rules) {
         let kind = rules.alarm_type(self.setup.kind, self.kind);
         let before = self.on && kind == self.kind;
         let on = if kind == AlarmType::OFF {
@@ -247,7 +247,7 @@ impl Setup {
     }
 
     /// The same without what its link has no use for, which nobody misses while it is off.
-    fn fitted(self, od: &Dictionary, rules: &dyn Em66Rules) -> Self {
+    fn fitted(self, od: &Dictionary, rules: &Em66Rules) -> Self {
         let input = quantity(self.link, PROCESS_VALUES, od, rules);
         let alternate = quantity(self.alternate, COMPARABLE, od, rules);
         if self.kind != AlarmType::OFF {
@@ -256,13 +256,13 @@ impl Setup {
         let compared = rules.alarm_compares(input, alternate);
         Self {
             alternate: if compared { self.alternate } else { NONE },
-            hysteresis: if rules.alarm_takes_hysteresis(input) { self.hysteresis } else { 0 },
+            hysteresis: if takes_hysteresis(input) { self.hysteresis } else { 0 },
             ..self
         }
     }
 
     /// Whether the device can do that.
-    fn is_possible(&self, od: &Dictionary, rules: &dyn Em66Rules) -> bool {
+    fn is_possible(&self, od: &Dictionary, rules: &Em66Rules) -> bool {
         let input = quantity(self.link, PROCESS_VALUES, od, rules);
         let alternate = quantity(self.alternate, COMPARABLE, od, rules);
         let linked = self.link == NONE || rules.alarm_monitors(input);
@@ -272,7 +272,7 @@ impl Setup {
             || !rules.alarm_difference_needs_alternate();
         linked
             && compared
-            && (self.hysteresis == 0 || rules.alarm_takes_hysteresis(input))
+            && (self.hysteresis == 0 || takes_hysteresis(input))
             && (self.kind == AlarmType::OFF || rules.alarm_type_supported(self.kind, input))
             && sided
             && rules.alarm_takes_action(self.action)
@@ -283,7 +283,7 @@ impl Setup {
         kind: AlarmType,
         before: bool,
         od: &Dictionary,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) -> bool {
         let read = |link: u32| match link {
             NONE => None,
@@ -308,7 +308,7 @@ struct Sides {
 }
 
 /// Whether there is an alarm now.
-fn compare(kind: AlarmType, sides: &Sides, rules: &dyn Em66Rules) -> bool {
+fn compare(kind: AlarmType, sides: &Sides, rules: &Em66Rules) -> bool {
     let Sides { input, alternate, level, hysteresis, before } = *sides;
     let back = if before { rules.alarm_hysteresis(kind, hysteresis) } else { 0 };
     let reference = rules.alarm_reference(level, alternate);
@@ -334,7 +334,7 @@ impl Start {
         Self { on: false, set_points, waiting: true, codes }
     }
 
-    fn watch(&mut self, duty: &Duty, od: &Dictionary, rules: &dyn Em66Rules) {
+    fn watch(&mut self, duty: &Duty, od: &Dictionary, rules: &Em66Rules) {
         // While switching off, the controller does not approach the set point.
         let on = duty.on && !duty.cooling_down && !duty.evacuating;
         let now = SetPoints {
@@ -352,12 +352,17 @@ impl Start {
     }
 }
 
+/// A flow has no hysteresis.
+fn takes_hysteresis(input: Option<Quantity>) -> bool {
+    input != Some(Quantity::Flow)
+}
+
 /// What kind of value a link names: one of `objects` that the device has.
 fn quantity(
     link: u32,
     objects: &[(Mux, Quantity)],
     od: &Dictionary,
-    rules: &dyn Em66Rules,
+    rules: &Em66Rules,
 ) -> Option<Quantity> {
     let (mux, quantity) = linked(link, objects, rules)?;
     od.entry(mux).map(|_| quantity)
@@ -367,7 +372,7 @@ fn quantity(
 fn linked(
     link: u32,
     objects: &[(Mux, Quantity)],
-    rules: &dyn Em66Rules,
+    rules: &Em66Rules,
 ) -> Option<(Mux, Quantity)> {
     objects.iter().find(|(mux, _)| rules.alarm_link(*mux) == link).copied()
 }

@@ -77,7 +77,7 @@ impl Controller {
         mux: Mux,
         bytes: &[u8],
         od: &Dictionary,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) -> Result<(), Abort> {
         let fixed = FIXED.contains(&mux.index) && rules.is_fixed(mux);
         let other = od.get(mux).is_some_and(|present| present != bytes);
@@ -92,7 +92,7 @@ impl Controller {
         duty: &Duty,
         options: Options,
         od: &mut Dictionary,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) -> Drive {
         let codes = self.codes;
         let control = value(od, CONTROL_BYTE);
@@ -141,7 +141,7 @@ impl Controller {
         chosen: i64,
         effective: Option<i64>,
         rates: Rates,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) {
         if !on {
             self.ramp.stop(chosen);
@@ -166,7 +166,7 @@ impl Controller {
         duty: &Duty,
         manual: bool,
         missing: Option<f64>,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) {
         let ready = duty.on && !duty.cooling_down && !duty.evacuating && !duty.blocked;
         let wanted = rules.tunes(asked, ready, manual, self.relay.is_some());
@@ -182,7 +182,7 @@ impl Controller {
     }
 
     /// The output that follows.
-    fn decide(&mut self, sight: &Sight, rules: &dyn Em66Rules) -> i64 {
+    fn decide(&mut self, sight: &Sight, rules: &Em66Rules) -> i64 {
         let duty = sight.duty;
         if !duty.on {
             self.pid.restart();
@@ -227,7 +227,7 @@ impl Controller {
 }
 
 /// How fast the set point may move (3.4.14).
-fn rates(second: bool, od: &Dictionary, rules: &dyn Em66Rules) -> Rates {
+fn rates(second: bool, od: &Dictionary, rules: &Em66Rules) -> Rates {
     if second && !rules.ramps_to_second() {
         return Rates::default();
     }
@@ -236,7 +236,7 @@ fn rates(second: bool, od: &Dictionary, rules: &dyn Em66Rules) -> Rates {
 }
 
 /// What 6413h and 6414h leave of the output. A device without 6413h cannot cool.
-fn limits(od: &Dictionary, rules: &dyn Em66Rules) -> (i64, i64) {
+fn limits(od: &Dictionary, rules: &Em66Rules) -> (i64, i64) {
     let (low, high) = (value(od, LOWER_LIMIT), od.int(UPPER_LIMIT).unwrap_or(FULL_OUTPUT));
     let (low, high) = rules.output_limits(low, high);
     (low.clamp(-FULL_OUTPUT, 0), high.clamp(0, FULL_OUTPUT))

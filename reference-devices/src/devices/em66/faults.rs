@@ -25,7 +25,7 @@ pub(super) struct Faults {
 
 impl Faults {
     /// Begins anew after a reset.
-    pub(super) fn restart(&mut self, rules: &dyn Em66Rules) {
+    pub(super) fn restart(&mut self, rules: &Em66Rules) {
         *self = Self { causes: rules.causes_after_reset(self.causes), ..Self::default() };
     }
 
@@ -36,7 +36,7 @@ impl Faults {
         mode: Mode,
         od: &mut Dictionary,
         errors: &mut Errors,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) -> bool {
         let causes = causes(sensed, mode, value(od, CONTROL_ERRORS), rules);
         let before = self.causes;
@@ -61,7 +61,7 @@ impl Faults {
 }
 
 /// The bits of the errors whose cause is present.
-fn causes(sensed: &Sensed, mode: Mode, control_errors: i64, rules: &dyn Em66Rules) -> u8 {
+fn causes(sensed: &Sensed, mode: Mode, control_errors: i64, rules: &Em66Rules) -> u8 {
     let needed = mode == Mode::ExternalSensor;
     let unplugged = sensed.external == External::Unplugged;
     let sensor = match unplugged {

@@ -37,7 +37,7 @@ impl Operation {
         bytes: &[u8],
         options: Options,
         od: &Dictionary,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) -> Result<(), Abort> {
         let has = |mux| od.entry(mux).is_some();
         let return_line = has(RETURN_LINE) && options.return_line_control;
@@ -53,7 +53,7 @@ impl Operation {
     }
 
     /// The network has written the object at `mux`.
-    pub(super) fn written(&mut self, mux: Mux, od: &mut Dictionary, rules: &dyn Em66Rules) {
+    pub(super) fn written(&mut self, mux: Mux, od: &mut Dictionary, rules: &Em66Rules) {
         match mux {
             CONTROLLER_MODE
                 if self.switch_off.is_busy() && !rules.mode_changes_while_switching_off() => {}
@@ -71,7 +71,7 @@ impl Operation {
     }
 
     /// The device has refused what was to be written at `mux`.
-    pub(super) fn refused(&mut self, mux: Mux, rules: &dyn Em66Rules) {
+    pub(super) fn refused(&mut self, mux: Mux, rules: &Em66Rules) {
         if mux == CONTROLLER_MODE {
             self.mode = Mode::of(rules.mode_after_refusal(self.mode.code()));
         }
@@ -89,7 +89,7 @@ impl Operation {
         blocked: bool,
         options: Options,
         od: &mut Dictionary,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) -> Duty {
         let asked = value(od, CONTROL_BYTE) & self.codes.control_on != 0;
         self.switch_off.decide(asked, sensed, rules);
@@ -112,7 +112,7 @@ impl Operation {
         sensed: &Sensed,
         options: Options,
         od: &Dictionary,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) -> Situation {
         let second = value(od, CONTROL_BYTE) & self.codes.control_second != 0;
         let first = value(od, SET_POINT);
@@ -127,7 +127,7 @@ impl Operation {
         }
     }
 
-    fn show(&self, od: &mut Dictionary, rules: &dyn Em66Rules) {
+    fn show(&self, od: &mut Dictionary, rules: &Em66Rules) {
         let Self { switch_off, suction, .. } = self;
         let requested = rules.suction_requested(value(od, CONTROL_WORD));
         let mode = self.mode.code();

@@ -31,7 +31,7 @@ pub(super) struct Situation {
 
 impl Suction {
     /// Takes what is asked for as far as it goes.
-    pub(super) fn decide(&mut self, situation: &Situation, rules: &dyn Em66Rules) {
+    pub(super) fn decide(&mut self, situation: &Situation, rules: &Em66Rules) {
         let Situation { requested, set_point, effective, running, .. } = *situation;
         let supported = rules.suction_supported(situation.supported);
         let conflict = !supported || rules.suction_conflict(set_point);
@@ -64,7 +64,7 @@ impl Suction {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::em66::rules::Conformant;
+    use crate::devices::em66::rules::Em66Rules;
 
     const EASY: Situation = Situation {
         requested: true,
@@ -78,7 +78,7 @@ mod tests {
     /// Active and error after a situation that nothing came before.
     fn outcome(situation: Situation) -> (bool, bool) {
         let mut suction = Suction::default();
-        suction.decide(&situation, &Conformant);
+        suction.decide(&situation, &Em66Rules::plain());
         (suction.is_active(), suction.is_error())
     }
 
@@ -109,7 +109,7 @@ mod tests {
     fn the_present_situation_counts() {
         let mut suction = Suction::default();
         let mut after = |situation: Situation| {
-            suction.decide(&situation, &Conformant);
+            suction.decide(&situation, &Em66Rules::plain());
             (suction.is_active(), suction.is_error())
         };
         assert_eq!(after(Situation { set_point: 901, ..EASY }), (false, true));

@@ -25,7 +25,7 @@ enum State {
 
 impl SwitchOff {
     /// An order for the next change from on to off. The undefined mode is the first one.
-    pub(super) fn choose(&mut self, mode: u8, rules: &dyn Em66Rules) {
+    pub(super) fn choose(&mut self, mode: u8, rules: &Em66Rules) {
         if !rules.switch_off_mode_taken(self.is_running(), self.is_busy()) {
             return;
         }
@@ -36,7 +36,7 @@ impl SwitchOff {
     }
 
     /// What is done now that the control byte asks for this.
-    pub(super) fn decide(&mut self, asked: bool, sensed: &Sensed, rules: &dyn Em66Rules) {
+    pub(super) fn decide(&mut self, asked: bool, sensed: &Sensed, rules: &Em66Rules) {
         let rises = !std::mem::replace(&mut self.asked, asked) && asked;
         match self.state {
             State::Off if rises => self.state = State::Running,
@@ -73,18 +73,18 @@ impl SwitchOff {
     }
 
     /// 2006h.
-    pub(super) fn display(&self, rules: &dyn Em66Rules) -> u8 {
+    pub(super) fn display(&self, rules: &Em66Rules) -> u8 {
         rules.switch_off_display(self.is_busy(), self.present, self.chosen)
     }
 
-    fn begin(&mut self, rules: &dyn Em66Rules) {
+    fn begin(&mut self, rules: &Em66Rules) {
         self.present = self.chosen;
         self.chosen = rules.switch_off_mode_after_use(self.chosen);
         [self.state, _] = order(rules);
     }
 
     /// Leaves what is done, or what this mode does not do.
-    fn go_on(&mut self, sensed: &Sensed, rules: &dyn Em66Rules) {
+    fn go_on(&mut self, sensed: &Sensed, rules: &Em66Rules) {
         let (cools, evacuates) = rules.switch_off_actions(self.present);
         let is_left = |state: &State| match state {
             State::CoolingDown => cools && !rules.cooled_down(sensed.main),
@@ -96,7 +96,7 @@ impl SwitchOff {
 }
 
 /// What comes first.
-fn order(rules: &dyn Em66Rules) -> [State; 2] {
+fn order(rules: &Em66Rules) -> [State; 2] {
     match rules.evacuates_first() {
         false => [State::CoolingDown, State::Evacuating],
         true => [State::Evacuating, State::CoolingDown],
@@ -114,7 +114,7 @@ const IMMEDIATELY: u8 = 1;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::em66::rules::Conformant;
+    use crate::devices::em66::rules::Em66Rules;
 
     const WARM_AND_FULL: Sensed = Sensed { main: 800, mould_contents: 1000, ..SENSED };
     const COOL_AND_FULL: Sensed = Sensed { main: 400, mould_contents: 1000, ..SENSED };
@@ -135,8 +135,8 @@ mod tests {
     /// A controller that runs and will be switched off like that.
     fn running(mode: u8) -> SwitchOff {
         let mut switch_off = SwitchOff::default();
-        switch_off.choose(mode, &Conformant);
-        switch_off.decide(true, &WARM_AND_FULL, &Conformant);
+        switch_off.choose(mode, &Em66Rules::plain());
+        switch_off.decide(true, &WARM_AND_FULL, &Em66Rules::plain());
         assert!(switch_off.is_running());
         switch_off
     }
@@ -144,7 +144,7 @@ mod tests {
     fn states(mode: u8, sights: &[Sensed]) -> Vec<State> {
         let mut switch_off = running(mode);
         let mut state = |sensed| {
-            switch_off.decide(false, sensed, &Conformant);
+            switch_off.decide(false, sensed, &Em66Rules::plain());
             switch_off.state
         };
         sights.iter().map(&mut state).collect()
@@ -168,22 +168,22 @@ mod tests {
     #[test]
     fn a_running_switch_off_keeps_its_mode_and_shows_it() {
         let mut switch_off = running(2);
-        switch_off.decide(false, &WARM_AND_FULL, &Conformant);
-        switch_off.choose(1, &Conformant);
-        switch_off.decide(false, &WARM_AND_FULL, &Conformant);
+        switch_off.decide(false, &WARM_AND_FULL, &Em66Rules::plain());
+        switch_off.choose(1, &Em66Rules::plain());
+        switch_off.decide(false, &WARM_AND_FULL, &Em66Rules::plain());
         assert!(switch_off.is_cooling_down());
-        assert_eq!(switch_off.display(&Conformant), 2);
-        switch_off.decide(false, &COOL_AND_FULL, &Conformant);
+        assert_eq!(switch_off.display(&Em66Rules::plain()), 2);
+        switch_off.decide(false, &COOL_AND_FULL, &Em66Rules::plain());
         assert!(!switch_off.is_busy());
-        assert_eq!(switch_off.display(&Conformant), 1);
+        assert_eq!(switch_off.display(&Em66Rules::plain()), 1);
     }
 
     #[test]
     fn on_again_ends_the_actions() {
         let mut switch_off = running(3);
-        switch_off.decide(false, &WARM_AND_FULL, &Conformant);
+        switch_off.decide(false, &WARM_AND_FULL, &Em66Rules::plain());
         assert!(switch_off.is_evacuating());
-        switch_off.decide(true, &WARM_AND_FULL, &Conformant);
+        switch_off.decide(true, &WARM_AND_FULL, &Em66Rules::plain());
         assert!(switch_off.is_running() && !switch_off.is_busy());
     }
 }

@@ -102,7 +102,7 @@ impl Setup {
 
 impl Encoder {
     /// Begins anew with nothing counted. The shaft stays where it is.
-    pub(super) fn restart(&mut self, now: Instant, rules: &dyn Mcm260xRules) {
+    pub(super) fn restart(&mut self, now: Instant, rules: &Mcm260xRules) {
         let (motion, without_b) = (self.motion, self.without_b);
         let waits_for_index = self.waits_for_index && rules.waits_over_a_start();
         let count = rules.count_at_start(self.count);
@@ -112,7 +112,7 @@ impl Encoder {
     }
 
     /// Counts what has passed until `now`.
-    pub(super) fn follow(&mut self, now: Instant, setup: Setup, rules: &dyn Mcm260xRules) {
+    pub(super) fn follow(&mut self, now: Instant, setup: Setup, rules: &Mcm260xRules) {
         let to = self.motion.at(now);
         if to != self.seen {
             self.pass(to, setup, rules);
@@ -120,7 +120,7 @@ impl Encoder {
     }
 
     /// Passes all edges on the way to a place.
-    fn pass(&mut self, to: i64, setup: Setup, rules: &dyn Mcm260xRules) {
+    fn pass(&mut self, to: i64, setup: Setup, rules: &Mcm260xRules) {
         let from = std::mem::replace(&mut self.seen, to);
         let has_no_b = self.without_b;
         let counts = |from, to| match setup.mode {
@@ -141,7 +141,7 @@ impl Encoder {
     }
 
     /// Phase Z rose.
-    pub(super) fn see_index(&mut self, setup: Setup, rules: &dyn Mcm260xRules) {
+    pub(super) fn see_index(&mut self, setup: Setup, rules: &Mcm260xRules) {
         if !rules.sees_index(setup.mode) {
             return;
         }
@@ -153,12 +153,12 @@ impl Encoder {
     }
 
     /// The setup is another one.
-    pub(super) fn set_up_anew(&mut self, rules: &dyn Mcm260xRules) {
+    pub(super) fn set_up_anew(&mut self, rules: &Mcm260xRules) {
         self.count = rules.count_in_new_setup(self.count);
     }
 
     /// A command of 3003h. Returns what is to be read there: the bits that are not done.
-    pub(super) fn command(&mut self, command: i64, setup: Setup, rules: &dyn Mcm260xRules) -> i64 {
+    pub(super) fn command(&mut self, command: i64, setup: Setup, rules: &Mcm260xRules) -> i64 {
         if rules.loads_now(command) {
             self.load(setup.preset, rules);
         }
@@ -168,7 +168,7 @@ impl Encoder {
     }
 
     /// The bits of 3003h that are not done.
-    pub(super) fn open_commands(&self, last: i64, rules: &dyn Mcm260xRules) -> i64 {
+    pub(super) fn open_commands(&self, last: i64, rules: &Mcm260xRules) -> i64 {
         rules.command_left(last, self.waits_for_index)
     }
 
@@ -204,7 +204,7 @@ impl Encoder {
         stands && windows.into_iter().all(quiet)
     }
 
-    fn load(&mut self, preset: i32, rules: &dyn Mcm260xRules) {
+    fn load(&mut self, preset: i32, rules: &Mcm260xRules) {
         self.total += rules.counted_by_loading(i64::from(preset) - i64::from(self.count));
         self.count = preset;
         self.waits_for_index = false;
@@ -255,7 +255,7 @@ const NANOSECONDS_IN_1000_S: i128 = 1_000_000_000_000;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::mcm260x::rules::Manual;
+    use crate::devices::mcm260x::rules::Mcm260xRules;
 
     const fn at(microseconds: u64) -> Instant {
         Instant(microseconds * 1000)
@@ -317,15 +317,15 @@ mod tests {
         let mut motion = Motion { turn: 100, ..Motion::default() };
         motion.move_to(at(0), 10);
         let mut encoder = Encoder { motion, ..Encoder::default() };
-        encoder.restart(at(0), &Manual);
+        encoder.restart(at(0), &Mcm260xRules::plain());
         let mode = Setup { mode: 4, preset: -5 };
-        assert_eq!(encoder.command(2, mode, &Manual), 2);
+        assert_eq!(encoder.command(2, mode, &Mcm260xRules::plain()), 2);
         encoder.motion.turn_at(at(0), 1_000_000);
-        encoder.follow(at(97_499), mode, &Manual);
-        assert_eq!((encoder.count, encoder.open_commands(2, &Manual)), (389, 2));
-        encoder.follow(at(100_000), mode, &Manual);
-        assert_eq!((encoder.count, encoder.open_commands(2, &Manual)), (5, 0));
-        encoder.follow(at(300_000), mode, &Manual);
+        encoder.follow(at(97_499), mode, &Mcm260xRules::plain());
+        assert_eq!((encoder.count, encoder.open_commands(2, &Mcm260xRules::plain())), (389, 2));
+        encoder.follow(at(100_000), mode, &Mcm260xRules::plain());
+        assert_eq!((encoder.count, encoder.open_commands(2, &Mcm260xRules::plain())), (5, 0));
+        encoder.follow(at(300_000), mode, &Mcm260xRules::plain());
         assert_eq!(encoder.count, 805);
         encoder.interval_ends(true);
         assert_eq!(encoder.in_a_second(), 1200, "what was loaded was not counted");
@@ -352,7 +352,7 @@ mod tests {
     fn counts_wrap_and_an_interval_ends_quietly() {
         let mut encoder = Encoder { count: i32::MAX, ..Encoder::default() };
         encoder.motion.move_to(at(0), 1);
-        encoder.follow(at(0), setup(2), &Manual);
+        encoder.follow(at(0), setup(2), &Mcm260xRules::plain());
         assert_eq!(encoder.count, i32::MIN);
         assert!(!encoder.is_quiet());
         encoder.interval_ends(true);

@@ -6,7 +6,7 @@ pub(super) use crate::devices::pixsys::led::{Led, Pattern};
 
 /// What makes the RUN LED flash.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) enum Phase {
+pub(crate) enum Phase {
     /// It shows nothing, which a module with supply never does.
     #[default]
     Dark,

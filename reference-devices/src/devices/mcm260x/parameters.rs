@@ -144,7 +144,7 @@ impl Table {
 pub(super) struct Parameters<'a> {
     pub(super) table: Table,
     pub(super) od: &'a Dictionary,
-    pub(super) rules: &'a dyn Mcm260xRules,
+    pub(super) rules: &'a Mcm260xRules,
 }
 
 impl Parameters<'_> {

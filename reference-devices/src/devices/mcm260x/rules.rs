@@ -7,20 +7,12 @@ use canopen::{Abort, Instant, Mux, NmtState};
 
 use super::encoder;
 use super::indicators::{Pattern, Phase};
-use super::parameters::{DEFAULT_BIT_RATE, Item};
+use super::parameters::Item;
 use super::sensor::Wiring;
-use crate::devices::deviating::layer;
-use crate::stack::Attachment;
+use crate::decisions::{Layers, in_code_alone};
 
-pub(super) use deviations::{named, names};
-
-/// A module that keeps to its manual; clauses are those of the manual.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Manual;
-
-layer!(pub(crate) of dyn Mcm260xRules);
-impl Layer for Manual {}
-impl Mcm260xRules for Manual {}
+/// All decisions of a module; clauses are those of its manual.
+pub(crate) type Mcm260xRules = Layers<Decision>;
 
 /// What an emergency message says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,9 +22,14 @@ pub(crate) struct Diagnosis {
     pub(super) vendor: [u8; 5],
 }
 
+in_code_alone! { Diagnosis, Phase, Wiring }
+
 decisions! {
     /// The decisions. The default methods are a summary of what the manual says.
-    pub(crate) trait Mcm260xRules: Layer;
+    pub(crate) Decision of Mcm260xRules, otherwise [
+        deviations::DEVIATIONS,
+        deviations::OF_PARAMETERS,
+    ];
 
     /// A parameter is in force as it is written (chapters 6 to 8).
     fn parameter(&self, _item: Item, configured: i64) -> i64 {
@@ -42,16 +39,6 @@ decisions! {
     /// Each channel has parameters of its own.
     fn channel(&self, _item: Item, place: usize) -> usize {
         place
-    }
-
-    /// Parameters 1 to 3, which a start takes over, put the module on the bus: with its address, or
-    /// not at all when it works with Modbus or at another bit rate.
-    fn attachment(&self, interface: i64, address: i64, bit_rate: i64) -> Attachment {
-        match u8::try_from(address) {
-            _ if interface != 0 || bit_rate != DEFAULT_BIT_RATE => Attachment::Off,
-            Ok(address @ 1..=127) => Attachment::Node(address),
-            _ => Attachment::AsIs,
-        }
     }
 
     /// Edges from one place of a shaft to another are counted as the setup of the encoder says.
@@ -187,11 +174,6 @@ decisions! {
     /// Static outputs need the supply of their group (4.1).
     fn energised(&self, levels: i64, supplied: bool) -> i64 {
         if supplied { levels } else { 0 }
-    }
-
-    /// A terminal that is input and output shows the network what it drives (3.2.f).
-    fn output_is_seen(&self) -> bool {
-        true
     }
 
     /// The RUN LED shows whether there is an error (chapter 10).

@@ -169,7 +169,7 @@ mod tests {
 
     use super::*;
     use crate::devices::mcm260x::parameters::{Table, parameters_only};
-    use crate::devices::mcm260x::rules::Manual;
+    use crate::devices::mcm260x::rules::Mcm260xRules;
 
     struct Bench {
         od: Dictionary,
@@ -198,7 +198,7 @@ mod tests {
 
         fn run(&mut self, millisecond: u64) {
             let until = Instant(millisecond * 1_000_000);
-            let parameters = Parameters { table: Table::Analogue, od: &self.od, rules: &Manual };
+            let parameters = Parameters { table: Table::Analogue, od: &self.od, rules: &Mcm260xRules::plain() };
             while let Some(due) = self.input.poll_at().filter(|due| *due < until) {
                 self.input.follow(due, false, (2, 25.0), parameters);
             }

@@ -91,7 +91,7 @@ fn scaled(share: f64, place: usize, parameters: Parameters) -> f64 {
 mod tests {
     use super::*;
     use crate::devices::mcm260x::parameters::{Table, parameters_only};
-    use crate::devices::mcm260x::rules::Manual;
+    use crate::devices::mcm260x::rules::Mcm260xRules;
     use crate::devices::pixsys::SENSOR_RANGES;
 
     fn sampled(settings: &[(Item, i64)], connected: Connected, terminals: f64) -> Sample {
@@ -99,7 +99,7 @@ mod tests {
         for (item, value) in settings {
             od.set_int(Table::Analogue.address(*item, 1).unwrap(), *value);
         }
-        let parameters = Parameters { table: Table::Analogue, od: &od, rules: &Manual };
+        let parameters = Parameters { table: Table::Analogue, od: &od, rules: &Mcm260xRules::plain() };
         sample(connected, terminals, 1, parameters)
     }
 

@@ -2,15 +2,15 @@ use canopen::Device;
 
 use super::*;
 use crate::devices;
-use crate::rules::Specification;
+use crate::rules::Rules;
 use crate::stack::testing::{Fixture, mux};
 
 /// The module of that name as node 5, some time after boot-up.
 fn module(name: &str) -> Fixture {
     let device = devices::device(name).unwrap();
     let eds = &device.description.eds;
-    let behaviour = Box::new(Mcm260x::with_deviations(eds, &[]).unwrap());
-    let mut fixture = Fixture::with(eds, device.settings(), Box::new(Specification), behaviour);
+    let behaviour = Box::new(Mcm260x::with_deviations(eds, &[]));
+    let mut fixture = Fixture::with(eds, device.settings(), Rules::default(), behaviour);
     fixture.until(1_950_000);
     fixture
 }

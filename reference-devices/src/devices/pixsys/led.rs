@@ -5,6 +5,8 @@ use std::time::Duration;
 
 use canopen::{Instant, NmtState};
 
+use crate::decisions::words;
+
 /// How an LED is on and off in turns. Patterns are compared at each look at the module, so they
 /// are names and not their times.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +35,21 @@ pub(crate) enum Pattern {
     ThreeOnThenPause,
     /// As [`Self::ThreeOff`], with a pause after the third flash.
     ThreeOffThenPause,
+}
+
+words! { Pattern:
+    "steady-off" => Self::SteadyOff,
+    "steady-on" => Self::SteadyOn,
+    "fast" => Self::Fast,
+    "second" => Self::Second,
+    "second-off" => Self::SecondOff,
+    "medium" => Self::Medium,
+    "slow" => Self::Slow,
+    "three-on" => Self::ThreeOn,
+    "one-off" => Self::OneOff,
+    "three-off" => Self::ThreeOff,
+    "three-on-then-pause" => Self::ThreeOnThenPause,
+    "three-off-then-pause" => Self::ThreeOffThenPause,
 }
 
 impl Pattern {

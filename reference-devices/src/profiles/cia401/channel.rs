@@ -48,7 +48,7 @@ impl Channel {
     }
 
     /// What the channel is set up with; a neutral value where the device has no object for it.
-    pub(super) fn setting(self, setting: Setting, od: &Dictionary, rules: &dyn Cia401Rules) -> i64 {
+    pub(super) fn setting(self, setting: Setting, od: &Dictionary, rules: &Cia401Rules) -> i64 {
         let at = setting.of(rules.set_up_at(self.value));
         let configured = od.int(at).unwrap_or_else(|| setting.without_object());
         rules.setting(setting, configured)

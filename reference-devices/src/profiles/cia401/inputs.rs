@@ -36,7 +36,7 @@ impl DigitalInput {
     }
 
     /// Takes over what is at the terminals, polarity included, into the object.
-    pub(super) fn sample(&mut self, now: Instant, od: &mut Dictionary, rules: &dyn Cia401Rules) {
+    pub(super) fn sample(&mut self, now: Instant, od: &mut Dictionary, rules: &Cia401Rules) {
         let filtered = self.channel.setting(Setting::InputFilter, od, rules);
         let polarity = self.channel.setting(Setting::InputPolarity, od, rules);
         let time = rules.filter_time(od);
@@ -80,7 +80,7 @@ impl AnalogueInput {
 
     /// Converts the field value into the object, which takes the end of its range for what it
     /// cannot hold.
-    pub(super) fn convert(&self, od: &mut Dictionary, rules: &dyn Cia401Rules) {
+    pub(super) fn convert(&self, od: &mut Dictionary, rules: &Cia401Rules) {
         let scaling = self.channel.setting(Setting::InputScaling, od, rules);
         let offset = self.channel.setting(Setting::InputOffset, od, rules);
         let converted = self.field.saturating_mul(scaling).saturating_add(offset);
@@ -94,7 +94,7 @@ pub(super) fn edge(
     last: i64,
     now: i64,
     od: &Dictionary,
-    rules: &dyn Cia401Rules,
+    rules: &Cia401Rules,
 ) -> bool {
     let setting = |setting| channel.setting(setting, od, rules);
     let (rising, falling) = (now & !last, last & !now);
@@ -111,7 +111,7 @@ pub(super) fn threshold(
     last: i64,
     now: i64,
     od: &Dictionary,
-    rules: &dyn Cia401Rules,
+    rules: &Cia401Rules,
 ) -> bool {
     let setting = |setting| channel.setting(setting, od, rules);
     let enabled = |of| setting(of) != 0;

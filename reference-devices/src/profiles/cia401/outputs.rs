@@ -36,7 +36,7 @@ impl Output {
     }
 
     /// Lets the terminals follow the object, a digital block where its filter mask lets them.
-    pub(super) fn drive(&mut self, od: &Dictionary, rules: &dyn Cia401Rules) {
+    pub(super) fn drive(&mut self, od: &Dictionary, rules: &Cia401Rules) {
         if self.failed {
             return;
         }
@@ -52,7 +52,7 @@ impl Output {
     }
 
     /// Lets the terminals take their error values, as far as the error mode says so.
-    pub(super) fn fail(&mut self, od: &mut Dictionary, rules: &dyn Cia401Rules) {
+    pub(super) fn fail(&mut self, od: &mut Dictionary, rules: &Cia401Rules) {
         let setting = |setting| self.channel.setting(setting, od, rules);
         if self.channel.kind == Kind::AnalogueOutput {
             if setting(Setting::AnalogueErrorMode) != 0 {

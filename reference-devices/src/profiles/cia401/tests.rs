@@ -4,15 +4,15 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::devices;
-use crate::rules::Specification;
+use crate::rules::Rules;
 use crate::stack::NodeSettings;
 use crate::stack::testing::{Fixture, eds, entry, full, mux};
 
 /// A device that is a block of this data sheet and nothing else.
 fn block(eds: &Eds) -> Fixture {
-    let io = IoBlock::new(eds, Box::new(Cia401));
+    let io = IoBlock::new(eds, Cia401Rules::default());
     let mut fixture =
-        Fixture::with(eds, NodeSettings::default(), Box::new(Specification), Box::new(io));
+        Fixture::with(eds, NodeSettings::default(), Rules::default(), Box::new(io));
     fixture.run_to(10_000);
     fixture
 }
@@ -223,7 +223,7 @@ fn without_settings_each_change_is_an_event_and_a_failure_switches_off() {
         entries.push(entry(mux(index, 1), data_type, Access::Rw, 0));
     }
     let eds = eds(entries);
-    let mut io = IoBlock::new(&eds, Box::new(Cia401));
+    let mut io = IoBlock::new(&eds, Cia401Rules::default());
     let mut od = Dictionary::new(&eds, 1).unwrap();
     od.set_int(mux(0x6000, 1), 4);
     od.set_int(mux(0x6401, 1), 11);
@@ -260,7 +260,7 @@ enum Happening {
 fn happening(eds: &Eds) -> impl Strategy<Value = Happening> + use<> {
     let entries: Vec<Mux> = eds.entries().map(|entry| entry.mux).collect();
     let mux = prop::sample::select(entries);
-    let names = IoBlock::new(eds, Box::new(Cia401)).bench_names();
+    let names = IoBlock::new(eds, Cia401Rules::default()).bench_names();
     let states = vec![NmtState::OPERATIONAL, NmtState::STOPPED, NmtState::PRE_OPERATIONAL];
     let value = || -3..300_i64;
     prop_oneof![
@@ -288,7 +288,7 @@ proptest! {
         ),
     ) {
         let sheet = &devices::device("generic").unwrap().description.eds;
-        let new = || (IoBlock::new(sheet, Box::new(Cia401)), Dictionary::new(sheet, 1).unwrap());
+        let new = || (IoBlock::new(sheet, Cia401Rules::default()), Dictionary::new(sheet, 1).unwrap());
         let (mut both, mut now) = ([new(), new()], Instant::ZERO);
         for happening in happenings {
             for (place, (io, od)) in both.iter_mut().enumerate() {

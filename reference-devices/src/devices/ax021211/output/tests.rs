@@ -1,6 +1,6 @@
 use super::*;
 use crate::devices::ax021211::load::Wiring;
-use crate::devices::ax021211::rules::Manual;
+use crate::devices::ax021211::rules::Ax021211Rules;
 
 const ON: Signal = Signal::new(1.0, None);
 const OFF: Signal = Signal::new(0.0, None);
@@ -42,7 +42,7 @@ impl Bench {
         let elapsed = Duration::from_millis(millis);
         self.now += elapsed;
         let at = (&self.load, 24.0);
-        self.output.evaluate((self.now, elapsed), &self.settings, inputs, at, &Manual)
+        self.output.evaluate((self.now, elapsed), &self.settings, inputs, at, &Ax021211Rules::plain())
     }
 
     fn commanded(&mut self, millis: u64, inputs: [Signal; 3]) -> i64 {

@@ -2,12 +2,11 @@
 
 use std::time::Duration;
 
-use super::{Ax021211Rules, Layer};
-use crate::devices::deviating::{Deviation, deviating};
+use super::Ax021211Rules;
 
 decisions! {
     /// The decisions. The default methods are a summary of what the manual says.
-    pub(in super::super) trait DigitalRules: Layer;
+    pub(in super::super) DigitalDecision of Ax021211Rules, otherwise [DEVIATIONS];
 
     /// 6202h inverts the drive state (table 1).
     fn polarity(&self, inverse: bool) -> bool {
@@ -75,64 +74,15 @@ decisions! {
     }
 }
 
-pub(super) const DEVIATIONS: &[Deviation<dyn Ax021211Rules>] = deviating! {
-    dyn Ax021211Rules: DigitalRules [Ax021211Rules];
-    "polarity-ignored" {
-        fn polarity(&self, _inverse: bool) -> bool { false }
-    }
-    "polarity-inverted" {
-        fn polarity(&self, inverse: bool) -> bool { !inverse }
-    }
-    "delay-with-inverse-polarity" {
-        fn delays(&self, _inverse: bool) -> bool { true }
-    }
-    "delay-on-both-edges" {
-        fn is_delayed_edge(&self, _wanted: bool, _delayed_state: bool) -> bool { true }
-    }
-    "delay-on-other-edge" {
-        fn is_delayed_edge(&self, wanted: bool, delayed_state: bool) -> bool {
-            wanted != delayed_state
-        }
-    }
-    "delay-doubled" {
-        fn delay(&self, configured: Duration) -> Duration { configured * 2 }
-    }
-    "hotshot-once" {
-        fn hotshot_is_armed_again(&self) -> bool { false }
-    }
-    "hotshot-lasts-in-a-fault" {
-        fn hotshot_ends_in_a_fault(&self) -> bool { false }
-    }
-    "hotshot-skipped" {
-        fn hotshot_time(&self, _configured: Duration) -> Duration { Duration::ZERO }
-    }
-    "hotshot-lasts" {
-        fn hotshot_time(&self, configured: Duration) -> Duration { configured * 10 }
-    }
-    "hotshot-currents-swapped" {
-        fn hotshot_currents(&self, hotshot: f64, hold: f64) -> (f64, f64) { (hold, hotshot) }
-    }
-    "dither-missing" {
-        fn dither(&self, _amplitude: f64) -> f64 { 0.0 }
-    }
-    "dither-of-first-bank" {
-        fn dither_bank(&self, _place: usize) -> usize { 0 }
-    }
-    "polarity-3-blinks" {
-        fn blinks(&self, polarity: i64) -> bool { polarity == 3 }
-    }
-    "hotshot-of-two-seconds" {
-        fn hotshot_time(&self, configured: Duration) -> Duration {
-            configured.min(Duration::from_secs(2))
-        }
-    }
-    "hotshot-is-delayed" {
-        fn hotshot_is_delayed(&self) -> bool { true }
-    }
-    "dither-of-every-type" {
-        fn dithers(&self, _is_current: bool) -> bool { true }
-    }
-    "dither-by-default" {
-        fn dither(&self, amplitude: f64) -> f64 { amplitude.max(100.0) }
-    }
-};
+deviations! {
+    pub(super) DEVIATIONS of DigitalDecision;
+
+    "polarity-inverted" => polarity: |_, inverse| !inverse;
+    "delay-on-other-edge" => is_delayed_edge: |_, wanted, delayed_state| wanted != delayed_state;
+    "delay-doubled" => delay: |_, configured| configured * 2;
+    "hotshot-lasts" => hotshot_time: |_, configured| configured * 10;
+    "hotshot-currents-swapped" => hotshot_currents: |_, hotshot, hold| (hold, hotshot);
+    "polarity-3-blinks" => blinks: |_, polarity| polarity == 3;
+    "hotshot-of-two-seconds" =>
+        hotshot_time: |_, configured| configured.min(Duration::from_secs(2));
+}

@@ -81,7 +81,7 @@ pub(super) struct Alarm {
 
 impl Alarm {
     /// What the alarm wants of its output.
-    pub(super) fn step(&mut self, sight: &Sight, settings: &Settings, rules: &dyn Rules) -> Wanted {
+    pub(super) fn step(&mut self, sight: &Sight, settings: &Settings, rules: &Rules) -> Wanted {
         if settings.kind != self.kind {
             let was_absent = !rules.selection_disarms();
             *self = Self { kind: settings.kind, was_absent, ..Self::default() };
@@ -90,7 +90,7 @@ impl Alarm {
             return Wanted::Level(false);
         }
         if !sight.running && settings.stop.0 != WORKS_IN_STOP {
-            self.stop(rules);
+            self.stop();
             return Wanted::State(settings.stop);
         }
         if sight.error && NEEDS_PROCESS.contains(&settings.kind) {
@@ -111,10 +111,9 @@ impl Alarm {
     }
 
     /// The controller is in STOP: the next START finds nothing but what waits for a reset by hand.
-    fn stop(&mut self, rules: &dyn Rules) {
-        let Self { kind, latched, was_absent, .. } = *self;
-        let was_absent = was_absent && rules.armed_over_stop();
-        *self = Self { kind, latched, was_absent, ..Self::default() };
+    fn stop(&mut self) {
+        let Self { kind, latched, .. } = *self;
+        *self = Self { kind, latched, ..Self::default() };
     }
 
     /// Time goes by.
@@ -128,7 +127,7 @@ impl Alarm {
     }
 
     /// Whether it can be reset by hand, as 400Bh shows.
-    pub(super) fn resettable(&self, rules: &dyn Rules) -> bool {
+    pub(super) fn resettable(&self, rules: &Rules) -> bool {
         rules.resettable(self.latched, self.active.is_on())
     }
 
@@ -143,7 +142,7 @@ impl Alarm {
         *self = Self { kind: settings.kind, latched, ..Self::default() };
     }
 
-    fn is_met(&self, sight: &Sight, settings: &Settings, rules: &dyn Rules) -> bool {
+    fn is_met(&self, sight: &Sight, settings: &Settings, rules: &Rules) -> bool {
         let deviation = rules.deviation(sight.process, sight.set_point);
         let above = |value, limit| self.above(value, limit, settings, rules);
         let below = |value, limit| self.below(value, limit, settings, rules);
@@ -164,14 +163,14 @@ impl Alarm {
     }
 
     /// Between both thresholds the condition stays what it is.
-    fn above(&self, value: i64, limit: i64, settings: &Settings, rules: &dyn Rules) -> bool {
+    fn above(&self, value: i64, limit: i64, settings: &Settings, rules: &Rules) -> bool {
         let other = rules.second_threshold(limit, settings.hysteresis);
-        rules.reaches(value, limit.max(other)) || self.condition && value >= limit.min(other)
+        value >= limit.max(other) || self.condition && value >= limit.min(other)
     }
 
-    fn below(&self, value: i64, limit: i64, settings: &Settings, rules: &dyn Rules) -> bool {
+    fn below(&self, value: i64, limit: i64, settings: &Settings, rules: &Rules) -> bool {
         let other = rules.second_threshold(limit, settings.hysteresis);
-        rules.reaches(-value, -limit.min(other)) || self.condition && value <= limit.max(other)
+        value <= limit.min(other) || self.condition && value <= limit.max(other)
     }
 }
 
@@ -184,7 +183,7 @@ const NEEDS_PROCESS: std::ops::RangeInclusive<i64> = 1..=5;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     /// An alarm with these parameters, as offsets from the first one.
     struct Fixture {
@@ -195,15 +194,15 @@ mod tests {
 
     impl Fixture {
         fn new(number: usize, limit: i64, list: &[(u8, i64)]) -> Self {
-            let at = |offset| Manual.alarm_parameter(number, offset);
+            let at = |offset| Rules::plain().alarm_parameter(number, offset);
             let list: Vec<_> = list.iter().map(|(offset, value)| (at(*offset), *value)).collect();
-            let settings = Settings::of(number, &Parameters::listed(&list, &Manual));
+            let settings = Settings::of(number, &Parameters::listed(&list, &Rules::plain()));
             let sight = Sight { limit, running: true, ..Sight::default() };
             Self { alarm: Alarm::default(), settings, sight }
         }
 
         fn step(&mut self) -> Wanted {
-            self.alarm.step(&self.sight, &self.settings, &Manual)
+            self.alarm.step(&self.sight, &self.settings, &Rules::plain())
         }
 
         fn at(&mut self, process: i64) -> bool {
@@ -266,15 +265,15 @@ mod tests {
     fn a_reset_by_hand_works_when_the_condition_is_gone() {
         for (reset, kept) in [(1, false), (2, true)] {
             let mut fixture = Fixture::new(1, 100, &[(0, 1), (5, reset)]);
-            assert!(fixture.at(100) && !fixture.alarm.resettable(&Manual));
+            assert!(fixture.at(100) && !fixture.alarm.resettable(&Rules::plain()));
             fixture.alarm.reset();
-            assert!(fixture.at(100) && fixture.at(0) && fixture.alarm.resettable(&Manual));
+            assert!(fixture.at(100) && fixture.at(0) && fixture.alarm.resettable(&Rules::plain()));
             let before = fixture.alarm;
             fixture.alarm.restart(&fixture.settings);
             assert_eq!(fixture.at(0), kept);
             fixture.alarm = before;
             fixture.alarm.reset();
-            assert!(!fixture.at(0) && !fixture.alarm.resettable(&Manual));
+            assert!(!fixture.at(0) && !fixture.alarm.resettable(&Rules::plain()));
         }
     }
 

@@ -48,9 +48,8 @@ pub(crate) struct Settings {
 
 impl Settings {
     pub(crate) fn of(parameters: &Parameters) -> Self {
-        let rules = parameters.rules;
         let alarms = [0, 1].map(|number| alarm::Settings::of(number, parameters));
-        let cools = rules.cools(parameters.get(18));
+        let cools = parameters.cools();
         let double_loop = !cools && alarms.iter().any(alarm::Settings::cools);
         let is_on_off = pid::Settings::is_on_off(parameters);
         let reading = reading::Settings::of(parameters);
@@ -134,7 +133,7 @@ impl Controller {
         inputs: &Inputs,
         settings: &Settings,
         elapsed: f64,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> Outcome {
         let measured = self.measure(inputs, settings, elapsed, rules);
         let Measured { process, error, .. } = measured;
@@ -174,7 +173,7 @@ impl Controller {
         inputs: &Inputs,
         settings: &Settings,
         elapsed: f64,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> Measured {
         let connected = (inputs.connected, inputs.terminals);
         let reading = self.input.sample(connected, &settings.reading, elapsed, rules);
@@ -208,7 +207,7 @@ impl Controller {
         master: Terminals,
         measured: Measured,
         inputs: &Inputs,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> Outcome {
         self.functions = None;
         self.terminals = master;
@@ -228,7 +227,7 @@ impl Controller {
         sight: &Sight,
         (sensor_error, works): (bool, bool),
         settings: &Settings,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> [Wanted; 2] {
         let current_error = self.transformer.is_error(rules);
         let cooling = self.cooling;
@@ -250,7 +249,7 @@ impl Controller {
     }
 
     /// So many seconds go by without a decision: cycles and the valve move, and delays run.
-    pub(crate) fn advance(&mut self, elapsed: f64, settings: &Settings, rules: &dyn Rules) {
+    pub(crate) fn advance(&mut self, elapsed: f64, settings: &Settings, rules: &Rules) {
         self.cycles.command.advance(elapsed, settings.cycle);
         self.cycles.alarms.advance(elapsed, settings.cooling_cycle);
         self.valve.advance(elapsed, settings.travel);
@@ -264,7 +263,7 @@ impl Controller {
     }
 
     /// Whether another decision would be the same as the last one if nothing happens outside.
-    pub(crate) fn is_settled(&self, settings: &Settings, rules: &dyn Rules) -> bool {
+    pub(crate) fn is_settled(&self, settings: &Settings, rules: &Rules) -> bool {
         let waits = self.alarms.iter().any(Alarm::waits) || self.on_off.waits();
         let is_under_way = self.soft_start.is_active() || !self.tuning.rests();
         let watches = settings.current.enabled || self.input.latch.is_enabled();
@@ -284,7 +283,7 @@ impl Controller {
     }
 
     /// Seconds until an output changes without a decision.
-    pub(crate) fn next(&self, settings: &Settings, rules: &dyn Rules) -> Option<f64> {
+    pub(crate) fn next(&self, settings: &Settings, rules: &Rules) -> Option<f64> {
         let functions = self.functions.as_ref()?;
         let command = match settings.wiring.command {
             Command::Contact => {
@@ -325,7 +324,7 @@ impl Controller {
     }
 
     /// The device was switched on; what it keeps is given back by its parts.
-    pub(crate) fn restart(&mut self, settings: &Settings, faults: Faults, rules: &dyn Rules) {
+    pub(crate) fn restart(&mut self, settings: &Settings, faults: Faults, rules: &Rules) {
         let mut input = std::mem::take(&mut self.input);
         input.restart();
         if !rules.latch_lasts() {
@@ -344,7 +343,7 @@ impl Controller {
         inputs: &Inputs,
         process: i64,
         settings: &Settings,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> i64 {
         let wanted = inputs.set_point;
         let starts = inputs.running && !self.running;
@@ -372,7 +371,7 @@ impl Controller {
         sight: &Sight,
         settings: &Settings,
         elapsed: f64,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> (Wanted, bool, Option<Found>) {
         let asked = rules.manual(settings.manual, inputs.manual);
         let breaks = sight.error && rules.break_leads_to_manual(settings.manual) && inputs.running;
@@ -413,7 +412,7 @@ impl Controller {
         sight: &Sight,
         settings: &Settings,
         elapsed: f64,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> (Wanted, Option<Found>) {
         let step = self.tuning.step(sight.process, &settings.tuning, elapsed);
         self.output = match step.forced {
@@ -429,7 +428,7 @@ impl Controller {
         sight: &Sight,
         settings: &Settings,
         elapsed: f64,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> f64 {
         let direction = if settings.cools { -1 } else { 1 };
         let missing = direction * (sight.set_point - sight.process);
@@ -456,7 +455,7 @@ impl Controller {
     }
 
     /// The alarms are reset by hand, as 400Bh asks for (11.3.14).
-    pub(crate) fn reset_alarms(&mut self, rules: &dyn Rules) {
+    pub(crate) fn reset_alarms(&mut self, rules: &Rules) {
         self.alarms.iter_mut().for_each(Alarm::reset);
         if !rules.current_flags_end() {
             self.transformer.reset();
@@ -464,7 +463,7 @@ impl Controller {
     }
 
     /// What 400Ah and 400Bh show.
-    pub(crate) fn resettable(&self, rules: &dyn Rules) -> (i64, i64) {
+    pub(crate) fn resettable(&self, rules: &Rules) -> (i64, i64) {
         let [first, second] = self.alarms.map(|alarm| i64::from(alarm.resettable(rules)));
         (self.on_off.resettable(rules).into(), first | second << 1)
     }
@@ -506,12 +505,12 @@ impl Controller {
     }
 
     /// The threshold of heater break that the key teaches now, in tenths of an ampere.
-    pub(crate) fn taught(&self, rules: &dyn Rules) -> Option<i64> {
+    pub(crate) fn taught(&self, rules: &Rules) -> Option<i64> {
         self.transformer.taught(rules)
     }
 
     /// Puts what is wanted on the terminals, as it is in its cycle now.
-    fn connect(&mut self, settings: &Settings, rules: &dyn Rules) {
+    fn connect(&mut self, settings: &Settings, rules: &Rules) {
         let Some(functions) = &mut self.functions else { return };
         let Cycles { command, alarms } = self.cycles;
         let wanted = self.cycles.command.hold(functions.command, rules);
@@ -534,7 +533,7 @@ struct Sight {
 }
 
 /// Where a valve goes for what is wanted of the command.
-fn valve_target(command: Wanted, rules: &dyn Rules) -> f64 {
+fn valve_target(command: Wanted, rules: &Rules) -> f64 {
     match command {
         Wanted::Share(share) => share,
         Wanted::Level(on) => f64::from(u8::from(on)),
@@ -546,7 +545,7 @@ fn valve_target(command: Wanted, rules: &dyn Rules) -> f64 {
 mod tests {
     use super::*;
     use crate::devices::drr460::model::load::Load;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     const BASE: [(u8, i64); 8] =
         [(4, 10_000), (10, 1), (24, 60), (40, 2), (42, 100), (44, 10), (46, 100), (81, 1000)];
@@ -563,7 +562,7 @@ mod tests {
     impl Fixture {
         fn new(list: &[(u8, i64)]) -> Self {
             let all: Vec<_> = list.iter().copied().chain(BASE).collect();
-            let settings = Settings::of(&Parameters::listed(&all, &Manual));
+            let settings = Settings::of(&Parameters::listed(&all, &Rules::plain()));
             let inputs = Inputs { terminals: 25.0, running: true, ..Inputs::default() };
             let controller = Controller::default();
             Self { controller, settings, inputs, load: Load::default(), on_plant: false }
@@ -571,7 +570,7 @@ mod tests {
 
         fn at(&mut self, celsius: f64) -> Outcome {
             self.inputs.connected.celsius = celsius;
-            self.controller.decide(&self.inputs, &self.settings, 0.1, &Manual)
+            self.controller.decide(&self.inputs, &self.settings, 0.1, &Rules::plain())
         }
 
         /// So many tenths of a second on the plant; the last outcome.
@@ -581,7 +580,7 @@ mod tests {
             for _ in 0..tenths {
                 outcome = self.at(self.load.sensor());
                 self.load.advance(self.controller.drive(&self.settings), 0.1);
-                self.controller.advance(0.1, &self.settings, &Manual);
+                self.controller.advance(0.1, &self.settings, &Rules::plain());
             }
             outcome
         }
@@ -615,7 +614,7 @@ mod tests {
         assert!(found.band >= 50 && found.integral_time >= 400, "{found:?}");
         let list = [(33, found.band), (34, found.integral_time), (35, found.derivative_time)];
         let all: Vec<_> = list.into_iter().chain(BASE).collect();
-        fixture.settings = Settings::of(&Parameters::listed(&all, &Manual));
+        fixture.settings = Settings::of(&Parameters::listed(&all, &Rules::plain()));
         let outcome = fixture.tenths(18_000);
         assert!((980..=1020).contains(&outcome.process), "{found:?} {outcome:?}");
     }
@@ -648,8 +647,8 @@ mod tests {
         fixture.inputs.set_point = 500;
         fixture.at(0.0);
         assert_eq!(fixture.contacts(), [true, false]);
-        assert_eq!(fixture.controller.next(&fixture.settings, &Manual), Some(30.0));
-        fixture.controller.advance(30.0, &fixture.settings, &Manual);
+        assert_eq!(fixture.controller.next(&fixture.settings, &Rules::plain()), Some(30.0));
+        fixture.controller.advance(30.0, &fixture.settings, &Rules::plain());
         assert_eq!(fixture.contacts(), [false, false]);
         fixture.at(50.0);
         assert_eq!(fixture.contacts(), [false, true]);
@@ -662,7 +661,7 @@ mod tests {
         let outcome = fixture.at(55.0);
         assert_eq!((outcome.output, outcome.cooling), (0.0, 0.5));
         assert_eq!(fixture.contacts(), [false, true]);
-        assert_eq!(fixture.controller.next(&fixture.settings, &Manual), Some(5.0));
+        assert_eq!(fixture.controller.next(&fixture.settings, &Rules::plain()), Some(5.0));
         assert_eq!(fixture.controller.drive(&fixture.settings).cooling, 1.0);
     }
 }

@@ -50,7 +50,7 @@ struct Watched {
 
 impl Watched {
     /// `condition` is `None` while nothing can be said, in which the time stands still.
-    fn follow(&mut self, condition: Option<bool>, delay: f64, rules: &dyn Rules) {
+    fn follow(&mut self, condition: Option<bool>, delay: f64, rules: &Rules) {
         let goes_on = self.waited > 0.0 && !rules.current_delay_starts_over();
         let condition = condition.map(|met| met || goes_on);
         self.counts = condition == Some(true);
@@ -79,7 +79,7 @@ impl Transformer {
         &mut self,
         (milliamperes, on): (f64, bool),
         settings: &Settings,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) {
         if !settings.enabled {
             *self = Self::default();
@@ -89,13 +89,13 @@ impl Transformer {
         let (amperes, threshold) = (self.amperes, settings.break_threshold);
         let nothing = amperes <= threshold * NOTHING;
         let watches = threshold > 0.0;
-        let weak = rules.current_is_low(amperes, threshold);
+        let weak = amperes < threshold;
         let over = settings.over_threshold;
         let conditions = [
             (!on).then_some(watches && !nothing),
             on.then_some(watches && nothing),
             on.then_some(watches && !nothing && weak),
-            Some(over > 0.0 && rules.current_is_high(amperes, over)),
+            Some(over > 0.0 && amperes > over),
         ];
         for (number, (watched, condition)) in self.watched.iter_mut().zip(conditions).enumerate() {
             watched.follow(condition, rules.current_delay(number, settings.delay), rules);
@@ -113,13 +113,13 @@ impl Transformer {
     }
 
     /// Bits 7 to 10 of 4007h.
-    pub(super) fn flags(&self, rules: &dyn Rules) -> i64 {
+    pub(super) fn flags(&self, rules: &Rules) -> i64 {
         let bits = self.watched.iter().zip(7..);
         bits.map(|(watched, bit)| i64::from(watched.is_shown) << rules.flag(bit)).sum()
     }
 
     /// Whether alarm kind 10 is met.
-    pub(super) fn is_error(&self, rules: &dyn Rules) -> bool {
+    pub(super) fn is_error(&self, rules: &Rules) -> bool {
         rules.current_alarm(self.watched.map(|watched| watched.is_error))
     }
 
@@ -130,7 +130,7 @@ impl Transformer {
 
     /// The threshold that the key teaches, in tenths of an ampere; `None` without a current (7.7
     /// has no figure).
-    pub(super) fn taught(&self, rules: &dyn Rules) -> Option<i64> {
+    pub(super) fn taught(&self, rules: &Rules) -> Option<i64> {
         let threshold = rules.taught(self.amperes).round() as i64;
         (threshold > 0).then_some(threshold)
     }
@@ -144,11 +144,11 @@ const ROUNDING: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     fn settings(delay: i64) -> Settings {
         let list = [(90, 1), (91, 50), (92, 100), (93, 300), (94, delay)];
-        Settings::of(&Parameters::listed(&list, &Manual))
+        Settings::of(&Parameters::listed(&list, &Rules::plain()))
     }
 
     #[test]
@@ -165,8 +165,8 @@ mod tests {
         ];
         for (on, milliamperes, flags) in table {
             let mut transformer = Transformer::default();
-            transformer.step((milliamperes, on), &settings(0), &Manual);
-            assert_eq!(transformer.flags(&Manual), flags, "{on} {milliamperes}");
+            transformer.step((milliamperes, on), &settings(0), &Rules::plain());
+            assert_eq!(transformer.flags(&Rules::plain()), flags, "{on} {milliamperes}");
         }
     }
 
@@ -174,10 +174,10 @@ mod tests {
     fn the_delay_stands_still_while_the_output_is_off() {
         let (settings, mut transformer) = (settings(2), Transformer::default());
         let mut step = |on, elapsed| {
-            transformer.step((0.0, on), &settings, &Manual);
+            transformer.step((0.0, on), &settings, &Rules::plain());
             transformer.advance(elapsed);
-            transformer.step((0.0, on), &settings, &Manual);
-            transformer.flags(&Manual)
+            transformer.step((0.0, on), &settings, &Rules::plain());
+            transformer.flags(&Rules::plain())
         };
         assert_eq!([step(true, 1.5), step(false, 9.0), step(true, 0.4)], [0; 3]);
         assert_eq!([step(true, 0.1), step(false, 1.0)], [1 << 8; 2]);
@@ -186,8 +186,8 @@ mod tests {
     #[test]
     fn a_threshold_is_taught() {
         let mut transformer = Transformer::default();
-        assert_eq!(transformer.taught(&Manual), None);
-        transformer.step((10.0, true), &settings(0), &Manual);
-        assert_eq!(transformer.taught(&Manual), Some(80));
+        assert_eq!(transformer.taught(&Rules::plain()), None);
+        transformer.step((10.0, true), &settings(0), &Rules::plain());
+        assert_eq!(transformer.taught(&Rules::plain()), Some(80));
     }
 }

@@ -16,7 +16,7 @@ pub(super) enum Wanted {
 
 impl Wanted {
     /// What the analogue output gives for it.
-    pub(super) fn microamperes(self, live_zero: bool, rules: &dyn Rules) -> f64 {
+    pub(super) fn microamperes(self, live_zero: bool, rules: &Rules) -> f64 {
         match self {
             Self::Share(share) => rules.microamperes(share, live_zero),
             Self::Level(on) => rules.microamperes(f64::from(u8::from(on)), live_zero),
@@ -48,7 +48,7 @@ impl Cycle {
     }
 
     /// The output wants something; returns what it has until the cycle ends.
-    pub(super) fn hold(&mut self, wanted: Wanted, rules: &dyn Rules) -> Wanted {
+    pub(super) fn hold(&mut self, wanted: Wanted, rules: &Rules) -> Wanted {
         match wanted {
             Wanted::Share(share) if !rules.share_counts_at_once() => {
                 // What is off or on all the time has no cycle to wait for.
@@ -69,7 +69,7 @@ impl Cycle {
     }
 
     /// Whether the contact is closed now. Each cycle begins closed.
-    pub(super) fn is_closed(&self, wanted: Wanted, period: f64, rules: &dyn Rules) -> bool {
+    pub(super) fn is_closed(&self, wanted: Wanted, period: f64, rules: &Rules) -> bool {
         match wanted {
             Wanted::Share(share) => {
                 rules.in_share(self.at + ROUNDING, rules.cycle_share(share), period)
@@ -80,7 +80,7 @@ impl Cycle {
     }
 
     /// Seconds until the contact changes by itself; `None` when it does not.
-    pub(super) fn next(&self, wanted: Wanted, period: f64, rules: &dyn Rules) -> Option<f64> {
+    pub(super) fn next(&self, wanted: Wanted, period: f64, rules: &Rules) -> Option<f64> {
         let Wanted::Share(share) = wanted else { return None };
         let share = rules.cycle_share(share);
         let (opens, ends) = (share * period - self.at, period - self.at);
@@ -95,14 +95,14 @@ const ROUNDING: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     #[test]
     fn a_contact_is_closed_for_its_share_of_the_cycle() {
         let mut cycle = Cycle::default();
         let mut closed = 0;
         for _ in 0..40 {
-            closed += u32::from(cycle.is_closed(Wanted::Share(0.25), 2.0, &Manual));
+            closed += u32::from(cycle.is_closed(Wanted::Share(0.25), 2.0, &Rules::plain()));
             cycle.advance(0.1, 2.0);
         }
         assert_eq!(closed, 10);
@@ -114,15 +114,15 @@ mod tests {
         let wanted = Wanted::Share(0.25);
         let mut edges = Vec::new();
         for _ in 0..4 {
-            let next = cycle.next(wanted, 2.0, &Manual).unwrap();
+            let next = cycle.next(wanted, 2.0, &Rules::plain()).unwrap();
             cycle.advance(next, 2.0);
-            edges.push(((next * 10.0).round() as i64, cycle.is_closed(wanted, 2.0, &Manual)));
+            edges.push(((next * 10.0).round() as i64, cycle.is_closed(wanted, 2.0, &Rules::plain())));
         }
         assert_eq!(edges, [(5, false), (15, true), (5, false), (15, true)]);
         assert_eq!(
-            [0.0, 1.0].map(|share| cycle.next(Wanted::Share(share), 2.0, &Manual)),
+            [0.0, 1.0].map(|share| cycle.next(Wanted::Share(share), 2.0, &Rules::plain())),
             [None, None]
         );
-        assert_eq!(cycle.next(Wanted::Level(true), 2.0, &Manual), None);
+        assert_eq!(cycle.next(Wanted::Level(true), 2.0, &Rules::plain()), None);
     }
 }

@@ -14,7 +14,7 @@ pub(super) struct Delayed {
 impl Delayed {
     /// This is the condition now: `delay` above 0 is the delay on the way to on, below 0 on the way
     /// to off. A condition that goes meanwhile starts over.
-    pub(super) fn follow(&mut self, condition: bool, delay: f64, rules: &dyn Rules) -> bool {
+    pub(super) fn follow(&mut self, condition: bool, delay: f64, rules: &Rules) -> bool {
         if condition == self.on {
             self.waited = self.waited.filter(|_| !rules.delay_starts_over());
             return self.on;
@@ -49,12 +49,12 @@ const ROUNDING: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     /// Tenths of a second before the state is `to`; the condition appears with the first look.
     fn tenths(state: &mut Delayed, to: bool, delay: f64) -> u32 {
         let mut steps = 0;
-        while state.follow(to, delay, &Manual) != to {
+        while state.follow(to, delay, &Rules::plain()) != to {
             state.advance(0.1);
             steps += 1;
         }
@@ -73,10 +73,10 @@ mod tests {
     #[test]
     fn a_condition_that_goes_meanwhile_starts_over() {
         let mut state = Delayed::default();
-        assert!(!state.follow(true, 1.0, &Manual));
+        assert!(!state.follow(true, 1.0, &Rules::plain()));
         state.advance(0.9);
-        assert!(!state.follow(true, 1.0, &Manual) && state.waits());
-        assert!(!state.follow(false, 1.0, &Manual) && !state.waits());
+        assert!(!state.follow(true, 1.0, &Rules::plain()) && state.waits());
+        assert!(!state.follow(false, 1.0, &Rules::plain()) && !state.waits());
         assert_eq!(tenths(&mut state, true, 1.0), 10);
     }
 }

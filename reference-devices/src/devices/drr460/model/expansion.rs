@@ -45,14 +45,14 @@ impl Settings {
     pub(crate) fn in_error(
         &self,
         (outputs, analogue): (i64, i64),
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> (i64, i64) {
         let outputs = rules.commutes(outputs, self.commutes, self.error_outputs);
         (outputs, if self.analogue_commutes { self.error_analogue } else { analogue })
     }
 
     /// The terminals for values of 6200h and 6411h.
-    pub(crate) fn connect(&self, outputs: i64, analogue: i64, rules: &dyn Rules) -> Terminals {
+    pub(crate) fn connect(&self, outputs: i64, analogue: i64, rules: &Rules) -> Terminals {
         let share = rules.share(analogue as f64, self.low, self.high);
         Terminals {
             contacts: [outputs & 1 != 0, outputs & 2 != 0],
@@ -99,10 +99,10 @@ const ROUNDING: f64 = 1e-6;
 mod tests {
     use super::*;
     use crate::devices::drr460::model::parameters::List;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     fn settings(list: &[(u8, i64)]) -> Settings {
-        Settings::of(&Parameters::listed(list, &Manual))
+        Settings::of(&Parameters::listed(list, &Rules::plain()))
     }
 
     #[test]
@@ -115,7 +115,7 @@ mod tests {
         ];
         for (outputs, analogue, kind, contacts, microamperes) in table {
             let settings = settings(&[(121, 1), (125, kind), (127, 1000)]);
-            let terminals = settings.connect(outputs, analogue, &Manual);
+            let terminals = settings.connect(outputs, analogue, &Rules::plain());
             assert_eq!(terminals, Terminals { contacts, microamperes }, "{outputs} {analogue}");
         }
     }
@@ -129,7 +129,7 @@ mod tests {
             (&[(129, 1), (130, 77)], (1, 77)),
         ];
         for (list, expected) in table {
-            assert_eq!(settings(list).in_error((1, 500), &Manual), expected, "{list:?}");
+            assert_eq!(settings(list).in_error((1, 500), &Rules::plain()), expected, "{list:?}");
         }
     }
 

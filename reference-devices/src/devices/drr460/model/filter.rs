@@ -22,7 +22,7 @@ impl Filter {
         sample: f64,
         wanted: i64,
         elapsed: f64,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> f64 {
         if !rules.filters_by_mean() {
             return self.follow(sample, wanted, elapsed);
@@ -72,18 +72,18 @@ const NOTICED: f64 = 0.01;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     #[test]
     fn a_step_arrives_in_as_many_samples_as_are_averaged() {
         let mut filter = Filter::default();
-        assert_eq!(filter.take(100.0, 4, 0.1, &Manual), 100.0);
+        assert_eq!(filter.take(100.0, 4, 0.1, &Rules::plain()), 100.0);
         assert_eq!(
-            [(); 5].map(|()| filter.take(200.0, 4, 0.1, &Manual)),
+            [(); 5].map(|()| filter.take(200.0, 4, 0.1, &Rules::plain())),
             [125.0, 150.0, 175.0, 200.0, 200.0]
         );
         assert!(filter.is_settled());
-        assert_eq!([(); 2].map(|()| filter.take(240.0, 4, 0.05, &Manual)), [210.0, 220.0]);
-        assert_eq!(filter.take(0.0, 1, 0.1, &Manual), 0.0);
+        assert_eq!([(); 2].map(|()| filter.take(240.0, 4, 0.05, &Rules::plain())), [210.0, 220.0]);
+        assert_eq!(filter.take(0.0, 1, 0.1, &Rules::plain()), 0.0);
     }
 }

@@ -48,7 +48,7 @@ pub(crate) struct Flags {
 
 impl Flags {
     /// The device reads its EEPROM at power-on.
-    pub(super) fn restart(&mut self, faults: Faults, rules: &dyn Rules) {
+    pub(super) fn restart(&mut self, faults: Faults, rules: &Rules) {
         self.memory = match faults.memory {
             MemoryFault::AtPowerOn(bit) => 1 << rules.flag(bit),
             MemoryFault::None | MemoryFault::Write => 0,
@@ -67,7 +67,7 @@ impl Flags {
         self,
         faults: Faults,
         (sensor, terminals): (bool, f64),
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> i64 {
         let bits = [
             (!rules.junction_works(terminals), 0),
@@ -82,7 +82,7 @@ impl Flags {
 
 /// Whether flags of 4007h leave the controller without a process value, which is what parameters
 /// 20, 59, 71 and 104 call an error.
-pub(super) fn is_error(flags: i64, is_thermocouple: bool, rules: &dyn Rules) -> bool {
+pub(super) fn is_error(flags: i64, is_thermocouple: bool, rules: &Rules) -> bool {
     let junction = if is_thermocouple { COLD_JUNCTION } else { 0 };
     flags & rules.errors(WITHOUT_PROCESS | junction) != 0
 }
@@ -97,17 +97,17 @@ const WITHOUT_PROCESS: i64 = SENSOR | 1 << 4 | HARDWARE | 1 << 16 | 1 << 17;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     #[test]
     fn memory_shows_when_it_is_used() {
         let mut flags = Flags::default();
         for (word, memory) in MemoryFault::WORDS {
             let faults = Faults { memory, ..Faults::default() };
-            assert_eq!(flags.shown(faults, (false, 25.0), &Manual), 0, "{word}");
+            assert_eq!(flags.shown(faults, (false, 25.0), &Rules::plain()), 0, "{word}");
             assert_eq!(flags.write(faults), word != "write");
-            flags.restart(faults, &Manual);
-            let is_seen = flags.shown(faults, (false, 25.0), &Manual) != 0;
+            flags.restart(faults, &Rules::plain());
+            let is_seen = flags.shown(faults, (false, 25.0), &Rules::plain()) != 0;
             assert_eq!(is_seen, !matches!(word, "none" | "write"), "{word}");
             flags = Flags::default();
         }
@@ -116,7 +116,7 @@ mod tests {
     #[test]
     fn the_rest_shows_at_once() {
         let shown = |faults, sensor, terminals| {
-            Flags::default().shown(faults, (sensor, terminals), &Manual)
+            Flags::default().shown(faults, (sensor, terminals), &Rules::plain())
         };
         let machine = Faults { machine: true, ..Faults::default() };
         let module = Faults { module: true, ..Faults::default() };
@@ -140,7 +140,7 @@ mod tests {
             (1 << 18, true, false),
         ];
         for (flags, is_thermocouple, expected) in table {
-            assert_eq!(is_error(flags, is_thermocouple, &Manual), expected, "{flags:#X}");
+            assert_eq!(is_error(flags, is_thermocouple, &Rules::plain()), expected, "{flags:#X}");
         }
     }
 }

@@ -137,11 +137,11 @@ const ROUNDING: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     fn settings(kind: i64) -> Settings {
         let list = [(3, -100), (4, 100), (9, kind)];
-        Settings::of(&Parameters::listed(&list, &Manual))
+        Settings::of(&Parameters::listed(&list, &Rules::plain()))
     }
 
     fn digits(latch: &Latch, share: f64, settings: &Settings) -> f64 {

@@ -41,7 +41,7 @@ pub(super) struct OnOff {
 impl OnOff {
     /// Whether the command is on, with so many digits missing to the set point. It goes off at the
     /// set point and on where the hysteresis is missing; a negative one lies beyond the set point.
-    pub(super) fn step(&mut self, missing: i64, settings: &Settings, rules: &dyn Rules) -> bool {
+    pub(super) fn step(&mut self, missing: i64, settings: &Settings, rules: &Rules) -> bool {
         let (off, on) = rules.on_off(settings.hysteresis);
         if missing <= off {
             self.wanted = false;
@@ -69,7 +69,7 @@ impl OnOff {
     }
 
     /// Whether it can be reset by hand, as 400Ah shows.
-    pub(super) fn resettable(&self, rules: &dyn Rules) -> bool {
+    pub(super) fn resettable(&self, rules: &Rules) -> bool {
         self.held_off || rules.resettable(self.latched, self.switched.is_on())
     }
 
@@ -89,10 +89,10 @@ impl OnOff {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     fn settings(list: &[(u8, i64)]) -> Settings {
-        Settings::of(&Parameters::listed(list, &Manual))
+        Settings::of(&Parameters::listed(list, &Rules::plain()))
     }
 
     #[test]
@@ -104,7 +104,7 @@ mod tests {
         for (hysteresis, steps) in table {
             let (settings, mut control) = (settings(&[(19, hysteresis)]), OnOff::default());
             for (missing, on) in steps {
-                assert_eq!(control.step(missing, &settings, &Manual), on, "{hysteresis} {missing}");
+                assert_eq!(control.step(missing, &settings, &Rules::plain()), on, "{hysteresis} {missing}");
             }
         }
     }
@@ -113,24 +113,24 @@ mod tests {
     fn a_reset_by_hand_ends_what_control_wants_no_more() {
         for (reset, kept) in [(1, false), (2, true)] {
             let (settings, mut control) = (settings(&[(22, reset)]), OnOff::default());
-            assert!(control.step(10, &settings, &Manual) && !control.resettable(&Manual));
+            assert!(control.step(10, &settings, &Rules::plain()) && !control.resettable(&Rules::plain()));
             control.reset();
-            assert!(control.step(-10, &settings, &Manual) && control.resettable(&Manual));
+            assert!(control.step(-10, &settings, &Rules::plain()) && control.resettable(&Rules::plain()));
             let mut restarted = control;
             restarted.restart(&settings);
-            assert_eq!(restarted.step(-10, &settings, &Manual), kept);
+            assert_eq!(restarted.step(-10, &settings, &Rules::plain()), kept);
             control.reset();
-            assert!(!control.step(-10, &settings, &Manual) && !control.resettable(&Manual));
+            assert!(!control.step(-10, &settings, &Rules::plain()) && !control.resettable(&Rules::plain()));
         }
     }
 
     #[test]
     fn a_delay_has_its_side() {
         let (settings, mut control) = (settings(&[(23, 2)]), OnOff::default());
-        assert!(!control.step(10, &settings, &Manual));
+        assert!(!control.step(10, &settings, &Rules::plain()));
         control.advance(1.9);
-        assert!(!control.step(10, &settings, &Manual));
+        assert!(!control.step(10, &settings, &Rules::plain()));
         control.advance(0.1);
-        assert!(control.step(10, &settings, &Manual) && !control.step(-10, &settings, &Manual));
+        assert!(control.step(10, &settings, &Rules::plain()) && !control.step(-10, &settings, &Rules::plain()));
     }
 }

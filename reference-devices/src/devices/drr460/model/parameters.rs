@@ -8,7 +8,7 @@ use super::rules::Rules;
 #[derive(Clone, Copy)]
 pub(crate) struct Parameters<'a> {
     source: Source<'a>,
-    pub(super) rules: &'a dyn Rules,
+    pub(super) rules: &'a Rules,
     /// None was written since power-on.
     stored: bool,
 }
@@ -27,7 +27,7 @@ enum Source<'a> {
 
 impl<'a> Parameters<'a> {
     /// Those of a device.
-    pub(crate) const fn of(od: &'a Dictionary, rules: &'a dyn Rules) -> Self {
+    pub(crate) const fn of(od: &'a Dictionary, rules: &'a Rules) -> Self {
         Self { source: Source::Objects(od), rules, stored: false }
     }
 
@@ -37,14 +37,19 @@ impl<'a> Parameters<'a> {
     }
 
     /// Those of a device that was never switched on: all are 0.
-    pub(crate) const fn none(rules: &'a dyn Rules) -> Self {
+    pub(crate) const fn none(rules: &'a Rules) -> Self {
         Self { source: Source::Nothing, rules, stored: false }
     }
 
     /// Those that are listed; the others are 0.
     #[cfg(test)]
-    pub(super) const fn listed(list: List<'a>, rules: &'a dyn Rules) -> Self {
+    pub(super) const fn listed(list: List<'a>, rules: &'a Rules) -> Self {
         Self { source: Source::Listed(list), rules, stored: false }
+    }
+
+    /// Whether sub 18 makes the command a cooling one (11.3.2).
+    pub(crate) fn cools(&self) -> bool {
+        self.get(18) == 1
     }
 
     /// The parameter of that number.

@@ -79,7 +79,7 @@ impl Pid {
         (missing, moved): (i64, i64),
         settings: &Settings,
         elapsed: f64,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> Outputs {
         let is_dead = settings.dead_band > 0 && rules.in_dead_band(missing, settings.dead_band);
         let counts = match is_dead {
@@ -98,8 +98,7 @@ impl Pid {
             time => {
                 let grown = self.integral + deviation * elapsed / time;
                 // What the output cannot give is not saved up.
-                let limits = ((lowest - rest).min(0.0), (1.0 - rest).max(0.0));
-                rules.integral(grown, limits)
+                grown.clamp((lowest - rest).min(0.0), (1.0 - rest).max(0.0))
             }
         };
         let wanted = rest + self.integral;
@@ -154,17 +153,17 @@ const NO_BAND: f64 = 1000.0;
 mod tests {
     use super::*;
     use crate::devices::drr460::model::parameters::List;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     fn settings(list: &[(u8, i64)], double_loop: bool) -> Settings {
         let mut all = list.to_vec();
         all.extend([(33, 200), (46, 100), (42, 100)]);
-        Settings::of(&Parameters::listed(&all, &Manual), double_loop)
+        Settings::of(&Parameters::listed(&all, &Rules::plain()), double_loop)
     }
 
     fn outputs(list: &[(u8, i64)], double_loop: bool, missing: i64) -> (i64, i64) {
         let mut outputs = Pid::default();
-        let outputs = outputs.step((missing, 0), &settings(list, double_loop), 0.1, &Manual);
+        let outputs = outputs.step((missing, 0), &settings(list, double_loop), 0.1, &Rules::plain());
         ((outputs.command * 1e4).round() as i64, (outputs.cooling * 1e4).round() as i64)
     }
 
@@ -207,28 +206,28 @@ mod tests {
     #[test]
     fn an_integral_grows_with_its_time_and_a_derivative_resists() {
         let (integrating, mut pid) = (settings(&[(34, 100)], false), Pid::default());
-        let last = (0..100).map(|_| pid.step((50, 0), &integrating, 0.1, &Manual).command).last();
+        let last = (0..100).map(|_| pid.step((50, 0), &integrating, 0.1, &Rules::plain()).command).last();
         assert!((last.unwrap() - 0.5).abs() < 1e-6);
         let (resisting, mut pid) = (settings(&[(35, 10)], false), Pid::default());
-        assert_eq!(pid.step((50, 0), &resisting, 0.1, &Manual).command, 0.25);
+        assert_eq!(pid.step((50, 0), &resisting, 0.1, &Rules::plain()).command, 0.25);
         // Ten digits nearer, of which the filter has not seen 1/e yet: a share of 200 digits.
         let expected = 0.2 - 10.0 * (-1.0_f64).exp() / 200.0;
-        assert!((pid.step((40, 0), &resisting, 1.0, &Manual).command - expected).abs() < 1e-9);
+        assert!((pid.step((40, 0), &resisting, 1.0, &Rules::plain()).command - expected).abs() < 1e-9);
         // A step of the set point has no part in it.
         let (resisting, mut pid) = (settings(&[(35, 10)], false), Pid::default());
-        pid.step((50, 0), &resisting, 0.1, &Manual);
-        assert_eq!(pid.step((100, 50), &resisting, 1.0, &Manual).command, 0.5);
+        pid.step((50, 0), &resisting, 0.1, &Rules::plain());
+        assert_eq!(pid.step((100, 50), &resisting, 1.0, &Rules::plain()).command, 0.5);
     }
 
     #[test]
     fn an_integral_is_not_saved_up() {
         let (settings, mut pid) = (settings(&[(34, 10)], false), Pid::default());
         for _ in 0..10_000 {
-            pid.step((400, 0), &settings, 0.1, &Manual);
+            pid.step((400, 0), &settings, 0.1, &Rules::plain());
         }
         for _ in 0..200 {
-            pid.step((-20, 0), &settings, 0.1, &Manual);
+            pid.step((-20, 0), &settings, 0.1, &Rules::plain());
         }
-        assert_eq!(pid.step((-20, 0), &settings, 0.1, &Manual).command, 0.0);
+        assert_eq!(pid.step((-20, 0), &settings, 0.1, &Rules::plain()).command, 0.0);
     }
 }

@@ -77,7 +77,7 @@ impl Input {
         (connected, terminals): (Connected, f64),
         settings: &Settings,
         elapsed: f64,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> Reading {
         let lag = terminals - rules.compensated(terminals);
         let connected = self.hold(connected, elapsed, rules);
@@ -103,7 +103,7 @@ impl Input {
     }
 
     /// What is connected, or was when the last period began.
-    fn hold(&mut self, connected: Connected, elapsed: f64, rules: &dyn Rules) -> Connected {
+    fn hold(&mut self, connected: Connected, elapsed: f64, rules: &Rules) -> Connected {
         self.since += elapsed;
         let held = self.held.filter(|_| !rules.samples_at_once() && self.since + ROUNDING < PERIOD);
         if held.is_none() {
@@ -112,7 +112,7 @@ impl Input {
         held.unwrap_or(connected)
     }
 
-    fn digits(&mut self, value: f64, settings: &Settings, rules: &dyn Rules) -> f64 {
+    fn digits(&mut self, value: f64, settings: &Settings, rules: &Rules) -> f64 {
         if !settings.sensor.is_linear() {
             let digits = rules.degrees(value, settings.unit) * 10.0;
             return rules.temperature(digits, settings.latch.limits());
@@ -131,7 +131,7 @@ impl Input {
     }
 
     /// Whether another sample of the same signal would say the same.
-    pub(super) fn is_settled(&self, rules: &dyn Rules) -> bool {
+    pub(super) fn is_settled(&self, rules: &Rules) -> bool {
         self.filter.is_settled() && rules.samples_at_once()
     }
 }
@@ -147,13 +147,13 @@ fn whole(digits: f64) -> i64 {
 mod tests {
     use super::*;
     use crate::devices::drr460::model::parameters::List;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
     use crate::devices::pixsys::SENSOR_RANGES;
     use crate::devices::pixsys::sensor::Wiring;
 
     fn read(list: &[(u8, i64)], connected: Connected, terminals: f64) -> (i64, bool) {
-        let settings = Settings::of(&Parameters::listed(list, &Manual));
-        let reading = Input::default().sample((connected, terminals), &settings, 0.1, &Manual);
+        let settings = Settings::of(&Parameters::listed(list, &Rules::plain()));
+        let reading = Input::default().sample((connected, terminals), &settings, 0.1, &Rules::plain());
         (reading.process, reading.is_error)
     }
 

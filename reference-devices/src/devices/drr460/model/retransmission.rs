@@ -49,7 +49,7 @@ pub(super) struct Sources {
 pub(super) fn microamperes(
     sources: &Sources,
     settings: &Settings,
-    rules: &dyn Rules,
+    rules: &Rules,
 ) -> Option<f64> {
     let value = match settings.source {
         1 => sources.process as f64,
@@ -77,7 +77,7 @@ const FIRST_LINEAR: i64 = 14;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     const SOURCES: Sources = Sources {
         process: 100,
@@ -91,8 +91,8 @@ mod tests {
 
     fn given(list: &[(u8, i64)], sources: Sources) -> Option<f64> {
         let list: Vec<_> = list.iter().copied().chain([(103, 1000)]).collect();
-        let settings = Settings::of(&Parameters::listed(&list, &Manual));
-        microamperes(&sources, &settings, &Manual)
+        let settings = Settings::of(&Parameters::listed(&list, &Rules::plain()));
+        microamperes(&sources, &settings, &Rules::plain())
     }
 
     #[test]

@@ -5,22 +5,18 @@ mod deviations;
 use canopen::{Abort, Mux};
 
 use super::switches::Switches;
-use crate::devices::deviating::layer;
+use crate::decisions::Layers;
 use crate::devices::pixsys::led::Pattern;
 use crate::stack::Attachment;
 
-pub(crate) use deviations::{named, names};
+use deviations::tables;
 
-/// A controller that keeps to its manual; clauses are those of the manual.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Manual;
-layer!(pub(crate) of dyn Rules);
-impl Layer for Manual {}
-impl Rules for Manual {}
+/// All decisions of a controller; clauses are those of its manual.
+pub(crate) type Rules = Layers<Decision>;
 
 decisions! {
     /// The decisions. The default methods are a summary of what the manual says.
-    pub(crate) trait Rules: Layer;
+    pub(crate) Decision of Rules, otherwise [deviations::DEVIATIONS, tables::DEVIATIONS];
 
     /// A parameter is in force as it is written (11.3.2).
     fn parameter(&self, _sub: u8, configured: i64) -> i64 {
@@ -175,11 +171,6 @@ decisions! {
         }
     }
 
-    /// Sub 18: 1 is cooling (11.3.2).
-    fn cools(&self, action: i64) -> bool {
-        action == 1
-    }
-
     /// On/off control switches so many digits before the set point (11.3.2, sub 19).
     fn on_off(&self, hysteresis: i64) -> (i64, i64) {
         (hysteresis.min(0), hysteresis.max(0))
@@ -280,11 +271,6 @@ decisions! {
         moved
     }
 
-    /// The integral part saves up nothing that the output cannot give.
-    fn integral(&self, grown: f64, limits: (f64, f64)) -> f64 {
-        grown.clamp(limits.0, limits.1)
-    }
-
     /// The output is off beyond its threshold over the set point (11.3.2, subs 38 and 39).
     fn is_over(&self, over: i64, threshold: i64) -> bool {
         over > threshold
@@ -354,11 +340,6 @@ decisions! {
         in_force
     }
 
-    /// An alarm begins at its threshold (chapter 9).
-    fn reaches(&self, value: i64, threshold: i64) -> bool {
-        value >= threshold
-    }
-
     /// The second threshold lies as far from the first as the hysteresis says, above it when that
     /// is positive (chapter 9).
     fn second_threshold(&self, first: i64, hysteresis: i64) -> i64 {
@@ -398,11 +379,6 @@ decisions! {
     /// An alarm that is selected waits for absence, as one at power-on does (11.3.2, sub 57).
     fn selection_disarms(&self) -> bool {
         true
-    }
-
-    /// STOP does not count as absence of the condition, nor does what was before (11.3.2, sub 57).
-    fn armed_over_stop(&self) -> bool {
-        false
     }
 
     /// A change of the set point begins an automatic tuning, as START does (11.3.2, sub 31).
@@ -499,11 +475,6 @@ decisions! {
         true
     }
 
-    /// The output is held up to the threshold (7.9).
-    fn soft_start_ends(&self, process: i64, threshold: i64) -> bool {
-        process >= threshold
-    }
-
     /// The longest soft start is in minutes (11.3.2, sub 84); in seconds.
     fn minutes(&self, configured: i64) -> f64 {
         configured as f64 * 60.0
@@ -512,16 +483,6 @@ decisions! {
     /// 50 mA of the transformer are the amperes of sub 91 (3.2), in tenths.
     fn tenths_of_amperes(&self, milliamperes: f64, full_scale: i64) -> f64 {
         milliamperes / 50.0 * full_scale as f64 * 10.0
-    }
-
-    /// Too little current flows below the threshold (7.7).
-    fn current_is_low(&self, current: f64, threshold: f64) -> bool {
-        current < threshold
-    }
-
-    /// Too much current flows above the threshold (7.7).
-    fn current_is_high(&self, current: f64, threshold: f64) -> bool {
-        current > threshold
     }
 
     /// Every fault of the load has the delay of sub 94 (11.3.2); `fault` counts from bit 7.

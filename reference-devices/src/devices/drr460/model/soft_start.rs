@@ -66,7 +66,7 @@ impl SoftStart {
         wanted: i64,
         process: i64,
         settings: &Settings,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) -> i64 {
         let over = settings.longest > 0.0 && self.since + ROUNDING >= settings.longest;
         if over || settings.kind != self.kind {
@@ -87,7 +87,7 @@ impl SoftStart {
                 self.phase = Phase::Gradient { at };
                 at.round() as i64
             }
-            Phase::Percentage if rules.soft_start_ends(process, settings.threshold) => {
+            Phase::Percentage if process >= settings.threshold => {
                 self.phase = Phase::Done;
                 wanted
             }
@@ -118,10 +118,10 @@ const ROUNDING: f64 = 1e-6;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     fn settings(list: &[(u8, i64)]) -> Settings {
-        Settings::of(&Parameters::listed(list, &Manual))
+        Settings::of(&Parameters::listed(list, &Rules::plain()))
     }
 
     #[test]
@@ -130,7 +130,7 @@ mod tests {
         let mut start = SoftStart::begin(250, &settings);
         let wanted = [1000, 1000, 0, 251, 9000].map(|set| {
             start.advance(1.0);
-            start.set_point(set, 0, &settings, &Manual)
+            start.set_point(set, 0, &settings, &Rules::plain())
         });
         assert_eq!(wanted, [251, 252, 251, 251, 9000]);
     }
@@ -140,7 +140,7 @@ mod tests {
         let settings = settings(&[(80, 2), (82, 30), (83, 500)]);
         let mut start = SoftStart::begin(250, &settings);
         for (process, held) in [(499, Some(0.3)), (500, None), (0, None)] {
-            assert_eq!(start.set_point(900, process, &settings, &Manual), 900);
+            assert_eq!(start.set_point(900, process, &settings, &Rules::plain()), 900);
             assert_eq!(start.output(&settings), held, "{process}");
         }
     }
@@ -150,14 +150,14 @@ mod tests {
         let timed = settings(&[(80, 1), (81, 60), (84, 1)]);
         let mut start = SoftStart::begin(0, &timed);
         start.advance(59.0);
-        assert_eq!(start.set_point(9000, 0, &timed, &Manual), 1);
+        assert_eq!(start.set_point(9000, 0, &timed, &Rules::plain()), 1);
         start.advance(1.0);
-        assert_eq!(start.set_point(9000, 0, &timed, &Manual), 9000);
+        assert_eq!(start.set_point(9000, 0, &timed, &Rules::plain()), 9000);
         assert!(!start.is_active());
         let endless = settings(&[(80, 1), (81, 60)]);
         let mut start = SoftStart::begin(0, &endless);
         start.advance(60.0);
-        assert_eq!(start.set_point(9000, 0, &endless, &Manual), 1);
-        assert_eq!(start.set_point(9000, 0, &settings(&[]), &Manual), 9000);
+        assert_eq!(start.set_point(9000, 0, &endless, &Rules::plain()), 1);
+        assert_eq!(start.set_point(9000, 0, &settings(&[]), &Rules::plain()), 9000);
     }
 }

@@ -9,17 +9,17 @@ pub(super) struct State(pub(super) i64);
 
 impl State {
     /// Whether a contact is closed.
-    pub(super) fn is_closed(self, rules: &dyn Rules) -> bool {
+    pub(super) fn is_closed(self, rules: &Rules) -> bool {
         rules.closed(self.0)
     }
 
     /// What the analogue output gives.
-    pub(super) fn microamperes(self, rules: &dyn Rules) -> f64 {
+    pub(super) fn microamperes(self, rules: &Rules) -> f64 {
         rules.milliamperes(self.0) * 1000.0
     }
 
     /// Where a valve goes: 1 is open.
-    pub(super) fn valve(self, rules: &dyn Rules) -> f64 {
+    pub(super) fn valve(self, rules: &Rules) -> f64 {
         rules.valve_state(self.0)
     }
 }
@@ -27,16 +27,16 @@ impl State {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     #[test]
     fn each_code_has_a_contact_a_current_and_a_valve() {
         let table = [(0, false, 0.0), (1, true, 4000.0), (2, false, 20_000.0), (3, true, 21_500.0)];
         for (code, closed, microamperes) in table {
             let state = State(code);
-            assert_eq!(state.is_closed(&Manual), closed, "{code}");
-            assert_eq!(state.microamperes(&Manual), microamperes, "{code}");
-            assert_eq!(state.valve(&Manual), f64::from(u8::from(!closed)), "{code}");
+            assert_eq!(state.is_closed(&Rules::plain()), closed, "{code}");
+            assert_eq!(state.microamperes(&Rules::plain()), microamperes, "{code}");
+            assert_eq!(state.valve(&Rules::plain()), f64::from(u8::from(!closed)), "{code}");
         }
     }
 }

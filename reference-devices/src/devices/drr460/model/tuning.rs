@@ -34,7 +34,7 @@ impl Settings {
             least_integral_time,
             longest_silence: rules.longest_silence_in_tuning(),
             soft_start: rules.soft_start_prevents_tuning(parameters.get(80)),
-            direction: if rules.cools(parameters.get(18)) { -1 } else { 1 },
+            direction: if parameters.cools() { -1 } else { 1 },
             waits_for_master: rules.tuning_waits_for_master(),
             forces: rules.tuning_forces(),
         }
@@ -137,7 +137,7 @@ impl Tuning {
         at_start: bool,
         (process, set_point): (i64, i64),
         settings: &Settings,
-        rules: &dyn Rules,
+        rules: &Rules,
     ) {
         let gap = set_point - process;
         let asked = rules.gap_asks_for_tuning(gap, settings.greatest_gap);
@@ -265,7 +265,6 @@ const SYNCHRONISED: i64 = 4;
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual as Keeps;
 
     const LIMITS: [(u8, i64); 5] = [(32, 200), (47, 30), (48, 50), (49, 500), (50, 400)];
 
@@ -274,7 +273,7 @@ mod tests {
     }
 
     fn settings(kind: i64) -> Settings {
-        Settings::of(&Parameters::listed(&list(kind), &Keeps))
+        Settings::of(&Parameters::listed(&list(kind), &Rules::plain()))
     }
 
     /// Lets a process swing that rises and falls by 1 a step of 0.1 s; gives what was found.
@@ -343,9 +342,8 @@ mod tests {
             (2, true, 500, false),
         ] {
             let (list, mut tuning) = (list(kind), Tuning::default());
-            let parameters = Parameters::listed(&list, &Keeps);
-            let settings = Settings::of(&parameters);
-            tuning.started(at_start, (500, 500 + gap), &settings, &Keeps);
+            let settings = Settings::of(&Parameters::listed(&list, &Rules::plain()));
+            tuning.started(at_start, (500, 500 + gap), &settings, &Rules::plain());
             assert_eq!(tuning.shown(&settings), i64::from(begins), "{kind} {at_start} {gap}");
         }
     }

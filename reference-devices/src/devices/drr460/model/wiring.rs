@@ -73,7 +73,7 @@ impl Wiring {
 
     /// Puts the functions on the terminals. What is retransmitted comes before an alarm, not before
     /// the command (7.10).
-    pub(super) fn connect(self, functions: &Functions, rules: &dyn Rules) -> Terminals {
+    pub(super) fn connect(self, functions: &Functions, rules: &Rules) -> Terminals {
         let contacts = match self.command {
             Command::Contact => [functions.command_closed, functions.alarms_closed[0]],
             Command::Valve => {
@@ -96,7 +96,7 @@ impl Wiring {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::devices::drr460::model::rules::Manual;
+    use crate::devices::drr460::model::rules::Rules;
 
     fn terminals(code: i64, retransmitted: Option<f64>) -> ([bool; 2], f64) {
         let functions = Functions {
@@ -107,8 +107,8 @@ mod tests {
             alarms_closed: [false, true],
             retransmitted,
         };
-        let wiring = Wiring::of(&Parameters::listed(&[(16, code)], &Manual));
-        let Terminals { contacts, microamperes } = wiring.connect(&functions, &Manual);
+        let wiring = Wiring::of(&Parameters::listed(&[(16, code)], &Rules::plain()));
+        let Terminals { contacts, microamperes } = wiring.connect(&functions, &Rules::plain());
         (contacts, microamperes)
     }
 

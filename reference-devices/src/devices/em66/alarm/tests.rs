@@ -3,13 +3,13 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::devices;
-use crate::devices::em66::rules::Conformant;
+use crate::devices::em66::rules::Em66Rules;
 
 /// What is compared: input, alternate input, level, hysteresis, whether there was an alarm.
 type Given = (i64, Option<i64>, i64, i64, bool);
 
 fn compared(kind: AlarmType, (input, alternate, level, hysteresis, before): Given) -> bool {
-    compare(kind, &Sides { input, alternate, level, hysteresis, before }, &Conformant)
+    compare(kind, &Sides { input, alternate, level, hysteresis, before }, &Em66Rules::plain())
 }
 
 #[test]
@@ -107,8 +107,8 @@ fn links_are_mapping_entries_of_what_the_device_measures() {
         (0x5FFF_0110, None, None),
     ];
     for (link, input, alternate) in table {
-        assert_eq!(quantity(link, PROCESS_VALUES, &od, &Conformant), input, "{link:08X}");
-        assert_eq!(quantity(link, COMPARABLE, &od, &Conformant), alternate, "{link:08X}");
+        assert_eq!(quantity(link, PROCESS_VALUES, &od, &Em66Rules::plain()), input, "{link:08X}");
+        assert_eq!(quantity(link, COMPARABLE, &od, &Em66Rules::plain()), alternate, "{link:08X}");
     }
 }
 
@@ -153,7 +153,7 @@ fn what_would_be_no_alarm_is_refused() {
         let (link, alternate, hysteresis, kind, action) = setup;
         let kind = AlarmType(kind);
         let made = Setup { link, alternate, level: 0, hysteresis, kind, action };
-        assert_eq!(made.is_possible(&od, &Conformant), expected, "{made:X?}");
+        assert_eq!(made.is_possible(&od, &Em66Rules::plain()), expected, "{made:X?}");
     }
 }
 
@@ -167,7 +167,7 @@ struct Fixture {
 impl Fixture {
     fn new() -> Self {
         let mut fixture = Self { od: dictionary(), alarms: alarms(), duty: Duty::default() };
-        fixture.alarms.reset(&mut fixture.od, &Conformant);
+        fixture.alarms.reset(&mut fixture.od, &Em66Rules::plain());
         fixture
     }
 
@@ -176,12 +176,12 @@ impl Fixture {
         let mux = Mux::new(index, 1);
         let size = self.od.get(mux).unwrap().len();
         let bytes = number.to_le_bytes();
-        let taken = self.alarms.check(mux, &bytes[..size], &self.od, &Conformant).is_ok();
+        let taken = self.alarms.check(mux, &bytes[..size], &self.od, &Em66Rules::plain()).is_ok();
         if taken {
             self.od.set_int(mux, number);
-            self.alarms.written(mux, &mut self.od, &Conformant);
+            self.alarms.written(mux, &mut self.od, &Em66Rules::plain());
         } else {
-            self.alarms.refused(mux, &bytes[..size], &mut self.od, &Conformant);
+            self.alarms.refused(mux, &bytes[..size], &mut self.od, &Em66Rules::plain());
         }
         self.look();
         taken
@@ -194,7 +194,7 @@ impl Fixture {
     }
 
     fn look(&mut self) {
-        self.alarms.watch(&self.duty, &mut self.od, &Conformant);
+        self.alarms.watch(&self.duty, &mut self.od, &Em66Rules::plain());
     }
 
     fn value(&self, index: u16) -> i64 {
@@ -311,7 +311,7 @@ fn a_reset_keeps_what_the_objects_hold() {
     assert!(fixture.write(0x6500, EFFECTIVE.into()) && fixture.write(0x7502, 600));
     assert!(fixture.write(0x6508, 2));
     assert_eq!(fixture.value(0x6504), 1);
-    fixture.alarms.reset(&mut fixture.od, &Conformant);
+    fixture.alarms.reset(&mut fixture.od, &Em66Rules::plain());
     assert_eq!(fixture.value(0x6504), 0);
     assert_eq!(fixture.at(700), 1);
 }
@@ -362,7 +362,7 @@ proptest! {
             prop_assert!(matches!(fixture.at(effective), 0 | 1));
             let alarm = &fixture.alarms.alarms[0];
             prop_assert_eq!(alarm.setup, Setup::of(&alarm.objects, &fixture.od));
-            prop_assert!(alarm.setup.is_possible(&fixture.od, &Conformant), "{:?}", alarm.setup);
+            prop_assert!(alarm.setup.is_possible(&fixture.od, &Em66Rules::plain()), "{:?}", alarm.setup);
         }
     }
 }

@@ -48,7 +48,7 @@ impl Ramp {
         elapsed: Duration,
         chosen: i64,
         rates: Rates,
-        rules: &dyn Em66Rules,
+        rules: &Em66Rules,
     ) {
         let step = self.rate(chosen, rates) as f64 * elapsed.as_secs_f64() / 60.0;
         let missing = chosen as f64 - self.present;
@@ -72,13 +72,13 @@ impl Ramp {
 mod tests {
     use super::*;
     use crate::devices::em66::PERIOD;
-    use crate::devices::em66::rules::Conformant;
+    use crate::devices::em66::rules::Em66Rules;
 
     const SLOW: Rates = Rates { heating: 600, cooling: 300 };
 
     fn after(ramp: &mut Ramp, samples: u32, chosen: i64, rates: Rates) -> f64 {
         for _ in 0..samples {
-            ramp.advance(PERIOD, chosen, rates, &Conformant);
+            ramp.advance(PERIOD, chosen, rates, &Em66Rules::plain());
         }
         (ramp.present() * 1e6).round() / 1e6
     }

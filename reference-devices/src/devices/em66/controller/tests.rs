@@ -3,7 +3,7 @@ use crate::devices;
 use crate::devices::em66::PERIOD;
 use crate::devices::em66::objects::{EFFECTIVE_SET_POINT, EFFECTIVE_VALUE};
 use crate::devices::em66::process::Process;
-use crate::devices::em66::rules::{Conformant, Em66Rules, named};
+use crate::devices::em66::rules::Em66Rules;
 use crate::devices::em66::{External, Mode};
 
 /// A device with everything that the document leaves open.
@@ -21,13 +21,13 @@ struct Plant {
     controller: Controller,
     process: Process,
     od: Dictionary,
-    rules: Box<dyn Em66Rules>,
+    rules: Em66Rules,
     duty: Duty,
     drive: Drive,
 }
 
 impl Plant {
-    fn new(rules: Box<dyn Em66Rules>) -> Self {
+    fn new(rules: Em66Rules) -> Self {
         Self {
             controller: Controller::new(codes()),
             process: Process::new(),
@@ -39,7 +39,7 @@ impl Plant {
     }
 
     fn conformant() -> Self {
-        Self::new(Box::new(Conformant))
+        Self::new(Em66Rules::default())
     }
 
     fn set(&mut self, mux: Mux, number: i64) -> &mut Self {
@@ -55,7 +55,7 @@ impl Plant {
             external: External::Reads((self.process.mould() * 10.0).round() as i64),
             ..Sensed::default()
         };
-        let (duty, od, rules) = (&self.duty, &mut self.od, &*self.rules);
+        let (duty, od, rules) = (&self.duty, &mut self.od, &self.rules);
         self.drive = self.controller.drive(elapsed, &sensed, duty, ALL, od, rules);
     }
 
@@ -109,7 +109,7 @@ fn a_sensor_that_tells_nothing_ends_heating() {
     plant.duty.mode = Mode::ExternalSensor;
     plant.set(SET_POINT, 800).after(2, |_| {});
     assert_eq!(plant.output(), 1000);
-    let (duty, rules) = (plant.duty, Conformant);
+    let (duty, rules) = (plant.duty, Em66Rules::plain());
     let sensed = Sensed { external: External::Broken, ..Sensed::default() };
     plant.controller.drive(PERIOD, &sensed, &duty, ALL, &mut plant.od, &rules);
     assert_eq!((plant.output(), plant.get(EFFECTIVE_VALUE)), (0, 9999));
@@ -194,11 +194,11 @@ fn units_and_digits_hold_one_value() {
         (0x6416, vec![1], vec![0]),
     ] {
         let mux = Mux::new(index, 1);
-        assert_eq!(Controller::check(mux, &same, &plant.od, &Conformant), Ok(()));
-        let refused = Controller::check(mux, &other, &plant.od, &Conformant);
+        assert_eq!(Controller::check(mux, &same, &plant.od, &Em66Rules::plain()), Ok(()));
+        let refused = Controller::check(mux, &other, &plant.od, &Em66Rules::plain());
         assert_eq!(refused, Err(Abort::VALUE), "{mux}");
     }
-    assert_eq!(Controller::check(SET_POINT, &[0, 1], &plant.od, &Conformant), Ok(()));
+    assert_eq!(Controller::check(SET_POINT, &[0, 1], &plant.od, &Em66Rules::plain()), Ok(()));
 }
 
 #[test]
@@ -206,12 +206,12 @@ fn a_device_without_a_limit_of_cooling_cannot_cool() {
     let mut eds = devices::device("em66").unwrap().description.eds;
     eds.objects.retain(|object| !matches!(object.index, 0x6413 | 0x6414));
     let od = Dictionary::new(&eds, 1).unwrap();
-    assert_eq!(limits(&od, &Conformant), (0, 1000));
+    assert_eq!(limits(&od, &Em66Rules::plain()), (0, 1000));
 }
 
 #[test]
 fn each_deviation_is_known_by_its_name() {
-    let mut plant = Plant::new(named("never-heats").unwrap()(Box::new(Conformant), "".into()));
+    let mut plant = Plant::new(Em66Rules::otherwise("never-heats"));
     assert_eq!(plant.set(SET_POINT, 800).after(5, |_| {}).output(), 0);
 }
 

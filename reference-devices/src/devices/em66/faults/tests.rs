@@ -1,6 +1,6 @@
 use super::*;
 use crate::devices;
-use crate::devices::em66::rules::Conformant;
+use crate::devices::em66::rules::Em66Rules;
 
 type Cause = fn(&mut Table);
 
@@ -25,7 +25,7 @@ impl Table {
     /// 2008h, and whether heating is forbidden.
     fn judge(&mut self) -> (u8, bool) {
         let Self { faults, sensed, mode, od, errors } = self;
-        let blocked = faults.judge(sensed, *mode, od, errors, &Conformant);
+        let blocked = faults.judge(sensed, *mode, od, errors, &Em66Rules::plain());
         (value(od, ERROR_STATUS) as u8, blocked)
     }
 

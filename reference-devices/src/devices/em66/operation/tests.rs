@@ -4,7 +4,7 @@ use super::*;
 use crate::devices;
 use crate::devices::em66::Em66;
 use crate::devices::em66::objects::{EFFECTIVE_VALUE, ERROR_STATUS, STATUS};
-use crate::rules::Specification;
+use crate::rules::Rules;
 use crate::stack::NodeSettings;
 use crate::stack::testing::Fixture;
 
@@ -17,9 +17,9 @@ impl Table {
     fn without(options: &[&str]) -> Self {
         let mut description = devices::device("em66").unwrap().description;
         description.without = options.iter().map(|name| (*name).to_owned()).collect();
-        let (device, eds) = (Em66::with_deviations(&description, &[]).unwrap(), description.eds);
+        let (device, eds) = (Em66::with_deviations(&description, &[]), description.eds);
         let settings = NodeSettings::default();
-        Self { fixture: Fixture::with(&eds, settings, Box::new(Specification), Box::new(device)) }
+        Self { fixture: Fixture::with(&eds, settings, Rules::default(), Box::new(device)) }
     }
 
     fn new() -> Self {

@@ -3,15 +3,17 @@
 use canopen::Mux;
 use canopen::pdo::Mapping;
 
-use super::{ControlRules, Em66Rules, FaultRules, Layer, OperationRules, ValueRules};
-use crate::devices::deviating::{Deviation, deviating};
+use super::Em66Rules;
+use crate::decisions::in_code_alone;
 use crate::devices::em66::alarm_kinds::{AlarmType, Quantity, SetPoints, Wait};
 use crate::devices::em66::objects::{EFFECTIVE_SET_POINT, SECOND_SET_POINT, SET_POINT};
+
+in_code_alone! { AlarmType }
 
 decisions! {
     /// The decisions about alarms. Levels and inputs are in the unit of the input. Steps are those
     /// of the order in which an alarm is parameterised (3.3).
-    pub(crate) trait AlarmRules: Layer;
+    pub(crate) AlarmDecision of Em66Rules, otherwise [DEVIATIONS];
 
     /// Step 1: what measures something can be monitored.
     fn alarm_monitors(&self, value: Option<Quantity>) -> bool {
@@ -21,11 +23,6 @@ decisions! {
     /// Step 2: an input is compared with a value of its kind.
     fn alarm_compares(&self, input: Option<Quantity>, alternate: Option<Quantity>) -> bool {
         alternate.is_some() && input.is_none_or(|input| Some(input) == alternate)
-    }
-
-    /// Step 3: the hysteresis of the flow is fixed, so that one from outside is not considered.
-    fn alarm_takes_hysteresis(&self, input: Option<Quantity>) -> bool {
-        input != Some(Quantity::Flow)
     }
 
     /// Step 4: every type for temperatures; flow and pressure have no set point to start from, and
@@ -194,277 +191,93 @@ decisions! {
 /// One kelvin: so close to the set point it counts as reached.
 const REACHED: i64 = 10;
 
-pub(super) const DEVIATIONS: &[Deviation<dyn Em66Rules>] = deviating! {
-    dyn Em66Rules: AlarmRules [Em66Rules ControlRules OperationRules FaultRules ValueRules];
+deviations! {
+    pub(super) DEVIATIONS of AlarmDecision;
 
     // Order
-    "alarm-links-anything" {
-        fn alarm_monitors(&self, _value: Option<Quantity>) -> bool { true }
-        fn alarm_type_supported(&self, _kind: AlarmType, _input: Option<Quantity>) -> bool { true }
-    }
-    "alarm-compares-anything" {
-        fn alarm_compares(&self, _input: Option<Quantity>, _other: Option<Quantity>) -> bool {
-            true
-        }
-    }
-    "alarm-compares-other-units" {
-        fn alarm_compares(&self, _input: Option<Quantity>, other: Option<Quantity>) -> bool {
-            other.is_some()
-        }
-    }
-    "alarm-alternate-refused" {
-        fn alarm_compares(&self, _input: Option<Quantity>, _other: Option<Quantity>) -> bool {
-            false
-        }
-    }
-    "alarm-any-type-accepted" {
-        fn alarm_type_supported(&self, kind: AlarmType, input: Option<Quantity>) -> bool {
-            input.is_some() || kind == AlarmType::OFF
-        }
-    }
-    "alarm-type-without-link-accepted" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known()
-        }
-    }
-    "alarm-difference-of-one-object-accepted" {
-        fn alarm_difference_needs_alternate(&self) -> bool { false }
-    }
-    "alarm-keeps-refused-type" {
-        fn alarm_type_after_refusal(&self, refused: AlarmType, _plain: bool) -> Option<AlarmType> {
-            Some(refused)
-        }
-    }
-    "alarm-acts-without-type" {
-        fn alarm_type(&self, kind: AlarmType, _before: AlarmType) -> AlarmType {
-            if kind == AlarmType::OFF { AlarmType::ABOVE } else { kind }
-        }
-    }
-    "alarm-goes-on-with-type-0" {
-        fn alarm_type(&self, kind: AlarmType, before: AlarmType) -> AlarmType {
-            if kind == AlarmType::OFF { before } else { kind }
-        }
-    }
-    "alarm-stays-with-type-0" {
-        fn alarm_state_while_off(&self, before: bool) -> bool { before }
-    }
-    "alarm-level-needs-type" {
-        fn alarm_adjustable(&self, on: bool) -> bool { on }
-    }
-    "alarm-link-clears-level" {
-        fn alarm_link_clears_level(&self) -> bool { true }
-    }
-    "alarm-takes-any-action" {
-        fn alarm_takes_action(&self, _action: u8) -> bool { true }
-    }
-    "alarm-refusal-unlinks" {
-        fn alarm_refusal_unlinks(&self) -> bool { true }
-    }
-    "alarm-one-level-for-all" {
-        fn alarm_levels_apart(&self) -> bool { false }
-    }
-    "alarm-one-type-for-all" {
-        fn alarm_types_apart(&self) -> bool { false }
-    }
-    "alarm-level-locked-while-on" {
-        fn alarm_adjustable(&self, on: bool) -> bool { !on }
-    }
-    "alarm-level-ignored-while-on" {
-        fn alarm_adjusts_while_on(&self) -> bool { false }
-    }
-    "alarm-has-its-object-alone" {
-        fn alarm_shares_input(&self) -> bool { false }
-    }
+    "alarm-links-anything" => alarm_monitors: |_, _| true;
+    "alarm-links-anything" => alarm_type_supported: |_, _, _| true;
+    "alarm-compares-other-units" => alarm_compares: |_, _, other| other.is_some();
+    "alarm-any-type-accepted" =>
+        alarm_type_supported: |_, kind, input| input.is_some() || kind == AlarmType::OFF;
+    "alarm-type-without-link-accepted" => alarm_type_supported: |_, kind, _| kind.is_known();
+    "alarm-keeps-refused-type" => alarm_type_after_refusal: |_, refused, _| Some(refused);
+    "alarm-acts-without-type" =>
+        alarm_type: |_, kind, _| if kind == AlarmType::OFF { AlarmType::ABOVE } else { kind };
+    "alarm-goes-on-with-type-0" =>
+        alarm_type: |_, kind, before| if kind == AlarmType::OFF { before } else { kind };
+    "alarm-stays-with-type-0" => alarm_state_while_off: |_, before| before;
+    "alarm-level-needs-type" => alarm_adjustable: |_, on| on;
+    "alarm-level-locked-while-on" => alarm_adjustable: |_, on| !on;
 
     // Types
-    "alarm-type-2h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 2
-        }
-    }
-    "alarm-type-3h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 3
-        }
-    }
-    "alarm-type-4h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 4
-        }
-    }
-    "alarm-type-5h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 5
-        }
-    }
-    "alarm-type-6h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 6
-        }
-    }
-    "alarm-type-7h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 7
-        }
-    }
-    "alarm-type-12h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 0x12
-        }
-    }
-    "alarm-type-13h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 0x13
-        }
-    }
-    "alarm-type-14h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 0x14
-        }
-    }
-    "alarm-type-15h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 0x15
-        }
-    }
-    "alarm-type-16h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 0x16
-        }
-    }
-    "alarm-type-17h-refused" {
-        fn alarm_type_supported(&self, kind: AlarmType, _input: Option<Quantity>) -> bool {
-            kind.is_known() && kind.0 != 0x17
-        }
-    }
-    "alarm-above-without-equal" {
-        fn alarm_above(&self, input: i64, reference: i64) -> bool { input > reference }
-    }
-    "alarm-above-never" {
-        fn alarm_above(&self, _input: i64, _reference: i64) -> bool { false }
-    }
-    "alarm-below-with-equal" {
-        fn alarm_below(&self, input: i64, reference: i64) -> bool { input <= reference }
-    }
-    "alarm-below-is-above" {
-        fn alarm_below(&self, input: i64, reference: i64) -> bool { input >= reference }
-    }
-    "alarm-level-goes-before-alternate" {
-        fn alarm_reference(&self, level: i64, _alternate: Option<i64>) -> i64 { level }
-    }
-    "alarm-links-without-length" {
-        fn alarm_link(&self, mux: Mux) -> u32 { Mapping { mux, bits: 0 }.encode() }
-    }
-    "alarm-links-with-index-first" {
-        fn alarm_link(&self, mux: Mux) -> u32 {
-            u32::from(mux.sub) << 16 | u32::from(mux.index)
-        }
-    }
-    "alarm-compares-with-end-of-ramp" {
-        fn alarm_input(&self, mux: Mux) -> Mux {
-            if mux == EFFECTIVE_SET_POINT { SET_POINT } else { mux }
-        }
-    }
-    "alarm-difference-without-sign" {
-        fn alarm_difference(&self, input: i64, alternate: i64) -> i64 { (input - alternate).abs() }
-    }
-    "alarm-difference-the-other-way" {
-        fn alarm_difference(&self, input: i64, alternate: i64) -> i64 { alternate - input }
-    }
-    "alarm-difference-above-with-equal" {
-        fn alarm_difference_above(&self, difference: i64, level: i64) -> bool {
-            difference >= level
-        }
-    }
-    "alarm-difference-below-with-equal" {
-        fn alarm_difference_below(&self, difference: i64, level: i64) -> bool {
-            difference <= level
-        }
-    }
-    "alarm-difference-above-is-below" {
-        fn alarm_difference_above(&self, difference: i64, level: i64) -> bool {
-            difference < level
-        }
-    }
-    "alarm-difference-below-is-above" {
-        fn alarm_difference_below(&self, difference: i64, level: i64) -> bool {
-            difference > level
-        }
-    }
-    "alarm-window-without-borders" {
-        fn alarm_inside(&self, input: i64, reference: i64, width: i64) -> bool {
-            (input - reference).abs() < width
-        }
-    }
-    "alarm-window-above-its-level" {
-        fn alarm_inside(&self, input: i64, reference: i64, width: i64) -> bool {
-            (0..=width).contains(&(input - reference))
-        }
-    }
-    "alarm-window-one-sided" {
-        fn alarm_inside(&self, input: i64, reference: i64, width: i64) -> bool {
-            input - reference <= width
-        }
-    }
-    "alarm-without-hysteresis" {
-        fn alarm_hysteresis(&self, _kind: AlarmType, _hysteresis: i64) -> i64 { 0 }
-    }
-    "alarm-hysteresis-of-plain-types-only" {
-        fn alarm_hysteresis(&self, kind: AlarmType, hysteresis: i64) -> i64 {
-            if kind.has_start() { 0 } else { hysteresis }
-        }
-    }
-    "alarm-window-with-start-has-no-lower-border" {
-        fn alarm_window(&self, kind: AlarmType, inside: bool, difference: i64, width: i64) -> bool {
+    "alarm-type-2h-refused" => alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 2;
+    "alarm-type-3h-refused" => alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 3;
+    "alarm-type-4h-refused" => alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 4;
+    "alarm-type-5h-refused" => alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 5;
+    "alarm-type-6h-refused" => alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 6;
+    "alarm-type-7h-refused" => alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 7;
+    "alarm-type-12h-refused" =>
+        alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 0x12;
+    "alarm-type-13h-refused" =>
+        alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 0x13;
+    "alarm-type-14h-refused" =>
+        alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 0x14;
+    "alarm-type-15h-refused" =>
+        alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 0x15;
+    "alarm-type-16h-refused" =>
+        alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 0x16;
+    "alarm-type-17h-refused" =>
+        alarm_type_supported: |_, kind, _| kind.is_known() && kind.0 != 0x17;
+    "alarm-above-without-equal" => alarm_above: |_, input, reference| input > reference;
+    "alarm-below-with-equal" => alarm_below: |_, input, reference| input <= reference;
+    "alarm-below-is-above" => alarm_below: |_, input, reference| input >= reference;
+    "alarm-level-goes-before-alternate" => alarm_reference: |_, level, _| level;
+    "alarm-links-without-length" => alarm_link: |_, mux| Mapping { mux, bits: 0 }.encode();
+    "alarm-links-with-index-first" =>
+        alarm_link: |_, mux| u32::from(mux.sub) << 16 | u32::from(mux.index);
+    "alarm-compares-with-end-of-ramp" =>
+        alarm_input: |_, mux| if mux == EFFECTIVE_SET_POINT { SET_POINT } else { mux };
+    "alarm-difference-without-sign" =>
+        alarm_difference: |_, input, alternate| (input - alternate).abs();
+    "alarm-difference-the-other-way" => alarm_difference: |_, input, alternate| alternate - input;
+    "alarm-difference-above-with-equal" =>
+        alarm_difference_above: |_, difference, level| difference >= level;
+    "alarm-difference-below-with-equal" =>
+        alarm_difference_below: |_, difference, level| difference <= level;
+    "alarm-difference-above-is-below" =>
+        alarm_difference_above: |_, difference, level| difference < level;
+    "alarm-difference-below-is-above" =>
+        alarm_difference_below: |_, difference, level| difference > level;
+    "alarm-window-without-borders" =>
+        alarm_inside: |_, input, reference, width| (input - reference).abs() < width;
+    "alarm-window-above-its-level" =>
+        alarm_inside: |_, input, reference, width| (0..=width).contains(&(input - reference));
+    "alarm-window-one-sided" =>
+        alarm_inside: |_, input, reference, width| input - reference <= width;
+    "alarm-hysteresis-of-plain-types-only" =>
+        alarm_hysteresis: |_, kind, hysteresis| if kind.has_start() { 0 } else { hysteresis };
+    "alarm-window-with-start-has-no-lower-border" =>
+        alarm_window: |_, kind, inside, difference, width| {
             inside || kind.has_start() && difference < -width
-        }
-    }
-    "alarm-window-with-start-without-its-borders" {
-        fn alarm_window(&self, kind: AlarmType, inside: bool, difference: i64, width: i64) -> bool {
+        };
+    "alarm-window-with-start-without-its-borders" =>
+        alarm_window: |_, kind, inside, difference, width| {
             let at_border = difference.abs() == width;
             inside && !(kind.has_start() && at_border)
-        }
-    }
-    "alarm-compares-with-the-first-set-point" {
-        fn alarm_input(&self, mux: Mux) -> Mux {
-            if mux == SECOND_SET_POINT { SET_POINT } else { mux }
-        }
-    }
-    "alarm-hysteresis-on-the-wrong-side" {
-        fn alarm_hysteresis(&self, _kind: AlarmType, hysteresis: i64) -> i64 { -hysteresis }
-    }
-    "alarm-inverted" {
-        fn alarm_state(&self, alarm: bool) -> i64 { i64::from(!alarm) }
-    }
+        };
+    "alarm-compares-with-the-first-set-point" =>
+        alarm_input: |_, mux| if mux == SECOND_SET_POINT { SET_POINT } else { mux };
+    "alarm-hysteresis-on-the-wrong-side" => alarm_hysteresis: |_, _, hysteresis| -hysteresis;
+    "alarm-inverted" => alarm_state: |_, alarm| i64::from(!alarm);
 
     // Start condition
-    "alarm-starts-at-once" {
-        fn alarm_has_start(&self, _kind: AlarmType) -> bool { false }
-    }
-    "alarm-plain-types-wait" {
-        fn alarm_has_start(&self, _kind: AlarmType) -> bool { true }
-    }
-    "alarm-does-not-wait-at-switch-on" {
-        fn alarm_starts_waiting(&self, cause: Wait) -> bool { cause != Wait::SwitchedOn }
-        fn alarm_waits_while_off(&self) -> bool { false }
-    }
-    "alarm-does-not-wait-at-set-point-change" {
-        fn alarm_starts_waiting(&self, cause: Wait) -> bool { cause != Wait::SetPointChanged }
-    }
-    "alarm-waits-for-ever" {
-        fn alarm_set_point_reached(&self, _distance: i64) -> bool { false }
-    }
-    "alarm-waits-whenever-away" {
-        fn alarm_waits_once(&self) -> bool { false }
-    }
-    "alarm-second-set-point-unnoticed" {
-        fn alarm_set_point_changed(&self, before: SetPoints, now: SetPoints) -> bool {
-            before.first != now.first
-        }
-    }
-    "alarm-any-set-point-noticed" {
-        fn alarm_set_point_changed(&self, before: SetPoints, now: SetPoints) -> bool {
-            before != now
-        }
-    }
-};
+    "alarm-does-not-wait-at-switch-on" =>
+        alarm_starts_waiting: |_, cause| cause != Wait::SwitchedOn;
+    "alarm-does-not-wait-at-switch-on" => alarm_waits_while_off: |_| false;
+    "alarm-does-not-wait-at-set-point-change" =>
+        alarm_starts_waiting: |_, cause| cause != Wait::SetPointChanged;
+    "alarm-second-set-point-unnoticed" =>
+        alarm_set_point_changed: |_, before, now| before.first != now.first;
+    "alarm-any-set-point-noticed" => alarm_set_point_changed: |_, before, now| before != now;
+}

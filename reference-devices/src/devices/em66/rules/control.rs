@@ -2,8 +2,7 @@
 
 use canopen::Mux;
 
-use super::{AlarmRules, Em66Rules, FaultRules, Layer, OperationRules, ValueRules};
-use crate::devices::deviating::{Deviation, deviating};
+use super::Em66Rules;
 use crate::devices::em66::codes::Codes;
 
 /// What the controller is doing while the limits of the output hold.
@@ -19,7 +18,7 @@ pub(crate) enum Activity {
 
 decisions! {
     /// The decisions of the controller block (3.2) and of the ramps (3.4.14).
-    pub(crate) trait ControlRules: Layer;
+    pub(crate) ControlDecision of Em66Rules, otherwise [DEVIATIONS];
 
     /// Temperatures are degrees Celsius with one digit, the output is a percentage with one digit;
     /// no other unit is taken (3.2).
@@ -130,201 +129,73 @@ decisions! {
     }
 }
 
-pub(super) const DEVIATIONS: &[Deviation<dyn Em66Rules>] = deviating! {
-    dyn Em66Rules: ControlRules [Em66Rules AlarmRules OperationRules FaultRules ValueRules];
+deviations! {
+    pub(super) DEVIATIONS of ControlDecision;
 
     // Objects
-    "unit-of-temperatures-changes" {
-        fn is_fixed(&self, mux: Mux) -> bool { mux.index != 0x6406 }
-    }
-    "digits-of-temperatures-change" {
-        fn is_fixed(&self, mux: Mux) -> bool { mux.index != 0x6407 }
-    }
-    "unit-of-output-changes" {
-        fn is_fixed(&self, mux: Mux) -> bool { mux.index != 0x6415 }
-    }
-    "digits-of-output-change" {
-        fn is_fixed(&self, mux: Mux) -> bool { mux.index != 0x6416 }
-    }
-    "effective-value-in-whole-degrees" {
-        fn effective_value(&self, celsius: i64) -> i64 { celsius / 10 * 10 }
-    }
-    "effective-value-in-degrees" {
-        fn effective_value(&self, celsius: i64) -> i64 { celsius / 10 }
-    }
+    "unit-of-temperatures-changes" => is_fixed: |_, mux| mux.index != 0x6406;
+    "digits-of-temperatures-change" => is_fixed: |_, mux| mux.index != 0x6407;
+    "unit-of-output-changes" => is_fixed: |_, mux| mux.index != 0x6415;
+    "digits-of-output-change" => is_fixed: |_, mux| mux.index != 0x6416;
+    "effective-value-in-whole-degrees" => effective_value: |_, celsius| celsius / 10 * 10;
+    "effective-value-in-degrees" => effective_value: |_, celsius| celsius / 10;
 
     // Set points
-    "second-set-point-ignored" {
-        fn second_set_point(&self, _asked: bool) -> bool { false }
-    }
-    "second-set-point-always" {
-        fn second_set_point(&self, _asked: bool) -> bool { true }
-    }
-    "effective-set-point-is-the-chosen-one" {
-        fn set_point_shown(&self, _in_force: f64, chosen: i64, _on: bool) -> i64 { chosen }
-    }
-    "no-set-point-while-off" {
-        fn set_point_shown(&self, in_force: f64, _chosen: i64, on: bool) -> i64 {
-            if on { in_force.round() as i64 } else { 0 }
-        }
-    }
+    "effective-set-point-is-the-chosen-one" => set_point_shown: |_, _, chosen, _| chosen;
+    "no-set-point-while-off" =>
+        set_point_shown: |_, in_force, _, on| if on { in_force.round() as i64 } else { 0 };
 
     // Output
-    "heats-what-is-too-hot" {
-        fn missing(&self, missing: f64) -> f64 { -missing }
-    }
-    "never-heats" {
-        fn missing(&self, missing: f64) -> f64 { missing.min(0.0) }
-    }
-    "never-cools" {
-        fn missing(&self, missing: f64) -> f64 { missing.max(0.0) }
-    }
-    "output-stays-when-off" {
-        fn output_while_off(&self, last: i64) -> i64 { last }
-    }
-    "keeps-warm-while-off" {
-        fn output_while_off(&self, _last: i64) -> i64 { 100 }
-    }
-    "output-in-whole-percent" {
-        fn output_shown(&self, output: i64) -> i64 { output / 10 }
-    }
-    "output-of-cooling-without-sign" {
-        fn output_shown(&self, output: i64) -> i64 { output.abs() }
-    }
-    "output-of-cooling-is-zero" {
-        fn output_shown(&self, output: i64) -> i64 { output.max(0) }
-    }
-    "lower-limit-ignored" {
-        fn output_limits(&self, _low: i64, high: i64) -> (i64, i64) { (-1000, high) }
-    }
-    "upper-limit-ignored" {
-        fn output_limits(&self, low: i64, _high: i64) -> (i64, i64) { (low, 1000) }
-    }
-    "manual-mode-controls" {
-        fn manual_holds(&self) -> bool { false }
-    }
+    "heats-what-is-too-hot" => missing: |_, missing| -missing;
+    "never-heats" => missing: |_, missing| missing.min(0.0);
+    "never-cools" => missing: |_, missing| missing.max(0.0);
+    "output-stays-when-off" => output_while_off: |_, last| last;
+    "output-in-whole-percent" => output_shown: |_, output| output / 10;
+    "output-of-cooling-without-sign" => output_shown: |_, output| output.abs();
+    "output-of-cooling-is-zero" => output_shown: |_, output| output.max(0);
+    "lower-limit-ignored" => output_limits: |_, _, high| (-1000, high);
+    "upper-limit-ignored" => output_limits: |_, low, _| (low, 1000);
 
-    "lower-limit-not-in-manual-mode" {
-        fn limits_while(&self, activity: Activity, low: i64, high: i64) -> (i64, i64) {
-            if activity == Activity::Manual { (-1000, high) } else { (low, high) }
-        }
-    }
-    "upper-limit-not-in-self-optimisation" {
-        fn limits_while(&self, activity: Activity, low: i64, high: i64) -> (i64, i64) {
-            if activity == Activity::Tuning { (low, 1000) } else { (low, high) }
-        }
-    }
-    "cools-down-without-limit" {
-        fn limits_while(&self, activity: Activity, low: i64, high: i64) -> (i64, i64) {
-            if activity == Activity::CoolingDown { (-1000, high) } else { (low, high) }
-        }
-    }
-    "manual-mode-of-the-first-set-point-only" {
-        fn is_manual(&self, asked: bool, second: bool) -> bool { asked && !second }
-    }
-    "stands-still-without-its-sensor" {
-        fn goes_on_without_sensor(&self) -> bool { false }
-    }
+    "lower-limit-not-in-manual-mode" => limits_while: |_, activity, low, high| {
+        if activity == Activity::Manual { (-1000, high) } else { (low, high) }
+    };
+    "upper-limit-not-in-self-optimisation" => limits_while: |_, activity, low, high| {
+        if activity == Activity::Tuning { (low, 1000) } else { (low, high) }
+    };
+    "cools-down-without-limit" => limits_while: |_, activity, low, high| {
+        if activity == Activity::CoolingDown { (-1000, high) } else { (low, high) }
+    };
+    "manual-mode-of-the-first-set-point-only" => is_manual: |_, asked, second| asked && !second;
 
     // Self-optimisation
-    "self-optimisation-request-forgotten-while-on-only" {
-        fn tuning_answered(&self, answered: bool, wanted: bool, on: bool) -> bool {
-            answered && (wanted || !on)
-        }
-    }
-    "self-optimisation-ignored" {
-        fn tunes(&self, _asked: bool, _on: bool, _manual: bool, _tuning: bool) -> bool { false }
-    }
-    "self-optimisation-while-off" {
-        fn tunes(&self, asked: bool, _on: bool, manual: bool, _tuning: bool) -> bool {
-            asked && !manual
-        }
-    }
-    "self-optimisation-outlives-its-bit" {
-        fn tunes(&self, asked: bool, on: bool, manual: bool, tuning: bool) -> bool {
-            (asked || tuning) && on && !manual
-        }
-    }
-    "self-optimisation-in-manual-mode" {
-        fn tunes(&self, asked: bool, on: bool, _manual: bool, _tuning: bool) -> bool {
-            asked && on
-        }
-    }
+    "self-optimisation-request-forgotten-while-on-only" =>
+        tuning_answered: |_, answered, wanted, on| answered && (wanted || !on);
+    "self-optimisation-while-off" => tunes: |_, asked, _, manual, _| asked && !manual;
+    "self-optimisation-outlives-its-bit" =>
+        tunes: |_, asked, on, manual, tuning| (asked || tuning) && on && !manual;
+    "self-optimisation-in-manual-mode" => tunes: |_, asked, on, _, _| asked && on;
 
     // Status
-    "status-on-inverted" {
-        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits ^ codes.status_on }
-    }
-    "status-without-self-optimisation" {
-        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits & !codes.status_tune }
-    }
-    "status-without-manual-mode" {
-        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits & !codes.status_manual }
-    }
-    "status-always-manual" {
-        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits | codes.status_manual }
-    }
-    "status-without-second-set-point" {
-        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits & !codes.status_second }
-    }
-    "status-always-second-set-point" {
-        fn status_shown(&self, bits: i64, codes: &Codes) -> i64 { bits | codes.status_second }
-    }
+    "status-on-inverted" => status_shown: |_, bits, codes| bits ^ codes.status_on;
+    "status-without-self-optimisation" => status_shown: |_, bits, codes| bits & !codes.status_tune;
+    "status-without-manual-mode" => status_shown: |_, bits, codes| bits & !codes.status_manual;
+    "status-always-manual" => status_shown: |_, bits, codes| bits | codes.status_manual;
+    "status-without-second-set-point" => status_shown: |_, bits, codes| bits & !codes.status_second;
+    "status-always-second-set-point" => status_shown: |_, bits, codes| bits | codes.status_second;
 
     // Ramps
-    "heating-ramp-ignored" {
-        fn rates(&self, _heating: i64, cooling: i64) -> (i64, i64) { (0, cooling) }
-    }
-    "cooling-ramp-ignored" {
-        fn rates(&self, heating: i64, _cooling: i64) -> (i64, i64) { (heating, 0) }
-    }
-    "heating-ramp-per-second" {
-        fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) { (heating * 60, cooling) }
-    }
-    "cooling-ramp-per-second" {
-        fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) { (heating, cooling * 60) }
-    }
-    "ramps-in-hundredths" {
-        fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) { (heating / 10, cooling / 10) }
-    }
-    "heating-ramp-in-whole-kelvin" {
-        fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) { (heating / 10, cooling) }
-    }
-    "no-heating-ramp-is-a-slow-one" {
-        fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) { (heating.max(1), cooling) }
-    }
-    "no-cooling-ramp-is-a-slow-one" {
-        fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) { (heating, cooling.max(1)) }
-    }
-    "one-ramp-for-both-ways" {
-        fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) {
-            (heating.max(cooling), heating.max(cooling))
-        }
-    }
-    "ramp-begins-at-the-set-point" {
-        fn ramp_start(&self, _effective: i64, chosen: i64) -> i64 { chosen }
-    }
-    "ramp-begins-at-zero" {
-        fn ramp_start(&self, _effective: i64, _chosen: i64) -> i64 { 0 }
-    }
-    "ramp-begins-at-zero-or-above" {
-        fn ramp_start(&self, effective: i64, _chosen: i64) -> i64 { effective.max(0) }
-    }
-    "ramp-rates-of-twelve-bits" {
-        fn rates(&self, heating: i64, cooling: i64) -> (i64, i64) {
-            (heating & 0xFFF, cooling & 0xFFF)
-        }
-    }
-    "ramp-steps-beyond-its-end" {
-        fn ramp_step(&self, missing: f64, step: f64) -> f64 { step.copysign(missing) }
-    }
-    "first-set-point-shown-while-off" {
-        fn set_point_while_off(&self, _chosen: i64, first: i64) -> i64 { first }
-    }
-    "ramp-begins-anew-at-each-set-point" {
-        fn ramp_goes_on(&self) -> bool { false }
-    }
-    "second-set-point-without-ramp" {
-        fn ramps_to_second(&self) -> bool { false }
-    }
-};
+    "heating-ramp-ignored" => rates: |_, _, cooling| (0, cooling);
+    "cooling-ramp-ignored" => rates: |_, heating, _| (heating, 0);
+    "heating-ramp-per-second" => rates: |_, heating, cooling| (heating * 60, cooling);
+    "cooling-ramp-per-second" => rates: |_, heating, cooling| (heating, cooling * 60);
+    "ramps-in-hundredths" => rates: |_, heating, cooling| (heating / 10, cooling / 10);
+    "heating-ramp-in-whole-kelvin" => rates: |_, heating, cooling| (heating / 10, cooling);
+    "no-heating-ramp-is-a-slow-one" => rates: |_, heating, cooling| (heating.max(1), cooling);
+    "no-cooling-ramp-is-a-slow-one" => rates: |_, heating, cooling| (heating, cooling.max(1));
+    "one-ramp-for-both-ways" =>
+        rates: |_, heating, cooling| (heating.max(cooling), heating.max(cooling));
+    "ramp-begins-at-the-set-point" => ramp_start: |_, _, chosen| chosen;
+    "ramp-begins-at-zero-or-above" => ramp_start: |_, effective, _| effective.max(0);
+    "ramp-steps-beyond-its-end" => ramp_step: |_, missing, step| step.copysign(missing);
+    "first-set-point-shown-while-off" => set_point_while_off: |_, _, first| first;
+}

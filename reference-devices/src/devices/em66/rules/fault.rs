@@ -1,14 +1,13 @@
 //! The decisions about errors and sensors (3.4.7, 3.4.9 to 3.4.15).
 
-use super::{AlarmRules, ControlRules, Em66Rules, Layer, OperationRules, ValueRules};
-use crate::devices::deviating::{Deviation, deviating};
+use super::Em66Rules;
 use crate::devices::em66::objects::{
     FAILURE_RESET, GENERAL, LOW_LEVEL, NO_SENSOR, SAFETY_LIMIT, SENSOR,
 };
 
 decisions! {
     /// The decisions about errors and sensors (3.4.7, 3.4.9 to 3.4.15).
-    pub(crate) trait FaultRules: Layer;
+    pub(crate) FaultDecision of Em66Rules, otherwise [DEVIATIONS];
 
     /// A cause that comes again is another error (3.4.7).
     fn causes_seen(&self, _before: u8, now: u8) -> u8 {
@@ -70,122 +69,40 @@ decisions! {
 /// In tenths of a percent of the tank.
 const LOWEST_LEVEL: i64 = 200;
 
-pub(super) const DEVIATIONS: &[Deviation<dyn Em66Rules>] = deviating! {
-    dyn Em66Rules: FaultRules [Em66Rules ControlRules AlarmRules OperationRules ValueRules];
+deviations! {
+    pub(super) DEVIATIONS of FaultDecision;
 
-    "leak-not-told" {
-        fn level_is_low(&self, _level: i64) -> bool { false }
-    }
-    "leak-stays-until-reset" {
-        fn lasting_errors(&self) -> u8 { LOW_LEVEL | SAFETY_LIMIT | GENERAL }
-    }
-    "failures-follow-their-cause" {
-        fn lasting_errors(&self) -> u8 { 0 }
-    }
-    "missing-sensor-always-a-failure" {
-        fn missing_sensor(&self, _needed: bool) -> bool { true }
-    }
-    "failure-reset-by-level" {
-        fn resets_failures(&self, _before: i64, now: i64) -> bool { now & FAILURE_RESET != 0 }
-    }
-    "leak-is-a-general-failure-too" {
-        fn error_status(&self, told: u8) -> u8 {
-            if told & LOW_LEVEL != 0 { told | GENERAL } else { told }
-        }
-    }
-    "safety-limit-not-told" {
-        fn error_status(&self, told: u8) -> u8 { told & !SAFETY_LIMIT }
-    }
-    "safety-limit-is-a-general-failure" {
-        fn error_status(&self, told: u8) -> u8 {
-            if told & SAFETY_LIMIT != 0 { told & !SAFETY_LIMIT | GENERAL } else { told }
-        }
-    }
-    "sensor-failure-not-told" {
-        fn error_status(&self, told: u8) -> u8 { told & !SENSOR }
-    }
-    "sensor-failure-stays-until-reset" {
-        fn lasting_errors(&self) -> u8 { SENSOR | SAFETY_LIMIT | GENERAL }
-    }
-    "missing-sensor-never-a-failure" {
-        fn missing_sensor(&self, _needed: bool) -> bool { false }
-    }
-    "missing-sensor-a-general-failure" {
-        fn general_failure(&self, unplugged: bool, _control_errors: i64) -> bool { unplugged }
-    }
-    "suction-error-is-a-failure" {
-        fn general_failure(&self, _unplugged: bool, control_errors: i64) -> bool {
-            control_errors != 0
-        }
-    }
-    "general-failure-not-told" {
-        fn error_status(&self, told: u8) -> u8 { told & !GENERAL }
-    }
-    "general-failure-in-a-reserved-bit" {
-        fn error_status(&self, told: u8) -> u8 {
-            if told & GENERAL != 0 { told & !GENERAL | 0x40 } else { told }
-        }
-    }
-    "reserved-error-bit" {
-        fn error_status(&self, told: u8) -> u8 {
-            if told != 0 { told | 0x08 } else { told }
-        }
-    }
-    "one-error-at-a-time" {
-        fn error_status(&self, told: u8) -> u8 { told & told.wrapping_neg() }
-    }
-    "failure-reset-without-effect" {
-        fn resets_failures(&self, _before: i64, _now: i64) -> bool { false }
-    }
-    "failure-reset-at-the-falling-edge" {
-        fn resets_failures(&self, before: i64, now: i64) -> bool {
-            before & !now & FAILURE_RESET != 0
-        }
-    }
-    "failure-reset-hides-what-is-present" {
-        fn after_failure_reset(&self, _told: u8, _causes: u8) -> u8 { 0 }
-    }
-    "failure-reset-at-1-hides-all" {
-        fn resets_failures(&self, _before: i64, now: i64) -> bool { now & FAILURE_RESET != 0 }
-        fn after_failure_reset(&self, _told: u8, _causes: u8) -> u8 { 0 }
-    }
-    "leak-told-once" {
-        fn causes_seen(&self, before: u8, now: u8) -> u8 { now | before & LOW_LEVEL }
-    }
-    "safety-limit-told-once" {
-        fn causes_seen(&self, before: u8, now: u8) -> u8 { now | before & SAFETY_LIMIT }
-    }
-    "sensor-failure-told-once" {
-        fn causes_seen(&self, before: u8, now: u8) -> u8 { now | before & SENSOR }
-    }
-    "general-failure-told-once" {
-        fn causes_seen(&self, before: u8, now: u8) -> u8 { now | before & GENERAL }
-    }
-    "errors-forgotten-at-reset" {
-        fn causes_after_reset(&self, causes: u8) -> u8 { causes }
-    }
-    "failure-reset-needs-all-causes-gone" {
-        fn after_failure_reset(&self, told: u8, causes: u8) -> u8 {
-            if causes == 0 { 0 } else { told }
-        }
-    }
-    "failure-reset-not-with-a-suction-request" {
-        fn resets_failures(&self, before: i64, now: i64) -> bool {
-            now & !before & FAILURE_RESET != 0 && now & 1 == 0
-        }
-    }
-    "failure-reset-is-an-error" {
-        fn after_failure_reset(&self, told: u8, causes: u8) -> u8 {
-            if told == 0 { GENERAL } else { told & causes }
-        }
-    }
-    "missing-sensor-reads-0" {
-        fn no_sensor(&self) -> i64 { 0 }
-    }
-    "external-value-in-whole-degrees" {
-        fn external_value(&self, celsius: i64) -> i64 { celsius / 10 }
-    }
-    "external-value-of-the-ambient" {
-        fn external_value(&self, _celsius: i64) -> i64 { 250 }
-    }
-};
+    "leak-stays-until-reset" => lasting_errors: |_| LOW_LEVEL | SAFETY_LIMIT | GENERAL;
+    "failure-reset-by-level" => resets_failures: |_, _, now| now & FAILURE_RESET != 0;
+    "leak-is-a-general-failure-too" =>
+        error_status: |_, told| if told & LOW_LEVEL != 0 { told | GENERAL } else { told };
+    "safety-limit-not-told" => error_status: |_, told| told & !SAFETY_LIMIT;
+    "safety-limit-is-a-general-failure" => error_status: |_, told| {
+        if told & SAFETY_LIMIT != 0 { told & !SAFETY_LIMIT | GENERAL } else { told }
+    };
+    "sensor-failure-not-told" => error_status: |_, told| told & !SENSOR;
+    "sensor-failure-stays-until-reset" => lasting_errors: |_| SENSOR | SAFETY_LIMIT | GENERAL;
+    "missing-sensor-a-general-failure" => general_failure: |_, unplugged, _| unplugged;
+    "suction-error-is-a-failure" => general_failure: |_, _, control_errors| control_errors != 0;
+    "general-failure-not-told" => error_status: |_, told| told & !GENERAL;
+    "general-failure-in-a-reserved-bit" =>
+        error_status: |_, told| if told & GENERAL != 0 { told & !GENERAL | 0x40 } else { told };
+    "reserved-error-bit" => error_status: |_, told| if told != 0 { told | 0x08 } else { told };
+    "one-error-at-a-time" => error_status: |_, told| told & told.wrapping_neg();
+    "failure-reset-at-the-falling-edge" =>
+        resets_failures: |_, before, now| before & !now & FAILURE_RESET != 0;
+    "failure-reset-at-1-hides-all" => resets_failures: |_, _, now| now & FAILURE_RESET != 0;
+    "failure-reset-at-1-hides-all" => after_failure_reset: |_, _, _| 0;
+    "leak-told-once" => causes_seen: |_, before, now| now | before & LOW_LEVEL;
+    "safety-limit-told-once" => causes_seen: |_, before, now| now | before & SAFETY_LIMIT;
+    "sensor-failure-told-once" => causes_seen: |_, before, now| now | before & SENSOR;
+    "general-failure-told-once" => causes_seen: |_, before, now| now | before & GENERAL;
+    "errors-forgotten-at-reset" => causes_after_reset: |_, causes| causes;
+    "failure-reset-needs-all-causes-gone" =>
+        after_failure_reset: |_, told, causes| if causes == 0 { 0 } else { told };
+    "failure-reset-not-with-a-suction-request" =>
+        resets_failures: |_, before, now| now & !before & FAILURE_RESET != 0 && now & 1 == 0;
+    "failure-reset-is-an-error" =>
+        after_failure_reset: |_, told, causes| if told == 0 { GENERAL } else { told & causes };
+    "external-value-in-whole-degrees" => external_value: |_, celsius| celsius / 10;
+}

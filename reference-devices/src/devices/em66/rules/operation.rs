@@ -1,11 +1,10 @@
 //! The decisions of the control word, the modes and switching off (3.4.2 to 3.4.6).
 
-use super::{AlarmRules, ControlRules, Em66Rules, FaultRules, Layer, ValueRules};
-use crate::devices::deviating::{Deviation, deviating};
+use super::Em66Rules;
 
 decisions! {
     /// The decisions of the control word, the modes and switching off (3.4.2 to 3.4.6).
-    pub(crate) trait OperationRules: Layer;
+    pub(crate) OperationDecision of Em66Rules, otherwise [DEVIATIONS];
 
     /// Bit 0 of the control word requests suction (3.4.2).
     fn suction_requested(&self, control_word: i64) -> bool {
@@ -217,286 +216,86 @@ const COOL: i64 = 400;
 /// In tenths of a percent.
 const EMPTY: i64 = 10;
 
-pub(super) const DEVIATIONS: &[Deviation<dyn Em66Rules>] = deviating! {
-    dyn Em66Rules: OperationRules [Em66Rules ControlRules AlarmRules FaultRules ValueRules];
+deviations! {
+    pub(super) DEVIATIONS of OperationDecision;
 
     // Suction
-    "suction-ignored" {
-        fn suction_requested(&self, _control_word: i64) -> bool { false }
-    }
-    "reserved-bits-request-suction" {
-        fn suction_requested(&self, control_word: i64) -> bool { control_word & 0x7F != 0 }
-    }
-    "failure-reset-ends-suction" {
-        fn suction_requested(&self, control_word: i64) -> bool { control_word & 0x81 == 1 }
-    }
-    "suction-claimed-without-it" {
-        fn suction_supported(&self, _supported: bool) -> bool { true }
-    }
-    "suction-looks-at-the-first-set-point" {
-        fn suction_set_point(&self, _chosen: i64, first: i64) -> i64 { first }
-    }
-    "suction-in-spite-of-the-set-point" {
-        fn suction_conflict(&self, _set_point: i64) -> bool { false }
-    }
-    "suction-in-conflict-with-any-set-point" {
-        fn suction_conflict(&self, _set_point: i64) -> bool { true }
-    }
-    "suction-in-spite-of-the-temperature" {
-        fn suction_delayed(&self, _effective: i64) -> bool { false }
-    }
-    "suction-delay-is-an-error" {
-        fn suction_delay_is_error(&self) -> bool { true }
-    }
-    "suction-while-off-is-an-error" {
-        fn suction_while_off_is_error(&self) -> bool { true }
-    }
-    "suction-now-or-never" {
-        fn suction_comes_later(&self) -> bool { false }
-    }
-    "suction-interrupted-by-the-temperature-ends" {
-        fn suction_resumes(&self, off: bool) -> bool { off }
-    }
-    "suction-interrupted-by-switching-off-ends" {
-        fn suction_resumes(&self, off: bool) -> bool { !off }
-    }
-    "suction-goes-on" {
-        fn suction_ends(&self) -> bool { false }
-    }
-    "suction-pumps-forward" {
-        fn suction_acts(&self, _active: bool) -> bool { false }
-    }
-    "suction-always-backward" {
-        fn suction_acts(&self, _active: bool) -> bool { true }
-    }
-    "suction-status-before-suction" {
-        fn suction_status(&self, requested: bool, _active: bool) -> i64 { requested.into() }
-    }
-    "suction-status-missing" {
-        fn suction_status(&self, _requested: bool, _active: bool) -> i64 { 0 }
-    }
-    "suction-status-in-another-bit" {
-        fn suction_status(&self, _requested: bool, active: bool) -> i64 {
-            i64::from(active) << 1
-        }
-    }
-    "reserved-status-bit" {
-        fn status_information(&self, suction: i64, _switching_off: bool) -> i64 {
-            if suction != 0 { suction | 0x80 } else { suction }
-        }
-    }
-    "switching-off-in-the-status-information" {
-        fn status_information(&self, suction: i64, switching_off: bool) -> i64 {
-            suction | i64::from(switching_off) << 7
-        }
-    }
-    "suction-error-without-request" {
-        fn suction_error(&self, _requested: bool, hindered: bool) -> bool { hindered }
-    }
-    "suction-error-missing" {
-        fn suction_error(&self, _requested: bool, _hindered: bool) -> bool { false }
-    }
-    "suction-error-stays" {
-        fn suction_error_stays(&self) -> bool { true }
-    }
-    "reserved-control-error" {
-        fn control_errors(&self, suction: bool) -> i64 { i64::from(suction) * 0x03 }
-    }
-    "reserved-control-error-always" {
-        fn control_errors(&self, suction: bool) -> i64 { i64::from(suction) | 0x10 }
-    }
-    "failure-reset-switches-off" {
-        fn control_byte_after_failure_reset(&self, _control_byte: i64) -> i64 { 0 }
-    }
+    "reserved-bits-request-suction" =>
+        suction_requested: |_, control_word| control_word & 0x7F != 0;
+    "failure-reset-ends-suction" => suction_requested: |_, control_word| control_word & 0x81 == 1;
+    "suction-looks-at-the-first-set-point" => suction_set_point: |_, _, first| first;
+    "suction-interrupted-by-the-temperature-ends" => suction_resumes: |_, off| off;
+    "suction-interrupted-by-switching-off-ends" => suction_resumes: |_, off| !off;
+    "suction-status-before-suction" => suction_status: |_, requested, _| requested.into();
+    "suction-status-in-another-bit" => suction_status: |_, _, active| i64::from(active) << 1;
+    "reserved-status-bit" =>
+        status_information: |_, suction, _| if suction != 0 { suction | 0x80 } else { suction };
+    "switching-off-in-the-status-information" =>
+        status_information: |_, suction, switching_off| suction | i64::from(switching_off) << 7;
+    "suction-error-without-request" => suction_error: |_, _, hindered| hindered;
+    "reserved-control-error" => control_errors: |_, suction| i64::from(suction) * 0x03;
+    "reserved-control-error-always" => control_errors: |_, suction| i64::from(suction) | 0x10;
 
     // Controller mode
-    "mode-written-while-switching-off-is-lost" {
-        fn mode_changes_while_switching_off(&self) -> bool { false }
-    }
-    "switch-off-mode-4-is-2-the-next-time" {
-        fn switch_off_mode_after_use(&self, chosen: u8) -> u8 {
-            if chosen == 4 { 2 } else { chosen }
-        }
-    }
-    "on-again-does-not-end-a-switch-off-in-mode-4" {
-        fn on_again_ends(&self, mode: u8) -> bool { mode != 4 }
-    }
-    "mode-2-without-return-line" {
-        fn mode_accepted(&self, mode: u8, _return_line: bool, external: bool) -> bool {
-            matches!(mode, 1 | 2) || mode == 3 && external
-        }
-    }
-    "mode-3-without-external-sensor" {
-        fn mode_accepted(&self, mode: u8, return_line: bool, _external: bool) -> bool {
-            matches!(mode, 1 | 3) || mode == 2 && return_line
-        }
-    }
-    "mode-1-refused" {
-        fn mode_accepted(&self, mode: u8, return_line: bool, external: bool) -> bool {
-            mode == 2 && return_line || mode == 3 && external
-        }
-    }
-    "mode-2-refused" {
-        fn mode_accepted(&self, mode: u8, _return_line: bool, external: bool) -> bool {
-            mode == 1 || mode == 3 && external
-        }
-    }
-    "mode-3-refused" {
-        fn mode_accepted(&self, mode: u8, return_line: bool, _external: bool) -> bool {
-            mode == 1 || mode == 2 && return_line
-        }
-    }
-    "undefined-mode-accepted" {
-        fn mode_accepted(&self, mode: u8, _return_line: bool, _external: bool) -> bool {
-            mode <= 3
-        }
-    }
-    "reserved-modes-accepted" {
-        fn mode_accepted(&self, mode: u8, _return_line: bool, _external: bool) -> bool {
-            mode != 0
-        }
-    }
-    "refused-mode-changes-the-mode" {
-        fn mode_after_refusal(&self, mode: i64) -> i64 { if mode == 1 { 2 } else { 1 } }
-    }
-    "mode-changes-while-off-only" {
-        fn mode_changes(&self, running: bool) -> bool { !running }
-    }
-    "mode-changes-while-on-only" {
-        fn mode_changes(&self, running: bool) -> bool { running }
-    }
-    "mode-1-controls-the-return-line" {
-        fn controlled_mode(&self, mode: i64) -> i64 { if mode == 1 { 2 } else { mode } }
-    }
-    "mode-2-controls-the-main-line" {
-        fn controlled_mode(&self, mode: i64) -> i64 { if mode == 2 { 1 } else { mode } }
-    }
-    "mode-3-controls-the-main-line" {
-        fn controlled_mode(&self, mode: i64) -> i64 { if mode == 3 { 1 } else { mode } }
-    }
-    "mode-undefined-while-off" {
-        fn mode_shown(&self, mode: i64, running: bool) -> i64 { if running { mode } else { 0 } }
-    }
-    "mode-undefined-before-choice" {
-        fn mode_before_choice(&self, _mode: i64) -> i64 { 0 }
-    }
-    "mode-always-main-line" {
-        fn mode_shown(&self, _mode: i64, _running: bool) -> i64 { 1 }
-    }
+    "switch-off-mode-4-is-2-the-next-time" =>
+        switch_off_mode_after_use: |_, chosen| if chosen == 4 { 2 } else { chosen };
+    "on-again-does-not-end-a-switch-off-in-mode-4" => on_again_ends: |_, mode| mode != 4;
+    "mode-2-without-return-line" =>
+        mode_accepted: |_, mode, _, external| matches!(mode, 1 | 2) || mode == 3 && external;
+    "mode-3-without-external-sensor" =>
+        mode_accepted: |_, mode, return_line, _| matches!(mode, 1 | 3) || mode == 2 && return_line;
+    "mode-1-refused" => mode_accepted: |_, mode, return_line, external| {
+        mode == 2 && return_line || mode == 3 && external
+    };
+    "mode-2-refused" => mode_accepted: |_, mode, _, external| mode == 1 || mode == 3 && external;
+    "mode-3-refused" =>
+        mode_accepted: |_, mode, return_line, _| mode == 1 || mode == 2 && return_line;
+    "undefined-mode-accepted" => mode_accepted: |_, mode, _, _| mode <= 3;
+    "reserved-modes-accepted" => mode_accepted: |_, mode, _, _| mode != 0;
+    "refused-mode-changes-the-mode" => mode_after_refusal: |_, mode| if mode == 1 { 2 } else { 1 };
+    "mode-changes-while-off-only" => mode_changes: |_, running| !running;
+    "mode-changes-while-on-only" => mode_changes: |_, running| running;
+    "mode-1-controls-the-return-line" =>
+        controlled_mode: |_, mode| if mode == 1 { 2 } else { mode };
+    "mode-2-controls-the-main-line" => controlled_mode: |_, mode| if mode == 2 { 1 } else { mode };
+    "mode-3-controls-the-main-line" => controlled_mode: |_, mode| if mode == 3 { 1 } else { mode };
+    "mode-undefined-while-off" => mode_shown: |_, mode, running| if running { mode } else { 0 };
 
     // Switching off
-    "cool-down-accepted-without-it" {
-        fn switch_off_mode_accepted(&self, mode: u8, _cool_down: bool, _evacuation: bool) -> bool {
-            mode <= 4
-        }
-    }
-    "evacuation-accepted-without-it" {
-        fn switch_off_mode_accepted(&self, mode: u8, cool_down: bool, _evacuation: bool) -> bool {
-            mode < 2 || mode == 3 || cool_down && mode <= 4
-        }
-    }
-    "reserved-switch-off-modes-accepted" {
-        fn switch_off_mode_accepted(&self, _mode: u8, _cool_down: bool, _evacuation: bool) -> bool {
-            true
-        }
-    }
-    "immediately-is-not-immediate" {
-        fn switch_off_actions(&self, mode: u8) -> (bool, bool) {
-            (matches!(mode, 1 | 2 | 4), matches!(mode, 1 | 3 | 4))
-        }
-    }
-    "cooling-down-left-out" {
-        fn switch_off_actions(&self, mode: u8) -> (bool, bool) { (false, matches!(mode, 3 | 4)) }
-    }
-    "evacuating-left-out" {
-        fn switch_off_actions(&self, mode: u8) -> (bool, bool) { (matches!(mode, 2 | 4), false) }
-    }
-    "cooling-down-evacuates-too" {
-        fn switch_off_actions(&self, mode: u8) -> (bool, bool) {
-            (matches!(mode, 2 | 4), matches!(mode, 2..=4))
-        }
-    }
-    "evacuates-first" {
-        fn evacuates_first(&self) -> bool { true }
-    }
-    "never-cool-enough" {
-        fn cooled_down(&self, _main_line: i64) -> bool { false }
-    }
-    "never-empty-enough" {
-        fn emptied(&self, _contents: i64) -> bool { false }
-    }
-    "switch-off-starts-when-written" {
-        fn switch_off_starts_when_written(&self, running: bool) -> bool { running }
-    }
-    "actions-start-when-written-while-off" {
-        fn switch_off_starts_when_written(&self, running: bool) -> bool { !running }
-    }
-    "switch-off-mode-written-meanwhile-is-lost" {
-        fn switch_off_mode_taken(&self, _running: bool, switching_off: bool) -> bool {
-            !switching_off
-        }
-    }
-    "switch-off-mode-written-while-on-is-lost" {
-        fn switch_off_mode_taken(&self, running: bool, _switching_off: bool) -> bool { !running }
-    }
-    "switch-off-mode-changes-meanwhile" {
-        fn switch_off_mode_in_force(&self, _present: u8, chosen: u8) -> u8 { chosen }
-    }
-    "switch-off-display-stuck" {
-        fn switch_off_display(&self, _switching_off: bool, _present: u8, _chosen: u8) -> u8 { 1 }
-    }
-    "switch-off-display-of-the-last-time" {
-        fn switch_off_display(&self, _switching_off: bool, present: u8, _chosen: u8) -> u8 {
-            present
-        }
-    }
-    "switch-off-display-counts-from-0" {
-        fn switch_off_display(&self, switching_off: bool, present: u8, chosen: u8) -> u8 {
-            if switching_off { present } else { chosen - 1 }
-        }
-    }
-    "switch-off-display-of-the-next-time" {
-        fn switch_off_display(&self, _switching_off: bool, _present: u8, chosen: u8) -> u8 {
-            chosen
-        }
-    }
-    "switching-off-in-bits-of-the-status-information" {
-        fn status_information(&self, suction: i64, switching_off: bool) -> i64 {
-            suction | i64::from(switching_off) << 1
-        }
-    }
-    "switch-off-display-undefined-meanwhile" {
-        fn switch_off_display(&self, switching_off: bool, _present: u8, chosen: u8) -> u8 {
-            if switching_off { 0 } else { chosen }
-        }
-    }
-    "off-before-all-is-done" {
-        fn on_while_switching_off(&self) -> bool { false }
-    }
-    "on-again-ignored" {
-        fn on_again_runs(&self) -> bool { false }
-    }
-    "switch-off-status-missing" {
-        fn switch_off_status(&self, _cools: bool, _evacuates: bool, _running: bool) -> i64 { 0 }
-    }
-    "switch-off-status-swapped" {
-        fn switch_off_status(&self, cools: bool, evacuates: bool, _running: bool) -> i64 {
-            i64::from(cools) | i64::from(evacuates) << 1
-        }
-    }
-    "evacuating-while-on" {
-        fn switch_off_status(&self, cools: bool, evacuates: bool, running: bool) -> i64 {
-            i64::from(evacuates || running) | i64::from(cools) << 1
-        }
-    }
-    "cooling-down-while-on" {
-        fn switch_off_status(&self, cools: bool, evacuates: bool, running: bool) -> i64 {
-            i64::from(evacuates) | i64::from(cools || running) << 1
-        }
-    }
-    "unassigned-switch-off-bit" {
-        fn switch_off_status(&self, cools: bool, evacuates: bool, _running: bool) -> i64 {
-            i64::from(evacuates) | i64::from(cools) << 1 | i64::from(evacuates || cools) << 2
-        }
-    }
-};
+    "cool-down-accepted-without-it" => switch_off_mode_accepted: |_, mode, _, _| mode <= 4;
+    "evacuation-accepted-without-it" => switch_off_mode_accepted: |_, mode, cool_down, _| {
+        mode < 2 || mode == 3 || cool_down && mode <= 4
+    };
+    "immediately-is-not-immediate" =>
+        switch_off_actions: |_, mode| (matches!(mode, 1 | 2 | 4), matches!(mode, 1 | 3 | 4));
+    "cooling-down-left-out" => switch_off_actions: |_, mode| (false, matches!(mode, 3 | 4));
+    "evacuating-left-out" => switch_off_actions: |_, mode| (matches!(mode, 2 | 4), false);
+    "cooling-down-evacuates-too" =>
+        switch_off_actions: |_, mode| (matches!(mode, 2 | 4), matches!(mode, 2..=4));
+    "switch-off-starts-when-written" => switch_off_starts_when_written: |_, running| running;
+    "actions-start-when-written-while-off" => switch_off_starts_when_written: |_, running| !running;
+    "switch-off-mode-written-meanwhile-is-lost" =>
+        switch_off_mode_taken: |_, _, switching_off| !switching_off;
+    "switch-off-mode-written-while-on-is-lost" => switch_off_mode_taken: |_, running, _| !running;
+    "switch-off-mode-changes-meanwhile" => switch_off_mode_in_force: |_, _, chosen| chosen;
+    "switch-off-display-of-the-last-time" => switch_off_display: |_, _, present, _| present;
+    "switch-off-display-counts-from-0" => switch_off_display: |_, switching_off, present, chosen| {
+        if switching_off { present } else { chosen - 1 }
+    };
+    "switch-off-display-of-the-next-time" => switch_off_display: |_, _, _, chosen| chosen;
+    "switching-off-in-bits-of-the-status-information" =>
+        status_information: |_, suction, switching_off| suction | i64::from(switching_off) << 1;
+    "switch-off-display-undefined-meanwhile" =>
+        switch_off_display: |_, switching_off, _, chosen| if switching_off { 0 } else { chosen };
+    "switch-off-status-swapped" =>
+        switch_off_status: |_, cools, evacuates, _| i64::from(cools) | i64::from(evacuates) << 1;
+    "evacuating-while-on" => switch_off_status: |_, cools, evacuates, running| {
+        i64::from(evacuates || running) | i64::from(cools) << 1
+    };
+    "cooling-down-while-on" => switch_off_status: |_, cools, evacuates, running| {
+        i64::from(evacuates) | i64::from(cools || running) << 1
+    };
+    "unassigned-switch-off-bit" => switch_off_status: |_, cools, evacuates, _| {
+        i64::from(evacuates) | i64::from(cools) << 1 | i64::from(evacuates || cools) << 2
+    };
+}
