@@ -25,8 +25,8 @@ use std::time::Duration;
 
 use canopen::{Abort, BenchError, Dictionary, Instant, Mux, Value};
 
-use crate::describe::Description;
 use crate::decisions::{Otherwise, Set};
+use crate::describe::Description;
 use crate::stack::{Behaviour, Errors};
 
 use alarm::Alarms;
@@ -38,7 +38,7 @@ use objects::{DIFFERENCE, EXTERNAL_SENSOR, FLOW, INTAKE_PRESSURE, MAIN_LINE, RET
 use operation::Operation;
 use process::Process;
 
-use rules::{Em66Rules};
+use rules::Em66Rules;
 
 /// What can be taken otherwise in the application.
 pub(super) const DECISIONS: Set = Set::of::<rules::Decision>();

@@ -113,8 +113,7 @@ mod tests {
     fn boots_up_once_and_only_then_listens() {
         let settings =
             NodeSettings { boot_up_time: Duration::from_millis(10), ..NodeSettings::default() };
-        let mut fixture =
-            Fixture::with(&eds(basic()), settings, Rules::default(), Box::new(Inert));
+        let mut fixture = Fixture::with(&eds(basic()), settings, Rules::default(), Box::new(Inert));
         assert_eq!(fixture.node.state(), NmtState::INITIALISING);
         assert!(fixture.ask("605#4000100000000000").is_empty());
         fixture.send("000#0105");
@@ -166,8 +165,7 @@ mod tests {
         };
         let mut entries = basic();
         set(&mut entries, mux(0x2001, 0), 5);
-        let mut fixture =
-            Fixture::with(&eds(entries), settings, Rules::default(), Box::new(Inert));
+        let mut fixture = Fixture::with(&eds(entries), settings, Rules::default(), Box::new(Inert));
         assert_eq!(fixture.until(300_000), sent(&[(170_000, "705#00")]));
         assert_eq!(fixture.node.state(), NmtState::OPERATIONAL);
     }
@@ -183,8 +181,7 @@ mod tests {
             let access = canopen::eds::Access::Rw;
             let entry = crate::stack::testing::entry(switch, DataType::BOOLEAN, access, 0);
             entries.push(Entry { default: Some(Term::fixed(Value::Bool(on))), ..entry });
-            let fixture =
-                Fixture::with(&eds(entries), settings, Rules::default(), Box::new(Inert));
+            let fixture = Fixture::with(&eds(entries), settings, Rules::default(), Box::new(Inert));
             assert_eq!(fixture.node.state(), state, "{on}");
         }
     }

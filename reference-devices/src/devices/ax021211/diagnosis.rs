@@ -9,12 +9,7 @@ use super::rules::Ax021211Rules;
 use crate::stack::{Errors, FaultKind};
 
 /// Raises and ends the errors of outputs and supply (table 22).
-pub(super) fn report(
-    network: &Network,
-    supply: f64,
-    errors: &mut Errors,
-    rules: &Ax021211Rules,
-) {
+pub(super) fn report(network: &Network, supply: f64, errors: &mut Errors, rules: &Ax021211Rules) {
     let (faults, (low, high)) = (network.faults(), rules.supply_errors(supply));
     if errors.are_none() && faults == 0 && !low && !high {
         return;

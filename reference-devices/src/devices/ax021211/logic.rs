@@ -175,7 +175,8 @@ mod tests {
         block.conditions[0][0] = condition(Link::new(1, 11), 4, Link::new(2, 15));
         block.operators[1] = 0;
         for (speed, number, shown) in [(999.0, 1, 100), (1000.0, 2, 200), (2500.0, 2, 200)] {
-            let (selected, output, signal) = block.evaluate(1, read(speed), table, &Ax021211Rules::plain());
+            let (selected, output, signal) =
+                block.evaluate(1, read(speed), table, &Ax021211Rules::plain());
             assert_eq!((selected, output), (number, shown), "{speed}");
             assert_eq!(signal.limits, Some(PERCENT));
         }
@@ -243,7 +244,8 @@ mod tests {
         let block = block();
         let wide = |_| Signal::new(125.0, Some((-500.0, 500.0)));
         assert_eq!(block.evaluate(1, read(0.0), wide, &Ax021211Rules::plain()).1, 625);
-        let (_, shown, signal) = block.evaluate(1, read(0.0), |_| Signal::ABSENT, &Ax021211Rules::plain());
+        let (_, shown, signal) =
+            block.evaluate(1, read(0.0), |_| Signal::ABSENT, &Ax021211Rules::plain());
         assert_eq!((shown, signal), (0, Signal::ABSENT));
         let disabled = LogicSettings { enabled: false, ..block };
         let evaluated = disabled.evaluate(2, read(0.0), table, &Ax021211Rules::plain());

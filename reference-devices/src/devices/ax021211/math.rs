@@ -263,7 +263,10 @@ mod tests {
         let mut settings = block(&[input(extra(3), 1.0), input(extra(4), 1.0)], [12; 3]);
         settings.inputs[0].low = -100.0;
         let failing = |link: Link| read(link).failing(link.number == 13);
-        assert_eq!(Math::default().evaluate(0, &settings, failing, &Ax021211Rules::plain()).0, 4000);
+        assert_eq!(
+            Math::default().evaluate(0, &settings, failing, &Ax021211Rules::plain()).0,
+            4000
+        );
         settings.low = 20.0;
         settings.enabled = false;
         assert_eq!(shown(&settings), 0);

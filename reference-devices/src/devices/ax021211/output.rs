@@ -326,12 +326,7 @@ impl Output {
     }
 
     /// What 7330h and 2370h show: of a digital output its logic state and its drive state.
-    fn view(
-        &self,
-        settings: &OutputSettings,
-        driven: Driven,
-        rules: &Ax021211Rules,
-    ) -> OutputView {
+    fn view(&self, settings: &OutputSettings, driven: Driven, rules: &Ax021211Rules) -> OutputView {
         let is_digital = self.kind.is_digital();
         let (commanded, feedback) = match self.kind {
             Kind::OnOff | Kind::Hotshot => {

@@ -262,7 +262,8 @@ mod tests {
         let (settings, mut pid) = (settings(0), Pid::default());
         let mut see = |micros: u64, target: f64| {
             let now = Instant(micros * 1000);
-            let shown = pid.evaluate(now, &settings, of(target), of(0.0), &Ax021211Rules::plain()).0;
+            let shown =
+                pid.evaluate(now, &settings, of(target), of(0.0), &Ax021211Rules::plain()).0;
             (shown, pid.due().map(|due| due.0 / 1000))
         };
         assert_eq!(see(0, 0.0), (0, None));
@@ -276,7 +277,8 @@ mod tests {
     fn without_both_sources_it_is_disabled_and_an_error_stops_it() {
         let (settings, mut pid) = (settings(0), Pid::default());
         let mut see = |settings: &PidSettings, target| {
-            let (shown, signal) = pid.evaluate(Instant::ZERO, settings, target, of(0.0), &Ax021211Rules::plain());
+            let (shown, signal) =
+                pid.evaluate(Instant::ZERO, settings, target, of(0.0), &Ax021211Rules::plain());
             (shown, signal.quality)
         };
         assert_eq!(see(&settings, of(20.0)), (155, Quality::Valid));

@@ -289,8 +289,16 @@ mod tests {
             (4500.0, 0.0, 87.5),
             (5000.0, 0.0, 100.0),
         ] {
-            assert_eq!(profile_a.over_data(position, &Ax021211Rules::plain()), a, "A at {position}");
-            assert_eq!(profile_b.over_data(position, &Ax021211Rules::plain()), b, "B at {position}");
+            assert_eq!(
+                profile_a.over_data(position, &Ax021211Rules::plain()),
+                a,
+                "A at {position}"
+            );
+            assert_eq!(
+                profile_b.over_data(position, &Ax021211Rules::plain()),
+                b,
+                "B at {position}"
+            );
         }
     }
 
@@ -327,7 +335,8 @@ mod tests {
         let at = |millis: u64| Instant(millis * 1_000_000);
         let settings = timed(false);
         let mut table = Table::default();
-        let mut see = |millis, x| table.evaluate(at(millis), &settings, x, &Ax021211Rules::plain()).0;
+        let mut see =
+            |millis, x| table.evaluate(at(millis), &settings, x, &Ax021211Rules::plain()).0;
         assert_eq!(see(0, off), 0);
         assert_eq!([1000, 1050, 1100, 1101].map(|time| see(time, on)), [0, 25, 80, 80]);
         assert_eq!([1299, 1300, 1350, 1400, 9000].map(|time| see(time, on)), [80, 80, 40, 0, 0]);
@@ -355,7 +364,8 @@ mod tests {
     fn a_table_without_source_is_absent_and_one_in_error_holds_its_value() {
         let (settings, mut table) = (steps_of_ten(), Table::default());
         let mut see = |settings: &TableSettings, x| {
-            let (shown, signal) = table.evaluate(Instant::ZERO, settings, x, &Ax021211Rules::plain());
+            let (shown, signal) =
+                table.evaluate(Instant::ZERO, settings, x, &Ax021211Rules::plain());
             (shown, signal.quality)
         };
         let x = Signal::new(42.0, None);

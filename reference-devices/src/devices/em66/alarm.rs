@@ -278,13 +278,7 @@ impl Setup {
             && rules.alarm_takes_action(self.action)
     }
 
-    fn is_met(
-        &self,
-        kind: AlarmType,
-        before: bool,
-        od: &Dictionary,
-        rules: &Em66Rules,
-    ) -> bool {
+    fn is_met(&self, kind: AlarmType, before: bool, od: &Dictionary, rules: &Em66Rules) -> bool {
         let read = |link: u32| match link {
             NONE => None,
             link => od.int(rules.alarm_input(linked(link, COMPARABLE, rules)?.0)),
@@ -369,11 +363,7 @@ fn quantity(
 }
 
 /// Which one of `objects` a link names.
-fn linked(
-    link: u32,
-    objects: &[(Mux, Quantity)],
-    rules: &Em66Rules,
-) -> Option<(Mux, Quantity)> {
+fn linked(link: u32, objects: &[(Mux, Quantity)], rules: &Em66Rules) -> Option<(Mux, Quantity)> {
     objects.iter().find(|(mux, _)| rules.alarm_link(*mux) == link).copied()
 }
 

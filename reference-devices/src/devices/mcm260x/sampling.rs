@@ -198,7 +198,8 @@ mod tests {
 
         fn run(&mut self, millisecond: u64) {
             let until = Instant(millisecond * 1_000_000);
-            let parameters = Parameters { table: Table::Analogue, od: &self.od, rules: &Mcm260xRules::plain() };
+            let parameters =
+                Parameters { table: Table::Analogue, od: &self.od, rules: &Mcm260xRules::plain() };
             while let Some(due) = self.input.poll_at().filter(|due| *due < until) {
                 self.input.follow(due, false, (2, 25.0), parameters);
             }

@@ -99,7 +99,8 @@ mod tests {
         for (item, value) in settings {
             od.set_int(Table::Analogue.address(*item, 1).unwrap(), *value);
         }
-        let parameters = Parameters { table: Table::Analogue, od: &od, rules: &Mcm260xRules::plain() };
+        let parameters =
+            Parameters { table: Table::Analogue, od: &od, rules: &Mcm260xRules::plain() };
         sample(connected, terminals, 1, parameters)
     }
 

@@ -11,8 +11,7 @@ use crate::stack::testing::{Fixture, eds, entry, full, mux};
 /// A device that is a block of this data sheet and nothing else.
 fn block(eds: &Eds) -> Fixture {
     let io = IoBlock::new(eds, Cia401Rules::default());
-    let mut fixture =
-        Fixture::with(eds, NodeSettings::default(), Rules::default(), Box::new(io));
+    let mut fixture = Fixture::with(eds, NodeSettings::default(), Rules::default(), Box::new(io));
     fixture.run_to(10_000);
     fixture
 }

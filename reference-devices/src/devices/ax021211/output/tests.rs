@@ -42,7 +42,13 @@ impl Bench {
         let elapsed = Duration::from_millis(millis);
         self.now += elapsed;
         let at = (&self.load, 24.0);
-        self.output.evaluate((self.now, elapsed), &self.settings, inputs, at, &Ax021211Rules::plain())
+        self.output.evaluate(
+            (self.now, elapsed),
+            &self.settings,
+            inputs,
+            at,
+            &Ax021211Rules::plain(),
+        )
     }
 
     fn commanded(&mut self, millis: u64, inputs: [Signal; 3]) -> i64 {

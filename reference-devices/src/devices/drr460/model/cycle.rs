@@ -116,7 +116,10 @@ mod tests {
         for _ in 0..4 {
             let next = cycle.next(wanted, 2.0, &Rules::plain()).unwrap();
             cycle.advance(next, 2.0);
-            edges.push(((next * 10.0).round() as i64, cycle.is_closed(wanted, 2.0, &Rules::plain())));
+            edges.push((
+                (next * 10.0).round() as i64,
+                cycle.is_closed(wanted, 2.0, &Rules::plain()),
+            ));
         }
         assert_eq!(edges, [(5, false), (15, true), (5, false), (15, true)]);
         assert_eq!(

@@ -42,11 +42,7 @@ impl Settings {
 
     /// What an error makes of the values of the master: 6200h and 6411h. They stay so until the
     /// master writes anew.
-    pub(crate) fn in_error(
-        &self,
-        (outputs, analogue): (i64, i64),
-        rules: &Rules,
-    ) -> (i64, i64) {
+    pub(crate) fn in_error(&self, (outputs, analogue): (i64, i64), rules: &Rules) -> (i64, i64) {
         let outputs = rules.commutes(outputs, self.commutes, self.error_outputs);
         (outputs, if self.analogue_commutes { self.error_analogue } else { analogue })
     }

@@ -17,13 +17,7 @@ impl Filter {
     /// A sample, so many seconds after the last one, and how many are averaged. The first one fills
     /// the average, so that no time is spent on the way from zero; one that comes early takes the
     /// place of the last.
-    pub(super) fn take(
-        &mut self,
-        sample: f64,
-        wanted: i64,
-        elapsed: f64,
-        rules: &Rules,
-    ) -> f64 {
+    pub(super) fn take(&mut self, sample: f64, wanted: i64, elapsed: f64, rules: &Rules) -> f64 {
         if !rules.filters_by_mean() {
             return self.follow(sample, wanted, elapsed);
         }

@@ -104,7 +104,11 @@ mod tests {
         for (hysteresis, steps) in table {
             let (settings, mut control) = (settings(&[(19, hysteresis)]), OnOff::default());
             for (missing, on) in steps {
-                assert_eq!(control.step(missing, &settings, &Rules::plain()), on, "{hysteresis} {missing}");
+                assert_eq!(
+                    control.step(missing, &settings, &Rules::plain()),
+                    on,
+                    "{hysteresis} {missing}"
+                );
             }
         }
     }
@@ -113,14 +117,23 @@ mod tests {
     fn a_reset_by_hand_ends_what_control_wants_no_more() {
         for (reset, kept) in [(1, false), (2, true)] {
             let (settings, mut control) = (settings(&[(22, reset)]), OnOff::default());
-            assert!(control.step(10, &settings, &Rules::plain()) && !control.resettable(&Rules::plain()));
+            assert!(
+                control.step(10, &settings, &Rules::plain())
+                    && !control.resettable(&Rules::plain())
+            );
             control.reset();
-            assert!(control.step(-10, &settings, &Rules::plain()) && control.resettable(&Rules::plain()));
+            assert!(
+                control.step(-10, &settings, &Rules::plain())
+                    && control.resettable(&Rules::plain())
+            );
             let mut restarted = control;
             restarted.restart(&settings);
             assert_eq!(restarted.step(-10, &settings, &Rules::plain()), kept);
             control.reset();
-            assert!(!control.step(-10, &settings, &Rules::plain()) && !control.resettable(&Rules::plain()));
+            assert!(
+                !control.step(-10, &settings, &Rules::plain())
+                    && !control.resettable(&Rules::plain())
+            );
         }
     }
 
@@ -131,6 +144,9 @@ mod tests {
         control.advance(1.9);
         assert!(!control.step(10, &settings, &Rules::plain()));
         control.advance(0.1);
-        assert!(control.step(10, &settings, &Rules::plain()) && !control.step(-10, &settings, &Rules::plain()));
+        assert!(
+            control.step(10, &settings, &Rules::plain())
+                && !control.step(-10, &settings, &Rules::plain())
+        );
     }
 }

@@ -163,7 +163,8 @@ mod tests {
 
     fn outputs(list: &[(u8, i64)], double_loop: bool, missing: i64) -> (i64, i64) {
         let mut outputs = Pid::default();
-        let outputs = outputs.step((missing, 0), &settings(list, double_loop), 0.1, &Rules::plain());
+        let outputs =
+            outputs.step((missing, 0), &settings(list, double_loop), 0.1, &Rules::plain());
         ((outputs.command * 1e4).round() as i64, (outputs.cooling * 1e4).round() as i64)
     }
 
@@ -206,13 +207,16 @@ mod tests {
     #[test]
     fn an_integral_grows_with_its_time_and_a_derivative_resists() {
         let (integrating, mut pid) = (settings(&[(34, 100)], false), Pid::default());
-        let last = (0..100).map(|_| pid.step((50, 0), &integrating, 0.1, &Rules::plain()).command).last();
+        let last =
+            (0..100).map(|_| pid.step((50, 0), &integrating, 0.1, &Rules::plain()).command).last();
         assert!((last.unwrap() - 0.5).abs() < 1e-6);
         let (resisting, mut pid) = (settings(&[(35, 10)], false), Pid::default());
         assert_eq!(pid.step((50, 0), &resisting, 0.1, &Rules::plain()).command, 0.25);
         // Ten digits nearer, of which the filter has not seen 1/e yet: a share of 200 digits.
         let expected = 0.2 - 10.0 * (-1.0_f64).exp() / 200.0;
-        assert!((pid.step((40, 0), &resisting, 1.0, &Rules::plain()).command - expected).abs() < 1e-9);
+        assert!(
+            (pid.step((40, 0), &resisting, 1.0, &Rules::plain()).command - expected).abs() < 1e-9
+        );
         // A step of the set point has no part in it.
         let (resisting, mut pid) = (settings(&[(35, 10)], false), Pid::default());
         pid.step((50, 0), &resisting, 0.1, &Rules::plain());

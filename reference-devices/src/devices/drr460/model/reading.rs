@@ -153,7 +153,8 @@ mod tests {
 
     fn read(list: &[(u8, i64)], connected: Connected, terminals: f64) -> (i64, bool) {
         let settings = Settings::of(&Parameters::listed(list, &Rules::plain()));
-        let reading = Input::default().sample((connected, terminals), &settings, 0.1, &Rules::plain());
+        let reading =
+            Input::default().sample((connected, terminals), &settings, 0.1, &Rules::plain());
         (reading.process, reading.is_error)
     }
 

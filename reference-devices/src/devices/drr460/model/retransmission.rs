@@ -46,11 +46,7 @@ pub(super) struct Sources {
 }
 
 /// The current of the output in microamperes; `None` when nothing is retransmitted.
-pub(super) fn microamperes(
-    sources: &Sources,
-    settings: &Settings,
-    rules: &Rules,
-) -> Option<f64> {
+pub(super) fn microamperes(sources: &Sources, settings: &Settings, rules: &Rules) -> Option<f64> {
     let value = match settings.source {
         1 => sources.process as f64,
         2 => sources.set_point as f64,
