@@ -1,11 +1,11 @@
 //! How decisions are written down, and how a device that takes one otherwise is found: those of
 //! the stack and those of applications.
 //!
-//! [`decisions!`] makes a method of each decision, with what a document says as its body. A
-//! [`Layers`] has these methods. What decides otherwise lies in layers on top: the topmost layer
-//! that concerns a decision takes it, and none of them costs nothing where there is no layer. A
-//! layer is a value that data give (`{ decision: boot-up-messages, is: 2 }`) or a closure with a
-//! name ([`deviations!`]), which gets the rules beneath and the arguments.
+//! [`decisions!`] makes a method of each decision, with what a document says as its body.
+//! [`Layers`] has these methods. Layers on top decide otherwise: each takes one decision, and the
+//! topmost one of a decision takes it. Rules without a layer go straight to the body. What a layer
+//! decides is a value that data give (`{ decision: boot-up-messages, is: 2 }`), or it is left to a
+//! closure with a name ([`deviations!`]), which gets the rules beneath and the arguments.
 
 mod dissent;
 mod value;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 pub use dissent::Dissent;
 pub(crate) use value::{Settable, in_code_alone, words};
 
-/// Decisions of which the layers on top take some otherwise than their document says.
+/// The decisions of a document, and on top of them layers that take some of them otherwise.
 #[derive(Debug)]
 pub struct Layers<D> {
     top: Option<Box<Layer<D>>>,

@@ -105,7 +105,7 @@ impl Ax021211 {
             // It wakes up just in time for a cycle.
             return self.cycle(now);
         }
-        self.network.evaluate(now, Duration::ZERO, &*self.rules);
+        self.network.evaluate(now, Duration::ZERO, &self.rules);
         if is_asleep {
             self.last = Instant(next.0.saturating_sub(CYCLE.as_nanos() as u64));
             self.next = Some(next);
@@ -115,7 +115,7 @@ impl Ax021211 {
     /// A control cycle.
     fn cycle(&mut self, now: Instant) {
         let elapsed = now.since(self.last).min(CYCLE);
-        self.network.evaluate(now, elapsed, &*self.rules);
+        self.network.evaluate(now, elapsed, &self.rules);
         self.last = now;
         let due = match self.network.finish() {
             true => Some(now),
@@ -202,7 +202,7 @@ impl Ax021211 {
         if let Some(kind) = Kind::of(code)
             && self.rules.updates(enabled, kind)
         {
-            defaults::update(mux.sub, kind, od, &*self.rules);
+            defaults::update(mux.sub, kind, od, &self.rules);
         }
     }
 
@@ -220,7 +220,7 @@ impl Ax021211 {
 
     /// The frequencies of the pulses and of the dithers in hertz.
     fn frequencies(&self, od: &Dictionary) -> ([i64; OUTPUTS], [i64; OUTPUTS]) {
-        let parameters = Parameters { od, rules: &*self.rules };
+        let parameters = Parameters { od, rules: &self.rules };
         let pulses = std::array::from_fn(|place| {
             let kind = self.network.output(place).kind;
             if matches!(kind, Kind::Disabled | Kind::OnOff) {
@@ -242,7 +242,7 @@ impl Behaviour for Ax021211 {
     fn reset(&mut self, now: Instant, od: &mut Dictionary) {
         self.powered = true;
         (self.outside.timed_out, self.outside.operational) = ([false; 24], false);
-        self.network.restart(Parameters { od, rules: &*self.rules });
+        self.network.restart(Parameters { od, rules: &self.rules });
         for place in (0..OUTPUTS).filter(|_| self.rules.reads_types_at_a_start()) {
             self.kinds[place] = od.int(Mux::new(OUTPUT_TYPE, place as u8 + 1)).unwrap_or(0);
         }
@@ -262,15 +262,15 @@ impl Behaviour for Ax021211 {
 
     fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
         self.follow_up(mux, od);
-        let parameters = Parameters { od, rules: &*self.rules };
+        let parameters = Parameters { od, rules: &self.rules };
         self.touched |= self.network.written(mux, parameters);
         if self.rules.source_spreads_points()
             && let Some(points) = self.spread_points(mux.index, od)
         {
-            let parameters = Parameters { od, rules: &*self.rules };
+            let parameters = Parameters { od, rules: &self.rules };
             self.touched |= self.network.written(points, parameters);
         }
-        let parameters = Parameters { od, rules: &*self.rules };
+        let parameters = Parameters { od, rules: &self.rules };
         if matches!(mux.index, RECEIVED | RECEIVED_STATUS) {
             let value = Mux::new(PROCESS_VALUE, mux.sub);
             self.touched |= self.network.written(value, parameters);
@@ -285,10 +285,10 @@ impl Behaviour for Ax021211 {
     }
 
     fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
-        let timed_out = diagnosis::timed_out(errors, od, &*self.rules);
+        let timed_out = diagnosis::timed_out(errors, od, &self.rules);
         self.touched |= std::mem::replace(&mut self.outside.timed_out, timed_out) != timed_out;
         if self.touched {
-            self.network.look(&self.outside, &*self.rules);
+            self.network.look(&self.outside, &self.rules);
         }
         while let Some(due) = self.next.filter(|due| *due <= now) {
             self.cycle(due);
@@ -300,8 +300,8 @@ impl Behaviour for Ax021211 {
             show_real(od, SUPPLY, supply);
             show_real(od, TEMPERATURE, temperature);
         }
-        self.network.show(od, &*self.rules);
-        diagnosis::report(&self.network, self.outside.supply, errors, &*self.rules);
+        self.network.show(od, &self.rules);
+        diagnosis::report(&self.network, self.outside.supply, errors, &self.rules);
     }
 
     fn poll_at(&self) -> Option<Instant> {

@@ -129,7 +129,7 @@ impl Drr460 {
     /// Reads the parameters anew.
     fn configure(&mut self, od: &Dictionary) {
         let lasts = self.expansion.enabled && self.rules.expansion_lasts();
-        let parameters = Parameters::of(od, &*self.rules);
+        let parameters = Parameters::of(od, &self.rules);
         self.settings = Settings::of(&parameters);
         self.expansion = expansion::Settings::of(&parameters);
         self.expansion.enabled |= lasts;
@@ -140,7 +140,7 @@ impl Drr460 {
         if self.rules.presets_at_power_on() {
             self.preset(parameter(od, COOLING_FLUID), od);
         }
-        let parameters = Parameters::of(od, &*self.rules).stored();
+        let parameters = Parameters::of(od, &self.rules).stored();
         self.settings = Settings::of(&parameters);
         self.expansion = expansion::Settings::of(&parameters);
     }
@@ -168,7 +168,7 @@ impl Drr460 {
     fn pass(&mut self, until: Instant) {
         let elapsed = until.since(self.at).as_secs_f64();
         self.load.advance(self.controller.drive(&self.settings), elapsed);
-        self.controller.advance(elapsed, &self.settings, &*self.rules);
+        self.controller.advance(elapsed, &self.settings, &self.rules);
         self.at = until;
         if self.silence.advance(elapsed, &self.expansion) {
             self.next_decision = Some(until);
@@ -177,7 +177,7 @@ impl Drr460 {
 
     /// When an output changes by itself, or a decision is due; later than now.
     fn next_step(&self) -> Option<Instant> {
-        let edge = self.controller.next(&self.settings, &*self.rules);
+        let edge = self.controller.next(&self.settings, &self.rules);
         let silence = self.silence.next(&self.expansion);
         let after = |seconds: f64| self.at + Duration::from_nanos((seconds * 1e9).max(1.0) as u64);
         [edge.map(after), silence.map(after)].into_iter().fold(self.next_decision, earlier)
@@ -195,7 +195,7 @@ impl Drr460 {
         let (settings, rules) = (&self.settings, &*self.rules);
         let outcome = self.controller.decide(&self.inputs, settings, elapsed, rules);
         if let Some(found) = outcome.found {
-            self.memory.tuned(found, od, &*self.rules);
+            self.memory.tuned(found, od, &self.rules);
             od.set_int(TUNING, self.controller.tuning(&self.settings));
             self.configure(od);
         }
@@ -245,7 +245,7 @@ impl Drr460 {
         self.inputs.master = self.expansion.enabled.then(|| {
             self.io.drive(od);
             let (outputs, analogue) = self.commanded();
-            self.expansion.connect(outputs, analogue, &*self.rules)
+            self.expansion.connect(outputs, analogue, &self.rules)
         });
     }
 
@@ -261,7 +261,7 @@ impl Drr460 {
             return;
         }
         self.io.drive(od);
-        let (outputs, analogue) = self.expansion.in_error(self.commanded(), &*self.rules);
+        let (outputs, analogue) = self.expansion.in_error(self.commanded(), &self.rules);
         for (mux, value) in [(MASTER_OUTPUTS, outputs), (MASTER_ANALOGUE, analogue)] {
             od.set_int(mux, value);
             self.io.written(self.at, mux, od);
@@ -272,14 +272,14 @@ impl Drr460 {
     fn is_settled(&self) -> bool {
         let rests = self.load.rests(self.controller.drive(&self.settings));
         (rests || !self.around.in_process)
-            && self.controller.is_settled(&self.settings, &*self.rules)
+            && self.controller.is_settled(&self.settings, &self.rules)
     }
 
     /// The objects of what was decided.
     fn show_outcome(&mut self, outcome: Outcome, od: &mut Dictionary) {
         let share = |share: f64| (share * FULL_OUTPUT).round() as i64;
         self.io.measure(PROCESS_INPUT, outcome.process, od);
-        let (command, alarms) = self.controller.resettable(&*self.rules);
+        let (command, alarms) = self.controller.resettable(&self.rules);
         let shown = [
             (COLD_OUTPUT, share(outcome.cooling)),
             (COLD_JUNCTION, (self.around.terminals * 10.0).round() as i64),
@@ -339,9 +339,7 @@ impl Drr460 {
         let written = value(od, mux);
         match mux {
             COMMAND_RESET if self.rules.resets(written) => self.controller.reset_command(),
-            ALARMS_RESET if self.rules.resets(written) => {
-                self.controller.reset_alarms(&*self.rules)
-            }
+            ALARMS_RESET if self.rules.resets(written) => self.controller.reset_alarms(&self.rules),
             TUNING if self.rules.obeys_tuning(written) => {
                 let sight = (self.outcome.process, value(od, SET_POINT));
                 self.controller.command_tuning(written, sight, &self.settings);
@@ -372,8 +370,8 @@ impl Drr460 {
 
     /// The key was pressed long enough: the present current becomes the threshold.
     fn teach(&mut self, od: &mut Dictionary) {
-        if self.panel.teaches(self.at, &*self.rules) {
-            let threshold = self.controller.taught(&*self.rules);
+        if self.panel.teaches(self.at, &self.rules) {
+            let threshold = self.controller.taught(&self.rules);
             if let Some(threshold) = threshold {
                 set_parameter(od, HEATER_BREAK, threshold);
                 self.configure(od);
@@ -426,7 +424,7 @@ impl Drr460 {
             command_on_q1: Controller::command_is_on_q1(&self.settings),
             loads_defaults: self.loads_defaults(),
         };
-        self.panel.show(now, &shown, &*self.rules);
+        self.panel.show(now, &shown, &self.rules);
     }
 
     /// Before a bench sets them, the switches are as the device was given its node-ID and its bit
@@ -438,7 +436,7 @@ impl Drr460 {
             self.around.switches = Switches { address, rate: (rate + 1) as u8 };
             self.bus_rate = Some(rate);
         }
-        let code = Parameters::of(od, &*self.rules).get(BIT_RATE_CODE);
+        let code = Parameters::of(od, &self.rules).get(BIT_RATE_CODE);
         let rate = self.around.switches.rate(code);
         od.set_int(BIT_RATE, rate);
     }
@@ -458,9 +456,9 @@ impl Behaviour for Drr460 {
             self.memory.forget();
             self.controller.forget();
         }
-        self.memory.give_back(od, &*self.rules);
+        self.memory.give_back(od, &self.rules);
         self.configure_at_power_on(od);
-        self.controller.restart(&self.settings, self.around.faults, &*self.rules);
+        self.controller.restart(&self.settings, self.around.faults, &self.rules);
         self.found = Found {
             changed_hardware: self.around.module == Module::Other
                 && self.memory.module != Module::Other,
@@ -490,7 +488,7 @@ impl Behaviour for Drr460 {
     }
 
     fn attachment(&self, od: &Dictionary) -> Attachment {
-        let parameters = Parameters::of(od, &*self.rules);
+        let parameters = Parameters::of(od, &self.rules);
         let configured = [ADDRESS, BIT_RATE_CODE].map(|sub| parameters.get(sub));
         match self.bus_rate {
             Some(bus) if self.switched => {
@@ -584,7 +582,7 @@ impl Behaviour for Drr460 {
 
     fn poll_at(&self) -> Option<Instant> {
         let now = (self.news || self.changed).then_some(self.at);
-        let rest = [self.panel.poll_at(&*self.rules), self.overflow_ends, now];
+        let rest = [self.panel.poll_at(&self.rules), self.overflow_ends, now];
         rest.into_iter().fold(self.next_step(), earlier)
     }
 

@@ -220,10 +220,10 @@ impl Behaviour for Em66 {
     fn reset(&mut self, _now: Instant, od: &mut Dictionary) {
         self.touched = true;
         self.stimuli.fit(od);
-        self.faults.restart(&*self.rules);
+        self.faults.restart(&self.rules);
         self.operation = Operation::new(self.codes);
         self.controller.restart();
-        self.alarms.reset(od, &*self.rules);
+        self.alarms.reset(od, &self.rules);
     }
 
     fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {

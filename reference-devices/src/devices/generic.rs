@@ -153,7 +153,7 @@ impl Behaviour for Generic {
     fn run(&mut self, now: Instant, od: &mut Dictionary, errors: &mut Errors) {
         self.io.run(now, od, errors);
         self.simulate(od, errors);
-        self.faults.iter_mut().for_each(|fault| fault.show(errors, &*self.rules));
+        self.faults.iter_mut().for_each(|fault| fault.show(errors, &self.rules));
         let faulty = i64::from(errors.register() != 0);
         let running = i64::from(self.state == NmtState::OPERATIONAL);
         od.set_int(STATUS, faulty | running << 1);

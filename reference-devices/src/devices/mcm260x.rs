@@ -126,7 +126,7 @@ impl Mcm260x {
     }
 
     fn parameters<'a>(&'a self, od: &'a Dictionary) -> Parameters<'a> {
-        Parameters { table: self.table, od, rules: &*self.rules }
+        Parameters { table: self.table, od, rules: &self.rules }
     }
 
     /// Gives a value that has two addresses to the other one.
@@ -183,7 +183,7 @@ impl Mcm260x {
     fn sample(&mut self, now: Instant, od: &mut Dictionary) -> bool {
         let mut news = self.changed;
         for (place, input) in self.inputs.iter_mut().enumerate() {
-            let parameters = Parameters { table: self.table, od, rules: &*self.rules };
+            let parameters = Parameters { table: self.table, od, rules: &self.rules };
             let before = (input.value, input.is_out_of_range());
             let terminals = self.surroundings.terminals;
             input.follow(now, self.changed, (place, terminals), parameters);
@@ -266,7 +266,7 @@ impl Behaviour for Mcm260x {
         if self.modbus.is_some() {
             self.take_offline_levels(od);
         }
-        self.encoders.iter_mut().for_each(|encoder| encoder.restart(now, &*self.rules));
+        self.encoders.iter_mut().for_each(|encoder| encoder.restart(now, &self.rules));
         self.inputs.iter_mut().for_each(AnalogueInput::restart);
         self.set_up(od);
         self.changed = true;
@@ -333,7 +333,7 @@ impl Behaviour for Mcm260x {
         if mux.index == COMMANDS
             && let Some((encoder, setup)) = self.encoders.get_mut(place).zip(self.setups.get(place))
         {
-            let left = encoder.command(command, *setup, &*self.rules);
+            let left = encoder.command(command, *setup, &self.rules);
             od.set_int(mux, left);
             self.show_counts(od);
         }

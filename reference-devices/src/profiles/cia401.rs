@@ -69,14 +69,14 @@ impl IoBlock {
     pub(crate) fn measure(&mut self, place: usize, field: i64, od: &mut Dictionary) {
         if let Some(input) = self.analogue_inputs.get_mut(place) {
             input.field = field;
-            input.convert(od, &*self.rules);
+            input.convert(od, &self.rules);
         }
     }
 
     /// Lets the terminals of the outputs follow the objects.
     pub(crate) fn drive(&mut self, od: &Dictionary) {
         for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {
-            output.drive(od, &*self.rules);
+            output.drive(od, &self.rules);
         }
     }
 
@@ -166,7 +166,7 @@ impl Behaviour for IoBlock {
             // What was written since the last run belongs to the levels that an output keeps.
             self.drive(od);
             for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {
-                output.fail(od, &*self.rules);
+                output.fail(od, &self.rules);
             }
         } else if self.rules.recovers(event) {
             self.outputs().for_each(Output::recover);
@@ -179,10 +179,10 @@ impl Behaviour for IoBlock {
             return;
         }
         for input in &mut self.digital_inputs {
-            input.sample(now, od, &*self.rules);
+            input.sample(now, od, &self.rules);
         }
         for input in &self.analogue_inputs {
-            input.convert(od, &*self.rules);
+            input.convert(od, &self.rules);
         }
         self.drive(od);
         self.show_sources(od);
@@ -254,9 +254,9 @@ impl Behaviour for IoBlock {
         let last = od.entry(mux).and_then(|entry| entry.data_type.decode_int(last));
         let (Some(last), Some(now)) = (last, od.int(mux)) else { return true };
         match channel.kind {
-            Kind::DigitalInput => inputs::edge(channel, last, now, od, &*self.rules),
+            Kind::DigitalInput => inputs::edge(channel, last, now, od, &self.rules),
             Kind::AnalogueInput => {
-                let event = inputs::threshold(channel, last, now, od, &*self.rules);
+                let event = inputs::threshold(channel, last, now, od, &self.rules);
                 let (bank, bit) = (usize::from(mux.sub - 1) / 32, (mux.sub - 1) % 32);
                 if event && let Some(bank) = self.sources.get_mut(bank) {
                     *bank |= 1 << bit;

@@ -51,7 +51,7 @@ impl Base {
 
     /// An error of the communication appeared.
     pub(crate) fn raise(&mut self, fault: Fault) {
-        self.errors.raise_fault(fault, &self.settings.emcy, &*self.rules);
+        self.errors.raise_fault(fault, &self.settings.emcy, &self.rules);
     }
 
     /// The cause of an error of the communication is gone.

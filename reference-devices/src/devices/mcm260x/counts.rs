@@ -21,13 +21,13 @@ impl Mcm260x {
             let number = end.0 / TENTH.as_nanos() as u64;
             let of_second = number.is_multiple_of(TENTHS_IN_A_SECOND);
             for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
-                encoder.follow(end, setup.counting(counts), &*self.rules);
+                encoder.follow(end, setup.counting(counts), &self.rules);
                 encoder.interval_ends(of_second);
             }
             self.next_tenth += TENTH;
         }
         for (encoder, setup) in self.encoders.iter_mut().zip(&self.setups) {
-            encoder.follow(now, setup.counting(counts), &*self.rules);
+            encoder.follow(now, setup.counting(counts), &self.rules);
         }
         self.show_counts(od);
     }
@@ -43,7 +43,7 @@ impl Mcm260x {
             od.set_int(Mux::new(IN_A_TENTH, sub), tenth);
             let command = Mux::new(COMMANDS, sub);
             if let Some(last) = od.int(command).filter(|last| *last != 0) {
-                od.set_int(command, encoder.open_commands(last, &*self.rules));
+                od.set_int(command, encoder.open_commands(last, &self.rules));
             }
         }
     }
@@ -74,7 +74,7 @@ impl Mcm260x {
                 false => mode,
             };
             if mode != self.setups[place].mode {
-                self.encoders[place].set_up_anew(&*self.rules);
+                self.encoders[place].set_up_anew(&self.rules);
             }
             self.setups[place] = Setup { mode, preset };
         }

@@ -200,7 +200,7 @@ impl Mcm260x {
         match prefix {
             bench::STEPS => {
                 encoder.motion.move_to(now, whole(i32::MIN.into(), i32::MAX.into())?);
-                encoder.follow(now, setup, &*self.rules);
+                encoder.follow(now, setup, &self.rules);
             }
             bench::FREQUENCIES => {
                 let lines =
@@ -212,7 +212,7 @@ impl Mcm260x {
                 let rises = level && !encoder.motion.index_level;
                 encoder.motion.index_level = level;
                 if rises && encoder.motion.turn == 0 {
-                    encoder.see_index(setup, &*self.rules);
+                    encoder.see_index(setup, &self.rules);
                 }
             }
             _ => encoder.motion.turn = whole(0, 1_000_000)?,
