@@ -103,6 +103,7 @@ impl Change {
 /// both keys below `decision`.
 #[derive(Clone, Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
+#[schemars(inline)]
 pub(crate) struct DecisionChange {
     /// The decision of the stack or of the application.
     pub decision: String,

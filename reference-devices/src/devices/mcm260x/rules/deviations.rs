@@ -176,6 +176,7 @@ deviations! {
         _ => phase,
     };
     "level-leds-of-outputs-only" => level_leds: |_, _, outputs| outputs;
+    "level-leds-of-inputs-only" => level_leds: |_, inputs, _| inputs;
     "level-leds-from-the-other-end" =>
         level_leds: |_, inputs, outputs| i64::from(((inputs | outputs) as u8).reverse_bits());
     "input-led-while-disabled" => input_led: |_, _, out_of_range| (false, out_of_range);
