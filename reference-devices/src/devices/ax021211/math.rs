@@ -105,7 +105,7 @@ impl Math {
     fn own(place: usize, input: &MathInput, rules: &Ax021211Rules) -> Option<usize> {
         let is_own = input.link.source == MATH_SOURCE
             && rules.is_own_block(usize::from(input.link.number) == place + 1);
-        let function = usize::from(rules.function_number(input.function)).checked_sub(1)?;
+        let function = usize::from(input.function).checked_sub(1)?;
         (is_own && function < 3).then_some(function)
     }
 

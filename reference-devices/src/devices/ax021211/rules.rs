@@ -428,11 +428,6 @@ decisions! {
         3
     }
 
-    /// 4y02h (2.4.72).
-    fn function_number(&self, code: u8) -> u8 {
-        code
-    }
-
     /// Only of its own block an input can take a function (1.7).
     fn is_own_block(&self, is_own: bool) -> bool {
         is_own
