@@ -4,7 +4,7 @@ use canopen::eds::Term;
 use canopen::{Mux, Value, VirtualBus};
 use harness::cli::{DEFAULT_BIT_RATE, Selection};
 use harness::plan::{self, Plan};
-use harness::run::{Policy, Session, Undo};
+use harness::run::{Policy, Session, Undo, Unobserved};
 use harness::stop::Stop;
 use harness::suite::{Folders, Library};
 use harness::target;
@@ -59,7 +59,7 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        witness: None,
+        observer: &Unobserved,
         stop: &stop,
         undo: &Undo::default(),
     };

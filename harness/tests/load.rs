@@ -9,7 +9,7 @@ use canopen::{Device, Frame, Instant, Outbox, VirtualBus};
 use clap::Parser;
 use harness::cli::{Cli, DEFAULT_BIT_RATE};
 use harness::plan;
-use harness::run::{Ending, Policy, Session, Undo};
+use harness::run::{Ending, Policy, Session, Undo, Unobserved};
 use harness::stop::Stop;
 use harness::suite::Library;
 use harness::target::{self, Connection};
@@ -162,7 +162,7 @@ fn run_with(target: &str, crowds: &[Crowd]) -> Came {
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        witness: None,
+        observer: &Unobserved,
         stop: &Stop::default(),
         undo: &Undo::default(),
     };

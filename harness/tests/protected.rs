@@ -12,7 +12,7 @@ use canopen::{BenchError, Device, Frame, Instant, Mux, Outbox, Value, VirtualBus
 use clap::Parser;
 use harness::cli::{Cli, DEFAULT_BIT_RATE};
 use harness::plan;
-use harness::run::{Ending, Policy, Session, Undo};
+use harness::run::{Ending, Policy, Session, Undo, Unobserved};
 use harness::stop::Stop;
 use harness::suite::Library;
 use harness::target;
@@ -158,7 +158,7 @@ fn run(device: &str, drawn: &Drawn, file: &str) -> Came {
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        witness: None,
+        observer: &Unobserved,
         stop: &stop,
         undo: &Undo::default(),
     };

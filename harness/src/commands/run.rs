@@ -19,7 +19,7 @@ use crate::parallel::{self, InTurn, processors};
 use crate::plan::{self, Instance, Plan};
 use crate::protect::Deed;
 use crate::reporter::{Reporter, harmless, started};
-use crate::run::{Ending, Policy, Session, Undo};
+use crate::run::{Ending, Policy, Session, Undo, Unobserved};
 use crate::source::{At, Complaint};
 use crate::stop::Stop;
 use crate::suite::{Library, Register};
@@ -190,7 +190,7 @@ impl Sessions<'_> {
             rerun: rerun(args, target),
             waivers: self.waivers,
             max_fail: args.max_fail,
-            witness: None,
+            observer: &Unobserved,
             stop: &stop,
             undo: &undo,
         };

@@ -16,7 +16,7 @@ use super::{LIBRARY, SHEETS};
 use crate::candump;
 use crate::dut::Dut;
 use crate::plan::{self, Plan};
-use crate::run::{Policy, Session, Undo};
+use crate::run::{Policy, Session, Undo, Unobserved};
 use crate::stop::Stop;
 use crate::target::{self, compose, scan};
 use crate::waivers::Waivers;
@@ -97,7 +97,7 @@ pub fn runner_session(bytes: &[u8]) {
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        witness: None,
+        observer: &Unobserved,
         stop: &Stop::default(),
         undo: &Undo::default(),
     };

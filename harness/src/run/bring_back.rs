@@ -8,6 +8,7 @@ use reports::Identity;
 
 use super::baseline::Baseline;
 use super::link::Link;
+use super::observer::Unobserved;
 use super::policy::Policy;
 use super::restore::Snapshot;
 use super::sdo;
@@ -52,7 +53,7 @@ impl Abandoned<'_> {
         stop: &Stop,
     ) -> Result<BroughtBack, BusError> {
         let mut nobody = |_| {};
-        let (dut, link) = (self.dut, &mut Link::reporting(bus, &mut nobody, stop));
+        let (dut, link) = (self.dut, &mut Link::reporting(bus, &mut nobody, &Unobserved, stop));
         link.listen_to(dut.node);
         let baseline = Baseline::of(self.identity);
         if let Err(lost) = settle::wake(link, policy, dut, &baseline, self.may_reset)? {

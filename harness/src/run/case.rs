@@ -14,9 +14,10 @@ use super::bench;
 use super::bench_snapshot::BenchSnapshot;
 use super::judge::{Difference, Judgement, Trouble, excerpt};
 use super::link::Link;
+use super::observer::{Observer, Shown, Unobserved};
 use super::policy::Policy;
 use super::promise;
-use super::proof::{Proof, Shown, Witness};
+use super::proof::Proof;
 use super::restore::Snapshot;
 use super::settle::{self, Left, Unsettled};
 use super::steps::Steps;
@@ -35,7 +36,7 @@ pub(super) struct Finished {
     pub outcome: Outcome,
     /// What the case means for those that follow.
     pub aftermath: Aftermath,
-    /// What it shows about its assertions, where somebody wants to know.
+    /// What it shows about its assertions, where the observer wants to know.
     pub shown: Option<Shown>,
 }
 
@@ -63,19 +64,19 @@ pub(super) struct Common<'r> {
     pub known: &'r [u16],
     /// What was changed in it.
     pub undo: &'r Undo,
-    /// Who learns what the cases show about their assertions.
-    pub witness: Option<&'r dyn Witness>,
+    /// Learns what happens.
+    pub observer: &'r dyn Observer,
 }
 
 /// Runs one instance.
 pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Left) -> Finished {
-    let Common { policy, dut, baseline, known, undo, witness } = common;
+    let Common { policy, dut, baseline, known, undo, observer } = common;
     let mut left = left;
     let (mut attempt, mut stalled, mut failed) = (0, false, false);
     loop {
         attempt += 1;
         let (link, bench_snapshot) = (&mut *link, BenchSnapshot::default());
-        let proof = witness.map(Proof::of);
+        let proof = Proof::of(observer);
         let late = None;
         let mut run = CaseRun {
             link,
@@ -88,7 +89,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             undo,
             late,
             proof,
-            witness,
+            observer,
         };
         run.link.forget_traffic();
         let (mut outcome, aftermath) = run.run(left);
@@ -162,10 +163,9 @@ struct CaseRun<'r, 'b> {
     undo: &'r Undo,
     /// How late the tester was, when that may be the reason of the outcome.
     late: Option<Duration>,
-    /// What the run shows about the assertions, where somebody wants to know.
+    /// What the run shows about the assertions, where the observer wants to know.
     proof: Option<Proof>,
-    /// Who that is.
-    witness: Option<&'r dyn Witness>,
+    observer: &'r dyn Observer,
 }
 
 impl CaseRun<'_, '_> {
@@ -243,11 +243,11 @@ impl CaseRun<'_, '_> {
         }
     }
 
-    /// Its steps, and who watches them.
+    /// Its steps, under observation.
     fn watched_steps(&mut self) -> Result<Outcome, BusError> {
-        self.witness.inspect(|witness| witness.case_begins());
+        self.observer.case_begins();
         let outcome = self.steps();
-        self.witness.inspect(|witness| witness.case_over());
+        self.observer.case_over();
         outcome
     }
 
@@ -291,15 +291,18 @@ impl CaseRun<'_, '_> {
             words: &self.instance.suite.words,
             begun: Vec::new(),
         };
-        let witness = self.witness;
-        let ran = match run_phase(&mut steps, &case.setup, Phase::Setup, &mut result, None) {
-            Ok(true) => run_phase(&mut steps, &case.steps, Phase::Step, &mut result, witness),
+        let observer = self.observer;
+        let ran = match run_phase(&mut steps, &case.setup, Phase::Setup, &mut result, &Unobserved) {
+            Ok(true) => run_phase(&mut steps, &case.steps, Phase::Step, &mut result, observer),
             other => other,
         };
-        witness.inspect(|witness| witness.steps_over());
+        observer.steps_over();
         // Whatever ended the steps, what they set up is undone.
         steps.link.clean(true);
-        let undone = run_phase(&mut steps, &case.finally, Phase::Finally, &mut result, None);
+        let undone = {
+            let (list, phase) = (&case.finally, Phase::Finally);
+            run_phase(&mut steps, list, phase, &mut result, &Unobserved)
+        };
         if !matches!(result.outcome, Outcome::Pass | Outcome::Skip(_)) {
             steps.tell_begun();
         }
@@ -497,10 +500,10 @@ fn run_phase<'s>(
     list: &'s [At<Step>],
     phase: Phase,
     result: &mut CaseOutcome,
-    witness: Option<&dyn Witness>,
+    observer: &dyn Observer,
 ) -> Result<bool, BusError> {
     for (place, step) in list.iter().enumerate() {
-        witness.inspect(|witness| witness.step_begins(place, steps.link.mark()));
+        observer.step_begins(place, steps.link.mark());
         if let Some(proof) = &mut steps.proof {
             proof.step = (phase == Phase::Step).then_some(place);
             if proof.leaves_out() {
@@ -509,7 +512,7 @@ fn run_phase<'s>(
         }
         steps.begins(phase, step);
         let judgement = promised(steps, &step.value);
-        witness.inspect(|witness| witness.step_ended(place, steps.link.mark(), &steps.scope));
+        observer.step_ended(place, steps.link.mark(), &steps.scope);
         if let Some(proof) = &mut steps.proof {
             proof.difference().into_iter().for_each(|first| result.fail(phase, step.place, first));
             if matches!(judgement, Err(Trouble::Device(_) | Trouble::Impossible(_))) {

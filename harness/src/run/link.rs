@@ -10,6 +10,7 @@ use canopen::monitor::Seen;
 use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped};
 use reports::Event;
 
+use super::observer::{Observer, Unobserved};
 use super::silence::Silence;
 use super::traffic::Traffic;
 use crate::stop::Stop;
@@ -30,6 +31,7 @@ pub struct Link<'b> {
     /// From where in the trace frames came beside the answer at that moment.
     beside: Option<(usize, Instant)>,
     emit: Option<&'b mut dyn FnMut(Event)>,
+    observer: &'b dyn Observer,
     /// Whether a case is open, to which the frames belong.
     in_case: bool,
     lateness: Lateness,
@@ -76,6 +78,7 @@ impl<'b> Link<'b> {
             mark,
             beside: None,
             emit: None,
+            observer: &Unobserved,
             in_case: false,
             lateness: Lateness::default(),
             stop: Stop::default(),
@@ -90,9 +93,10 @@ impl<'b> Link<'b> {
     pub(super) fn reporting(
         bus: &'b mut dyn Bus,
         emit: &'b mut dyn FnMut(Event),
+        observer: &'b dyn Observer,
         stop: &Stop,
     ) -> Self {
-        Self { emit: Some(emit), stop: stop.clone(), ..Self::new(bus) }
+        Self { emit: Some(emit), observer, stop: stop.clone(), ..Self::new(bus) }
     }
 
     /// Listens for when the device with this node id falls silent.
@@ -134,6 +138,7 @@ impl<'b> Link<'b> {
             Event::CaseEnded(_) => self.in_case = false,
             _ => {}
         }
+        self.observer.event(&event);
         if let Some(emit) = &mut self.emit {
             emit(event);
         }
@@ -417,6 +422,7 @@ impl<'b> Link<'b> {
         let Some(stamped) = got else { return Ok(None) };
         self.silence.see(&stamped);
         self.traffic.see(&stamped);
+        self.observer.frame(&stamped);
         self.trace.push(Seen { stamped, expected: false });
         if self.in_case {
             self.emit(Event::Frame(stamped));

@@ -9,52 +9,11 @@ use std::collections::BTreeSet;
 use canopen::{Instant, Pattern, Stamped};
 
 use super::judge::{Difference, Judgement, Trouble};
+use super::observer::{Observer, Shown};
 use super::steps::Steps;
-use crate::plan::Scope;
 use crate::source::At;
 use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::literal::FrameText;
-
-/// Who watches the steps of cases, to find out what their assertions are worth.
-pub trait Witness {
-    /// The device is settled, and the setup of a case begins.
-    fn case_begins(&self) {}
-
-    /// The last step of a case is over, and what it changed is set back.
-    fn case_over(&self) {}
-
-    /// A step of a case begins to judge what comes after `from`.
-    fn step_begins(&self, _step: usize, _from: Instant) {}
-
-    /// It has judged what came until `to`, and these are the names after it.
-    fn step_ended(&self, _step: usize, _to: Instant, _scope: &Scope) {}
-
-    /// The steps are over.
-    fn steps_over(&self) {}
-
-    /// The part of a step that does not count in the case that runs; the whole step when no part is
-    /// named.
-    fn opens(&self) -> Option<(usize, Option<Constraint>)> {
-        None
-    }
-
-    /// The case shows this.
-    fn shows(&self, shown: Shown);
-}
-
-/// What one run of an instance shows.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Shown {
-    /// The place of the step that the device failed first.
-    pub step: Option<usize>,
-    /// Whether nothing else was wrong: without the step, the case would have passed.
-    pub alone: bool,
-    /// The constraints of the step without which the case would have passed: one, or those of one
-    /// frame.
-    pub constraints: BTreeSet<Constraint>,
-    /// What was accepted beside what was expected, with the place of the step.
-    pub allowed: BTreeSet<(usize, Allowance)>,
-}
 
 /// The proof as it takes shape.
 #[derive(Debug, Default)]
@@ -81,9 +40,9 @@ struct Broken {
 }
 
 impl Proof {
-    /// A proof that begins, for whoever wants it.
-    pub(super) fn of(witness: &dyn Witness) -> Self {
-        Self { open: witness.opens(), ..Self::default() }
+    /// A proof that begins, where the observer asks for one.
+    pub(super) fn of(observer: &dyn Observer) -> Option<Self> {
+        observer.goes_on().then(|| Self { open: observer.opens(), ..Self::default() })
     }
 
     /// Whether the step that comes now is left out.

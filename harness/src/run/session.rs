@@ -11,9 +11,9 @@ use reports::{
 use super::baseline::Baseline;
 use super::case::{self, Aftermath, Common};
 use super::link::Link;
+use super::observer::Observer;
 use super::oddities::{contradiction, oddities};
 use super::policy::Policy;
-use super::proof::Witness;
 use super::reliance::Reliance;
 use super::sdo;
 use super::settle::{self, Left};
@@ -69,15 +69,14 @@ pub struct Session<'s> {
     pub stop: &'s Stop,
     /// What the cases change, until it is set back.
     pub undo: &'s Undo,
-    /// Who learns what each case shows about its assertions, before it ends. For it, steps go on
-    /// after the first thing that is wrong.
-    pub witness: Option<&'s dyn Witness>,
+    /// Learns what happens, before it is reported.
+    pub observer: &'s dyn Observer,
 }
 
 impl Session<'_> {
     /// Runs the plan on `bus` and passes every event to `emit` at the moment when it happens.
     pub fn run(&self, bus: &mut dyn Bus, emit: &mut dyn FnMut(Event)) -> Ending {
-        let mut link = Link::reporting(bus, emit, self.stop);
+        let mut link = Link::reporting(bus, emit, self.observer, self.stop);
         let dut = &self.plan.dut;
         link.listen_to(dut.node);
         link.watch(Traffic::beside(dut, case::data_sheet_identifiers(dut)));
@@ -287,7 +286,7 @@ impl Session<'_> {
             dut: &self.plan.dut,
             baseline,
             undo: self.undo,
-            witness: self.witness,
+            observer: self.observer,
         };
         let instances = reliance.order(self.plan);
         for (place, &instance) in instances.iter().enumerate() {
@@ -320,9 +319,7 @@ impl Session<'_> {
                 continue;
             }
             let finished = case::run(link, common, instance, left);
-            if let Some(witness) = self.witness {
-                witness.shows(finished.shown.unwrap_or_default());
-            }
+            self.observer.shows(finished.shown.unwrap_or_default());
             let outcome = self.at_its_level(instance, finished.outcome);
             reliance.learn(instance, &outcome);
             if matches!(finished.aftermath, Aftermath::Gone(_)) {

@@ -11,7 +11,7 @@ use reference_devices::devices;
 use reference_devices::rules::Specification;
 use reports::{Event, Outcome, Verdict};
 
-use super::{Ending, Policy, Session, Undo};
+use super::{Ending, Policy, Session, Undo, Unobserved};
 use crate::dut::Dut;
 use crate::plan;
 use crate::source::Source;
@@ -163,7 +163,7 @@ fn run_until(bus: &mut Odd, cases: usize, steps: &str, stop: &Stop, undo: &Undo)
         rerun: String::new(),
         waivers: &crate::waivers::Waivers::default(),
         max_fail: None,
-        witness: None,
+        observer: &Unobserved,
         stop,
         undo,
     };

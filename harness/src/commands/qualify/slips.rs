@@ -155,7 +155,7 @@ impl Search {
             rerun: String::new(),
             waivers: &Waivers::default(),
             max_fail: None,
-            witness: Some(&*tape),
+            observer: &*tape,
             stop: &stop,
             undo: &undo,
         };

@@ -1,10 +1,11 @@
 //! Plans on devices in virtual time, and what came of each instance.
 
-use std::cell::Cell;
+use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
+use canopen::Instant;
 use fastrand::Rng;
 use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
@@ -19,7 +20,7 @@ use crate::commands::run::plan_all;
 use crate::exit::Refused;
 use crate::parallel;
 use crate::plan::{Instance, Plan, plan_cases};
-use crate::run::{Ending, Policy, Session, Shown, Undo, Witness};
+use crate::run::{Ending, Observer, Policy, Session, Shown, Undo};
 use crate::stop::Stop;
 use crate::suite::model::Case;
 use crate::suite::step::Step;
@@ -313,38 +314,103 @@ impl Wanted<'_> {
     }
 }
 
-/// What is seen of the case that runs.
+/// What is seen of the cases that run.
 #[derive(Default)]
-struct Seen {
-    shown: Cell<Shown>,
+struct Seen(RefCell<Seeing>);
+
+#[derive(Default)]
+struct Seeing {
+    trials: Vec<Trial>,
+    /// Suite and case, and the instance, of the one that runs.
+    case: String,
+    name: String,
     /// Its frames count: it is between its setup and its last step.
-    counts: Cell<bool>,
+    counts: bool,
+    /// When the first of them came.
+    start: Option<Instant>,
+    frames: FxHasher,
+    timing: FxHasher,
+    shown: Shown,
 }
 
-impl Witness for Seen {
+impl Observer for Seen {
+    fn goes_on(&self) -> bool {
+        true
+    }
+
+    fn event(&self, event: &Event) {
+        self.0.borrow_mut().take(event);
+    }
+
     fn case_begins(&self) {
-        self.counts.set(true);
+        self.0.borrow_mut().counts = true;
     }
 
     fn case_over(&self) {
-        self.counts.set(false);
+        self.0.borrow_mut().counts = false;
     }
 
     fn shows(&self, shown: Shown) {
-        self.shown.set(shown);
+        self.0.borrow_mut().shown = shown;
     }
 }
 
-/// Runs a plan, and shows every event first.
+impl Seeing {
+    fn take(&mut self, event: &Event) {
+        match event {
+            Event::CaseStarted(started) => {
+                self.case = format!("{}/{}", started.suite, started.case);
+                self.name = started.name();
+                self.start = None;
+                (self.frames, self.timing) = (FxHasher::default(), FxHasher::default());
+            }
+            Event::Frame(frame) if self.counts => {
+                (frame.own, frame.frame).hash(&mut self.frames);
+                frame.at.since(*self.start.get_or_insert(frame.at)).hash(&mut self.timing);
+            }
+            Event::Stimulus(stimulus) if self.counts => {
+                (&stimulus.name, &stimulus.value).hash(&mut self.frames);
+            }
+            Event::CaseEnded(end) => self.trials.push(Trial {
+                case: std::mem::take(&mut self.case),
+                name: std::mem::take(&mut self.name),
+                verdict: end.outcome.verdict(),
+                kills: end.outcome.holds_against_device(),
+                problem: problem(&end.outcome),
+                frames: self.frames.finish(),
+                timing: self.timing.finish(),
+                shown: std::mem::take(&mut self.shown),
+            }),
+            _ => {}
+        }
+    }
+}
+
+/// Runs a plan, and shows every event.
 fn run(
     library: &Library,
     plan: &Plan,
     target: &Target,
     show: &mut dyn FnMut(&Event),
 ) -> Result<(Vec<Trial>, Ending), Refused> {
+    let seen = Seen::default();
+    let ending = observed(library, plan, target, &seen, &mut |event| show(&event))?;
+    Ok((seen.0.into_inner().trials, ending))
+}
+
+/// Runs a plan under observation.
+///
+/// # Errors
+/// When the bus cannot be opened.
+pub(super) fn observed(
+    library: &Library,
+    plan: &Plan,
+    target: &Target,
+    observer: &dyn Observer,
+    emit: &mut dyn FnMut(Event),
+) -> Result<Ending, Refused> {
     let stop = Stop::default();
     let mut bus = target.open(&stop)?;
-    let seen = Seen::default();
     let session = Session {
         plan,
         register: &library.register,
@@ -352,44 +418,11 @@ fn run(
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        witness: Some(&seen),
+        observer,
         stop: &stop,
         undo: &Undo::default(),
     };
-    let mut trials = Vec::new();
-    let (mut case, mut name, mut start) = (String::new(), String::new(), None);
-    let (mut frames, mut timing) = (FxHasher::default(), FxHasher::default());
-    let mut take = |event: Event| match event {
-        Event::CaseStarted(started) => {
-            case = format!("{}/{}", started.suite, started.case);
-            name = started.name();
-            start = None;
-            (frames, timing) = (FxHasher::default(), FxHasher::default());
-        }
-        Event::Frame(frame) if seen.counts.get() => {
-            (frame.own, frame.frame).hash(&mut frames);
-            frame.at.since(*start.get_or_insert(frame.at)).hash(&mut timing);
-        }
-        Event::Stimulus(stimulus) if seen.counts.get() => {
-            (&stimulus.name, &stimulus.value).hash(&mut frames);
-        }
-        Event::CaseEnded(end) => trials.push(Trial {
-            case: std::mem::take(&mut case),
-            name: std::mem::take(&mut name),
-            verdict: end.outcome.verdict(),
-            kills: end.outcome.holds_against_device(),
-            problem: problem(&end.outcome),
-            frames: frames.finish(),
-            timing: timing.finish(),
-            shown: seen.shown.take(),
-        }),
-        _ => {}
-    };
-    let ending = session.run(&mut *bus, &mut |event| {
-        show(&event);
-        take(event);
-    });
-    Ok((trials, ending))
+    Ok(session.run(&mut *bus, emit))
 }
 
 fn problem(outcome: &Outcome) -> Option<String> {
