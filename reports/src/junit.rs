@@ -150,7 +150,7 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
 
 /// What a case that passed has shown, and of which requirements.
 fn sentence(case: &CaseStarted) -> String {
-    let ids: Vec<&str> = case.checks.iter().map(|check| check.id.as_str()).collect();
+    let ids: Vec<&str> = case.checks.iter().map(|check| &*check.id).collect();
     format!("{}\nchecks {}\n", case.title, ids.join(", "))
 }
 

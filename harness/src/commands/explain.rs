@@ -81,7 +81,7 @@ impl Book {
     fn explain(&self, name: &str) -> Option<String> {
         let case = name.split('[').next().unwrap_or(name);
         let cases = self.cases().filter(|(suite, found)| {
-            full_name(suite, found) == case || found.value.id.value == case
+            full_name(suite, found) == case || *found.value.id.value == *case
         });
         let cases = cases.map(|(suite, case)| self.case(suite, case));
         // A case may well have the name of the option that it is about.
@@ -327,7 +327,7 @@ impl Book {
     fn unknown(&self, name: &str) -> Refused {
         let mut names: Vec<String> =
             self.cases().map(|(suite, case)| full_name(suite, case)).collect();
-        names.extend(self.cases().map(|(_, case)| case.value.id.value.clone()));
+        names.extend(self.cases().map(|(_, case)| case.value.id.value.to_string()));
         names.extend(self.library.suites.iter().map(|suite| suite.name().to_owned()));
         names.extend(self.library.register.iter().map(|(id, _)| id.to_owned()));
         names.extend(self.mutants.iter().map(|(mutant, _)| mutant.name.clone()));

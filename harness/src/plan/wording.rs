@@ -10,8 +10,8 @@ use crate::source::At;
 use crate::suite::Words;
 use crate::suite::literal::{Amount, FrameText, Literal, Name, ObjectRef, Tolerance, show_time};
 use crate::suite::step::{
-    Ask, Bounds, Collect, EdsStep, Expect, LssStep, Measure, Never, Nmt, Observe, Produce, Read,
-    Remap, Step, Undeclared, Until, Write,
+    Ask, Bounds, Collect, Expect, LssStep, Measure, Never, Nmt, Observe, Produce, Read, Remap,
+    Step, Undeclared, Until, Write,
 };
 
 /// The words of a suite, and the values of names where they are known.
@@ -50,16 +50,19 @@ impl Wording<'_> {
             Step::Produce(produce) => self.produce(produce),
             Step::Bench(stimuli) => {
                 let stimuli = stimuli
+                    .0
                     .iter()
                     .map(|(name, value)| format!("{name} = {}", self.on_bench(name, &value.value)));
                 format!("bench: {}", list(stimuli, "nothing"))
             }
             Step::Observe(observe) => self.observe(observe),
-            Step::Eds(EdsStep { without, .. }) => {
+            Step::Eds(eds) => {
+                let without = &eds.without;
                 let findings = without.iter().map(|finding| finding.value.clone());
                 format!("the data sheet has no finding {}", list(findings, "at all"))
             }
-            Step::Undeclared(Undeclared { range, subs, .. }) => {
+            Step::Undeclared(undeclared) => {
+                let Undeclared { range, subs, .. } = &**undeclared;
                 let what = if *subs { "sub-indices" } else { "objects" };
                 format!("{what} in {} that the device does not have are refused", range.value)
             }

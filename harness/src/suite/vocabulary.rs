@@ -49,9 +49,8 @@ impl Vocabularies {
     /// Parts the files into vocabularies and suites.
     pub(super) fn of(files: Files) -> (Self, Files, Vec<Complaint>) {
         let is_suite = |tree: &Tree| tree.get("suite").is_some() || tree.get("cases").is_some();
-        let (shared, suites): (Vec<_>, Vec<_>) = files.into_iter().partition(|(source, tree)| {
-            may_be_shared(source) && !is_suite(tree)
-        });
+        let (shared, suites): (Vec<_>, Vec<_>) =
+            files.into_iter().partition(|(source, tree)| may_be_shared(source) && !is_suite(tree));
         let base = Vocabulary { words: Arc::clone(&STANDARD), steps: Definitions::default() };
         let mut all = Self { folders: BTreeMap::new(), base, steps: Vec::new() };
         let mut complaints = Vec::new();
