@@ -142,6 +142,12 @@ pub(super) fn embedded() -> Vec<Source> {
     sources
 }
 
+/// The copy of one of these files, by its path below `suites/`.
+pub(super) fn embedded_one(path: &str) -> Option<Source> {
+    let text = EMBEDDED.get_file(path)?.contents_utf8()?.to_owned();
+    Some(Source { name: format!("suites/{path}"), text })
+}
+
 fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint> {
     let complain = |path: &Path, error: std::io::Error| {
         let source = Source { name: shown(path), text: String::new() };
