@@ -401,6 +401,10 @@ pub struct QualifyArgs {
     /// List the steps and constraints that nothing proves
     #[arg(long)]
     pub unproved: bool,
+    /// Show what this mutant changes on the bus, which cases were tried on it, and who noticed; 1
+    /// when nobody did
+    #[arg(long, value_name = "MUTANT", conflicts_with_all = ["record", "unproved"])]
+    pub why: Option<String>,
     /// Write what each instance does (its frames and stimuli as a number), its verdict, the kills
     /// and the proofs to a file, a line each: what a change of suites must leave as it is
     #[arg(long, value_name = "FILE")]

@@ -157,7 +157,7 @@ impl Wording<'_> {
             }
         };
         let kept = kept(read.save.as_deref());
-        format!("read {object}{judged}{tolerated}{kept}")
+        format!("read {object}{}{tolerated}{kept}", expected(&judged))
     }
 
     fn until(&self, until: &Until) -> String {
@@ -178,7 +178,7 @@ impl Wording<'_> {
         let within = observe.within.as_ref();
         let within =
             within.map_or_else(String::new, |within| format!(" within {}", self.time(within)));
-        format!("observe {}{judged}{within}", observe.bench.value)
+        format!("observe {}{}{within}", observe.bench.value, expected(&judged))
     }
 
     /// ` = 5`, ` from 5 to 7`, ` = 4 in the bits 6`.
@@ -316,6 +316,15 @@ impl Wording<'_> {
             Binding::Id(id) => Some(format!("{id:03X}h")),
             Binding::Bytes(_) => None,
         }
+    }
+}
+
+/// `, expect 5`, where a `= 5` might be taken for what came.
+fn expected(judged: &str) -> String {
+    match judged.strip_prefix(" = ") {
+        Some(value) => format!(", expect {value}"),
+        None if judged.is_empty() => String::new(),
+        None => format!(", expect{judged}"),
     }
 }
 
