@@ -16,6 +16,7 @@ pub mod bus;
 mod candump;
 pub mod cli;
 pub mod commands;
+mod data;
 mod device_file;
 pub mod dut;
 pub mod exit;

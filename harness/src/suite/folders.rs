@@ -9,6 +9,7 @@ use canopen::catalogue::Catalogue;
 use clap::Args;
 use include_dir::{Dir, include_dir};
 
+use crate::data;
 use crate::files::{read_text, words};
 use crate::source::{Complaint, Source};
 
@@ -90,10 +91,12 @@ impl Folders {
         Ok((sources, own))
     }
 
-    /// The files by name. Unless there are `only` folders, those of `suites/` here are read, or
-    /// else the copy in this program. A file of a later folder replaces the one of the same name.
+    /// The files by name. Unless there are `only` folders, those of `HARNESS_DATA` are read, or
+    /// those of `suites/` here, or else the copy in this program. A file of a later folder replaces the one of the same name.
     pub(super) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
-        let here = Path::new("suites");
+        let data = data::folder();
+        let here = data.clone().unwrap_or_default().join("suites");
+        let here = here.as_path();
         let mut sources = BTreeMap::new();
         let mut folders = self.only.clone();
         match (self.only.is_empty(), here.is_dir()) {
@@ -105,7 +108,7 @@ impl Folders {
         for folder in folders {
             let mut found = Vec::new();
             read_folder(&folder, &mut found).map_err(|complaint| vec![complaint])?;
-            if folder == here && differ(&found, &embedded()) {
+            if folder == here && data.is_none() && differ(&found, &embedded()) {
                 complain!(
                     "note: the suites of ./suites are read, which differ from those in this program"
                 );
@@ -140,6 +143,31 @@ pub(super) fn embedded() -> Vec<Source> {
     let mut sources = Vec::new();
     read_embedded(&EMBEDDED, &mut sources);
     sources
+}
+
+/// The texts of the YAML files in a folder, by their names below `root`.
+///
+/// # Errors
+/// What cannot be read.
+pub(crate) fn texts_in(folder: &Path, root: &Path) -> Result<BTreeMap<String, String>, Complaint> {
+    let mut sources = Vec::new();
+    read_folder(folder, &mut sources)?;
+    let root = shown(root);
+    let texts = sources.into_iter().map(|Source { name, text }| {
+        let name = name.strip_prefix(&root).unwrap_or(&name).trim_start_matches('/').to_owned();
+        (name, text)
+    });
+    Ok(texts.collect())
+}
+
+/// One of the files that belong to the program, by its path below `suites/`.
+pub(super) fn standard(path: &str) -> Option<Source> {
+    if let Some(folder) = data::folder() {
+        let path = folder.join("suites").join(path);
+        return Some(Source { name: shown(&path), text: read_text(&path).ok()? });
+    }
+    let text = EMBEDDED.get_file(path)?.contents_utf8()?.to_owned();
+    Some(Source { name: format!("suites/{path}"), text })
 }
 
 fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint> {

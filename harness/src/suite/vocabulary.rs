@@ -6,7 +6,7 @@ use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
 use super::definition::Definitions;
-use super::folders::embedded;
+use super::folders::standard;
 use super::words::Words;
 use crate::source::{Complaint, Source, Tree};
 
@@ -36,8 +36,7 @@ const STEPS: &str = "steps.yaml";
 /// The words that suites everywhere may use: those of CiA 301.
 static STANDARD: LazyLock<Arc<Words>> = LazyLock::new(|| {
     let mut words = Words::default();
-    let file = embedded().into_iter().find(|source| source.name == format!("suites/{WORDS}"));
-    if let Some(source) = file.map(Arc::new)
+    if let Some(source) = standard(WORDS).map(Arc::new)
         && let Ok(tree) = Tree::of(&source)
     {
         words.add(&source, &tree);
