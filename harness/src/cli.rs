@@ -401,8 +401,8 @@ pub struct QualifyArgs {
     /// List the steps and constraints that nothing proves
     #[arg(long)]
     pub unproved: bool,
-    /// Show what this mutant changes on the bus, which cases were tried on it, and who noticed; 1
-    /// when nobody did
+    /// Show how this mutant is made, what it changes on the bus, which cases were tried on it, and
+    /// the first step that noticed; the exit code is 1 when none did
     #[arg(long, value_name = "MUTANT", conflicts_with_all = ["record", "unproved"])]
     pub why: Option<String>,
     /// Write what each instance does (its frames and stimuli as a number), its verdict, the kills

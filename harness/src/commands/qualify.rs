@@ -57,7 +57,7 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     let matrices = Matrix::of(&cleans, every)?;
     let mut freedoms = Freedoms::of(&cleans)?;
     Freedoms::mix(&mut freedoms, args)?;
-    let mut holes = matrix::holes(&library, &matrices);
+    let mut holes = matrix::holes(&library, &matrices, &again(args));
     holes.extend(freedoms.iter().flat_map(Freedoms::holes));
     let mut text = String::new();
     for (matrix, freedoms) in matrices.iter().zip(&freedoms) {
@@ -82,6 +82,12 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     holes.iter().for_each(|hole| complain!("hole: {hole}"));
     complain!("{}", counted(holes.len(), "hole"));
     Ok(Exit::Holes)
+}
+
+/// The command without its mutant that shows what one changes.
+fn again(args: &QualifyArgs) -> String {
+    let device = args.device.as_ref().map(|device| format!(" {device}")).unwrap_or_default();
+    format!("harness qualify{device}{}", args.folders.options())
 }
 
 /// A suite of the user that names no device is proved on the user's own device when that is

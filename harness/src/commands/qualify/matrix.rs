@@ -180,8 +180,8 @@ fn broken<'m>(mutant: &'m Mutant, case: &Case) -> impl Iterator<Item = &'m Strin
     mutant.breaks.iter().filter(move |id| checks.contains(id))
 }
 
-/// What the matrices leave unproved.
-pub(super) fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
+/// What the matrices leave unproved; `again` is the command that explains a mutant.
+pub(super) fn holes(library: &Library, matrices: &[Matrix], again: &str) -> Vec<String> {
     let mut holes = Vec::new();
     let (mut ran, mut proved) = (BTreeSet::new(), BTreeSet::new());
     for matrix in matrices {
@@ -213,7 +213,7 @@ pub(super) fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
                     };
                     holes.push(format!(
                         "{device}: mutant {name} survived the cases of what it breaks{end}; \
-                         `harness qualify --why {name}` shows what it changed"
+                         `{again} --why {name}` shows what it changed"
                     ));
                 }
                 _ => {}

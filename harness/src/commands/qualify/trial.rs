@@ -209,19 +209,23 @@ impl<'l> Clean<'l> {
     /// # Errors
     /// When the device cannot be built, or a case contradicts its data sheet.
     pub(super) fn deviating(&self, deviation: Deviation, wanted: &Wanted) -> Result<Ran, Refused> {
-        self.shown(deviation, wanted, &mut |_| ())
+        let (target, plan) = self.prepared(deviation, wanted)?;
+        let (trials, ending) = match wanted {
+            Wanted::Each => (self.each_case(&plan, &target)?, Ending::Complete),
+            _ => run(self.library, &plan, &target, &mut |_| ())?,
+        };
+        Ok(Ran { instances: plan.instances, trials, ending })
     }
 
-    /// The same, and shows every event; none with a device for each case.
+    /// The device with a deviation, and the plan of what is wanted on it.
     ///
     /// # Errors
     /// The same.
-    pub(super) fn shown(
+    pub(super) fn prepared(
         &self,
         deviation: Deviation,
         wanted: &Wanted,
-        show: &mut dyn FnMut(&Event),
-    ) -> Result<Ran, Refused> {
+    ) -> Result<(Target, Plan), Refused> {
         let other_sheet = deviation.changes_data_sheet();
         let target = self.target.deviating(deviation)?;
         let mut holds = wanted.holds();
@@ -240,11 +244,7 @@ impl<'l> Clean<'l> {
             }
         };
         wanted.order(&mut plan.instances);
-        let (trials, ending) = match wanted {
-            Wanted::Each => (self.each_case(&plan, &target)?, Ending::Complete),
-            _ => run(self.library, &plan, &target, show)?,
-        };
-        Ok(Ran { instances: plan.instances, trials, ending })
+        Ok((target, plan))
     }
 
     /// Runs a plan with a device of its own for each case.

@@ -1,29 +1,45 @@
-//! `harness qualify --why`: what a mutant changes on the bus, and who noticed.
+//! `harness qualify --why`: how a mutant is made, what it changes on the bus, and what noticed.
 
-use std::collections::BTreeMap;
+mod compared;
+mod recording;
+
 use std::fmt::Write;
 
-use canopen::{Decoder, Instant, Stamped};
+use canopen::Decoder;
 use reference_devices::change::Deviation;
 use reference_devices::devices;
 use reference_devices::mutant::{self, Mutant};
-use reports::Event;
+use reports::{Outcome, Phase, Verdict};
 
 use super::matrix::is_tried_on;
-use super::trial::{Clean, Ran, Trial, Wanted};
+use super::trial::{Clean, Wanted};
 use crate::cli::QualifyArgs;
 use crate::commands::check::mutants_proved_on;
+use crate::commands::counted::counted;
 use crate::commands::decode::decoder;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
+use crate::plan::Wording;
 use crate::reporter::say;
 use crate::run::Ending;
 use crate::suite::Library;
 use crate::suite::model::Case;
 use crate::target::{self, reference_device};
 
-/// Prints what the mutant changes, the cases that were tried on it in their order, and the first
-/// that noticed. Green when one did.
+use compared::{Difference, Kind, difference, differences};
+use recording::{Moment, Recorded, Recording};
+
+/// How many instances are listed unless all are asked for.
+const MOST_TRIED: usize = 12;
+
+/// How many frames that used a `skip` up are shown.
+const MOST_SKIPPED: usize = 6;
+
+/// How many frames are shown that led to the first difference.
+const BEFORE: usize = 3;
+
+/// Prints how the mutant is made, what it changes, the cases that were tried on it in their order,
+/// and the first that noticed. Green when one did.
 ///
 /// # Errors
 /// When there is no such mutant, or the data of the device do not load.
@@ -32,35 +48,18 @@ pub(super) fn run(args: &QualifyArgs, library: &Library, name: &str) -> Result<E
     let clean = Clean::planned(library, &device)?;
     let meets = |case: &Case| is_tried_on(&mutant, case);
     let wanted = Wanted::Cases(&meets);
-    let without = Traces::of(&clean, Deviation::default(), &wanted)?;
-    let with = Traces::of(&clean, mutant.deviation(), &wanted)?;
-
-    let mut text = format!("mutant {name} on {device}\n");
-    let mut field = |label: &str, said: &str| {
-        // Writing to a string cannot fail.
-        _ = writeln!(text, "{}", format!("  {label:<13}{said}").trim_end());
-    };
-    field("why", &mutant.why);
-    for id in &mutant.breaks {
-        let says = library.register.find(id).map(|known| known.entry.value.says.to_string());
-        field("breaks", &format!("{id}: {}", says.unwrap_or_default()));
-    }
-    let killing = with.ran.trials.iter().filter(|trial| trial.kills);
-    let (tried, kills) = (with.ran.trials.len(), killing.count());
-    let noticed = match kills {
-        0 => "nobody".to_owned(),
-        _ => format!("{kills} of {tried} instances"),
-    };
-    field("noticed by", &noticed);
-    with.skips(&mutant, &clean, &mut field);
-    with.first_difference(&without, &clean, &mut field);
-    field("tried", "in this order");
-    tries(&with.ran.trials, args.verbose, &mut field);
-    if let Some(end) = ended(&with.ran.ending) {
-        field("then", &end);
-    }
-    say(&text);
-    Ok(if kills == 0 && !mutant.canary { Exit::Failed } else { Exit::Green })
+    let without = Recording::of(&clean, Deviation::default(), &wanted)?;
+    let with = Recording::of(&clean, mutant.deviation(), &wanted)?;
+    let differences = differences(&with, &without);
+    let mut why =
+        Why { clean: &clean, mutant: &mutant, with: &with, without: &without, text: String::new() };
+    why.head(&device);
+    why.skips();
+    why.changes(&differences);
+    why.tried(&differences, args.verbose);
+    let killed = why.noticed(&differences);
+    say(&why.text);
+    Ok(if killed { Exit::Green } else { Exit::Failed })
 }
 
 /// The mutant of that name and the device on which it is proved.
@@ -86,116 +85,205 @@ fn find(args: &QualifyArgs, library: &Library, name: &str) -> Result<(String, Mu
     Err(Refused::usage(format!("there is no mutant `{name}`{meant}")))
 }
 
-/// What was on the bus of a run.
-struct Traces {
-    ran: Ran,
-    /// The frames of the whole run, with the place of the instance in which they came; none before
-    /// the first one.
-    all: Vec<(Option<usize>, Stamped)>,
-    /// By the name of the instance: its place, and when it began.
-    begun: BTreeMap<String, (usize, Instant)>,
+/// The text about one mutant.
+struct Why<'w> {
+    clean: &'w Clean<'w>,
+    mutant: &'w Mutant,
+    with: &'w Recording,
+    without: &'w Recording,
+    text: String,
 }
 
-impl Traces {
-    fn of(clean: &Clean, deviation: Deviation, wanted: &Wanted) -> Result<Self, Refused> {
-        let (mut all, mut begun) = (Vec::new(), BTreeMap::new());
-        let mut running = None;
-        let ran = clean.shown(deviation, wanted, &mut |event| match event {
-            Event::CaseStarted(started) => {
-                running = Some(begun.len());
-                begun.insert(started.name(), (begun.len(), started.at));
+impl Why<'_> {
+    fn line(&mut self, line: &str) {
+        // Writing to a string cannot fail.
+        _ = writeln!(self.text, "{}", line.trim_end());
+    }
+
+    fn field(&mut self, label: &str, said: &str) {
+        self.line(&format!("  {label:<13}{said}"));
+    }
+
+    /// What is wrong with the device, and how it is made.
+    fn head(&mut self, device: &str) {
+        let Self { clean, mutant, .. } = *self;
+        self.line(&format!("mutant {} on {device}", mutant.name));
+        self.field("why", &mutant.why);
+        for id in &mutant.breaks {
+            let known = clean.library.register.find(id);
+            let says = known.map_or("not in the register", |known| &known.entry.value.says);
+            self.field("breaks", &format!("{id}: {says}"));
+        }
+        self.field("made by", &mutant.made());
+        self.field("in", &mutant.stands_in());
+    }
+
+    /// What a mutant of frames leaves alone first. Until then both sessions are the same.
+    fn skips(&mut self) {
+        let node = self.clean.target.dut.node;
+        for (when, received, skip) in self.mutant.deviation().frames(node) {
+            let skip = skip as usize;
+            let (mut words, mut fitting) = (decoder_of(self.clean), Vec::new());
+            for part in &self.without.parts {
+                for (_, seen) in &part.frames {
+                    let meaning = words.see(&seen.frame);
+                    if seen.own == received && when.matches(&seen.frame) {
+                        fitting.push((part, seen.frame, meaning));
+                    }
+                }
             }
-            Event::Frame(seen) => all.push((running, *seen)),
-            _ => {}
-        })?;
-        Ok(Self { ran, all, begun })
-    }
-
-    /// The frames of an instance.
-    fn frames(&self, place: usize) -> impl Iterator<Item = &Stamped> {
-        self.all.iter().filter(move |(of, _)| *of == Some(place)).map(|(_, seen)| seen)
-    }
-
-    /// What a mutant of frames leaves alone first.
-    fn skips(&self, mutant: &Mutant, clean: &Clean, field: &mut impl FnMut(&str, &str)) {
-        for (when, received, skip) in mutant.deviation().frames(clean.target.dut.node) {
-            let matching = |(_, seen): &&(Option<usize>, Stamped)| {
-                seen.own == received && when.matches(&seen.frame)
-            };
-            let mut words = decoder_of(clean);
-            let left: Vec<_> = self.all.iter().filter(matching).take(skip as usize).collect();
-            for (number, (of, seen)) in left.into_iter().enumerate() {
-                let of = of.and_then(|of| self.ran.trials.get(of));
-                let of = of.map_or("before the first case", |trial| &trial.name);
-                let meaning = words.see(&seen.frame);
-                let count = format!("{} of {skip}", number + 1);
-                field("skipped", &format!("{count}  {}  {meaning}, {of}", seen.frame));
+            if fitting.len() <= skip {
+                let all = counted(fitting.len(), "frame");
+                let than = if skip == 0 { String::new() } else { format!(", and skips {skip}") };
+                self.field("fits", &format!("{all} of the whole session{than}: it changes none"));
+            }
+            let left = fitting.len().min(skip);
+            for (place, (part, frame, meaning)) in fitting.iter().take(left).enumerate() {
+                if place == MOST_SKIPPED && left > MOST_SKIPPED + 1 {
+                    self.field("", &format!("... and {} more", left - place));
+                    break;
+                }
+                let of = if part.name.is_empty() { "before the first case" } else { &part.name };
+                let label = if place == 0 { "skips" } else { "" };
+                let count = format!("{} of {skip}", place + 1);
+                self.field(label, &format!("{count}  {frame}  {}, {of}", self.named(meaning)));
             }
         }
     }
 
     /// Where the frames first differ from those of the device without deviation.
-    fn first_difference(&self, without: &Self, clean: &Clean, field: &mut impl FnMut(&str, &str)) {
-        for trial in &self.ran.trials {
-            let (Some((here, begun)), Some((there, _))) =
-                (self.begun.get(&trial.name), without.begun.get(&trial.name))
-            else {
-                continue;
-            };
-            let (here, there): (Vec<_>, Vec<_>) =
-                (self.frames(*here).collect(), without.frames(*there).collect());
-            let same = |(one, other): &(&&Stamped, &&Stamped)| {
-                (one.own, one.frame) == (other.own, other.frame)
-            };
-            let alike = here.iter().zip(&there).take_while(same).count();
-            if alike == here.len() && alike == there.len() {
-                continue;
-            }
-            field("differs in", &trial.name);
-            for (label, frames) in [("without it", &there), ("with it", &here)] {
-                field(label, &shown(frames, alike, *begun, clean));
-            }
-            return;
+    fn changes(&mut self, differences: &[Difference]) {
+        let sheet = self.mutant.deviation().changes_data_sheet();
+        let Some(first) = differences.first() else {
+            let what = if sheet { "the data sheet, and no frame" } else { "no frame" };
+            self.field("changes", &format!("{what} in any of these cases"));
+            return self.changes_before();
+        };
+        let of = counted(self.with.cases().len(), "instance");
+        let in_frames = differences.iter().filter(|one| one.kind == Kind::Frame).count();
+        let what = match in_frames {
+            0 => format!("the times of frames in {} of {of}", differences.len()),
+            some => format!("the frames of {some} of {of}"),
+        };
+        self.field("changes", &what);
+        self.changes_before();
+        self.field("first in", &format!("{}, {}", first.with.name, self.moment(first)));
+        let from = first.place.saturating_sub(BEFORE);
+        let (lost, added) = first.sides();
+        let both = from..first.place;
+        both.for_each(|place| self.frame(' ', first.without, place));
+        if lost {
+            self.frame('-', first.without, first.place);
         }
-        field("differs in", "no frame of any case: what it changes does not reach the bus there");
+        if added {
+            self.frame('+', first.with, first.place);
+        }
+        self.field("", "- without the mutant, + with it; in seconds since the case began");
     }
-}
 
-/// The frame at that place, in words.
-fn shown(frames: &[&Stamped], place: usize, begun: Instant, clean: &Clean) -> String {
-    let Some(seen) = frames.get(place) else { return "nothing more".to_owned() };
-    let mut words = decoder_of(clean);
-    for before in &frames[..place] {
-        words.see(&before.frame);
+    /// What the mutant changes before the first case is in no report of a run.
+    fn changes_before(&mut self) {
+        if difference(&self.with.parts[0], &self.without.parts[0]).is_some() {
+            self.field("", "and what the device answers before the first case");
+        }
     }
-    let way = if seen.own { "TX" } else { "RX" };
-    let after = seen.at.since(begun).as_secs_f64();
-    let meaning = words.see(&seen.frame);
-    format!("{way}  {}  {meaning}, {after:.6} s after the case began", seen.frame)
+
+    /// When a difference shows, in words.
+    fn moment(&self, first: &Difference) -> String {
+        let frame = |of: &Recorded| of.frames.get(first.place).map(|(moment, _)| *moment);
+        let moment = frame(first.with).or_else(|| frame(first.without)).unwrap_or_default();
+        match moment {
+            Moment::Settling => "before its setup".to_owned(),
+            Moment::Setup => "in its setup".to_owned(),
+            Moment::Step(step) => self.step(&first.with.name, step),
+            Moment::After => "after its steps".to_owned(),
+        }
+    }
+
+    /// A step: its line, and what it does.
+    fn step(&self, instance: &str, step: usize) -> String {
+        let Some(instance) = self.with.instance(instance) else { return String::new() };
+        let Some(at) = instance.case().steps.get(step) else { return String::new() };
+        let wording = Wording { words: &instance.suite.words, scope: Some(&instance.scope) };
+        format!("line {}: {}", at.place.line, self.named(&wording.step(&at.value)))
+    }
+
+    /// A frame of an instance, in words.
+    fn frame(&mut self, sign: char, of: &Recorded, place: usize) {
+        let Some((_, seen)) = of.frames.get(place) else { return };
+        let mut words = decoder_of(self.clean);
+        for (_, before) in &of.frames[..place] {
+            words.see(&before.frame);
+        }
+        let (way, meaning) = (if seen.own { "TX" } else { "RX" }, words.see(&seen.frame));
+        let at = seen.at.since(of.begun).as_secs_f64();
+        let (frame, meaning) = (seen.frame.to_string(), self.named(&meaning));
+        self.line(&format!("    {sign} {at:>10.6}  {way}  {frame:<20}  {meaning}"));
+    }
+
+    /// The instances by their verdicts, in the order in which they ran.
+    fn tried(&mut self, differences: &[Difference], all: bool) {
+        let cases = self.with.cases();
+        if cases.is_empty() {
+            return self.field("tried", "nothing: no case for this device checks what it breaks");
+        }
+        self.field("tried", &format!("{}, in this order", counted(cases.len(), "instance")));
+        let differs = |of: &Recorded| differences.iter().any(|one| one.with.name == of.name);
+        for (place, of) in cases.iter().enumerate() {
+            let left = cases.len() - place;
+            if !all && place >= MOST_TRIED && left > 1 {
+                self.field("", &format!("... and {left} more, which -v shows"));
+                break;
+            }
+            let verdict = of.outcome.as_ref().map_or(Verdict::Skip, Outcome::verdict).to_string();
+            let same = if differs(of) { "" } else { ", as without the mutant" };
+            self.line(&format!("    {verdict:<9}{}{same}", of.name));
+        }
+        if let Some(end) = ended(&self.with.ending) {
+            self.field("then", &end);
+        }
+    }
+
+    /// The first case that noticed, and at which step; whether there is one.
+    fn noticed(&mut self, differences: &[Difference]) -> bool {
+        let with = self.with;
+        let held = |name: &str| {
+            let without = self.without.cases().iter().find(|without| without.name == name);
+            without.is_some_and(Recorded::notices)
+        };
+        let notices = |of: &&Recorded| of.notices() && !held(&of.name);
+        let count = with.cases().iter().filter(notices).count();
+        let Some(first) = with.cases().iter().find(notices) else {
+            let why = match (self.mutant.canary, differences.is_empty()) {
+                (true, _) => "by nothing: it is a canary, which must survive",
+                (false, true) => "by nothing: there is nothing to notice",
+                (false, false) => "by nothing: no step judges what differs",
+            };
+            self.field("noticed", why);
+            return false;
+        };
+        self.field("noticed", &format!("by {count}, first by {}", first.name));
+        let Some(problem) = first.outcome.as_ref().and_then(Outcome::problem) else { return true };
+        let at = match (problem.phase, first.shown.step) {
+            (Phase::Step, Some(step)) => self.step(&first.name, step),
+            (Phase::Monitor, _) => "a monitor, which watches all the time".to_owned(),
+            _ => format!("line {}", problem.place.line),
+        };
+        self.field("at", &at);
+        self.field("expected", &self.named(&problem.expected));
+        self.field("came", &self.named(&problem.actual));
+        true
+    }
+
+    /// The text with the names of the objects in it.
+    fn named(&self, text: &str) -> String {
+        self.clean.target.dut.sheet.names.in_text(text).into_owned()
+    }
 }
 
 fn decoder_of(clean: &Clean) -> Decoder {
     let dut = &clean.target.dut;
     decoder(dut.node, &dut.eds, &clean.library.catalogue)
-}
-
-/// The instances by their verdicts; those that did not notice are counted unless all are asked for.
-fn tries(trials: &[Trial], all: bool, field: &mut impl FnMut(&str, &str)) {
-    const MOST: usize = 12;
-    let mut left = trials.len();
-    for trial in trials {
-        let shown = trials.len() - left;
-        if !all && shown >= MOST {
-            field("", &format!("... and {left} more, which -v shows"));
-            return;
-        }
-        left -= 1;
-        let mark = if trial.kills { "noticed" } else { "" };
-        field(mark, &format!("{:<8} {}", trial.verdict.to_string(), trial.name));
-        if let Some(problem) = trial.problem.as_ref().filter(|_| trial.kills) {
-            field("", &format!("         {problem}"));
-        }
-    }
 }
 
 /// How a run ended, when not with its last case.
