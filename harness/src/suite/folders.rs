@@ -92,7 +92,8 @@ impl Folders {
     }
 
     /// The files by name. Unless there are `only` folders, those of `HARNESS_DATA` are read, or
-    /// those of `suites/` here, or else the copy in this program. A file of a later folder replaces the one of the same name.
+    /// those of `suites/` here, or else the copy in this program. A file of a later folder replaces
+    /// the one of the same name.
     pub(super) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
         let data = data::folder();
         let here = data.clone().unwrap_or_default().join("suites");
