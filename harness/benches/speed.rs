@@ -9,9 +9,7 @@ use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Client, Transfer};
 use canopen::{Bus, Device, Frame, Instant, Mux, Outbox, Stamped, VirtualBus, eds, wire};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use harness::dut::Dut;
 use harness::properties;
-use harness::run::{Link, Policy, identity, transfer};
 use reference_devices::devices::ax021211::full;
 use reference_devices::devices::drr460::hour as controlled;
 use reference_devices::devices::em66::hour;
@@ -19,6 +17,8 @@ use reference_devices::devices::mcm260x::packaging;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::rules::Specification;
 use reports::{Event, journal};
+use runner::dut::Dut;
+use runner::run::{Link, Policy, identity, transfer};
 
 criterion_group!(
     benches,

@@ -8,10 +8,10 @@ use std::sync::Arc;
 
 use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use reports::{FORMATS, Format, Grade};
+use runner::waivers::check_date;
 
 use crate::device_file::{DeviceFile, GradeWord};
-use crate::suite::{CatalogueFolder, Folders};
-use crate::waivers::check_date;
+use crate::folders::{CatalogueFolder, Folders};
 
 /// Conformance tests for CANopen devices.
 ///

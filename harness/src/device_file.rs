@@ -5,14 +5,15 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use canopen::eds::Eds;
+use runner::dut::{Hook, Hooks};
+use runner::protect::{Deed, Objects, Protection};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
-use crate::dut::{Hook, Hooks};
 use crate::files::read_source;
+use crate::hook::Program;
 use crate::nearest::did_you_mean;
-use crate::protect::{Deed, Objects, Protection};
 use crate::source::{At, Complaint, Place, Source, read_yaml};
 
 /// A device file, and where it is.
@@ -281,7 +282,8 @@ impl DeviceFile {
     pub(crate) fn hooks(&self) -> Hooks {
         let hook = |command: &Option<String>| {
             let command = command.clone()?;
-            Some(Hook { command, folder: self.folder.clone() })
+            let program: Arc<dyn Hook> = Arc::new(Program { command, folder: self.folder.clone() });
+            Some(program)
         };
         Hooks { reset: hook(&self.said.reset), power: hook(&self.said.power) }
     }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use canopen::catalogue::Catalogue;
 use clap::Args;
-use include_dir::{Dir, include_dir};
+use runner::suite::{Library, built_in, is_register};
 
 use crate::files::{read_text, words};
 use crate::source::{Complaint, Source};
@@ -61,14 +61,30 @@ impl CatalogueFolder {
 /// Files, and the names of those that are the user's.
 pub(crate) type FilesAndOwn = (Vec<Arc<Source>>, BTreeSet<String>);
 
-static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../suites");
-
 impl Folders {
     /// The options that name the same folders again on a command line.
     pub fn options(&self) -> String {
         let only = self.only.iter().map(|folder| format!(" --only-suites {}", folder.display()));
         let more = self.more.iter().map(|folder| format!(" --suites {}", folder.display()));
         only.chain(more).chain([self.catalogue.option()]).collect()
+    }
+
+    /// Loads the suites of these folders.
+    ///
+    /// # Errors
+    /// Every complaint about every file.
+    pub fn load(&self) -> Result<Library, Vec<Complaint>> {
+        Library::from_sources(&self.sources()?, &self.catalogue.load()?)
+    }
+
+    /// The register files alone.
+    ///
+    /// # Errors
+    /// When a folder cannot be read.
+    pub(crate) fn register_sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
+        let mut sources = self.sources()?;
+        sources.retain(is_register);
+        Ok(sources)
     }
 
     /// The files by name, and which of them are the user's: those of the folders that are named, or
@@ -80,10 +96,10 @@ impl Folders {
         let sources = self.sources()?;
         let named: Vec<String> =
             self.only.iter().chain(&self.more).map(|folder| shown(folder)).collect();
-        let embedded: BTreeMap<String, String> =
-            embedded().into_iter().map(|source| (source.name, source.text)).collect();
+        let built_in: BTreeMap<String, String> =
+            built_in().into_iter().map(|source| (source.name, source.text)).collect();
         let is_own = |source: &&Arc<Source>| match named.as_slice() {
-            [] => embedded.get(&source.name) != Some(&source.text),
+            [] => built_in.get(&source.name) != Some(&source.text),
             named => named.iter().any(|folder| Path::new(&source.name).starts_with(folder)),
         };
         let own = sources.iter().filter(is_own).map(|source| source.name.clone()).collect();
@@ -92,20 +108,20 @@ impl Folders {
 
     /// The files by name. Unless there are `only` folders, those of `suites/` here are read, or
     /// else the copy in this program. A file of a later folder replaces the one of the same name.
-    pub(super) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
+    pub(crate) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
         let here = Path::new("suites");
         let mut sources = BTreeMap::new();
         let mut folders = self.only.clone();
         match (self.only.is_empty(), here.is_dir()) {
             (true, true) => folders.push(here.to_owned()),
-            (true, false) => add(&mut sources, here, embedded()),
+            (true, false) => add(&mut sources, here, built_in()),
             (false, _) => {}
         }
         folders.extend(self.more.iter().cloned());
         for folder in folders {
             let mut found = Vec::new();
             read_folder(&folder, &mut found).map_err(|complaint| vec![complaint])?;
-            if folder == here && differ(&found, &embedded()) {
+            if folder == here && differ(&found, &built_in()) {
                 complain!(
                     "note: the suites of ./suites are read, which differ from those in this program"
                 );
@@ -135,13 +151,6 @@ fn add(sources: &mut BTreeMap<String, Arc<Source>>, folder: &Path, found: Vec<So
     }
 }
 
-/// The copies in this program.
-pub(super) fn embedded() -> Vec<Source> {
-    let mut sources = Vec::new();
-    read_embedded(&EMBEDDED, &mut sources);
-    sources
-}
-
 fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint> {
     let complain = |path: &Path, error: std::io::Error| {
         let source = Source { name: shown(path), text: String::new() };
@@ -157,18 +166,6 @@ fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint
         }
     }
     Ok(())
-}
-
-fn read_embedded(folder: &Dir<'_>, sources: &mut Vec<Source>) {
-    for file in folder.files() {
-        if let (Some("yaml"), Some(text)) =
-            (file.path().extension().and_then(|extension| extension.to_str()), file.contents_utf8())
-        {
-            let name = format!("suites/{}", shown(file.path()));
-            sources.push(Source { name, text: text.to_owned() });
-        }
-    }
-    folder.dirs().for_each(|below| read_embedded(below, sources));
 }
 
 fn shown(path: &Path) -> String {

@@ -1,6 +1,7 @@
 //! Programs of the user's that bring a device back.
 
 use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
@@ -9,10 +10,8 @@ use std::time::Duration;
 use canopen::BusError;
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
-use reports::{Event, Note};
+use runner::dut::{Hook, Look};
 
-use super::link::Link;
-use crate::dut::Hook;
 use crate::files::words;
 
 /// How long a program may take.
@@ -20,24 +19,30 @@ const LIMIT: Duration = Duration::from_secs(60);
 /// How often the bus is looked at meanwhile, which notices an interruption.
 const TURN: Duration = Duration::from_millis(100);
 
-/// Runs the program to its end; whether it succeeded. If it did not, the report says why.
-///
-/// # Errors
-/// Whatever the bus reports.
-pub(super) fn call(link: &mut Link, hook: &Hook, argument: Option<&str>) -> Result<bool, BusError> {
-    let failed = match start(hook, argument) {
-        Ok(child) => end(link, child)?,
-        Err(error) => Some(words(&error)),
-    };
-    link.moved();
-    let Some(why) = failed else { return Ok(true) };
-    let text = format!("the program `{}` failed: {why}", hook.command);
-    link.emit(Event::Note(Note { at: link.mark(), text }));
-    Ok(false)
+/// A program with its arguments, which blanks separate, and where it runs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Program {
+    /// As the user writes it.
+    pub command: String,
+    /// The folder that its path and its arguments are relative to.
+    pub folder: PathBuf,
+}
+
+impl Hook for Program {
+    fn name(&self) -> &str {
+        &self.command
+    }
+
+    fn call(&self, argument: Option<&str>, look: Look) -> Result<Result<(), String>, BusError> {
+        match start(self, argument) {
+            Ok(child) => end(child, look),
+            Err(error) => Ok(Err(words(&error))),
+        }
+    }
 }
 
 /// Its path and its arguments are relative to the folder of the device file.
-fn start(hook: &Hook, argument: Option<&str>) -> std::io::Result<Child> {
+fn start(hook: &Program, argument: Option<&str>) -> std::io::Result<Child> {
     let mut words = hook.command.split_whitespace();
     let program = words.next().unwrap_or_default();
     let path = match program.contains('/') {
@@ -57,7 +62,7 @@ fn start(hook: &Hook, argument: Option<&str>) -> std::io::Result<Child> {
 }
 
 /// Waits for it; why it failed, if it did.
-fn end(link: &mut Link, mut child: Child) -> Result<Option<String>, BusError> {
+fn end(mut child: Child, look: Look) -> Result<Result<(), String>, BusError> {
     let group = Pid::from_raw(child.id().cast_signed());
     let (sender, ended) = mpsc::channel();
     thread::spawn(move || _ = sender.send(child.wait()));
@@ -65,10 +70,10 @@ fn end(link: &mut Link, mut child: Child) -> Result<Option<String>, BusError> {
     let kill = || _ = killpg(group, Signal::SIGKILL);
     for _ in 0..LIMIT.as_millis() / TURN.as_millis() {
         match ended.recv_timeout(TURN) {
-            Ok(status) => return Ok(status.map_or_else(|error| Some(words(&error)), said)),
+            Ok(status) => return Ok(status.map_err(|error| words(&error)).and_then(succeeded)),
             Err(RecvTimeoutError::Disconnected) => break,
             Err(RecvTimeoutError::Timeout) => {
-                if let Err(error) = link.look_from_now() {
+                if let Err(error) = look() {
                     kill();
                     return Err(error);
                 }
@@ -76,9 +81,9 @@ fn end(link: &mut Link, mut child: Child) -> Result<Option<String>, BusError> {
         }
     }
     kill();
-    Ok(Some(format!("it did not end within {} s", LIMIT.as_secs())))
+    Ok(Err(format!("it did not end within {} s", LIMIT.as_secs())))
 }
 
-fn said(status: ExitStatus) -> Option<String> {
-    (!status.success()).then(|| status.to_string())
+fn succeeded(status: ExitStatus) -> Result<(), String> {
+    if status.success() { Ok(()) } else { Err(status.to_string()) }
 }

@@ -24,10 +24,10 @@ use canopen::timestamp::TimeOfDay;
 use canopen::wire::frame_bits;
 use canopen::{Data, Frame, Id, Malformed, Pattern, meaning};
 use reports::{FORMATS, Keep, Run, Style, journal, terminal};
+use runner::dut::Dut;
+use runner::suite::Library;
 
-use crate::dut::Dut;
 use crate::source::{Complaint, Source};
-use crate::suite::Library;
 
 use devices::NODE;
 
@@ -156,7 +156,7 @@ static SHEETS: LazyLock<Vec<Dut>> = LazyLock::new(|| {
 
 /// The suites and the register of the program.
 static LIBRARY: LazyLock<Library> =
-    LazyLock::new(|| Library::embedded().expect("they are part of the program"));
+    LazyLock::new(|| Library::built_in().expect("they are part of the program"));
 
 fn source(name: &str, text: &str) -> Arc<Source> {
     Arc::new(Source { name: name.to_owned(), text: text.to_owned() })

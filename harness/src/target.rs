@@ -14,10 +14,10 @@ mod sim;
 
 use canopen::catalogue::Catalogue;
 use reference_devices::devices;
+use runner::stop::Stop;
 
 use crate::cli::Selection;
 use crate::exit::Refused;
-use crate::stop::Stop;
 
 pub(crate) use address::Address;
 pub(crate) use can::{nobody, only};

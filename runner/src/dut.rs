@@ -3,17 +3,17 @@
 mod sheet;
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
+use std::fmt::Debug;
 use std::sync::Arc;
 
 use canopen::bench::Needs;
 use canopen::eds::Eds;
 use canopen::pdo::Mapping;
-use canopen::{Mux, lss};
+use canopen::{BusError, Mux, lss};
 
 use crate::protect::{Protection, Wire};
 
-pub(crate) use sheet::{COMPOSED, Sheet};
+pub use sheet::{COMPOSED, Sheet};
 
 /// The device under test as the harness knows it: by name, node id and data sheet.
 #[derive(Clone, Debug)]
@@ -44,30 +44,37 @@ pub struct Dut {
     /// Entries without a default value whose value was longer than four bytes when it was asked.
     pub long: BTreeSet<Mux>,
     /// What must not be done to it.
-    pub(crate) protection: Arc<Protection>,
+    pub protection: Arc<Protection>,
     /// How it takes frames, by its data sheet.
-    pub(crate) wire: Arc<Wire>,
+    pub wire: Arc<Wire>,
     /// What brings it back when it does not answer.
-    pub(crate) hooks: Hooks,
+    pub hooks: Hooks,
 }
 
-/// Programs of the user's.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Hooks {
+/// What the user gives to bring the device back.
+#[derive(Clone, Debug, Default)]
+pub struct Hooks {
     /// Resets the device.
-    pub reset: Option<Hook>,
-    /// Switches its supply; the last argument is `off` or `on`.
-    pub power: Option<Hook>,
+    pub reset: Option<Arc<dyn Hook>>,
+    /// Switches its supply; the argument is `off` or `on`.
+    pub power: Option<Arc<dyn Hook>>,
 }
 
-/// A program with its arguments, which blanks separate, and where it runs.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Hook {
-    /// As the user writes it.
-    pub command: String,
-    /// The folder that its path and its arguments are relative to.
-    pub folder: PathBuf,
+/// Something outside of the bus that can be done to the device, such as a program of the user's.
+pub trait Hook: Debug + Send + Sync {
+    /// What reports call it.
+    fn name(&self) -> &str;
+
+    /// Does it and returns once it is done; why it failed, if it did. `look` is called several
+    /// times a second meanwhile, and ends it with an error.
+    ///
+    /// # Errors
+    /// That of `look`.
+    fn call(&self, argument: Option<&str>, look: Look) -> Result<Result<(), String>, BusError>;
 }
+
+/// Looks at the bus, which notices an interruption.
+pub type Look<'l> = &'l mut dyn FnMut() -> Result<(), BusError>;
 
 impl Dut {
     /// A device of which only the data sheet is known.
@@ -93,7 +100,7 @@ impl Dut {
 
     /// What may bring it back when it does not answer, the gentlest first; of a simulated device,
     /// nothing.
-    pub(crate) fn ways_back(&self) -> Option<String> {
+    pub fn ways_back(&self) -> Option<String> {
         let interface = self.interface.as_ref()?;
         let send = |frame: &str| format!("`cansend {interface} {frame}`");
         let mut ways = vec![send(&format!("000#82{:02X}", self.node)), send("000#8100")];
@@ -128,7 +135,7 @@ impl Dut {
 
     /// Why layer setting services cannot leave the bit rate as it is: nobody knows it, or it has no
     /// place in their table.
-    pub(crate) fn unlisted_bit_rate(&self) -> Option<String> {
+    pub fn unlisted_bit_rate(&self) -> Option<String> {
         match self.bit_rate {
             None => Some("the bit rate of the bus is unknown: --bitrate".to_owned()),
             rate if lss::BIT_RATES.contains(&rate) => None,

@@ -16,13 +16,13 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use canopen::Mux;
 use canopen::eds::{Direction, Eds, ObjectKind};
 
-pub(crate) use deed::Deed;
-pub(crate) use guard::Guarded;
-pub(crate) use wire::Wire;
+pub use deed::Deed;
+pub use guard::Guarded;
+pub use wire::Wire;
 
 /// Objects that are named: a range of indices, all sub-indices or one.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Objects {
+pub struct Objects {
     /// The indices.
     pub indices: RangeInclusive<u16>,
     /// The sub-index; all of them when absent.
@@ -31,7 +31,7 @@ pub(crate) struct Objects {
 
 impl Objects {
     /// Whether the address is one of them.
-    pub(crate) fn contain(&self, mux: Mux) -> bool {
+    pub fn contain(&self, mux: Mux) -> bool {
         self.indices.contains(&mux.index) && self.sub.is_none_or(|sub| sub == mux.sub)
     }
 }
@@ -52,7 +52,7 @@ impl Budget {
 
 /// What protects a device under test. The default protects nothing.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Protection {
+pub struct Protection {
     /// Objects, each with what protects them.
     objects: Vec<(Objects, String)>,
     /// Those that are protected for what they are by the data sheet.
@@ -68,7 +68,7 @@ const STORES: [u16; 2] = [0x1010, 0x1011];
 
 impl Protection {
     /// Whether nothing is protected.
-    pub(crate) fn is_none(&self) -> bool {
+    pub fn is_none(&self) -> bool {
         self.objects.is_empty()
             && self.entries.is_empty()
             && self.deeds.is_empty()
@@ -76,12 +76,12 @@ impl Protection {
     }
 
     /// Protects objects by their addresses.
-    pub(crate) fn protect(&mut self, objects: Objects, by: String) {
+    pub fn protect(&mut self, objects: Objects, by: String) {
         self.objects.push((objects, by));
     }
 
     /// Protects everything that the data sheet calls a DOMAIN.
-    pub(crate) fn protect_domains(&mut self, eds: &Eds, by: &Arc<str>) {
+    pub fn protect_domains(&mut self, eds: &Eds, by: &Arc<str>) {
         let domains = eds.objects.iter().filter(|object| object.kind == ObjectKind::DOMAIN);
         let of_objects = domains.flat_map(|object| &object.entries);
         let typed = eds.entries().filter(|entry| entry.data_type == canopen::DataType::DOMAIN);
@@ -91,7 +91,7 @@ impl Protection {
 
     /// Protects what a device makes of received process data, and the outputs of CiA 401 with what
     /// they do on errors.
-    pub(crate) fn protect_outputs(&mut self, eds: &Eds, generic_io: bool, by: &Arc<str>) {
+    pub fn protect_outputs(&mut self, eds: &Eds, generic_io: bool, by: &Arc<str>) {
         let received = eds.entries().filter(|entry| {
             entry.mux.index >= MANUFACTURER && entry.maps_into(Direction::Receive)
                 || generic_io && OUTPUTS.iter().any(|range| range.contains(&entry.mux.index))
@@ -100,22 +100,22 @@ impl Protection {
     }
 
     /// Protects from a deed that is not about an object.
-    pub(crate) fn forbid(&mut self, deed: Deed, by: String) {
+    pub fn forbid(&mut self, deed: Deed, by: String) {
         self.deeds.push((deed, by));
     }
 
     /// Lets 1010h or 1011h be written so often.
-    pub(crate) fn limit(&mut self, index: u16, limit: u32, by: String) {
+    pub fn limit(&mut self, index: u16, limit: u32, by: String) {
         self.budgets.insert(index, Budget { limit, used: Arc::default(), by });
     }
 
     /// Whether an entry of the object is protected for what it is by the data sheet.
-    pub(crate) fn has_entries_of(&self, index: u16) -> bool {
+    pub fn has_entries_of(&self, index: u16) -> bool {
         self.entries.keys().any(|mux| mux.index == index)
     }
 
     /// Why the deed is refused, in one sentence.
-    pub(crate) fn refuses(&self, deed: Deed) -> Option<String> {
+    pub fn refuses(&self, deed: Deed) -> Option<String> {
         let by = match deed {
             Deed::Write(mux, _) | Deed::Map(_, mux) => self.of(mux).or_else(|| {
                 let budget = self.budgets.get(&mux.index)?;
@@ -151,7 +151,7 @@ impl Protection {
     }
 
     /// Why these deeds, all together, are more than the device bears.
-    pub(crate) fn exceeded(&self, deeds: &[Deed]) -> Option<String> {
+    pub fn exceeded(&self, deeds: &[Deed]) -> Option<String> {
         STORES.into_iter().find_map(|index| {
             let budget = self.budgets.get(&index)?;
             let count = deeds.iter().filter(|deed| deed.written() == Some(index)).count();
@@ -165,7 +165,7 @@ impl Protection {
     }
 
     /// Counts what is done.
-    pub(crate) fn spend(&self, deed: Deed) {
+    pub fn spend(&self, deed: Deed) {
         if let Some(budget) = deed.written().and_then(|index| self.budgets.get(&index)) {
             budget.used.fetch_add(1, Ordering::SeqCst);
         }

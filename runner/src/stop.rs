@@ -4,19 +4,8 @@
 //! and what leaves the device as it was found is done all the same. The second one ends that, too.
 //! The third ends the program wherever it is.
 
-use std::process;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
-use std::thread;
-use std::time::{Duration, Instant};
-
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
-
-use crate::exit::Exit;
-
-/// Some programs send a signal to a process and to its group: both are one wish.
-const ONE_WISH: Duration = Duration::from_millis(300);
 
 /// Whether the user wants the program to end. Clones share what the user wants, and the phase.
 #[derive(Clone, Debug, Default)]
@@ -32,32 +21,6 @@ pub struct Stop {
 pub struct Held(Arc<AtomicU32>);
 
 impl Stop {
-    /// Listens to signals from now on. A SIGHUP that was ignored from the start, as by `nohup`,
-    /// stays ignored.
-    pub fn on_signals() -> Self {
-        let stop = Self::default();
-        let hang_up = Some(SIGHUP).filter(|_| !ignores_hang_up());
-        // Without a handler a signal ends the process at once, which is all that is lost.
-        if let Ok(mut signals) = Signals::new([SIGINT, SIGTERM].into_iter().chain(hang_up)) {
-            let listener = stop.clone();
-            thread::spawn(move || {
-                let mut last = None;
-                for _ in signals.forever() {
-                    let now = now();
-                    if last.is_some_and(|last| now < last + ONE_WISH) {
-                        continue;
-                    }
-                    last = Some(now);
-                    listener.signal();
-                    if listener.ends_at_once() {
-                        process::exit(Exit::Interrupted as i32);
-                    }
-                }
-            });
-        }
-        stop
-    }
-
     /// One more signal.
     pub fn signal(&self) {
         self.signals.fetch_add(1, Ordering::SeqCst);
@@ -88,7 +51,8 @@ impl Stop {
         Self { cleaning: Arc::default(), ..self.clone() }
     }
 
-    fn ends_at_once(&self) -> bool {
+    /// Whether the program ends at the last signal wherever it is.
+    pub fn ends_at_once(&self) -> bool {
         const PATIENT_FOR: u32 = 2;
         self.held.load(Ordering::SeqCst) == 0 || self.signals.load(Ordering::SeqCst) > PATIENT_FOR
     }
@@ -98,19 +62,6 @@ impl Drop for Held {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::SeqCst);
     }
-}
-
-#[expect(clippy::disallowed_methods, reason = "no verdict depends on it")]
-fn now() -> Instant {
-    Instant::now()
-}
-
-/// Whether whoever started the program wants it to outlive the terminal.
-fn ignores_hang_up() -> bool {
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
-    ignored.is_some_and(|mask| mask & 1 << (SIGHUP - 1) != 0)
 }
 
 #[cfg(test)]

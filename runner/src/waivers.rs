@@ -5,7 +5,6 @@
 
 use std::borrow::Cow;
 use std::fmt;
-use std::path::Path;
 use std::sync::Arc;
 
 use reports::{CaseRun, CaseStarted, Cause, Outcome, Run, Verdict, Waiver};
@@ -14,7 +13,6 @@ use serde::de::{self, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use wildmatch::WildMatch;
 
-use crate::files::read_source;
 use crate::nearest::did_you_mean;
 use crate::plan::is_named;
 use crate::source::{At, Complaint, Source, read_yaml};
@@ -32,12 +30,12 @@ pub struct Waivers {
 /// A file of waivers.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(transparent)]
-pub(crate) struct WaiverFile(pub Vec<At<WaiverEntry>>);
+pub struct WaiverFile(pub Vec<At<WaiverEntry>>);
 
 /// One waiver.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(crate) struct WaiverEntry {
+pub struct WaiverEntry {
     /// The cases: one glob or a list of globs over full names. The name of a suite or of a case
     /// stands for all its instances.
     cases: Globs,
@@ -99,8 +97,11 @@ impl Waivers {
     ///
     /// # Errors
     /// Everything that is wrong with it.
-    pub fn load(path: &Path, today: &str, register: &Register) -> Result<Self, Vec<Complaint>> {
-        let source = read_source(path).map_err(|complaint| vec![complaint])?;
+    pub fn read(
+        source: Arc<Source>,
+        today: &str,
+        register: &Register,
+    ) -> Result<Self, Vec<Complaint>> {
         let WaiverFile(entries) = read_yaml(&source).map_err(|complaint| vec![complaint])?;
         let wrong = entries.iter().flat_map(|entry| entry.value.wrong(&source, register));
         let complaints: Vec<Complaint> = wrong.collect();
@@ -138,7 +139,7 @@ impl Waivers {
 
     /// What the waivers say and `run` does not show, where `names` are the cases that there are,
     /// selected or not.
-    pub(crate) fn out_of_date(&self, run: &Run, names: &[String]) -> Vec<Complaint> {
+    pub fn out_of_date(&self, run: &Run, names: &[String]) -> Vec<Complaint> {
         let mut complaints = Vec::new();
         for At { value: waiver, place } in &self.entries {
             let mut complain = |place, message| {
@@ -264,7 +265,7 @@ impl CauseEntry {
 ///
 /// # Errors
 /// What is wrong with it.
-pub(crate) fn check_date(text: &str) -> Result<(), String> {
+pub fn check_date(text: &str) -> Result<(), String> {
     let number = |text: &str, digits: usize| {
         let whole = text.len() == digits && text.bytes().all(|byte| byte.is_ascii_digit());
         whole.then(|| text.parse::<u16>().ok()).flatten()

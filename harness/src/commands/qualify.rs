@@ -15,14 +15,14 @@ mod slips;
 mod trial;
 
 use reference_devices::devices;
+use runner::parallel;
+use runner::suite::model::Case;
+use runner::suite::{Library, Suite};
 
 use super::counted::counted;
 use crate::cli::QualifyArgs;
 use crate::exit::{Exit, Refused};
-use crate::parallel;
 use crate::reporter::say;
-use crate::suite::model::Case;
-use crate::suite::{Library, Suite};
 use crate::target;
 
 use assertions::Assertions;
@@ -37,7 +37,7 @@ use trial::{Clean, Fits};
 /// # Errors
 /// When a file does not load or the device is unknown.
 pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
-    let library = Library::load(&args.folders)?;
+    let library = args.folders.load()?;
     let names = match &args.device {
         Some(name) => target::with_variants(name, &library.catalogue)?,
         None => devices::names().map(str::to_owned).collect(),

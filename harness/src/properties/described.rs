@@ -6,13 +6,13 @@ use canopen::bench::Needs;
 use canopen::catalogue::Catalogue;
 use canopen::eds;
 use canopen::{Bench, BenchError, Value};
+use runner::dut::Dut;
+use runner::plan;
+use runner::suite::{Library, Register};
 
 use super::{LIBRARY, SHEETS, in_place, source};
 use crate::device_file::DeviceFile;
-use crate::dut::Dut;
-use crate::plan;
 use crate::rig;
-use crate::suite::{Library, Register};
 use crate::target;
 
 /// A data sheet, whatever it says, meets every suite: each case gets its instances, or what is

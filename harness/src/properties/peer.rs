@@ -10,16 +10,16 @@ use canopen::heartbeat::ErrorControl;
 use canopen::sdo::{Client, Next, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Transfer};
 use canopen::{Data, Decoder, Device, Frame, Id, Instant, Mux, Outbox, VirtualBus, eds, nmt};
 use reports::{Event, Keep, Run, journal};
+use runner::dut::Dut;
+use runner::plan::{self, Plan};
+use runner::run::{Policy, Session, Undo};
+use runner::stop::Stop;
+use runner::waivers::Waivers;
 
 use super::devices::NODE;
 use super::{LIBRARY, SHEETS};
 use crate::candump;
-use crate::dut::Dut;
-use crate::plan::{self, Plan};
-use crate::run::{Policy, Session, Undo};
-use crate::stop::Stop;
 use crate::target::{self, compose, scan};
-use crate::waivers::Waivers;
 
 /// Whatever a server answers, a transfer comes to its end, the client sends a bounded number of
 /// requests that are requests, and gives out no more bytes than it was sent.

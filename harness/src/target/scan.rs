@@ -11,10 +11,10 @@ use canopen::sdo::{RESPONSE_COB_ID, Request, Response};
 use canopen::{Bus, BusError, Mux};
 use reference_devices::devices::{self, ReferenceDevice};
 use reports::Identity;
+use runner::dut::Dut;
+use runner::run::{Link, Policy, exists, identity, oddities, read_number, read_text};
 
-use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
-use crate::run::{Link, Policy, exists, identity, oddities, read_number, read_text};
 
 /// A profile of the catalogue, and the version that a device has of it.
 type Recognised = (Arc<Profile>, Option<String>);

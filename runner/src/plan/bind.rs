@@ -38,7 +38,7 @@ pub fn plan(
 ///
 /// # Errors
 /// As [`plan`].
-pub(crate) fn plan_cases(
+pub fn plan_cases(
     library: &Library,
     dut: &Dut,
     models: &BTreeMap<&str, &Eds>,

@@ -14,7 +14,7 @@ pub(crate) fn fill(len: usize) -> Vec<u8> {
 }
 
 /// The bytes of `01 02 0A`.
-pub(crate) fn parse_bytes(text: &str) -> Option<Vec<u8>> {
+pub fn parse_bytes(text: &str) -> Option<Vec<u8>> {
     let digits: String = text.split_whitespace().collect();
     if !digits.is_ascii() || !digits.len().is_multiple_of(2) {
         return None;
@@ -61,7 +61,7 @@ fn word(literal: &Literal, scope: &Scope) -> Result<u32, String> {
 }
 
 /// Bytes for people: `E8 03`, and of many the first and how many there are.
-pub(crate) fn show_bytes(bytes: &[u8]) -> String {
+pub fn show_bytes(bytes: &[u8]) -> String {
     /// 16 lines of 16.
     const MOST: usize = 256;
     let shown = &bytes[..bytes.len().min(MOST)];

@@ -18,7 +18,7 @@ use crate::suite::step::{Ask, Nmt, Produce, Remap, Step, Write};
 
 /// What the case does, in order. Each write of 1010h and 1011h counts, other deeds may stand there
 /// more than once.
-pub(crate) fn deeds(instance: &Instance, dut: &Dut) -> Vec<Deed> {
+pub fn deeds(instance: &Instance, dut: &Dut) -> Vec<Deed> {
     let mut taking = Taking { instance, dut, wire: dut.wire.as_ref().clone(), deeds: Vec::new() };
     for (mux, _) in instance.bench_needs(dut) {
         taking.write(mux, &[]);

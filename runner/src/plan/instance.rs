@@ -67,7 +67,7 @@ impl Plan {
 
     /// Keeps every `nth` instance, from that at `first` on, and those that prove what they rely on:
     /// another part of the run does not tell this one what holds on the device.
-    pub(crate) fn keep_every(&mut self, nth: usize, first: usize) {
+    pub fn keep_every(&mut self, nth: usize, first: usize) {
         let kept = self.instances.iter().skip(first).step_by(nth).map(Instance::name).collect();
         let kept = self.with_proofs(&kept);
         self.instances.retain(|instance| instance.is_one_of(&kept));
@@ -216,7 +216,7 @@ impl Instance {
 
 /// Whether `pattern` means the instance of that name: a glob over the full name, or the name of its
 /// suite, of a folder of suites or of its case.
-pub(crate) fn is_named(pattern: &str, name: &str) -> bool {
+pub fn is_named(pattern: &str, name: &str) -> bool {
     let below = name.strip_prefix(pattern.trim_end_matches('/'));
     let whole = below.is_some_and(|rest| rest.is_empty() || rest.starts_with(['/', '[']));
     whole || WildMatch::new(pattern).matches(name)

@@ -16,7 +16,7 @@ use crate::suite::step::{
 
 /// The words of a suite, and the values of names where they are known.
 #[derive(Clone, Copy)]
-pub(crate) struct Wording<'w> {
+pub struct Wording<'w> {
     /// What the document calls objects and values.
     pub words: &'w Words,
     /// What names stand for in an instance; unknown when a case is explained.
@@ -25,7 +25,7 @@ pub(crate) struct Wording<'w> {
 
 impl Wording<'_> {
     /// The step in words, in one line.
-    pub(crate) fn step(&self, step: &Step) -> String {
+    pub fn step(&self, step: &Step) -> String {
         match step {
             Step::Send(frame) => format!("send {}", self.frame(frame)),
             Step::Reply(reply) => format!("the answer is {}", self.frame(&reply.frame)),

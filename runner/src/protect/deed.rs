@@ -10,7 +10,7 @@ pub(super) const FIRST_RPDO: u16 = 0x1400;
 
 /// Something that a frame does to a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Deed {
+pub enum Deed {
     /// Writes an object, by SDO or through the RPDO with this communication parameter.
     Write(Mux, Option<u16>),
     /// Maps an object into the RPDO with this communication parameter.
@@ -33,7 +33,7 @@ pub(crate) enum Deed {
 
 impl Deed {
     /// The index of the object that it writes.
-    pub(crate) const fn written(self) -> Option<u16> {
+    pub const fn written(self) -> Option<u16> {
         match self {
             Self::Write(mux, _) => Some(mux.index),
             _ => None,

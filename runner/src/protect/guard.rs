@@ -9,7 +9,7 @@ use super::deed::Deed;
 use super::wire::Wire;
 
 /// A bus that sends nothing that a protected device must not get.
-pub(crate) struct Guarded {
+pub struct Guarded {
     bus: Box<dyn Bus>,
     protection: Arc<Protection>,
     wire: Wire,
@@ -17,7 +17,7 @@ pub(crate) struct Guarded {
 
 impl Guarded {
     /// The bus with a guard, which knows as much of the device as its data sheet says.
-    pub(crate) fn new(bus: Box<dyn Bus>, protection: Arc<Protection>, wire: Wire) -> Self {
+    pub fn new(bus: Box<dyn Bus>, protection: Arc<Protection>, wire: Wire) -> Self {
         Self { bus, protection, wire }
     }
 }

@@ -16,7 +16,7 @@ use super::deed::{Deed, FIRST_RPDO};
 
 /// What is known of how a device takes frames.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Wire {
+pub struct Wire {
     /// Identifiers of further SDO servers.
     servers: Ids,
     /// The RPDOs, by their communication parameter.
@@ -56,7 +56,7 @@ impl Ids {
 impl Wire {
     /// What the data sheet says of a device. An identifier that depends on the node id is meant
     /// for each node id, since LSS can change it.
-    pub(crate) fn of(eds: &Eds) -> Self {
+    pub fn of(eds: &Eds) -> Self {
         let mut wire = Self::default();
         for entry in eds.entries() {
             let Some(default) = &entry.default else { continue };
@@ -84,7 +84,7 @@ impl Wire {
     }
 
     /// What the device does when it is sent this.
-    pub(crate) fn deeds(&self, frame: &Frame) -> Vec<Deed> {
+    pub fn deeds(&self, frame: &Frame) -> Vec<Deed> {
         if frame.remote {
             return Vec::new();
         }

@@ -17,7 +17,7 @@ use crate::dut::Dut;
 use crate::stop::Stop;
 
 /// What came of it.
-pub(crate) enum BroughtBack {
+pub enum BroughtBack {
     /// The device does not answer; why it was given up.
     Lost(String),
     /// Another device has its node id; nothing was written to it.
@@ -27,7 +27,7 @@ pub(crate) enum BroughtBack {
 }
 
 /// A device as a run left it that was killed.
-pub(crate) struct Abandoned<'d> {
+pub struct Abandoned<'d> {
     /// The device.
     pub dut: &'d Dut,
     /// What it said of itself before.
@@ -45,7 +45,7 @@ impl Abandoned<'_> {
     ///
     /// # Errors
     /// Whatever the bus reports.
-    pub(crate) fn bring_back(
+    pub fn bring_back(
         &self,
         bus: &mut dyn Bus,
         policy: &Policy,

@@ -5,14 +5,13 @@ use std::time::Duration;
 use canopen::lss::{self, Mode, Part, Request, Response, Status};
 use canopen::nmt::{Command, Service};
 use canopen::{Abort, BusError, Mux, sdo};
-use reports::Identity;
+use reports::{Event, Identity, Note};
 
 use super::baseline::Baseline;
-use super::hook;
 use super::link::Link;
 use super::policy::Policy;
 use super::settle;
-use crate::dut::Dut;
+use crate::dut::{Dut, Hook};
 use crate::protect::Deed;
 
 /// One way to get a device back.
@@ -117,15 +116,15 @@ impl Rung {
             Self::ResetAll => (Service::RESET_NODE, ALL_NODES),
             Self::ResetHook => {
                 let Some(hook) = &dut.hooks.reset else { return Ok(false) };
-                let done = hook::call(link, hook, None)?;
+                let done = call(link, &**hook, None)?;
                 return Ok(done && settle::first_answer(link, policy, dut)?);
             }
             Self::PowerHook => {
                 let Some(hook) = &dut.hooks.power else { return Ok(false) };
-                let off = hook::call(link, hook, Some("off"))?;
+                let off = call(link, &**hook, Some("off"))?;
                 let until = link.mark() + WITHOUT_SUPPLY;
                 link.wait(until)?;
-                let on = hook::call(link, hook, Some("on"))?;
+                let on = call(link, &**hook, Some("on"))?;
                 return Ok(off && on && settle::first_answer(link, policy, dut)?);
             }
             Self::NodeId => {
@@ -137,6 +136,16 @@ impl Rung {
         };
         restart(link, policy, dut, baseline, reset)
     }
+}
+
+/// Does what the user gives for it; whether it succeeded. If it did not, the report says why.
+fn call(link: &mut Link, hook: &dyn Hook, argument: Option<&str>) -> Result<bool, BusError> {
+    let done = hook.call(argument, &mut || link.look_from_now())?;
+    link.moved();
+    let Err(why) = done else { return Ok(true) };
+    let text = format!("the program `{}` failed: {why}", hook.name());
+    link.emit(Event::Note(Note { at: link.mark(), text }));
+    Ok(false)
 }
 
 const ALL_NODES: u8 = 0;

@@ -11,7 +11,7 @@ use canopen::{Frame, Mux};
 
 /// Sentences about it, each with the frames that show it. In the trace, the tester has done nothing
 /// but reset the device and upload objects.
-pub(crate) fn oddities(trace: &[Seen], node: u8) -> Vec<String> {
+pub fn oddities(trace: &[Seen], node: u8) -> Vec<String> {
     let said = [several(trace, node), short(trace, node), garbage(trace, node)];
     said.into_iter().flatten().collect()
 }

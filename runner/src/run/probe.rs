@@ -16,7 +16,7 @@ use super::sdo;
 
 /// How asking for objects ended early.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Lost {
+pub enum Lost {
     /// The device does not answer any more; the object that it was asked for.
     Silent(Mux),
     /// The bus failed.
@@ -36,7 +36,7 @@ impl From<BusError> for Lost {
 ///
 /// # Errors
 /// When the device falls silent or the bus fails.
-pub(crate) fn objects(
+pub fn objects(
     link: &mut Link,
     policy: &Policy,
     node: u8,

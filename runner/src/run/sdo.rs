@@ -125,12 +125,7 @@ const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 ///
 /// # Errors
 /// Whatever the bus reports.
-pub(crate) fn is_long(
-    link: &mut Link,
-    policy: &Policy,
-    node: u8,
-    mux: Mux,
-) -> Result<bool, BusError> {
+pub fn is_long(link: &mut Link, policy: &Policy, node: u8, mux: Mux) -> Result<bool, BusError> {
     let (client, request) = Client::upload(mux);
     let answer = Running::new(client, request).exchange(link, policy, node)?;
     let answer = answer.and_then(|answer| Response::decode(&answer.data).ok());

@@ -469,7 +469,7 @@ fn versions(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Versions, Bus
 }
 
 /// The number of 32 bits at `mux`, when there is one.
-pub(crate) fn read_number(
+pub fn read_number(
     link: &mut Link,
     policy: &Policy,
     node: u8,
@@ -481,12 +481,7 @@ pub(crate) fn read_number(
 }
 
 /// Whether the device answers for `mux` otherwise than that there is nothing.
-pub(crate) fn exists(
-    link: &mut Link,
-    policy: &Policy,
-    node: u8,
-    mux: Mux,
-) -> Result<bool, BusError> {
+pub fn exists(link: &mut Link, policy: &Policy, node: u8, mux: Mux) -> Result<bool, BusError> {
     let absent = |failure: &Failure| {
         matches!(failure, Failure::Aborted(Abort::NO_OBJECT | Abort::NO_SUB_INDEX))
     };
@@ -495,7 +490,7 @@ pub(crate) fn exists(
 }
 
 /// The text at `mux`, when there is one.
-pub(crate) fn read_text(
+pub fn read_text(
     link: &mut Link,
     policy: &Policy,
     node: u8,

@@ -10,7 +10,7 @@ use crate::dut::Dut;
 /// The load of the bus by frames that neither the tester nor the device sends, looked at in
 /// stretches, since a burst disturbs as much as a load that lasts.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Traffic {
+pub struct Traffic {
     /// In bit/s; `None` when nobody knows it, and then no load either.
     bit_rate: Option<u32>,
     node: u8,
@@ -32,7 +32,7 @@ impl Traffic {
     pub(super) const WORTH_A_WORD: f64 = 0.05;
 
     /// Beside this device, whose data sheet gives it these identifiers.
-    pub(super) fn beside(dut: &Dut, known: Vec<u16>) -> Self {
+    pub fn beside(dut: &Dut, known: Vec<u16>) -> Self {
         Self { bit_rate: dut.bit_rate, node: dut.node, known, ..Self::default() }
     }
 
@@ -68,7 +68,7 @@ impl Traffic {
     }
 
     /// What others take of a bus on which nobody answers, as a sentence, when it is worth a word.
-    pub(crate) fn heard(bus: &mut dyn Bus, bit_rate: Option<u32>) -> Option<String> {
+    pub fn heard(bus: &mut dyn Bus, bit_rate: Option<u32>) -> Option<String> {
         let now = bus.now();
         let mut traffic = Self { bit_rate, stretch: now, ..Self::default() };
         while let Ok(Some(seen)) = bus.recv(now + Self::STRETCH * 4) {

@@ -3,29 +3,44 @@
 
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Debug;
 
 use canopen::Mux;
 use reports::Identity;
 
 use super::restore::Snapshot;
 use crate::plan::show_bytes;
-use crate::undo_log::UndoLog;
+
+/// A log of what is not set back, as a program keeps it that can be killed.
+pub trait KeepChanges: Debug {
+    /// Its name, when it holds something.
+    fn name_if_written(&self) -> Option<String>;
+
+    /// Says what the device is, which is found out before anything is changed.
+    fn identify(&mut self, identity: Identity);
+
+    /// Replaces what it holds. Without objects, there is no log.
+    ///
+    /// # Errors
+    /// Why it cannot be written.
+    fn write(&mut self, values: &BTreeMap<Mux, Vec<u8>>, stores: bool) -> Result<(), String>;
+}
 
 /// The objects that are not, or perhaps not, as they were before the run, with their values from
 /// then.
 #[derive(Debug, Default)]
 pub struct Undo {
     left: RefCell<Snapshot>,
-    log: Option<RefCell<UndoLog>>,
+    log: Option<RefCell<Box<dyn KeepChanges>>>,
     /// Why the log could not be written, which is said once.
     failure: RefCell<Option<String>>,
     failed: Cell<bool>,
 }
 
 impl Undo {
-    /// With a log on disk.
-    pub(crate) fn on_disk(log: UndoLog) -> Self {
-        Self { log: Some(RefCell::new(log)), ..Self::default() }
+    /// With a log that outlives the run.
+    pub fn kept_by(log: impl KeepChanges + 'static) -> Self {
+        Self { log: Some(RefCell::new(Box::new(log))), ..Self::default() }
     }
 
     /// What is not set back.
@@ -45,12 +60,12 @@ impl Undo {
     }
 
     /// The name of the log, when it holds something that is not set back.
-    pub(crate) fn log_name(&self) -> Option<String> {
+    pub fn log_name(&self) -> Option<String> {
         self.log.as_ref().and_then(|log| log.borrow().name_if_written())
     }
 
     /// Why the log could not be written, the first time that it could not.
-    pub(crate) fn failure(&self) -> Option<String> {
+    pub fn failure(&self) -> Option<String> {
         self.failure.take()
     }
 

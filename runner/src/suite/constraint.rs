@@ -218,7 +218,7 @@ impl Case {
 }
 
 /// An assertion as holes and excuses name it: `step 3`, or `step 3, word 2`.
-pub(crate) fn assertion_name(step: usize, constraint: Option<&Constraint>) -> String {
+pub fn assertion_name(step: usize, constraint: Option<&Constraint>) -> String {
     match constraint {
         None => format!("step {}", step + 1),
         Some(constraint) => format!("step {}, {constraint}", step + 1),

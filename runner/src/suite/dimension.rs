@@ -58,7 +58,7 @@ impl Dimension {
 
 /// What is known of a requirement in one dimension.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) enum Extent {
+pub enum Extent {
     /// It applies. The requirements that extend it, and the cases that try it on every instance.
     Applies(Vec<String>),
     /// It does not apply, and why.
@@ -68,7 +68,7 @@ pub(crate) enum Extent {
 /// Dimensions that some requirements lack.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(crate) struct Lack {
+pub struct Lack {
     /// The requirements: globs over the ids of this document.
     of: Vec<At<String>>,
     /// The dimensions that do not apply to them.

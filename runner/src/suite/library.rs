@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use canopen::catalogue::Catalogue;
 
+use super::built_in::built_in;
 use super::constraint::assertion_name;
 use super::dimension::{Dimension, Extent};
 use super::expand::expand;
-use super::folders::{Folders, embedded};
 use super::loaded::Suite;
 use super::model::{Case, SuiteFile};
 use super::register::{Register, Relaxation};
@@ -33,24 +33,6 @@ pub struct Library {
 }
 
 impl Library {
-    /// Loads the suites of these folders.
-    ///
-    /// # Errors
-    /// Every complaint about every file.
-    pub fn load(folders: &Folders) -> Result<Self, Vec<Complaint>> {
-        Self::from_sources(&folders.sources()?, &folders.catalogue.load()?)
-    }
-
-    /// The register files alone.
-    ///
-    /// # Errors
-    /// When the folder cannot be read.
-    pub fn register_sources(folders: &Folders) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
-        let mut sources = folders.sources()?;
-        sources.retain(is_register);
-        Ok(sources)
-    }
-
     /// Loads register and suites out of these files, with these profiles.
     ///
     /// # Errors
@@ -66,7 +48,7 @@ impl Library {
     ///
     /// # Errors
     /// As [`from_sources`](Self::from_sources).
-    pub(crate) fn from_part(
+    pub fn from_part(
         sources: &[Arc<Source>],
         catalogue: &Arc<Catalogue>,
     ) -> Result<Self, Vec<Complaint>> {
@@ -101,7 +83,7 @@ impl Library {
     ///
     /// # Errors
     /// Every complaint about every file.
-    pub(crate) fn with_register(
+    pub fn with_register(
         register: Arc<Register>,
         suites: Vec<Arc<Source>>,
         catalogue: &Arc<Catalogue>,
@@ -111,18 +93,18 @@ impl Library {
         Self::with(register, rest, suites, catalogue)
     }
 
-    /// The suites and the register in this program.
+    /// The suites and the register in this crate, with the profiles of the built-in catalogue.
     ///
     /// # Errors
-    /// As [`load`](Self::load).
-    pub(crate) fn embedded() -> Result<Self, Vec<Complaint>> {
-        let sources: Vec<_> = embedded().into_iter().map(Arc::new).collect();
+    /// Every complaint about every file.
+    pub fn built_in() -> Result<Self, Vec<Complaint>> {
+        let sources: Vec<_> = built_in().into_iter().map(Arc::new).collect();
         Self::from_sources(&sources, Catalogue::built_in())
     }
 
     /// What is known of a requirement in each dimension: the requirements that extend it, and the
     /// cases that are made for each of something the device has.
-    pub(crate) fn extents(&self, id: &str) -> Option<BTreeMap<Dimension, Extent>> {
+    pub fn extents(&self, id: &str) -> Option<BTreeMap<Dimension, Extent>> {
         let mut extents = self.register.extents(id)?;
         if let Some(Extent::Applies(by)) = extents.get_mut(&Dimension::Second) {
             for suite in &self.suites {
@@ -233,7 +215,8 @@ struct Rest {
     is_part: bool,
 }
 
-pub(super) fn is_register(source: &Arc<Source>) -> bool {
+/// Whether this is a file of the register.
+pub fn is_register(source: &Arc<Source>) -> bool {
     source.name.contains("requirements/") && !is_test_map(source)
 }
 

@@ -27,7 +27,7 @@ use crate::source::{Complaint, Source, Tree};
 
 /// What became of a file.
 #[derive(Debug)]
-pub(crate) struct Rewritten {
+pub struct Rewritten {
     /// The file as it was.
     pub source: Arc<Source>,
     /// Its new text.
@@ -38,7 +38,7 @@ pub(crate) struct Rewritten {
 
 /// How often what was changed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Changes {
+pub struct Changes {
     /// Steps that are written for short.
     pub steps: usize,
     /// Steps that they have become.
@@ -82,7 +82,7 @@ struct Edit {
 ///
 /// # Errors
 /// Every complaint about the suites as they are.
-pub(crate) fn rewritten(
+pub fn rewritten(
     mut sources: Vec<Arc<Source>>,
     names: &BTreeSet<String>,
 ) -> Result<Vec<Rewritten>, Vec<Complaint>> {

@@ -10,7 +10,7 @@ use super::model::SuiteFile;
 use super::words::{OF_BENCH, OF_OBJECT, PARTS};
 
 /// The schema of suites.
-pub(crate) fn suite_schema() -> Value {
+pub fn suite_schema() -> Value {
     let mut schema = plain();
     let mut cases = json!({ "type": "object", "additionalProperties": false, "properties": {} });
     for key in INSTEAD.iter().chain(&JOINED) {
@@ -23,7 +23,7 @@ pub(crate) fn suite_schema() -> Value {
 }
 
 /// The schema of files with named steps.
-pub(crate) fn steps_schema() -> Value {
+pub fn steps_schema() -> Value {
     let mut schema = named_steps();
     schema["$schema"] = plain()["$schema"].take();
     schema["title"] = "NamedSteps".into();
@@ -43,7 +43,7 @@ pub(crate) fn steps_schema() -> Value {
 }
 
 /// The schema of files with words.
-pub(crate) fn words_schema() -> Value {
+pub fn words_schema() -> Value {
     let address = json!({
         "type": "string",
         "pattern": "^[0-9A-Fa-f{}.]+:[0-9A-Fa-f{}.]+$",

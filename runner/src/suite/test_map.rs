@@ -25,7 +25,7 @@ pub struct TestMapEntry {
 }
 
 /// How many checks the tool makes.
-pub(crate) const CHECKS: usize = 127;
+pub const CHECKS: usize = 127;
 
 /// What is wrong with the list: a number that stands twice, a case that is not there, a check
 /// without either case or reason.

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
+use super::built_in::built_in;
 use super::definition::Definitions;
-use super::folders::embedded;
 use super::words::Words;
 use crate::source::{Complaint, Source, Tree};
 
@@ -36,7 +36,7 @@ const STEPS: &str = "steps.yaml";
 /// The words that suites everywhere may use: those of CiA 301.
 static STANDARD: LazyLock<Arc<Words>> = LazyLock::new(|| {
     let mut words = Words::default();
-    let file = embedded().into_iter().find(|source| source.name == format!("suites/{WORDS}"));
+    let file = built_in().into_iter().find(|source| source.name == format!("suites/{WORDS}"));
     if let Some(source) = file.map(Arc::new)
         && let Ok(tree) = Tree::of(&source)
     {
@@ -49,9 +49,8 @@ impl Vocabularies {
     /// Parts the files into vocabularies and suites.
     pub(super) fn of(files: Files) -> (Self, Files, Vec<Complaint>) {
         let is_suite = |tree: &Tree| tree.get("suite").is_some() || tree.get("cases").is_some();
-        let (shared, suites): (Vec<_>, Vec<_>) = files.into_iter().partition(|(source, tree)| {
-            may_be_shared(source) && !is_suite(tree)
-        });
+        let (shared, suites): (Vec<_>, Vec<_>) =
+            files.into_iter().partition(|(source, tree)| may_be_shared(source) && !is_suite(tree));
         let base = Vocabulary { words: Arc::clone(&STANDARD), steps: Definitions::default() };
         let mut all = Self { folders: BTreeMap::new(), base, steps: Vec::new() };
         let mut complaints = Vec::new();
@@ -112,7 +111,7 @@ pub(super) fn may_be_shared(source: &Arc<Source>) -> bool {
 }
 
 /// The files of words and named steps that a suite may use: in its folder and in those above.
-pub(crate) fn beside(suite: &Path) -> Vec<PathBuf> {
+pub fn beside(suite: &Path) -> Vec<PathBuf> {
     let leads_up = suite.components().any(|part| part == Component::ParentDir);
     let folders = suite.ancestors().skip(1);
     let folders = folders.filter(|folder| !(leads_up && folder.as_os_str().is_empty()));
