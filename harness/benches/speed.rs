@@ -1,6 +1,5 @@
 //! How fast the parts are that decide how long a run takes, and the run itself.
 
-use std::fs;
 use std::hint::black_box;
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -9,7 +8,6 @@ use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Client, Transfer};
 use canopen::{Bus, Device, Frame, Instant, Mux, Outbox, Stamped, VirtualBus, eds, wire};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use harness::properties;
 use reference_devices::devices::ax021211::full;
 use reference_devices::devices::drr460::hour as controlled;
 use reference_devices::devices::em66::hour;
@@ -32,7 +30,6 @@ criterion_group!(
     cycles_of_function_blocks,
     eds_read,
     journal_line,
-    fuzz_sessions
 );
 criterion_main!(benches);
 
@@ -51,25 +48,6 @@ fn whole_run(bench: &mut Criterion) {
             assert!(status.is_ok_and(|status| status.success()));
         });
     });
-}
-
-/// How often in a second a fuzz target with a session in it can be executed: each of its seeds in
-/// turn.
-fn fuzz_sessions(bench: &mut Criterion) {
-    let corpus = concat!(env!("CARGO_MANIFEST_DIR"), "/../fuzz/corpus");
-    let mut group = bench.benchmark_group("fuzz sessions");
-    for name in ["block_transfer", "lss_session", "sdo_client_server", "sdo_server_session"] {
-        let (_, property) =
-            properties::ALL.iter().find(|(other, _)| *other == name).expect("a property");
-        let folder = fs::read_dir(format!("{corpus}/{name}")).expect("a corpus");
-        let seeds: Vec<Vec<u8>> =
-            folder.map(|file| fs::read(file.expect("a file").path()).expect("a seed")).collect();
-        group.throughput(Throughput::Elements(seeds.len() as u64));
-        group.bench_function(name, |bench| {
-            bench.iter(|| seeds.iter().for_each(|seed| property(seed)))
-        });
-    }
-    group.finish();
 }
 
 /// What the runner does to read an object, from the request to the value. An identity is five.

@@ -13,17 +13,16 @@ macro_rules! complain {
 }
 
 pub mod bus;
-mod candump;
+pub mod candump;
 pub mod cli;
 pub mod commands;
-mod device_file;
+pub mod device_file;
 pub mod exit;
 mod files;
 pub mod folders;
 mod hook;
-pub mod properties;
 mod reporter;
-mod rig;
+pub mod rig;
 mod signals;
 pub mod target;
 mod undo_log;

@@ -6,14 +6,14 @@ use canopen::bench::Needs;
 use canopen::catalogue::Catalogue;
 use canopen::eds;
 use canopen::{Bench, BenchError, Value};
+use harness::device_file::DeviceFile;
+use harness::rig;
+use harness::target;
 use runner::dut::Dut;
 use runner::plan;
 use runner::suite::{Library, Register};
 
-use super::{LIBRARY, SHEETS, in_place, source};
-use crate::device_file::DeviceFile;
-use crate::rig;
-use crate::target;
+use crate::given::{LIBRARY, SHEETS, in_place, source};
 
 /// A data sheet, whatever it says, meets every suite: each case gets its instances, or what is
 /// wrong points into a suite.

@@ -6,14 +6,13 @@
 
 mod described;
 mod devices;
+mod given;
 mod lss;
 mod peer;
 mod session;
 mod transfers;
 
-use std::sync::{Arc, LazyLock};
-
-use canopen::eds::{self, Eds};
+use canopen::eds;
 use canopen::emcy::Emcy;
 use canopen::heartbeat::ErrorControl;
 use canopen::nmt::Command;
@@ -23,13 +22,10 @@ use canopen::sync::Sync;
 use canopen::timestamp::TimeOfDay;
 use canopen::wire::frame_bits;
 use canopen::{Data, Frame, Id, Malformed, Pattern, meaning};
-use reports::{FORMATS, Keep, Run, Style, journal, terminal};
-use runner::dut::Dut;
-use runner::suite::Library;
-
-use crate::source::{Complaint, Source};
+use reports::{Keep, Run, journal};
 
 use devices::NODE;
+use given::written;
 
 pub use described::{
     device_file_read, plan_sheet, register_read, rig_lines, suite_load, test_map_read,
@@ -144,44 +140,6 @@ pub fn journal_read(bytes: &[u8]) {
     }
 }
 
-/// Data sheets of devices with many and with few services.
-static SHEETS: LazyLock<Vec<Dut>> = LazyLock::new(|| {
-    let sheet = |name: &str| {
-        let device = reference_devices::devices::device(name).expect("it is part of the program");
-        let eds: Eds = eds::read(device.eds_text().as_bytes()).eds;
-        Dut { bit_rate: Some(1_000_000), ..Dut::new(name, NODE, eds) }
-    };
-    ["drr460", "generic", "em66", "mcm260x-9ad"].map(sheet).into()
-});
-
-/// The suites and the register of the program.
-static LIBRARY: LazyLock<Library> =
-    LazyLock::new(|| Library::built_in().expect("they are part of the program"));
-
-fn source(name: &str, text: &str) -> Arc<Source> {
-    Arc::new(Source { name: name.to_owned(), text: text.to_owned() })
-}
-
-/// Makes every report of a run. What is XML is read as XML.
-fn written(run: &Run) {
-    for format in FORMATS {
-        let text = (format.write)(run);
-        if format.flag == "junit" {
-            let mut reader = quick_xml::Reader::from_str(&text);
-            reader.config_mut().check_end_names = true;
-            loop {
-                match reader.read_event() {
-                    Ok(quick_xml::events::Event::Eof) => break,
-                    Ok(_) => {}
-                    Err(error) => panic!("{error}: {text}"),
-                }
-            }
-        }
-    }
-    let summary = terminal::summary(run, Style { color: false }, terminal::Verbosity::Normal);
-    assert!(!summary.contains('\u{1b}'), "a control character comes through: {summary:?}");
-}
-
 fn exact<T: Copy>(bytes: &[u8], decode: fn(&[u8]) -> Result<T, Malformed>, encode: fn(T) -> Data) {
     if let Ok(value) = decode(bytes) {
         assert_eq!(&*encode(value), bytes);
@@ -237,14 +195,4 @@ fn frame(id: u32, data: &[u8]) {
     let bits = frame_bits(&frame);
     let most = stuffable + 10 + (stuffable - 1) / 4;
     assert!((stuffable + 10..=most).contains(&bits), "{frame} has {bits} bits");
-}
-
-fn in_place(complaint: &Complaint) {
-    // To YAML a carriage return alone ends a line, too.
-    let lines = complaint.source.text.replace("\r\n", "\n").split(['\n', '\r']).count();
-    if let Some(place) = complaint.place {
-        let inside = (1..=lines).contains(&place.line) && place.column > 0;
-        assert!(inside, "{place:?} is not in the file: {complaint}");
-    }
-    assert!(!complaint.to_string().is_empty());
 }

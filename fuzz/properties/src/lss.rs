@@ -9,7 +9,7 @@ use canopen::nmt::{Command, Service};
 use canopen::{Data, Device, Frame, Instant, Mux, Outbox, sdo};
 use reference_devices::stack::Node;
 
-use super::devices::{NODE, switched_on};
+use crate::devices::{NODE, switched_on};
 
 /// Whatever a master sends and whenever, a slave gives at most one answer to a request, one that
 /// fits it and has nothing in reserved places; it answers nothing but identification while it

@@ -9,6 +9,8 @@ use canopen::catalogue::Catalogue;
 use canopen::heartbeat::ErrorControl;
 use canopen::sdo::{Client, Next, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Transfer};
 use canopen::{Data, Decoder, Device, Frame, Id, Instant, Mux, Outbox, VirtualBus, eds, nmt};
+use harness::candump;
+use harness::target::{self, compose, scan};
 use reports::{Event, Keep, Run, journal};
 use runner::dut::Dut;
 use runner::plan::{self, Plan};
@@ -16,10 +18,8 @@ use runner::run::{Policy, Session, Undo};
 use runner::stop::Stop;
 use runner::waivers::Waivers;
 
-use super::devices::NODE;
-use super::{LIBRARY, SHEETS};
-use crate::candump;
-use crate::target::{self, compose, scan};
+use crate::devices::NODE;
+use crate::given::{LIBRARY, SHEETS, written};
 
 /// Whatever a server answers, a transfer comes to its end, the client sends a bounded number of
 /// requests that are requests, and gives out no more bytes than it was sent.
@@ -113,7 +113,7 @@ pub fn runner_session(bytes: &[u8]) {
         run.apply(&event).unwrap_or_else(|error| panic!("{error}"));
     });
     assert_eq!(ended, plan.instances.len(), "{ending:?}");
-    super::written(&run);
+    written(&run);
 }
 
 /// Whatever nodes answer, a scan ends, and the data sheet that is composed of the answers of one is

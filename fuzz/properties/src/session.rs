@@ -13,7 +13,7 @@ use canopen::{
 };
 use reference_devices::stack::Node;
 
-use super::devices::{NODE, switched_on};
+use crate::devices::{NODE, switched_on};
 
 /// Whatever a client sends and whenever, the server of a reference device gives one answer to a
 /// request, one that fits it and has nothing in reserved places. No deadline of the device is in

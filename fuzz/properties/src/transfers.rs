@@ -8,7 +8,7 @@ use canopen::sdo::{Client, Next, Request, Transfer};
 use canopen::{Data, Device, Frame, Instant, Mux, Outbox};
 use reference_devices::stack::Node;
 
-use super::devices::{NODE, switched_on};
+use crate::devices::{NODE, switched_on};
 
 /// Whatever happens to the segments of a block transfer, it comes to an end; when the client says
 /// that it worked, every byte is in its place, and when nothing happened it works.

@@ -4,8 +4,6 @@ use std::fs;
 use std::panic::catch_unwind;
 use std::path::PathBuf;
 
-use harness::properties;
-
 #[test]
 fn every_property_holds_for_its_corpus() {
     for (name, property) in properties::ALL {
@@ -38,5 +36,5 @@ fn every_property_has_a_fuzz_target_and_nothing_else_has() {
 }
 
 fn project() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("..")
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../..")
 }

@@ -13,7 +13,7 @@ use crate::exit::{Exit, Refused};
 ///
 /// # Errors
 /// When the device falls silent or the bus fails.
-pub(crate) fn compose(
+pub fn compose(
     bus: &mut dyn Bus,
     found: &Found,
     bit_rate: u32,

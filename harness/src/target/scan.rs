@@ -20,7 +20,7 @@ use crate::exit::{Exit, Refused};
 type Recognised = (Arc<Profile>, Option<String>);
 
 /// A node that answers.
-pub(crate) struct Found {
+pub struct Found {
     /// Its node id.
     pub node: u8,
     /// What 1000h and 1018h say.
@@ -62,7 +62,7 @@ impl Found {
 ///
 /// # Errors
 /// When the bus fails.
-pub(crate) fn scan(
+pub fn scan(
     bus: &mut dyn Bus,
     node: Option<u8>,
     catalogue: &Catalogue,
