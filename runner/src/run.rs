@@ -1,42 +1,26 @@
-//! Running a plan against a device: the loop over cases, and the events it emits.
+//! Running a plan against a device, in four rooms.
+//!
+//! ```text
+//! session ▶ steps ▶ rest ▶ link
+//! ```
+//!
+//! [`link`] is the bus with its trace, [`rest`] brings the device to rest and leaves it as it was,
+//! [`steps`] carries out and judges steps, and [`session`] runs case after case and emits events.
+//! Which cases run, and on which device, does not belong here.
 
-mod ask;
-mod baseline;
-mod bench;
-mod bench_snapshot;
-mod bring_back;
-mod case;
-mod judge;
-mod ladder;
-mod limits;
 mod link;
-mod lss;
-mod measure;
-mod objects;
-mod oddities;
 mod policy;
-mod probe;
-mod promise;
-mod proof;
-mod reliance;
-mod restore;
-mod sdo;
+mod rest;
 mod session;
-mod settle;
-mod silence;
 mod steps;
 #[cfg(test)]
 mod tests;
-mod traffic;
-mod undo;
 
-pub use bring_back::{Abandoned, BroughtBack};
-pub use link::Link;
-pub use oddities::oddities;
+pub use link::{
+    Ended, Link, Lost, Traffic, exists, identity, is_long, oddities, probe, read_number, read_text,
+    transfer,
+};
 pub use policy::Policy;
-pub use probe::{Lost, objects as probe};
-pub use proof::{Shown, Witness};
-pub use sdo::{Ended, is_long, transfer};
-pub use session::{Ending, Session, exists, identity, read_number, read_text};
-pub use traffic::Traffic;
-pub use undo::{KeepChanges, Undo};
+pub use rest::{Abandoned, BroughtBack, KeepChanges, Undo};
+pub use session::{Ending, Session};
+pub use steps::{Shown, Witness};

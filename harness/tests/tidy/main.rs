@@ -137,6 +137,23 @@ fn rooms_import_each_other_in_one_direction() {
 }
 
 /// Three files that import each other can still be read together.
+/// The rooms within the run: a case goes from the session over the steps to the link, and no way
+/// leads back.
+#[test]
+fn rooms_of_the_run_import_each_other_in_one_direction() {
+    let sources = Crate::read(&project().join("runner/src"), "lib.rs");
+    let inside = |file| str::strip_prefix(file, "run/").map(room);
+    let between = sources.arrows().into_iter();
+    let between: BTreeSet<_> = between
+        .filter_map(|(from, to)| inside(from).zip(inside(to)))
+        .filter(|(from, to)| from != to)
+        .collect();
+    assert_eq!(circles(&between), []);
+    let expected = ["link", "policy", "rest", "session", "steps"];
+    let rooms: BTreeSet<_> = between.iter().flat_map(|(from, to)| [*from, *to]).collect();
+    assert_eq!(rooms, BTreeSet::from(expected));
+}
+
 #[test]
 fn no_more_than_three_files_import_each_other() {
     for folder in ["runner/src", "harness/src", "reference-devices/src/stack"] {

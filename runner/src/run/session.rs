@@ -1,32 +1,37 @@
 //! A session: one device, its plan, case after case, reported as events.
+//!
+//! Here belongs what a verdict is and what follows from it. What a step does belongs to
+//! [`steps`](super::steps), how the device gets to rest to [`rest`](super::rest).
+
+mod attempts;
+mod case;
+mod monitors;
+mod outcome;
+mod phases;
+mod reliance;
+mod starts;
 
 use std::sync::Arc;
 
-use canopen::sdo::Failure;
-use canopen::{Abort, Bus, BusError, DataType, Instant, Mux, Value};
-use reports::{
-    CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Note, Outcome, Versions,
-};
+use canopen::{Bus, BusError, Instant};
+use reports::{CaseEnded, CaseStarted, DeviceStarted, Event, Identity, Note, Outcome, Versions};
 
-use super::baseline::Baseline;
-use super::case::{self, Aftermath, Common};
-use super::link::Link;
-use super::oddities::{contradiction, oddities};
+use super::link::{Link, Traffic, contradiction, identity, oddities, sdo, versions};
 use super::policy::Policy;
-use super::proof::Witness;
-use super::reliance::Reliance;
-use super::sdo;
-use super::settle::{self, Left};
-use super::traffic::Traffic;
-use super::undo::Undo;
-use crate::dut::Dut;
+use super::rest::{Baseline, Left, Undo, first_answer, first_look, pre_operational};
+use super::steps::Witness;
 use crate::plan::{Instance, Plan, deeds};
 use crate::protect::Wire;
 use crate::source::At;
 use crate::stop::Stop;
 use crate::suite::profile::BlockDirections;
-use crate::suite::{Level, Register, Suite};
+use crate::suite::{Level, Register};
 use crate::waivers::Waivers;
+
+use case::{Aftermath, Common};
+use monitors::data_sheet_identifiers;
+use reliance::Reliance;
+use starts::Starts;
 
 /// How a session ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -80,8 +85,8 @@ impl Session<'_> {
         let mut link = Link::reporting(bus, emit, self.stop);
         let dut = &self.plan.dut;
         link.listen_to(dut.node);
-        link.watch(Traffic::beside(dut, case::data_sheet_identifiers(dut)));
-        match settle::first_answer(&mut link, &self.policy, dut) {
+        link.watch(Traffic::beside(dut, data_sheet_identifiers(dut)));
+        match first_answer(&mut link, &self.policy, dut) {
             Ok(true) => {}
             Ok(false) => {
                 let ending = match link.traffic().said(Traffic::FULL) {
@@ -164,7 +169,7 @@ impl Session<'_> {
         ending: &Ending,
         at_first: bool,
     ) {
-        let mut starts = Starts { register: self.register, last: None };
+        let mut starts = Starts::new(self.register);
         let why = match ending {
             Ending::Complete => return,
             Ending::Nobody => format!("node {} does not answer", self.plan.dut.node),
@@ -205,7 +210,7 @@ impl Session<'_> {
         let mut changed = left.values.keys().copied().collect();
         let dut = &self.plan.dut;
         // What is not set back is named by whoever asked for the session.
-        _ = settle::pre_operational(link, &self.policy, dut)
+        _ = pre_operational(link, &self.policy, dut)
             .and_then(|()| left.restore(link, &self.policy, dut.node, &mut changed));
         self.undo.end(&left, &changed);
         link.clean(false);
@@ -215,7 +220,7 @@ impl Session<'_> {
     fn baseline(&self, link: &mut Link, identity: Identity) -> Result<Baseline, BusError> {
         let needed = |each: &Instance| each.skip.is_none() && each.needs_device();
         match self.plan.instances.iter().any(needed) {
-            true => Baseline::take(link, &self.policy, &self.plan.dut, identity),
+            true => first_look(link, &self.policy, &self.plan.dut, identity),
             false => Ok(Baseline::of(identity)),
         }
     }
@@ -276,11 +281,11 @@ impl Session<'_> {
     }
 
     fn cases(&self, link: &mut Link, baseline: &Baseline, blocks: BlockDirections) -> Ending {
-        let mut starts = Starts { register: self.register, last: None };
+        let mut starts = Starts::new(self.register);
         let (mut left, mut failed) = (Left::Calm, 0);
         let mut gone: Option<String> = None;
         let mut reliance = Reliance::of(self.plan);
-        let known = case::data_sheet_identifiers(&self.plan.dut);
+        let known = data_sheet_identifiers(&self.plan.dut);
         let common = Common {
             known: &known,
             policy: &self.policy,
@@ -319,7 +324,7 @@ impl Session<'_> {
                 link.emit(ended(link, &started, Outcome::not_run(shortly(reason))));
                 continue;
             }
-            let finished = case::run(link, common, instance, left);
+            let finished = attempts::run(link, common, instance, left);
             if let Some(witness) = self.witness {
                 witness.shows(finished.shown.unwrap_or_default());
             }
@@ -388,56 +393,6 @@ impl Session<'_> {
     }
 }
 
-/// The events that begin a case. Instances of a case mostly follow each other.
-struct Starts<'s> {
-    register: &'s Register,
-    last: Option<(Arc<Suite>, usize, CaseStarted)>,
-}
-
-impl Starts<'_> {
-    fn of(&mut self, instance: &Instance, at: Instant) -> CaseStarted {
-        let same = |(suite, case, _): &(Arc<Suite>, usize, CaseStarted)| {
-            Arc::ptr_eq(suite, &instance.suite) && *case == instance.case
-        };
-        let of_case = match self.last.take().filter(same) {
-            Some((.., started)) => started,
-            None => self.of_case(instance),
-        };
-        let instance_name = instance.label.clone();
-        let started = CaseStarted { at, instance: instance_name, ..of_case.clone() };
-        self.last = Some((Arc::clone(&instance.suite), instance.case, of_case));
-        started
-    }
-
-    /// What is the same for every instance.
-    fn of_case(&self, instance: &Instance) -> CaseStarted {
-        let case = instance.case();
-        let checks = case.checks.iter().filter_map(|id| {
-            let requirement = self.register.find(&id.value)?;
-            let entry = &requirement.entry.value;
-            Some(Check {
-                id: id.value.clone(),
-                document: requirement.title.clone(),
-                clause: entry.clause.clone(),
-                level: entry.level.name().to_owned(),
-                relaxed_by: instance.relaxed.get(&id.value).cloned(),
-                says: entry.says.clone(),
-            })
-        });
-        CaseStarted {
-            at: Instant::ZERO,
-            suite: instance.suite.name().into(),
-            case: case.id.value.as_str().into(),
-            instance: None,
-            title: case.title.as_str().into(),
-            checks: checks.collect(),
-            file: instance.suite.source.name.as_str().into(),
-            line: case.id.place.line as u32,
-            column: case.id.place.column as u32,
-        }
-    }
-}
-
 /// The first half of the sentence: the case in which the device was lost has all of it.
 fn shortly(why: &str) -> &str {
     why.split("; ").next().unwrap_or(why)
@@ -445,57 +400,4 @@ fn shortly(why: &str) -> &str {
 
 fn ended(link: &Link, case: &CaseStarted, outcome: Outcome) -> Event {
     Event::CaseEnded(CaseEnded::of(case, link.mark(), outcome))
-}
-
-/// What 1000h and 1018h say.
-pub fn identity(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Identity, BusError> {
-    let mut read = |mux| read_number(link, policy, dut.node, mux);
-    Ok(Identity {
-        device_type: read(Mux::new(0x1000, 0))?,
-        vendor: read(Mux::new(0x1018, 1))?,
-        product: read(Mux::new(0x1018, 2))?,
-        revision: read(Mux::new(0x1018, 3))?,
-        serial: read(Mux::new(0x1018, 4))?,
-    })
-}
-
-/// What 1008h, 1009h and 100Ah say, as far as the data sheet has them.
-fn versions(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Versions, BusError> {
-    let mut read = |index| match dut.eds.object(index) {
-        Some(_) => read_text(link, policy, dut.node, Mux::new(index, 0)),
-        None => Ok(None),
-    };
-    Ok(Versions { name: read(0x1008)?, hardware: read(0x1009)?, software: read(0x100A)? })
-}
-
-/// The number of 32 bits at `mux`, when there is one.
-pub fn read_number(
-    link: &mut Link,
-    policy: &Policy,
-    node: u8,
-    mux: Mux,
-) -> Result<Option<u32>, BusError> {
-    let told = sdo::upload_patiently(link, policy, node, mux)?.result;
-    let value = told.ok().and_then(|data| DataType::UNSIGNED32.decode(&data).ok());
-    Ok(value.as_ref().and_then(Value::as_int).and_then(|number| number.try_into().ok()))
-}
-
-/// Whether the device answers for `mux` otherwise than that there is nothing.
-pub fn exists(link: &mut Link, policy: &Policy, node: u8, mux: Mux) -> Result<bool, BusError> {
-    let absent = |failure: &Failure| {
-        matches!(failure, Failure::Aborted(Abort::NO_OBJECT | Abort::NO_SUB_INDEX))
-    };
-    let told = sdo::upload_patiently(link, policy, node, mux)?.result;
-    Ok(!told.as_ref().is_err_and(absent))
-}
-
-/// The text at `mux`, when there is one.
-pub fn read_text(
-    link: &mut Link,
-    policy: &Policy,
-    node: u8,
-    mux: Mux,
-) -> Result<Option<String>, BusError> {
-    let told = sdo::upload_patiently(link, policy, node, mux)?.result;
-    Ok(told.ok().and_then(|data| String::from_utf8(data).ok()))
 }

@@ -18,7 +18,7 @@ pub fn oddities(trace: &[Seen], node: u8) -> Vec<String> {
 
 /// That two devices have the node id, where that is certain: answers to one upload contradict each
 /// other. What is written would go to both, and one of them could not be asked what it was before.
-pub(super) fn contradiction(trace: &[Seen], node: u8) -> Option<String> {
+pub(in crate::run) fn contradiction(trace: &[Seen], node: u8) -> Option<String> {
     let uploads = uploads(trace, node);
     let mut several = uploads.iter().filter(|(_, upload)| upload.answers.len() > upload.requests);
     several.find_map(|(mux, upload)| {

@@ -10,9 +10,9 @@ use canopen::eds::{Access, Entry, Object, Term};
 use canopen::sdo::{Failure, Transfer};
 use canopen::{Abort, BusError, DataType, Mux, Value};
 
-use super::link::Link;
-use super::policy::Policy;
 use super::sdo;
+use super::trace::Link;
+use crate::run::policy::Policy;
 
 /// How asking for objects ended early.
 #[derive(Clone, Debug, PartialEq, Eq)]

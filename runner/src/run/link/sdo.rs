@@ -6,8 +6,8 @@ use canopen::sdo::block::{BlockResponse, LARGEST_BLOCK};
 use canopen::sdo::{Client, Failure, Initiate, Next, RESPONSE_COB_ID, Request, Response, Transfer};
 use canopen::{Abort, BusError, Frame, Mux, Stamped};
 
-use super::link::Link;
-use super::policy::Policy;
+use super::trace::Link;
+use crate::run::policy::Policy;
 use crate::suite::profile::BlockDirections;
 
 /// How a transfer ended.
@@ -27,7 +27,7 @@ pub struct Ended {
 ///
 /// # Errors
 /// Whatever the bus reports; what the device does is in the result.
-pub(super) fn upload(
+pub(in crate::run) fn upload(
     link: &mut Link,
     policy: &Policy,
     node: u8,
@@ -41,7 +41,7 @@ pub(super) fn upload(
 ///
 /// # Errors
 /// Whatever the bus reports; what the device does is in the result.
-pub(super) fn upload_in_blocks(
+pub(in crate::run) fn upload_in_blocks(
     link: &mut Link,
     policy: &Policy,
     node: u8,
@@ -56,7 +56,7 @@ pub(super) fn upload_in_blocks(
 ///
 /// # Errors
 /// Whatever the bus reports.
-pub(super) fn reads(
+pub(in crate::run) fn reads(
     link: &mut Link,
     policy: &Policy,
     node: u8,
@@ -80,7 +80,7 @@ pub(super) fn reads(
 ///
 /// # Errors
 /// Whatever the bus reports; what the device does is in the result.
-pub(super) fn upload_patiently(
+pub(in crate::run) fn upload_patiently(
     link: &mut Link,
     policy: &Policy,
     node: u8,
@@ -103,7 +103,11 @@ pub(super) fn upload_patiently(
 ///
 /// # Errors
 /// Whatever the bus reports.
-pub(super) fn catches_up(link: &mut Link, policy: &Policy, node: u8) -> Result<bool, BusError> {
+pub(in crate::run) fn catches_up(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+) -> Result<bool, BusError> {
     link.send(&Client::upload(DEVICE_TYPE).1.frame(node))?;
     let until = link.mark() + policy.sdo_timeout;
     let answers = Some(RESPONSE_COB_ID + u16::from(node));
@@ -141,7 +145,7 @@ pub fn is_long(link: &mut Link, policy: &Policy, node: u8, mux: Mux) -> Result<b
 ///
 /// # Errors
 /// Whatever the bus reports.
-pub(super) fn knows_blocks(
+pub(in crate::run) fn knows_blocks(
     link: &mut Link,
     policy: &Policy,
     node: u8,
@@ -171,7 +175,7 @@ pub(super) fn knows_blocks(
 ///
 /// # Errors
 /// Whatever the bus reports; what the device does is in the result.
-pub(super) fn download(
+pub(in crate::run) fn download(
     link: &mut Link,
     policy: &Policy,
     node: u8,

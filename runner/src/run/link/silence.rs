@@ -7,7 +7,7 @@ use canopen::{Frame, Mux, Stamped};
 
 /// The frames that were sent since the device sent its last one.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Silence {
+pub(in crate::run) struct Silence {
     node: u8,
     /// The first of them: those after them tried to get it back.
     first: Vec<Frame>,
@@ -41,7 +41,7 @@ impl Silence {
     }
 
     /// What it heard last and what that may mean, as the end of a sentence.
-    pub(super) fn said(&self) -> Option<String> {
+    pub(in crate::run) fn said(&self) -> Option<String> {
         let first = self.first.first()?;
         let frames: Vec<String> =
             self.first.iter().map(|frame| canopen::meaning(frame).to_string()).collect();

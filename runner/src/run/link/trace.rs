@@ -87,7 +87,7 @@ impl<'b> Link<'b> {
     /// The same, with a receiver of events: those of [`emit`](Self::emit), and every frame of a
     /// case at the moment when it is seen. A run that is killed then leaves the frames of its last
     /// case. As long as the user [asks to stop](Stop::asked), nothing is received.
-    pub(super) fn reporting(
+    pub(in crate::run) fn reporting(
         bus: &'b mut dyn Bus,
         emit: &'b mut dyn FnMut(Event),
         stop: &Stop,
@@ -96,39 +96,39 @@ impl<'b> Link<'b> {
     }
 
     /// Listens for when the device with this node id falls silent.
-    pub(super) fn listen_to(&mut self, node: u8) {
+    pub(in crate::run) fn listen_to(&mut self, node: u8) {
         self.silence = Silence::of(node);
     }
 
     /// Measures from now on how much of the bus others take.
-    pub(super) fn watch(&mut self, traffic: Traffic) {
+    pub(in crate::run) fn watch(&mut self, traffic: Traffic) {
         self.traffic = traffic;
         self.traffic.forget(self.mark);
     }
 
     /// Begins to measure anew how much of the bus others take.
-    pub(super) fn forget_traffic(&mut self) {
+    pub(in crate::run) fn forget_traffic(&mut self) {
         self.traffic.forget(self.mark);
     }
 
     /// How much of the bus others take.
-    pub(super) const fn traffic(&self) -> &Traffic {
+    pub(in crate::run) const fn traffic(&self) -> &Traffic {
         &self.traffic
     }
 
     /// What the device heard last, when it has sent nothing since.
-    pub(super) const fn silence(&self) -> &Silence {
+    pub(in crate::run) const fn silence(&self) -> &Silence {
         &self.silence
     }
 
     /// What follows leaves the device as it was found, or does not any more: one signal is
     /// remembered until then.
-    pub(super) fn clean(&self, cleaning: bool) {
+    pub(in crate::run) fn clean(&self, cleaning: bool) {
         self.stop.clean(cleaning);
     }
 
     /// Reports an event.
-    pub(super) fn emit(&mut self, event: Event) {
+    pub(in crate::run) fn emit(&mut self, event: Event) {
         match &event {
             Event::CaseStarted(_) => self.in_case = true,
             Event::CaseEnded(_) => self.in_case = false,

@@ -27,9 +27,9 @@ impl Traffic {
     /// Stretches are that long.
     const STRETCH: Duration = Duration::from_millis(50);
     /// Above this load, what a device does late or not at all may be the doing of others.
-    pub(super) const FULL: f64 = 0.8;
+    pub(in crate::run) const FULL: f64 = 0.8;
     /// Below this load, nobody needs to know of it.
-    pub(super) const WORTH_A_WORD: f64 = 0.05;
+    pub(in crate::run) const WORTH_A_WORD: f64 = 0.05;
 
     /// Beside this device, whose data sheet gives it these identifiers.
     pub fn beside(dut: &Dut, known: Vec<u16>) -> Self {
@@ -54,14 +54,14 @@ impl Traffic {
     }
 
     /// The largest part of the bus, up to 1, that others took in a stretch.
-    pub(super) fn load(&self) -> f64 {
+    pub(in crate::run) fn load(&self) -> f64 {
         let Some(bit_rate) = self.bit_rate else { return 0.0 };
         let room = Self::STRETCH.as_secs_f64() * f64::from(bit_rate);
         (self.bits as f64 / room).max(self.most).min(1.0)
     }
 
     /// The load as a sentence, when it is at least `least`.
-    pub(super) fn said(&self, least: f64) -> Option<String> {
+    pub(in crate::run) fn said(&self, least: f64) -> Option<String> {
         let load = self.load();
         let percent = load * 100.0;
         (load >= least).then(|| format!("frames of others take {percent:.0} % of the bus"))

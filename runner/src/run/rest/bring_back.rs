@@ -7,13 +7,11 @@ use canopen::{Bus, BusError, Mux};
 use reports::Identity;
 
 use super::baseline::Baseline;
-use super::link::Link;
-use super::policy::Policy;
 use super::restore::Snapshot;
-use super::sdo;
-use super::session;
-use super::settle;
+use super::settle::{Settled, wake};
 use crate::dut::Dut;
+use crate::run::link::{Link, identity, sdo};
+use crate::run::policy::Policy;
 use crate::stop::Stop;
 
 /// What came of it.
@@ -55,10 +53,10 @@ impl Abandoned<'_> {
         let (dut, link) = (self.dut, &mut Link::reporting(bus, &mut nobody, stop));
         link.listen_to(dut.node);
         let baseline = Baseline::of(self.identity);
-        if let Err(lost) = settle::wake(link, policy, dut, &baseline, self.may_reset)? {
+        if let Settled::Lost(lost) = wake(link, policy, dut, &baseline, self.may_reset)? {
             return Ok(BroughtBack::Lost(lost));
         }
-        if differs(&session::identity(link, policy, dut)?, &self.identity) {
+        if differs(&identity(link, policy, dut)?, &self.identity) {
             return Ok(BroughtBack::Another);
         }
         let snapshot = Snapshot { values: self.values.clone(), stores: false };

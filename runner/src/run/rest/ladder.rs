@@ -7,12 +7,13 @@ use canopen::nmt::{Command, Service};
 use canopen::{Abort, BusError, Mux, sdo};
 use reports::{Event, Identity, Note};
 
+use super::answer::{booted, first_answer};
 use super::baseline::Baseline;
-use super::link::Link;
-use super::policy::Policy;
-use super::settle;
+use super::state::pre_operational;
 use crate::dut::{Dut, Hook};
 use crate::protect::Deed;
+use crate::run::link::Link;
+use crate::run::policy::Policy;
 
 /// One way to get a device back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,6 +51,9 @@ pub(super) const LADDER: [Rung; 10] = [
     Rung::ResetHook,
     Rung::PowerHook,
 ];
+
+/// The place of [`Rung::ResetNode`] in [`LADDER`].
+pub(super) const RESET_NODE: usize = 4;
 
 impl Rung {
     /// What reports call it.
@@ -108,7 +112,7 @@ impl Rung {
                 return Ok(true);
             }
             Self::PreOperational => {
-                settle::pre_operational(link, policy, dut)?;
+                pre_operational(link, policy, dut)?;
                 return Ok(true);
             }
             Self::ResetCommunication => (Service::RESET_COMMUNICATION, dut.node),
@@ -117,7 +121,7 @@ impl Rung {
             Self::ResetHook => {
                 let Some(hook) = &dut.hooks.reset else { return Ok(false) };
                 let done = call(link, &**hook, None)?;
-                return Ok(done && settle::first_answer(link, policy, dut)?);
+                return Ok(done && first_answer(link, policy, dut)?);
             }
             Self::PowerHook => {
                 let Some(hook) = &dut.hooks.power else { return Ok(false) };
@@ -125,7 +129,7 @@ impl Rung {
                 let until = link.mark() + WITHOUT_SUPPLY;
                 link.wait(until)?;
                 let on = call(link, &**hook, Some("on"))?;
-                return Ok(off && on && settle::first_answer(link, policy, dut)?);
+                return Ok(off && on && first_answer(link, policy, dut)?);
             }
             Self::NodeId => {
                 if !dut.eds.device.lss || !node_id(link, dut, &baseline.identity)? {
@@ -161,10 +165,10 @@ fn restart(
     (service, node): (Service, u8),
 ) -> Result<bool, BusError> {
     link.send(&Command { service, node }.frame())?;
-    if !settle::booted(link, policy, dut, baseline)? {
+    if !booted(link, policy, dut, baseline)? {
         return Ok(false);
     }
-    settle::pre_operational(link, policy, dut)?;
+    pre_operational(link, policy, dut)?;
     Ok(true)
 }
 

@@ -10,18 +10,18 @@ use canopen::sdo::block::BlockRequest;
 use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response, Transfer};
 use canopen::{BusError, Frame, Mux, Stamped, heartbeat, nmt};
 
-use super::link::Link;
-use super::policy::Policy;
-use super::sdo;
 use crate::dut::Dut;
 use crate::plan::{Instance, Scope, mapping_word};
+use crate::run::link::Link;
+use crate::run::link::sdo;
+use crate::run::policy::Policy;
 use crate::source::At;
 use crate::suite::effect::Written;
 use crate::suite::literal::FrameText;
 
 /// The values of the objects that a case may change.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Snapshot {
+pub(in crate::run) struct Snapshot {
     pub values: BTreeMap<Mux, Vec<u8>>,
     /// Whether the case may change what is stored.
     pub stores: bool,
@@ -32,7 +32,7 @@ impl Snapshot {
     ///
     /// # Errors
     /// Whatever the bus reports.
-    pub(super) fn take(
+    pub(in crate::run) fn take(
         link: &mut Link,
         policy: &Policy,
         dut: &Dut,
@@ -54,13 +54,13 @@ impl Snapshot {
     }
 
     /// Whether there is nothing to restore.
-    pub(super) fn is_empty(&self) -> bool {
+    pub(in crate::run) fn is_empty(&self) -> bool {
         self.values.is_empty() && !self.stores
     }
 
     /// The objects whose values the trace may have changed: those that were written, and those of
     /// the application once a process data object was sent.
-    pub(super) fn touched(&self, link: &Link, node: u8) -> BTreeSet<Mux> {
+    pub(in crate::run) fn touched(&self, link: &Link, node: u8) -> BTreeSet<Mux> {
         let requests = Some(REQUEST_COB_ID + u16::from(node));
         let sent = link.trace().iter().map(|seen| seen.stamped).filter(|seen| seen.own);
         let sent: Vec<Frame> = sent.map(|seen| seen.frame).collect();
@@ -80,7 +80,7 @@ impl Snapshot {
     ///
     /// # Errors
     /// Whatever the bus reports.
-    pub(super) fn restore(
+    pub(in crate::run) fn restore(
         &self,
         link: &mut Link,
         policy: &Policy,

@@ -4,15 +4,14 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
 use canopen::bench::{INTERFACE, POWER, moved_by};
-use canopen::{BenchError, Value};
+use canopen::{Bench, BenchError, BusError, Value};
 use reports::{Event, Stimulus};
 
-use super::judge::Trouble;
-use super::link::Link;
+use crate::run::link::Link;
 
 /// The values that stimuli had before a case set them.
 #[derive(Clone, Debug, Default)]
-pub(super) struct BenchSnapshot {
+pub(in crate::run) struct BenchSnapshot {
     before: BTreeMap<String, Value>,
     /// Whether the device is without supply.
     pub off: bool,
@@ -20,25 +19,28 @@ pub(super) struct BenchSnapshot {
 
 impl BenchSnapshot {
     /// Whether the case changed any.
-    pub(super) fn any(&self) -> bool {
+    pub(in crate::run) fn any(&self) -> bool {
         self.off || !self.before.is_empty()
     }
 
     /// Sets a stimulus, `shown` in reports, and remembers what it was, and what it moves.
     ///
     /// # Errors
-    /// When the bench fails.
-    pub(super) fn set(
+    /// Whatever the bus reports; within, that of the bench.
+    pub(in crate::run) fn set(
         &mut self,
         link: &mut Link,
         name: &str,
         value: &Value,
         shown: String,
-    ) -> Result<(), Trouble> {
+    ) -> Result<Result<(), BenchError>, BusError> {
+        if let Err(none) = bench(link) {
+            return Ok(Err(none));
+        }
         for name in [Some(name.to_owned()), moved_by(name)].into_iter().flatten() {
             // What cannot be read is left as the case leaves it.
             if let Entry::Vacant(slot) = self.before.entry(name)
-                && let Ok(before) = bench(link)?.get(slot.key())
+                && let Ok(before) = bench(link).and_then(|bench| bench.get(slot.key()))
             {
                 slot.insert(before);
             }
@@ -51,19 +53,21 @@ impl BenchSnapshot {
             says: shown,
         };
         link.emit(Event::Stimulus(stimulus));
-        bench(link)?.set(name, value).map_err(failed)?;
+        if let Err(error) = bench(link).and_then(|bench| bench.set(name, value)) {
+            return Ok(Err(error));
+        }
         link.moved();
         if name == POWER {
             self.off = *value == Value::Text("off".to_owned());
         }
-        Ok(())
+        Ok(Ok(()))
     }
 
     /// Makes the device one that can be reached, as it was before the case: its supply first.
     ///
     /// # Errors
     /// When the bench fails.
-    pub(super) fn undo_silence(&mut self, link: &mut Link) -> Result<(), BenchError> {
+    pub(in crate::run) fn undo_silence(&mut self, link: &mut Link) -> Result<(), BenchError> {
         if std::mem::take(&mut self.off) {
             set_back(link, POWER, &Value::Text("on".to_owned()))?;
         }
@@ -79,7 +83,7 @@ impl BenchSnapshot {
     ///
     /// # Errors
     /// When the bench fails.
-    pub(super) fn undo(&mut self, link: &mut Link) -> Result<bool, BenchError> {
+    pub(in crate::run) fn undo(&mut self, link: &mut Link) -> Result<bool, BenchError> {
         let mut moved = false;
         while let Some((name, value)) = self.before.pop_first() {
             moved |= set_back(link, &name, &value)?;
@@ -103,11 +107,6 @@ fn set_back(link: &mut Link, name: &str, value: &Value) -> Result<bool, BenchErr
 ///
 /// # Errors
 /// When there is none.
-pub(super) fn bench<'l>(link: &'l mut Link) -> Result<&'l mut dyn canopen::Bench, Trouble> {
-    link.bench().ok_or_else(|| Trouble::Impossible("there is no bench".to_owned()))
-}
-
-/// The bench did not do what it was asked.
-pub(super) fn failed(error: BenchError) -> Trouble {
-    Trouble::Impossible(error.0)
+pub(in crate::run) fn bench<'l>(link: &'l mut Link) -> Result<&'l mut dyn Bench, BenchError> {
+    link.bench().ok_or_else(|| BenchError("there is no bench".to_owned()))
 }

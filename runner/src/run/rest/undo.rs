@@ -70,7 +70,7 @@ impl Undo {
     }
 
     /// Says what the device is, which is found out before anything is changed.
-    pub(super) fn identify(&self, identity: Identity) {
+    pub(in crate::run) fn identify(&self, identity: Identity) {
         if let Some(log) = &self.log {
             log.borrow_mut().identify(identity);
         }
@@ -78,7 +78,7 @@ impl Undo {
 
     /// A case begins that may change what is in the snapshot. What an earlier case left changed is
     /// set back to the value from before that. Returns whether that took time.
-    pub(super) fn begin(&self, snapshot: &mut Snapshot) -> bool {
+    pub(in crate::run) fn begin(&self, snapshot: &mut Snapshot) -> bool {
         let left = self.left.borrow();
         for (mux, value) in &left.values {
             if let Some(now) = snapshot.values.get_mut(mux) {
@@ -96,7 +96,7 @@ impl Undo {
     }
 
     /// The case is over, and of its snapshot that is still changed.
-    pub(super) fn end(&self, snapshot: &Snapshot, changed: &BTreeSet<Mux>) {
+    pub(in crate::run) fn end(&self, snapshot: &Snapshot, changed: &BTreeSet<Mux>) {
         let mut left = self.left.borrow_mut();
         for (mux, value) in &snapshot.values {
             match changed.contains(mux) {
@@ -111,7 +111,7 @@ impl Undo {
     }
 
     /// Everything that is still changed.
-    pub(super) fn snapshot(&self) -> Snapshot {
+    pub(in crate::run) fn snapshot(&self) -> Snapshot {
         self.left.borrow().clone()
     }
 

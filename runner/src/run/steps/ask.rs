@@ -6,7 +6,7 @@ use reports::Event;
 
 use super::judge::{Difference, Judgement, Trouble};
 use super::limits::Limits;
-use super::steps::{DEFAULT_REPLY, Steps};
+use super::run::{DEFAULT_REPLY, Steps};
 use crate::suite::constraint::{Allowance, Time};
 use crate::suite::literal::show_time;
 use crate::suite::step::Ask;

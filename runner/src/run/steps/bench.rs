@@ -5,16 +5,16 @@ use std::time::Duration;
 
 use canopen::bench::POWER;
 use canopen::sdo::Transfer;
-use canopen::{BusError, Value};
+use canopen::{BenchError, BusError, Value};
 
-use super::bench_snapshot::{bench, failed};
 use super::judge::{Difference, Judgement, Trouble};
-use super::link::Link;
-use super::policy::Policy;
-use super::sdo;
-use super::steps::Steps;
+use super::run::Steps;
 use crate::dut::Dut;
 use crate::plan::Instance;
+use crate::run::link::Link;
+use crate::run::link::sdo;
+use crate::run::policy::Policy;
+use crate::run::rest::bench;
 use crate::source::At;
 use crate::suite::constraint::Constraint;
 use crate::suite::literal::{Literal, show_time};
@@ -29,7 +29,7 @@ impl Steps<'_, '_> {
             let value = self.scope.value(&literal.value).map_err(Trouble::Impossible)?;
             let value = worded(name, value);
             let shown = self.words.bench_value(name, &value);
-            self.bench_snapshot.set(self.link, name, &value, shown)?;
+            self.bench_snapshot.set(self.link, name, &value, shown)?.map_err(failed)?;
         }
         Ok(None)
     }
@@ -47,7 +47,7 @@ impl Steps<'_, '_> {
         let within = self.optional_time(&observe.within, Duration::ZERO)? * self.patience;
         let end = self.link.mark() + within;
         loop {
-            let seen = bench(self.link)?.get(name).map_err(failed)?;
+            let seen = bench(self.link).and_then(|bench| bench.get(name)).map_err(failed)?;
             if misfits(&seen, &wanted).next().is_none() {
                 self.link.moved();
                 return Ok(None);
@@ -65,11 +65,16 @@ impl Steps<'_, '_> {
     }
 }
 
+/// The bench did not do what it was asked.
+fn failed(error: BenchError) -> Trouble {
+    Trouble::Impossible(error.0)
+}
+
 /// Sets the device up for what the bench does in this case. Why it does not take that, if so.
 ///
 /// # Errors
 /// Whatever the bus reports.
-pub(super) fn meet_needs(
+pub(in crate::run) fn meet_needs(
     link: &mut Link,
     policy: &Policy,
     dut: &Dut,

@@ -16,7 +16,7 @@ use crate::suite::refusal::Refusal;
 
 /// What was expected, and what came instead.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Difference {
+pub(in crate::run) struct Difference {
     /// What a conformant device does.
     pub expected: String,
     /// What this one did.
@@ -29,7 +29,7 @@ pub(super) struct Difference {
 
 impl Difference {
     /// A difference without a frame of its own.
-    pub(super) fn new(expected: impl Into<String>, actual: impl Into<String>) -> Self {
+    pub(in crate::run) fn new(expected: impl Into<String>, actual: impl Into<String>) -> Self {
         Self { expected: expected.into(), actual: actual.into(), raw: None, sheet: None }
     }
 
@@ -41,7 +41,7 @@ impl Difference {
 
 /// Why a step did not succeed.
 #[derive(Clone, Debug)]
-pub(super) enum Trouble {
+pub(in crate::run) enum Trouble {
     /// The device did something else.
     Device(Difference),
     /// The step could not be made; no statement about the device.
@@ -56,7 +56,7 @@ pub(super) enum Trouble {
 
 impl Trouble {
     /// What the device did otherwise than expected.
-    pub(super) const fn of_device(&self) -> Option<&Difference> {
+    pub(in crate::run) const fn of_device(&self) -> Option<&Difference> {
         match self {
             Self::Device(difference) => Some(difference),
             Self::Bus(_) | Self::Impossible(_) | Self::Unjudged(_) | Self::Declined(_) => None,
@@ -74,7 +74,7 @@ impl From<BusError> for Trouble {
 }
 
 /// How a step succeeded: as a conformant device does, or in a way that is accepted, too.
-pub(super) type Judgement = Result<Option<Difference>, Trouble>;
+pub(in crate::run) type Judgement = Result<Option<Difference>, Trouble>;
 
 /// How the end of a transfer fits a refusal that was to be.
 pub(super) enum Answer {
@@ -298,7 +298,7 @@ fn masked(value: &[u8], mask: &[u8]) -> Vec<u8> {
 }
 
 /// A place as reports show it: the stretch is the rest of the line, without its comment.
-pub(super) fn excerpt(source: &Source, place: Place) -> Excerpt {
+pub(in crate::run) fn excerpt(source: &Source, place: Place) -> Excerpt {
     let line = source.line(place.line);
     let code = line.split(" #").next().unwrap_or(line).trim_end().chars().count();
     Excerpt {

@@ -7,7 +7,7 @@ use canopen::{BusError, Id};
 use reports::{Event, Measured};
 
 use super::judge::{Difference, Judgement, Trouble};
-use super::steps::Steps;
+use super::run::Steps;
 use crate::suite::constraint::{Constraint, PARTS};
 use crate::suite::literal::show_time;
 use crate::suite::step::{FastscanStep, LssStep};

@@ -7,8 +7,8 @@ use reports::{Event, Measured};
 
 use super::judge::{Difference, Judgement, Trouble};
 use super::limits::{Limits, mean, median};
-use super::link::Lateness;
-use super::steps::Steps;
+use super::run::Steps;
+use crate::run::link::Lateness;
 use crate::suite::constraint::{Allowance, Constraint, Time};
 use crate::suite::literal::show_time;
 use crate::suite::step::{Bounds, Collect, Measure};

@@ -8,11 +8,10 @@ use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Failure, Transfer};
 use canopen::{Abort, Frame, Mux};
 
-use super::baseline::EMCY_ID;
 use super::judge::{Answer, Condition, Difference, Judged, Judgement, Trouble, refusal, show};
-use super::sdo::{self, Ended};
-use super::steps::Steps;
+use super::run::Steps;
 use crate::plan::{Binding, fill, mapping_word, matching_entries, parse_bytes, show_bytes};
+use crate::run::link::sdo::{self, Ended};
 use crate::source::At;
 use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::each::Objects;
@@ -20,6 +19,8 @@ use crate::suite::literal::{Flow, Literal, show_time};
 use crate::suite::refusal::Refusal;
 use crate::suite::step::{Read, Remap, Until, Write};
 
+/// COB-ID EMCY.
+const EMCY_ID: Mux = Mux::new(0x1014, 0);
 const DEFAULT_POLL: Duration = Duration::from_millis(20);
 /// Of a longer value to be written, a difference shows the first bytes: so many.
 const LONGEST_SHOWN: usize = 64;

@@ -7,17 +7,17 @@ use canopen::{Abort, Frame, Mux};
 use reports::Excerpt;
 
 use super::judge::{Difference, Judgement, Trouble, excerpt};
-use super::sdo;
-use super::steps::Steps;
+use super::run::Steps;
 use crate::dut::Dut;
 use crate::plan::{Binding, Instance, Scope, index_range};
+use crate::run::link::sdo;
 use crate::source::{At, Complaint, Place};
 use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::literal::{Literal, Name};
 use crate::suite::step::{EdsStep, Step, Undeclared};
 
 /// The line of the data sheet that a step found broken; `None` when it was not about the sheet.
-pub(super) fn promised(
+pub(in crate::run) fn promised(
     step: &Step,
     difference: &Difference,
     scope: &Scope,
@@ -29,7 +29,7 @@ pub(super) fn promised(
 }
 
 /// A step that cannot be carried out because the data sheet says something else than it needs.
-pub(super) fn unfit(complaint: &Complaint, instance: &Instance, dut: &Dut) -> Difference {
+pub(in crate::run) fn unfit(complaint: &Complaint, instance: &Instance, dut: &Dut) -> Difference {
     let about = instance.case();
     let place = complaint.place.unwrap_or(about.id.place);
     let before = about.all_steps().filter(|step| step.place <= place);

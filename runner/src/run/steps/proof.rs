@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use canopen::{Instant, Pattern, Stamped};
 
 use super::judge::{Difference, Judgement, Trouble};
-use super::steps::Steps;
+use super::run::Steps;
 use crate::plan::Scope;
 use crate::source::At;
 use crate::suite::constraint::{Allowance, Constraint};
@@ -58,7 +58,7 @@ pub struct Shown {
 
 /// The proof as it takes shape.
 #[derive(Debug, Default)]
-pub(super) struct Proof {
+pub(in crate::run) struct Proof {
     /// The place of the step that is judged now; none in `setup` and `finally`.
     pub step: Option<usize>,
     broken: Option<Broken>,
@@ -82,12 +82,12 @@ struct Broken {
 
 impl Proof {
     /// A proof that begins, for whoever wants it.
-    pub(super) fn of(witness: &dyn Witness) -> Self {
+    pub(in crate::run) fn of(witness: &dyn Witness) -> Self {
         Self { open: witness.opens(), ..Self::default() }
     }
 
     /// Whether the step that comes now is left out.
-    pub(super) fn leaves_out(&self) -> bool {
+    pub(in crate::run) fn leaves_out(&self) -> bool {
         matches!(&self.open, Some((step, None)) if self.step == Some(*step))
     }
 
@@ -116,12 +116,12 @@ impl Proof {
     }
 
     /// The first difference, once.
-    pub(super) fn difference(&mut self) -> Option<Difference> {
+    pub(in crate::run) fn difference(&mut self) -> Option<Difference> {
         self.broken.as_mut()?.difference.take()
     }
 
     /// More is wrong than what was broken first.
-    pub(super) fn spoil(&mut self) {
+    pub(in crate::run) fn spoil(&mut self) {
         self.spoilt = true;
     }
 
@@ -132,7 +132,7 @@ impl Proof {
     }
 
     /// What the run shows in the end.
-    pub(super) fn end(self) -> Shown {
+    pub(in crate::run) fn end(self) -> Shown {
         let Self { broken, spoilt, allowed, .. } = self;
         let Some(broken) = broken else { return Shown { allowed, ..Shown::default() } };
         let Broken { step, constraints, whole, .. } = broken;

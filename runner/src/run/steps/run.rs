@@ -7,13 +7,13 @@ use canopen::pdo::CobId;
 use canopen::{Abort, BusError, Frame, Instant, Mux, Pattern, Stamped, lss, sdo, sync};
 use reports::{Begun, Event, Phase};
 
-use super::bench_snapshot::BenchSnapshot;
 use super::judge::{Difference, Judgement, Trouble};
-use super::link::{Lateness, Link};
-use super::policy::Policy;
 use super::proof::Proof;
 use crate::dut::Dut;
 use crate::plan::{Binding, Scope, Wording, nmt_frame};
+use crate::run::link::{Lateness, Link};
+use crate::run::policy::Policy;
+use crate::run::rest::BenchSnapshot;
 use crate::source::At;
 use crate::suite::Words;
 use crate::suite::constraint::{Allowance, Constraint};
@@ -21,7 +21,7 @@ use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, show_time};
 use crate::suite::step::{Expect, Never, Nmt, Produce, Reply, Step, SyncStep};
 
 /// Runs the steps of one case.
-pub(super) struct Steps<'s, 'b> {
+pub(in crate::run) struct Steps<'s, 'b> {
     /// The bus.
     pub link: &'s mut Link<'b>,
     /// The device.
@@ -52,7 +52,7 @@ const LOOKS: Duration = Duration::from_secs(1);
 
 impl<'s> Steps<'s, '_> {
     /// A step begins.
-    pub(super) fn begins(&mut self, phase: Phase, step: &'s At<Step>) {
+    pub(in crate::run) fn begins(&mut self, phase: Phase, step: &'s At<Step>) {
         let at = self.link.mark();
         match self.policy.every_step {
             true => self.tell(at, phase, step),
@@ -61,7 +61,7 @@ impl<'s> Steps<'s, '_> {
     }
 
     /// Reports the steps that are not yet. Names have the values that they have now.
-    pub(super) fn tell_begun(&mut self) {
+    pub(in crate::run) fn tell_begun(&mut self) {
         for (at, phase, step) in std::mem::take(&mut self.begun) {
             self.tell(at, phase, step);
         }
@@ -79,7 +79,7 @@ impl Steps<'_, '_> {
     ///
     /// # Errors
     /// What went wrong.
-    pub(super) fn run(&mut self, step: &Step) -> Judgement {
+    pub(in crate::run) fn run(&mut self, step: &Step) -> Judgement {
         match step {
             Step::Send(frame) => {
                 let frame = self.frame(frame)?;
@@ -350,7 +350,11 @@ impl Steps<'_, '_> {
     }
 
     /// How late the tester was, where that may be the reason why the step ended as it did.
-    pub(super) fn late(&self, step: &Step, failed: Option<&Difference>) -> Option<Duration> {
+    pub(in crate::run) fn late(
+        &self,
+        step: &Step,
+        failed: Option<&Difference>,
+    ) -> Option<Duration> {
         let Lateness { missed, overslept, noticed, .. } = self.link.lateness();
         // A pause that was longer is no reason why a device kept silent.
         let late = if failed.is_some() { missed.max(overslept) } else { missed };
