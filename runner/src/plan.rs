@@ -19,7 +19,7 @@ pub use bytes::{parse_bytes, show_bytes};
 pub use deeds::deeds;
 pub(crate) use deeds::nmt_frame;
 pub(crate) use each::{index_range, matching_entries};
-pub use instance::{Instance, Plan, is_named};
+pub use instance::{Fate, Instance, Plan, is_named};
 pub(crate) use scope::Binding;
 pub use scope::Scope;
 pub use wording::Wording;

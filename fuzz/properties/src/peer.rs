@@ -172,7 +172,7 @@ static PLANS: LazyLock<Vec<Plan>> = LazyLock::new(|| {
     let plans = SHEETS.iter().map(|dut: &Dut| {
         let mut plan = plan::plan(&LIBRARY, dut, &target::models(&dut.eds))
             .unwrap_or_else(|_| panic!("the suites fit {}", dut.name));
-        plan.instances.retain(|instance| instance.skip.is_none());
+        plan.instances.retain(|instance| instance.skip().is_none());
         plan
     });
     plans.collect()

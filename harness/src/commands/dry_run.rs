@@ -5,7 +5,7 @@ use std::fmt::Write;
 
 use canopen::Mux;
 use runner::dut::Dut;
-use runner::plan::{Plan, deeds};
+use runner::plan::{Fate, Plan, deeds};
 use runner::protect::Deed;
 use runner::stop::Stop;
 use runner::suite::Library;
@@ -72,11 +72,12 @@ impl Sum {
     fn of(plan: &Plan) -> Self {
         let mut sum = Self::default();
         for instance in &plan.instances {
-            let deeds = match instance.skip.is_none() && instance.needs_device() {
+            let deeds = match instance.skip().is_none() && instance.needs_device() {
                 true => deeds(instance, &plan.dut),
                 false => Vec::new(),
             };
-            let skip = instance.skip.clone().map(|reason| (reason, instance.protected));
+            let is_protected = matches!(instance.fate, Fate::Protected(_));
+            let skip = instance.skip().map(|reason| (reason.clone(), is_protected));
             let exceeded = || plan.dut.protection.exceeded(&deeds).map(|reason| (reason, true));
             match skip.or_else(exceeded) {
                 None => sum.runs(&deeds, plan),

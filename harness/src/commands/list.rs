@@ -50,7 +50,7 @@ pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
                     "checks": case.checks.iter().map(|id| &id.value).collect::<Vec<_>>(),
                     "file": instance.suite.source.name,
                     "line": case.id.place.line,
-                    "skip": instance.skip,
+                    "skip": instance.skip(),
                 })
             })
             .collect();
@@ -61,7 +61,7 @@ pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
     for (device, instance) in instances {
         total += 1;
         // Writing to a string cannot fail.
-        _ = match &instance.skip {
+        _ = match instance.skip() {
             None => writeln!(text, "{device}  {}", instance.name()),
             Some(reason) => {
                 skipped += 1;

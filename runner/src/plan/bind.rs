@@ -9,7 +9,7 @@ use canopen::{heartbeat, lss, sdo};
 use super::check::{self, no_object};
 use super::deeds::protected;
 use super::each::{each_scope, has_access};
-use super::instance::{Instance, Plan};
+use super::instance::{Fate, Instance, Plan};
 use super::kind;
 use super::profile::{self, of_another_profile, wrong_option};
 use super::scope::{Binding, Bound, Scope};
@@ -126,21 +126,19 @@ fn bind_case(
     (dut, model): (&Dut, Option<&Eds>),
     holds: &mut dyn FnMut(&Instance) -> bool,
 ) -> Result<Vec<Instance>, Vec<Complaint>> {
-    let instance = |label, scope, skip| {
-        let suite = Arc::clone(suite);
-        let (protected, foreign, unfit, relaxed) = (false, false, None, BTreeMap::new());
-        Instance { suite, case: place, label, scope, skip, protected, foreign, unfit, relaxed }
+    let instance = |label, scope, fate| {
+        let (suite, relaxed) = (Arc::clone(suite), BTreeMap::new());
+        Instance { suite, case: place, label, scope, fate, relaxed }
     };
     check::requires(suite, case, dut).map_err(|complaint| vec![complaint])?;
     let mut only = |bound: Instance| Ok(Some(bound).filter(&mut *holds).into_iter().collect());
     let lacks = || case.requires.iter().find_map(|requires| lacks(&requires.value, dut, suite));
     let no_sheet = || dut.sheet.composed.then(|| about_the_sheet(case)).flatten();
     if let Some(reason) = of_another_profile(suite, dut) {
-        let skipped = instance(None, Scope::default(), Some(reason));
-        return only(Instance { foreign: true, ..skipped });
+        return only(instance(None, Scope::default(), Fate::Foreign(reason)));
     }
     if let Some(reason) = lacks().or_else(no_sheet) {
-        return only(instance(None, Scope::default(), Some(reason)));
+        return only(instance(None, Scope::default(), Fate::Lacking(reason)));
     }
     let mut scopes = match &case.each {
         None => vec![(Vec::new(), Scope::default())],
@@ -149,7 +147,7 @@ fn bind_case(
     };
     if scopes.is_empty() {
         let reason = case.each.as_ref().map(|each| kind::absent(&each.value));
-        return only(instance(None, Scope::default(), reason));
+        return only(instance(None, Scope::default(), reason.map_or(Fate::Runs, Fate::Lacking)));
     }
     let wanted = case
         .matrix
@@ -169,7 +167,7 @@ fn bind_case(
         .into_iter()
         .map(|(labels, scope)| {
             let label = (!labels.is_empty()).then(|| labels.join(","));
-            instance(label, scope, None)
+            instance(label, scope, Fate::Runs)
         })
         .filter(holds)
         .collect();
@@ -180,19 +178,22 @@ fn bind_case(
         let checked = check::case(bound, dut, model);
         // A guess would move the device to a bit rate that the bus does not have.
         let unknown = dut.unlisted_bit_rate().filter(|_| checked.used.contains(BIT_RATE));
-        bound.skip = checked.lacking.or(unknown);
+        let lacking = checked.lacking.or(unknown);
         if checked.complaints.is_empty() {
             bound.scope.keep(&checked.used);
         }
-        if bound.skip.is_none() {
-            bound.skip = protected(bound, dut);
-            bound.protected = bound.skip.is_some();
-        }
-        match dut.sheet.trusted {
-            true => complaints.extend(checked.complaints),
+        let mut wrong = checked.complaints;
+        if dut.sheet.trusted {
             // The suite fits the devices it was written with.
-            false => bound.unfit = checked.complaints.into_iter().next().map(Box::new),
+            complaints.append(&mut wrong);
         }
+        let protected = if lacking.is_none() { protected(bound, dut) } else { None };
+        bound.fate = match (lacking, protected, wrong.into_iter().next()) {
+            (Some(reason), ..) => Fate::Lacking(reason),
+            (None, Some(reason), _) => Fate::Protected(reason),
+            (None, None, Some(complaint)) => Fate::Unfit(Box::new(complaint)),
+            (None, None, None) => Fate::Runs,
+        };
     }
     if complaints.is_empty() { Ok(bound) } else { Err(dedup(complaints)) }
 }

@@ -38,17 +38,26 @@ pub struct Instance {
     pub label: Option<String>,
     /// The names.
     pub scope: Scope,
-    /// Why it cannot run.
-    pub skip: Option<String>,
-    /// Whether that is so because it needs what the device is protected from.
-    pub protected: bool,
-    /// Whether that is so because its suite is about a profile that the device does not follow.
-    pub foreign: bool,
-    /// What in its steps the data sheet contradicts.
-    pub unfit: Option<Box<Complaint>>,
+    /// What is known of its outcome before it runs.
+    pub fate: Fate,
     /// The requirements among those it checks that the device's own document relaxes, with the
     /// decision that says so.
     pub relaxed: BTreeMap<String, String>,
+}
+
+/// What is known of the outcome of an instance before it runs.
+#[derive(Clone, Debug)]
+pub enum Fate {
+    /// Nothing: it runs.
+    Runs,
+    /// It fails, since the data sheet contradicts its steps in this.
+    Unfit(Box<Complaint>),
+    /// It is skipped: the device lacks something, or something is not known.
+    Lacking(String),
+    /// It is skipped, since it needs what the device is protected from.
+    Protected(String),
+    /// It is skipped, since its suite is about a profile that the device does not follow.
+    Foreign(String),
 }
 
 impl Plan {
@@ -56,7 +65,8 @@ impl Plan {
     pub fn leave_out_foreign(&mut self) {
         let left_out = &mut self.left_out;
         self.instances.retain(|instance| {
-            let about = instance.suite.about().filter(|_| instance.foreign);
+            let about =
+                instance.suite.about().filter(|_| matches!(instance.fate, Fate::Foreign(_)));
             let stays = about.is_none();
             if let Some(about) = about {
                 *left_out.entry(about).or_default() += 1;
@@ -117,9 +127,17 @@ impl Instance {
         &self.suite.file.cases[self.case].value
     }
 
+    /// Why it is skipped, if it is.
+    pub fn skip(&self) -> Option<&String> {
+        match &self.fate {
+            Fate::Runs | Fate::Unfit(_) => None,
+            Fate::Lacking(reason) | Fate::Protected(reason) | Fate::Foreign(reason) => Some(reason),
+        }
+    }
+
     /// The directions of block transfer that it needs, which only the device itself can state.
     pub fn blocks(&self) -> BlockDirections {
-        if self.skip.is_some() {
+        if self.skip().is_some() {
             return BlockDirections::default();
         }
         let supports = |requires: &At<Requires>| requires.value.supports.as_ref()?.value.blocks();

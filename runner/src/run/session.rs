@@ -185,7 +185,7 @@ impl Session<'_> {
         };
         for (place, instance) in rest.iter().enumerate() {
             let started = starts.of(instance, at);
-            let outcome = match &instance.skip {
+            let outcome = match instance.skip() {
                 Some(reason) => Outcome::Skip(reason.clone()),
                 None if place >= failed => Outcome::Skip(format!("not run: {why}")),
                 None => Outcome::not_run(&why),
@@ -218,7 +218,7 @@ impl Session<'_> {
 
     /// How the device is from the start. One that no case needs is left alone.
     fn baseline(&self, link: &mut Link, identity: Identity) -> Result<Baseline, BusError> {
-        let needed = |each: &Instance| each.skip.is_none() && each.needs_device();
+        let needed = |each: &Instance| each.skip().is_none() && each.needs_device();
         match self.plan.instances.iter().any(needed) {
             true => first_look(link, &self.policy, &self.plan.dut, identity),
             false => Ok(Baseline::of(identity)),
@@ -310,7 +310,7 @@ impl Session<'_> {
                     _ => None,
                 };
             let unfit = || instance.unfit_for(baseline.habits).or_else(|| self.exceeds(instance));
-            if let Some(reason) = instance.skip.clone().or(no_blocks).or_else(unfit) {
+            if let Some(reason) = instance.skip().cloned().or(no_blocks).or_else(unfit) {
                 link.emit(ended(link, &started, Outcome::Skip(reason)));
                 continue;
             }

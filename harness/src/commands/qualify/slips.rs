@@ -67,7 +67,7 @@ impl Slips {
             for instance in &clean.plan.instances {
                 let home = home(&instance.suite);
                 let is_home = name == home || device.first == home || device.family() == home;
-                if is_home && instance.skip.is_none() && fits(instance.case()) {
+                if is_home && instance.skip().is_none() && fits(instance.case()) {
                     cases.entry(instance.case_name()).or_default().push(instance);
                 }
             }

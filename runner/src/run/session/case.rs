@@ -8,7 +8,7 @@ use reports::{Event, Note, Outcome, Phase};
 use super::outcome::{CaseOutcome, error};
 use super::phases::run_phase;
 use crate::dut::Dut;
-use crate::plan::{Instance, Scope, others};
+use crate::plan::{Fate, Instance, Scope, others};
 use crate::run::link::Link;
 use crate::run::policy::Policy;
 use crate::run::rest::{
@@ -159,7 +159,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             late: None,
             relies_on: self.instance.relies_on().next(),
         };
-        if let Some(complaint) = &self.instance.unfit {
+        if let Fate::Unfit(complaint) = &self.instance.fate {
             let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
             let difference = promise::unfit(complaint, self.instance, self.common.dut);
             result.fail(Phase::Step, place, difference);
