@@ -401,6 +401,10 @@ pub struct QualifyArgs {
     /// List the steps and constraints that nothing proves
     #[arg(long)]
     pub unproved: bool,
+    /// Show what this mutant changes on the bus, which cases were tried on it, and who noticed; 1
+    /// when nobody did
+    #[arg(long, value_name = "MUTANT", conflicts_with_all = ["record", "unproved"])]
+    pub why: Option<String>,
     /// Write what each instance does (its frames and stimuli as a number), its verdict, the kills
     /// and the proofs to a file, a line each: what a change of suites must leave as it is
     #[arg(long, value_name = "FILE")]
@@ -417,8 +421,9 @@ pub struct QualifyArgs {
 /// Arguments of `explain`.
 #[derive(Debug, Args)]
 pub struct ExplainArgs {
-    /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, an SDO abort
-    /// code such as 0x06020000, or an emergency error code such as 8130h
+    /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, a finding in a
+    /// data sheet such as eds-octal, an SDO abort code such as 0x06020000, or an emergency error
+    /// code such as 8130h
     pub name: String,
     /// Which suites.
     #[command(flatten)]

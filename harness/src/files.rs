@@ -23,8 +23,11 @@ pub(crate) const LARGEST_JOURNAL: u64 = 1 << 30;
 /// # Errors
 /// Whatever keeps it from being read, and that it is larger.
 pub(crate) fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    let file = File::open(path)?;
+    // A pipe has no size, and a file may grow meanwhile.
+    let size = file.metadata().map_or(0, |known| known.len().min(most));
+    let mut bytes = Vec::with_capacity(size as usize + 1);
+    file.take(most + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 <= most {
         return Ok(bytes);
     }

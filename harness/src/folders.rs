@@ -9,6 +9,7 @@ use canopen::catalogue::Catalogue;
 use clap::Args;
 use runner::suite::{Library, built_in, is_register};
 
+use crate::data;
 use crate::files::{read_text, words};
 use crate::source::{Complaint, Source};
 
@@ -106,10 +107,13 @@ impl Folders {
         Ok((sources, own))
     }
 
-    /// The files by name. Unless there are `only` folders, those of `suites/` here are read, or
-    /// else the copy in this program. A file of a later folder replaces the one of the same name.
+    /// The files by name. Unless there are `only` folders, those of `HARNESS_DATA` are read, or
+    /// those of `suites/` here, or else the copy in this program. A file of a later folder replaces
+    /// the one of the same name.
     pub(crate) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
-        let here = Path::new("suites");
+        let data = data::folder();
+        let here = data.clone().unwrap_or_default().join("suites");
+        let here = here.as_path();
         let mut sources = BTreeMap::new();
         let mut folders = self.only.clone();
         match (self.only.is_empty(), here.is_dir()) {
@@ -121,7 +125,7 @@ impl Folders {
         for folder in folders {
             let mut found = Vec::new();
             read_folder(&folder, &mut found).map_err(|complaint| vec![complaint])?;
-            if folder == here && differ(&found, &built_in()) {
+            if folder == here && data.is_none() && differ(&found, &built_in()) {
                 complain!(
                     "note: the suites of ./suites are read, which differ from those in this program"
                 );
@@ -149,6 +153,21 @@ fn add(sources: &mut BTreeMap<String, Arc<Source>>, folder: &Path, found: Vec<So
         let name = source.name.strip_prefix(&folder).unwrap_or(&source.name);
         sources.insert(name.trim_start_matches('/').to_owned(), Arc::new(source));
     }
+}
+
+/// The texts of the YAML files in a folder, by their names below `root`.
+///
+/// # Errors
+/// What cannot be read.
+pub(crate) fn texts_in(folder: &Path, root: &Path) -> Result<BTreeMap<String, String>, Complaint> {
+    let mut sources = Vec::new();
+    read_folder(folder, &mut sources)?;
+    let root = shown(root);
+    let texts = sources.into_iter().map(|Source { name, text }| {
+        let name = name.strip_prefix(&root).unwrap_or(&name).trim_start_matches('/').to_owned();
+        (name, text)
+    });
+    Ok(texts.collect())
 }
 
 fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint> {

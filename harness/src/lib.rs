@@ -16,6 +16,7 @@ pub mod bus;
 pub mod candump;
 pub mod cli;
 pub mod commands;
+mod data;
 pub mod device_file;
 pub mod exit;
 mod files;

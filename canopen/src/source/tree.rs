@@ -589,6 +589,12 @@ impl From<&str> for Node {
 
 /// What a plain scalar means in YAML, as far as numbers and truth values go.
 fn scalar(text: Cow<'_, str>) -> Node {
+    // Most are words, for which a parser is a long way round. What is shorter may be `off`.
+    let is_word = text.len() > 5
+        && text.starts_with(|first: char| first == '$' || first.is_ascii_alphabetic());
+    if is_word {
+        return Node::Text(text.into_owned());
+    }
     match serde_yaml::from_str::<Node>(&text) {
         Ok(Node::Int(number, _)) => Node::Int(number, text.into_owned()),
         Ok(Node::Real(number, _)) => Node::Real(number, text.into_owned()),

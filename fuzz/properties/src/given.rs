@@ -31,9 +31,11 @@ pub(crate) fn source(name: &str, text: &str) -> Arc<Source> {
 /// Makes every report of a run. What is XML is read as XML.
 pub(crate) fn written(run: &Run) {
     for format in FORMATS {
-        let text = (format.write)(run);
+        let mut bytes = Vec::new();
+        (format.write)(run, &mut bytes).expect("memory takes every byte");
         if format.flag == "junit" {
-            let mut reader = quick_xml::Reader::from_str(&text);
+            let text = std::str::from_utf8(&bytes).expect("XML is UTF-8");
+            let mut reader = quick_xml::Reader::from_str(text);
             reader.config_mut().check_end_names = true;
             loop {
                 match reader.read_event() {

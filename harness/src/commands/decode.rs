@@ -237,7 +237,8 @@ fn heading(case: &CaseStarted) -> String {
     format!("{}: {}", case.name(), case.title)
 }
 
-fn decoder(node: u8, eds: &Arc<Eds>, catalogue: &Catalogue) -> Decoder {
+/// A decoder that knows a data sheet.
+pub(super) fn decoder(node: u8, eds: &Arc<Eds>, catalogue: &Catalogue) -> Decoder {
     Decoder::of_device(node, Arc::clone(eds), units(node, eds, catalogue))
 }
 

@@ -162,7 +162,7 @@ impl Checker<'_> {
             }
             Step::Sync(sync) => self.times(&sync.every),
             Step::Produce(produce) => self.produce(Some(produce)),
-            Step::Bench(stimuli) => stimuli.iter().for_each(|(name, value)| {
+            Step::Bench(stimuli) => stimuli.0.iter().for_each(|(name, value)| {
                 self.bench_value(value);
                 self.bench_name(name, value.place);
             }),

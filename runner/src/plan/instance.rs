@@ -185,10 +185,10 @@ impl Instance {
     /// How the device must be set up for what the bench does in its steps.
     pub fn bench_needs<'d>(&self, dut: &'d Dut) -> impl Iterator<Item = (Mux, i64)> + use<'_, 'd> {
         let stimuli = self.case().all_steps().filter_map(|step| match &step.value {
-            Step::Bench(stimuli) => Some(stimuli.keys()),
+            Step::Bench(stimuli) => Some(&stimuli.0),
             _ => None,
         });
-        let needs = stimuli.flatten().filter_map(|name| dut.bench_needs.get(name));
+        let needs = stimuli.flatten().filter_map(|(name, _)| dut.bench_needs.get(name));
         needs.flatten().map(|(mux, value)| (*mux, *value))
     }
 

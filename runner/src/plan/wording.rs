@@ -10,8 +10,8 @@ use crate::source::At;
 use crate::suite::Words;
 use crate::suite::literal::{Amount, FrameText, Literal, Name, ObjectRef, Tolerance, show_time};
 use crate::suite::step::{
-    Ask, Bounds, Collect, EdsStep, Expect, LssStep, Measure, Never, Nmt, Observe, Produce, Read,
-    Remap, Step, Undeclared, Until, Write,
+    Ask, Bounds, Collect, Expect, LssStep, Measure, Never, Nmt, Observe, Produce, Read, Remap,
+    Step, Undeclared, Until, Write,
 };
 
 /// The words of a suite, and the values of names where they are known.
@@ -50,16 +50,19 @@ impl Wording<'_> {
             Step::Produce(produce) => self.produce(produce),
             Step::Bench(stimuli) => {
                 let stimuli = stimuli
+                    .0
                     .iter()
                     .map(|(name, value)| format!("{name} = {}", self.on_bench(name, &value.value)));
                 format!("bench: {}", list(stimuli, "nothing"))
             }
             Step::Observe(observe) => self.observe(observe),
-            Step::Eds(EdsStep { without, .. }) => {
+            Step::Eds(eds) => {
+                let without = &eds.without;
                 let findings = without.iter().map(|finding| finding.value.clone());
                 format!("the data sheet has no finding {}", list(findings, "at all"))
             }
-            Step::Undeclared(Undeclared { range, subs, .. }) => {
+            Step::Undeclared(undeclared) => {
+                let Undeclared { range, subs, .. } = &**undeclared;
                 let what = if *subs { "sub-indices" } else { "objects" };
                 format!("{what} in {} that the device does not have are refused", range.value)
             }
@@ -154,7 +157,7 @@ impl Wording<'_> {
             }
         };
         let kept = kept(read.save.as_deref());
-        format!("read {object}{judged}{tolerated}{kept}")
+        format!("read {object}{}{tolerated}{kept}", expected(&judged))
     }
 
     fn until(&self, until: &Until) -> String {
@@ -175,7 +178,7 @@ impl Wording<'_> {
         let within = observe.within.as_ref();
         let within =
             within.map_or_else(String::new, |within| format!(" within {}", self.time(within)));
-        format!("observe {}{judged}{within}", observe.bench.value)
+        format!("observe {}{}{within}", observe.bench.value, expected(&judged))
     }
 
     /// ` = 5`, ` from 5 to 7`, ` = 4 in the bits 6`.
@@ -313,6 +316,15 @@ impl Wording<'_> {
             Binding::Id(id) => Some(format!("{id:03X}h")),
             Binding::Bytes(_) => None,
         }
+    }
+}
+
+/// `, expect 5`, where a `= 5` might be taken for what came.
+fn expected(judged: &str) -> String {
+    match judged.strip_prefix(" = ") {
+        Some(value) => format!(", expect {value}"),
+        None if judged.is_empty() => String::new(),
+        None => format!(", expect{judged}"),
     }
 }
 

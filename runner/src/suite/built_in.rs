@@ -1,10 +1,11 @@
 //! The copy of `suites/` in this crate.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use include_dir::{Dir, include_dir};
 
-use crate::source::Source;
+use crate::source::{self, Source};
 
 static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../suites");
 
@@ -13,6 +14,12 @@ pub fn built_in() -> Vec<Source> {
     let mut sources = Vec::new();
     read(&EMBEDDED, &mut sources);
     sources
+}
+
+/// One of the files, by its path below `suites/`, or what replaces it.
+pub(super) fn standard(path: &str) -> Option<Arc<Source>> {
+    let text = EMBEDDED.get_file(path)?.contents_utf8()?;
+    Some(source::built_in(&format!("suites/{path}"), text))
 }
 
 fn read(folder: &Dir<'_>, sources: &mut Vec<Source>) {

@@ -146,7 +146,8 @@ impl Library {
                 Ok((file, names)) => {
                     let words = Arc::clone(&vocabularies.at(&source.name).words);
                     let catalogue = Arc::clone(catalogue);
-                    let suite = Suite { source, file, catalogue, words };
+                    let path = source.name.as_str().into();
+                    let suite = Suite { source, path, file, catalogue, words };
                     complaints.extend(unknown_profiles(&suite));
                     used.extend(names);
                     loaded.push(Arc::new(suite));
@@ -244,7 +245,7 @@ fn reused_ids(suites: &[Arc<Suite>]) -> Vec<Complaint> {
     let (mut complaints, mut names) = (Vec::new(), BTreeMap::new());
     for suite in suites {
         let name = &suite.file.suite;
-        if let Some(first) = names.insert(name.value.as_str(), suite) {
+        if let Some(first) = names.insert(&*name.value, suite) {
             let message = format!(
                 "the suite name `{}` is used twice: {} has it",
                 name.value, first.source.name

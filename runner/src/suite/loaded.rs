@@ -14,6 +14,8 @@ use crate::source::Source;
 pub struct Suite {
     /// Its file.
     pub source: Arc<Source>,
+    /// The name of the file.
+    pub path: Arc<str>,
     /// What is written there.
     pub file: SuiteFile,
     /// What it takes from profiles.

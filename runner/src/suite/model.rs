@@ -1,6 +1,7 @@
 //! The notation of suites and cases, as data. The JSON schema comes from the same types.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use schemars::JsonSchema;
 use serde::Deserialize;
@@ -16,7 +17,7 @@ use crate::source::At;
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct SuiteFile {
     /// The suite's name, `folder/topic`, equal to the file's path below `suites/`.
-    pub suite: At<String>,
+    pub suite: At<Arc<str>>,
     /// What the suite is about, for people.
     #[serde(default)]
     pub about: Option<String>,
@@ -42,9 +43,9 @@ pub struct SuiteFile {
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Case {
     /// Name, unique within the suite.
-    pub id: At<String>,
+    pub id: At<Arc<str>>,
     /// The sentence.
-    pub title: String,
+    pub title: Arc<str>,
     /// The requirements it checks.
     pub checks: Vec<At<String>>,
     /// Requirements without which the case says nothing about a device: where one is broken, it is

@@ -14,7 +14,7 @@ use crate::source::{At, Complaint, Source, read_yaml};
 /// Every requirement by its id.
 #[derive(Debug, Default)]
 pub struct Register {
-    requirements: BTreeMap<String, Requirement>,
+    requirements: BTreeMap<Arc<str>, Requirement>,
     decisions: BTreeMap<String, Decision>,
     relaxations: Vec<Relaxation>,
 }
@@ -29,10 +29,12 @@ struct Decision {
 /// One statement of a document, in our own words.
 #[derive(Debug)]
 pub struct Requirement {
+    /// Its id.
+    pub id: Arc<str>,
     /// The document's key, such as `cia301`.
     pub document: String,
     /// What the document calls itself.
-    pub title: String,
+    pub title: Arc<str>,
     /// The file that contains it.
     pub source: Arc<Source>,
     /// The entry.
@@ -62,7 +64,7 @@ pub struct RegisterFile {
     /// The document's key, such as `cia301`.
     pub document: String,
     /// What the document calls itself.
-    pub title: String,
+    pub title: Arc<str>,
     /// The in-tree device whose manual this is. What its interpretations relax is relaxed for
     /// devices of that vendor and product only.
     #[serde(default)]
@@ -86,11 +88,11 @@ pub struct RequirementEntry {
     /// Unique id.
     pub id: At<String>,
     /// Clause of the document.
-    pub clause: String,
+    pub clause: Arc<str>,
     /// How binding it is.
     pub level: Level,
     /// The statement, one sentence.
-    pub says: String,
+    pub says: Arc<str>,
     /// How an ambiguity was decided, or the id of the decision.
     #[serde(default)]
     pub interpretation: Option<String>,
@@ -246,7 +248,7 @@ impl Register {
 
     /// Every requirement, by id.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Requirement)> {
-        self.requirements.iter().map(|(id, requirement)| (id.as_str(), requirement))
+        self.requirements.iter().map(|(id, requirement)| (&**id, requirement))
     }
 
     fn add(&mut self, source: &Arc<Source>, file: RegisterFile, complaints: &mut Vec<Complaint>) {
@@ -279,21 +281,23 @@ impl Register {
                 complaints.push(twice);
                 continue;
             }
+            let id: Arc<str> = id.value.as_str().into();
             let requirement = Requirement {
+                id: Arc::clone(&id),
                 document: file.document.clone(),
-                title: file.title.clone(),
+                title: Arc::clone(&file.title),
                 source: Arc::clone(source),
                 lacks: (!file.dimensions.is_empty())
-                    .then(|| lacks.remove(id.value.as_str()).unwrap_or_default()),
+                    .then(|| lacks.remove(&*id).unwrap_or_default()),
                 entry,
             };
-            self.requirements.insert(requirement.entry.value.id.value.clone(), requirement);
+            self.requirements.insert(id, requirement);
         }
     }
 
     /// A complaint when a requirement or a decision has the id already: freedoms name both alike.
     fn used_twice(&self, source: &Arc<Source>, id: &At<String>) -> Option<Complaint> {
-        let requirement = self.requirements.get(&id.value);
+        let requirement = self.requirements.get(id.value.as_str());
         let requirement =
             requirement.map(|known| ("requirement", &known.source, &known.entry.place));
         let decision = self.decisions.get(&id.value);

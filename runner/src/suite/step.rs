@@ -19,7 +19,7 @@ use crate::source::At;
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub enum Step {
     /// Sends a frame as it is written.
-    Send(At<FrameText>),
+    Send(Box<At<FrameText>>),
     /// Judges the next frame with that identifier: the answer of a confirmed service.
     Reply(Box<Reply>),
     /// Sends a request and judges its answer, repeated if need be: one exchange after the other,
@@ -49,18 +49,18 @@ pub enum Step {
     /// Counts frames.
     Collect(Box<Collect>),
     /// Sends SYNC messages.
-    Sync(SyncStep),
+    Sync(Box<SyncStep>),
     /// Sends a frame periodically.
     Produce(Box<Produce>),
     /// Sets stimuli on the physical side, each by its name: `power: off`. The runner sets them
     /// back.
-    Bench(BTreeMap<String, At<Literal>>),
+    Bench(Stimuli),
     /// Judges what is to be seen on the physical side.
     Observe(Box<Observe>),
     /// Judges the data sheet.
-    Eds(EdsStep),
+    Eds(Box<EdsStep>),
     /// Asks for objects that the data sheet does not have; each must be refused.
-    Undeclared(Undeclared),
+    Undeclared(Box<Undeclared>),
     /// Layer setting services that are more than a frame and its answer.
     Lss(Box<LssStep>),
 }
@@ -118,6 +118,20 @@ pub struct Undeclared {
     pub profile: Option<At<About>>,
     /// At most so many, spread over the range; `--every-index` asks for all.
     pub most: usize,
+}
+
+/// See [`Step::Bench`]: what is set, by name. Most steps set one thing, for which a map takes the
+/// room of eleven.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(from = "BTreeMap<String, At<Literal>>")]
+pub struct Stimuli(
+    #[schemars(with = "BTreeMap<String, At<Literal>>")] pub Box<[(String, At<Literal>)]>,
+);
+
+impl From<BTreeMap<String, At<Literal>>> for Stimuli {
+    fn from(stimuli: BTreeMap<String, At<Literal>>) -> Self {
+        Self(stimuli.into_iter().collect())
+    }
 }
 
 /// See [`Step::Observe`].

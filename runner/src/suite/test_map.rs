@@ -65,6 +65,6 @@ fn is_case(name: &str, suites: &[Arc<Suite>]) -> bool {
     suites.iter().any(|suite| {
         let case = name.strip_prefix(suite.name()).and_then(|rest| rest.strip_prefix('/'));
         let mut ids = suite.file.cases.iter().map(|case| &case.value.id.value);
-        case.is_some_and(|case| ids.any(|id| id == case))
+        case.is_some_and(|case| ids.any(|id| **id == *case))
     })
 }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
-use super::built_in::built_in;
+use super::built_in::standard;
 use super::definition::Definitions;
 use super::words::Words;
 use crate::source::{Complaint, Source, Tree};
@@ -36,8 +36,7 @@ const STEPS: &str = "steps.yaml";
 /// The words that suites everywhere may use: those of CiA 301.
 static STANDARD: LazyLock<Arc<Words>> = LazyLock::new(|| {
     let mut words = Words::default();
-    let file = built_in().into_iter().find(|source| source.name == format!("suites/{WORDS}"));
-    if let Some(source) = file.map(Arc::new)
+    if let Some(source) = standard(WORDS)
         && let Ok(tree) = Tree::of(&source)
     {
         words.add(&source, &tree);

@@ -17,6 +17,7 @@ use runner::suite::{Library, Suite};
 use super::assertion::Assertion;
 use super::trial::{Clean, Fits, Wanted};
 use crate::commands::check::mutants_proved_on;
+use crate::commands::counted::counted;
 use crate::exit::Refused;
 
 /// What each case makes of each mutant of one device.
@@ -132,11 +133,11 @@ impl Matrix {
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "{}: {} mutants, {killed} killed, {canaries} canary; {} cases apply, {} of them killed \
-             a mutant of this device",
+            "{}: {}, {killed} killed, {canaries} canary; {} apply, {} of them killed a mutant of \
+             this device",
             self.device,
-            self.rows.len(),
-            self.clean.len(),
+            counted(self.rows.len(), "mutant"),
+            counted(self.clean.len(), "case"),
             proved.len(),
         );
         for row in self.rows.iter().filter(|_| verbose) {
@@ -155,8 +156,7 @@ impl Matrix {
 }
 
 fn row(clean: &Clean, mutant: &Mutant, fits: &Fits) -> Result<Row, Refused> {
-    let broken_by = |case: &Case| mutant.canary || broken(mutant, case).next().is_some();
-    let meets = |case: &Case| fits(case) && broken_by(case);
+    let meets = |case: &Case| fits(case) && is_tried_on(mutant, case);
     let ran = clean.deviating(mutant.deviation(), &Wanted::Cases(&meets))?;
     let killing = || ran.trials.iter().filter(|trial| trial.kills);
     let assertions =
@@ -167,6 +167,11 @@ fn row(clean: &Clean, mutant: &Mutant, fits: &Fits) -> Result<Row, Refused> {
     let killing = ran.instances.iter().filter(|instance| kills.contains(&instance.case_name()));
     let proved = killing.flat_map(|instance| broken(mutant, instance.case())).cloned().collect();
     Ok(Row { mutant: mutant.clone(), kills, proved, assertions, failing, ending: ran.ending })
+}
+
+/// Whether the case meets the mutant: it checks something that the mutant breaks.
+pub(super) fn is_tried_on(mutant: &Mutant, case: &Case) -> bool {
+    mutant.canary || broken(mutant, case).next().is_some()
 }
 
 /// The requirements that the mutant breaks and the case checks.
@@ -207,14 +212,20 @@ pub(super) fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
                         Ending::Enough(_) => ", and not all of them ran",
                     };
                     holes.push(format!(
-                        "{device}: mutant {name} survived the cases of what it breaks{end}"
+                        "{device}: mutant {name} survived the cases of what it breaks{end}; \
+                         `harness qualify --why {name}` shows what it changed"
                     ));
                 }
                 _ => {}
             }
         }
-        if !matrix.is_variant && !matrix.rows.iter().any(|row| row.mutant.canary) {
-            holes.push(format!("{device}: there is no canary"));
+        // That nothing fails without a cause is proved once, on the devices of the program.
+        let is_ours = devices::names().any(|name| name == device);
+        if is_ours && !matrix.is_variant && !matrix.rows.iter().any(|row| row.mutant.canary) {
+            holes.push(format!(
+                "{device}: there is no canary, a mutant with `canary: true` whose change cannot \
+                 be seen"
+            ));
         }
     }
     let requirements: BTreeSet<&String> =

@@ -129,7 +129,7 @@ impl<'l> Clean<'l> {
     }
 
     /// The simulated device of that name, before anything has run.
-    fn planned(library: &'l Library, name: &str) -> Result<Self, Refused> {
+    pub(super) fn planned(library: &'l Library, name: &str) -> Result<Self, Refused> {
         let device = reference_device(name, &library.catalogue)?;
         let name = format!("sim:{name}");
         let selection = Selection::of_target(Some(&name));
@@ -208,6 +208,19 @@ impl<'l> Clean<'l> {
     /// # Errors
     /// When the device cannot be built, or a case contradicts its data sheet.
     pub(super) fn deviating(&self, deviation: Deviation, wanted: &Wanted) -> Result<Ran, Refused> {
+        self.shown(deviation, wanted, &mut |_| ())
+    }
+
+    /// The same, and shows every event; none with a device for each case.
+    ///
+    /// # Errors
+    /// The same.
+    pub(super) fn shown(
+        &self,
+        deviation: Deviation,
+        wanted: &Wanted,
+        show: &mut dyn FnMut(&Event),
+    ) -> Result<Ran, Refused> {
         let other_sheet = deviation.changes_data_sheet();
         let target = self.target.deviating(deviation)?;
         let mut holds = wanted.holds();
@@ -228,7 +241,7 @@ impl<'l> Clean<'l> {
         wanted.order(&mut plan.instances);
         let (trials, ending) = match wanted {
             Wanted::Each => (self.each_case(&plan, &target)?, Ending::Complete),
-            _ => run(self.library, &plan, &target, &mut |_| ())?,
+            _ => run(self.library, &plan, &target, show)?,
         };
         Ok(Ran { instances: plan.instances, trials, ending })
     }

@@ -40,22 +40,22 @@ impl<'s> Starts<'s> {
             let requirement = self.register.find(&id.value)?;
             let entry = &requirement.entry.value;
             Some(Check {
-                id: id.value.clone(),
-                document: requirement.title.clone(),
-                clause: entry.clause.clone(),
-                level: entry.level.name().to_owned(),
-                relaxed_by: instance.relaxed.get(&id.value).cloned(),
-                says: entry.says.clone(),
+                id: Arc::clone(&requirement.id),
+                document: Arc::clone(&requirement.title),
+                clause: Arc::clone(&entry.clause),
+                level: entry.level.name().into(),
+                relaxed_by: instance.relaxed.get(&id.value).map(|by| by.as_str().into()),
+                says: Arc::clone(&entry.says),
             })
         });
         CaseStarted {
             at: Instant::ZERO,
-            suite: instance.suite.name().into(),
-            case: case.id.value.as_str().into(),
+            suite: Arc::clone(&instance.suite.file.suite.value),
+            case: Arc::clone(&case.id.value),
             instance: None,
-            title: case.title.as_str().into(),
+            title: Arc::clone(&case.title),
             checks: checks.collect(),
-            file: instance.suite.source.name.as_str().into(),
+            file: Arc::clone(&instance.suite.path),
             line: case.id.place.line as u32,
             column: case.id.place.column as u32,
         }

@@ -1,6 +1,5 @@
 //! The steps on the physical side, and how it is found again after a case.
 
-use std::collections::BTreeMap;
 use std::time::Duration;
 
 use canopen::bench::POWER;
@@ -18,14 +17,14 @@ use crate::run::rest::bench;
 use crate::source::At;
 use crate::suite::constraint::Constraint;
 use crate::suite::literal::{Literal, show_time};
-use crate::suite::step::Observe;
+use crate::suite::step::{Observe, Stimuli};
 
 /// How often a bench is asked: often for one in this process, bearable for one at a socket.
 const EVERY: Duration = Duration::from_millis(5);
 
 impl Steps<'_, '_> {
-    pub(super) fn stimulate_bench(&mut self, stimuli: &BTreeMap<String, At<Literal>>) -> Judgement {
-        for (name, literal) in stimuli {
+    pub(super) fn stimulate_bench(&mut self, stimuli: &Stimuli) -> Judgement {
+        for (name, literal) in &stimuli.0 {
             let value = self.scope.value(&literal.value).map_err(Trouble::Impossible)?;
             let value = worded(name, value);
             let shown = self.words.bench_value(name, &value);

@@ -300,19 +300,47 @@ fn masked(value: &[u8], mask: &[u8]) -> Vec<u8> {
 /// A place as reports show it: the stretch is the rest of the line, without its comment.
 pub(in crate::run) fn excerpt(source: &Source, place: Place) -> Excerpt {
     let line = source.line(place.line);
-    let code = line.split(" #").next().unwrap_or(line).trim_end().chars().count();
+    let code = line.split(" #").next().unwrap_or(line).trim_end();
+    let from = code.char_indices().nth(place.column.saturating_sub(1));
+    let marked = from.map_or("", |(from, _)| in_brackets(&code[from..]));
     Excerpt {
         file: source.name.clone(),
         line: place.line as u32,
         column: place.column as u32,
-        length: (code + 1).saturating_sub(place.column).max(1) as u32,
+        length: marked.chars().count().max(1) as u32,
         source: line.to_owned(),
     }
+}
+
+/// A row or a map to its end, when it ends in this line: others may follow. Anything else is whole.
+fn in_brackets(text: &str) -> &str {
+    if !text.starts_with(['[', '{']) {
+        return text;
+    }
+    let mut depth = 0;
+    let end = text.char_indices().find(|(_, symbol)| {
+        depth += match symbol {
+            '[' | '{' => 1,
+            ']' | '}' => -1,
+            _ => 0,
+        };
+        depth == 0
+    });
+    end.map_or(text, |(end, _)| &text[..=end])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_row_is_marked_to_its_end() {
+        let text = "rows: [[1, { a: [2] }], [3, 4]] # and more";
+        let source = Source { name: "suites/demo.yaml".into(), text: text.into() };
+        let marked = |column| excerpt(&source, Place::new(1, column)).length as usize;
+        assert_eq!(marked(8), "[1, { a: [2] }]".len());
+        assert_eq!(marked(1), text.len() - " # and more".len());
+    }
 
     #[test]
     fn long_values_are_shown_from_the_first_difference_on() {
