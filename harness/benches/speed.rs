@@ -8,10 +8,7 @@ use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Client, Transfer};
 use canopen::{Bus, Device, Frame, Instant, Mux, Outbox, Stamped, VirtualBus, eds, wire};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use reference_devices::devices::ax021211::full;
-use reference_devices::devices::drr460::hour as controlled;
-use reference_devices::devices::em66::hour;
-use reference_devices::devices::mcm260x::packaging;
+use demos::{ax021211_full, drr460 as controlled, em66, mcm260x};
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::rules::Specification;
 use reports::{Event, journal};
@@ -122,7 +119,7 @@ fn hour_of_heating_and_cooling(bench: &mut Criterion) {
     let device = devices::device("em66").expect("it is part of the program");
     let mut group = bench.benchmark_group("hour of process time");
     group.sample_size(20);
-    group.bench_function("em66", |bench| bench.iter(|| hour::run(black_box(&device))));
+    group.bench_function("em66", |bench| bench.iter(|| em66::run(black_box(&device))));
     group.finish();
 }
 
@@ -143,7 +140,7 @@ fn minutes_of_packaging(bench: &mut Criterion) {
     let mut group = bench.benchmark_group("ten minutes of process time");
     group.sample_size(20);
     group.bench_function("mcm260x-9ad", |bench| {
-        bench.iter(|| packaging::run(black_box(&device)));
+        bench.iter(|| mcm260x::run(black_box(&device)));
     });
     group.finish();
 }
@@ -155,7 +152,7 @@ fn cycles_of_function_blocks(bench: &mut Criterion) {
     let mut group = bench.benchmark_group("10000 control cycles");
     group.sample_size(20);
     group.bench_function("ax021211", |bench| {
-        let new = || full::Controller::new(black_box(&device));
+        let new = || ax021211_full::Controller::new(black_box(&device));
         bench.iter_batched_ref(new, |controller| controller.run(10_000), BatchSize::LargeInput);
     });
     group.finish();

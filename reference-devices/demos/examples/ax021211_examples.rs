@@ -1,15 +1,15 @@
 //! Prints a worked example of the valve controller's manual as a picture: `joystick`, `engine` or
 //! `mixing`.
 //!
-//! `cargo run -p reference-devices --example ax021211_examples joystick >
+//! `cargo run -p demos --example ax021211_examples joystick >
 //! reference-devices/ax021211/joystick.svg`, and likewise for the others.
 
 use std::error::Error;
 use std::ops::Range;
 
+use demos::ax021211::{self, Sample};
 use plotters::prelude::*;
 use reference_devices::devices;
-use reference_devices::devices::ax021211::worked::{self, Sample};
 
 #[expect(dead_code, reason = "the lanes of the other pictures")]
 mod drawing;
@@ -31,9 +31,9 @@ fn svg(name: &str) -> Result<String, Box<dyn Error>> {
         _ => return Err("which of joystick, engine and mixing?".into()),
     };
     let samples = match name {
-        "joystick" => worked::joystick(&device),
-        "engine" => worked::engine(&device),
-        _ => worked::mixing(&device),
+        "joystick" => ax021211::joystick(&device),
+        "engine" => ax021211::engine(&device),
+        _ => ax021211::mixing(&device),
     };
     drawing::svg("ax021211_examples", (900, 420), |root| draw(&samples, root))
 }
@@ -138,7 +138,7 @@ mod tests {
     #[test]
     fn the_pictures_are_fresh() {
         for name in ["joystick", "engine", "mixing"] {
-            let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/ax021211");
+            let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../ax021211");
             let path = format!("{folder}/{name}.svg");
             let committed = std::fs::read_to_string(&path).unwrap_or_default();
             let how =

@@ -1,6 +1,6 @@
 //! Prints `reference-devices/drr460/hour.svg`: an hour with the temperature controller.
 //!
-//! `cargo run -p reference-devices --example drr460_hour > hour.svg`, then it goes to
+//! `cargo run -p demos --example drr460_hour > hour.svg`, then it goes to
 //! `reference-devices/drr460/`.
 
 mod drawing;
@@ -8,11 +8,11 @@ mod hours;
 
 use std::error::Error;
 
+use demos::drr460::{self, Sample};
 use drawing::{Area, Outcome, panel};
 use hours::{Curve, Shown};
 use plotters::prelude::*;
 use reference_devices::devices;
-use reference_devices::devices::drr460::hour::{self, Sample};
 
 fn main() -> Outcome {
     print!("{}", svg()?);
@@ -21,7 +21,7 @@ fn main() -> Outcome {
 
 fn svg() -> Result<String, Box<dyn Error>> {
     let device = devices::device("drr460").ok_or("there is no drr460")?;
-    let hour = hour::run(&device);
+    let hour = drr460::run(&device);
     drawing::svg("drr460_hour", (1000, 610), |root| draw(&hour, root))
 }
 
@@ -75,7 +75,7 @@ const HEAT: RGBColor = RGBColor(0xC6, 0x28, 0x28);
 mod tests {
     #[test]
     fn the_picture_is_fresh() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/drr460/hour.svg");
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../drr460/hour.svg");
         let committed = std::fs::read_to_string(path).unwrap_or_default();
         let how = "the command that makes it stands at the top of examples/drr460_hour.rs";
         assert!(committed == super::svg().unwrap(), "{path} is stale: {how}");

@@ -1,17 +1,17 @@
 //! Prints `reference-devices/em66/hour.svg`: an hour with the heating/cooling device as a picture.
 //!
-//! `cargo run -p reference-devices --example em66_hour > reference-devices/em66/hour.svg`
+//! `cargo run -p demos --example em66_hour > reference-devices/em66/hour.svg`
 
 mod drawing;
 mod hours;
 
 use std::error::Error;
 
+use demos::em66::{self, Sample};
 use drawing::{Area, Outcome, panel};
 use hours::{Curve, Shown};
 use plotters::prelude::*;
 use reference_devices::devices;
-use reference_devices::devices::em66::hour::{self, Sample};
 
 fn main() -> Outcome {
     print!("{}", svg()?);
@@ -20,7 +20,7 @@ fn main() -> Outcome {
 
 fn svg() -> Result<String, Box<dyn Error>> {
     let device = devices::device("em66").ok_or("there is no em66")?;
-    let hour = hour::run(&device);
+    let hour = em66::run(&device);
     drawing::svg("em66_hour", (1000, 690), |root| draw(&hour, root))
 }
 
@@ -89,7 +89,7 @@ const COLD: RGBColor = RGBColor(0x15, 0x65, 0xC0);
 mod tests {
     #[test]
     fn the_picture_is_fresh() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/em66/hour.svg");
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../em66/hour.svg");
         let committed = std::fs::read_to_string(path).unwrap_or_default();
         let how = "the command that makes it stands at the top of examples/em66_hour.rs";
         assert!(committed == super::svg().unwrap(), "{path} is stale: {how}");

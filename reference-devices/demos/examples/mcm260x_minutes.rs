@@ -1,6 +1,6 @@
 //! Prints `reference-devices/mcm260x/minutes.svg`: ten minutes of a packaging machine as a picture.
 //!
-//! `cargo run -p reference-devices --example mcm260x_minutes > minutes.svg`, then it goes to
+//! `cargo run -p demos --example mcm260x_minutes > minutes.svg`, then it goes to
 //! `reference-devices/mcm260x/`.
 
 mod drawing;
@@ -8,10 +8,10 @@ mod drawing;
 use std::error::Error;
 use std::ops::Range;
 
+use demos::mcm260x::{self, Sample};
 use drawing::{Area, LABELS, Outcome, TEXT};
 use plotters::prelude::*;
 use reference_devices::devices;
-use reference_devices::devices::mcm260x::packaging::{self, Sample};
 
 fn main() -> Outcome {
     print!("{}", svg()?);
@@ -20,7 +20,7 @@ fn main() -> Outcome {
 
 fn svg() -> Result<String, Box<dyn Error>> {
     let device = devices::device("mcm260x-9ad").ok_or("there is no mcm260x-9ad")?;
-    let samples = packaging::run(&device);
+    let samples = mcm260x::run(&device);
     drawing::svg("mcm260x_minutes", (1000, 730), |root| draw(&samples, root))
 }
 
@@ -94,7 +94,7 @@ const MINUTES: f64 = 10.0;
 mod tests {
     #[test]
     fn the_picture_is_fresh() {
-        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/mcm260x/minutes.svg");
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../mcm260x/minutes.svg");
         let committed = std::fs::read_to_string(path).unwrap_or_default();
         let how = "the command that makes it stands at the top of examples/mcm260x_minutes.rs";
         assert!(committed == super::svg().unwrap(), "{path} is stale: {how}");

@@ -4,9 +4,9 @@
 use std::time::Duration;
 
 use canopen::{Instant, Mux};
+use reference_devices::devices::ReferenceDevice;
 
-use crate::devices::ReferenceDevice;
-use crate::devices::master::Master;
+use crate::master::Master;
 
 /// What was there at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -145,8 +145,9 @@ const LOGIC: u8 = 6;
 
 #[cfg(test)]
 mod tests {
+    use reference_devices::devices;
+
     use super::*;
-    use crate::devices;
 
     #[test]
     fn the_dead_band_of_a_joystick_lies_between_its_valves() {

@@ -5,10 +5,9 @@
 use std::time::Duration;
 
 use canopen::{Instant, Mux};
+use reference_devices::devices::ReferenceDevice;
 
-use super::objects::{logic, math, table};
-use crate::devices::ReferenceDevice;
-use crate::devices::master::Master;
+use crate::master::Master;
 
 /// The controller, set up over frames.
 pub struct Controller {
@@ -37,6 +36,23 @@ impl Controller {
         self.master.listen(self.now);
         self.master.see("output-current-1")
     }
+}
+
+/// The objects of a lookup table, 3yz0h to 3yz8h, by its place from 0 on: the last digit of its
+/// number is a digit of the index.
+const fn table(place: usize, item: u16) -> u16 {
+    let number = place as u16 + 1;
+    0x3000 + (number / 10) * 0x100 + (number % 10) * 0x10 + item
+}
+
+/// The objects of a logic block, 3x01h to 3x33h with x from 4 on, by its place from 0 on.
+const fn logic(place: usize, item: u16) -> u16 {
+    0x3400 + place as u16 * 0x100 + item
+}
+
+/// The objects of the inputs of a math block, 4y00h to 4y50h, by its place from 0 on.
+const fn math(place: usize, item: u16) -> u16 {
+    0x4100 + place as u16 * 0x100 + item
 }
 
 type Writes = Vec<(Mux, Vec<u8>)>;
@@ -151,23 +167,17 @@ const FEEDBACK: u8 = 8;
 
 #[cfg(test)]
 mod tests {
-    use canopen::Dictionary;
+    use canopen::{Device, Frame, Outbox};
+    use reference_devices::devices;
+    use reference_devices::rules::Specification;
+    use reference_devices::stack::Node;
 
     use super::*;
-    use crate::devices;
-    use crate::devices::ax021211::{Ax021211, CYCLE};
-    use crate::stack::{Behaviour, Errors};
 
     #[test]
     fn every_millisecond_is_a_cycle_and_every_block_moves() {
-        let device = devices::device("ax021211").unwrap();
-        let mut od = Dictionary::new(&device.description.eds, 127).unwrap();
-        for (mux, bytes) in connections() {
-            od.set(mux, &bytes);
-        }
-        let mut controller = Ax021211::with_deviations(&[]).unwrap();
-        controller.reset(Instant::ZERO, &mut od);
-        let (mut errors, mut now) = (Errors::default(), Instant::ZERO);
+        const CYCLE: Duration = Duration::from_millis(1);
+        let mut node = switched_on();
         let shown: Vec<Mux> = (0..12)
             .map(|place| Mux::new(table(place, 8), 0))
             .chain((1..=4).flat_map(|sub| [0x2460, 0x3320].map(|index| Mux::new(index, sub))))
@@ -175,12 +185,13 @@ mod tests {
             .chain((1..=10).map(|sub| Mux::new(0x7330, sub)))
             .collect();
         let mut values = vec![Vec::new(); shown.len()];
+        let (mut now, mut out) = (node.poll_at().unwrap(), Outbox::default());
         for _ in 0..1000 {
-            controller.run(now, &mut od, &mut errors);
-            assert_eq!(controller.poll_at(), Some(now + CYCLE), "it sleeps");
+            node.handle_timeout(now, &mut out);
+            assert_eq!(node.poll_at(), Some(now + CYCLE), "it sleeps");
             now += CYCLE;
             for (values, mux) in values.iter_mut().zip(&shown) {
-                values.push(od.int(*mux).unwrap());
+                values.push(node.dictionary().int(*mux).unwrap());
             }
         }
         for (values, mux) in values.iter_mut().zip(&shown) {
@@ -188,6 +199,27 @@ mod tests {
             values.dedup();
             assert!(values.len() > 10, "{mux} shows {values:?}");
         }
+    }
+
+    /// The controller, set up and started.
+    fn switched_on() -> Node {
+        let mut node = devices::device("ax021211").unwrap().node(127, Box::new(Specification));
+        let mut out = Outbox::default();
+        while let Some(at) = node.poll_at().filter(|at| *at < Instant::ZERO + START) {
+            node.handle_timeout(at, &mut out);
+        }
+        for (mux, bytes) in connections() {
+            let [low, high, sub] = mux.bytes();
+            let mut data = [0x23 | (4 - bytes.len() as u8) << 2, low, high, sub, 0, 0, 0, 0];
+            data[4..4 + bytes.len()].copy_from_slice(&bytes);
+            node.handle_frame(Instant::ZERO + START, &Frame::new(0x67F, data), &mut out);
+            while let Some(at) = node.poll_at().filter(|at| *at <= Instant::ZERO + START) {
+                node.handle_timeout(at, &mut out);
+            }
+            out.clear();
+        }
+        node.handle_frame(Instant::ZERO + START, &Frame::new(0, [1, 127]), &mut out);
+        node
     }
 
     #[test]

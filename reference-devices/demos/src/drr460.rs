@@ -6,10 +6,9 @@
 use std::time::Duration;
 
 use canopen::{Instant, Mux};
+use reference_devices::devices::ReferenceDevice;
 
-use super::objects::{PARAMETERS, SET_POINT, START, TUNING};
-use crate::devices::ReferenceDevice;
-use crate::devices::master::Master;
+use crate::master::Master;
 
 /// What the TPDO of the device reported at one time. Temperatures in tenths of a degree Celsius.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -75,6 +74,12 @@ pub fn run(device: &ReferenceDevice) -> Vec<Sample> {
     control.until(60 * 60);
     control.samples
 }
+
+/// Where the device keeps its parameters, by their numbers.
+const PARAMETERS: u16 = 0x3000;
+const SET_POINT: Mux = Mux::new(0x4000, 0);
+const START: Mux = Mux::new(0x4003, 0);
+const TUNING: Mux = Mux::new(0x400E, 0);
 
 /// Set points in tenths of a degree.
 const FIRST: i16 = 1500;
@@ -150,8 +155,9 @@ const ON_SYNC: u8 = 1;
 
 #[cfg(test)]
 mod tests {
+    use reference_devices::devices;
+
     use super::*;
-    use crate::devices;
 
     #[test]
     fn the_hour_goes_as_told() {

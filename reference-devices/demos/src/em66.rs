@@ -3,19 +3,15 @@
 //!
 //! Everything goes over frames on a virtual bus: SDO and RPDO to the device, TPDOs from it.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use canopen::catalogue::Block;
 use canopen::pdo::Mapping;
 use canopen::{Instant, Mux, Value};
+use reference_devices::devices::ReferenceDevice;
 
-use super::codes::Codes;
-use super::objects::{
-    CONTROL_BYTE, CONTROL_WORD, COOLING_RAMP, HEATING_RAMP, SECOND_SET_POINT, SET_POINT,
-    SWITCH_OFF_MODE,
-};
-use crate::devices::ReferenceDevice;
-use crate::devices::master::Master;
+use crate::master::Master;
 
 /// What the TPDOs of the device reported at one time. Temperatures in tenths of a degree Celsius.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -84,8 +80,8 @@ impl Sample {
 pub fn run(device: &ReferenceDevice) -> Vec<Sample> {
     let mut control = MachineControl::new(device);
     control.prepare();
-    let codes = control.codes;
-    let bits = codes.control_on as u8;
+    let [on, tune, second] = control.bits("control");
+    let bits = on as u8;
     control.until(60);
     control.write(SET_POINT, &800u16.to_le_bytes());
     control.write(SECOND_SET_POINT, &600u16.to_le_bytes());
@@ -95,9 +91,9 @@ pub fn run(device: &ReferenceDevice) -> Vec<Sample> {
     control.until(2 * 60);
     control.write(control.alarm("type"), &[BELOW]);
     control.until(17 * 60);
-    control.write(CONTROL_BYTE, &[bits | codes.control_tune as u8]);
+    control.write(CONTROL_BYTE, &[bits | tune as u8]);
     control.until(22 * 60);
-    control.write(CONTROL_BYTE, &[bits | codes.control_second as u8]);
+    control.write(CONTROL_BYTE, &[bits | second as u8]);
     control.until(32 * 60);
     control.write(CONTROL_BYTE, &[bits]);
     control.until(42 * 60);
@@ -119,10 +115,19 @@ pub fn run(device: &ReferenceDevice) -> Vec<Sample> {
 
 const BELOW: u8 = 3;
 
+const CONTROL_WORD: Mux = Mux::new(0x2001, 1);
+const SWITCH_OFF_MODE: Mux = Mux::new(0x2005, 1);
+const HEATING_RAMP: Mux = Mux::new(0x3060, 1);
+const COOLING_RAMP: Mux = Mux::new(0x3070, 1);
+const CONTROL_BYTE: Mux = Mux::new(0x6425, 1);
+const SET_POINT: Mux = Mux::new(0x7402, 1);
+const SECOND_SET_POINT: Mux = Mux::new(0x7403, 1);
+
 /// The control of the machine, and what it has learnt.
 struct MachineControl {
     master: Master,
-    codes: Codes,
+    /// Bits and codes of CiA 404, which is not public: the device takes them from its profile.
+    names: BTreeMap<String, i64>,
     alarm: Block,
     seconds: u32,
     samples: Vec<Sample>,
@@ -132,9 +137,14 @@ impl MachineControl {
     /// On a bus at 250 kbit/s with the device, which has booted up.
     fn new(device: &ReferenceDevice) -> Self {
         let master = Master::new(device, 250_000, Duration::from_millis(100));
-        let codes = Codes::of(&device.description.names);
+        let names = device.description.names.clone();
         let alarm = device.description.blocks["alarm"].clone();
-        Self { master, codes, alarm, seconds: 0, samples: Vec::with_capacity(1800) }
+        Self { master, names, alarm, seconds: 0, samples: Vec::with_capacity(1800) }
+    }
+
+    /// The bits of 6425h or 6427h: on, self-optimisation, second set point.
+    fn bits(&self, of: &str) -> [i64; 3] {
+        ["on", "tune", "second"].map(|bit| self.names[&format!("{of}-{bit}")])
     }
 
     /// An object of the first alarm, which watches the flow while the pump runs (3.3).
@@ -184,14 +194,12 @@ impl MachineControl {
         let [control, process, bytes] = [0, 1, 2].map(|tpdo| self.master.tpdo(tpdo));
         let word = |data: [u8; 8], at: usize| i16::from_le_bytes([data[2 * at], data[2 * at + 1]]);
         let status = i64::from(word(control, 3));
-        let codes = self.codes;
         Sample {
             seconds: self.seconds,
             effective: word(control, 0),
             set_point: word(control, 1),
             output: word(control, 2),
-            status: [codes.status_on, codes.status_tune, codes.status_second]
-                .map(|bit| status & bit != 0),
+            status: self.bits("status").map(|bit| status & bit != 0),
             return_line: word(process, 0),
             mould: word(process, 1),
             flow: word(process, 2),
@@ -205,8 +213,9 @@ const ON_SYNC: u8 = 1;
 
 #[cfg(test)]
 mod tests {
+    use reference_devices::devices;
+
     use super::*;
-    use crate::devices;
 
     #[test]
     fn the_hour_goes_as_told() {

@@ -5,9 +5,8 @@ use std::time::Duration;
 
 use canopen::nmt::{Command, Service};
 use canopen::{Bus, Data, Frame, Instant, Mux, Value, VirtualBus, sync};
-
-use super::ReferenceDevice;
-use crate::rules::Specification;
+use reference_devices::devices::ReferenceDevice;
+use reference_devices::rules::Specification;
 
 /// The master, with one device on its bus.
 pub(super) struct Master {

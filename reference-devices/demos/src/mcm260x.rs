@@ -8,9 +8,9 @@
 use std::time::Duration;
 
 use canopen::{Instant, Mux, Value};
+use reference_devices::devices::ReferenceDevice;
 
-use crate::devices::ReferenceDevice;
-use crate::devices::master::Master;
+use crate::master::Master;
 
 /// What was there at one time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -198,8 +198,9 @@ const END: f64 = 570.0;
 
 #[cfg(test)]
 mod tests {
+    use reference_devices::devices;
+
     use super::*;
-    use crate::devices;
 
     #[test]
     fn the_ten_minutes_go_as_told() {
