@@ -45,6 +45,14 @@ pub(super) struct Common<'r> {
     pub witness: Option<&'r dyn Witness>,
 }
 
+/// What became of the device before its steps.
+enum Ready {
+    /// It is at rest, and these are the values of what the case may change.
+    With(Snapshot),
+    /// It is lost, and why.
+    Lost(String),
+}
+
 /// One attempt at a case.
 pub(super) struct CaseRun<'r, 'b> {
     pub link: &'r mut Link<'b>,
@@ -63,7 +71,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         Self { link, common, instance, bench_snapshot, late: None, proof }
     }
 
-    /// Brings the device to rest, runs the steps, and leaves it as it was.
+    /// One attempt: brings the device to rest, runs the steps, and leaves it as it was.
     pub(super) fn run(&mut self, left: Left) -> (Outcome, Aftermath) {
         let Common { policy, dut, baseline, .. } = self.common;
         if !self.instance.needs_device() {
@@ -72,30 +80,13 @@ impl<'r, 'b> CaseRun<'r, 'b> {
                 Err(error) => self.bus_failed(error),
             };
         }
-        match settle(self.link, policy, dut, baseline, left) {
-            Ok(Settled::AtRest(remark)) => remark.into_iter().for_each(|text| self.note(text)),
-            Ok(Settled::Lost(why)) => {
-                let reason = format!("the device did not come back: {why}");
+        let snapshot = match self.prepare(left) {
+            Ok(Ready::Lost(reason)) => {
                 return (error(reason.clone()), Aftermath::Gone(reason));
             }
-            Err(error) => return self.bus_failed(error),
-        }
-        if let Some(profile) = self.instance.suite.profile()
-            && let Err(error) = application(self.link, policy, dut, baseline, profile)
-        {
-            return self.bus_failed(error);
-        }
-        let taken = Snapshot::take(self.link, self.common.policy, self.common.dut, self.instance);
-        let mut snapshot = match taken {
-            Ok(snapshot) => snapshot,
+            Ok(Ready::With(snapshot)) => snapshot,
             Err(error) => return self.bus_failed(error),
         };
-        if self.common.undo.begin(&mut snapshot) {
-            // The disk took time, which belongs to no step.
-            if let Err(error) = self.link.look_from_now() {
-                return self.bus_failed(error);
-            }
-        }
         // Bad frames on the wire spoil this case, not those that follow.
         let lasts = |error: &BusError| {
             !matches!(error, BusError::Controller(_) | BusError::Withheld(_) | BusError::Ended(_))
@@ -106,7 +97,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             Err(error) => (self.bus_failed(error.clone()).0, Some(error)),
         };
         let bench_alone = !self.bench_snapshot.any();
-        let still = bench_alone && is_still(self.link, self.common.dut, 0);
+        let still = bench_alone && is_still(self.link, dut, 0);
         // A bus that failed may still carry what leaves the device as it was found.
         let passed = match &outcome {
             Outcome::Blocked(_) => false,
@@ -139,6 +130,26 @@ impl<'r, 'b> CaseRun<'r, 'b> {
                 (outcome, Aftermath::Left(left))
             }
         }
+    }
+
+    /// Brings the device to rest, and reads what the case may change.
+    fn prepare(&mut self, left: Left) -> Result<Ready, BusError> {
+        let Common { policy, dut, baseline, undo, .. } = self.common;
+        match settle(self.link, policy, dut, baseline, left)? {
+            Settled::AtRest(remark) => remark.into_iter().for_each(|text| self.note(text)),
+            Settled::Lost(why) => {
+                return Ok(Ready::Lost(format!("the device did not come back: {why}")));
+            }
+        }
+        if let Some(profile) = self.instance.suite.profile() {
+            application(self.link, policy, dut, baseline, profile)?;
+        }
+        let mut snapshot = Snapshot::take(self.link, policy, dut, self.instance)?;
+        if undo.begin(&mut snapshot) {
+            // The disk took time, which belongs to no step.
+            self.link.look_from_now()?;
+        }
+        Ok(Ready::With(snapshot))
     }
 
     /// Its steps, and who watches them.
@@ -211,19 +222,26 @@ impl<'r, 'b> CaseRun<'r, 'b> {
                 "the device refused {what}, which is allowed; the remaining steps were skipped"
             ));
         }
-        let last = case.steps.last().map_or(case.id.place, |step| step.place);
-        if alive && let Some(breach) = self.watch(watched_from) {
-            let difference =
-                Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
-            self.proof.iter_mut().for_each(Proof::spoil);
-            result.fail(Phase::Monitor, last, difference);
-            // Who shares the host with the tester is as late as the tester.
-            let noticed = self.link.lateness().noticed;
-            let late = (noticed > self.common.policy.bears(Duration::ZERO)).then_some(noticed);
-            result.late = result.late.max(late);
+        if alive {
+            self.judge_monitors(watched_from, &mut result);
         }
         self.late = result.late;
         Ok(result.outcome)
+    }
+
+    /// A breach of what holds in each case makes it fail.
+    fn judge_monitors(&mut self, from: usize, result: &mut CaseOutcome) {
+        let Some(breach) = self.watch(from) else { return };
+        let case = self.instance.case();
+        let last = case.steps.last().map_or(case.id.place, |step| step.place);
+        let difference =
+            Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
+        self.proof.iter_mut().for_each(Proof::spoil);
+        result.fail(Phase::Monitor, last, difference);
+        // A device on the same host is delayed as much.
+        let noticed = self.link.lateness().noticed;
+        let late = (noticed > self.common.policy.bears(Duration::ZERO)).then_some(noticed);
+        result.late = result.late.max(late);
     }
 
     /// The names of the instance; nodes that the device monitors from the start are not `$other`.
