@@ -79,6 +79,15 @@ impl Folders {
     /// Every complaint about the folders.
     pub(crate) fn with_own(&self) -> Result<FilesAndOwn, Vec<Complaint>> {
         let sources = self.sources()?;
+        let own = self.own_of(sources.iter());
+        Ok((sources, own))
+    }
+
+    /// Which of these files are the user's, by name: see [`with_own`](Self::with_own).
+    pub(crate) fn own_of<'s>(
+        &self,
+        sources: impl Iterator<Item = &'s Arc<Source>>,
+    ) -> BTreeSet<String> {
         let named: Vec<String> =
             self.only.iter().chain(&self.more).map(|folder| shown(folder)).collect();
         let embedded: BTreeMap<String, String> =
@@ -87,8 +96,7 @@ impl Folders {
             [] => embedded.get(&source.name) != Some(&source.text),
             named => named.iter().any(|folder| Path::new(&source.name).starts_with(folder)),
         };
-        let own = sources.iter().filter(is_own).map(|source| source.name.clone()).collect();
-        Ok((sources, own))
+        sources.filter(is_own).map(|source| source.name.clone()).collect()
     }
 
     /// The files by name. Unless there are `only` folders, those of `HARNESS_DATA` are read, or
