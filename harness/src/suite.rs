@@ -25,7 +25,6 @@ mod vocabulary;
 mod words;
 
 pub(crate) use dimension::{Dimension, Extent};
-pub(crate) use folders::texts_in;
 pub use folders::{CatalogueFolder, Folders};
 pub use library::Library;
 pub(crate) use loaded::Suite;

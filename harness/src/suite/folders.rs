@@ -1,7 +1,6 @@
 //! Which suite and register files are read: those of folders, or the copy in this program.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -10,7 +9,7 @@ use clap::Args;
 use include_dir::{Dir, include_dir};
 
 use crate::data;
-use crate::files::{read_text, words};
+use crate::files::{read_folder, read_text, shown};
 use crate::source::{Complaint, Source};
 
 /// Which suites are read.
@@ -100,7 +99,8 @@ impl Folders {
     }
 
     /// The files by name. Unless there are `only` folders, those of `HARNESS_DATA` are read, or
-    /// those of `suites/` here, or else the copy in this program. A file of a later folder replaces the one of the same name.
+    /// those of `suites/` here, or else the copy in this program. A file of a later folder
+    /// replaces the one of the same name.
     pub(super) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
         let data = data::folder();
         let here = data.clone().unwrap_or_default().join("suites");
@@ -153,21 +153,6 @@ pub(super) fn embedded() -> Vec<Source> {
     sources
 }
 
-/// The texts of the YAML files in a folder, by their names below `root`.
-///
-/// # Errors
-/// What cannot be read.
-pub(crate) fn texts_in(folder: &Path, root: &Path) -> Result<BTreeMap<String, String>, Complaint> {
-    let mut sources = Vec::new();
-    read_folder(folder, &mut sources)?;
-    let root = shown(root);
-    let texts = sources.into_iter().map(|Source { name, text }| {
-        let name = name.strip_prefix(&root).unwrap_or(&name).trim_start_matches('/').to_owned();
-        (name, text)
-    });
-    Ok(texts.collect())
-}
-
 /// One of the files that belong to the program, by its path below `suites/`.
 pub(super) fn standard(path: &str) -> Option<Source> {
     if let Some(folder) = data::folder() {
@@ -176,23 +161,6 @@ pub(super) fn standard(path: &str) -> Option<Source> {
     }
     let text = EMBEDDED.get_file(path)?.contents_utf8()?.to_owned();
     Some(Source { name: format!("suites/{path}"), text })
-}
-
-fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint> {
-    let complain = |path: &Path, error: std::io::Error| {
-        let source = Source { name: shown(path), text: String::new() };
-        Complaint { source: Arc::new(source), place: None, message: words(&error) }
-    };
-    for entry in fs::read_dir(folder).map_err(|error| complain(folder, error))? {
-        let path = entry.map_err(|error| complain(folder, error))?.path();
-        if path.is_dir() {
-            read_folder(&path, sources)?;
-        } else if path.extension().is_some_and(|extension| extension == "yaml") {
-            let text = read_text(&path).map_err(|error| complain(&path, error))?;
-            sources.push(Source { name: shown(&path), text });
-        }
-    }
-    Ok(())
 }
 
 fn read_embedded(folder: &Dir<'_>, sources: &mut Vec<Source>) {
@@ -205,8 +173,4 @@ fn read_embedded(folder: &Dir<'_>, sources: &mut Vec<Source>) {
         }
     }
     folder.dirs().for_each(|below| read_embedded(below, sources));
-}
-
-fn shown(path: &Path) -> String {
-    path.to_string_lossy().replace('\\', "/")
 }
