@@ -421,8 +421,8 @@ pub struct QualifyArgs {
 /// Arguments of `explain`.
 #[derive(Debug, Args)]
 pub struct ExplainArgs {
-    /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, a finding in a
-    /// data sheet such as eds-octal, an SDO abort code such as 0x06020000, or an emergency error
+    /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, a finding in
+    /// a data sheet such as eds-octal, an SDO abort code such as 0x06020000, or an emergency error
     /// code such as 8130h
     pub name: String,
     /// Which suites.

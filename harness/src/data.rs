@@ -12,7 +12,7 @@ use canopen::source;
 use reference_devices::devices;
 
 use crate::exit::{Exit, Refused};
-use crate::folders::texts_in;
+use crate::files::texts_in;
 
 const VARIABLE: &str = "HARNESS_DATA";
 

@@ -1,7 +1,6 @@
 //! Which suite and register files are read: those of folders, or the copy in this program.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -10,7 +9,7 @@ use clap::Args;
 use runner::suite::{Library, built_in, is_register};
 
 use crate::data;
-use crate::files::{read_text, words};
+use crate::files::{read_folder, shown};
 use crate::source::{Complaint, Source};
 
 /// Which suites are read.
@@ -95,6 +94,15 @@ impl Folders {
     /// Every complaint about the folders.
     pub(crate) fn with_own(&self) -> Result<FilesAndOwn, Vec<Complaint>> {
         let sources = self.sources()?;
+        let own = self.own_of(sources.iter());
+        Ok((sources, own))
+    }
+
+    /// Which of these files are the user's, by name: see [`with_own`](Self::with_own).
+    pub(crate) fn own_of<'s>(
+        &self,
+        sources: impl Iterator<Item = &'s Arc<Source>>,
+    ) -> BTreeSet<String> {
         let named: Vec<String> =
             self.only.iter().chain(&self.more).map(|folder| shown(folder)).collect();
         let built_in: BTreeMap<String, String> =
@@ -103,13 +111,12 @@ impl Folders {
             [] => built_in.get(&source.name) != Some(&source.text),
             named => named.iter().any(|folder| Path::new(&source.name).starts_with(folder)),
         };
-        let own = sources.iter().filter(is_own).map(|source| source.name.clone()).collect();
-        Ok((sources, own))
+        sources.filter(is_own).map(|source| source.name.clone()).collect()
     }
 
     /// The files by name. Unless there are `only` folders, those of `HARNESS_DATA` are read, or
-    /// those of `suites/` here, or else the copy in this program. A file of a later folder replaces
-    /// the one of the same name.
+    /// those of `suites/` here, or else the copy in this program. A file of a later folder
+    /// replaces the one of the same name.
     pub(crate) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
         let data = data::folder();
         let here = data.clone().unwrap_or_default().join("suites");
@@ -153,40 +160,4 @@ fn add(sources: &mut BTreeMap<String, Arc<Source>>, folder: &Path, found: Vec<So
         let name = source.name.strip_prefix(&folder).unwrap_or(&source.name);
         sources.insert(name.trim_start_matches('/').to_owned(), Arc::new(source));
     }
-}
-
-/// The texts of the YAML files in a folder, by their names below `root`.
-///
-/// # Errors
-/// What cannot be read.
-pub(crate) fn texts_in(folder: &Path, root: &Path) -> Result<BTreeMap<String, String>, Complaint> {
-    let mut sources = Vec::new();
-    read_folder(folder, &mut sources)?;
-    let root = shown(root);
-    let texts = sources.into_iter().map(|Source { name, text }| {
-        let name = name.strip_prefix(&root).unwrap_or(&name).trim_start_matches('/').to_owned();
-        (name, text)
-    });
-    Ok(texts.collect())
-}
-
-fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint> {
-    let complain = |path: &Path, error: std::io::Error| {
-        let source = Source { name: shown(path), text: String::new() };
-        Complaint { source: Arc::new(source), place: None, message: words(&error) }
-    };
-    for entry in fs::read_dir(folder).map_err(|error| complain(folder, error))? {
-        let path = entry.map_err(|error| complain(folder, error))?.path();
-        if path.is_dir() {
-            read_folder(&path, sources)?;
-        } else if path.extension().is_some_and(|extension| extension == "yaml") {
-            let text = read_text(&path).map_err(|error| complain(&path, error))?;
-            sources.push(Source { name: shown(&path), text });
-        }
-    }
-    Ok(())
-}
-
-fn shown(path: &Path) -> String {
-    path.to_string_lossy().replace('\\', "/")
 }

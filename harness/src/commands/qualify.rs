@@ -92,7 +92,7 @@ fn bring_home(library: &mut Library, device: &str, args: &QualifyArgs) -> Result
     if devices::names().any(|known| known == name) {
         return Ok(());
     }
-    let (_, own) = args.folders.with_own()?;
+    let own = args.folders.own_of(library.suites.iter().map(|suite| &suite.source));
     for suite in library.suites.iter_mut().filter_map(Arc::get_mut) {
         let file = &mut suite.file;
         if own.contains(&suite.source.name) && file.device.is_none() && file.profile.is_none() {

@@ -120,8 +120,8 @@ pub struct Undeclared {
     pub most: usize,
 }
 
-/// See [`Step::Bench`]: what is set, by name. Most steps set one thing, for which a map takes the
-/// room of eleven.
+/// See [`Step::Bench`]: what is set, by name.
+// Most steps set one thing, for which a map takes the room of eleven.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(from = "BTreeMap<String, At<Literal>>")]
 pub struct Stimuli(
