@@ -8,10 +8,10 @@ use std::sync::Arc;
 
 use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use reports::{FORMATS, Format, Grade};
+use runner::waivers::check_date;
 
 use crate::device_file::{DeviceFile, GradeWord};
-use crate::suite::{CatalogueFolder, Folders};
-use crate::waivers::check_date;
+use crate::folders::{CatalogueFolder, Folders};
 
 /// Conformance tests for CANopen devices.
 ///
@@ -421,8 +421,8 @@ pub struct QualifyArgs {
 /// Arguments of `explain`.
 #[derive(Debug, Args)]
 pub struct ExplainArgs {
-    /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, a finding in a
-    /// data sheet such as eds-octal, an SDO abort code such as 0x06020000, or an emergency error
+    /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, a finding in
+    /// a data sheet such as eds-octal, an SDO abort code such as 0x06020000, or an emergency error
     /// code such as 8130h
     pub name: String,
     /// Which suites.

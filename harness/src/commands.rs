@@ -23,11 +23,11 @@ use crate::cli::{Cli, Command};
 use crate::data;
 use crate::exit::{Exit, Refused};
 use crate::reporter::{harmless, unsaid};
-use crate::stop::Stop;
+use crate::signals;
 
 /// Carries out what the command line asks for.
 pub fn run(cli: Cli) -> Exit {
-    let stop = Stop::on_signals();
+    let stop = signals::listen();
     let done = data::read().and_then(|()| match cli.command {
         None => run::run(&cli.run, &stop),
         Some(Command::Run(args)) => run::run(&args, &stop),

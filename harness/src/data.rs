@@ -12,7 +12,7 @@ use canopen::source;
 use reference_devices::devices;
 
 use crate::exit::{Exit, Refused};
-use crate::suite::texts_in;
+use crate::files::texts_in;
 
 const VARIABLE: &str = "HARNESS_DATA";
 
@@ -39,9 +39,7 @@ pub(crate) fn read() -> Result<(), Refused> {
             );
             return Err(Refused { exit: Exit::File, message });
         }
-        if !part.ends_with("suites") {
-            texts.extend(texts_in(&part, &folder)?);
-        }
+        texts.extend(texts_in(&part, &folder)?);
     }
     source::replace_built_in(texts);
     Catalogue::of_the_program()?;

@@ -6,7 +6,6 @@ mod deviating;
 pub mod drr460;
 pub mod em66;
 mod generic;
-mod master;
 pub mod mcm260x;
 mod pixsys;
 mod terminal;

@@ -121,7 +121,7 @@ mod tests {
     fn what_stands_there_fits_in_one_line() {
         let text = "change:\n  frame:\n    when: \"580+n#...\"\n    skip: 1\n  list: [1, on, ~]\n";
         let source = Source { name: "x".into(), text: text.into() };
-        let outline = Outline::from(Tree::of(&source).unwrap());
+        let outline = Outline::of(&source).unwrap();
         let line = "frame: { when: \"580+n#...\", skip: 1 }, list: [1, on, ~]";
         assert_eq!(outline.in_one_line(&["change"]), line);
         assert_eq!(outline.in_one_line(&["change", "frame", "skip"]), "1");

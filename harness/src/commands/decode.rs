@@ -11,11 +11,11 @@ use canopen::eds::{Eds, Object};
 use canopen::{Decoder, Frame, Instant, Mux};
 use reference_devices::devices;
 use reports::{Begun, CaseStarted, DeviceStarted, Event, ObjectNames, Stimulus, journal};
+use runner::dut::Sheet;
 
 use super::counted::counted;
 use crate::candump::{self, LONGEST};
 use crate::cli::DecodeArgs;
-use crate::dut::Sheet;
 use crate::exit::{Exit, Refused};
 use crate::files::words;
 use crate::reporter::say;

@@ -9,21 +9,20 @@ use canopen::emcy::EmcyCode;
 use reference_devices::devices;
 use reference_devices::freedom::{self, Freedom, Personality};
 use reference_devices::mutant::{self, Mutant};
-
 use reports::ObjectNames;
+use runner::dut::Sheet;
+use runner::plan::Wording;
+use runner::suite::model::Case;
+use runner::suite::refusal::Refusal;
+use runner::suite::step::{EdsStep, Step};
+use runner::suite::{Dimension, Extent, Library, Requirement, Suite};
 
 use super::qualify::{Judged, assertions_of};
 use crate::cli::ExplainArgs;
-use crate::dut::Sheet;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
-use crate::plan::Wording;
 use crate::reporter::say;
 use crate::source::At;
-use crate::suite::model::Case;
-use crate::suite::refusal::Refusal;
-use crate::suite::step::{EdsStep, Step};
-use crate::suite::{Dimension, Extent, Library, Requirement, Suite};
 use crate::target::reference_device;
 
 /// Explains a case, a suite, a requirement, a decision, a mutant, a freedom, a personality, an
@@ -32,7 +31,7 @@ use crate::target::reference_device;
 /// # Errors
 /// When nothing has that name; what was meant, perhaps.
 pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
-    let library = Library::load(&args.folders)?;
+    let library = args.folders.load()?;
     let (freedoms, personalities) = freedoms()?;
     let book = Book { mutants: mutants()?, freedoms, personalities, library };
     let text = book.explain(args.name.trim()).ok_or_else(|| book.unknown(&args.name))?;

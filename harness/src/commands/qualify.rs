@@ -18,15 +18,15 @@ mod why;
 use std::sync::Arc;
 
 use reference_devices::devices;
+use runner::parallel;
+use runner::suite::model::Case;
+use runner::suite::{Library, Suite};
 
 use super::counted::counted;
 use crate::cli::QualifyArgs;
 use crate::exit::{Exit, Refused};
-use crate::parallel;
 use crate::reporter::say;
 use crate::source::At;
-use crate::suite::model::Case;
-use crate::suite::{Library, Suite};
 use crate::target;
 
 use assertions::Assertions;
@@ -41,7 +41,7 @@ use trial::{Clean, Fits};
 /// # Errors
 /// When a file does not load or the device is unknown.
 pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
-    let mut library = Library::load(&args.folders)?;
+    let mut library = args.folders.load()?;
     if let Some(device) = &args.device {
         bring_home(&mut library, device, args)?;
     }
@@ -98,7 +98,7 @@ fn bring_home(library: &mut Library, device: &str, args: &QualifyArgs) -> Result
     if devices::names().any(|known| known == name) {
         return Ok(());
     }
-    let (_, own) = args.folders.with_own()?;
+    let own = args.folders.own_of(library.suites.iter().map(|suite| &suite.source));
     for suite in library.suites.iter_mut().filter_map(Arc::get_mut) {
         let file = &mut suite.file;
         if own.contains(&suite.source.name) && file.device.is_none() && file.profile.is_none() {

@@ -9,16 +9,16 @@ use std::fmt::Write;
 use reference_devices::devices;
 use reference_devices::mutant::{Mistake, Mutant};
 use reports::Verdict;
+use runner::parallel;
+use runner::run::Ending;
+use runner::suite::model::Case;
+use runner::suite::{Library, Suite};
 
 use super::assertion::Assertion;
 use super::trial::{Clean, Fits, Wanted};
 use crate::commands::check::mutants_proved_on;
 use crate::commands::counted::counted;
 use crate::exit::Refused;
-use crate::parallel;
-use crate::run::Ending;
-use crate::suite::model::Case;
-use crate::suite::{Library, Suite};
 
 /// What each case makes of each mutant of one device.
 pub(super) struct Matrix {

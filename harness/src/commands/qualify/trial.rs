@@ -12,21 +12,21 @@ use reference_devices::devices::ReferenceDevice;
 use reference_devices::freedom::Freedom;
 use reference_devices::rules::Dissent;
 use reports::{Event, Outcome, Verdict};
+use runner::parallel;
+use runner::plan::{Instance, Plan, plan_cases};
+use runner::run::{Ending, Observer, Policy, Session, Shown, Undo};
+use runner::stop::Stop;
+use runner::suite::model::Case;
+use runner::suite::step::Step;
+use runner::suite::{Library, Suite};
+use runner::waivers::Waivers;
 use rustc_hash::FxHasher;
 
 use super::freedoms;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::commands::run::plan_all;
 use crate::exit::Refused;
-use crate::parallel;
-use crate::plan::{Instance, Plan, plan_cases};
-use crate::run::{Ending, Observer, Policy, Session, Shown, Undo};
-use crate::stop::Stop;
-use crate::suite::model::Case;
-use crate::suite::step::Step;
-use crate::suite::{Library, Suite};
 use crate::target::{self, Target, reference_device};
-use crate::waivers::Waivers;
 
 /// What came of one instance.
 #[derive(Clone, Debug)]
@@ -454,11 +454,11 @@ fn problem(outcome: &Outcome) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::suite::Folders;
+    use crate::folders::Folders;
 
     #[test]
     fn a_device_goes_with_all_its_freedoms_muted_as_without_them() {
-        let library = Library::load(&Folders::default()).unwrap();
+        let library = Folders::default().load().unwrap();
         let name = "mcm260x-1ad";
         let without = Clean::of(&library, name, &|_| true).unwrap();
         let muted = Clean::with_freedoms(&library, name).unwrap();

@@ -10,6 +10,10 @@ use reference_devices::change::Deviation;
 use reference_devices::devices;
 use reference_devices::mutant::{self, Mutant};
 use reports::{Outcome, Phase, Verdict};
+use runner::plan::Wording;
+use runner::run::Ending;
+use runner::suite::Library;
+use runner::suite::model::Case;
 
 use super::matrix::is_tried_on;
 use super::trial::{Clean, Wanted};
@@ -19,11 +23,7 @@ use crate::commands::counted::counted;
 use crate::commands::decode::decoder;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
-use crate::plan::Wording;
 use crate::reporter::say;
-use crate::run::Ending;
-use crate::suite::Library;
-use crate::suite::model::Case;
 use crate::target::{self, reference_device};
 
 use compared::{Difference, Kind, difference, differences};

@@ -7,12 +7,12 @@ use std::rc::Rc;
 use canopen::bench::Needs;
 use canopen::sdo::RESPONSE_COB_ID;
 use canopen::{Bench, BenchError, Bus, BusError, Frame, Id, Instant, Stamped, Value};
+use runner::plan::Scope;
+use runner::run::{Observer, Shown};
+use runner::suite::constraint::Constraint;
 
 use super::model::{Fate, Slip};
 use super::scene::{Heard, Moment};
-use crate::plan::Scope;
-use crate::run::{Observer, Shown};
-use crate::suite::constraint::Constraint;
 
 /// A bus with a device that slips as the tape says.
 pub(crate) struct SlippingBus {

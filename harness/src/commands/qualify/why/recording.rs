@@ -9,8 +9,8 @@ use reports::{Event, Outcome};
 
 use super::super::trial::{Clean, Wanted, observed};
 use crate::exit::Refused;
-use crate::plan::Instance;
-use crate::run::{Ending, Observer, Shown};
+use runner::plan::Instance;
+use runner::run::{Ending, Observer, Shown};
 
 /// A session from power-on to its end.
 pub(super) struct Recording {
