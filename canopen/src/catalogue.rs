@@ -12,13 +12,13 @@ mod scalar;
 use std::collections::BTreeMap;
 use std::iter;
 use std::ops::RangeInclusive;
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, OnceLock};
 
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use crate::mux::Mux;
-use crate::source::{Complaint, Source};
+use crate::source::{self, Complaint, Source};
 
 pub use facts::{Category, Facts, Mapping, ObjectFacts, Shape};
 pub use file::CatalogueFile;
@@ -144,7 +144,23 @@ impl Catalogue {
     /// # Panics
     /// When one of its files does not load: they are part of the program, and tests load them.
     pub fn built_in() -> &'static Arc<Self> {
-        &BUILT_IN
+        BUILT_IN.get_or_init(|| {
+            Arc::new(Self::of_the_program().unwrap_or_else(|complaints| {
+                let texts: Vec<String> = complaints.iter().map(ToString::to_string).collect();
+                panic!("{}", texts.join("\n\n"))
+            }))
+        })
+    }
+
+    /// Reads the catalogue in this program again, for those who replaced some of its files.
+    ///
+    /// # Errors
+    /// Everything that is wrong with them.
+    pub fn of_the_program() -> Result<Self, Vec<Complaint>> {
+        let source = |(name, text): (&str, &str)| {
+            source::built_in(&format!("canopen/catalogue/{name}"), text)
+        };
+        Self::read(&FILES.map(source))
     }
 
     /// Reads the files of a catalogue.
@@ -223,15 +239,7 @@ const FILES: [(&str, &str); 4] = [
     ("em66.yaml", include_str!("../catalogue/em66.yaml")),
 ];
 
-static BUILT_IN: LazyLock<Arc<Catalogue>> = LazyLock::new(|| {
-    let source = |(name, text): (&str, &str)| {
-        Arc::new(Source { name: format!("canopen/catalogue/{name}"), text: text.to_owned() })
-    };
-    Arc::new(Catalogue::read(&FILES.map(source)).unwrap_or_else(|complaints| {
-        let texts: Vec<String> = complaints.iter().map(ToString::to_string).collect();
-        panic!("{}", texts.join("\n\n"))
-    }))
-});
+static BUILT_IN: OnceLock<Arc<Catalogue>> = OnceLock::new();
 
 #[cfg(test)]
 mod tests {

@@ -6,8 +6,9 @@ mod outline;
 mod table;
 mod tree;
 
+use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use schemars::{JsonSchema, Schema, SchemaGenerator};
 use serde::Deserialize;
@@ -71,6 +72,24 @@ impl Source {
     pub fn inside(&self, place: Place, offset: usize) -> Place {
         Place { column: place.column + quoted(self, place, offset), ..place }
     }
+}
+
+static INSTEAD: OnceLock<BTreeMap<String, String>> = OnceLock::new();
+
+/// Texts that take the place of files in this program, by the names of those. Files that were read
+/// before stay as they are.
+///
+/// # Panics
+/// When it is called twice.
+pub fn replace_built_in(texts: BTreeMap<String, String>) {
+    assert!(INSTEAD.set(texts).is_ok(), "they were replaced before");
+}
+
+/// A file in this program, or the one that took its place.
+pub fn built_in(name: &str, text: &str) -> Arc<Source> {
+    let instead = INSTEAD.get().and_then(|texts| texts.get(name));
+    let text = instead.map_or_else(|| text.to_owned(), Clone::clone);
+    Arc::new(Source { name: name.to_owned(), text })
 }
 
 /// A place in a file: line and column, counted from 1.

@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| harness::properties::block_transfer(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| properties::block_transfer(bytes));

@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| harness::properties::device_file_read(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| properties::device_file_read(bytes));

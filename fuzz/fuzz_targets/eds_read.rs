@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| harness::properties::eds_read(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| properties::eds_read(bytes));

@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| harness::properties::frame_decode(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| properties::frame_decode(bytes));

@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| harness::properties::lss_session(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| properties::lss_session(bytes));

@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| harness::properties::rig_lines(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| properties::rig_lines(bytes));

@@ -1,3 +1,3 @@
 #![no_main]
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| harness::properties::sdo_client(bytes));
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| properties::sdo_client(bytes));

@@ -1,6 +1,5 @@
 //! How fast the parts are that decide how long a run takes, and the run itself.
 
-use std::fs;
 use std::hint::black_box;
 use std::process::{Command, Stdio};
 use std::time::Duration;
@@ -9,16 +8,12 @@ use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Client, Transfer};
 use canopen::{Bus, Device, Frame, Instant, Mux, Outbox, Stamped, VirtualBus, eds, wire};
 use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
-use harness::dut::Dut;
-use harness::properties;
-use harness::run::{Link, Policy, identity, transfer};
-use reference_devices::devices::ax021211::full;
-use reference_devices::devices::drr460::hour as controlled;
-use reference_devices::devices::em66::hour;
-use reference_devices::devices::mcm260x::packaging;
+use demos::{ax021211_full, drr460 as controlled, em66, mcm260x};
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::rules::Rules;
 use reports::{Event, journal};
+use runner::dut::Dut;
+use runner::run::{Link, Policy, identity, transfer};
 
 criterion_group!(
     benches,
@@ -32,7 +27,6 @@ criterion_group!(
     cycles_of_function_blocks,
     eds_read,
     journal_line,
-    fuzz_sessions
 );
 criterion_main!(benches);
 
@@ -51,25 +45,6 @@ fn whole_run(bench: &mut Criterion) {
             assert!(status.is_ok_and(|status| status.success()));
         });
     });
-}
-
-/// How often in a second a fuzz target with a session in it can be executed: each of its seeds in
-/// turn.
-fn fuzz_sessions(bench: &mut Criterion) {
-    let corpus = concat!(env!("CARGO_MANIFEST_DIR"), "/../fuzz/corpus");
-    let mut group = bench.benchmark_group("fuzz sessions");
-    for name in ["block_transfer", "lss_session", "sdo_client_server", "sdo_server_session"] {
-        let (_, property) =
-            properties::ALL.iter().find(|(other, _)| *other == name).expect("a property");
-        let folder = fs::read_dir(format!("{corpus}/{name}")).expect("a corpus");
-        let seeds: Vec<Vec<u8>> =
-            folder.map(|file| fs::read(file.expect("a file").path()).expect("a seed")).collect();
-        group.throughput(Throughput::Elements(seeds.len() as u64));
-        group.bench_function(name, |bench| {
-            bench.iter(|| seeds.iter().for_each(|seed| property(seed)))
-        });
-    }
-    group.finish();
 }
 
 /// What the runner does to read an object, from the request to the value. An identity is five.
@@ -144,7 +119,7 @@ fn hour_of_heating_and_cooling(bench: &mut Criterion) {
     let device = devices::device("em66").expect("it is part of the program");
     let mut group = bench.benchmark_group("hour of process time");
     group.sample_size(20);
-    group.bench_function("em66", |bench| bench.iter(|| hour::run(black_box(&device))));
+    group.bench_function("em66", |bench| bench.iter(|| em66::run(black_box(&device))));
     group.finish();
 }
 
@@ -165,7 +140,7 @@ fn minutes_of_packaging(bench: &mut Criterion) {
     let mut group = bench.benchmark_group("ten minutes of process time");
     group.sample_size(20);
     group.bench_function("mcm260x-9ad", |bench| {
-        bench.iter(|| packaging::run(black_box(&device)));
+        bench.iter(|| mcm260x::run(black_box(&device)));
     });
     group.finish();
 }
@@ -177,7 +152,7 @@ fn cycles_of_function_blocks(bench: &mut Criterion) {
     let mut group = bench.benchmark_group("10000 control cycles");
     group.sample_size(20);
     group.bench_function("ax021211", |bench| {
-        let new = || full::Controller::new(black_box(&device));
+        let new = || ax021211_full::Controller::new(black_box(&device));
         bench.iter_batched_ref(new, |controller| controller.run(10_000), BatchSize::LargeInput);
     });
     group.finish();

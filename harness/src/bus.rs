@@ -14,7 +14,7 @@ use canopen::{Bus, BusError};
 use program::{OnInterface, OnPipes};
 use socketcan::SocketCan;
 
-use crate::stop::Stop;
+use runner::stop::Stop;
 
 pub use bell::Bell;
 pub use calendar::unix_time;

@@ -4,7 +4,7 @@ use canopen::{Data, Frame, Id, Instant};
 
 /// A frame in a line.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Line {
+pub struct Line {
     /// The time stamp.
     pub at: Option<Instant>,
     /// The frame.
@@ -22,7 +22,7 @@ pub(crate) const LONGEST: usize = 4096;
 ///
 /// # Errors
 /// What is wrong with it.
-pub(crate) fn parse(line: &str) -> Result<Option<Line>, String> {
+pub fn parse(line: &str) -> Result<Option<Line>, String> {
     let line = line.trim();
     if line.is_empty() || line.starts_with('#') {
         return Ok(None);
@@ -64,7 +64,7 @@ pub(crate) fn parse(line: &str) -> Result<Option<Line>, String> {
 }
 
 /// The frame as a line of a log.
-pub(crate) fn line(at: Instant, interface: &str, frame: &Frame) -> String {
+pub fn line(at: Instant, interface: &str, frame: &Frame) -> String {
     format!("({at}) {interface} {frame}\n")
 }
 

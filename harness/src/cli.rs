@@ -8,10 +8,10 @@ use std::sync::Arc;
 
 use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use reports::{FORMATS, Format, Grade};
+use runner::waivers::check_date;
 
 use crate::device_file::{DeviceFile, GradeWord};
-use crate::suite::{CatalogueFolder, Folders};
-use crate::waivers::check_date;
+use crate::folders::{CatalogueFolder, Folders};
 
 /// Conformance tests for CANopen devices.
 ///
@@ -401,6 +401,10 @@ pub struct QualifyArgs {
     /// List the steps and constraints that nothing proves
     #[arg(long)]
     pub unproved: bool,
+    /// Show how this mutant is made, what it changes on the bus, which cases were tried on it, and
+    /// the first step that noticed; the exit code is 1 when none did
+    #[arg(long, value_name = "MUTANT", conflicts_with_all = ["record", "unproved"])]
+    pub why: Option<String>,
     /// Write what each instance does (its frames and stimuli as a number), its verdict, the kills
     /// and the proofs to a file, a line each: what a change of suites must leave as it is
     #[arg(long, value_name = "FILE")]
@@ -417,8 +421,9 @@ pub struct QualifyArgs {
 /// Arguments of `explain`.
 #[derive(Debug, Args)]
 pub struct ExplainArgs {
-    /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, an SDO abort
-    /// code such as 0x06020000, or an emergency error code such as 8130h
+    /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, a finding in
+    /// a data sheet such as eds-octal, an SDO abort code such as 0x06020000, or an emergency error
+    /// code such as 8130h
     pub name: String,
     /// Which suites.
     #[command(flatten)]

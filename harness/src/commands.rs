@@ -20,14 +20,15 @@ mod trace;
 mod waive;
 
 use crate::cli::{Cli, Command};
+use crate::data;
 use crate::exit::{Exit, Refused};
 use crate::reporter::{harmless, unsaid};
-use crate::stop::Stop;
+use crate::signals;
 
 /// Carries out what the command line asks for.
 pub fn run(cli: Cli) -> Exit {
-    let stop = Stop::on_signals();
-    let done = match cli.command {
+    let stop = signals::listen();
+    let done = data::read().and_then(|()| match cli.command {
         None => run::run(&cli.run, &stop),
         Some(Command::Run(args)) => run::run(&args, &stop),
         Some(Command::List(args)) => list::run(&args, &stop),
@@ -43,7 +44,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Restore(args)) => restore::run(&args, &stop),
         Some(Command::Init(args)) => init::run(&args, &stop),
         Some(Command::Schema(args)) => schema::run(&args),
-    };
+    });
     let exit = done.unwrap_or_else(|Refused { exit, message }| {
         complain!("{}", harmless(&message));
         exit

@@ -5,19 +5,20 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use canopen::eds::Eds;
+use runner::dut::{Hook, Hooks};
+use runner::protect::{Deed, Objects, Protection};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
-use crate::dut::{Hook, Hooks};
 use crate::files::read_source;
+use crate::hook::Program;
 use crate::nearest::did_you_mean;
-use crate::protect::{Deed, Objects, Protection};
 use crate::source::{At, Complaint, Place, Source, read_yaml};
 
 /// A device file, and where it is.
 #[derive(Debug)]
-pub(crate) struct DeviceFile {
+pub struct DeviceFile {
     /// The text, for complaints.
     pub source: Arc<Source>,
     /// The folder that paths in it are relative to.
@@ -29,7 +30,7 @@ pub(crate) struct DeviceFile {
 /// A device file: everything that a run needs to know of a device under test.
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(crate) struct DutFile {
+pub struct DutFile {
     /// Where the device is: `can0`, `exec:./firmware`, `sim:drr460`.
     #[serde(default)]
     pub target: Option<String>,
@@ -92,7 +93,7 @@ pub(crate) struct DutFile {
 /// What must not be done to a device. A case that needs it is skipped.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(crate) struct Protect {
+pub struct Protect {
     /// Objects that are never written, neither by SDO nor by PDO.
     #[serde(default)]
     pub objects: Vec<At<ObjectRange>>,
@@ -117,7 +118,7 @@ pub(crate) struct Protect {
 /// What may be done to a device.
 #[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
-pub(crate) struct Allow {
+pub struct Allow {
     /// Whether outputs may be driven: objects that can be mapped into an RPDO, and with CiA 401
     /// also what outputs do on errors. They may not unless this is `true`.
     #[serde(default)]
@@ -127,7 +128,7 @@ pub(crate) struct Allow {
 /// A layer setting service.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum LssWord {
+pub enum LssWord {
     /// Configure and activate bit timing parameters.
     BitTiming,
     /// Configure node id.
@@ -139,7 +140,7 @@ pub(crate) enum LssWord {
 /// An NMT command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum NmtWord {
+pub enum NmtWord {
     /// Reset node.
     ResetNode,
     /// Reset communication.
@@ -151,7 +152,7 @@ pub(crate) enum NmtWord {
 /// What counts as green.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub(crate) enum GradeWord {
+pub enum GradeWord {
     /// LENIENT is not good enough.
     Strict,
     /// LENIENT is good enough.
@@ -160,7 +161,7 @@ pub(crate) enum GradeWord {
 
 /// Objects by their addresses: `"2000"`, `"2000:01"` or `"2000..20FF"`.
 #[derive(Clone, Debug)]
-pub(crate) struct ObjectRange {
+pub struct ObjectRange {
     /// As it is written.
     pub text: String,
     /// Which they are.
@@ -229,7 +230,7 @@ impl DeviceFile {
     ///
     /// # Errors
     /// As [`load`](Self::load).
-    pub(crate) fn of_source(source: Arc<Source>, folder: PathBuf) -> Result<Self, Vec<Complaint>> {
+    pub fn of_source(source: Arc<Source>, folder: PathBuf) -> Result<Self, Vec<Complaint>> {
         let said: DutFile = read_yaml(&source).map_err(|complaint| vec![complaint])?;
         let complaints = said.wrong(&source);
         match complaints.is_empty() {
@@ -244,7 +245,7 @@ impl DeviceFile {
     }
 
     /// The target as the program needs it: a simulated device may be a folder.
-    pub(crate) fn target(&self) -> Option<String> {
+    pub fn target(&self) -> Option<String> {
         let target = self.said.target.as_ref()?;
         if let Some((exec, command)) = target.split_once(':').filter(|(exec, _)| is_exec(exec)) {
             return Some(format!("{exec}:{}", self.command(command)));
@@ -258,7 +259,7 @@ impl DeviceFile {
     }
 
     /// The bench as the program needs it: its path, or that of its program.
-    pub(crate) fn bench(&self) -> Option<String> {
+    pub fn bench(&self) -> Option<String> {
         let bench = self.said.bench.as_ref()?;
         if let Some(socket) = bench.strip_prefix("unix:") {
             return Some(format!("unix:{}", self.path(Path::new(socket)).display()));
@@ -278,16 +279,17 @@ impl DeviceFile {
     }
 
     /// The programs that bring the device back.
-    pub(crate) fn hooks(&self) -> Hooks {
+    pub fn hooks(&self) -> Hooks {
         let hook = |command: &Option<String>| {
             let command = command.clone()?;
-            Some(Hook { command, folder: self.folder.clone() })
+            let program: Arc<dyn Hook> = Arc::new(Program { command, folder: self.folder.clone() });
+            Some(program)
         };
         Hooks { reset: hook(&self.said.reset), power: hook(&self.said.power) }
     }
 
     /// What protects a device with this data sheet.
-    pub(crate) fn protection(&self, eds: &Eds, generic_io: bool) -> Protection {
+    pub fn protection(&self, eds: &Eds, generic_io: bool) -> Protection {
         let (protect, mut protection) = (&self.said.protect, Protection::default());
         let name = &self.source.name;
         let by = |what: String, place: Place| format!("`{what}` in {name}:{}", place.line);
@@ -333,7 +335,7 @@ impl DeviceFile {
     }
 
     /// The protected objects that the data sheet does not have, which may be a slip.
-    pub(crate) fn absent_objects(&self, eds: &Eds) -> Vec<Complaint> {
+    pub fn absent_objects(&self, eds: &Eds) -> Vec<Complaint> {
         let objects = self
             .said
             .protect

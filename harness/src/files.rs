@@ -1,5 +1,6 @@
 //! Files on disk: how large they may be, and what is said of them.
 
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, Read, Write};
 use std::path::Path;
@@ -23,8 +24,11 @@ pub(crate) const LARGEST_JOURNAL: u64 = 1 << 30;
 /// # Errors
 /// Whatever keeps it from being read, and that it is larger.
 pub(crate) fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    File::open(path)?.take(most + 1).read_to_end(&mut bytes)?;
+    let file = File::open(path)?;
+    // A pipe has no size, and a file may grow meanwhile.
+    let size = file.metadata().map_or(0, |known| known.len().min(most));
+    let mut bytes = Vec::with_capacity(size as usize + 1);
+    file.take(most + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 <= most {
         return Ok(bytes);
     }
@@ -55,6 +59,47 @@ pub(crate) fn read_source(path: &Path) -> Result<Arc<Source>, Complaint> {
             Err(Complaint { source, place: None, message: words(&error) })
         }
     }
+}
+
+/// Adds the YAML files of a folder and those below it.
+///
+/// # Errors
+/// What cannot be read.
+pub(crate) fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint> {
+    let complain = |path: &Path, error: io::Error| {
+        let source = Source { name: shown(path), text: String::new() };
+        Complaint { source: Arc::new(source), place: None, message: words(&error) }
+    };
+    for entry in fs::read_dir(folder).map_err(|error| complain(folder, error))? {
+        let path = entry.map_err(|error| complain(folder, error))?.path();
+        if path.is_dir() {
+            read_folder(&path, sources)?;
+        } else if path.extension().is_some_and(|extension| extension == "yaml") {
+            let text = read_text(&path).map_err(|error| complain(&path, error))?;
+            sources.push(Source { name: shown(&path), text });
+        }
+    }
+    Ok(())
+}
+
+/// The texts of the YAML files in a folder, by their names below `root`.
+///
+/// # Errors
+/// What cannot be read.
+pub(crate) fn texts_in(folder: &Path, root: &Path) -> Result<BTreeMap<String, String>, Complaint> {
+    let mut sources = Vec::new();
+    read_folder(folder, &mut sources)?;
+    let root = shown(root);
+    let texts = sources.into_iter().map(|Source { name, text }| {
+        let name = name.strip_prefix(&root).unwrap_or(&name).trim_start_matches('/').to_owned();
+        (name, text)
+    });
+    Ok(texts.collect())
+}
+
+/// A path as it is written everywhere.
+pub(crate) fn shown(path: &Path) -> String {
+    path.to_string_lossy().replace('\\', "/")
 }
 
 /// Bytes as a text.

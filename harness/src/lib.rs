@@ -1,8 +1,8 @@
-//! The harness: runs YAML suites against a CANopen device under test.
+//! The harness: suites against a CANopen device under test, from the command line.
 //!
-//! [`suite`] loads what is demanded, [`plan`] binds it to a device by its data sheet, [`run`]
-//! carries it out on a [`canopen::Bus`] and reports events, which `reporter` takes to terminal,
-//! journal and reports. This is the only crate with I/O.
+//! `target` finds the device and opens its bus, [`runner`] plans and runs, and `reporter` takes its
+//! events to terminal, journal and reports. This is the only crate with I/O; what decides a verdict
+//! does not belong here.
 
 /// Prints a line to standard error. When it cannot be written, as on a full disk, nothing stops.
 macro_rules! complain {
@@ -13,24 +13,19 @@ macro_rules! complain {
 }
 
 pub mod bus;
-mod candump;
+pub mod candump;
 pub mod cli;
 pub mod commands;
-mod device_file;
-pub mod dut;
+mod data;
+pub mod device_file;
 pub mod exit;
 mod files;
-pub mod parallel;
-pub mod plan;
-pub mod properties;
-mod protect;
+pub mod folders;
+mod hook;
 mod reporter;
-mod rig;
-pub mod run;
-pub mod stop;
-pub mod suite;
+pub mod rig;
+mod signals;
 pub mod target;
 mod undo_log;
-pub mod waivers;
 
 use canopen::{nearest, source};

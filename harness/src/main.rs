@@ -7,11 +7,6 @@ use clap::Parser;
 use harness::cli::Cli;
 use harness::commands;
 use harness::exit::Exit;
-use mimalloc::MiMalloc;
-
-/// Frames, values and verdicts are many small pieces, which it hands out faster than the system.
-#[global_allocator]
-static ALLOCATOR: MiMalloc = MiMalloc;
 
 fn main() -> ExitCode {
     // A panic is a bug of ours; what it says is on the terminal already.

@@ -115,7 +115,7 @@ impl Reporter {
     /// One that cannot be written is no reason to leave out the others.
     fn write_reports(&mut self) {
         for (format, output) in &self.reports {
-            if let Err(error) = output.write(&(format.write)(&self.run)) {
+            if let Err(error) = output.write(|out| (format.write)(&self.run, out)) {
                 complain!("error: {}: {}", output.path().display(), words(&error));
                 self.unwritten = true;
             }
@@ -178,7 +178,7 @@ fn open(args: &RunArgs) -> Result<(Option<JournalFile>, Reports), Refused> {
     for ((format, _), (_, output)) in args.reports.0.iter().zip(outputs) {
         if output.is_file() {
             let unfinished = unfinished::run(args, Exit::Internal as u8);
-            let written = output.write(&(format.write)(&unfinished));
+            let written = output.write(|out| (format.write)(&unfinished, out));
             written.map_err(|error| refused(output.path(), &error))?;
         }
         reports.push((*format, output));

@@ -243,7 +243,7 @@ fn answer_line(answers: &mut impl BufRead) -> Option<std::io::Result<String>> {
 }
 
 /// The lines of a bench until one is too long.
-pub(crate) fn lines(mut bytes: &[u8]) -> impl Iterator<Item = std::io::Result<String>> {
+pub fn lines(mut bytes: &[u8]) -> impl Iterator<Item = std::io::Result<String>> {
     std::iter::from_fn(move || answer_line(&mut bytes))
 }
 
@@ -251,13 +251,13 @@ pub(crate) fn lines(mut bytes: &[u8]) -> impl Iterator<Item = std::io::Result<St
 ///
 /// # Errors
 /// Why it is none.
-pub(crate) fn understood(line: &str) -> Result<Json, String> {
+pub fn understood(line: &str) -> Result<Json, String> {
     let answer = serde_json::from_str::<Json>(line).ok().filter(Json::is_object);
     answer.ok_or_else(|| format!("answers `{line}`, which is not a JSON object"))
 }
 
 /// The answer of `bench` to a request line.
-pub(crate) fn respond(bench: &mut dyn Bench, line: &str) -> String {
+pub fn respond(bench: &mut dyn Bench, line: &str) -> String {
     let answered = serde_json::from_str::<Json>(line)
         .map_err(|_| BenchError(format!("`{line}` is not JSON")))
         .and_then(|request| carry_out(bench, &request));

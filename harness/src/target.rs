@@ -14,19 +14,19 @@ mod sim;
 
 use canopen::catalogue::Catalogue;
 use reference_devices::devices;
+use runner::stop::Stop;
 
 use crate::cli::Selection;
 use crate::exit::Refused;
-use crate::stop::Stop;
 
 pub(crate) use address::Address;
 pub(crate) use can::{nobody, only};
-pub(crate) use compose::compose;
+pub use compose::compose;
 pub(crate) use connection::open_interface;
 pub use connection::{Connection, Target};
 pub(crate) use options::protect;
 pub(crate) use reference::{Named, holds_device, reference_device, with_variants};
-pub(crate) use scan::{Found, scan};
+pub use scan::{Found, scan};
 pub use sheet::models;
 pub(crate) use sheet::{dut_of_file, read_eds};
 

@@ -9,10 +9,11 @@ use std::path::{Path, PathBuf};
 
 use canopen::Mux;
 use reports::Identity;
+use runner::plan::parse_bytes;
+use runner::run::KeepChanges;
 use serde::{Deserialize, Serialize};
 
 use crate::files::{read_text, words, write_synced};
-use crate::plan::parse_bytes;
 
 /// What the log says of the device.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -79,45 +80,6 @@ impl UndoLog {
         Self { folder, name: None, changes, written: false }
     }
 
-    /// Its name, when it is on disk.
-    pub(crate) fn name_if_written(&self) -> Option<String> {
-        self.name.clone().filter(|_| self.written)
-    }
-
-    /// Says what the device is, which is found out before anything is changed.
-    pub(crate) fn identify(&mut self, identity: Identity) {
-        self.changes.identity = identity;
-    }
-
-    /// Replaces what is on disk. Without objects, there is no log.
-    ///
-    /// # Errors
-    /// Why it cannot be written.
-    pub(crate) fn write(
-        &mut self,
-        values: &BTreeMap<Mux, Vec<u8>>,
-        stores: bool,
-    ) -> Result<(), String> {
-        self.changes.objects =
-            values.iter().map(|(mux, value)| (mux.to_string(), hex(value))).collect();
-        self.changes.stores = stores;
-        if values.is_empty() && !stores {
-            return self.remove();
-        }
-        let name = match &self.name {
-            Some(name) => name.clone(),
-            None => self.free_name().map_err(|error| self.failed(&error))?,
-        };
-        self.name = Some(name.clone());
-        let path = path(&self.folder, &name);
-        let text = serde_json::to_string_pretty(&self.changes).expect("only string keys") + "\n";
-        let beside = path.with_extension("new");
-        let written = write_synced(&beside, &text).and_then(|()| fs::rename(&beside, &path));
-        written.map_err(|error| self.failed(&error))?;
-        self.written = true;
-        Ok(())
-    }
-
     fn remove(&mut self) -> Result<(), String> {
         let Some(name) = self.name_if_written() else { return Ok(()) };
         fs::remove_file(path(&self.folder, &name)).map_err(|error| self.failed(&error))?;
@@ -142,6 +104,37 @@ impl UndoLog {
             self.folder.display(),
             words(error)
         )
+    }
+}
+
+impl KeepChanges for UndoLog {
+    fn name_if_written(&self) -> Option<String> {
+        self.name.clone().filter(|_| self.written)
+    }
+
+    fn identify(&mut self, identity: Identity) {
+        self.changes.identity = identity;
+    }
+
+    fn write(&mut self, values: &BTreeMap<Mux, Vec<u8>>, stores: bool) -> Result<(), String> {
+        self.changes.objects =
+            values.iter().map(|(mux, value)| (mux.to_string(), hex(value))).collect();
+        self.changes.stores = stores;
+        if values.is_empty() && !stores {
+            return self.remove();
+        }
+        let name = match &self.name {
+            Some(name) => name.clone(),
+            None => self.free_name().map_err(|error| self.failed(&error))?,
+        };
+        self.name = Some(name.clone());
+        let path = path(&self.folder, &name);
+        let text = serde_json::to_string_pretty(&self.changes).expect("only string keys") + "\n";
+        let beside = path.with_extension("new");
+        let written = write_synced(&beside, &text).and_then(|()| fs::rename(&beside, &path));
+        written.map_err(|error| self.failed(&error))?;
+        self.written = true;
+        Ok(())
     }
 }
 

@@ -239,6 +239,41 @@ fn the_failure_in_the_readme_is_the_one_that_is_printed() {
     assert!(readme.contains(block), "README.md shows another failure than\n{block}");
 }
 
+#[test]
+fn a_checkout_takes_the_place_of_the_data_in_the_program() {
+    let folder = tempfile::tempdir().unwrap();
+    for part in ["canopen/catalogue", "reference-devices", "suites"] {
+        for file in files(&project().join(part)) {
+            let to = folder.path().join(file.strip_prefix(project()).unwrap());
+            fs::create_dir_all(to.parent().unwrap()).unwrap();
+            fs::copy(file, to).unwrap();
+        }
+    }
+    let mutants = folder.path().join("reference-devices/mutants/cia301.yaml");
+    let text = fs::read_to_string(&mutants).unwrap();
+    let explain = |data: &Path| {
+        harness().env("HARNESS_DATA", data).args(["explain", "boot-up-twice"]).output().unwrap()
+    };
+    fs::write(&mutants, text.replace("A second boot-up message", "One more boot-up")).unwrap();
+    let output = explain(folder.path());
+    assert!(text_of(&output).contains("One more boot-up makes a master"), "{}", text_of(&output));
+
+    fs::write(&mutants, text.replace("breaks:", "braeks:")).unwrap();
+    let output = explain(folder.path());
+    assert_eq!(output.status.code(), Some(3));
+    assert!(text_of(&output).contains("unknown key `braeks`; did you mean `breaks`?"));
+    assert!(text_of(&output).contains("reference-devices/mutants/cia301.yaml:"));
+
+    let output = explain(&folder.path().join("none"));
+    assert_eq!(output.status.code(), Some(3));
+    assert!(text_of(&output).contains("HARNESS_DATA names a checkout of the harness"));
+}
+
+/// What a command printed, errors last.
+fn text_of(output: &Output) -> String {
+    format!("{}{}", text(&output.stdout), text(&output.stderr))
+}
+
 /// The texts of this run stand in `cli/run/dies-in-the-middle`.
 #[test]
 fn a_device_that_dies_in_the_middle_still_gives_reports() {

@@ -3,15 +3,15 @@
 use canopen::eds::Term;
 use canopen::{Mux, Value, VirtualBus};
 use harness::cli::{DEFAULT_BIT_RATE, Selection};
-use harness::plan::{self, Plan};
-use harness::run::{Policy, Session, Undo};
-use harness::stop::Stop;
-use harness::suite::{Folders, Library};
+use harness::folders::Folders;
 use harness::target;
-use harness::waivers::Waivers;
 use reference_devices::devices;
 use reference_devices::rules::Rules;
 use reports::{Event, Verdict};
+use runner::plan::{self, Plan};
+use runner::run::{Policy, Session, Undo, Unobserved};
+use runner::stop::Stop;
+use runner::waivers::Waivers;
 
 #[test]
 fn cases_about_alarms_leave_them_as_they_were_set_up() {
@@ -41,7 +41,7 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
         let entry = entries.into_iter().find(|entry| entry.mux == mux).expect("the object");
         entry.default = Some(Term::fixed(Value::from(value)));
     }
-    let library = Library::load(&Folders::default()).expect("the suites load");
+    let library = Folders::default().load().expect("the suites load");
     let selection = Selection::of_target(Some("sim:em66"));
     let targets = target::resolve(&selection, &library.catalogue, &Stop::default());
     let targets = targets.map_err(|refused| refused.message);
@@ -59,7 +59,7 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        witness: None,
+        observer: &Unobserved,
         stop: &stop,
         undo: &Undo::default(),
     };

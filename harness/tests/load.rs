@@ -8,14 +8,13 @@ use canopen::wire::{INTERMISSION_BITS, frame_bits};
 use canopen::{Device, Frame, Instant, Outbox, VirtualBus};
 use clap::Parser;
 use harness::cli::{Cli, DEFAULT_BIT_RATE};
-use harness::plan;
-use harness::run::{Ending, Policy, Session, Undo};
-use harness::stop::Stop;
-use harness::suite::Library;
 use harness::target::{self, Connection};
-use harness::waivers::Waivers;
 use reference_devices::rules::Rules;
 use reports::{Event, Outcome, Verdict};
+use runner::plan;
+use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::stop::Stop;
+use runner::waivers::Waivers;
 
 /// Before and behind everything else on the wire but NMT and SYNC: an emergency message of one node
 /// and a heartbeat of another.
@@ -135,7 +134,7 @@ fn run(crowds: &[Crowd]) -> Came {
 fn run_with(target: &str, crowds: &[Crowd]) -> Came {
     let cli = Cli::try_parse_from(["harness", "--target", target]).expect("a command line");
     let args = cli.run;
-    let library = Library::load(&args.selection.folders).expect("the suites load");
+    let library = args.selection.folders.load().expect("the suites load");
     let targets = target::resolve(&args.selection, &library.catalogue, &Stop::default());
     let target = targets.map_err(|refused| refused.message).expect("a target").remove(0);
     let models = target::models(&target.dut.eds);
@@ -162,7 +161,7 @@ fn run_with(target: &str, crowds: &[Crowd]) -> Came {
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        witness: None,
+        observer: &Unobserved,
         stop: &Stop::default(),
         undo: &Undo::default(),
     };

@@ -11,16 +11,15 @@ use canopen::nmt::NmtState;
 use canopen::{BenchError, Device, Frame, Instant, Mux, Outbox, Value, VirtualBus};
 use clap::Parser;
 use harness::cli::{Cli, DEFAULT_BIT_RATE};
-use harness::plan;
-use harness::run::{Ending, Policy, Session, Undo};
-use harness::stop::Stop;
-use harness::suite::Library;
 use harness::target;
-use harness::waivers::Waivers;
 use reference_devices::devices;
 use reference_devices::rules::Rules;
 use reference_devices::stack::Node;
 use reports::{Event, Verdict};
+use runner::plan;
+use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::stop::Stop;
+use runner::waivers::Waivers;
 
 #[test]
 fn nothing_protected_is_done_to_generic() {
@@ -137,7 +136,7 @@ fn run(device: &str, drawn: &Drawn, file: &str) -> Came {
     let cli = Cli::try_parse_from(["harness", "--dut", path.to_str().expect("a path")]);
     let args = cli.expect("a command line").run.with_file();
     let args = args.map_err(|refused| refused.message).expect("a device file");
-    let library = Library::load(&args.selection.folders).expect("the suites load");
+    let library = args.selection.folders.load().expect("the suites load");
     let targets = target::resolve(&args.selection, &library.catalogue, &Stop::default());
     let target = targets.map_err(|refused| refused.message).expect("a target").remove(0);
     let models = target::models(&target.dut.eds);
@@ -158,7 +157,7 @@ fn run(device: &str, drawn: &Drawn, file: &str) -> Came {
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        witness: None,
+        observer: &Unobserved,
         stop: &stop,
         undo: &Undo::default(),
     };

@@ -16,10 +16,10 @@ use std::time::Duration;
 
 use canopen::{Bus, Frame};
 use harness::bus::socketcan::SocketCan;
-use harness::stop::Stop;
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use reports::{CaseRun, Run, Verdict};
+use runner::stop::Stop;
 use tempfile::TempDir;
 
 use common::harness;

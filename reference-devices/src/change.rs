@@ -131,6 +131,19 @@ impl Deviation {
         self.parts.iter().any(|part| matches!(part.change, Change::Eds(_)))
     }
 
+    /// The frames on the wire of a node that it changes, `true` for those that the node receives,
+    /// and how many of them it leaves alone first. They count from power-on: what identifies the
+    /// device before the first case counts as well.
+    pub fn frames(&self, node: u8) -> impl Iterator<Item = (Pattern, bool, u32)> {
+        self.parts.iter().filter_map(move |part| match &part.change {
+            Change::Frame(change) => {
+                let when = change.when.parse::<Pattern>().ok()?.bind(node, &|_| None);
+                Some((when, change.received, change.skip))
+            }
+            _ => None,
+        })
+    }
+
     /// Whether nothing but the data sheet is changed.
     pub fn is_of_data_sheet_alone(&self) -> bool {
         self.parts.iter().all(|part| matches!(part.change, Change::Eds(_)))

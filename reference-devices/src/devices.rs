@@ -5,7 +5,6 @@ pub mod ax021211;
 pub mod drr460;
 pub mod em66;
 mod generic;
-mod master;
 pub mod mcm260x;
 mod pixsys;
 mod terminal;
@@ -14,7 +13,7 @@ use std::sync::{Arc, LazyLock, OnceLock};
 
 use canopen::catalogue::Catalogue;
 use canopen::nearest::did_you_mean;
-use canopen::source::{At, Complaint, Source, read_yaml};
+use canopen::source::{At, Complaint, Source, built_in, read_yaml};
 use canopen::{Dictionary, Mux, ValueError};
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -317,8 +316,7 @@ struct Files {
 impl Files {
     fn sources(&self) -> DeviceFiles {
         let source = |file: &str, text: &str| {
-            let name = format!("reference-devices/{}/{file}", self.folder);
-            Arc::new(Source { name, text: text.to_owned() })
+            built_in(&format!("reference-devices/{}/{file}", self.folder), text)
         };
         let named = |folder: &str, (name, text): &(&str, &str)| {
             ((*name).to_owned(), source(&format!("{folder}/{name}.yaml"), text))
@@ -333,15 +331,23 @@ impl Files {
     }
 }
 
-static BUILT_IN: LazyLock<Vec<Vec<ReferenceDevice>>> = LazyLock::new(|| {
-    let family = |files: &Files| {
-        files.sources().family(Catalogue::built_in()).unwrap_or_else(|complaints| {
-            let texts: Vec<String> = complaints.iter().map(ToString::to_string).collect();
-            panic!("{}", texts.join("\n\n"))
-        })
-    };
-    FILES.iter().map(family).collect()
+/// Each device with its variants.
+type Families = Vec<Vec<ReferenceDevice>>;
+
+static BUILT_IN: LazyLock<Families> = LazyLock::new(|| {
+    of_the_program().unwrap_or_else(|complaints| {
+        let texts: Vec<String> = complaints.iter().map(ToString::to_string).collect();
+        panic!("{}", texts.join("\n\n"))
+    })
 });
+
+/// Reads the devices in this program again, for those who replaced some of their files.
+///
+/// # Errors
+/// Everything that is wrong with them.
+pub fn of_the_program() -> Result<Families, Vec<Complaint>> {
+    FILES.iter().map(|files| files.sources().family(Catalogue::built_in())).collect()
+}
 
 const FILES: &[Files] = &[
     Files {

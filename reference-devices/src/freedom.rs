@@ -6,7 +6,7 @@ mod data;
 use std::sync::{Arc, LazyLock};
 
 use canopen::nearest::did_you_mean;
-use canopen::source::{Complaint, Source, Tree, read_tree};
+use canopen::source::{Complaint, Source, Tree, built_in, read_tree};
 
 use crate::change::{Changes, Deviation, Form, Origin, in_full};
 use crate::devices::{ReferenceDevice, WITH_EVERYTHING};
@@ -149,7 +149,7 @@ pub fn personalities(device: &ReferenceDevice) -> Result<Vec<Personality>, Vec<C
 }
 
 fn source((name, text): (&str, &str)) -> Arc<Source> {
-    Arc::new(Source { name: name.to_owned(), text: text.to_owned() })
+    built_in(name, text)
 }
 
 /// A device that uses all of these freedoms.

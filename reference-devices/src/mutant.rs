@@ -6,7 +6,7 @@ mod data;
 use std::sync::{Arc, LazyLock};
 
 use canopen::nearest::did_you_mean;
-use canopen::source::{Complaint, Source, read_tree};
+use canopen::source::{Complaint, Source, built_in, read_tree};
 
 use crate::change::{Changes, Form, Origin, in_full};
 use crate::devices::ReferenceDevice;
@@ -21,12 +21,8 @@ const COMMON: &[(&str, &str)] = &[
     ("reference-devices/mutants/cia306.yaml", include_str!("../mutants/cia306.yaml")),
 ];
 
-static COMMON_SOURCES: LazyLock<Vec<Arc<Source>>> = LazyLock::new(|| {
-    let source = |(name, text): &(&str, &str)| {
-        Arc::new(Source { name: (*name).to_owned(), text: (*text).to_owned() })
-    };
-    COMMON.iter().map(source).collect()
-});
+static COMMON_SOURCES: LazyLock<Vec<Arc<Source>>> =
+    LazyLock::new(|| COMMON.iter().map(|(name, text)| built_in(name, text)).collect());
 
 /// The files that hold the mutants of a device, those that any device can be first.
 pub fn sources(device: &ReferenceDevice) -> Vec<Arc<Source>> {

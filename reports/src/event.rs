@@ -5,6 +5,7 @@
 //! clock, a host name or an absolute path, so that a run in virtual time emits the same events
 //! each time, byte for byte.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use canopen::{Instant, Stamped};
@@ -160,20 +161,20 @@ pub struct CaseStarted {
 #[serde(deny_unknown_fields)]
 pub struct Check {
     /// The id, such as `CIA301-HB-02`.
-    pub id: String,
+    pub id: Arc<str>,
     /// The document, such as `CiA 301`.
-    pub document: String,
+    pub document: Arc<str>,
     /// The clause of the document.
-    pub clause: String,
+    pub clause: Arc<str>,
     /// How binding it is: `must`, `should` or `may`.
     #[serde(default)]
-    pub level: String,
+    pub level: Cow<'static, str>,
     /// The decision of the device's own document by which it is no more than a `should` for this
     /// device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub relaxed_by: Option<String>,
+    pub relaxed_by: Option<Arc<str>>,
     /// What the document demands there.
-    pub says: String,
+    pub says: Arc<str>,
 }
 
 /// A remark with its time.
@@ -285,7 +286,7 @@ impl CaseStarted {
 
     /// The ids of the requirements it checks, blanks between them.
     pub fn requirement_ids(&self) -> String {
-        let ids: Vec<&str> = self.checks.iter().map(|check| check.id.as_str()).collect();
+        let ids: Vec<&str> = self.checks.iter().map(|check| &*check.id).collect();
         ids.join(" ")
     }
 

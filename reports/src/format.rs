@@ -1,5 +1,7 @@
 //! The reports that are written to a file when a run is over.
 
+use std::io::{self, Write};
+
 use crate::junit;
 use crate::run::Run;
 
@@ -13,8 +15,11 @@ pub struct Format {
     pub help: &'static str,
     /// The file in `samples/`.
     pub sample: &'static str,
-    /// The whole text.
-    pub write: fn(&Run) -> String,
+    /// Writes the whole file, which need not be a text.
+    ///
+    /// # Errors
+    /// Those of the stream alone.
+    pub write: fn(&Run, &mut dyn Write) -> io::Result<()>,
 }
 
 /// Every report.

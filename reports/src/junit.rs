@@ -5,6 +5,8 @@
 //! that of the first case on a real bus; in virtual time it is a fixed one, so that equal runs give
 //! equal files.
 
+use std::io::{self, Write};
+
 use junit_report::{Duration, OffsetDateTime, ReportBuilder, TestCase, TestCaseBuilder, TestSuite};
 
 use crate::event::CaseStarted;
@@ -13,8 +15,11 @@ use crate::style::Style;
 use crate::terminal::details;
 use crate::verdict::{Grade, Outcome, Phase, Problem};
 
-/// The whole file.
-pub fn write(run: &Run) -> String {
+/// Writes the whole file.
+///
+/// # Errors
+/// Those of the stream.
+pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
     let mut report = ReportBuilder::new();
     for device in &run.devices {
         report.add_testsuites(device.suites.iter().map(|suite| test_suite(run, device, suite)));
@@ -24,7 +29,7 @@ pub fn write(run: &Run) -> String {
     let mut bytes = Vec::new();
     report.build().write_xml(&mut bytes).expect("memory takes every byte");
     let xml = String::from_utf8(bytes).expect("XML is written as UTF-8");
-    one_element_a_line(&xml, &properties)
+    one_element_a_line(&xml, &properties, out)
 }
 
 /// The date of a moment in seconds since 1970, such as `2026-12-31`.
@@ -150,7 +155,7 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
 
 /// What a case that passed has shown, and of which requirements.
 fn sentence(case: &CaseStarted) -> String {
-    let ids: Vec<&str> = case.checks.iter().map(|check| check.id.as_str()).collect();
+    let ids: Vec<&str> = case.checks.iter().map(|check| &*check.id).collect();
     format!("{}\nchecks {}\n", case.title, ids.join(", "))
 }
 
@@ -179,22 +184,22 @@ const fn phase(phase: Phase) -> &'static str {
 
 /// The crate writes one long line, in which no diff and no person finds anything.
 /// The properties of each test suite stand first in it.
-fn one_element_a_line(xml: &str, properties: &[String]) -> String {
+fn one_element_a_line(xml: &str, properties: &[String], out: &mut dyn Write) -> io::Result<()> {
     let mut properties = properties.iter();
-    let mut lines = String::with_capacity(xml.len() + xml.len() / 16);
     // CDATA sections hold the traces; those stay as they are. In attributes `>` is escaped.
     for part in xml.split_inclusive(CDATA_END) {
         let (markup, data) = part.split_at(part.find(CDATA_START).unwrap_or(part.len()));
         for line in markup.replace("><", ">\n<").split_inclusive('\n') {
-            lines.push_str(line);
-            if line.starts_with("<testsuite ") {
-                properties.next().into_iter().for_each(|text| lines.push_str(text));
+            out.write_all(line.as_bytes())?;
+            if line.starts_with("<testsuite ")
+                && let Some(text) = properties.next()
+            {
+                out.write_all(text.as_bytes())?;
             }
         }
-        lines.push_str(data);
+        out.write_all(data.as_bytes())?;
     }
-    lines.push('\n');
-    lines
+    out.write_all(b"\n")
 }
 
 /// `text` for an attribute, in which a reader takes line ends for blanks anyway.
@@ -231,13 +236,11 @@ mod tests {
 
     #[test]
     fn line_ends_between_elements_only() {
-        assert_eq!(
-            one_element_a_line(
-                "<a><b m=\"&gt;&lt;\"><![CDATA[><]]]]><![CDATA[>x><y]]></b></a>",
-                &[]
-            ),
-            "<a>\n<b m=\"&gt;&lt;\"><![CDATA[><]]]]><![CDATA[>x><y]]></b>\n</a>\n"
-        );
+        let mut lines = Vec::new();
+        let xml = "<a><b m=\"&gt;&lt;\"><![CDATA[><]]]]><![CDATA[>x><y]]></b></a>";
+        one_element_a_line(xml, &[], &mut lines).expect("memory takes every byte");
+        let expected = "<a>\n<b m=\"&gt;&lt;\"><![CDATA[><]]]]><![CDATA[>x><y]]></b>\n</a>\n";
+        assert_eq!(std::str::from_utf8(&lines), Ok(expected));
     }
 
     #[test]

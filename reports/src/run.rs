@@ -214,8 +214,13 @@ impl Run {
         self.idle("a case starts within another")?;
         let device = self.devices.last_mut().ok_or(OutOfOrder("a case starts before a device"))?;
         let suites = &mut device.suites;
+        let before = self.suite;
         self.suite =
             suites.iter().position(|suite| suite.name == case.suite).unwrap_or_else(|| {
+                // Most suites have all their cases by now; half of the room that grew would stay.
+                if let Some(last) = suites.get_mut(before) {
+                    last.cases.shrink_to_fit();
+                }
                 let (name, file) = (Arc::clone(&case.suite), Arc::clone(&case.file));
                 suites.push(SuiteRun { name, file, cases: Vec::new() });
                 suites.len() - 1

@@ -11,7 +11,7 @@ use std::time::Duration;
 use crate::cause::Cause;
 use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::{Style, printable};
-use crate::verdict::{Outcome, Problem};
+use crate::verdict::{Outcome, Problem, Verdict};
 
 pub use details::details;
 pub use summary::summary;
@@ -35,6 +35,8 @@ pub struct Printer {
     verbosity: Verbosity,
     /// The causes that were explained.
     causes: BTreeSet<Cause>,
+    /// How to see more of what is LENIENT was said.
+    hinted: bool,
     last: Last,
 }
 
@@ -49,7 +51,7 @@ enum Last {
 impl Printer {
     /// Has printed nothing yet.
     pub const fn new(style: Style, verbosity: Verbosity) -> Self {
-        Self { style, verbosity, causes: BTreeSet::new(), last: Last::Nothing }
+        Self { style, verbosity, causes: BTreeSet::new(), hinted: false, last: Last::Nothing }
     }
 
     /// The text of a case that has ended; empty when nothing is to be printed.
@@ -62,7 +64,10 @@ impl Printer {
         {
             return String::new();
         }
-        let block = run.is_red(verdict) && !self.is_explained(case);
+        // What is LENIENT has as much to show, and is green.
+        let in_full = run.is_red(verdict)
+            || verdict == Verdict::Lenient && self.verbosity == Verbosity::Verbose;
+        let block = in_full && !self.is_explained(case);
         let mut text = String::new();
         if self.last == Last::Block || block && self.last == Last::Line {
             text.push('\n');
@@ -71,6 +76,9 @@ impl Printer {
         match block {
             true => text.push_str(&details(device, case, self.style)),
             false => text.push_str(&case_line(device, case, self.style)),
+        }
+        if verdict == Verdict::Lenient && !block && !std::mem::replace(&mut self.hinted, true) {
+            text.push_str("         -v shows its steps and frames\n");
         }
         if !block && self.verbosity == Verbosity::Verbose {
             for figures in case.measured.iter().map(details::figures) {

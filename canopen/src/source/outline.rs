@@ -20,6 +20,14 @@ impl Outline {
         self.walk(path).and_then(|(_, value)| value.text())
     }
 
+    /// What is reached by these keys, in one line; without the braces of a map that it is.
+    pub fn in_one_line(&self, path: &[&str]) -> String {
+        let Some((_, value)) = self.walk(path) else { return String::new() };
+        let text = value.in_one_line();
+        let inner = text.strip_prefix("{ ").and_then(|text| text.strip_suffix(" }"));
+        inner.map_or(text.clone(), str::to_owned)
+    }
+
     /// Where the text starts.
     pub const fn start(&self) -> Place {
         self.0.place
@@ -107,6 +115,17 @@ mod tests {
         let keys: Vec<&str> = outline.keys(&["objects"]).map(|(key, _)| key).collect();
         assert_eq!(keys, ["1017", "1018"]);
         assert_eq!(at(Some(outline.nearest(&["list", "7", "x"]))), Some((5, 7)));
+    }
+
+    #[test]
+    fn what_stands_there_fits_in_one_line() {
+        let text = "change:\n  frame:\n    when: \"580+n#...\"\n    skip: 1\n  list: [1, on, ~]\n";
+        let source = Source { name: "x".into(), text: text.into() };
+        let outline = Outline::of(&source).unwrap();
+        let line = "frame: { when: \"580+n#...\", skip: 1 }, list: [1, on, ~]";
+        assert_eq!(outline.in_one_line(&["change"]), line);
+        assert_eq!(outline.in_one_line(&["change", "frame", "skip"]), "1");
+        assert_eq!(outline.in_one_line(&["nothing"]), "");
     }
 
     #[test]

@@ -107,6 +107,31 @@ impl Tree {
         }
     }
 
+    /// The tree as it may be written in one line. Texts with signs stand in quotes.
+    pub fn in_one_line(&self) -> String {
+        match &self.node {
+            Node::Map(entries) => {
+                let entry = |(key, value): &(At<String>, Self)| {
+                    format!("{}: {}", key.value, value.in_one_line())
+                };
+                format!("{{ {} }}", entries.iter().map(entry).collect::<Vec<_>>().join(", "))
+            }
+            Node::List(items) => {
+                let items: Vec<String> = items.iter().map(Self::in_one_line).collect();
+                format!("[{}]", items.join(", "))
+            }
+            Node::Text(text) => {
+                let plain = |c: char| c.is_alphanumeric() || " -_./$".contains(c);
+                if text.chars().all(plain) { text.clone() } else { format!("\"{text}\"") }
+            }
+            Node::Int(number, text) if text.is_empty() => number.to_string(),
+            Node::Real(number, text) if text.is_empty() => number.to_string(),
+            Node::Bool(on, text) if text.is_empty() => on.to_string(),
+            Node::Int(_, text) | Node::Real(_, text) | Node::Bool(_, text) => text.clone(),
+            Node::Null => "~".to_owned(),
+        }
+    }
+
     /// Reads something out of the tree.
     ///
     /// # Errors
@@ -589,6 +614,12 @@ impl From<&str> for Node {
 
 /// What a plain scalar means in YAML, as far as numbers and truth values go.
 fn scalar(text: Cow<'_, str>) -> Node {
+    // Most are words, for which a parser is a long way round. What is shorter may be `off`.
+    let is_word = text.len() > 5
+        && text.starts_with(|first: char| first == '$' || first.is_ascii_alphabetic());
+    if is_word {
+        return Node::Text(text.into_owned());
+    }
     match serde_yaml::from_str::<Node>(&text) {
         Ok(Node::Int(number, _)) => Node::Int(number, text.into_owned()),
         Ok(Node::Real(number, _)) => Node::Real(number, text.into_owned()),

@@ -8,9 +8,9 @@ use std::thread;
 use std::time::{Duration, Instant as Monotonic};
 
 use canopen::{Bus, BusError, Frame, Instant, Stamped};
+use runner::stop::Stop;
 
 use crate::candump::{self, LONGEST, shortly};
-use crate::stop::Stop;
 
 /// The name of the interface in lines.
 const INTERFACE: &str = "can0";

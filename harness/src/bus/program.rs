@@ -11,11 +11,11 @@ use std::time::Duration;
 use canopen::{Bus, BusError, Frame, Instant, Stamped};
 use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
+use runner::stop::Stop;
 
 use super::lines::{Clock, Ending, Lines};
 use super::socketcan::SocketCan;
 use crate::files::words;
-use crate::stop::Stop;
 
 /// The environment variable that names the interface to a program that uses one.
 const INTERFACE: &str = "CAN_INTERFACE";

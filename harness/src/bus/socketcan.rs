@@ -18,10 +18,10 @@ use socketcan::{
     CanFrame, CanInterface, CanSocket, EmbeddedFrame, ExtendedId, Socket, SocketOptions, StandardId,
 };
 
+use runner::stop::Stop;
 use stamp::Clock;
 
 use super::bell::Bell;
-use crate::stop::Stop;
 
 /// An open SocketCAN interface. Its time starts at zero when it is opened.
 ///

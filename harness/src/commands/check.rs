@@ -7,6 +7,7 @@ use std::sync::Arc;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::freedom::{self, Freedom};
 use reference_devices::mutant::{self, Mutant};
+use runner::suite::{self, Library, Register};
 
 use super::counted::counted;
 use super::rewrite;
@@ -14,10 +15,10 @@ use super::run::plan_all;
 use crate::cli::{CheckArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::files::read_source;
+use crate::folders::Folders;
 use crate::nearest::did_you_mean;
 use crate::reporter::say;
 use crate::source::{Complaint, Source};
-use crate::suite::{self, Folders, Library, Register};
 use crate::target;
 
 /// Checks what the arguments name: suites for every reference device, or devices against all
@@ -32,7 +33,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     let (devices, files): (Vec<_>, Vec<_>) =
         args.files.iter().cloned().partition(|path| target::holds_device(path));
     let library = match files.as_slice() {
-        [] => Library::load(&args.folders)?,
+        [] => args.folders.load()?,
         files => with_register(&args.folders, files)?,
     };
     let names = match devices.as_slice() {
@@ -153,7 +154,7 @@ fn sound_freedoms(
 
 /// Only these suites, with the whole register.
 fn with_register(folders: &Folders, files: &[PathBuf]) -> Result<Library, Refused> {
-    let mut sources = Library::register_sources(folders)?;
+    let mut sources = folders.register_sources()?;
     sources.append(&mut with_vocabulary(files)?);
     Ok(Library::from_part(&sources, &folders.catalogue.load()?)?)
 }

@@ -11,11 +11,11 @@ use canopen::eds::{Eds, Object};
 use canopen::{Decoder, Frame, Instant, Mux};
 use reference_devices::devices;
 use reports::{Begun, CaseStarted, DeviceStarted, Event, ObjectNames, Stimulus, journal};
+use runner::dut::Sheet;
 
 use super::counted::counted;
 use crate::candump::{self, LONGEST};
 use crate::cli::DecodeArgs;
-use crate::dut::Sheet;
 use crate::exit::{Exit, Refused};
 use crate::files::words;
 use crate::reporter::say;
@@ -237,7 +237,8 @@ fn heading(case: &CaseStarted) -> String {
     format!("{}: {}", case.name(), case.title)
 }
 
-fn decoder(node: u8, eds: &Arc<Eds>, catalogue: &Catalogue) -> Decoder {
+/// A decoder that knows a data sheet.
+pub(super) fn decoder(node: u8, eds: &Arc<Eds>, catalogue: &Catalogue) -> Decoder {
     Decoder::of_device(node, Arc::clone(eds), units(node, eds, catalogue))
 }
 

@@ -4,18 +4,18 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 use canopen::Mux;
+use runner::dut::Dut;
+use runner::plan::{Fate, Plan, deeds};
+use runner::protect::Deed;
+use runner::stop::Stop;
+use runner::suite::Library;
 
 use super::counted::counted;
 use super::run::plan_for;
 use super::select::{known_device, select};
 use crate::cli::RunArgs;
-use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
-use crate::plan::{Plan, deeds};
-use crate::protect::Deed;
 use crate::reporter::say;
-use crate::stop::Stop;
-use crate::suite::Library;
 use crate::target::{self, Address, Target};
 
 /// Prints what would be done to each device.
@@ -23,7 +23,7 @@ use crate::target::{self, Address, Target};
 /// # Errors
 /// What keeps a run from starting, too; and when there is no data sheet.
 pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
-    let library = Library::load(&args.selection.folders)?;
+    let library = args.selection.folders.load()?;
     known_device(&args.selection, &library)?;
     let duts = duts(args, &library, stop)?;
     let mut plans = plan_for(&library, &duts.iter().collect::<Vec<_>>())?;
@@ -72,11 +72,12 @@ impl Sum {
     fn of(plan: &Plan) -> Self {
         let mut sum = Self::default();
         for instance in &plan.instances {
-            let deeds = match instance.skip.is_none() && instance.needs_device() {
+            let deeds = match instance.skip().is_none() && instance.needs_device() {
                 true => deeds(instance, &plan.dut),
                 false => Vec::new(),
             };
-            let skip = instance.skip.clone().map(|reason| (reason, instance.protected));
+            let is_protected = matches!(instance.fate, Fate::Protected(_));
+            let skip = instance.skip().map(|reason| (reason.clone(), is_protected));
             let exceeded = || plan.dut.protection.exceeded(&deeds).map(|reason| (reason, true));
             match skip.or_else(exceeded) {
                 None => sum.runs(&deeds, plan),

@@ -8,15 +8,15 @@ use std::path::{Path, PathBuf};
 
 use canopen::catalogue::Catalogue;
 use canopen::eds::{self, Severity};
+use runner::stop::Stop;
+use runner::suite::step::Step;
 
 use super::counted::counted;
 use crate::cli::{EdsCommand, ProbeArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST, read, words};
+use crate::folders::Folders;
 use crate::reporter::say;
-use crate::stop::Stop;
-use crate::suite::step::Step;
-use crate::suite::{Folders, Library};
 use crate::target::{self, Address, compose, reference_device, scan};
 
 /// Carries out a command about data sheets.
@@ -82,7 +82,7 @@ fn check(path: &Path) -> Result<Exit, Refused> {
 fn judges() -> BTreeMap<String, String> {
     let mut judges = BTreeMap::new();
     // Suites that do not load are for `harness check` to report.
-    let suites = Library::load(&Folders::default()).map(|library| library.suites);
+    let suites = Folders::default().load().map(|library| library.suites);
     for suite in suites.unwrap_or_default() {
         for case in suite.file.cases.iter().map(|case| &case.value) {
             let steps = case.all_steps().filter_map(|step| match &step.value {

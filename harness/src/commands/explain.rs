@@ -4,34 +4,34 @@ use std::collections::BTreeSet;
 
 use canopen::Abort;
 use canopen::catalogue::{Catalogue, Facts, Shape};
+use canopen::eds::{CODES, Code};
 use canopen::emcy::EmcyCode;
 use reference_devices::devices;
 use reference_devices::freedom::{self, Freedom, Personality};
 use reference_devices::mutant::{self, Mutant};
-
 use reports::ObjectNames;
+use runner::dut::Sheet;
+use runner::plan::Wording;
+use runner::suite::model::Case;
+use runner::suite::refusal::Refusal;
+use runner::suite::step::{EdsStep, Step};
+use runner::suite::{Dimension, Extent, Library, Requirement, Suite};
 
 use super::qualify::{Judged, assertions_of};
 use crate::cli::ExplainArgs;
-use crate::dut::Sheet;
 use crate::exit::{Exit, Refused};
 use crate::nearest::did_you_mean;
-use crate::plan::Wording;
 use crate::reporter::say;
 use crate::source::At;
-use crate::suite::model::Case;
-use crate::suite::refusal::Refusal;
-use crate::suite::step::Step;
-use crate::suite::{Dimension, Extent, Library, Requirement, Suite};
 use crate::target::reference_device;
 
 /// Explains a case, a suite, a requirement, a decision, a mutant, a freedom, a personality, an
-/// object, an abort code or an emergency error code.
+/// object, a finding in a data sheet, an abort code or an emergency error code.
 ///
 /// # Errors
 /// When nothing has that name; what was meant, perhaps.
 pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
-    let library = Library::load(&args.folders)?;
+    let library = args.folders.load()?;
     let (freedoms, personalities) = freedoms()?;
     let book = Book { mutants: mutants()?, freedoms, personalities, library };
     let text = book.explain(args.name.trim()).ok_or_else(|| book.unknown(&args.name))?;
@@ -78,10 +78,28 @@ fn mutants() -> Result<Vec<(Mutant, Vec<&'static str>)>, Refused> {
 }
 
 impl Book {
+    /// What `harness eds check` finds in a data sheet, and the cases that judge it.
+    fn finding(&self, finding: &Code) -> String {
+        let mut page = Page::new(format!("{} {} in a data sheet", finding.severity, finding.name));
+        page.field("rule", finding.meaning);
+        let judges = |wanted: fn(&EdsStep) -> &[At<String>]| {
+            let cases = self.cases().filter(|(_, case)| {
+                case.value.all_steps().any(|step| match &step.value {
+                    Step::Eds(eds) => wanted(eds).iter().any(|known| known.value == finding.name),
+                    _ => false,
+                })
+            });
+            cases.map(|(suite, case)| full_name(suite, case)).collect::<Vec<_>>()
+        };
+        page.list("FAIL in", judges(|eds| &eds.without));
+        page.list("LENIENT in", judges(|eds| &eds.lenient));
+        page.0
+    }
+
     fn explain(&self, name: &str) -> Option<String> {
         let case = name.split('[').next().unwrap_or(name);
         let cases = self.cases().filter(|(suite, found)| {
-            full_name(suite, found) == case || found.value.id.value == case
+            full_name(suite, found) == case || *found.value.id.value == *case
         });
         let cases = cases.map(|(suite, case)| self.case(suite, case));
         // A case may well have the name of the option that it is about.
@@ -116,6 +134,9 @@ impl Book {
         }
         if let Some(personality) = self.personalities.iter().find(|known| known.name == name) {
             return Some(self.personality(personality));
+        }
+        if let Some(finding) = CODES.iter().find(|known| known.name == name) {
+            return Some(self.finding(finding));
         }
         self.code(name)
     }
@@ -327,16 +348,18 @@ impl Book {
     fn unknown(&self, name: &str) -> Refused {
         let mut names: Vec<String> =
             self.cases().map(|(suite, case)| full_name(suite, case)).collect();
-        names.extend(self.cases().map(|(_, case)| case.value.id.value.clone()));
+        names.extend(self.cases().map(|(_, case)| case.value.id.value.to_string()));
         names.extend(self.library.suites.iter().map(|suite| suite.name().to_owned()));
         names.extend(self.library.register.iter().map(|(id, _)| id.to_owned()));
         names.extend(self.mutants.iter().map(|(mutant, _)| mutant.name.clone()));
         names.extend(self.freedoms.iter().map(|(freedom, _)| freedom.name.clone()));
         names.extend(self.personalities.iter().map(|known| known.name.clone()));
+        names.extend(CODES.iter().map(|known| known.name.to_owned()));
         names.extend(
             self.library.catalogue.profiles().iter().flat_map(|p| p.options.keys().cloned()),
         );
-        let mut message = format!("there is no case, requirement, mutant, object or code `{name}`");
+        let mut message =
+            format!("there is no case, requirement, mutant, object, finding or code `{name}`");
         message.push_str(&did_you_mean(name, names.iter().map(String::as_str)));
         Refused::usage(message)
     }

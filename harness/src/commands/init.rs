@@ -9,13 +9,13 @@ use std::{fs, io};
 use canopen::Bus;
 use canopen::eds::Eds;
 use reports::Identity;
+use runner::protect::Protection;
+use runner::stop::Stop;
 
 use crate::cli::{DEFAULT_BIT_RATE, InitArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::files::words;
-use crate::protect::Protection;
 use crate::reporter::say;
-use crate::stop::Stop;
 use crate::target::{self, Address, Found, compose, reference_device, scan};
 
 /// Writes the device file, and a data sheet if there is none.

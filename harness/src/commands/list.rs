@@ -4,6 +4,8 @@ use std::fmt::Write;
 
 use reference_devices::devices::ReferenceDevice;
 use reference_devices::{devices, freedom, mutant};
+use runner::stop::Stop;
+use runner::suite::Library;
 
 use super::counted::counted;
 use super::run::{plan_all, plan_for};
@@ -11,8 +13,6 @@ use super::select::{known_device, select};
 use crate::cli::{ListArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::stop::Stop;
-use crate::suite::Library;
 use crate::target::{self, reference_device};
 
 /// Lists what the arguments select.
@@ -21,7 +21,7 @@ use crate::target::{self, reference_device};
 /// What keeps a run from starting, too.
 pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
     let args = &args.with_file()?;
-    let library = Library::load(&args.selection.folders)?;
+    let library = args.selection.folders.load()?;
     if let [what] = args.selection.patterns.as_slice()
         && let Some(listed) = list_of(what, &library, &args.selection)
     {
@@ -50,7 +50,7 @@ pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
                     "checks": case.checks.iter().map(|id| &id.value).collect::<Vec<_>>(),
                     "file": instance.suite.source.name,
                     "line": case.id.place.line,
-                    "skip": instance.skip,
+                    "skip": instance.skip(),
                 })
             })
             .collect();
@@ -61,7 +61,7 @@ pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
     for (device, instance) in instances {
         total += 1;
         // Writing to a string cannot fail.
-        _ = match &instance.skip {
+        _ = match instance.skip() {
             None => writeln!(text, "{device}  {}", instance.name()),
             Some(reason) => {
                 skipped += 1;

@@ -13,16 +13,20 @@ mod record;
 mod slip;
 mod slips;
 mod trial;
+mod why;
+
+use std::sync::Arc;
 
 use reference_devices::devices;
+use runner::parallel;
+use runner::suite::model::Case;
+use runner::suite::{Library, Suite};
 
 use super::counted::counted;
 use crate::cli::QualifyArgs;
 use crate::exit::{Exit, Refused};
-use crate::parallel;
 use crate::reporter::say;
-use crate::suite::model::Case;
-use crate::suite::{Library, Suite};
+use crate::source::At;
 use crate::target;
 
 use assertions::Assertions;
@@ -37,7 +41,13 @@ use trial::{Clean, Fits};
 /// # Errors
 /// When a file does not load or the device is unknown.
 pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
-    let library = Library::load(&args.folders)?;
+    let mut library = args.folders.load()?;
+    if let Some(device) = &args.device {
+        bring_home(&mut library, device, args)?;
+    }
+    if let Some(mutant) = &args.why {
+        return why::run(args, &library, mutant);
+    }
     let names = match &args.device {
         Some(name) => target::with_variants(name, &library.catalogue)?,
         None => devices::names().map(str::to_owned).collect(),
@@ -47,7 +57,7 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     let matrices = Matrix::of(&cleans, every)?;
     let mut freedoms = Freedoms::of(&cleans)?;
     Freedoms::mix(&mut freedoms, args)?;
-    let mut holes = matrix::holes(&library, &matrices);
+    let mut holes = matrix::holes(&library, &matrices, &again(args));
     holes.extend(freedoms.iter().flat_map(Freedoms::holes));
     let mut text = String::new();
     for (matrix, freedoms) in matrices.iter().zip(&freedoms) {
@@ -72,6 +82,30 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     holes.iter().for_each(|hole| complain!("hole: {hole}"));
     complain!("{}", counted(holes.len(), "hole"));
     Ok(Exit::Holes)
+}
+
+/// The command without its mutant that shows what one changes.
+fn again(args: &QualifyArgs) -> String {
+    let device = args.device.as_ref().map(|device| format!(" {device}")).unwrap_or_default();
+    format!("harness qualify{device}{}", args.folders.options())
+}
+
+/// A suite of the user that names no device is proved on the user's own device when that is
+/// qualified. Elsewhere it would be proved on the device with everything, which is not looked at.
+fn bring_home(library: &mut Library, device: &str, args: &QualifyArgs) -> Result<(), Refused> {
+    let described = target::reference_device(device, &library.catalogue)?;
+    let name = described.description.device.clone();
+    if devices::names().any(|known| known == name) {
+        return Ok(());
+    }
+    let own = args.folders.own_of(library.suites.iter().map(|suite| &suite.source));
+    for suite in library.suites.iter_mut().filter_map(Arc::get_mut) {
+        let file = &mut suite.file;
+        if own.contains(&suite.source.name) && file.device.is_none() && file.profile.is_none() {
+            file.device = Some(At::new(name.clone(), file.suite.place));
+        }
+    }
+    Ok(())
 }
 
 /// The assertions of a case, with the mutants that prove them on its own device.

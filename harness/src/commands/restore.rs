@@ -5,18 +5,18 @@ use std::sync::Arc;
 
 use canopen::{BusError, eds};
 use reference_devices::devices;
+use runner::dut::Dut;
+use runner::plan::show_bytes;
+use runner::protect::Guarded;
+use runner::run::{Abandoned, BroughtBack, Policy};
+use runner::stop::Stop;
 
 use super::counted::counted;
 use crate::bus::Interface;
 use crate::cli::{DEFAULT_BIT_RATE, RestoreArgs, Selection};
 use crate::device_file::DeviceFile;
-use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
-use crate::plan::show_bytes;
-use crate::protect::Guarded;
 use crate::reporter::say;
-use crate::run::{Abandoned, BroughtBack, Policy};
-use crate::stop::Stop;
 use crate::target::{dut_of_file, open_interface, protect};
 use crate::undo_log::{self, Changes};
 

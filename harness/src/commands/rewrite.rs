@@ -3,13 +3,14 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use runner::suite::{Changes, Rewritten, rewritten};
+
 use super::check::with_vocabulary;
 use super::counted::counted;
 use crate::cli::CheckArgs;
 use crate::exit::{Exit, Refused};
 use crate::files::{words, write_synced};
 use crate::reporter::say;
-use crate::suite::{Changes, Rewritten, rewritten};
 
 /// Writes the suites of the user that can be written for short, and prints what is new about each.
 ///

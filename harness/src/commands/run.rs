@@ -7,25 +7,26 @@ use std::thread;
 use canopen::{BusError, Instant};
 use reference_devices::devices;
 use reports::{Event, Identity, Note, RunEnded, Verdict};
+use runner::dut::Dut;
+use runner::parallel::{self, InTurn, processors};
+use runner::plan::{self, Instance, Plan};
+use runner::protect::Deed;
+use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::stop::Stop;
+use runner::suite::{Library, Register};
+use runner::waivers::Waivers;
 
 use super::dry_run;
 use super::select::{known_device, select};
 use crate::bus::unix_time;
 use crate::cli::{DEFAULT_BIT_RATE, RunArgs, Selection};
-use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
+use crate::files::read_source;
 use crate::nearest::did_you_mean;
-use crate::parallel::{self, InTurn, processors};
-use crate::plan::{self, Instance, Plan};
-use crate::protect::Deed;
 use crate::reporter::{Reporter, harmless, started};
-use crate::run::{Ending, Policy, Session, Undo};
 use crate::source::{At, Complaint};
-use crate::stop::Stop;
-use crate::suite::{Library, Register};
 use crate::target::{self, Connection, Target};
 use crate::undo_log::{self, Changes, UndoLog};
-use crate::waivers::Waivers;
 
 /// Runs what the arguments select. The reports are written whatever happens.
 ///
@@ -74,7 +75,7 @@ impl Prepared {
         let library = thread::scope(|scope| {
             // The reference devices are read once, which need not wait for the suites.
             scope.spawn(|| devices::all().count());
-            Library::load(&args.selection.folders)
+            args.selection.folders.load()
         })?;
         known_device(&args.selection, &library)?;
         let targets = target::resolve(&args.selection, &library.catalogue, stop)?;
@@ -134,7 +135,7 @@ impl Prepared {
 fn waivers_of(args: &RunArgs, register: &Register) -> Result<Waivers, Refused> {
     let Some(path) = &args.waivers else { return Ok(Waivers::default()) };
     let today = args.today.clone().unwrap_or_else(|| reports::date(unix_time()));
-    Ok(Waivers::load(path, &today, register)?)
+    Ok(Waivers::read(read_source(path)?, &today, register)?)
 }
 
 /// The cases that there are, whatever is selected; when anybody asks.
@@ -190,7 +191,7 @@ impl Sessions<'_> {
             rerun: rerun(args, target),
             waivers: self.waivers,
             max_fail: args.max_fail,
-            witness: None,
+            observer: &Unobserved,
             stop: &stop,
             undo: &undo,
         };
@@ -250,7 +251,7 @@ fn undo(target: &Target, selection: &Selection) -> Undo {
             );
         }
     }
-    Undo::on_disk(UndoLog::new(folder, changes))
+    Undo::kept_by(UndoLog::new(folder, changes))
 }
 
 /// A path that means the same in another folder.

@@ -3,11 +3,11 @@
 use std::fmt::Write;
 
 use reports::Identity;
+use runner::stop::Stop;
 
 use crate::cli::{ScanArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::stop::Stop;
 use crate::target::{self, Address, Found, scan};
 
 /// Prints the nodes on a bus.

@@ -4,6 +4,8 @@ use canopen::catalogue::CatalogueFile;
 use reference_devices::describe::{DeviceFile, PartFile, VariantFile};
 use reference_devices::freedom::{FreedomFile, PersonalityFile};
 use reference_devices::mutant::MutantFile;
+use runner::suite::{RegisterFile, steps_schema, suite_schema, words_schema};
+use runner::waivers::WaiverFile;
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde_json::Value;
@@ -12,8 +14,6 @@ use crate::cli::{SchemaArgs, SchemaName};
 use crate::device_file::DutFile;
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::suite::{RegisterFile, steps_schema, suite_schema, words_schema};
-use crate::waivers::WaiverFile;
 
 /// Prints a schema.
 ///

@@ -10,13 +10,13 @@ use std::time::Duration;
 use canopen::bench::Needs;
 use canopen::{Bench, BenchError, Bus, BusError, Device, Instant, Outbox, Value, serve};
 use reference_devices::rules::Rules;
+use runner::stop::Stop;
 
 use crate::bus::socketcan::SocketCan;
 use crate::bus::{Bell, Interface, Stdio};
 use crate::cli::ServeArgs;
 use crate::exit::{Exit, Refused};
 use crate::rig;
-use crate::stop::Stop;
 use crate::target::{Named, reference_device};
 
 /// How long a request of a bench may wait while nothing ends the wait of the bus.

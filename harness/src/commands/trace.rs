@@ -5,12 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 use reference_devices::{devices, mutant};
+use runner::suite::{CHECKS, Dimension, Extent, Library};
 
 use super::counted::counted;
 use crate::cli::{TraceArgs, TraceFormat};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::suite::{CHECKS, Dimension, Extent, Library};
 use crate::target::reference_device;
 
 /// One requirement and what is done about it.
@@ -37,7 +37,7 @@ struct Row<'r> {
 /// # Errors
 /// When a file does not load.
 pub(super) fn run(args: &TraceArgs) -> Result<Exit, Refused> {
-    let library = Library::load(&args.folders)?;
+    let library = args.folders.load()?;
     let (breaks, mut holes) = mutants(&library)?;
     let rows = rows(&library, &breaks);
     let mapped = library.test_map.len();
@@ -107,7 +107,7 @@ fn rows<'l>(library: &'l Library, breaks: &Breaks) -> Vec<Row<'l>> {
             }
         }
     }
-    let row = |(id, requirement): (&'l str, &'l crate::suite::Requirement)| {
+    let row = |(id, requirement): (&'l str, &'l runner::suite::Requirement)| {
         let entry = &requirement.entry.value;
         Row {
             id,

@@ -1,12 +1,10 @@
 //! Files that reports go to: written at once, or not at all.
 
-use std::fs;
-use std::io;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use nix::errno::Errno;
-
-use crate::files::write_synced;
 
 /// A file that a report goes to.
 #[derive(Clone, Debug)]
@@ -42,26 +40,34 @@ impl Output {
         fs::metadata(&self.place).map_or(true, |found| found.is_file())
     }
 
-    /// Writes the whole text. Whoever reads the file sees what was there before, or all of this.
+    /// Writes the whole file. A reader of it sees what was there before, or all of this. Where
+    /// nothing can be put beside it, `content` writes a second time.
     ///
     /// # Errors
     /// Whatever keeps it from being written. What was there before is left then.
-    pub(super) fn write(&self, text: &str) -> io::Result<()> {
+    pub(super) fn write(
+        &self,
+        content: impl Fn(&mut dyn Write) -> io::Result<()>,
+    ) -> io::Result<()> {
+        let in_place = || written(File::create(&self.place)?, &content).map(drop);
         if !self.is_file() {
-            return fs::write(&self.place, text);
+            return in_place();
         }
         let name = self.place.file_name().unwrap_or_default().to_string_lossy();
         let beside = self.place.with_file_name(format!(".{name}.{}", std::process::id()));
-        let written = write_synced(&beside, text).and_then(|()| fs::rename(&beside, &self.place));
-        written.or_else(|error| {
+        let synced = || written(File::create(&beside)?, &content)?.sync_all();
+        synced().and_then(|()| fs::rename(&beside, &self.place)).or_else(|error| {
             // It may not have come into being.
             _ = fs::remove_file(&beside);
-            match stands_alone(&error) {
-                true => fs::write(&self.place, text),
-                false => Err(error),
-            }
+            if stands_alone(&error) { in_place() } else { Err(error) }
         })
     }
+}
+
+fn written(file: File, content: impl Fn(&mut dyn Write) -> io::Result<()>) -> io::Result<File> {
+    let mut out = BufWriter::new(file);
+    content(&mut out)?;
+    Ok(out.into_inner()?)
 }
 
 /// Whether a file can be written where nothing can be put beside it, or in its place: it is in a
@@ -85,6 +91,10 @@ mod tests {
     use super::*;
     use crate::files::words;
 
+    fn anything(out: &mut dyn Write) -> io::Result<()> {
+        out.write_all(b"anything")
+    }
+
     fn names(folder: &Path) -> Vec<String> {
         let entries = fs::read_dir(folder).unwrap();
         entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect()
@@ -96,7 +106,7 @@ mod tests {
         let path = folder.path().join("report.xml");
         let output = Output::new(&path).unwrap();
         for text in ["first", "second, which is longer", ""] {
-            output.write(text).unwrap();
+            output.write(|out| out.write_all(text.as_bytes())).unwrap();
             assert_eq!(fs::read_to_string(&path).unwrap(), text);
         }
         assert_eq!(names(folder.path()), ["report.xml"]);
@@ -108,7 +118,7 @@ mod tests {
         let (link, path) = (folder.path().join("link"), folder.path().join("file"));
         fs::write(&path, "before").unwrap();
         std::os::unix::fs::symlink(&path, &link).unwrap();
-        Output::new(&link).unwrap().write("after").unwrap();
+        Output::new(&link).unwrap().write(|out| out.write_all(b"after")).unwrap();
         assert_eq!(fs::read_to_string(&path).unwrap(), "after");
         assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
         assert!(Output::new(&link).unwrap().is_same(&path));
@@ -117,10 +127,10 @@ mod tests {
     #[test]
     fn a_device_takes_what_is_written_and_stays() {
         let null = Output::new(Path::new("/dev/null")).unwrap();
-        null.write("anything").unwrap();
+        null.write(anything).unwrap();
         assert!(!null.is_same(Path::new("/dev/null")));
         let full = Output::new(Path::new("/dev/full")).unwrap();
-        assert_eq!(words(&full.write("anything").unwrap_err()), "No space left on device");
+        assert_eq!(words(&full.write(anything).unwrap_err()), "No space left on device");
     }
 
     #[test]
@@ -128,7 +138,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         assert!(Output::new(&folder.path().join("none/report.xml")).is_err());
         let output = Output::new(folder.path()).unwrap();
-        assert!(output.write("anything").is_err(), "a folder is not a file");
+        assert!(output.write(anything).is_err(), "a folder is not a file");
         assert_eq!(names(folder.path()), Vec::<String>::new());
     }
 }

@@ -3,6 +3,9 @@
 use std::sync::Arc;
 
 use canopen::catalogue::Catalogue;
+use runner::dut::Dut;
+use runner::run::Traffic;
+use runner::stop::Stop;
 
 use super::connection::{Connection, Target, open_interface};
 use super::long::long_values;
@@ -13,10 +16,7 @@ use super::sheet;
 use super::sim::quoted;
 use crate::bus::Interface;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
-use crate::dut::Dut;
 use crate::exit::Refused;
-use crate::run::Traffic;
-use crate::stop::Stop;
 
 /// The device that answers on an interface.
 ///

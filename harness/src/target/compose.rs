@@ -3,17 +3,17 @@
 use canopen::catalogue::{Catalogue, Profile};
 use canopen::eds::{self, DeviceInfo, Eds, FileInfo};
 use canopen::{Bus, BusError, Mux};
+use runner::dut::{COMPOSED, Sheet};
+use runner::run::{Link, Lost, Policy, probe};
 
 use super::scan::Found;
-use crate::dut::{COMPOSED, Sheet};
 use crate::exit::{Exit, Refused};
-use crate::run::{Link, Lost, Policy, probe};
 
 /// The sheet and what it says. `bit_rate` is that of the bus, in bit/s.
 ///
 /// # Errors
 /// When the device falls silent or the bus fails.
-pub(crate) fn compose(
+pub fn compose(
     bus: &mut dyn Bus,
     found: &Found,
     bit_rate: u32,

@@ -6,13 +6,13 @@ use canopen::{Bus, VirtualBus};
 use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
 use reference_devices::rules::Rules;
+use runner::dut::Dut;
+use runner::protect::Guarded;
+use runner::stop::Stop;
 
 use crate::bus::Interface;
-use crate::dut::Dut;
 use crate::exit::Refused;
-use crate::protect::Guarded;
 use crate::rig::{Rig, WithRig};
-use crate::stop::Stop;
 
 /// A device under test and the bus it is on.
 pub struct Target {

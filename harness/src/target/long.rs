@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use canopen::eds::{Entry, Object};
 use canopen::{Bus, BusError, Mux};
 
-use crate::dut::Dut;
-use crate::run::{Link, Policy, is_long};
+use runner::dut::Dut;
+use runner::run::{Link, Policy, is_long};
 
 /// The entries of variable length without a default value that do not fit into one frame: the
 /// device is asked for each once. Those that the data sheet wants left alone are left alone.

@@ -6,12 +6,12 @@ use canopen::Bench;
 use canopen::bench::Needs;
 use canopen::catalogue::Catalogue;
 use reference_devices::devices::ReferenceDevice;
+use runner::dut::Dut;
+use runner::protect::{Deed, Protection, Wire};
 
 use crate::cli::Selection;
-use crate::dut::Dut;
 use crate::exit::Refused;
 use crate::nearest::did_you_mean;
-use crate::protect::{Deed, Protection, Wire};
 use crate::rig::Rig;
 
 /// Checks that there are options of these names.

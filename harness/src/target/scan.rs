@@ -11,16 +11,16 @@ use canopen::sdo::{RESPONSE_COB_ID, Request, Response};
 use canopen::{Bus, BusError, Mux};
 use reference_devices::devices::{self, ReferenceDevice};
 use reports::Identity;
+use runner::dut::Dut;
+use runner::run::{Link, Policy, exists, identity, oddities, read_number, read_text};
 
-use crate::dut::Dut;
 use crate::exit::{Exit, Refused};
-use crate::run::{Link, Policy, exists, identity, oddities, read_number, read_text};
 
 /// A profile of the catalogue, and the version that a device has of it.
 type Recognised = (Arc<Profile>, Option<String>);
 
 /// A node that answers.
-pub(crate) struct Found {
+pub struct Found {
     /// Its node id.
     pub node: u8,
     /// What 1000h and 1018h say.
@@ -62,7 +62,7 @@ impl Found {
 ///
 /// # Errors
 /// When the bus fails.
-pub(crate) fn scan(
+pub fn scan(
     bus: &mut dyn Bus,
     node: Option<u8>,
     catalogue: &Catalogue,

@@ -11,13 +11,13 @@ use canopen::{Bus, Mux};
 use reference_devices::change::Deviation;
 use reference_devices::describe::Description;
 use reference_devices::devices::{self, ReferenceDevice};
+use runner::dut::{Dut, Sheet};
 
 use super::compose::compose;
 use super::options;
 use super::reference::reference_device;
 use super::scan::Found;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
-use crate::dut::{Dut, Sheet};
 use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST, read, words};
 

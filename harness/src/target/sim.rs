@@ -7,6 +7,8 @@ use canopen::Device;
 use canopen::catalogue::Catalogue;
 use reference_devices::change::Deviation;
 use reference_devices::rules::Rules;
+use runner::dut::Dut;
+use runner::stop::Stop;
 
 use super::connection::{Connection, Target};
 use super::long::long_values;
@@ -15,9 +17,7 @@ use super::reference::{Named, reference_device};
 use super::scan::{Found, scan};
 use super::sheet::{own_sheet, read_eds};
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
-use crate::dut::Dut;
 use crate::exit::Refused;
-use crate::stop::Stop;
 
 /// The reference device of that name, with that deviation.
 ///

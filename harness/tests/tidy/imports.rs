@@ -164,6 +164,9 @@ fn read_module(file: &str, path: Vec<String>, tokens: &[&str], modules: &mut Vec
             let (item, after) = item(rest);
             read_module(file, child_path(&path, name), &item[3..], modules);
             after
+        } else if let ["pub", "(", "in", after @ ..] = rest {
+            // Who may see an item is no import.
+            body_path(after).1
         } else if *first == "use" {
             let end = after.iter().position(|token| *token == ";").unwrap_or(after.len());
             leaves(&after[..end], &[], &mut imports);

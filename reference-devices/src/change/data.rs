@@ -153,7 +153,8 @@ pub(crate) struct FrameChange {
     /// The device sends this instead of taking them; only frames that are received.
     #[serde(default)]
     pub answer: Option<String>,
-    /// The first so many are left alone.
+    /// The first so many since power-on are left alone. What a run reads before its first case
+    /// counts as well: `harness qualify --why MUTANT` names them.
     #[serde(default)]
     pub skip: u32,
     /// At most so many are changed.

@@ -33,6 +33,18 @@ impl Origin {
         Self { path: path.collect(), ..self.clone() }
     }
 
+    /// The file, and the line.
+    pub(crate) fn file_and_line(&self) -> String {
+        let path: Vec<&str> = self.path.iter().map(String::as_str).collect();
+        format!("{}:{}", self.source.name, self.outline.nearest(&path).line)
+    }
+
+    /// What stands here, in one line.
+    pub(crate) fn text(&self) -> String {
+        let path: Vec<&str> = self.path.iter().map(String::as_str).collect();
+        self.outline.in_one_line(&path)
+    }
+
     /// A complaint about what stands here, so many bytes after its start.
     pub(crate) fn complaint(&self, offset: usize, message: impl Into<String>) -> Complaint {
         let path: Vec<&str> = self.path.iter().map(String::as_str).collect();

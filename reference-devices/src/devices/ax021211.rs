@@ -14,7 +14,6 @@ mod defaults;
 mod detect;
 mod diagnosis;
 mod digital;
-pub mod full;
 mod graph;
 mod limits;
 mod load;
@@ -29,7 +28,6 @@ mod rules;
 mod settings;
 mod signal;
 mod table;
-pub mod worked;
 
 use std::sync::Arc;
 use std::time::Duration;

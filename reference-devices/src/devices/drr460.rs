@@ -8,7 +8,6 @@
 //! Not modelled: USB and RS485 (3000h subs 113 and 114), and the frequency of the mains (sub 90: 1
 //! and 2 are the same). What lasts over a loss of supply without a store command is in `memory`.
 
-pub mod hour;
 mod memory;
 mod model;
 mod objects;

@@ -12,7 +12,6 @@ mod bench;
 mod codes;
 mod controller;
 mod faults;
-pub mod hour;
 mod objects;
 mod operation;
 mod process;

@@ -15,7 +15,6 @@ mod encoder;
 mod flags;
 mod indicators;
 mod modbus;
-pub mod packaging;
 mod parameters;
 mod rules;
 mod sampling;

@@ -139,6 +139,16 @@ impl Mutant {
         matches!(self.change, Change::Eds(_))
     }
 
+    /// How the device is made, as a file of mutants says it in full: `frame: { .. }`.
+    pub fn made(&self) -> String {
+        self.origin.below(&["change"]).text()
+    }
+
+    /// The file and the line where it stands.
+    pub fn stands_in(&self) -> String {
+        self.origin.file_and_line()
+    }
+
     /// A complaint about what stands at these keys of the mutant.
     pub fn complain(&self, path: &[&str], message: impl Into<String>) -> Complaint {
         self.origin.below(path).complaint(0, message)

@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 
+use runner::run::Shown;
+use runner::suite::constraint::Constraint;
+
 use super::trial::Trial;
-use crate::run::Shown;
-use crate::suite::constraint::Constraint;
 
 /// A part of a case that can be proved.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]

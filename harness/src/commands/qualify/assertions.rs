@@ -5,14 +5,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::ops::Add;
 
+use runner::suite::constraint::{Constraint, assertion_name};
+use runner::suite::model::Case;
+use runner::suite::{Library, Suite};
+
 use super::assertion::Assertion;
 use super::freedoms::Freedoms;
 use super::matrix::Matrix;
 use super::slips::Slips;
 use crate::cli::QualifyArgs;
-use crate::suite::constraint::{Constraint, assertion_name};
-use crate::suite::model::Case;
-use crate::suite::{Library, Suite};
 
 /// The assertions of cases, and what proves them.
 pub(super) struct Assertions<'l> {

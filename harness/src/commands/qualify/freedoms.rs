@@ -10,13 +10,13 @@ use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
 use reference_devices::freedom::{self, Freedom, Personality};
 use reports::Verdict;
+use runner::parallel::{self, processors, try_map};
+use runner::suite::Register;
 
 use super::assertion::Assertion;
 use super::trial::{Clean, Reach, Trial, Wanted};
 use crate::cli::QualifyArgs;
 use crate::exit::Refused;
-use crate::parallel::{self, processors, try_map};
-use crate::suite::Register;
 
 /// How many freedoms a mixture has at most.
 const LARGEST_MIXTURE: usize = 6;

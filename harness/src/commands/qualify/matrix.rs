@@ -9,15 +9,16 @@ use std::fmt::Write;
 use reference_devices::devices;
 use reference_devices::mutant::{Mistake, Mutant};
 use reports::Verdict;
+use runner::parallel;
+use runner::run::Ending;
+use runner::suite::model::Case;
+use runner::suite::{Library, Suite};
 
 use super::assertion::Assertion;
 use super::trial::{Clean, Fits, Wanted};
 use crate::commands::check::mutants_proved_on;
+use crate::commands::counted::counted;
 use crate::exit::Refused;
-use crate::parallel;
-use crate::run::Ending;
-use crate::suite::model::Case;
-use crate::suite::{Library, Suite};
 
 /// What each case makes of each mutant of one device.
 pub(super) struct Matrix {
@@ -132,11 +133,11 @@ impl Matrix {
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "{}: {} mutants, {killed} killed, {canaries} canary; {} cases apply, {} of them killed \
-             a mutant of this device",
+            "{}: {}, {killed} killed, {canaries} canary; {} apply, {} of them killed a mutant of \
+             this device",
             self.device,
-            self.rows.len(),
-            self.clean.len(),
+            counted(self.rows.len(), "mutant"),
+            counted(self.clean.len(), "case"),
             proved.len(),
         );
         for row in self.rows.iter().filter(|_| verbose) {
@@ -155,8 +156,7 @@ impl Matrix {
 }
 
 fn row(clean: &Clean, mutant: &Mutant, fits: &Fits) -> Result<Row, Refused> {
-    let broken_by = |case: &Case| mutant.canary || broken(mutant, case).next().is_some();
-    let meets = |case: &Case| fits(case) && broken_by(case);
+    let meets = |case: &Case| fits(case) && is_tried_on(mutant, case);
     let ran = clean.deviating(mutant.deviation(), &Wanted::Cases(&meets))?;
     let killing = || ran.trials.iter().filter(|trial| trial.kills);
     let assertions =
@@ -169,14 +169,19 @@ fn row(clean: &Clean, mutant: &Mutant, fits: &Fits) -> Result<Row, Refused> {
     Ok(Row { mutant: mutant.clone(), kills, proved, assertions, failing, ending: ran.ending })
 }
 
+/// Whether the case meets the mutant: it checks something that the mutant breaks.
+pub(super) fn is_tried_on(mutant: &Mutant, case: &Case) -> bool {
+    mutant.canary || broken(mutant, case).next().is_some()
+}
+
 /// The requirements that the mutant breaks and the case checks.
 fn broken<'m>(mutant: &'m Mutant, case: &Case) -> impl Iterator<Item = &'m String> {
     let checks: BTreeSet<&String> = case.checks.iter().map(|id| &id.value).collect();
     mutant.breaks.iter().filter(move |id| checks.contains(id))
 }
 
-/// What the matrices leave unproved.
-pub(super) fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
+/// What the matrices leave unproved; `again` is the command that explains a mutant.
+pub(super) fn holes(library: &Library, matrices: &[Matrix], again: &str) -> Vec<String> {
     let mut holes = Vec::new();
     let (mut ran, mut proved) = (BTreeSet::new(), BTreeSet::new());
     for matrix in matrices {
@@ -207,14 +212,20 @@ pub(super) fn holes(library: &Library, matrices: &[Matrix]) -> Vec<String> {
                         Ending::Enough(_) => ", and not all of them ran",
                     };
                     holes.push(format!(
-                        "{device}: mutant {name} survived the cases of what it breaks{end}"
+                        "{device}: mutant {name} survived the cases of what it breaks{end}; \
+                         `{again} --why {name}` shows what it changed"
                     ));
                 }
                 _ => {}
             }
         }
-        if !matrix.is_variant && !matrix.rows.iter().any(|row| row.mutant.canary) {
-            holes.push(format!("{device}: there is no canary"));
+        // That nothing fails without a cause is proved once, on the devices of the program.
+        let is_ours = devices::names().any(|name| name == device);
+        if is_ours && !matrix.is_variant && !matrix.rows.iter().any(|row| row.mutant.canary) {
+            holes.push(format!(
+                "{device}: there is no canary, a mutant with `canary: true` whose change cannot \
+                 be seen"
+            ));
         }
     }
     let requirements: BTreeSet<&String> =

@@ -7,6 +7,13 @@ use std::rc::Rc;
 use canopen::Id;
 use canopen::sdo::RESPONSE_COB_ID;
 use reports::{Event, Outcome};
+use runner::dut::Dut;
+use runner::parallel;
+use runner::plan::{Instance, Plan};
+use runner::run::{Policy, Session, Shown, Undo};
+use runner::stop::Stop;
+use runner::suite::constraint::{Allowance, Constraint, assertion_name};
+use runner::waivers::Waivers;
 
 use super::assertion::Assertion;
 use super::matrix::home;
@@ -15,14 +22,7 @@ use super::slip::{
 };
 use super::trial::{Clean, Fits};
 use crate::cli::DEFAULT_BIT_RATE;
-use crate::dut::Dut;
 use crate::exit::Refused;
-use crate::parallel;
-use crate::plan::{Instance, Plan};
-use crate::run::{Policy, Session, Shown, Undo};
-use crate::stop::Stop;
-use crate::suite::constraint::{Allowance, Constraint, assertion_name};
-use crate::waivers::Waivers;
 
 /// How many instances of a case are tried until all of it is proved.
 const INSTANCES: usize = 4;
@@ -67,7 +67,7 @@ impl Slips {
             for instance in &clean.plan.instances {
                 let home = home(&instance.suite);
                 let is_home = name == home || device.first == home || device.family() == home;
-                if is_home && instance.skip.is_none() && fits(instance.case()) {
+                if is_home && instance.skip().is_none() && fits(instance.case()) {
                     cases.entry(instance.case_name()).or_default().push(instance);
                 }
             }
@@ -155,7 +155,7 @@ impl Search {
             rerun: String::new(),
             waivers: &Waivers::default(),
             max_fail: None,
-            witness: Some(&*tape),
+            observer: &*tape,
             stop: &stop,
             undo: &undo,
         };

@@ -1,31 +1,32 @@
 //! Plans on devices in virtual time, and what came of each instance.
 
-use std::cell::Cell;
+use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
+use canopen::Instant;
 use fastrand::Rng;
 use reference_devices::change::Deviation;
 use reference_devices::devices::ReferenceDevice;
 use reference_devices::freedom::Freedom;
 use reference_devices::rules::Dissent;
 use reports::{Event, Outcome, Verdict};
+use runner::parallel;
+use runner::plan::{Instance, Plan, plan_cases};
+use runner::run::{Ending, Observer, Policy, Session, Shown, Undo};
+use runner::stop::Stop;
+use runner::suite::model::Case;
+use runner::suite::step::Step;
+use runner::suite::{Library, Suite};
+use runner::waivers::Waivers;
 use rustc_hash::FxHasher;
 
 use super::freedoms;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::commands::run::plan_all;
 use crate::exit::Refused;
-use crate::parallel;
-use crate::plan::{Instance, Plan, plan_cases};
-use crate::run::{Ending, Policy, Session, Shown, Undo, Witness};
-use crate::stop::Stop;
-use crate::suite::model::Case;
-use crate::suite::step::Step;
-use crate::suite::{Library, Suite};
 use crate::target::{self, Target, reference_device};
-use crate::waivers::Waivers;
 
 /// What came of one instance.
 #[derive(Clone, Debug)]
@@ -129,7 +130,7 @@ impl<'l> Clean<'l> {
     }
 
     /// The simulated device of that name, before anything has run.
-    fn planned(library: &'l Library, name: &str) -> Result<Self, Refused> {
+    pub(super) fn planned(library: &'l Library, name: &str) -> Result<Self, Refused> {
         let device = reference_device(name, &library.catalogue)?;
         let name = format!("sim:{name}");
         let selection = Selection::of_target(Some(&name));
@@ -208,6 +209,23 @@ impl<'l> Clean<'l> {
     /// # Errors
     /// When the device cannot be built, or a case contradicts its data sheet.
     pub(super) fn deviating(&self, deviation: Deviation, wanted: &Wanted) -> Result<Ran, Refused> {
+        let (target, plan) = self.prepared(deviation, wanted)?;
+        let (trials, ending) = match wanted {
+            Wanted::Each => (self.each_case(&plan, &target)?, Ending::Complete),
+            _ => run(self.library, &plan, &target, &mut |_| ())?,
+        };
+        Ok(Ran { instances: plan.instances, trials, ending })
+    }
+
+    /// The device with a deviation, and the plan of what is wanted on it.
+    ///
+    /// # Errors
+    /// The same.
+    pub(super) fn prepared(
+        &self,
+        deviation: Deviation,
+        wanted: &Wanted,
+    ) -> Result<(Target, Plan), Refused> {
         let other_sheet = deviation.changes_data_sheet();
         let target = self.target.deviating(deviation)?;
         let mut holds = wanted.holds();
@@ -226,11 +244,7 @@ impl<'l> Clean<'l> {
             }
         };
         wanted.order(&mut plan.instances);
-        let (trials, ending) = match wanted {
-            Wanted::Each => (self.each_case(&plan, &target)?, Ending::Complete),
-            _ => run(self.library, &plan, &target, &mut |_| ())?,
-        };
-        Ok(Ran { instances: plan.instances, trials, ending })
+        Ok((target, plan))
     }
 
     /// Runs a plan with a device of its own for each case.
@@ -313,38 +327,103 @@ impl Wanted<'_> {
     }
 }
 
-/// What is seen of the case that runs.
+/// What is seen of the cases that run.
 #[derive(Default)]
-struct Seen {
-    shown: Cell<Shown>,
+struct Seen(RefCell<Seeing>);
+
+#[derive(Default)]
+struct Seeing {
+    trials: Vec<Trial>,
+    /// Suite and case, and the instance, of the one that runs.
+    case: String,
+    name: String,
     /// Its frames count: it is between its setup and its last step.
-    counts: Cell<bool>,
+    counts: bool,
+    /// When the first of them came.
+    start: Option<Instant>,
+    frames: FxHasher,
+    timing: FxHasher,
+    shown: Shown,
 }
 
-impl Witness for Seen {
+impl Observer for Seen {
+    fn goes_on(&self) -> bool {
+        true
+    }
+
+    fn event(&self, event: &Event) {
+        self.0.borrow_mut().take(event);
+    }
+
     fn case_begins(&self) {
-        self.counts.set(true);
+        self.0.borrow_mut().counts = true;
     }
 
     fn case_over(&self) {
-        self.counts.set(false);
+        self.0.borrow_mut().counts = false;
     }
 
     fn shows(&self, shown: Shown) {
-        self.shown.set(shown);
+        self.0.borrow_mut().shown = shown;
     }
 }
 
-/// Runs a plan, and shows every event first.
+impl Seeing {
+    fn take(&mut self, event: &Event) {
+        match event {
+            Event::CaseStarted(started) => {
+                self.case = format!("{}/{}", started.suite, started.case);
+                self.name = started.name();
+                self.start = None;
+                (self.frames, self.timing) = (FxHasher::default(), FxHasher::default());
+            }
+            Event::Frame(frame) if self.counts => {
+                (frame.own, frame.frame).hash(&mut self.frames);
+                frame.at.since(*self.start.get_or_insert(frame.at)).hash(&mut self.timing);
+            }
+            Event::Stimulus(stimulus) if self.counts => {
+                (&stimulus.name, &stimulus.value).hash(&mut self.frames);
+            }
+            Event::CaseEnded(end) => self.trials.push(Trial {
+                case: std::mem::take(&mut self.case),
+                name: std::mem::take(&mut self.name),
+                verdict: end.outcome.verdict(),
+                kills: end.outcome.holds_against_device(),
+                problem: problem(&end.outcome),
+                frames: self.frames.finish(),
+                timing: self.timing.finish(),
+                shown: std::mem::take(&mut self.shown),
+            }),
+            _ => {}
+        }
+    }
+}
+
+/// Runs a plan, and shows every event.
 fn run(
     library: &Library,
     plan: &Plan,
     target: &Target,
     show: &mut dyn FnMut(&Event),
 ) -> Result<(Vec<Trial>, Ending), Refused> {
+    let seen = Seen::default();
+    let ending = observed(library, plan, target, &seen, &mut |event| show(&event))?;
+    Ok((seen.0.into_inner().trials, ending))
+}
+
+/// Runs a plan under observation.
+///
+/// # Errors
+/// When the bus cannot be opened.
+pub(super) fn observed(
+    library: &Library,
+    plan: &Plan,
+    target: &Target,
+    observer: &dyn Observer,
+    emit: &mut dyn FnMut(Event),
+) -> Result<Ending, Refused> {
     let stop = Stop::default();
     let mut bus = target.open(&stop)?;
-    let seen = Seen::default();
     let session = Session {
         plan,
         register: &library.register,
@@ -352,44 +431,11 @@ fn run(
         rerun: String::new(),
         waivers: &Waivers::default(),
         max_fail: None,
-        witness: Some(&seen),
+        observer,
         stop: &stop,
         undo: &Undo::default(),
     };
-    let mut trials = Vec::new();
-    let (mut case, mut name, mut start) = (String::new(), String::new(), None);
-    let (mut frames, mut timing) = (FxHasher::default(), FxHasher::default());
-    let mut take = |event: Event| match event {
-        Event::CaseStarted(started) => {
-            case = format!("{}/{}", started.suite, started.case);
-            name = started.name();
-            start = None;
-            (frames, timing) = (FxHasher::default(), FxHasher::default());
-        }
-        Event::Frame(frame) if seen.counts.get() => {
-            (frame.own, frame.frame).hash(&mut frames);
-            frame.at.since(*start.get_or_insert(frame.at)).hash(&mut timing);
-        }
-        Event::Stimulus(stimulus) if seen.counts.get() => {
-            (&stimulus.name, &stimulus.value).hash(&mut frames);
-        }
-        Event::CaseEnded(end) => trials.push(Trial {
-            case: std::mem::take(&mut case),
-            name: std::mem::take(&mut name),
-            verdict: end.outcome.verdict(),
-            kills: end.outcome.holds_against_device(),
-            problem: problem(&end.outcome),
-            frames: frames.finish(),
-            timing: timing.finish(),
-            shown: seen.shown.take(),
-        }),
-        _ => {}
-    };
-    let ending = session.run(&mut *bus, &mut |event| {
-        show(&event);
-        take(event);
-    });
-    Ok((trials, ending))
+    Ok(session.run(&mut *bus, emit))
 }
 
 fn problem(outcome: &Outcome) -> Option<String> {
@@ -408,11 +454,11 @@ fn problem(outcome: &Outcome) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::suite::Folders;
+    use crate::folders::Folders;
 
     #[test]
     fn a_device_goes_with_all_its_freedoms_muted_as_without_them() {
-        let library = Library::load(&Folders::default()).unwrap();
+        let library = Folders::default().load().unwrap();
         let name = "mcm260x-1ad";
         let without = Clean::of(&library, name, &|_| true).unwrap();
         let muted = Clean::with_freedoms(&library, name).unwrap();

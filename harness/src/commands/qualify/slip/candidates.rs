@@ -3,12 +3,12 @@
 
 use canopen::Instant;
 use canopen::eds::Eds;
+use runner::suite::constraint::Constraint;
+use runner::suite::step::Step;
 
 use super::model::{Change, Fate, Slip};
 use super::scene::{Heard, Moment, Scene};
 use super::{frames, objects, times, values};
-use crate::suite::constraint::Constraint;
-use crate::suite::step::Step;
 
 /// What may break the step, or this part of it, those first that do so most likely.
 pub(crate) fn candidates(

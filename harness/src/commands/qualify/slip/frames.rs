@@ -3,15 +3,15 @@
 use std::time::Duration;
 
 use canopen::{Frame, Pattern};
+use runner::suite::constraint::{Allowance, Constraint};
+use runner::suite::literal::FrameText;
+use runner::suite::step::Step;
 
 use super::edits::{Edit, Odd};
 use super::model::{Change, Fate, Slip};
 use super::scene::{Heard, Scene};
 use super::times;
 use crate::source::At;
-use crate::suite::constraint::{Allowance, Constraint};
-use crate::suite::literal::FrameText;
-use crate::suite::step::Step;
 
 /// How many ways to get a byte wrong are tried for one part of a frame.
 const WAYS: usize = 4;

@@ -5,15 +5,15 @@ use std::ops::Range;
 use canopen::sdo::REQUEST_COB_ID;
 use canopen::sdo::block::crc;
 use canopen::{Frame, Id};
+use runner::suite::constraint::{Allowance, Constraint};
+use runner::suite::literal::{Literal, ObjectRef};
+use runner::suite::refusal::{Refusal, Refused};
+use runner::suite::step::Step;
 
 use super::edits::Edit;
 use super::model::{Change, Fate, Slip};
 use super::scene::{Heard, Scene};
 use crate::source::At;
-use crate::suite::constraint::{Allowance, Constraint};
-use crate::suite::literal::{Literal, ObjectRef};
-use crate::suite::refusal::{Refusal, Refused};
-use crate::suite::step::Step;
 
 /// Codes that firmware gives where another one is due.
 const CODES: [u32; 9] = [

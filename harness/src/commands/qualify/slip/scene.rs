@@ -5,12 +5,12 @@ use std::time::Duration;
 use canopen::eds::Eds;
 use canopen::sdo::RESPONSE_COB_ID;
 use canopen::{Frame, Id, Instant, Pattern};
+use runner::plan::Scope;
+use runner::suite::constraint::Constraint;
+use runner::suite::literal::FrameText;
+use runner::suite::step::Step;
 
-use crate::plan::Scope;
 use crate::source::At;
-use crate::suite::constraint::Constraint;
-use crate::suite::literal::FrameText;
-use crate::suite::step::Step;
 
 /// A frame that was heard since the steps began.
 #[derive(Clone, Copy, Debug)]

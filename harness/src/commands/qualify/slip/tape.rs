@@ -7,12 +7,12 @@ use std::rc::Rc;
 use canopen::bench::Needs;
 use canopen::sdo::RESPONSE_COB_ID;
 use canopen::{Bench, BenchError, Bus, BusError, Frame, Id, Instant, Stamped, Value};
+use runner::plan::Scope;
+use runner::run::{Observer, Shown};
+use runner::suite::constraint::Constraint;
 
 use super::model::{Fate, Slip};
 use super::scene::{Heard, Moment};
-use crate::plan::Scope;
-use crate::run::{Shown, Witness};
-use crate::suite::constraint::Constraint;
 
 /// A bus with a device that slips as the tape says.
 pub(crate) struct SlippingBus {
@@ -73,7 +73,11 @@ impl Tape {
     }
 }
 
-impl Witness for Tape {
+impl Observer for Tape {
+    fn goes_on(&self) -> bool {
+        true
+    }
+
     fn step_begins(&self, step: usize, from: Instant) {
         let recording = &mut *self.0.borrow_mut();
         (recording.step, recording.answered) = (step, 0);

@@ -3,12 +3,12 @@
 use std::time::Duration;
 
 use canopen::Instant;
+use runner::suite::constraint::{Constraint, Time};
+use runner::suite::step::Step;
 
 use super::frames::taken;
 use super::model::{Change, Fate, Slip};
 use super::scene::{Heard, Scene};
-use crate::suite::constraint::{Constraint, Time};
-use crate::suite::step::Step;
 
 /// Parts of a time by which a frame comes at another one.
 const PARTS: [f64; 12] = [1.0, 0.5, 0.3, 0.2, 0.15, 0.1, 0.05, 0.03, 0.02, 0.01, 0.005, 2.0];

@@ -1,11 +1,11 @@
 //! Slips on the physical side.
 
 use canopen::Value;
+use runner::suite::constraint::Constraint;
+use runner::suite::step::Step;
 
 use super::model::Slip;
 use super::scene::Scene;
-use crate::suite::constraint::Constraint;
-use crate::suite::step::Step;
 
 /// How what is seen is wrong.
 #[derive(Clone, Copy, Debug)]

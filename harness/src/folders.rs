@@ -1,0 +1,163 @@
+//! Which suite and register files are read: those of folders, or the copy in this program.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use canopen::catalogue::Catalogue;
+use clap::Args;
+use runner::suite::{Library, built_in, is_register};
+
+use crate::data;
+use crate::files::{read_folder, shown};
+use crate::source::{Complaint, Source};
+
+/// Which suites are read.
+#[derive(Clone, Debug, Default, Args)]
+pub struct Folders {
+    /// Folder with suites of your own, in addition to those in this program; may be repeated
+    #[arg(long = "suites", value_name = "DIR")]
+    pub more: Vec<PathBuf>,
+    /// Folder with the only suites to read, instead of those in this program; may be repeated
+    #[arg(long = "only-suites", value_name = "DIR")]
+    pub only: Vec<PathBuf>,
+    /// Which profiles.
+    #[command(flatten)]
+    pub catalogue: CatalogueFolder,
+}
+
+/// Which profiles are known.
+#[derive(Clone, Debug, Default, Args)]
+pub struct CatalogueFolder {
+    /// Folder with files that override profiles of the catalogue in this program, such as its
+    /// decisions about CiA 404, or add to them
+    #[arg(long = "catalogue", value_name = "DIR")]
+    pub folder: Option<PathBuf>,
+}
+
+impl CatalogueFolder {
+    /// The profiles.
+    ///
+    /// # Errors
+    /// Every complaint about the files of the folder.
+    pub fn load(&self) -> Result<Arc<Catalogue>, Vec<Complaint>> {
+        let built_in = Catalogue::built_in();
+        let Some(folder) = &self.folder else { return Ok(Arc::clone(built_in)) };
+        let mut found = Vec::new();
+        read_folder(folder, &mut found).map_err(|complaint| vec![complaint])?;
+        found.sort_by(|a, b| a.name.cmp(&b.name));
+        let sources: Vec<_> = found.into_iter().map(Arc::new).collect();
+        Ok(Arc::new(built_in.amended(&sources)?))
+    }
+
+    /// The option that names the folder again on a command line.
+    pub fn option(&self) -> String {
+        let folder =
+            self.folder.as_ref().map(|folder| format!(" --catalogue {}", folder.display()));
+        folder.unwrap_or_default()
+    }
+}
+
+/// Files, and the names of those that are the user's.
+pub(crate) type FilesAndOwn = (Vec<Arc<Source>>, BTreeSet<String>);
+
+impl Folders {
+    /// The options that name the same folders again on a command line.
+    pub fn options(&self) -> String {
+        let only = self.only.iter().map(|folder| format!(" --only-suites {}", folder.display()));
+        let more = self.more.iter().map(|folder| format!(" --suites {}", folder.display()));
+        only.chain(more).chain([self.catalogue.option()]).collect()
+    }
+
+    /// Loads the suites of these folders.
+    ///
+    /// # Errors
+    /// Every complaint about every file.
+    pub fn load(&self) -> Result<Library, Vec<Complaint>> {
+        Library::from_sources(&self.sources()?, &self.catalogue.load()?)
+    }
+
+    /// The register files alone.
+    ///
+    /// # Errors
+    /// When a folder cannot be read.
+    pub(crate) fn register_sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
+        let mut sources = self.sources()?;
+        sources.retain(is_register);
+        Ok(sources)
+    }
+
+    /// The files by name, and which of them are the user's: those of the folders that are named, or
+    /// else of `suites/` here, unless they are those in this program.
+    ///
+    /// # Errors
+    /// Every complaint about the folders.
+    pub(crate) fn with_own(&self) -> Result<FilesAndOwn, Vec<Complaint>> {
+        let sources = self.sources()?;
+        let own = self.own_of(sources.iter());
+        Ok((sources, own))
+    }
+
+    /// Which of these files are the user's, by name: see [`with_own`](Self::with_own).
+    pub(crate) fn own_of<'s>(
+        &self,
+        sources: impl Iterator<Item = &'s Arc<Source>>,
+    ) -> BTreeSet<String> {
+        let named: Vec<String> =
+            self.only.iter().chain(&self.more).map(|folder| shown(folder)).collect();
+        let built_in: BTreeMap<String, String> =
+            built_in().into_iter().map(|source| (source.name, source.text)).collect();
+        let is_own = |source: &&Arc<Source>| match named.as_slice() {
+            [] => built_in.get(&source.name) != Some(&source.text),
+            named => named.iter().any(|folder| Path::new(&source.name).starts_with(folder)),
+        };
+        sources.filter(is_own).map(|source| source.name.clone()).collect()
+    }
+
+    /// The files by name. Unless there are `only` folders, those of `HARNESS_DATA` are read, or
+    /// those of `suites/` here, or else the copy in this program. A file of a later folder
+    /// replaces the one of the same name.
+    pub(crate) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
+        let data = data::folder();
+        let here = data.clone().unwrap_or_default().join("suites");
+        let here = here.as_path();
+        let mut sources = BTreeMap::new();
+        let mut folders = self.only.clone();
+        match (self.only.is_empty(), here.is_dir()) {
+            (true, true) => folders.push(here.to_owned()),
+            (true, false) => add(&mut sources, here, built_in()),
+            (false, _) => {}
+        }
+        folders.extend(self.more.iter().cloned());
+        for folder in folders {
+            let mut found = Vec::new();
+            read_folder(&folder, &mut found).map_err(|complaint| vec![complaint])?;
+            if folder == here && data.is_none() && differ(&found, &built_in()) {
+                complain!(
+                    "note: the suites of ./suites are read, which differ from those in this program"
+                );
+            }
+            add(&mut sources, &folder, found);
+        }
+        let mut sources: Vec<Arc<Source>> = sources.into_values().collect();
+        sources.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(sources)
+    }
+}
+
+/// Whether these are other files, or say something else.
+fn differ(some: &[Source], others: &[Source]) -> bool {
+    let texts = |sources: &[Source]| -> BTreeMap<String, String> {
+        sources.iter().map(|each| (each.name.clone(), each.text.clone())).collect()
+    };
+    texts(some) != texts(others)
+}
+
+/// Adds the files of a folder by their names within it.
+fn add(sources: &mut BTreeMap<String, Arc<Source>>, folder: &Path, found: Vec<Source>) {
+    let folder = shown(folder);
+    for source in found {
+        let name = source.name.strip_prefix(&folder).unwrap_or(&source.name);
+        sources.insert(name.trim_start_matches('/').to_owned(), Arc::new(source));
+    }
+}

@@ -1,0 +1,89 @@
+//! Programs of the user's that bring a device back.
+
+use std::os::unix::process::CommandExt;
+use std::path::PathBuf;
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{self, RecvTimeoutError};
+use std::thread;
+use std::time::Duration;
+
+use canopen::BusError;
+use nix::sys::signal::{Signal, killpg};
+use nix::unistd::Pid;
+use runner::dut::{Hook, Look};
+
+use crate::files::words;
+
+/// How long a program may take.
+const LIMIT: Duration = Duration::from_secs(60);
+/// How often the bus is looked at meanwhile, which notices an interruption.
+const TURN: Duration = Duration::from_millis(100);
+
+/// A program with its arguments, which blanks separate, and where it runs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Program {
+    /// As the user writes it.
+    pub command: String,
+    /// The folder that its path and its arguments are relative to.
+    pub folder: PathBuf,
+}
+
+impl Hook for Program {
+    fn name(&self) -> &str {
+        &self.command
+    }
+
+    fn call(&self, argument: Option<&str>, look: Look) -> Result<Result<(), String>, BusError> {
+        match start(self, argument) {
+            Ok(child) => end(child, look),
+            Err(error) => Ok(Err(words(&error))),
+        }
+    }
+}
+
+/// Its path and its arguments are relative to the folder of the device file.
+fn start(hook: &Program, argument: Option<&str>) -> std::io::Result<Child> {
+    let mut words = hook.command.split_whitespace();
+    let program = words.next().unwrap_or_default();
+    let path = match program.contains('/') {
+        true => hook.folder.join(program),
+        false => program.into(),
+    };
+    let folder = if hook.folder.as_os_str().is_empty() { ".".as_ref() } else { &*hook.folder };
+    Command::new(path.canonicalize().unwrap_or(path))
+        .args(words)
+        .args(argument)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        // What it starts ends with it, and Ctrl-C is the harness's to handle.
+        .process_group(0)
+        .spawn()
+}
+
+/// Waits for it; why it failed, if it did.
+fn end(mut child: Child, look: Look) -> Result<Result<(), String>, BusError> {
+    let group = Pid::from_raw(child.id().cast_signed());
+    let (sender, ended) = mpsc::channel();
+    thread::spawn(move || _ = sender.send(child.wait()));
+    // The group may have ended by itself.
+    let kill = || _ = killpg(group, Signal::SIGKILL);
+    for _ in 0..LIMIT.as_millis() / TURN.as_millis() {
+        match ended.recv_timeout(TURN) {
+            Ok(status) => return Ok(status.map_err(|error| words(&error)).and_then(succeeded)),
+            Err(RecvTimeoutError::Disconnected) => break,
+            Err(RecvTimeoutError::Timeout) => {
+                if let Err(error) = look() {
+                    kill();
+                    return Err(error);
+                }
+            }
+        }
+    }
+    kill();
+    Ok(Err(format!("it did not end within {} s", LIMIT.as_secs())))
+}
+
+fn succeeded(status: ExitStatus) -> Result<(), String> {
+    if status.success() { Ok(()) } else { Err(status.to_string()) }
+}

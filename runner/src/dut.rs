@@ -1,0 +1,152 @@
+//! The device under test, as far as the harness knows it.
+
+mod sheet;
+
+use std::collections::BTreeSet;
+use std::fmt::Debug;
+use std::sync::Arc;
+
+use canopen::bench::Needs;
+use canopen::eds::Eds;
+use canopen::pdo::Mapping;
+use canopen::{BusError, Mux, lss};
+
+use crate::protect::{Protection, Wire};
+
+pub use sheet::{COMPOSED, Sheet};
+
+/// The device under test as the harness knows it: by name, node id and data sheet.
+#[derive(Clone, Debug)]
+pub struct Dut {
+    /// What reports call it.
+    pub name: String,
+    /// Its node id.
+    pub node: u8,
+    /// What it says of itself.
+    pub eds: Arc<Eds>,
+    /// Where it says so.
+    pub sheet: Arc<Sheet>,
+    /// What the bench around it can set and observe.
+    pub bench: Vec<String>,
+    /// Whether that bench is the user's, not that of a simulation.
+    pub own_bench: bool,
+    /// How the device must be set up for a stimulus of that bench to reach it.
+    pub bench_needs: Needs,
+    /// The interface that it is on, when it is not simulated.
+    pub interface: Option<String>,
+    /// Bit rate of its bus in bit/s, when it is known.
+    pub bit_rate: Option<u32>,
+    /// Options of its profile that it does not have.
+    pub without: Vec<String>,
+    /// The name of the profile that the device gave when asked, by an object that the catalogue
+    /// knows.
+    pub told: Option<String>,
+    /// Entries without a default value whose value was longer than four bytes when it was asked.
+    pub long: BTreeSet<Mux>,
+    /// What must not be done to it.
+    pub protection: Arc<Protection>,
+    /// How it takes frames, by its data sheet.
+    pub wire: Arc<Wire>,
+    /// What brings it back when it does not answer.
+    pub hooks: Hooks,
+}
+
+/// What the user gives to bring the device back.
+#[derive(Clone, Debug, Default)]
+pub struct Hooks {
+    /// Resets the device.
+    pub reset: Option<Arc<dyn Hook>>,
+    /// Switches its supply; the argument is `off` or `on`.
+    pub power: Option<Arc<dyn Hook>>,
+}
+
+/// Something outside of the bus that can be done to the device, such as a program of the user's.
+pub trait Hook: Debug + Send + Sync {
+    /// What reports call it.
+    fn name(&self) -> &str;
+
+    /// Does it and returns once it is done; why it failed, if it did. `look` is called several
+    /// times a second meanwhile, and ends it with an error.
+    ///
+    /// # Errors
+    /// That of `look`.
+    fn call(&self, argument: Option<&str>, look: Look) -> Result<Result<(), String>, BusError>;
+}
+
+/// Looks at the bus, which notices an interruption.
+pub type Look<'l> = &'l mut dyn FnMut() -> Result<(), BusError>;
+
+impl Dut {
+    /// A device of which only the data sheet is known.
+    pub fn new(name: impl Into<String>, node: u8, eds: Eds) -> Self {
+        Self {
+            name: name.into(),
+            node,
+            eds: Arc::new(eds),
+            sheet: Arc::default(),
+            bench: Vec::new(),
+            own_bench: false,
+            bench_needs: Needs::new(),
+            interface: None,
+            bit_rate: None,
+            without: Vec::new(),
+            told: None,
+            long: BTreeSet::new(),
+            protection: Arc::default(),
+            wire: Arc::default(),
+            hooks: Hooks::default(),
+        }
+    }
+
+    /// What may bring it back when it does not answer, the gentlest first; of a simulated device,
+    /// nothing.
+    pub fn ways_back(&self) -> Option<String> {
+        let interface = self.interface.as_ref()?;
+        let send = |frame: &str| format!("`cansend {interface} {frame}`");
+        let mut ways = vec![send(&format!("000#82{:02X}", self.node)), send("000#8100")];
+        if self.eds.device.lss {
+            let lss = ["7E5#0401000000000000", &format!("7E5#11{:02X}000000000000", self.node)];
+            let lss = lss.into_iter().chain(["7E5#0400000000000000", "000#8200"]);
+            let frames: Vec<String> = lss.map(send).collect();
+            let frames = frames.join(", ");
+            ways.push(format!("{frames}, which give it its node id where no other LSS slave is"));
+        }
+        ways.push("its supply switched off and on".to_owned());
+        Some(format!("what may bring it back: {}", ways.join("; ")))
+    }
+
+    /// The whole number that the data sheet gives as default at `mux`.
+    pub fn default_int(&self, mux: Mux) -> Option<i128> {
+        let entry = self.eds.entry(mux)?;
+        entry.data_type.decode(&entry.default_bytes(self.node).ok()?).ok()?.as_int()
+    }
+
+    /// The entries of 1016h, each with a node that the device may monitor.
+    pub fn heartbeat_consumers(&self) -> impl Iterator<Item = Mux> {
+        const CONSUMER_HEARTBEAT_TIME: u16 = 0x1016;
+        let entries = (1..=u8::MAX).map(|sub| Mux::new(CONSUMER_HEARTBEAT_TIME, sub));
+        entries.take_while(|mux| self.eds.entry(*mux).is_some())
+    }
+
+    /// The number of the device profile: the low 16 bits of 1000h, by the data sheet.
+    pub fn profile_number(&self) -> Option<u16> {
+        self.default_int(Mux::new(0x1000, 0)).map(|device_type| device_type as u16)
+    }
+
+    /// Why layer setting services cannot leave the bit rate as it is: nobody knows it, or it has no
+    /// place in their table.
+    pub fn unlisted_bit_rate(&self) -> Option<String> {
+        match self.bit_rate {
+            None => Some("the bit rate of the bus is unknown: --bitrate".to_owned()),
+            rate if lss::BIT_RATES.contains(&rate) => None,
+            Some(rate) => Some(format!("{rate} bit/s has no place in the table of CiA 305")),
+        }
+    }
+
+    /// The addresses and lengths that a PDO maps by default; `mapping` is its mapping parameter.
+    pub fn default_mapping(&self, mapping: u16) -> Vec<Mapping> {
+        let count = self.default_int(Mux::new(mapping, 0)).unwrap_or(0).clamp(0, 64) as u8;
+        let words = (1..=count).filter_map(|sub| self.default_int(Mux::new(mapping, sub)));
+        words.map(|word| Mapping::decode(word as u32)).collect()
+    }
+}

@@ -1,0 +1,25 @@
+//! From suites to instances: a suite meets a device's data sheet.
+
+mod bind;
+mod bytes;
+mod check;
+mod deeds;
+mod each;
+mod instance;
+mod kind;
+mod pdo;
+mod profile;
+mod scope;
+mod wording;
+
+pub(crate) use bind::others;
+pub use bind::{plan, plan_cases};
+pub(crate) use bytes::{fill, mapping_word};
+pub use bytes::{parse_bytes, show_bytes};
+pub use deeds::deeds;
+pub(crate) use deeds::nmt_frame;
+pub(crate) use each::{index_range, matching_entries};
+pub use instance::{Fate, Instance, Plan, is_named};
+pub(crate) use scope::Binding;
+pub use scope::Scope;
+pub use wording::Wording;

@@ -1,0 +1,27 @@
+//! Running a plan against a device, in four rooms.
+//!
+//! ```text
+//! session ▶ steps ▶ rest ▶ link
+//! ```
+//!
+//! [`link`] is the bus with its trace, [`rest`] brings the device to rest and leaves it as it was,
+//! [`steps`] carries out and judges steps, and [`session`] runs case after case and emits events.
+//! Which cases run, and on which device, does not belong here.
+
+mod link;
+mod observer;
+mod policy;
+mod rest;
+mod session;
+mod steps;
+#[cfg(test)]
+mod tests;
+
+pub use link::{
+    Ended, Link, Lost, Traffic, exists, identity, is_long, oddities, probe, read_number, read_text,
+    transfer,
+};
+pub use observer::{Observer, Shown, Unobserved};
+pub use policy::Policy;
+pub use rest::{Abandoned, BroughtBack, KeepChanges, Undo};
+pub use session::{Ending, Session};

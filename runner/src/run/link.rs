@@ -1,0 +1,21 @@
+//! The bus as a runner sees it: a trace with a cursor, transfers, and who else is there.
+//!
+//! Here belongs what goes over the wire. What it means for a verdict does not.
+
+mod oddities;
+mod probe;
+mod read;
+pub(super) mod sdo;
+mod silence;
+mod trace;
+mod traffic;
+
+pub(in crate::run) use oddities::contradiction;
+pub use oddities::oddities;
+pub use probe::{Lost, objects as probe};
+pub(super) use read::versions;
+pub use read::{exists, identity, read_number, read_text};
+pub use sdo::{Ended, is_long, transfer};
+pub(super) use trace::Lateness;
+pub use trace::Link;
+pub use traffic::Traffic;

@@ -1,0 +1,399 @@
+//! SDO transfers over a link.
+
+use std::time::Duration;
+
+use canopen::sdo::block::{BlockResponse, LARGEST_BLOCK};
+use canopen::sdo::{Client, Failure, Initiate, Next, RESPONSE_COB_ID, Request, Response, Transfer};
+use canopen::{Abort, BusError, Frame, Mux, Stamped};
+
+use super::trace::Link;
+use crate::run::policy::Policy;
+use crate::suite::profile::BlockDirections;
+
+/// How a transfer ended.
+#[derive(Clone, Debug)]
+pub struct Ended {
+    /// The data of an upload, nothing for a download; or why it failed.
+    pub result: Result<Vec<u8>, Failure>,
+    /// The last frame of the server.
+    pub raw: Option<Frame>,
+    /// The protocol that the server chose for an upload.
+    pub protocol: Transfer,
+    /// Whether the server gave four bytes without saying how many count.
+    pub unsized_data: bool,
+}
+
+/// Reads an object.
+///
+/// # Errors
+/// Whatever the bus reports; what the device does is in the result.
+pub(in crate::run) fn upload(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+) -> Result<Ended, BusError> {
+    let (client, request) = Client::upload(mux);
+    transfer(link, policy, node, client, request)
+}
+
+/// Reads an object in sub-blocks of `block` segments.
+///
+/// # Errors
+/// Whatever the bus reports; what the device does is in the result.
+pub(in crate::run) fn upload_in_blocks(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+    block: u8,
+) -> Result<Ended, BusError> {
+    let (client, request) = Client::upload_in_blocks(mux, block, 0);
+    transfer(link, policy, node, client, request)
+}
+
+/// Whether an object reads `value`. An upload that announces another length goes no further.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(in crate::run) fn reads(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+    value: &[u8],
+) -> Result<bool, BusError> {
+    let (client, request) = Client::upload(mux);
+    let mut transfer = Running::new(client, request);
+    let Some(answer) = transfer.exchange(link, policy, node)? else { return Ok(false) };
+    if let Ok(Response::Upload(_, Initiate::Segmented(Some(size)))) = Response::decode(&answer.data)
+        && size as usize != value.len()
+    {
+        link.send(&Request::Abort(mux, Abort::GENERAL).frame(node))?;
+        return Ok(false);
+    }
+    Ok(transfer.finish(link, policy, node)?.result.is_ok_and(|now| now == value))
+}
+
+/// Reads an object of a device whose answers frames of others, or a busy host, may keep back: what
+/// is not answered, or with an answer to another request, is asked again.
+///
+/// # Errors
+/// Whatever the bus reports; what the device does is in the result.
+pub(in crate::run) fn upload_patiently(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+) -> Result<Ended, BusError> {
+    const TRIES: usize = 3;
+    let mut ended = upload(link, policy, node, mux)?;
+    for _ in 1..TRIES {
+        let late = matches!(ended.result, Err(Failure::Timeout | Failure::Violation { .. }));
+        // A late answer would be taken for that to the next request.
+        if late && catches_up(link, policy, node)? {
+            ended = upload(link, policy, node, mux)?;
+        }
+    }
+    Ok(ended)
+}
+
+/// Waits until the server has answered everything that it was asked before, and says whether it
+/// has. A server answers in order, so what follows its answer to one more upload is not late.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(in crate::run) fn catches_up(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+) -> Result<bool, BusError> {
+    link.send(&Client::upload(DEVICE_TYPE).1.frame(node))?;
+    let until = link.mark() + policy.sdo_timeout;
+    let answers = Some(RESPONSE_COB_ID + u16::from(node));
+    let is_answer = |seen: &Stamped| {
+        !seen.own
+            && seen.frame.data_id() == answers
+            && matches!(
+                Response::decode(&seen.frame.data),
+                Ok(Response::Upload(DEVICE_TYPE, _) | Response::Abort(DEVICE_TYPE, _))
+            )
+    };
+    Ok(link.find(until, is_answer)?.is_some())
+}
+
+/// The object that every device has and nobody changes.
+const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
+
+/// Whether the value of an object does not fit into one frame. Nothing but its begin is uploaded.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub fn is_long(link: &mut Link, policy: &Policy, node: u8, mux: Mux) -> Result<bool, BusError> {
+    let (client, request) = Client::upload(mux);
+    let answer = Running::new(client, request).exchange(link, policy, node)?;
+    let answer = answer.and_then(|answer| Response::decode(&answer.data).ok());
+    let Some(Response::Upload(_, Initiate::Segmented(size))) = answer else { return Ok(false) };
+    link.send(&Request::Abort(mux, Abort::GENERAL).frame(node))?;
+    link.drain(policy.quiet)?;
+    Ok(size.is_none_or(|size| size > 4))
+}
+
+/// Which directions of block transfer the device has, of those that are asked for: it has those
+/// that it does not call an unknown command, and those that it begins. The download is of an object
+/// that cannot be written.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(in crate::run) fn knows_blocks(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    asked: BlockDirections,
+) -> Result<BlockDirections, BusError> {
+    // What is wrong after it has begun is for the cases to find.
+    let known = |ended: Ended| {
+        ended.protocol == Transfer::Block || ended.result != Err(Failure::Aborted(Abort::COMMAND))
+    };
+    let mut blocks = BlockDirections { upload: true, download: true };
+    if asked.upload {
+        blocks.upload = known(upload_in_blocks(link, policy, node, DEVICE_TYPE, LARGEST_BLOCK)?);
+        // A server that answers the abort of the client does not answer the next request by that.
+        link.drain(policy.quiet)?;
+    }
+    if asked.download {
+        match download(link, policy, node, DEVICE_TYPE, &[0; 4], Transfer::Block) {
+            // A case that needs it is not skipped for that, and finds out.
+            Err(BusError::Withheld(_)) => {}
+            ended => blocks.download = known(ended?),
+        }
+    }
+    Ok(blocks)
+}
+
+/// Writes an object.
+///
+/// # Errors
+/// Whatever the bus reports; what the device does is in the result.
+pub(in crate::run) fn download(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+    data: &[u8],
+    flow: Transfer,
+) -> Result<Ended, BusError> {
+    let (client, request) = Client::download(mux, data, flow);
+    // CiA 301 limits neither the time of a save nor that of a load.
+    let patient = Policy { sdo_timeout: policy.sdo_timeout.max(STORE_TIMEOUT), ..*policy };
+    let policy = if matches!(mux.index, 0x1010 | 0x1011) { &patient } else { policy };
+    transfer(link, policy, node, client, request)
+}
+
+/// How long storing and restoring of parameters may take.
+const STORE_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Plays a transfer to its end, which begins with `request`.
+///
+/// # Errors
+/// Whatever the bus reports; what the device does is in the result.
+pub fn transfer(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    client: Client,
+    request: Request,
+) -> Result<Ended, BusError> {
+    Running::new(client, request).finish(link, policy, node)
+}
+
+/// A transfer under way.
+struct Running {
+    client: Client,
+    /// What is transferred.
+    mux: Mux,
+    /// What is to be sent before the next answer.
+    requests: Vec<Request>,
+    /// An answer that was received and not looked at.
+    answer: Option<Option<Frame>>,
+    protocol: Transfer,
+    unsized_data: bool,
+    /// How many answers may still come.
+    left: u32,
+}
+
+impl Running {
+    /// A transfer of 1 MiB in segments, which takes minutes on a real bus, has less answers.
+    const MOST_ANSWERS: u32 = 160_000;
+
+    fn new(client: Client, request: Request) -> Self {
+        let mux = client.mux();
+        let (protocol, left) = (Transfer::Expedited, Self::MOST_ANSWERS);
+        let requests = vec![request];
+        Self { client, mux, requests, answer: None, protocol, unsized_data: false, left }
+    }
+
+    /// Sends what is to be sent and waits for the answer.
+    fn exchange(
+        &mut self,
+        link: &mut Link,
+        policy: &Policy,
+        node: u8,
+    ) -> Result<Option<Frame>, BusError> {
+        let answers = RESPONSE_COB_ID + u16::from(node);
+        let first_sent = link.mark();
+        let many = self.requests.len() > 1;
+        link.send_all(self.requests.drain(..).map(|request| request.frame(node)))?;
+        let until = link.mark() + policy.sdo_timeout;
+        if many {
+            // A server may break off before it has heard everything.
+            link.look_from(first_sent);
+        }
+        let fits = |seen: &Stamped| !seen.own && seen.frame.data_id() == Some(answers);
+        let answer = link.find_answer(until, fits)?.map(|seen| seen.frame);
+        self.answer = Some(answer);
+        Ok(answer)
+    }
+
+    fn finish(mut self, link: &mut Link, policy: &Policy, node: u8) -> Result<Ended, BusError> {
+        loop {
+            let raw = match self.answer.take() {
+                Some(answer) => answer,
+                None => self.exchange(link, policy, node)?,
+            };
+            self.answer = None;
+            let (protocol, unsized_data) = (&mut self.protocol, &mut self.unsized_data);
+            self.left = self.left.saturating_sub(1);
+            let next = match raw.map(|frame| self.client.decode(&frame.data)) {
+                None => self.client.timeout(),
+                Some(Ok(got)) if self.left == 0 => {
+                    let expected = format!("the end after {} answers", Self::MOST_ANSWERS);
+                    let abort = Request::Abort(self.mux, Abort::MEMORY);
+                    Next::Failed(Failure::Violation { expected, got }, Some(abort))
+                }
+                Some(Ok(response)) => {
+                    match response {
+                        Response::Upload(_, initiate) => {
+                            *unsized_data = matches!(initiate, Initiate::Unsized(_));
+                            if matches!(initiate, Initiate::Segmented(_)) {
+                                *protocol = Transfer::Segmented;
+                            }
+                        }
+                        Response::Block(
+                            BlockResponse::Upload { .. } | BlockResponse::Download { .. },
+                        ) => {
+                            *protocol = Transfer::Block;
+                        }
+                        _ => {}
+                    }
+                    self.client.step(response)
+                }
+                Some(Err(malformed)) => {
+                    let expected = format!("an answer of 8 bytes: {malformed}");
+                    let mut bytes = [0; 8];
+                    let sent = raw.map(|frame| frame.data).unwrap_or_default();
+                    bytes.iter_mut().zip(&*sent).for_each(|(byte, sent)| *byte = *sent);
+                    let got = Response::Unknown(bytes);
+                    Next::Failed(Failure::Violation { expected, got }, None)
+                }
+            };
+            let (result, tell) = match next {
+                Next::Send(client, requests) => {
+                    (self.client, self.requests) = (client, requests);
+                    continue;
+                }
+                Next::Done(data, tell) => (Ok(data), tell),
+                Next::Failed(failure, tell) => (Err(failure), tell),
+            };
+            if let Some(tell) = tell {
+                link.send(&tell.frame(node))?;
+            }
+            let (protocol, unsized_data) = (self.protocol, self.unsized_data);
+            return Ok(Ended { result, raw, protocol, unsized_data });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canopen::{Instant, VirtualBus, wire};
+    use reference_devices::devices;
+    use reference_devices::rules::Rules;
+
+    use super::*;
+
+    const BIT_RATE: u32 = 1_000_000;
+    const NODE: u8 = 5;
+    const LARGE: Mux = Mux::new(0x2F20, 0);
+
+    /// The part of an idle wire that a transfer takes, and how it ended.
+    fn load(client: Client, request: Request, written: &[u8]) -> (f64, Ended) {
+        let policy = Policy::at_bit_rate(BIT_RATE);
+        let device = devices::device("generic").unwrap();
+        let mut bus = VirtualBus::new(BIT_RATE);
+        bus.attach(device.node(NODE, Rules::default()));
+        let mut link = Link::new(&mut bus);
+        link.wait(Instant::ZERO + policy.boot_timeout).unwrap();
+        let flow = Transfer::Segmented;
+        download(&mut link, &policy, NODE, LARGE, written, flow).unwrap().result.unwrap();
+        link.take_trace();
+        let ended = transfer(&mut link, &policy, NODE, client, request).unwrap();
+        let trace: Vec<Stamped> = link.take_trace().iter().map(|seen| seen.stamped).collect();
+        (wire::load(&trace, BIT_RATE), ended)
+    }
+
+    /// Answers an upload of any object with segments that are empty and not the last one.
+    struct Endless(u8);
+
+    impl canopen::Device for Endless {
+        fn handle_frame(&mut self, _: Instant, frame: &Frame, out: &mut canopen::Outbox) {
+            let mut answer = frame.data.padded();
+            match answer[0] >> 5 {
+                2 => answer[0] = 0x40,
+                3 => {
+                    (answer[0], self.0) = (self.0 << 4 | 7 << 1, self.0 ^ 1);
+                }
+                _ => return,
+            }
+            out.push(Frame::new(RESPONSE_COB_ID + u16::from(NODE), answer));
+        }
+
+        fn handle_timeout(&mut self, _: Instant, _: &mut canopen::Outbox) {}
+
+        fn poll_at(&self) -> Option<Instant> {
+            None
+        }
+    }
+
+    #[test]
+    fn a_transfer_that_does_not_end_is_aborted_and_said() {
+        let mut bus = VirtualBus::new(BIT_RATE);
+        bus.attach(Endless(0));
+        let mut link = Link::new(&mut bus);
+        let (client, request) = Client::upload(LARGE);
+        let running = Running { left: 50, ..Running::new(client, request) };
+        let ended = running.finish(&mut link, &Policy::at_bit_rate(BIT_RATE), NODE).unwrap();
+        let Err(Failure::Violation { expected, .. }) = ended.result else { panic!("it ended") };
+        assert_eq!(expected, "the end after 160000 answers");
+        let last = link.take_trace().pop().unwrap().stamped.frame;
+        assert_eq!(last, Request::Abort(LARGE, Abort::MEMORY).frame(NODE));
+    }
+
+    #[test]
+    fn a_block_download_leaves_no_gap_on_the_wire() {
+        let data: Vec<u8> = (0..10_000).map(|place| (place % 251) as u8).collect();
+        let (client, request) = Client::download(LARGE, &data, Transfer::Block);
+        let (load, ended) = load(client, request, &[]);
+        assert_eq!(ended.result, Ok(Vec::new()));
+        assert!(load >= 0.95, "{load}");
+    }
+
+    #[test]
+    fn a_block_upload_of_our_server_leaves_no_gap_on_the_wire() {
+        let data: Vec<u8> = (0..10_000).map(|place| (place % 251) as u8).collect();
+        let (client, request) = Client::upload_in_blocks(LARGE, LARGEST_BLOCK, 0);
+        let (load, ended) = load(client, request, &data);
+        assert_eq!(ended.result, Ok(data));
+        assert!(load >= 0.95, "{load}");
+    }
+}

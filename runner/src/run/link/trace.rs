@@ -1,0 +1,471 @@
+//! The bus as a runner sees it: a trace, and a cursor in it.
+//!
+//! Windows are measured in trace time. A step starts where the last one ended, at the stamp of the
+//! last frame that was matched or sent, so the latency of the host never enters a judgement.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use canopen::monitor::Seen;
+use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped};
+use reports::Event;
+
+use super::silence::Silence;
+use super::traffic::Traffic;
+use crate::run::observer::{Observer, Unobserved};
+use crate::stop::Stop;
+
+/// The frames that wait for the wire at once. The transmit queue of a CAN interface is usually ten
+/// frames long, and one that is full costs a wait.
+const MOST_AHEAD: usize = 8;
+
+/// A tester that is less late than this is in time.
+const IN_TIME: Duration = Duration::from_millis(5);
+
+/// A bus, what was seen on it since the case began, and how far the steps have looked.
+pub struct Link<'b> {
+    bus: &'b mut dyn Bus,
+    trace: Vec<Seen>,
+    cursor: usize,
+    mark: Instant,
+    /// From where in the trace frames came beside the answer at that moment.
+    beside: Option<(usize, Instant)>,
+    emit: Option<&'b mut dyn FnMut(Event)>,
+    observer: &'b dyn Observer,
+    /// Whether a case is open, to which the frames belong.
+    in_case: bool,
+    lateness: Lateness,
+    stop: Stop,
+    silence: Silence,
+    traffic: Traffic,
+}
+
+/// How late the tester was on a bus where it can be. In virtual time all of it stays zero.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lateness {
+    /// The longest time by which a frame missed the moment at which it was meant to leave, of those
+    /// that were more than the step bears.
+    pub missed: Duration,
+    /// The same of the ends of waits.
+    pub overslept: Duration,
+    /// The longest time that it took to notice a frame, or the end of a wait.
+    pub noticed: Duration,
+    /// The shortest.
+    pub soonest: Duration,
+    /// All of these times together.
+    pub sum: Duration,
+    /// How many there are.
+    pub count: u32,
+}
+
+impl Lateness {
+    fn notice(&mut self, late: Duration) {
+        self.noticed = self.noticed.max(late);
+        self.soonest = if self.count == 0 { late } else { self.soonest.min(late) };
+        self.sum += late;
+        self.count += 1;
+    }
+}
+
+impl<'b> Link<'b> {
+    /// A link that starts now.
+    pub fn new(bus: &'b mut dyn Bus) -> Self {
+        let mark = bus.now();
+        Self {
+            bus,
+            trace: Vec::new(),
+            cursor: 0,
+            mark,
+            beside: None,
+            emit: None,
+            observer: &Unobserved,
+            in_case: false,
+            lateness: Lateness::default(),
+            stop: Stop::default(),
+            silence: Silence::default(),
+            traffic: Traffic::default(),
+        }
+    }
+
+    /// The same, with a receiver of events: those of [`emit`](Self::emit), and every frame of a
+    /// case at the moment when it is seen. A run that is killed then leaves the frames of its last
+    /// case. As long as the user [asks to stop](Stop::asked), nothing is received.
+    pub(in crate::run) fn reporting(
+        bus: &'b mut dyn Bus,
+        emit: &'b mut dyn FnMut(Event),
+        observer: &'b dyn Observer,
+        stop: &Stop,
+    ) -> Self {
+        Self { emit: Some(emit), observer, stop: stop.clone(), ..Self::new(bus) }
+    }
+
+    /// Listens for when the device with this node id falls silent.
+    pub(in crate::run) fn listen_to(&mut self, node: u8) {
+        self.silence = Silence::of(node);
+    }
+
+    /// Measures from now on how much of the bus others take.
+    pub(in crate::run) fn watch(&mut self, traffic: Traffic) {
+        self.traffic = traffic;
+        self.traffic.forget(self.mark);
+    }
+
+    /// Begins to measure anew how much of the bus others take.
+    pub(in crate::run) fn forget_traffic(&mut self) {
+        self.traffic.forget(self.mark);
+    }
+
+    /// How much of the bus others take.
+    pub(in crate::run) const fn traffic(&self) -> &Traffic {
+        &self.traffic
+    }
+
+    /// What the device heard last, when it has sent nothing since.
+    pub(in crate::run) const fn silence(&self) -> &Silence {
+        &self.silence
+    }
+
+    /// What follows leaves the device as it was found, or does not any more: one signal is
+    /// remembered until then.
+    pub(in crate::run) fn clean(&self, cleaning: bool) {
+        self.stop.clean(cleaning);
+    }
+
+    /// Reports an event.
+    pub(in crate::run) fn emit(&mut self, event: Event) {
+        match &event {
+            Event::CaseStarted(_) => self.in_case = true,
+            Event::CaseEnded(_) => self.in_case = false,
+            _ => {}
+        }
+        self.observer.event(&event);
+        if let Some(emit) = &mut self.emit {
+            emit(event);
+        }
+    }
+
+    /// Where the next step starts.
+    pub const fn mark(&self) -> Instant {
+        self.mark
+    }
+
+    /// The time on the bus, which may be later than where the next step starts.
+    pub fn now(&mut self) -> Instant {
+        self.bus.now().max(self.mark)
+    }
+
+    /// The frames since the trace was last taken.
+    pub fn trace(&self) -> &[Seen] {
+        &self.trace
+    }
+
+    /// Takes the trace and begins a new one.
+    pub fn take_trace(&mut self) -> Vec<Seen> {
+        (self.cursor, self.beside) = (0, None);
+        std::mem::take(&mut self.trace)
+    }
+
+    /// Sends a frame and waits until it is complete on the wire. The next step starts there.
+    ///
+    /// # Errors
+    /// Whatever the bus reports; [`BusError::Io`] when no node acknowledges the frame.
+    pub fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        self.send_all([*frame])
+    }
+
+    /// Sends a frame that was meant to leave at the moment `meant`, and can be as late as `bears`.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send).
+    pub fn send_at(
+        &mut self,
+        frame: &Frame,
+        meant: Instant,
+        bears: Duration,
+    ) -> Result<(), BusError> {
+        self.send(frame)?;
+        let late = self.mark.since(meant);
+        if self.bus.is_real() && late > bears {
+            self.lateness.missed = self.lateness.missed.max(late);
+        }
+        Ok(())
+    }
+
+    /// Lets time pass until `until`, for what follows to happen then, or as much later as `bears`.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn wait_for(&mut self, until: Instant, bears: Duration) -> Result<(), BusError> {
+        self.wait(until)?;
+        let late = self.bus.now().since(until);
+        if self.bus.is_real() && late > bears {
+            self.lateness.overslept = self.lateness.overslept.max(late);
+        }
+        Ok(())
+    }
+
+    /// How late the tester was since this was last forgotten.
+    pub const fn lateness(&self) -> Lateness {
+        self.lateness
+    }
+
+    /// Begins to look anew at how late the tester is.
+    pub fn forget_lateness(&mut self) {
+        self.lateness = Lateness::default();
+    }
+
+    /// Lets time pass until the tester has been in time for a while, at most for two seconds: what
+    /// stalls a host often lasts.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn calm(&mut self) -> Result<(), BusError> {
+        const WHILE: Duration = Duration::from_millis(100);
+        const MOST: u32 = 20;
+        for _ in 0..MOST {
+            self.forget_lateness();
+            let until = self.now() + WHILE;
+            self.wait(until)?;
+            if self.lateness.noticed < IN_TIME && self.now().since(until) < IN_TIME {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Sends frames without a gap between them and waits until the last is complete on the wire.
+    /// The next step starts there.
+    ///
+    /// # Errors
+    /// As [`send`](Self::send).
+    pub fn send_all(&mut self, frames: impl IntoIterator<Item = Frame>) -> Result<(), BusError> {
+        let mut frames = frames.into_iter();
+        let mut ahead = VecDeque::new();
+        loop {
+            // A frame that waits in the queue of the interface follows at once, however late the
+            // host hears of the end of the frame before it.
+            for frame in frames.by_ref().take(MOST_AHEAD - ahead.len()) {
+                self.bus.send(&frame)?;
+                ahead.push_back(frame);
+            }
+            let Some(frame) = ahead.pop_front() else { return Ok(()) };
+            self.complete(&frame)?;
+        }
+    }
+
+    /// Waits until an own frame is complete on the wire.
+    fn complete(&mut self, frame: &Frame) -> Result<(), BusError> {
+        const PATIENCE: Duration = Duration::from_secs(2);
+        /// So many in that time leave no room for another one.
+        const MANY: usize = 200;
+        let (give_up, before) = (self.bus.now() + PATIENCE, self.trace.len());
+        while let Some(place) = self.pull(give_up)? {
+            let stamped = self.trace[place].stamped;
+            if stamped.own && stamped.frame == *frame {
+                (self.cursor, self.mark) = (place + 1, stamped.at);
+                return Ok(());
+            }
+        }
+        let others = self.trace[before..].iter().filter(|seen| !seen.stamped.own).count();
+        Err(BusError::Io(match others {
+            ..MANY => format!("frame {frame} was not acknowledged: is another node on the bus?"),
+            _ => format!(
+                "frame {frame} was not sent within 2 s, in which {others} frames of others came: \
+                 they leave no room on the bus"
+            ),
+        }))
+    }
+
+    /// The next frame from the cursor on that `fits`, if it is complete by `until`. It counts as
+    /// expected, and the next step starts there.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn find(
+        &mut self,
+        until: Instant,
+        mut fits: impl FnMut(&Stamped) -> bool,
+    ) -> Result<Option<Stamped>, BusError> {
+        let mut place = self.cursor;
+        loop {
+            if place == self.trace.len() && self.pull(until)?.is_none() {
+                return Ok(None);
+            }
+            let seen = &mut self.trace[place];
+            if seen.stamped.at > until {
+                return Ok(None);
+            }
+            if fits(&seen.stamped) {
+                seen.expected = true;
+                (self.cursor, self.mark) = (place + 1, seen.stamped.at);
+                return Ok(Some(seen.stamped));
+            }
+            place += 1;
+        }
+    }
+
+    /// The answer to what was sent last, as [`find`](Self::find) finds a frame. What the request
+    /// causes may come before the answer does: [`find_beside`](Self::find_beside) finds it.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn find_answer(
+        &mut self,
+        until: Instant,
+        fits: impl FnMut(&Stamped) -> bool,
+    ) -> Result<Option<Stamped>, BusError> {
+        let asked = self.cursor;
+        let answer = self.find(until, fits)?;
+        self.beside = answer.map(|answer| (asked, answer.at));
+        Ok(answer)
+    }
+
+    /// A frame that came between a request and its answer, when nothing happened after the answer.
+    /// It counts as expected; the next step starts where it would have started.
+    pub fn find_beside(&mut self, fits: impl Fn(&Stamped) -> bool) -> Option<Stamped> {
+        let (from, _) = self.beside.filter(|(_, answered)| *answered == self.mark)?;
+        let between = &mut self.trace[from..self.cursor];
+        let place = between.iter().position(|seen| !seen.expected && fits(&seen.stamped))?;
+        between[place].expected = true;
+        let found = between[place].stamped;
+        self.beside = Some((from + place + 1, self.mark));
+        Some(found)
+    }
+
+    /// Lets time pass until `until`. The next step starts there.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn wait(&mut self, until: Instant) -> Result<(), BusError> {
+        while self.pull(until)?.is_some() {}
+        self.skip_to(until);
+        Ok(())
+    }
+
+    /// Waits until nothing came for the time `quiet`, at most 20 times as long: a device that
+    /// never falls silent is not waited for.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn drain(&mut self, quiet: Duration) -> Result<(), BusError> {
+        let end = self.mark + quiet * 20;
+        let mut until = self.mark + quiet;
+        while let Some(place) = self.pull(until.min(end))? {
+            until = self.trace[place].stamped.at + quiet;
+        }
+        self.skip_to(until.min(end));
+        Ok(())
+    }
+
+    /// The bench around the device.
+    pub fn bench(&mut self) -> Option<&mut dyn Bench> {
+        self.bus.bench()
+    }
+
+    /// Whatever came until now has been looked at.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn look_from_now(&mut self) -> Result<(), BusError> {
+        let now = self.now();
+        self.wait(now)
+    }
+
+    /// Time may have passed beside the bus. The next step starts now, and sees what came meanwhile.
+    pub fn moved(&mut self) {
+        self.mark = self.now();
+    }
+
+    /// Looks again at everything that came after `start`, as after sending many frames.
+    pub fn look_from(&mut self, start: Instant) {
+        self.cursor = self.trace.partition_point(|seen| seen.stamped.at <= start);
+        self.mark = start;
+    }
+
+    /// Everything up to `until` has been looked at.
+    pub fn skip_to(&mut self, until: Instant) {
+        self.cursor +=
+            self.trace[self.cursor..].iter().take_while(|seen| seen.stamped.at <= until).count();
+        self.mark = self.mark.max(until);
+    }
+
+    /// The next frame until `until`. It is waited for in short turns, since a host that stalls and
+    /// is awake again when a frame comes is noticed by nothing else.
+    fn watchful(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+        const TURN: Duration = Duration::from_millis(2);
+        let mut asked = self.bus.now();
+        loop {
+            let turn = until.min(asked + TURN);
+            let got = self.bus.recv(turn)?;
+            let due = got.map_or(turn, |stamped| stamped.at);
+            // What lay there before was not waited for.
+            if asked <= due {
+                asked = self.bus.now();
+                self.lateness.notice(asked.since(due));
+            }
+            if got.is_some() || turn == until {
+                return Ok(got);
+            }
+        }
+    }
+
+    /// One more frame into the trace; its place, or `None` when `until` has come.
+    fn pull(&mut self, until: Instant) -> Result<Option<usize>, BusError> {
+        // A real bus looks while it waits; a simulated one never waits.
+        if self.stop.asked() {
+            return Err(BusError::Interrupted);
+        }
+        let got = match self.bus.is_real() {
+            true => self.watchful(until)?,
+            false => self.bus.recv(until)?,
+        };
+        let Some(stamped) = got else { return Ok(None) };
+        self.silence.see(&stamped);
+        self.traffic.see(&stamped);
+        self.observer.frame(&stamped);
+        self.trace.push(Seen { stamped, expected: false });
+        if self.in_case {
+            self.emit(Event::Frame(stamped));
+        }
+        Ok(Some(self.trace.len() - 1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An interface whose transmit queue is as long as `most` says it must be.
+    #[derive(Default)]
+    struct Queue {
+        waiting: VecDeque<Frame>,
+        most: usize,
+        now: Instant,
+    }
+
+    impl Bus for Queue {
+        fn now(&mut self) -> Instant {
+            self.now
+        }
+        fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+            self.waiting.push_back(*frame);
+            self.most = self.most.max(self.waiting.len());
+            Ok(())
+        }
+        fn recv(&mut self, _: Instant) -> Result<Option<Stamped>, BusError> {
+            self.now += Duration::from_micros(100);
+            Ok(self.waiting.pop_front().map(|frame| Stamped { at: self.now, frame, own: true }))
+        }
+    }
+
+    #[test]
+    fn frames_wait_in_the_queue_of_the_interface_and_do_not_overflow_it() {
+        let mut bus = Queue::default();
+        let mut link = Link::new(&mut bus);
+        let frames: Vec<Frame> = (0..127).map(|count| Frame::new(0x605, [count; 8])).collect();
+        link.send_all(frames.iter().copied()).unwrap();
+        assert_eq!(link.mark(), link.trace()[126].stamped.at);
+        assert!(link.trace().iter().map(|seen| seen.stamped.frame).eq(frames));
+        assert_eq!(bus.most, MOST_AHEAD);
+    }
+}

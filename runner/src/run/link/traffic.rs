@@ -1,0 +1,121 @@
+//! What others than the device send, and how much of the bus it takes.
+
+use std::time::Duration;
+
+use canopen::wire::{INTERMISSION_BITS, frame_bits};
+use canopen::{Bus, Instant, Stamped, lss};
+
+use crate::dut::Dut;
+
+/// The load of the bus by frames that neither the tester nor the device sends, looked at in
+/// stretches, since a burst disturbs as much as a load that lasts.
+#[derive(Clone, Debug, Default)]
+pub struct Traffic {
+    /// In bit/s; `None` when nobody knows it, and then no load either.
+    bit_rate: Option<u32>,
+    node: u8,
+    /// The identifiers that the device has by its data sheet.
+    known: Vec<u16>,
+    /// Where the stretch begins that is looked at, and the bits of others in it.
+    stretch: Instant,
+    bits: u64,
+    /// The largest load of a stretch.
+    most: f64,
+}
+
+impl Traffic {
+    /// Stretches are that long.
+    const STRETCH: Duration = Duration::from_millis(50);
+    /// Above this load, what a device does late or not at all may be the doing of others.
+    pub(in crate::run) const FULL: f64 = 0.8;
+    /// Below this load, nobody needs to know of it.
+    pub(in crate::run) const WORTH_A_WORD: f64 = 0.05;
+
+    /// Beside this device, whose data sheet gives it these identifiers.
+    pub fn beside(dut: &Dut, known: Vec<u16>) -> Self {
+        Self { bit_rate: dut.bit_rate, node: dut.node, known, ..Self::default() }
+    }
+
+    /// Forgets what there was until `now`.
+    pub(super) fn forget(&mut self, now: Instant) {
+        (self.stretch, self.bits, self.most) = (now, 0, 0.0);
+    }
+
+    /// Takes a frame that was on the bus.
+    pub(super) fn see(&mut self, seen: &Stamped) {
+        if seen.own || self.is_of_device(seen) {
+            return;
+        }
+        if seen.at.since(self.stretch) >= Self::STRETCH {
+            self.most = self.load();
+            (self.stretch, self.bits) = (seen.at, 0);
+        }
+        self.bits += frame_bits(&seen.frame) + INTERMISSION_BITS;
+    }
+
+    /// The largest part of the bus, up to 1, that others took in a stretch.
+    pub(in crate::run) fn load(&self) -> f64 {
+        let Some(bit_rate) = self.bit_rate else { return 0.0 };
+        let room = Self::STRETCH.as_secs_f64() * f64::from(bit_rate);
+        (self.bits as f64 / room).max(self.most).min(1.0)
+    }
+
+    /// The load as a sentence, when it is at least `least`.
+    pub(in crate::run) fn said(&self, least: f64) -> Option<String> {
+        let load = self.load();
+        let percent = load * 100.0;
+        (load >= least).then(|| format!("frames of others take {percent:.0} % of the bus"))
+    }
+
+    /// What others take of a bus on which nobody answers, as a sentence, when it is worth a word.
+    pub fn heard(bus: &mut dyn Bus, bit_rate: Option<u32>) -> Option<String> {
+        let now = bus.now();
+        let mut traffic = Self { bit_rate, stretch: now, ..Self::default() };
+        while let Ok(Some(seen)) = bus.recv(now + Self::STRETCH * 4) {
+            traffic.see(&seen);
+        }
+        traffic.said(Self::WORTH_A_WORD)
+    }
+
+    /// The device has its node id in the identifiers of the predefined connection set.
+    fn is_of_device(&self, seen: &Stamped) -> bool {
+        seen.frame.id.as_standard().is_some_and(|id| {
+            id == lss::RESPONSE_COB_ID
+                || id >= 0x80 && id & 0x7F == u16::from(self.node)
+                || self.known.contains(&id)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canopen::Frame;
+    use canopen::eds::Eds;
+
+    use super::*;
+
+    #[test]
+    fn a_burst_counts_as_much_as_a_load_that_lasts() {
+        let dut = Dut { bit_rate: Some(100_000), ..Dut::new("any", 5, Eds::default()) };
+        let mut traffic = Traffic::beside(&dut, vec![0x123]);
+        let at = |ms: u64| Instant(ms * 1_000_000);
+        let seen = |id, ms, own| Stamped { at: at(ms), frame: Frame::new(id, [0; 8]), own };
+        for ms in 0..40 {
+            traffic.see(&seen(0x185, ms, false));
+            traffic.see(&seen(0x123, ms, false));
+            traffic.see(&seen(0x605, ms, true));
+        }
+        assert_eq!((traffic.load(), traffic.said(0.0)), (0.0, Some(NONE.to_owned())));
+        (100..135).for_each(|ms| traffic.see(&seen(0x186, ms, false)));
+        traffic.see(&seen(0x186, 200, false));
+        assert!((0.85..0.9).contains(&traffic.load()), "{}", traffic.load());
+        assert!(traffic.said(Traffic::FULL).is_some());
+        traffic.forget(at(300));
+        assert_eq!(traffic.load(), 0.0);
+        traffic.bit_rate = None;
+        (300..335).for_each(|ms| traffic.see(&seen(0x186, ms, false)));
+        assert_eq!(traffic.said(Traffic::WORTH_A_WORD), None);
+    }
+
+    const NONE: &str = "frames of others take 0 % of the bus";
+}

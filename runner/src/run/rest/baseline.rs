@@ -1,0 +1,194 @@
+//! What stands from the start: a device with errors that no case caused is tested all the same.
+
+use std::cell::{Cell, RefCell};
+use std::time::Duration;
+
+use canopen::Mux;
+use canopen::emcy::EmcyCode;
+use canopen::monitor::Standing;
+use canopen::sdo::Failure;
+use reports::Identity;
+
+use crate::plan::show_bytes;
+use crate::run::policy::Policy;
+use crate::suite::profile::Habits;
+
+/// What bits of it stand from the start is no error of a case.
+pub(super) const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
+
+/// The device as it was before the first case, freshly started.
+#[derive(Clone, Debug)]
+pub(in crate::run) struct Baseline {
+    /// What 1000h and 1018h say.
+    pub identity: Identity,
+    /// The bits of the error register; why there are none to compare with.
+    register: RefCell<Result<Vec<u8>, Failure>>,
+    /// Whether a boot-up message follows a reset.
+    boots_up: Cell<bool>,
+    /// What it does by itself.
+    pub habits: Habits,
+    /// The error codes of the emergencies that it sent, without 0000h.
+    pub(super) emergencies: Vec<EmcyCode>,
+    /// Errors of which it sends no emergency, since 1014h disables them.
+    pub(super) hidden: Standing,
+    /// The nodes whose heartbeat it monitors.
+    pub monitored: Vec<u8>,
+    /// What the starts for cases showed.
+    starts: Cell<Starts>,
+    /// How long it was waited for altogether while it was busy.
+    waited: Cell<Duration>,
+}
+
+/// What the device sent when it was started.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Starts {
+    /// How many starts were looked at.
+    count: u32,
+    /// The longest time from a start to the last frame that belongs to it.
+    longest: Duration,
+}
+
+impl Starts {
+    /// So many show what the next ones bring, whatever the phase of a cycle of the application.
+    const ENOUGH: u32 = 8;
+    /// What a start may take longer than twice the longest so far.
+    const MARGIN: Duration = Duration::from_millis(10);
+
+    fn quiet(self, most: Duration) -> Duration {
+        match self.count < Self::ENOUGH {
+            true => most,
+            false => most.min(self.longest * 2 + Self::MARGIN),
+        }
+    }
+}
+
+impl Baseline {
+    /// Whether a device that is busy is waited for once more, for `time`. One that never ends costs
+    /// a run no more than that.
+    pub(super) fn bears_with(&self, time: Duration) -> bool {
+        const ALTOGETHER: Duration = Duration::from_secs(600);
+        let waited = self.waited.get() + time;
+        self.waited.set(waited);
+        waited <= ALTOGETHER
+    }
+
+    /// A device of which nothing stands from the start.
+    pub(in crate::run) fn of(identity: Identity) -> Self {
+        Self {
+            identity,
+            register: RefCell::new(Ok(Vec::new())),
+            boots_up: Cell::new(true),
+            habits: Habits::default(),
+            emergencies: Vec::new(),
+            waited: Cell::default(),
+            hidden: Standing::default(),
+            monitored: Vec::new(),
+            starts: Cell::default(),
+        }
+    }
+
+    /// Whether the device sends a boot-up message.
+    pub(super) fn boots_up(&self) -> bool {
+        self.boots_up.get()
+    }
+
+    /// The errors that it reports whenever it starts.
+    pub(in crate::run) fn standing(&self) -> Standing {
+        let mut standing = self.hidden.clone();
+        standing.codes.extend(&self.emergencies);
+        standing
+    }
+
+    /// How long the wire must be idle after a start, for what the device sends to have come to
+    /// rest: as long as the policy says until enough starts were seen, then hardly longer than any
+    /// of them took. Cases begin with the same configuration, so that the starts are alike.
+    pub(super) fn quiet_after_start(&self, policy: &Policy) -> Duration {
+        self.starts.get().quiet(policy.quiet_after_start)
+    }
+
+    /// The device was started, and the last of what it sent came after that time.
+    pub(super) fn started(&self, rest: Duration) {
+        let Starts { count, longest } = self.starts.get();
+        self.starts.set(Starts { count: count + 1, longest: longest.max(rest) });
+    }
+
+    /// A boot-up message was waited for in vain.
+    pub(super) fn without_boot_up(&self) {
+        self.boots_up.set(false);
+    }
+
+    /// What the error register shows that did not stand from the start.
+    pub(in crate::run) fn new_errors(&self, now: &Result<Vec<u8>, Failure>) -> Option<String> {
+        let standing = self.register.borrow();
+        match (now, &*standing) {
+            (Ok(now), before) => {
+                let before = before.as_ref().map_or(&[][..], Vec::as_slice);
+                let stands = |place| before.get(place).copied().unwrap_or(0);
+                let new = now.iter().enumerate().any(|(place, bits)| bits & !stands(place) != 0);
+                new.then(|| format!("the error register is {}", show_bytes(now)))
+            }
+            (Err(_), Err(_)) => None,
+            (Err(failure), Ok(_)) => Some(format!("upload of {ERROR_REGISTER}: {failure}")),
+        }
+    }
+
+    /// Errors that a reset does not clear stand from now on.
+    pub(super) fn accept(&self, now: Result<Vec<u8>, Failure>) {
+        *self.register.borrow_mut() = now;
+    }
+
+    /// What readers of a report must know.
+    pub(in crate::run) fn remarks(&self) -> Vec<String> {
+        let mut remarks = Vec::new();
+        match &*self.register.borrow() {
+            Ok(register) if register.iter().any(|bits| *bits != 0) => remarks.push(format!(
+                "the error register 1001h was {} before the first case; these bits count as no \
+                 error",
+                show_bytes(register)
+            )),
+            Ok(_) => {}
+            Err(failure) => {
+                remarks.push(format!("upload of {ERROR_REGISTER} before the first case: {failure}"))
+            }
+        }
+        let listed = |codes: &[EmcyCode]| {
+            codes.iter().map(|code| format!("{:04X}h", code.0)).collect::<Vec<_>>().join(", ")
+        };
+        if !self.emergencies.is_empty() {
+            let codes = listed(&self.emergencies);
+            remarks.push(format!("it sent emergencies {codes} when it started"));
+        }
+        if !self.hidden.codes.is_empty() {
+            let codes = listed(&self.hidden.codes);
+            remarks.push(format!("1003h shows errors {codes}, and 1014h disables emergencies"));
+        }
+        if !self.boots_up() {
+            remarks.push("it sends no boot-up message after a reset".to_owned());
+        }
+        if self.habits.self_start {
+            remarks.push("it enters OPERATIONAL without a command".to_owned());
+        }
+        remarks
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn starts_that_were_short_shorten_the_wait_for_the_next_ones() {
+        let policy = Policy::at_bit_rate(1_000_000);
+        let ms = Duration::from_millis;
+        let after = |rests: &[u64]| {
+            let baseline = Baseline::of(Identity::default());
+            rests.iter().for_each(|rest| baseline.started(ms(*rest)));
+            baseline.quiet_after_start(&policy)
+        };
+        assert_eq!(after(&[]), ms(50));
+        assert_eq!(after(&[1; 7]), ms(50));
+        assert_eq!(after(&[1; 8]), ms(12));
+        assert_eq!(after(&[1, 1, 7, 1, 1, 1, 1, 1, 2]), ms(24));
+        assert_eq!(after(&[30; 20]), ms(50));
+    }
+}

@@ -1,0 +1,140 @@
+//! What is found out about a device before the first case: how it is, freshly started.
+
+use std::time::Duration;
+
+use canopen::emcy::EmcyCode;
+use canopen::heartbeat::ErrorControl;
+use canopen::monitor::Standing;
+use canopen::nmt::NmtState;
+use canopen::pdo::CobId;
+use canopen::{BusError, Mux, Stamped, emcy};
+use reports::Identity;
+
+use super::baseline::{Baseline, ERROR_REGISTER};
+use super::ladder::Rung;
+use crate::dut::Dut;
+use crate::run::link::{Link, sdo};
+use crate::run::policy::Policy;
+use crate::suite::profile::Habits;
+
+const EMCY_ID: Mux = Mux::new(0x1014, 0);
+const ERROR_FIELD: u16 = 0x1003;
+/// So many errors stand at the same time at most.
+const NEWEST_ERRORS: u8 = 8;
+const START_UP: Mux = Mux::new(0x1F80, 0);
+const STORE: Mux = Mux::new(0x1010, 1);
+const RESTORE: u16 = 0x1011;
+const ON_COMMAND: u8 = 1 << 0;
+const AUTONOMOUS: u8 = 1 << 1;
+/// Bit 2 of 1F80h: the node does not enter OPERATIONAL by itself (CiA 302-2).
+const WAITS: u8 = 1 << 2;
+/// How long a device may take to report an error after its boot-up message.
+const FIRST_EMERGENCIES: Duration = Duration::from_millis(100);
+
+/// Looks at a device that has answered. One of which no boot-up message was seen so far is
+/// reset once, to see whether it sends one.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(in crate::run) fn first_look(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    identity: Identity,
+) -> Result<Baseline, BusError> {
+    let mut baseline = Baseline::of(identity);
+    let boot_up = ErrorControl::BOOT_UP.frame(dut.node);
+    if !link.trace().iter().any(|seen| !seen.stamped.own && seen.stamped.frame == boot_up) {
+        Rung::ResetNode.climb(link, policy, dut, &baseline)?;
+    }
+    link.drain(policy.quiet.max(FIRST_EMERGENCIES))?;
+    let sent: Vec<Stamped> = link.trace().iter().map(|seen| seen.stamped).collect();
+    let sent = sent.iter().filter(|seen| !seen.own);
+    // The identifier may be another one that was stored.
+    let usual = emcy::COB_ID + u16::from(dut.node);
+    let stored = sdo::upload_patiently(link, policy, dut.node, EMCY_ID)?.result.ok();
+    let stored = stored.and_then(|value| Some(u32::from_le_bytes(*value.first_chunk()?)));
+    let disabled = stored.is_some_and(|cob_id| !CobId(cob_id).valid());
+    let stored = stored.map(|cob_id| CobId(cob_id).can_id());
+    let ids = [Some(usual), stored.or(Some(usual))];
+    let code = |seen: &Stamped| match (ids.contains(&seen.frame.data_id()), &*seen.frame.data) {
+        (true, [low, high, ..]) => Some(EmcyCode(u16::from_le_bytes([*low, *high]))),
+        _ => None,
+    };
+    let mut emergencies: Vec<EmcyCode> = sent.clone().filter_map(code).collect();
+    emergencies.retain(|code| *code != EmcyCode::RESET);
+    emergencies.dedup();
+    let operational = ErrorControl::heartbeat(NmtState::OPERATIONAL).frame(dut.node);
+    let seen = sent.clone().any(|seen| seen.frame == operational);
+    let mut habits = habits(link, policy, dut)?;
+    habits.self_start |= seen;
+    let register = sdo::upload(link, policy, dut.node, ERROR_REGISTER)?.result;
+    let hidden = match register.as_deref() {
+        Ok([bits, ..]) if disabled && *bits != 0 => hidden(link, policy, dut, *bits)?,
+        _ => Standing::default(),
+    };
+    let monitored = monitored(link, policy, dut)?;
+    baseline.accept(register);
+    (baseline.habits, baseline.monitored) = (habits, monitored);
+    (baseline.emergencies, baseline.hidden) = (emergencies, hidden);
+    Ok(baseline)
+}
+
+/// The nodes in 1016h.
+fn monitored(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Vec<u8>, BusError> {
+    let mut nodes = Vec::new();
+    for mux in dut.heartbeat_consumers() {
+        let entry = sdo::upload(link, policy, dut.node, mux)?.result;
+        nodes.extend(entry.ok().and_then(|bytes| bytes.get(2).copied()).filter(|node| *node > 0));
+    }
+    Ok(nodes)
+}
+
+/// The errors behind these bits of the error register, of which 1014h lets no message be sent: the
+/// newest in 1003h.
+fn hidden(link: &mut Link, policy: &Policy, dut: &Dut, bits: u8) -> Result<Standing, BusError> {
+    let mut codes = Vec::new();
+    for sub in 1..=NEWEST_ERRORS {
+        let error = sdo::upload(link, policy, dut.node, Mux::new(ERROR_FIELD, sub))?.result;
+        // An entry that is not in use is not there, and neither is one behind it.
+        let Some([low, high]) = error.ok().and_then(|error| error.first_chunk().copied()) else {
+            break;
+        };
+        codes.push(EmcyCode(u16::from_le_bytes([low, high])));
+    }
+    codes.retain(|code| *code != EmcyCode::RESET);
+    codes.dedup();
+    let untold = if codes.is_empty() { bits } else { 0 };
+    Ok(Standing { codes, untold })
+}
+
+/// What the device does by itself, as its objects say; those that it lacks say nothing.
+fn habits(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Habits, BusError> {
+    let mut low = |mux| -> Result<Option<u8>, BusError> {
+        if dut.eds.entry(mux).is_none() {
+            return Ok(None);
+        }
+        let value = sdo::upload(link, policy, dut.node, mux)?.result;
+        Ok(value.ok().and_then(|bytes| bytes.first().copied()))
+    };
+    // What the data sheet promises is expected.
+    let promises =
+        |mux| dut.default_int(mux).is_some_and(|bits| bits & i128::from(ON_COMMAND) != 0);
+    let (start, store) = (low(START_UP)?, low(STORE)?);
+    let mut idle = |index| -> Result<u128, BusError> {
+        let muxes = dut.eds.entries().map(|entry| entry.mux);
+        let commands = muxes.filter(|mux| mux.index == index && (1..=127).contains(&mux.sub));
+        commands.filter(|mux| !promises(*mux)).try_fold(0, |idle, mux| {
+            let none = low(mux)?.is_some_and(|bits| bits & ON_COMMAND == 0);
+            Ok(idle | u128::from(none) << mux.sub)
+        })
+    };
+    let (no_save, no_load) = (idle(STORE.index)?, idle(RESTORE)?);
+    Ok(Habits {
+        self_start: start.is_some_and(|bits| bits & WAITS == 0),
+        save_on_command: promises(STORE) || store.is_none_or(|bits| bits & ON_COMMAND != 0),
+        autonomous_storage: store.is_some_and(|bits| bits & AUTONOMOUS != 0),
+        no_save,
+        no_load,
+    })
+}

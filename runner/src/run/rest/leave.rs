@@ -1,0 +1,145 @@
+//! Leaving the device as it was before a case: its supply, its objects, its stimuli.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use canopen::{BenchError, BusError, Frame, Mux, emcy};
+use reports::{Event, Note};
+
+use super::answer::booted;
+use super::baseline::Baseline;
+use super::restore::Snapshot;
+use super::state::{is_still, pre_operational};
+use super::stimuli::BenchSnapshot;
+use crate::dut::Dut;
+use crate::run::link::Link;
+use crate::run::policy::Policy;
+
+/// How the end of a case left the device.
+pub(in crate::run) struct Restored {
+    /// Whether each object is as it was.
+    pub whole: bool,
+    /// Whether nothing can be in flight.
+    pub still: bool,
+}
+
+/// A device after a case.
+pub(in crate::run) struct Leaving<'l, 'b> {
+    /// The bus.
+    pub link: &'l mut Link<'b>,
+    /// What to wait for and how long.
+    pub policy: &'l Policy,
+    /// The device.
+    pub dut: &'l Dut,
+    /// How it was before the first case.
+    pub baseline: &'l Baseline,
+    /// How its bench was before the case.
+    pub bench_snapshot: &'l mut BenchSnapshot,
+    /// How many times as long its application is waited for.
+    pub patience: u32,
+}
+
+impl Leaving<'_, '_> {
+    /// Sets stimuli and objects back. `still`: nothing can be in flight; `passed`: the device needs
+    /// no reset before the next case. What is not set back is in `changed` afterwards.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub(in crate::run) fn restore(
+        &mut self,
+        snapshot: &Snapshot,
+        still: bool,
+        passed: bool,
+        changed: &mut BTreeSet<Mux>,
+    ) -> Result<Restored, BusError> {
+        let without_supply = self.bench_snapshot.off;
+        match self.bench_snapshot.undo_silence(self.link) {
+            // Whether it is back, the next case finds out when it settles the device.
+            Ok(()) if without_supply => {
+                _ = booted(self.link, self.policy, self.dut, self.baseline)?;
+            }
+            Ok(()) => {}
+            Err(error) if without_supply => {
+                let what = format!("the bench does not switch the supply on again: {error}");
+                return Err(BusError::Io(what));
+            }
+            Err(error) => self.not_set_back(&error),
+        }
+        // One that failed is reset before the next case.
+        if snapshot.is_empty() && (still || !passed) {
+            self.undo_stimuli()?;
+            self.rest_after_emergencies()?;
+            return Ok(Restored { whole: true, still });
+        }
+        // Once the device is in PRE-OPERATIONAL and nothing is in flight, only what came since
+        // matters to the next case.
+        let mut from = 0;
+        if !still {
+            from = self.link.trace().len();
+            pre_operational(self.link, self.policy, self.dut)?;
+        }
+        let whole = snapshot.restore(self.link, self.policy, self.dut.node, changed)?;
+        // What the stimuli cause then, such as the end of an error or of a slow filter, takes as
+        // long as with the parameters from before the case.
+        self.undo_stimuli()?;
+        self.rest_after_emergencies()?;
+        Ok(Restored { whole, still: is_still(self.link, self.dut, from) })
+    }
+
+    /// Sets the stimuli back, and waits until the device has come to rest.
+    fn undo_stimuli(&mut self) -> Result<(), BusError> {
+        match self.bench_snapshot.undo(self.link) {
+            Ok(false) => {}
+            Ok(true) => {
+                let end = self.link.mark() + self.policy.rest_after_stimuli * self.patience;
+                self.link.wait(end)?;
+            }
+            Err(error) => self.not_set_back(&error),
+        }
+        Ok(())
+    }
+
+    fn not_set_back(&mut self, error: &BenchError) {
+        let text = format!("the bench does not set back what the case set: {error}");
+        self.link.emit(Event::Note(Note { at: self.link.mark(), text }));
+    }
+
+    /// The end of an error is of this case, and not one without a cause in the next. Messages that
+    /// an inhibit time holds back follow each other, so the device rests when none came for long.
+    fn rest_after_emergencies(&mut self) -> Result<(), BusError> {
+        /// More than a device with errors that come and go for ever needs.
+        const MOST: usize = 8;
+        let inhibited = self.dut.default_int(INHIBIT_TIME_EMCY).unwrap_or(0);
+        let inhibited = Duration::from_micros(u64::try_from(inhibited).unwrap_or(0) * 100);
+        let mut looked_at = 0;
+        for _ in 0..MOST {
+            let Some(last) = self.last_emergency(looked_at) else { break };
+            let quiet = match self.ends_all_errors(&last) {
+                true => self.policy.quiet,
+                false => self.policy.quiet_after_emergency,
+            };
+            looked_at = self.link.trace().len();
+            self.link.drain(quiet + inhibited)?;
+        }
+        Ok(())
+    }
+
+    /// The last emergency message of the device in the trace from place `from`.
+    fn last_emergency(&self, from: usize) -> Option<Frame> {
+        let emergency = Some(emcy::COB_ID + u16::from(self.dut.node));
+        let sent = self.link.trace()[from..].iter().map(|seen| &seen.stamped);
+        let mut sent = sent.filter(|seen| !seen.own && seen.frame.data_id() == emergency);
+        sent.next_back().map(|seen| seen.frame)
+    }
+
+    /// Whether an emergency message says that no error is left but those from the start: nothing
+    /// is to follow it.
+    fn ends_all_errors(&self, message: &Frame) -> bool {
+        match &*message.data {
+            [0, 0, register, ..] => self.baseline.new_errors(&Ok(vec![*register])).is_none(),
+            _ => false,
+        }
+    }
+}
+
+const INHIBIT_TIME_EMCY: Mux = Mux::new(0x1015, 0);

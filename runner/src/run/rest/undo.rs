@@ -1,0 +1,126 @@
+//! What a run changed in the device and has not set back yet; on a real bus also on disk, since a
+//! run that is killed sets nothing back.
+
+use std::cell::{Cell, RefCell};
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Debug;
+
+use canopen::Mux;
+use reports::Identity;
+
+use super::restore::Snapshot;
+use crate::plan::show_bytes;
+
+/// A log of what is not set back, as a program keeps it that can be killed.
+pub trait KeepChanges: Debug {
+    /// Its name, when it holds something.
+    fn name_if_written(&self) -> Option<String>;
+
+    /// Says what the device is, which is found out before anything is changed.
+    fn identify(&mut self, identity: Identity);
+
+    /// Replaces what it holds. Without objects, there is no log.
+    ///
+    /// # Errors
+    /// Why it cannot be written.
+    fn write(&mut self, values: &BTreeMap<Mux, Vec<u8>>, stores: bool) -> Result<(), String>;
+}
+
+/// The objects that are not, or perhaps not, as they were before the run, with their values from
+/// then.
+#[derive(Debug, Default)]
+pub struct Undo {
+    left: RefCell<Snapshot>,
+    log: Option<RefCell<Box<dyn KeepChanges>>>,
+    /// Why the log could not be written, which is said once.
+    failure: RefCell<Option<String>>,
+    failed: Cell<bool>,
+}
+
+impl Undo {
+    /// With a log that outlives the run.
+    pub fn kept_by(log: impl KeepChanges + 'static) -> Self {
+        Self { log: Some(RefCell::new(Box::new(log))), ..Self::default() }
+    }
+
+    /// What is not set back.
+    pub fn left(&self) -> BTreeMap<Mux, Vec<u8>> {
+        self.left.borrow().values.clone()
+    }
+
+    /// What is not set back, in a sentence; `None` when everything is.
+    pub fn said(&self) -> Option<String> {
+        let left = self.left();
+        let value = |(mux, value): (&Mux, &Vec<u8>)| format!("{mux} (was {})", show_bytes(value));
+        let objects: Vec<String> = left.iter().map(value).collect();
+        (!left.is_empty()).then(|| {
+            let objects = objects.join(", ");
+            format!("these objects may not be as they were before the run: {objects}")
+        })
+    }
+
+    /// The name of the log, when it holds something that is not set back.
+    pub fn log_name(&self) -> Option<String> {
+        self.log.as_ref().and_then(|log| log.borrow().name_if_written())
+    }
+
+    /// Why the log could not be written, the first time that it could not.
+    pub fn failure(&self) -> Option<String> {
+        self.failure.take()
+    }
+
+    /// Says what the device is, which is found out before anything is changed.
+    pub(in crate::run) fn identify(&self, identity: Identity) {
+        if let Some(log) = &self.log {
+            log.borrow_mut().identify(identity);
+        }
+    }
+
+    /// A case begins that may change what is in the snapshot. What an earlier case left changed is
+    /// set back to the value from before that. Returns whether that took time.
+    pub(in crate::run) fn begin(&self, snapshot: &mut Snapshot) -> bool {
+        let left = self.left.borrow();
+        for (mux, value) in &left.values {
+            if let Some(now) = snapshot.values.get_mut(mux) {
+                now.clone_from(value);
+            }
+        }
+        if snapshot.is_empty() || self.log.is_none() {
+            return false;
+        }
+        let mut all = left.clone();
+        all.values.extend(snapshot.values.clone());
+        all.stores |= snapshot.stores;
+        self.write(&all);
+        true
+    }
+
+    /// The case is over, and of its snapshot that is still changed.
+    pub(in crate::run) fn end(&self, snapshot: &Snapshot, changed: &BTreeSet<Mux>) {
+        let mut left = self.left.borrow_mut();
+        for (mux, value) in &snapshot.values {
+            match changed.contains(mux) {
+                true => _ = left.values.entry(*mux).or_insert_with(|| value.clone()),
+                false => _ = left.values.remove(mux),
+            }
+        }
+        left.stores = !left.values.is_empty() && (left.stores || snapshot.stores);
+        if !snapshot.is_empty() {
+            self.write(&left);
+        }
+    }
+
+    /// Everything that is still changed.
+    pub(in crate::run) fn snapshot(&self) -> Snapshot {
+        self.left.borrow().clone()
+    }
+
+    fn write(&self, all: &Snapshot) {
+        let Some(log) = &self.log else { return };
+        if let Err(why) = log.borrow_mut().write(&all.values, all.stores)
+            && !self.failed.replace(true)
+        {
+            *self.failure.borrow_mut() = Some(why);
+        }
+    }
+}

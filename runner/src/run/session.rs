@@ -1,0 +1,400 @@
+//! A session: one device, its plan, case after case, reported as events.
+//!
+//! Here belongs what a verdict is and what follows from it. What a step does belongs to
+//! [`steps`](super::steps), how the device gets to rest to [`rest`](super::rest).
+
+mod attempts;
+mod case;
+mod monitors;
+mod outcome;
+mod phases;
+mod reliance;
+mod starts;
+
+use std::sync::Arc;
+
+use canopen::{Bus, BusError, Instant};
+use reports::{CaseEnded, CaseStarted, DeviceStarted, Event, Identity, Note, Outcome, Versions};
+
+use super::link::{Link, Traffic, contradiction, identity, oddities, sdo, versions};
+use super::observer::Observer;
+use super::policy::Policy;
+use super::rest::{Baseline, Left, Undo, first_answer, first_look, pre_operational};
+use crate::plan::{Instance, Plan, deeds};
+use crate::protect::Wire;
+use crate::source::At;
+use crate::stop::Stop;
+use crate::suite::profile::BlockDirections;
+use crate::suite::{Level, Register};
+use crate::waivers::Waivers;
+
+use case::{Aftermath, Common};
+use monitors::data_sheet_identifiers;
+use reliance::Reliance;
+use starts::Starts;
+
+/// How a session ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Ending {
+    /// Every case ran.
+    Complete,
+    /// Nobody answered at all.
+    Nobody,
+    /// The device stopped answering; the reason.
+    Gone(String),
+    /// The bus failed.
+    Bus(BusError),
+    /// So many cases failed that the rest was not run, which is so many.
+    Enough(usize),
+}
+
+/// What is found out about a device before the first case.
+struct Known {
+    baseline: Baseline,
+    versions: Versions,
+    /// What is odd about its answers, and about the bus.
+    odd: Vec<String>,
+}
+
+/// Runs a plan.
+pub struct Session<'s> {
+    /// What to run.
+    pub plan: &'s Plan,
+    /// What the cases check.
+    pub register: &'s Register,
+    /// What to wait for and how long.
+    pub policy: Policy,
+    /// The command that runs a case again, without its name.
+    pub rerun: String,
+    /// What is known and accepted.
+    pub waivers: &'s Waivers,
+    /// Stop after so many cases that failed.
+    pub max_fail: Option<usize>,
+    /// Set when the user wants the run to end.
+    pub stop: &'s Stop,
+    /// What the cases change, until it is set back.
+    pub undo: &'s Undo,
+    /// Learns what happens, before it is reported.
+    pub observer: &'s dyn Observer,
+}
+
+impl Session<'_> {
+    /// Runs the plan on `bus` and passes every event to `emit` at the moment when it happens.
+    pub fn run(&self, bus: &mut dyn Bus, emit: &mut dyn FnMut(Event)) -> Ending {
+        let mut link = Link::reporting(bus, emit, self.observer, self.stop);
+        let dut = &self.plan.dut;
+        link.listen_to(dut.node);
+        link.watch(Traffic::beside(dut, data_sheet_identifiers(dut)));
+        match first_answer(&mut link, &self.policy, dut) {
+            Ok(true) => {}
+            Ok(false) => {
+                let ending = match link.traffic().said(Traffic::FULL) {
+                    None => Ending::Nobody,
+                    Some(full) => {
+                        let why = format!("node {} does not answer; {full}", dut.node);
+                        Ending::Bus(BusError::Io(why))
+                    }
+                };
+                return self.not_begun(&mut link, ending);
+            }
+            Err(error) => return self.not_begun(&mut link, Ending::Bus(error)),
+        }
+        let (known, blocks) = match self.get_to_know(&mut link) {
+            Ok(known) => known,
+            Err(error) => return self.not_begun(&mut link, Ending::Bus(error)),
+        };
+        link.emit(Event::DeviceStarted(DeviceStarted {
+            identity: known.baseline.identity,
+            remark: self.remark(&known),
+            versions: known.versions,
+            ..self.device()
+        }));
+        link.take_trace();
+        let ending = self.cases(&mut link, &known.baseline, blocks);
+        self.set_back(&mut link, &ending);
+        ending
+    }
+
+    /// What is to be known of the device before the first case.
+    fn get_to_know(&self, link: &mut Link) -> Result<(Known, BlockDirections), BusError> {
+        let identity = identity(link, &self.policy, &self.plan.dut)?;
+        self.undo.identify(identity);
+        if let Some(why) = contradiction(link.trace(), self.plan.dut.node) {
+            return Err(BusError::Io(why));
+        }
+        let baseline = self.baseline(link, identity)?;
+        let versions = versions(link, &self.policy, &self.plan.dut)?;
+        self.look_at_channels(link)?;
+        let mut odd = oddities(link.trace(), self.plan.dut.node);
+        odd.extend(link.traffic().said(Traffic::WORTH_A_WORD));
+        Ok((Known { baseline, versions, odd }, self.knows_blocks(link)?))
+    }
+
+    /// The device, as far as it is known without asking it.
+    fn device(&self) -> DeviceStarted {
+        let dut = &self.plan.dut;
+        DeviceStarted {
+            device: dut.name.clone(),
+            node: dut.node,
+            identity: Identity::default(),
+            versions: Versions::default(),
+            sheet: Some(dut.sheet.used()),
+            objects: Arc::clone(&dut.sheet.names),
+            bit_rate: dut.bit_rate,
+            rerun: self.rerun.clone(),
+            remark: None,
+        }
+    }
+
+    /// Reports that no case was run, as where the bus cannot be opened.
+    pub fn not_run(&self, emit: &mut dyn FnMut(Event), ending: &Ending) {
+        emit(Event::DeviceStarted(self.device()));
+        let instances: Vec<&Instance> = self.plan.instances.iter().collect();
+        self.rest_not_run(emit, Instant::ZERO, &instances, ending, true);
+    }
+
+    fn not_begun(&self, link: &mut Link, ending: Ending) -> Ending {
+        self.not_run(&mut |event| link.emit(event), &ending);
+        ending
+    }
+
+    /// Reports cases that were not run because the session has ended like this. What the user
+    /// stopped is skipped, except for the case at which that happened, `at_first`.
+    fn rest_not_run(
+        &self,
+        emit: &mut dyn FnMut(Event),
+        at: Instant,
+        rest: &[&Instance],
+        ending: &Ending,
+        at_first: bool,
+    ) {
+        let mut starts = Starts::new(self.register);
+        let why = match ending {
+            Ending::Complete => return,
+            Ending::Nobody => format!("node {} does not answer", self.plan.dut.node),
+            Ending::Gone(why) => shortly(why).to_owned(),
+            Ending::Bus(BusError::Interrupted) => "interrupted".to_owned(),
+            Ending::Bus(error) => format!("the bus failed: {error}"),
+            Ending::Enough(_) => "enough cases have failed, as `--max-fail` says".to_owned(),
+        };
+        let failed = match ending {
+            Ending::Enough(_) => 0,
+            Ending::Bus(BusError::Interrupted) => usize::from(at_first),
+            _ => rest.len(),
+        };
+        for (place, instance) in rest.iter().enumerate() {
+            let started = starts.of(instance, at);
+            let outcome = match instance.skip() {
+                Some(reason) => Outcome::Skip(reason.clone()),
+                None if place >= failed => Outcome::Skip(format!("not run: {why}")),
+                None => Outcome::not_run(&why),
+            };
+            emit(Event::CaseStarted(started.clone()));
+            emit(Event::CaseEnded(CaseEnded::of(&started, at, outcome)));
+        }
+    }
+
+    /// Tries once more to set back what cases left changed, where the device can still be asked.
+    fn set_back(&self, link: &mut Link, ending: &Ending) {
+        let left = self.undo.snapshot();
+        let lost = match ending {
+            Ending::Nobody | Ending::Gone(_) => true,
+            Ending::Bus(error) => *error != BusError::Interrupted,
+            Ending::Complete | Ending::Enough(_) => false,
+        };
+        if lost || left.values.is_empty() {
+            return;
+        }
+        link.clean(true);
+        let mut changed = left.values.keys().copied().collect();
+        let dut = &self.plan.dut;
+        // What is not set back is named by whoever asked for the session.
+        _ = pre_operational(link, &self.policy, dut)
+            .and_then(|()| left.restore(link, &self.policy, dut.node, &mut changed));
+        self.undo.end(&left, &changed);
+        link.clean(false);
+    }
+
+    /// How the device is from the start. One that no case needs is left alone.
+    fn baseline(&self, link: &mut Link, identity: Identity) -> Result<Baseline, BusError> {
+        let needed = |each: &Instance| each.skip().is_none() && each.needs_device();
+        match self.plan.instances.iter().any(needed) {
+            true => first_look(link, &self.policy, &self.plan.dut, identity),
+            false => Ok(Baseline::of(identity)),
+        }
+    }
+
+    /// What readers of a report must know of how the device was tested.
+    fn remark(&self, known: &Known) -> Option<String> {
+        let sheet = &self.plan.dut.sheet;
+        let composed = sheet.composed.then(|| {
+            format!(
+                "{} was generated from the answers of the device: manufacturer's objects, limits \
+                 and the data sheet itself were not tested",
+                sheet.source.name
+            )
+        });
+        let without = &self.plan.dut.without;
+        let options = (!without.is_empty()).then(|| format!("without {}", without.join(", ")));
+        let factor = self.policy.patience;
+        let patience = (factor > 1).then(|| format!("with `--patience {factor}`"));
+        let remarks = composed.into_iter().chain(options).chain(patience);
+        let remarks = remarks.chain(self.plan.said_left_out());
+        let remarks = remarks.chain(known.odd.iter().cloned());
+        let remarks: Vec<String> = remarks.chain(known.baseline.remarks()).collect();
+        (!remarks.is_empty()).then(|| remarks.join("; "))
+    }
+
+    /// The directions of block transfer that the device has, which no data sheet states. Asked
+    /// before the first case, so that nothing that happens in one can be the reason to skip
+    /// another.
+    fn knows_blocks(&self, link: &mut Link) -> Result<BlockDirections, BusError> {
+        let needed = self.plan.instances.iter().map(Instance::blocks);
+        let asked = needed.fold(BlockDirections::default(), |all, each| BlockDirections {
+            upload: all.upload || each.upload,
+            download: all.download || each.download,
+        });
+        sdo::knows_blocks(link, &self.policy, self.plan.dut.node, asked)
+    }
+
+    /// Reads by which frames the device is written, since what it stored may differ from its data
+    /// sheet. The guard of a protected device listens.
+    fn look_at_channels(&self, link: &mut Link) -> Result<(), BusError> {
+        let dut = &self.plan.dut;
+        if !dut.protection.has_objects() {
+            return Ok(());
+        }
+        for entry in dut.eds.entries() {
+            if Wire::concerns(entry.mux) && entry.access.readable() {
+                _ = sdo::upload(link, &self.policy, dut.node, entry.mux)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Why the device does not bear what the case stores, after those that ran.
+    fn exceeds(&self, instance: &Instance) -> Option<String> {
+        let protection = &self.plan.dut.protection;
+        let limited = protection.has_budgets() && instance.needs_device();
+        limited.then(|| protection.exceeded(&deeds(instance, &self.plan.dut)))?
+    }
+
+    fn cases(&self, link: &mut Link, baseline: &Baseline, blocks: BlockDirections) -> Ending {
+        let mut starts = Starts::new(self.register);
+        let (mut left, mut failed) = (Left::Calm, 0);
+        let mut gone: Option<String> = None;
+        let mut reliance = Reliance::of(self.plan);
+        let known = data_sheet_identifiers(&self.plan.dut);
+        let common = Common {
+            known: &known,
+            policy: &self.policy,
+            dut: &self.plan.dut,
+            baseline,
+            undo: self.undo,
+            observer: self.observer,
+        };
+        let instances = reliance.order(self.plan);
+        for (place, &instance) in instances.iter().enumerate() {
+            if self.stop.asked() {
+                let ending = Ending::Bus(BusError::Interrupted);
+                return self.rest_of(link, &instances[place..], ending, true);
+            }
+            let started = starts.of(instance, link.mark());
+            link.emit(Event::CaseStarted(started.clone()));
+            let needed = instance.blocks();
+            let no_blocks =
+                match (needed.upload && !blocks.upload, needed.download && !blocks.download) {
+                    (true, _) => Some("the device has no SDO block upload".to_owned()),
+                    (_, true) => Some("the device has no SDO block download".to_owned()),
+                    _ => None,
+                };
+            let unfit = || instance.unfit_for(baseline.habits).or_else(|| self.exceeds(instance));
+            if let Some(reason) = instance.skip().cloned().or(no_blocks).or_else(unfit) {
+                link.emit(ended(link, &started, Outcome::Skip(reason)));
+                continue;
+            }
+            if let Some(reason) = reliance.blocks(instance) {
+                let outcome = Outcome::Blocked(reason);
+                reliance.learn(instance, &outcome);
+                link.emit(ended(link, &started, outcome));
+                continue;
+            }
+            if let Some(reason) = gone.as_ref().filter(|_| instance.needs_device()) {
+                link.emit(ended(link, &started, Outcome::not_run(shortly(reason))));
+                continue;
+            }
+            let finished = attempts::run(link, common, instance, left);
+            self.observer.shows(finished.shown.unwrap_or_default());
+            let outcome = self.at_its_level(instance, finished.outcome);
+            reliance.learn(instance, &outcome);
+            if matches!(finished.aftermath, Aftermath::Gone(_)) {
+                self.say_ways_back(link);
+            }
+            let outcome = self.waivers.apply(&self.plan.dut.name, &started, outcome);
+            failed += usize::from(matches!(outcome, Outcome::Fail(_)));
+            link.emit(ended(link, &started, outcome));
+            let rest = &instances[place + 1..];
+            match finished.aftermath {
+                Aftermath::Left(how) => left = how,
+                // What is about the data sheet needs no device.
+                Aftermath::Gone(reason) => gone = Some(reason),
+                Aftermath::Stop(error) => {
+                    return self.rest_of(link, rest, Ending::Bus(error), false);
+                }
+            }
+            if self.max_fail.is_some_and(|most| failed >= most) {
+                return self.rest_of(link, rest, Ending::Enough(rest.len()), false);
+            }
+        }
+        gone.map_or(Ending::Complete, Ending::Gone)
+    }
+
+    fn say_ways_back(&self, link: &mut Link) {
+        if let Some(text) = self.plan.dut.ways_back() {
+            link.emit(Event::Note(Note { at: link.mark(), text }));
+        }
+    }
+
+    fn rest_of(
+        &self,
+        link: &mut Link,
+        rest: &[&Instance],
+        ending: Ending,
+        at_first: bool,
+    ) -> Ending {
+        let at = link.mark();
+        self.rest_not_run(&mut |event| link.emit(event), at, rest, &ending, at_first);
+        ending
+    }
+
+    /// A case fails when it checks a requirement that a conformant device must keep, unless a
+    /// document of the device itself relaxes that.
+    fn at_its_level(&self, instance: &Instance, outcome: Outcome) -> Outcome {
+        let must = |id: &&At<String>| {
+            let requirement = self.register.find(&id.value);
+            requirement.is_none_or(|found| found.entry.value.level == Level::Must)
+        };
+        let mut musts = instance.case().checks.iter().filter(must).map(|id| &id.value).peekable();
+        if musts.peek().is_none() {
+            return outcome.capped(Vec::new());
+        }
+        let reasons = musts.map(|id| {
+            let by = instance.relaxed.get(id)?;
+            let decision = self.register.decision(by).map(|found| found.decision.trim_end());
+            Some(format!("{by} relaxes {id}: {}", decision.unwrap_or_default()))
+        });
+        match reasons.collect::<Option<Vec<String>>>() {
+            Some(reasons) => outcome.capped(reasons),
+            None => outcome,
+        }
+    }
+}
+
+/// The first half of the sentence: the case in which the device was lost has all of it.
+fn shortly(why: &str) -> &str {
+    why.split("; ").next().unwrap_or(why)
+}
+
+fn ended(link: &Link, case: &CaseStarted, outcome: Outcome) -> Event {
+    Event::CaseEnded(CaseEnded::of(case, link.mark(), outcome))
+}

@@ -1,0 +1,295 @@
+//! One case: settle, steps, restore, judgement.
+
+use std::time::Duration;
+
+use canopen::{BusError, Mux};
+use reports::{Event, Note, Outcome, Phase};
+
+use super::outcome::{CaseOutcome, error};
+use super::phases::run_phase;
+use crate::dut::Dut;
+use crate::plan::{Fate, Instance, Scope, others};
+use crate::run::link::Link;
+use crate::run::observer::{Observer, Unobserved};
+use crate::run::policy::Policy;
+use crate::run::rest::{
+    Baseline, BenchSnapshot, Leaving, Left, Settled, Snapshot, Undo, application, enter, is_still,
+    settle,
+};
+use crate::run::steps::{Difference, Proof, Steps, bench, promise};
+
+/// What a case means for those that follow.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Aftermath {
+    /// The device answers.
+    Left(Left),
+    /// The device does not answer any more.
+    Gone(String),
+    /// The bus failed, or the user asked to stop.
+    Stop(BusError),
+}
+
+/// What the cases of a session have in common.
+#[derive(Clone, Copy)]
+pub(super) struct Common<'r> {
+    /// What to wait for and how long.
+    pub policy: &'r Policy,
+    /// The device.
+    pub dut: &'r Dut,
+    /// How it was before the first case.
+    pub baseline: &'r Baseline,
+    /// The identifiers that its data sheet gives to TPDOs, SYNC and TIME.
+    pub known: &'r [u16],
+    /// What was changed in it.
+    pub undo: &'r Undo,
+    /// Learns what happens.
+    pub observer: &'r dyn Observer,
+}
+
+/// What became of the device before its steps.
+enum Ready {
+    /// It is at rest, and these are the values of what the case may change.
+    With(Snapshot),
+    /// It is lost, and why.
+    Lost(String),
+}
+
+/// One attempt at a case.
+pub(super) struct CaseRun<'r, 'b> {
+    pub link: &'r mut Link<'b>,
+    pub common: Common<'r>,
+    pub instance: &'r Instance,
+    pub bench_snapshot: BenchSnapshot,
+    /// How late the tester was, when that may be the reason of the outcome.
+    pub late: Option<Duration>,
+    /// What the run shows about the assertions, where the observer wants to know.
+    pub proof: Option<Proof>,
+}
+
+impl<'r, 'b> CaseRun<'r, 'b> {
+    pub(super) fn new(link: &'r mut Link<'b>, common: Common<'r>, instance: &'r Instance) -> Self {
+        let (bench_snapshot, proof) = (BenchSnapshot::default(), Proof::of(common.observer));
+        Self { link, common, instance, bench_snapshot, late: None, proof }
+    }
+
+    /// One attempt: brings the device to rest, runs the steps, and leaves it as it was.
+    pub(super) fn run(&mut self, left: Left) -> (Outcome, Aftermath) {
+        let Common { policy, dut, baseline, .. } = self.common;
+        if !self.instance.needs_device() {
+            return match self.steps() {
+                Ok(outcome) => (outcome, Aftermath::Left(left)),
+                Err(error) => self.bus_failed(error),
+            };
+        }
+        let snapshot = match self.prepare(left) {
+            Ok(Ready::Lost(reason)) => {
+                return (error(reason.clone()), Aftermath::Gone(reason));
+            }
+            Ok(Ready::With(snapshot)) => snapshot,
+            Err(error) => return self.bus_failed(error),
+        };
+        // Bad frames on the wire spoil this case, not those that follow.
+        let lasts = |error: &BusError| {
+            !matches!(error, BusError::Controller(_) | BusError::Withheld(_) | BusError::Ended(_))
+        };
+        let (outcome, stop) = match self.watched_steps() {
+            Ok(outcome) => (self.with_way_out(outcome), None),
+            Err(BusError::Withheld(why)) => (Outcome::Skip(why), None),
+            Err(error) => (self.bus_failed(error.clone()).0, Some(error)),
+        };
+        let bench_alone = !self.bench_snapshot.any();
+        let still = bench_alone && is_still(self.link, dut, 0);
+        // A bus that failed may still carry what leaves the device as it was found.
+        let passed = match &outcome {
+            Outcome::Blocked(_) => false,
+            Outcome::Lenient(_) => true,
+            other => other.problem().is_none(),
+        };
+        let mut changed = snapshot.touched(self.link, self.common.dut.node);
+        self.link.clean(true);
+        let patience = self.patience();
+        let (link, bench_snapshot) = (&mut *self.link, &mut self.bench_snapshot);
+        let mut leaving = Leaving { link, policy, dut, baseline, bench_snapshot, patience };
+        let restored = leaving.restore(&snapshot, still, passed, &mut changed);
+        self.common.undo.end(&snapshot, &changed);
+        if !changed.is_empty() {
+            let changed: Vec<String> = changed.iter().map(Mux::to_string).collect();
+            self.note(format!("not every object could be restored: {}", changed.join(", ")));
+        }
+        match (restored, stop) {
+            (_, Some(error)) | (Err(error), None) if lasts(&error) => {
+                (outcome, Aftermath::Stop(error))
+            }
+            (Err(_), _) | (_, Some(_)) => (outcome, Aftermath::Left(Left::Dirty)),
+            (Ok(restored), None) => {
+                let still = bench_alone && restored.still;
+                let left = match (restored.whole && passed, still) {
+                    (false, _) => Left::Dirty,
+                    (true, false) => Left::Calm,
+                    (true, true) => Left::Still,
+                };
+                (outcome, Aftermath::Left(left))
+            }
+        }
+    }
+
+    /// Brings the device to rest, and reads what the case may change.
+    fn prepare(&mut self, left: Left) -> Result<Ready, BusError> {
+        let Common { policy, dut, baseline, undo, .. } = self.common;
+        match settle(self.link, policy, dut, baseline, left)? {
+            Settled::AtRest(remark) => remark.into_iter().for_each(|text| self.note(text)),
+            Settled::Lost(why) => {
+                return Ok(Ready::Lost(format!("the device did not come back: {why}")));
+            }
+        }
+        if let Some(profile) = self.instance.suite.profile() {
+            application(self.link, policy, dut, baseline, profile)?;
+        }
+        let mut snapshot = Snapshot::take(self.link, policy, dut, self.instance)?;
+        if undo.begin(&mut snapshot) {
+            // The disk took time, which belongs to no step.
+            self.link.look_from_now()?;
+        }
+        Ok(Ready::With(snapshot))
+    }
+
+    /// Its steps, under observation.
+    fn watched_steps(&mut self) -> Result<Outcome, BusError> {
+        self.common.observer.case_begins();
+        let outcome = self.steps();
+        self.common.observer.case_over();
+        outcome
+    }
+
+    /// Setup, steps, finally, and what the monitors say.
+    fn steps(&mut self) -> Result<Outcome, BusError> {
+        let mut result = CaseOutcome {
+            source: &self.instance.suite.source,
+            at: self.link.mark(),
+            outcome: Outcome::Pass,
+            declined: None,
+            late: None,
+            relies_on: self.instance.relies_on().next(),
+        };
+        if let Fate::Unfit(complaint) = &self.instance.fate {
+            let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
+            let difference = promise::unfit(complaint, self.instance, self.common.dut);
+            result.fail(Phase::Step, place, difference);
+            return Ok(result.outcome);
+        }
+        if let Some(unmet) =
+            bench::meet_needs(self.link, self.common.policy, self.common.dut, self.instance)?
+        {
+            result.error(unmet);
+            return Ok(result.outcome);
+        }
+        if self.instance.needs_device() {
+            let state = self.instance.case().state;
+            enter(self.link, self.common.policy, self.common.dut, self.common.baseline, state)?;
+        }
+        self.link.forget_lateness();
+        let watched_from = self.link.trace().len();
+        let (case, patience) = (self.instance.case(), self.patience());
+        let scope = self.scope();
+        let mut steps = Steps {
+            link: &mut *self.link,
+            dut: self.common.dut,
+            catalogue: &self.instance.suite.catalogue,
+            policy: self.common.policy,
+            scope,
+            patience,
+            bench_snapshot: &mut self.bench_snapshot,
+            proof: self.proof.take(),
+            words: &self.instance.suite.words,
+            begun: Vec::new(),
+        };
+        let observer = self.common.observer;
+        let ran = match run_phase(&mut steps, &case.setup, Phase::Setup, &mut result, &Unobserved) {
+            Ok(true) => run_phase(&mut steps, &case.steps, Phase::Step, &mut result, observer),
+            other => other,
+        };
+        observer.steps_over();
+        // Whatever ended the steps, what they set up is undone.
+        steps.link.clean(true);
+        let undone = run_phase(&mut steps, &case.finally, Phase::Finally, &mut result, &Unobserved);
+        if !matches!(result.outcome, Outcome::Pass | Outcome::Skip(_)) {
+            steps.tell_begun();
+        }
+        self.proof = steps.proof.take();
+        let alive = ran?;
+        undone?;
+        if let Some(what) = result.declined.take() {
+            self.note(format!(
+                "the device refused {what}, which is allowed; the remaining steps were skipped"
+            ));
+        }
+        if alive {
+            self.judge_monitors(watched_from, &mut result);
+        }
+        self.late = result.late;
+        Ok(result.outcome)
+    }
+
+    /// A breach of what holds in each case makes it fail.
+    fn judge_monitors(&mut self, from: usize, result: &mut CaseOutcome) {
+        let Some(breach) = self.watch(from) else { return };
+        let case = self.instance.case();
+        let last = case.steps.last().map_or(case.id.place, |step| step.place);
+        let difference =
+            Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
+        self.proof.iter_mut().for_each(Proof::spoil);
+        result.fail(Phase::Monitor, last, difference);
+        // A device on the same host is delayed as much.
+        let noticed = self.link.lateness().noticed;
+        let late = (noticed > self.common.policy.bears(Duration::ZERO)).then_some(noticed);
+        result.late = result.late.max(late);
+    }
+
+    /// The names of the instance; nodes that the device monitors from the start are not `$other`.
+    fn scope(&self) -> Scope {
+        let mut scope = self.instance.scope.clone();
+        if !self.common.baseline.monitored.is_empty() {
+            let stored = others(self.common.dut, &self.common.baseline.monitored);
+            for ((name, planned), (_, binding)) in others(self.common.dut, &[]).zip(stored) {
+                scope.rebind(&name, &planned, binding);
+            }
+        }
+        scope
+    }
+
+    /// No document of a profile limits how long its application may take, while the times of
+    /// CiA 301 and of the data sheet are limits.
+    fn patience(&self) -> u32 {
+        let of_profile = self.instance.suite.file.profile.is_some();
+        if of_profile { self.common.policy.patience } else { 1 }
+    }
+
+    /// An option that the device may lack, which only its user knows: how to say so.
+    fn with_way_out(&self, mut outcome: Outcome) -> Outcome {
+        if let Outcome::Fail(problem) = &mut outcome {
+            problem.notes.extend(self.instance.options().map(|option| {
+                format!("for a device that has no {option}, say `--without {option}`")
+            }));
+        }
+        outcome
+    }
+
+    pub(super) fn note(&mut self, text: String) {
+        let at = self.link.mark();
+        self.link.emit(Event::Note(Note { at, text }));
+    }
+
+    pub(super) fn bus_failed(&self, failure: BusError) -> (Outcome, Aftermath) {
+        let reason = match &failure {
+            BusError::Interrupted => "interrupted".to_owned(),
+            BusError::Ended(why) => why.clone(),
+            other => format!("the bus failed: {other}"),
+        };
+        let aftermath = match failure {
+            // What ended was started again.
+            BusError::Ended(_) => Aftermath::Left(Left::Dirty),
+            failure => Aftermath::Stop(failure),
+        };
+        (error(reason), aftermath)
+    }
+}

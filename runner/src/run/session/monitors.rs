@@ -1,0 +1,48 @@
+//! What holds in each case, whatever its steps are.
+
+use canopen::monitor::{self, Breach, Seen};
+use canopen::pdo::CobId;
+use canopen::{Mux, emcy};
+
+use super::case::CaseRun;
+use crate::dut::Dut;
+use crate::suite::model::Tolerated;
+
+impl CaseRun<'_, '_> {
+    /// The first rule that the frames from place `from` on break.
+    pub(super) fn watch(&self, from: usize) -> Option<Breach> {
+        let tolerated = self.instance.case().tolerates.contains(&Tolerated::Emergency);
+        let emergency = Some(emcy::COB_ID + u16::from(self.common.dut.node));
+        let waited_for = |seen: &Seen| {
+            let tolerated = tolerated && seen.stamped.frame.data_id() == emergency;
+            Seen { expected: seen.expected || tolerated, ..*seen }
+        };
+        let frames = &self.link.trace()[from..];
+        let now = self.link.mark();
+        let (node, known) = (self.common.dut.node, self.common.known.to_vec());
+        let mut monitors = monitor::all(
+            node,
+            known,
+            self.common.baseline.standing(),
+            self.common.policy.slow_wire,
+        );
+        monitors.iter_mut().find_map(|monitor| {
+            let seen = frames.iter().find_map(|seen| monitor.observe(&waited_for(seen)).err());
+            // Without power, silence is expected.
+            let silence = || (!self.bench_snapshot.off).then(|| monitor.finish(now).err())?;
+            seen.or_else(silence)
+        })
+    }
+}
+
+/// The identifiers the data sheet gives to TPDOs, SYNC and TIME.
+pub(super) fn data_sheet_identifiers(dut: &Dut) -> Vec<u16> {
+    let cob_id = |mux| dut.default_int(mux).map(|cob_id| CobId(cob_id as u32).can_id());
+    let tpdos = dut.eds.objects.iter().map(|object| object.index);
+    let tpdos = tpdos.filter(|index| (0x1800..0x1A00).contains(index));
+    let addresses = tpdos.map(|index| Mux::new(index, 1)).chain([SYNC, TIME]);
+    addresses.filter_map(cob_id).collect()
+}
+
+const SYNC: Mux = Mux::new(0x1005, 0);
+const TIME: Mux = Mux::new(0x1012, 0);

@@ -1,0 +1,114 @@
+//! The outcome of a case as it takes shape.
+
+use std::time::Duration;
+
+use canopen::Instant;
+use reports::{Outcome, Phase, Problem};
+
+use crate::run::steps::{Difference, excerpt};
+use crate::source::{Place, Source};
+
+/// The outcome as it takes shape: the first thing that weighs most stays, the rest become notes.
+pub(super) struct CaseOutcome<'r> {
+    pub source: &'r Source,
+    /// When the step ended that is being judged.
+    pub at: Instant,
+    pub outcome: Outcome,
+    /// The first requirement without which the case says nothing.
+    pub relies_on: Option<&'r str>,
+    /// What the device refused, as it may, so that the rest of the steps was left out.
+    pub declined: Option<String>,
+    /// How late the tester was, when that may be the reason of the outcome.
+    pub late: Option<Duration>,
+}
+
+impl CaseOutcome<'_> {
+    pub(super) fn lenient(&mut self, phase: Phase, place: Place, difference: Difference) {
+        let problem = self.problem(phase, place, difference);
+        match &mut self.outcome {
+            Outcome::Pass => self.outcome = Outcome::Lenient(problem),
+            Outcome::Lenient(first) => note(&mut first.notes, summary(&problem)),
+            _ => {}
+        }
+    }
+
+    pub(super) fn fail(&mut self, phase: Phase, place: Place, difference: Difference) {
+        let problem = self.problem(phase, place, difference);
+        match &mut self.outcome {
+            Outcome::Fail(first) => note(&mut first.notes, summary(&problem)),
+            Outcome::Error { .. } => {}
+            _ => self.outcome = Outcome::Fail(problem),
+        }
+    }
+
+    pub(super) fn setup_failed(&mut self, place: Place, difference: Difference) {
+        let problem = self.problem(Phase::Setup, place, difference);
+        let reason = format!("the setup failed: {}", summary(&problem));
+        self.outcome = match self.relies_on {
+            Some(id) => Outcome::Blocked(format!("{id}: {reason}")),
+            None => Outcome::Error { reason, problem: Some(problem) },
+        };
+    }
+
+    /// A frame was not sent, or the bus is too slow, so that the case says nothing.
+    pub(super) fn withheld(&mut self, why: String) {
+        if !matches!(self.outcome, Outcome::Fail(_)) {
+            self.outcome = Outcome::Skip(why);
+        }
+    }
+
+    /// The device failed where steps go on after that, although what follows cannot be made then.
+    pub(super) fn error(&mut self, reason: String) {
+        if !matches!(self.outcome, Outcome::Fail(_)) {
+            self.outcome = Outcome::Error { reason, problem: None };
+        }
+    }
+
+    fn problem(&self, phase: Phase, place: Place, difference: Difference) -> Box<Problem> {
+        let Difference { expected, actual, raw, sheet } = difference;
+        let place = excerpt(self.source, place);
+        let notes = Vec::new();
+        Box::new(Problem {
+            at: self.at,
+            phase,
+            place,
+            expected,
+            actual,
+            raw,
+            sheet: sheet.map(|sheet| *sheet),
+            notes,
+            capped: false,
+        })
+    }
+}
+
+/// What else is wrong, as far as anybody reads.
+fn note(notes: &mut Vec<String>, text: String) {
+    const MOST: usize = 100;
+    match notes.len() {
+        ..MOST => notes.push(text),
+        MOST => notes.push(format!("and more: these are the first {MOST}")),
+        _ => {}
+    }
+}
+
+fn summary(problem: &Problem) -> String {
+    format!("line {}: expected {}, came {}", problem.place.line, problem.expected, problem.actual)
+}
+
+pub(super) fn error(reason: String) -> Outcome {
+    Outcome::Error { reason, problem: None }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::note;
+
+    #[test]
+    fn notes_end_with_a_word_about_the_rest() {
+        let mut notes = Vec::new();
+        (0..1000).for_each(|number| note(&mut notes, number.to_string()));
+        assert_eq!((notes.len(), notes[99].as_str()), (101, "99"));
+        assert_eq!(notes[100], "and more: these are the first 100");
+    }
+}

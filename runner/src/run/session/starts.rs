@@ -1,0 +1,63 @@
+//! The events that begin a case.
+
+use std::sync::Arc;
+
+use canopen::Instant;
+use reports::{CaseStarted, Check};
+
+use crate::plan::Instance;
+use crate::suite::{Register, Suite};
+
+/// The events that begin a case. Instances of a case mostly follow each other.
+pub(super) struct Starts<'s> {
+    register: &'s Register,
+    last: Option<(Arc<Suite>, usize, CaseStarted)>,
+}
+
+impl<'s> Starts<'s> {
+    pub(super) const fn new(register: &'s Register) -> Self {
+        Self { register, last: None }
+    }
+
+    pub(super) fn of(&mut self, instance: &Instance, at: Instant) -> CaseStarted {
+        let same = |(suite, case, _): &(Arc<Suite>, usize, CaseStarted)| {
+            Arc::ptr_eq(suite, &instance.suite) && *case == instance.case
+        };
+        let of_case = match self.last.take().filter(same) {
+            Some((.., started)) => started,
+            None => self.of_case(instance),
+        };
+        let instance_name = instance.label.clone();
+        let started = CaseStarted { at, instance: instance_name, ..of_case.clone() };
+        self.last = Some((Arc::clone(&instance.suite), instance.case, of_case));
+        started
+    }
+
+    /// What is the same for every instance.
+    fn of_case(&self, instance: &Instance) -> CaseStarted {
+        let case = instance.case();
+        let checks = case.checks.iter().filter_map(|id| {
+            let requirement = self.register.find(&id.value)?;
+            let entry = &requirement.entry.value;
+            Some(Check {
+                id: Arc::clone(&requirement.id),
+                document: Arc::clone(&requirement.title),
+                clause: Arc::clone(&entry.clause),
+                level: entry.level.name().into(),
+                relaxed_by: instance.relaxed.get(&id.value).map(|by| by.as_str().into()),
+                says: Arc::clone(&entry.says),
+            })
+        });
+        CaseStarted {
+            at: Instant::ZERO,
+            suite: Arc::clone(&instance.suite.file.suite.value),
+            case: Arc::clone(&case.id.value),
+            instance: None,
+            title: Arc::clone(&case.title),
+            checks: checks.collect(),
+            file: Arc::clone(&instance.suite.path),
+            line: case.id.place.line as u32,
+            column: case.id.place.column as u32,
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! Steps: what each of them does on the bus or the bench, and what it demands.
+//!
+//! Here belongs the judgement of one step. What it means for the verdict of the case belongs to
+//! [`session`](super::session).
+
+mod ask;
+pub(super) mod bench;
+mod judge;
+mod limits;
+mod lss;
+mod measure;
+mod objects;
+pub(super) mod promise;
+mod proof;
+mod run;
+
+pub(in crate::run) use judge::{Difference, Judgement, Trouble, excerpt};
+pub(in crate::run) use proof::Proof;
+pub(in crate::run) use run::Steps;

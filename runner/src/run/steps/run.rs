@@ -1,0 +1,445 @@
+//! The steps, one function each; those about objects are in `objects.rs`.
+
+use std::time::Duration;
+
+use canopen::catalogue::Catalogue;
+use canopen::pdo::CobId;
+use canopen::{Abort, BusError, Frame, Instant, Mux, Pattern, Stamped, lss, sdo, sync};
+use reports::{Begun, Event, Phase};
+
+use super::judge::{Difference, Judgement, Trouble};
+use super::proof::Proof;
+use crate::dut::Dut;
+use crate::plan::{Binding, Scope, Wording, nmt_frame};
+use crate::run::link::{Lateness, Link};
+use crate::run::policy::Policy;
+use crate::run::rest::BenchSnapshot;
+use crate::source::At;
+use crate::suite::Words;
+use crate::suite::constraint::{Allowance, Constraint};
+use crate::suite::literal::{Amount, FrameText, Literal, ObjectRef, show_time};
+use crate::suite::step::{Expect, Never, Nmt, Produce, Reply, Step, SyncStep};
+
+/// Runs the steps of one case.
+pub(in crate::run) struct Steps<'s, 'b> {
+    /// The bus.
+    pub link: &'s mut Link<'b>,
+    /// The device.
+    pub dut: &'s Dut,
+    /// What to wait for and how long.
+    pub policy: &'s Policy,
+    /// The profiles.
+    pub catalogue: &'s Catalogue,
+    /// The names, those that steps save included.
+    pub scope: Scope,
+    /// How many times as long as it says a step waits for the application of the device.
+    pub patience: u32,
+    /// What was done to the device's physical side.
+    pub bench_snapshot: &'s mut BenchSnapshot,
+    /// What the run shows about the assertions, where somebody wants to know.
+    pub proof: Option<Proof>,
+    /// What the suite calls objects and values.
+    pub words: &'s Words,
+    /// The steps that began and are not reported.
+    pub begun: Vec<(Instant, Phase, &'s At<Step>)>,
+}
+
+/// How long an answer may take unless the step says otherwise.
+pub(super) const DEFAULT_REPLY: Duration = Duration::from_secs(1);
+const DEFAULT_SYNC_PERIOD: Duration = Duration::from_millis(10);
+/// Of how much of the time of an `until` a tenth may pass without a look.
+const LOOKS: Duration = Duration::from_secs(1);
+
+impl<'s> Steps<'s, '_> {
+    /// A step begins.
+    pub(in crate::run) fn begins(&mut self, phase: Phase, step: &'s At<Step>) {
+        let at = self.link.mark();
+        match self.policy.every_step {
+            true => self.tell(at, phase, step),
+            false => self.begun.push((at, phase, step)),
+        }
+    }
+
+    /// Reports the steps that are not yet. Names have the values that they have now.
+    pub(in crate::run) fn tell_begun(&mut self) {
+        for (at, phase, step) in std::mem::take(&mut self.begun) {
+            self.tell(at, phase, step);
+        }
+    }
+
+    fn tell(&mut self, at: Instant, phase: Phase, step: &At<Step>) {
+        let wording = Wording { words: self.words, scope: Some(&self.scope) };
+        let (line, text) = (step.place.line as u32, wording.step(&step.value));
+        self.link.emit(Event::Step(Begun { at, phase, line, text }));
+    }
+}
+
+impl Steps<'_, '_> {
+    /// Runs one step.
+    ///
+    /// # Errors
+    /// What went wrong.
+    pub(in crate::run) fn run(&mut self, step: &Step) -> Judgement {
+        match step {
+            Step::Send(frame) => {
+                let frame = self.frame(frame)?;
+                self.send_now(&frame)?;
+                Ok(None)
+            }
+            Step::Reply(reply) => self.reply(reply),
+            Step::Ask(ask) => self.ask(ask),
+            Step::Expect(expect) => self.expect(expect),
+            Step::Never(never) => self.never(never),
+            Step::Read(read) => self.read(read),
+            Step::Write(write) => self.write(write),
+            Step::Remap(remap) => self.remap(remap),
+            Step::Defaults(objects) => self.defaults(objects),
+            Step::Nmt(nmt) => self.nmt(*nmt),
+            Step::Wait(time) => {
+                let time = self.time(time)?;
+                let until = self.link.mark() + time;
+                self.link.wait_for(until, self.policy.bears(time))?;
+                Ok(None)
+            }
+            Step::Until(until) => self.until(until),
+            Step::Measure(measure) => self.measure(measure),
+            Step::Collect(collect) => self.collect(collect),
+            Step::Sync(sync) => self.sync(sync),
+            Step::Produce(produce) => self.produce(produce).map(|()| None),
+            Step::Bench(stimuli) => self.stimulate_bench(stimuli),
+            Step::Observe(observe) => self.observe(observe),
+            Step::Lss(lss) => self.lss(lss),
+            Step::Eds(step) => self.eds(step),
+            Step::Undeclared(step) => self.undeclared(step),
+        }
+    }
+
+    fn reply(&mut self, reply: &Reply) -> Judgement {
+        let strict = self.pattern(&reply.frame)?;
+        let within = self.optional_time(&reply.within, DEFAULT_REPLY)? + self.policy.slow_wire;
+        let until = self.link.mark() + within;
+        let id = strict.id();
+        let answer = self.link.find_answer(until, |seen| !seen.own && seen.frame.id == id)?;
+        let Some(answer) = answer else {
+            let actual = format!("no frame {id} within {}", show_time(within));
+            if reply.or_silence {
+                self.allows(Allowance::OrSilence);
+                return Err(Trouble::Declined(format!("{strict}: {actual}")));
+            }
+            return self.broken(&[], Difference::new(strict.to_string(), actual));
+        };
+        self.may_decline(&strict, &reply.or_else, &answer)?;
+        self.accept(&reply.frame, &reply.lenient, &answer)
+    }
+
+    /// Ends the steps when the answer is one that a device may give instead.
+    pub(super) fn may_decline(
+        &mut self,
+        strict: &Pattern,
+        or_else: &[At<FrameText>],
+        got: &Stamped,
+    ) -> Result<(), Trouble> {
+        for (text, place) in or_else.iter().zip(1..) {
+            if self.pattern(text)?.matches(&got.frame) {
+                self.allows(Allowance::OrElse(place));
+                let meaning = canopen::meaning(&got.frame);
+                return Err(Trouble::Declined(format!("{strict}: {meaning}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Judges a frame against the strict pattern and the lenient ones.
+    pub(super) fn accept(
+        &mut self,
+        frame: &At<FrameText>,
+        lenient: &[At<FrameText>],
+        got: &Stamped,
+    ) -> Judgement {
+        let strict = self.pattern(frame)?;
+        if strict.matches(&got.frame) {
+            for (name, byte) in strict.captures(&got.frame) {
+                self.scope.bind(name, Binding::Literal(Literal::Int(byte.into())));
+            }
+            return Ok(None);
+        }
+        let actual = canopen::meaning(&got.frame).to_string();
+        let difference = Difference::new(strict.to_string(), actual).about(got.frame);
+        for (text, place) in lenient.iter().zip(1..) {
+            if self.pattern(text)?.matches(&got.frame) {
+                self.allows(Allowance::Lenient(place));
+                return Ok(Some(difference));
+            }
+        }
+        let odd = self.misfits(frame, got)?;
+        self.broken(&odd, difference)
+    }
+
+    fn expect(&mut self, expect: &Expect) -> Judgement {
+        let strict = self.pattern(&expect.frame)?;
+        let mut patterns = vec![strict.clone()];
+        for text in &expect.lenient {
+            patterns.push(self.pattern(text)?);
+        }
+        let within = self.time(&expect.within)? + self.policy.slow_wire;
+        let start = self.link.mark();
+        let fits = |seen: &Stamped| {
+            !seen.own && patterns.iter().any(|pattern| pattern.matches(&seen.frame))
+        };
+        // A device may do what it was told before it says so.
+        let at_once = expect.during.is_none() && expect.after.is_none();
+        let beside = if at_once { self.link.find_beside(fits) } else { None };
+        self.stimulate(expect.during.as_ref())?;
+        let sent = self.link.mark().max(start);
+        self.link_rewind(expect.during.is_some(), start);
+        let got = match beside {
+            Some(got) => Some(got),
+            None => self.link.find(sent + within, fits)?,
+        };
+        let Some(got) = got else {
+            let missing = self.missing(&strict, start, within);
+            self.link.skip_to(sent + within);
+            if expect.optional {
+                self.allows(Allowance::Optional);
+                return Ok(Some(missing));
+            }
+            let Some(odd) =
+                self.nearly(&expect.frame, (start, sent + within), |count| count > 0)?
+            else {
+                return self.broken(&[], missing);
+            };
+            let open = self.pattern_without(&expect.frame, &odd)?;
+            self.link.look_from(start);
+            self.link.find(sent + within, |seen| !seen.own && open.matches(&seen.frame))?;
+            return self.broken(&odd, missing);
+        };
+        if let Some(length) = &expect.length {
+            let length = self.scope.int(&length.value).map_err(Trouble::Impossible)?;
+            if length != got.frame.data.len() as i128 {
+                let actual = format!("{} bytes", got.frame.data.len());
+                let expected = format!("{strict} with {length} bytes");
+                let difference = Difference::new(expected, actual).about(got.frame);
+                self.broken(&[Constraint::Length], difference)?;
+            }
+        }
+        if let Some(after) = &expect.after {
+            let after = self.time(after)?;
+            let came = got.at.since(start);
+            if came < after {
+                let expected = format!("{strict} not before {}", show_time(after));
+                let actual = format!("after {}", show_time(came));
+                let difference = Difference::new(expected, actual).about(got.frame);
+                self.broken(&[Constraint::After], difference)?;
+            }
+        }
+        self.accept(&expect.frame, &expect.lenient, &got)
+    }
+
+    /// What came on the identifier instead, if anything did.
+    fn missing(&self, strict: &Pattern, start: Instant, within: Duration) -> Difference {
+        let id = strict.id();
+        let others = self
+            .link
+            .trace()
+            .iter()
+            .map(|seen| seen.stamped)
+            .filter(|seen| !seen.own && seen.at > start && seen.frame.id == id);
+        let (count, last) =
+            others.fold((0, None), |(count, _), seen| (count + 1, Some(seen.frame)));
+        let nothing = format!("no matching frame within {}", show_time(within));
+        let Some(last) = last else { return Difference::new(strict.to_string(), nothing) };
+        let meaning = canopen::meaning(&last);
+        let actual = match count {
+            1 => format!("{nothing}; 1 other frame with identifier {id}: {meaning}"),
+            _ => format!("{nothing}; other frames with identifier {id}, the last: {meaning}"),
+        };
+        Difference::new(strict.to_string(), actual).about(last)
+    }
+
+    fn never(&mut self, never: &Never) -> Judgement {
+        let pattern = self.pattern(&never.frame)?;
+        let time = self.time(&never.time)?;
+        let start = self.link.mark();
+        self.stimulate(never.during.as_ref())?;
+        let until = self.link.mark() + time;
+        self.link_rewind(never.during.is_some(), start);
+        let mut lenient = None;
+        // What was on its way on a slow wire comes all the same.
+        let from = start + self.policy.slow_wire;
+        let fits = |seen: &Stamped| {
+            !seen.own && (from == start || seen.at > from) && pattern.matches(&seen.frame)
+        };
+        while let Some(got) = self.link.find(until, fits)? {
+            let expected = format!("no {pattern} for {}", show_time(time));
+            let meaning = canopen::meaning(&got.frame);
+            for (text, place) in never.or_else.iter().zip(1..) {
+                if self.pattern(text)?.matches(&got.frame) {
+                    self.allows(Allowance::OrElse(place));
+                    return Err(Trouble::Declined(format!("{expected}: {meaning}")));
+                }
+            }
+            let actual = format!("{meaning} after {}", show_time(got.at.since(start)));
+            let difference = Difference::new(expected, actual).about(got.frame);
+            let mut accepted = false;
+            for (text, place) in never.lenient.iter().zip(1..) {
+                if self.pattern(text)?.matches(&got.frame) {
+                    self.allows(Allowance::Lenient(place));
+                    accepted = true;
+                }
+            }
+            match accepted {
+                true => _ = lenient.get_or_insert(difference),
+                false => _ = self.broken(&[], difference)?,
+            }
+        }
+        self.link.skip_to(until);
+        Ok(lenient)
+    }
+
+    fn nmt(&mut self, nmt: Nmt) -> Judgement {
+        self.send_now(&nmt_frame(nmt, self.dut.node))?;
+        Ok(None)
+    }
+
+    fn sync(&mut self, step: &SyncStep) -> Judgement {
+        const COB_ID_SYNC: Mux = Mux::new(0x1005, 0);
+        let every = self.optional_time(&step.every, DEFAULT_SYNC_PERIOD)?;
+        let cob_id = self.dut.default_int(COB_ID_SYNC).map(|cob_id| CobId(cob_id as u32).can_id());
+        let frame = Frame::new(cob_id.unwrap_or(sync::COB_ID), []);
+        self.repeat(&frame, step.count, every)?;
+        Ok(None)
+    }
+
+    fn produce(&mut self, produce: &Produce) -> Result<(), Trouble> {
+        let frame = self.frame(&produce.frame)?;
+        let every = self.time(&produce.every)?;
+        self.repeat(&frame, produce.count, every)
+    }
+
+    fn repeat(&mut self, frame: &Frame, count: usize, every: Duration) -> Result<(), Trouble> {
+        /// So many take a quarter of an hour where the wire is idle between none of them.
+        const MOST: usize = 1_000_000;
+        if count > MOST {
+            let text = format!("a step may send {MOST} frames, and this one sends {count}");
+            return Err(Trouble::Impossible(text));
+        }
+        let mut next = self.link.mark();
+        for place in 0..count {
+            if place > 0 {
+                self.link.wait(next)?;
+            }
+            // The wire may be slower than frames are meant to follow each other.
+            let meant = next.max(self.link.mark());
+            self.link.send_at(frame, meant, self.policy.bears(every))?;
+            next += every;
+        }
+        Ok(())
+    }
+
+    /// Sends a frame that is meant to leave when the last step ended. A request of a confirmed
+    /// service bears to be late.
+    fn send_now(&mut self, frame: &Frame) -> Result<(), BusError> {
+        let requests = [sdo::REQUEST_COB_ID + u16::from(self.dut.node), lss::REQUEST_COB_ID];
+        match frame.data_id().is_some_and(|id| requests.contains(&id)) {
+            true => self.link.send(frame),
+            false => {
+                let meant = self.link.mark();
+                self.link.send_at(frame, meant, self.policy.bears(Duration::ZERO))
+            }
+        }
+    }
+
+    /// How late the tester was, where that may be the reason why the step ended as it did.
+    pub(in crate::run) fn late(
+        &self,
+        step: &Step,
+        failed: Option<&Difference>,
+    ) -> Option<Duration> {
+        let Lateness { missed, overslept, noticed, .. } = self.link.lateness();
+        // A pause that was longer is no reason why a device kept silent.
+        let late = if failed.is_some() { missed.max(overslept) } else { missed };
+        if late > Duration::ZERO && (failed.is_some() || matches!(step, Step::Never(_))) {
+            return Some(late);
+        }
+        // The client may have been too slow for a server. Who shares the host with the tester is
+        // as late as the tester.
+        let timed_out = failed?.raw.is_some_and(|raw| {
+            matches!(sdo::Response::decode(&raw.data), Ok(sdo::Response::Abort(_, Abort::TIMEOUT)))
+        });
+        let window = self.window(step).or_else(|| timed_out.then_some(Duration::ZERO))?;
+        (noticed > self.policy.bears(window)).then_some(noticed)
+    }
+
+    /// How long the device has for what the step judges; `None` when the step judges no time.
+    fn window(&self, step: &Step) -> Option<Duration> {
+        let time = match step {
+            Step::Expect(expect) => self.time(&expect.within),
+            Step::Never(never) => self.time(&never.time),
+            Step::Collect(collect) => self.time(&collect.time),
+            Step::Reply(reply) => self.optional_time(&reply.within, DEFAULT_REPLY),
+            Step::Ask(ask) if ask.latency.is_none() => {
+                self.optional_time(&ask.within, DEFAULT_REPLY)
+            }
+            // A value that has not come within seconds was not missed in a moment without a look.
+            Step::Until(until) => self.time(&until.within).map(|within| within.min(LOOKS)),
+            Step::Ask(_) | Step::Measure(_) | Step::Lss(_) => Ok(Duration::ZERO),
+            Step::Send(_)
+            | Step::Read(_)
+            | Step::Write(_)
+            | Step::Remap(_)
+            | Step::Defaults(_)
+            | Step::Nmt(_)
+            | Step::Wait(_)
+            | Step::Sync(_)
+            | Step::Produce(_)
+            | Step::Bench(_)
+            | Step::Observe(_)
+            | Step::Eds(_)
+            | Step::Undeclared(_) => return None,
+        };
+        time.ok()
+    }
+
+    pub(super) fn stimulate(&mut self, during: Option<&Produce>) -> Result<(), Trouble> {
+        during.map_or(Ok(()), |produce| self.produce(produce))
+    }
+
+    /// Looks again at what came while frames were sent.
+    pub(super) fn link_rewind(&mut self, stimulated: bool, start: Instant) {
+        if stimulated {
+            self.link.look_from(start);
+        }
+    }
+
+    pub(super) fn frame(&self, text: &At<FrameText>) -> Result<Frame, Trouble> {
+        // What the tester sends is not judged.
+        let pattern =
+            self.scope.pattern(&text.value, self.dut.node).map_err(Trouble::Impossible)?;
+        pattern
+            .frame()
+            .ok_or_else(|| Trouble::Impossible(format!("{pattern} has holes and cannot be sent")))
+    }
+
+    pub(super) fn pattern(&self, text: &At<FrameText>) -> Result<Pattern, Trouble> {
+        if let Some(part) = self.open() {
+            return self.pattern_without(text, std::slice::from_ref(part));
+        }
+        self.scope.pattern(&text.value, self.dut.node).map_err(Trouble::Impossible)
+    }
+
+    pub(super) fn mux(&self, object: &At<ObjectRef>) -> Result<Mux, Trouble> {
+        self.scope.mux(&object.value).map_err(Trouble::Impossible)
+    }
+
+    pub(super) fn time(&self, amount: &At<Amount>) -> Result<Duration, Trouble> {
+        self.scope.time(&amount.value).map_err(Trouble::Impossible)
+    }
+
+    pub(super) fn optional_time(
+        &self,
+        amount: &Option<At<Amount>>,
+        usual: Duration,
+    ) -> Result<Duration, Trouble> {
+        amount.as_ref().map_or(Ok(usual), |amount| self.time(amount))
+    }
+}

@@ -1,0 +1,452 @@
+//! Sessions on buses that make the tester late, and with devices that have peculiarities from the
+//! start.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+use std::time::Duration;
+
+use canopen::catalogue::Catalogue;
+use canopen::{Bus, BusError, Frame, Instant, Stamped, VirtualBus, eds};
+use reference_devices::devices;
+use reference_devices::rules::Rules;
+use reports::{Event, Outcome, Verdict};
+
+use super::{Ending, Policy, Session, Undo, Unobserved};
+use crate::dut::Dut;
+use crate::plan;
+use crate::source::Source;
+use crate::stop::Stop;
+use crate::suite::Library;
+
+const BIT_RATE: u32 = 1_000_000;
+const NODE: u8 = 1;
+
+/// What happens to a frame on its way to the tester, who sent those before it.
+type Way = Box<dyn FnMut(&[Frame], Stamped) -> Option<Stamped>>;
+
+/// A bus with a device, and what is odd about it.
+struct Odd {
+    bus: VirtualBus<'static>,
+    real: bool,
+    /// How often the host stalls when nothing came for [`WINDOW`] after a device was settled.
+    stalls: u32,
+    /// When it was, when nothing came since.
+    last: Instant,
+    held: VecDeque<Stamped>,
+    sent: Vec<Frame>,
+    way: Way,
+}
+
+/// The window that the cases have and nothing else.
+const WINDOW: Duration = Duration::from_millis(77);
+const STALL: Duration = Duration::from_millis(42);
+
+impl Bus for Odd {
+    fn is_real(&self) -> bool {
+        self.real
+    }
+
+    fn now(&mut self) -> Instant {
+        self.bus.now()
+    }
+
+    fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        self.sent.push(*frame);
+        self.bus.send(frame)
+    }
+
+    fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+        loop {
+            if self.held.front().is_some_and(|held| held.at <= until) {
+                return Ok(self.held.pop_front());
+            }
+            match self.bus.recv(until)? {
+                Some(seen) => {
+                    let settled = is_error_register(&seen.frame);
+                    self.last = if settled { seen.at } else { Instant::NEVER };
+                    let seen = if seen.own { Some(seen) } else { (self.way)(&self.sent, seen) };
+                    if seen.is_some() {
+                        return Ok(seen);
+                    }
+                }
+                None => {
+                    if until.since(self.last) >= WINDOW && self.stalls > 0 {
+                        self.stalls -= 1;
+                        // Once after each frame.
+                        self.last = Instant::NEVER;
+                        while let Some(seen) = self.bus.recv(until + STALL)? {
+                            self.held.push_back(seen);
+                        }
+                    }
+                    return Ok(None);
+                }
+            }
+        }
+    }
+}
+
+fn odd(way: Way) -> Odd {
+    let mut bus = VirtualBus::new(BIT_RATE);
+    bus.attach(devices::device("drr460").unwrap().node(NODE, Rules::default()));
+    let (held, sent) = (VecDeque::new(), Vec::new());
+    Odd { bus, real: true, stalls: 0, last: Instant::NEVER, held, sent, way }
+}
+
+fn stalled(stalls: u32) -> Odd {
+    Odd { stalls, ..odd(Box::new(|_, seen| Some(seen))) }
+}
+
+#[test]
+fn what_a_document_relaxes_it_relaxes_for_devices_of_its_vendor_and_product_only() {
+    const MANUAL: &str = "\
+document: manual
+title: The manual of a device
+device: drr460
+interpretations:
+  - { id: M-1, clause: '1', conflict: Any., decision: Any., reason: Any., relaxes: [ANY-01] }
+";
+    let suite = "suite: any\ncases:\n  - { id: a, title: Any., checks: [ANY-01], steps: [] }\n";
+    let source =
+        |name: &str, text: &str| Arc::new(Source { name: name.to_owned(), text: text.to_owned() });
+    let sources = [
+        source("suites/requirements/any.yaml", REGISTER),
+        source("suites/requirements/manual.yaml", MANUAL),
+        source("suites/any.yaml", suite),
+    ];
+    let library = Library::from_sources(&sources, Catalogue::built_in()).unwrap();
+    let eds = eds::read(devices::device("drr460").unwrap().eds_text().as_bytes()).eds;
+    let alike = BTreeMap::from([("drr460", &eds)]);
+    let relaxed = |name, models: &BTreeMap<_, _>| {
+        let plan = plan::plan(&library, &Dut::new(name, NODE, eds.clone()), models).unwrap();
+        plan.instances[0].relaxed.get("ANY-01").cloned()
+    };
+    assert_eq!(relaxed("drr460", &BTreeMap::new()).as_deref(), Some("M-1"));
+    assert_eq!(relaxed("bought", &alike).as_deref(), Some("M-1"));
+    assert_eq!(relaxed("bought", &BTreeMap::new()), None);
+}
+
+const REGISTER: &str = "\
+document: any
+title: Any document
+requirements:
+  - { id: ANY-01, clause: '1', level: must, says: Anything. }
+";
+
+/// How a session with these steps ended, the outcomes of its cases, its notes and its remark.
+struct Ran {
+    ending: Ending,
+    outcomes: Vec<Outcome>,
+    notes: Vec<String>,
+    remark: String,
+    took: Duration,
+}
+
+/// Runs as many cases with these steps.
+fn run(bus: &mut Odd, cases: usize, steps: &str) -> Ran {
+    run_until(bus, cases, steps, &Stop::default(), &Undo::default())
+}
+
+/// The same until the user stops it.
+fn run_until(bus: &mut Odd, cases: usize, steps: &str, stop: &Stop, undo: &Undo) -> Ran {
+    let mut text = "suite: any\ncases:\n".to_owned();
+    for case in 0..cases {
+        text.push_str(&format!(
+            "  - id: case-{case}\n    title: Anything.\n    checks: [ANY-01]\n    steps: {steps}\n"
+        ));
+    }
+    let library = library(&text);
+    let plan = plan::plan(&library, &dut(), &BTreeMap::new()).unwrap();
+    let session = Session {
+        plan: &plan,
+        register: &library.register,
+        policy: Policy::at_bit_rate(BIT_RATE),
+        rerun: String::new(),
+        waivers: &crate::waivers::Waivers::default(),
+        max_fail: None,
+        observer: &Unobserved,
+        stop,
+        undo,
+    };
+    let (mut outcomes, mut notes, mut remark) = (Vec::new(), Vec::new(), String::new());
+    let ending = session.run(bus, &mut |event| match event {
+        Event::DeviceStarted(device) => remark = device.remark.unwrap_or_default(),
+        Event::CaseEnded(end) => outcomes.push(end.outcome),
+        Event::Note(note) => notes.push(note.text),
+        _ => {}
+    });
+    Ran { ending, outcomes, notes, remark, took: bus.now().since(Instant::ZERO) }
+}
+
+/// A suite of this text, with the register.
+fn library(text: &str) -> Library {
+    let source =
+        |name: &str, text: &str| Arc::new(Source { name: name.to_owned(), text: text.to_owned() });
+    let sources =
+        [source("suites/requirements/any.yaml", REGISTER), source("suites/any.yaml", text)];
+    Library::from_sources(&sources, Catalogue::built_in()).unwrap()
+}
+
+fn dut() -> Dut {
+    let eds = eds::read(devices::device("drr460").unwrap().eds_text().as_bytes()).eds;
+    Dut { bit_rate: Some(BIT_RATE), ..Dut::new("drr460", NODE, eds) }
+}
+
+fn verdicts(ran: &Ran) -> Vec<Verdict> {
+    ran.outcomes.iter().map(Outcome::verdict).collect()
+}
+
+const WAITS: &str = "[ wait: 77 ms, send: '080#', never: { frame: '080+n#...', for: 10 ms } ]";
+const EXPECTS: &str = "[ expect: { frame: '700+n#05', within: 77 ms } ]";
+
+#[test]
+fn a_case_in_which_the_tester_was_late_is_repeated() {
+    let ran = run(&mut stalled(2), 1, WAITS);
+    assert_eq!(verdicts(&ran), [Verdict::Pass]);
+    let note = "the tester was late by 42 ms: the case is repeated";
+    assert_eq!(ran.notes, [note, note]);
+}
+
+#[test]
+fn a_tester_that_is_always_late_neither_passes_nor_fails_a_case() {
+    for steps in [WAITS, EXPECTS] {
+        let ran = run(&mut stalled(u32::MAX), 1, steps);
+        let Outcome::Error { reason, .. } = &ran.outcomes[0] else { panic!("{:?}", ran.outcomes) };
+        assert_eq!(reason, "the tester was late by 42 ms, and in 4 attempts");
+        assert_eq!(ran.ending, Ending::Complete);
+    }
+}
+
+#[test]
+fn what_fails_after_the_host_stalled_fails_twice_or_not_at_all() {
+    let late = "the tester was late by 42 ms: the case is repeated";
+    let again = "the tester was late in the attempt before: the case is repeated";
+    let judged = |mut bus: Odd, steps: &str| {
+        let mut ran = run(&mut bus, 1, steps);
+        ran.notes.retain(|note| note.ends_with("repeated"));
+        (ran.outcomes[0].verdict(), ran.notes)
+    };
+    let notes = vec![late.to_owned(), again.to_owned()];
+    assert_eq!(judged(stalled(1), EXPECTS), (Verdict::Fail, notes.clone()));
+    // Answers that two attempts do not see.
+    let mut losses = 2;
+    let way = move |_: &[Frame], seen: Stamped| {
+        let is_lost = losses > 0 && seen.frame.to_string().starts_with("581#80FF5F07");
+        losses -= u32::from(is_lost);
+        (!is_lost).then_some(seen)
+    };
+    let steps = "[ wait: 77 ms, send: '600+n#40FF5F0700000000', \
+                 expect: { frame: '580+n#80FF5F07...', within: 50 ms } ]";
+    let bus = Odd { stalls: 1, ..odd(Box::new(way)) };
+    assert_eq!(judged(bus, steps), (Verdict::Pass, notes));
+}
+
+#[test]
+fn a_tester_in_time_judges_and_so_does_one_in_virtual_time() {
+    let late = |stalls, real| Odd { real, ..stalled(stalls) };
+    for mut bus in [late(0, true), late(u32::MAX, false)] {
+        assert_eq!(verdicts(&run(&mut bus, 1, EXPECTS)), [Verdict::Fail]);
+    }
+    for mut bus in [late(0, true), late(u32::MAX, false)] {
+        assert_eq!(verdicts(&run(&mut bus, 1, WAITS)), [Verdict::Pass]);
+    }
+}
+
+const READS: &str = "[ nmt: reset-node, wait: 3 s, read: { object: '1000:00' } ]";
+
+/// Whether the frame is the answer to an upload of 1001h.
+fn is_error_register(frame: &Frame) -> bool {
+    frame.to_string().starts_with("581#4F011000")
+}
+
+#[test]
+fn an_error_that_stands_from_the_start_is_reported_once_and_no_obstacle() {
+    let mut bus = odd(Box::new(|_, seen| {
+        let scarred = Frame::new(0x581, [0x4F, 0x01, 0x10, 0, 0x81, 0, 0, 0]);
+        let frame = if is_error_register(&seen.frame) { scarred } else { seen.frame };
+        Some(Stamped { frame, ..seen })
+    }));
+    let ran = run(&mut bus, 3, READS);
+    assert_eq!(verdicts(&ran), [Verdict::Pass; 3]);
+    assert!(ran.remark.contains("1001h was 81"), "{}", ran.remark);
+    assert_eq!(ran.notes, Vec::<String>::new());
+}
+
+#[test]
+fn an_error_register_that_cannot_be_read_is_no_obstacle() {
+    let mut bus = odd(Box::new(|_, seen| {
+        let refused = Frame::new(0x581, [0x80, 0x01, 0x10, 0, 0, 0, 0, 8]);
+        let frame = if is_error_register(&seen.frame) { refused } else { seen.frame };
+        Some(Stamped { frame, ..seen })
+    }));
+    let ran = run(&mut bus, 3, READS);
+    assert_eq!(verdicts(&ran), [Verdict::Pass; 3]);
+    assert!(ran.remark.contains("upload of 1001:00 before the first case"), "{}", ran.remark);
+}
+
+#[test]
+fn a_boot_up_message_that_never_comes_is_waited_for_once() {
+    let mut bus = odd(Box::new(|_, seen| (seen.frame != Frame::new(0x701, [0])).then_some(seen)));
+    let fails = "[ nmt: reset-node, wait: 3 s, read: { object: '1000:00', value: 0 } ]";
+    let ran = run(&mut bus, 10, fails);
+    assert_eq!(verdicts(&ran), [Verdict::Fail; 10]);
+    assert!(ran.remark.contains("no boot-up message"), "{}", ran.remark);
+    // Ten seconds once, three in each case, and its resets.
+    assert!(ran.took < Duration::from_secs(70), "{:?}", ran.took);
+}
+
+#[test]
+fn a_device_that_only_a_reset_of_all_nodes_brings_back_is_not_given_up() {
+    let all = Frame::new(0, [0x81, 0]);
+    let mut bus = odd(Box::new(move |sent, seen| {
+        // Deaf from the first STOP on.
+        let stopped = sent.iter().rposition(|sent| *sent == Frame::new(0, [2, NODE]));
+        let back = sent.iter().rposition(|sent| *sent == all);
+        (stopped <= back).then_some(seen)
+    }));
+    let steps = "[ nmt: stop, wait: 100 ms ]";
+    let ran = run(&mut bus, 2, steps);
+    assert_eq!(verdicts(&ran), [Verdict::Pass; 2]);
+    assert_eq!(ran.notes, ["settled by reset of all nodes"]);
+}
+
+#[test]
+fn a_device_that_no_reset_brings_back_is_given_up() {
+    let mut bus =
+        odd(Box::new(|sent, seen| (!sent.contains(&Frame::new(0, [2, NODE]))).then_some(seen)));
+    let ran = run(&mut bus, 3, "[ nmt: stop, wait: 100 ms ]");
+    assert!(matches!(&ran.ending, Ending::Gone(why) if why.contains("resets")), "{:?}", ran.ending);
+    assert_eq!(verdicts(&ran), [Verdict::Pass, Verdict::Error, Verdict::Error]);
+}
+
+#[test]
+fn two_devices_with_one_node_id_are_not_tested() {
+    let mut bus = odd(Box::new(|_, seen| Some(seen)));
+    bus.bus.attach(devices::device("em66").unwrap().node(NODE, Rules::default()));
+    // Both have started long ago.
+    while bus.bus.recv(Instant::ZERO + Duration::from_secs(20)).unwrap().is_some() {}
+    let ran = run(&mut bus, 2, "[ read: { object: '1000:00' } ]");
+    let said = "two devices have node id 1: an upload of 1000:00 had the answers \
+                581#4300100091010E00 and 581#4300100094013000";
+    assert!(
+        matches!(&ran.ending, Ending::Bus(error) if error.to_string().starts_with(said)),
+        "{:?}",
+        ran.ending
+    );
+    assert_eq!(verdicts(&ran), [Verdict::Error; 2]);
+}
+
+#[test]
+fn a_device_that_sends_twice_is_named() {
+    let mut bus = odd(Box::new(|_, seen| Some(seen)));
+    bus.bus.attach(devices::device("drr460").unwrap().node(NODE, Rules::default()));
+    while bus.bus.recv(Instant::ZERO + Duration::from_secs(20)).unwrap().is_some() {}
+    let ran = run(&mut bus, 2, "[ read: { object: '1000:00' } ]");
+    let said = "two devices may have node id 1, or one device sends twice: 2 uploads of 1000:00 \
+                had 4 answers";
+    assert!(ran.remark.contains(said), "{}", ran.remark);
+}
+
+#[test]
+fn answers_of_four_bytes_are_named_and_no_silence() {
+    let mut bus = odd(Box::new(|_, seen| {
+        let cut = Frame::new(0x581, [seen.frame.data[0], 0, 0x10, 0]);
+        let frame = if seen.frame.data_id() == Some(0x581) { cut } else { seen.frame };
+        Some(Stamped { frame, ..seen })
+    }));
+    let ran = run(&mut bus, 2, "[ read: { object: '1000:00' } ]");
+    assert_eq!(verdicts(&ran), [Verdict::Fail; 2]);
+    assert!(
+        ran.remark.contains("it answers SDO with 4 bytes where 8 are required"),
+        "{}",
+        ran.remark
+    );
+    assert_eq!(ran.ending, Ending::Complete);
+}
+
+#[test]
+fn answers_that_are_garbage_are_named() {
+    let mut bus = odd(Box::new(|_, seen| {
+        let noise = Frame::new(0x581, [0xFF, 1, 2, 3, 4, 5, 6, 7]);
+        let frame = if seen.frame.data_id() == Some(0x581) { noise } else { seen.frame };
+        Some(Stamped { frame, ..seen })
+    }));
+    let ran = run(&mut bus, 2, "[ read: { object: '1000:00' } ]");
+    assert_eq!(verdicts(&ran), [Verdict::Fail; 2]);
+    let said = "it answers an upload of 1000:00 with 581#FF01020304050607";
+    assert!(ran.remark.contains(said), "{:?} {}", ran.ending, ran.remark);
+    assert_eq!(ran.ending, Ending::Complete);
+}
+
+const CHANGES: &str = "[ write: { object: '1017:00', value: 100 }, wait: 60 s ]\n    \
+                       finally: [ send: '123#' ]";
+/// The device has taken the value, and says so when it is to be restored.
+const CHANGED: &str = "581#6017100000000000";
+const READ_BACK: &str = "581#4B17100064000000";
+
+/// A bus on which the user sends a signal whenever one of these frames is seen for the first time.
+fn signalled(stop: &Stop, at: &'static [&'static str]) -> Odd {
+    let (stop, mut left) = (stop.clone(), at.to_vec());
+    odd(Box::new(move |_, seen| {
+        let before = left.len();
+        left.retain(|frame| seen.frame.to_string() != *frame);
+        (left.len()..before).for_each(|_| stop.signal());
+        Some(seen)
+    }))
+}
+
+#[test]
+fn a_signal_ends_the_steps_and_not_what_undoes_them() {
+    let (stop, undo) = (Stop::default(), Undo::default());
+    let mut bus = signalled(&stop, &[CHANGED]);
+    let ran = run_until(&mut bus, 3, CHANGES, &stop, &undo);
+    assert_eq!(ran.ending, Ending::Bus(BusError::Interrupted));
+    assert_eq!(verdicts(&ran), [Verdict::Error, Verdict::Skip, Verdict::Skip]);
+    assert_eq!(ran.outcomes[1], Outcome::Skip("not run: interrupted".to_owned()));
+    assert!(bus.sent.contains(&Frame::new(0x123, [])), "`finally` was not run");
+    assert!(bus.sent.contains(&Frame::new(0x601, [0x2B, 0x17, 0x10, 0, 0, 0, 0, 0])));
+    assert_eq!(undo.said(), None);
+    assert!(ran.took < Duration::from_secs(10), "{:?}", ran.took);
+}
+
+#[test]
+fn a_signal_while_objects_are_set_back_is_remembered() {
+    let (stop, undo) = (Stop::default(), Undo::default());
+    let ran = run_until(&mut signalled(&stop, &[READ_BACK]), 3, CHANGES, &stop, &undo);
+    assert_eq!(ran.ending, Ending::Bus(BusError::Interrupted));
+    assert_eq!(verdicts(&ran), [Verdict::Pass, Verdict::Error, Verdict::Skip]);
+    assert_eq!(undo.said(), None);
+}
+
+#[test]
+fn a_second_signal_names_what_stays_changed() {
+    let (stop, undo) = (Stop::default(), Undo::default());
+    let ran = run_until(&mut signalled(&stop, &[CHANGED, READ_BACK]), 2, CHANGES, &stop, &undo);
+    assert_eq!(ran.ending, Ending::Bus(BusError::Interrupted));
+    assert_eq!(verdicts(&ran), [Verdict::Error, Verdict::Skip]);
+    let said = "these objects may not be as they were before the run: 1017:00 (was 00 00)";
+    assert_eq!(undo.said().as_deref(), Some(said));
+    assert_eq!(ran.notes, ["not every object could be restored: 1017:00"]);
+}
+
+#[test]
+fn a_step_that_sends_for_hours_is_refused() {
+    let steps = "[ produce: { frame: '123#', count: 1000001, every: 1 ms } ]";
+    let ran = run(&mut odd(Box::new(|_, seen| Some(seen))), 1, steps);
+    let Outcome::Error { reason, .. } = &ran.outcomes[0] else { panic!("{:?}", ran.outcomes) };
+    assert_eq!(reason, "a step may send 1000000 frames, and this one sends 1000001");
+}
+
+#[test]
+fn a_case_with_too_many_instances_is_refused_before_they_are_made() {
+    let values: Vec<String> = (0..30).map(|value| value.to_string()).collect();
+    let values = values.join(", ");
+    let matrix = ["a", "b", "c", "d", "e", "f"].map(|name| format!("{name}: [{values}]"));
+    let text = format!(
+        "suite: any\ncases:\n  - id: all\n    title: Anything.\n    checks: [ANY-01]\n    \
+         matrix: {{ {} }}\n    steps: [ write: {{ object: '1017:00', value: $a }} ]\n",
+        matrix.join(", ")
+    );
+    let complaints = plan::plan(&library(&text), &dut(), &BTreeMap::new()).unwrap_err();
+    let said = "`all` has 729000000 instances, and a case may have 20000";
+    assert_eq!(complaints[0].message, said);
+}

@@ -1,0 +1,37 @@
+//! Suites: the notation, the requirement register, and loading both.
+
+mod built_in;
+pub mod constraint;
+mod definition;
+mod dimension;
+pub(crate) mod each;
+pub(crate) mod effect;
+mod expand;
+mod formula;
+mod library;
+pub mod literal;
+mod loaded;
+pub mod model;
+pub(crate) mod profile;
+pub mod refusal;
+mod register;
+mod rewrite;
+mod same;
+mod scale;
+mod schema;
+pub mod step;
+mod test_map;
+mod vocabulary;
+mod words;
+
+pub use built_in::built_in;
+pub use dimension::{Dimension, Extent};
+pub use library::{Library, is_register};
+pub use loaded::Suite;
+pub(crate) use register::Level;
+pub use register::{Register, RegisterFile, Requirement};
+pub use rewrite::{Changes, Rewritten, rewritten};
+pub use schema::{steps_schema, suite_schema, words_schema};
+pub use test_map::CHECKS;
+pub use vocabulary::beside;
+pub use words::Words;

@@ -1,0 +1,39 @@
+//! The copy of `suites/` in this crate.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use include_dir::{Dir, include_dir};
+
+use crate::source::{self, Source};
+
+static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../suites");
+
+/// The suites, the register and their words, by the names that they have in the project.
+pub fn built_in() -> Vec<Source> {
+    let mut sources = Vec::new();
+    read(&EMBEDDED, &mut sources);
+    sources
+}
+
+/// One of the files, by its path below `suites/`, or what replaces it.
+pub(super) fn standard(path: &str) -> Option<Arc<Source>> {
+    let text = EMBEDDED.get_file(path)?.contents_utf8()?;
+    Some(source::built_in(&format!("suites/{path}"), text))
+}
+
+fn read(folder: &Dir<'_>, sources: &mut Vec<Source>) {
+    for file in folder.files() {
+        if let (Some("yaml"), Some(text)) =
+            (file.path().extension().and_then(|extension| extension.to_str()), file.contents_utf8())
+        {
+            let name = format!("suites/{}", shown(file.path()));
+            sources.push(Source { name, text: text.to_owned() });
+        }
+    }
+    folder.dirs().for_each(|below| read(below, sources));
+}
+
+fn shown(path: &Path) -> String {
+    path.to_string_lossy().replace('\\', "/")
+}

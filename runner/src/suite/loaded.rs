@@ -1,0 +1,45 @@
+//! A suite as it was loaded.
+
+use std::sync::Arc;
+
+use canopen::catalogue::{Catalogue, Profile};
+
+use super::model::SuiteFile;
+use super::profile::About;
+use super::words::Words;
+use crate::source::Source;
+
+/// A loaded suite.
+#[derive(Debug)]
+pub struct Suite {
+    /// Its file.
+    pub source: Arc<Source>,
+    /// The name of the file.
+    pub path: Arc<str>,
+    /// What is written there.
+    pub file: SuiteFile,
+    /// What it takes from profiles.
+    pub catalogue: Arc<Catalogue>,
+    /// What its document calls objects and values.
+    pub words: Arc<Words>,
+}
+
+impl Suite {
+    /// `folder/topic`.
+    pub fn name(&self) -> &str {
+        &self.file.suite.value
+    }
+
+    /// The profile it is about, when it names one.
+    pub fn profile(&self) -> Option<&Profile> {
+        self.file.profile.as_ref()?.value.named(&self.catalogue).ok()?
+    }
+
+    /// What it is about as sentences name it; `None` when it is about any device.
+    pub fn about(&self) -> Option<String> {
+        Some(match &self.file.profile.as_ref()?.value {
+            About::Number(number) => format!("CiA {number}"),
+            About::Named(name) => self.profile().map_or(name.as_str(), Profile::title).to_owned(),
+        })
+    }
+}

@@ -1,0 +1,363 @@
+//! Waivers: causes that are known, each with the reason why a run is green all the same.
+//!
+//! What waivers say must stay true: one whose cause is gone, that names no case or that has expired
+//! is reported, and ends the run with an exit code of its own.
+
+use std::borrow::Cow;
+use std::fmt;
+use std::sync::Arc;
+
+use reports::{CaseRun, CaseStarted, Cause, Outcome, Run, Verdict, Waiver};
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
+use serde::de::{self, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer};
+use wildmatch::WildMatch;
+
+use crate::nearest::did_you_mean;
+use crate::plan::is_named;
+use crate::source::{At, Complaint, Source, read_yaml};
+use crate::suite::Register;
+
+/// What is waived in a run.
+#[derive(Debug, Default)]
+pub struct Waivers {
+    source: Arc<Source>,
+    entries: Vec<At<WaiverEntry>>,
+    /// The date of the run, such as `2026-01-31`.
+    today: String,
+}
+
+/// A file of waivers.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct WaiverFile(pub Vec<At<WaiverEntry>>);
+
+/// One waiver.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct WaiverEntry {
+    /// The cases: one glob or a list of globs over full names. The name of a suite or of a case
+    /// stands for all its instances.
+    cases: Globs,
+    /// The device as reports call it, a glob; every device when absent.
+    #[serde(default)]
+    device: Option<String>,
+    /// Only what has this cause; without it, whatever the cases find.
+    #[serde(default)]
+    cause: Option<CauseEntry>,
+    /// Only what has this verdict.
+    #[serde(default)]
+    verdict: Option<WaivedVerdict>,
+    /// Why it is accepted, in a sentence.
+    reason: At<String>,
+    /// Who answers for it.
+    #[serde(default)]
+    owner: Option<String>,
+    /// The last day on which it holds, such as `2026-12-31`.
+    #[serde(default)]
+    expires: Option<At<String>>,
+    /// The cause does not occur in each run, as of a race: its absence is no error.
+    #[serde(default)]
+    sometimes: bool,
+}
+
+/// The parts of a cause, as the summary of a run and the journal say them. All are globs.
+#[derive(Debug, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+struct CauseEntry {
+    /// The requirement that is checked; of several, all ids with blanks between them.
+    #[serde(default)]
+    requirement: Option<At<String>>,
+    /// The object, such as `1017:00`; `18xx:01` is that of each TPDO.
+    #[serde(default)]
+    object: Option<String>,
+    /// What was expected and what came, such as `*came accepted`.
+    #[serde(default)]
+    text: Option<String>,
+}
+
+/// A verdict that can be waived.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+enum WaivedVerdict {
+    /// FAIL.
+    Fail,
+    /// ERROR.
+    Error,
+    /// LENIENT.
+    Lenient,
+}
+
+/// One glob or several.
+#[derive(Debug)]
+struct Globs(Vec<At<String>>);
+
+impl Waivers {
+    /// Reads a file of waivers.
+    ///
+    /// # Errors
+    /// Everything that is wrong with it.
+    pub fn read(
+        source: Arc<Source>,
+        today: &str,
+        register: &Register,
+    ) -> Result<Self, Vec<Complaint>> {
+        let WaiverFile(entries) = read_yaml(&source).map_err(|complaint| vec![complaint])?;
+        let wrong = entries.iter().flat_map(|entry| entry.value.wrong(&source, register));
+        let complaints: Vec<Complaint> = wrong.collect();
+        match complaints.is_empty() {
+            true => Ok(Self { source, entries, today: today.to_owned() }),
+            false => Err(complaints),
+        }
+    }
+
+    /// The outcome of a case, waived when it has a cause that is known.
+    pub(crate) fn apply(&self, device: &str, case: &CaseStarted, outcome: Outcome) -> Outcome {
+        if self.entries.is_empty() {
+            return outcome;
+        }
+        let Some(cause) = Cause::of(&case.requirement_ids(), &outcome) else { return outcome };
+        let (name, verdict) = (case.name(), outcome.verdict());
+        let mut valid = self.entries.iter().map(|entry| &entry.value);
+        let covering = valid.find(|waiver| {
+            !waiver.has_expired(&self.today)
+                && waiver.concerns(device)
+                && waiver.covers(&name, verdict, &cause)
+        });
+        match covering {
+            Some(waiver) => Outcome::Waived {
+                outcome: Box::new(outcome),
+                waiver: Box::new(Waiver {
+                    reason: waiver.reason.value.trim().to_owned(),
+                    owner: waiver.owner.clone(),
+                    expires: waiver.expires.as_ref().map(|date| date.value.clone()),
+                }),
+            },
+            None => outcome,
+        }
+    }
+
+    /// What the waivers say and `run` does not show, where `names` are the cases that there are,
+    /// selected or not.
+    pub fn out_of_date(&self, run: &Run, names: &[String]) -> Vec<Complaint> {
+        let mut complaints = Vec::new();
+        for At { value: waiver, place } in &self.entries {
+            let mut complain = |place, message| {
+                complaints.push(Complaint::at(&self.source, place, message));
+            };
+            if let Some(date) = waiver.expires.as_ref().filter(|_| waiver.has_expired(&self.today))
+            {
+                complain(date.place, format!("this waiver expired on {}", date.value));
+                continue;
+            }
+            let absent = |glob: &&At<String>| !names.iter().any(|name| is_named(&glob.value, name));
+            let mut known = true;
+            for glob in waiver.cases.0.iter().filter(absent) {
+                let meant = did_you_mean(&glob.value, names.iter().map(String::as_str));
+                complain(glob.place, format!("no case is called `{}`{meant}", glob.value));
+                known = false;
+            }
+            let of_devices = run.cases().filter(|(device, _)| waiver.concerns(&device.info.device));
+            let cases = of_devices.map(|(_, case)| case);
+            let mut ran = cases.filter(|case| waiver.is_about(case)).peekable();
+            if known
+                && !waiver.sometimes
+                && ran.peek().is_some()
+                && !ran.any(|case| waiver.occurs_in(case))
+            {
+                complain(*place, "what this waives does not occur any more".to_owned());
+            }
+        }
+        complaints
+    }
+}
+
+impl WaiverEntry {
+    fn wrong(&self, source: &Arc<Source>, register: &Register) -> Vec<Complaint> {
+        let mut complaints = Vec::new();
+        let mut complain = |place, message: String| {
+            complaints.push(Complaint::at(source, place, message));
+        };
+        if self.reason.value.trim().is_empty() {
+            complain(self.reason.place, "a waiver needs a reason".to_owned());
+        }
+        if let Some(At { value: date, place }) = &self.expires
+            && let Err(wrong) = check_date(date)
+        {
+            complain(*place, wrong);
+        }
+        let requirement = self.cause.as_ref().and_then(|cause| cause.requirement.as_ref());
+        if let Some(At { value: ids, place }) = requirement {
+            let is_id = |id: &&str| !id.contains(['*', '?']);
+            for id in ids.split_whitespace().filter(is_id) {
+                if register.find(id).is_none() && !register.lacks_document_of(id) {
+                    let meant = did_you_mean(id, register.iter().map(|(id, _)| id));
+                    complain(*place, format!("no requirement `{id}` in the register{meant}"));
+                }
+            }
+        }
+        complaints
+    }
+
+    fn has_expired(&self, today: &str) -> bool {
+        // Dates of that form are in the order of their texts.
+        self.expires.as_ref().is_some_and(|date| date.value.as_str() < today)
+    }
+
+    fn concerns(&self, device: &str) -> bool {
+        self.device.as_ref().is_none_or(|glob| WildMatch::new(glob).matches(device))
+    }
+
+    fn names(&self, name: &str) -> bool {
+        self.cases.0.iter().any(|glob| is_named(&glob.value, name))
+    }
+
+    fn covers(&self, name: &str, verdict: Verdict, cause: &Cause) -> bool {
+        let wanted = |wanted: WaivedVerdict| match wanted {
+            WaivedVerdict::Fail => verdict == Verdict::Fail,
+            WaivedVerdict::Error => verdict == Verdict::Error,
+            WaivedVerdict::Lenient => verdict == Verdict::Lenient,
+        };
+        self.names(name)
+            && self.verdict.is_none_or(wanted)
+            && self.cause.as_ref().is_none_or(|entry| entry.is(cause))
+    }
+
+    /// Whether it is about a case that said something about the device, which an ERROR of the
+    /// tester, such as its lateness, does not.
+    fn is_about(&self, case: &CaseRun) -> bool {
+        let outcome = match &case.outcome {
+            Outcome::Waived { outcome, .. } => outcome.as_ref(),
+            other => other,
+        };
+        let said = match outcome {
+            Outcome::Skip(_) | Outcome::Blocked(_) => false,
+            Outcome::Error { problem: None, .. } => self.verdict == Some(WaivedVerdict::Error),
+            _ => true,
+        };
+        said && !outcome.is_not_run() && self.names(&case.info.name())
+    }
+
+    fn occurs_in(&self, case: &CaseRun) -> bool {
+        let verdict = match &case.outcome {
+            Outcome::Waived { outcome, .. } => outcome.verdict(),
+            other => other.verdict(),
+        };
+        let covers = |cause| self.covers(&case.info.name(), verdict, cause);
+        case.cause.as_deref().is_some_and(covers)
+    }
+}
+
+impl CauseEntry {
+    fn is(&self, cause: &Cause) -> bool {
+        let fits = |glob: &str, text: &str| WildMatch::new(glob).matches(text);
+        let requirement = self.requirement.as_ref().map(|ids| ids.value.as_str());
+        requirement.is_none_or(|glob| fits(glob, &cause.requirement))
+            && self.text.as_ref().is_none_or(|glob| fits(glob, &cause.difference))
+            && self
+                .object
+                .as_ref()
+                .is_none_or(|glob| cause.object.as_ref().is_some_and(|object| fits(glob, object)))
+    }
+}
+
+/// Checks that `text` is a day of the calendar, such as `2026-12-31`.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn check_date(text: &str) -> Result<(), String> {
+    let number = |text: &str, digits: usize| {
+        let whole = text.len() == digits && text.bytes().all(|byte| byte.is_ascii_digit());
+        whole.then(|| text.parse::<u16>().ok()).flatten()
+    };
+    let parts: Vec<&str> = text.split('-').collect();
+    let numbers = match parts.as_slice() {
+        [year, month, day] => number(year, 4).zip(number(month, 2)).zip(number(day, 2)),
+        _ => None,
+    };
+    match numbers {
+        None => Err("a date is written `2026-12-31`".to_owned()),
+        Some(((year, month), day)) if (1..=days_of(year, month)).contains(&day) => Ok(()),
+        Some(_) => Err(format!("the calendar has no day {text}")),
+    }
+}
+
+/// The number of days of a month; 0 when the year has no such month.
+fn days_of(year: u16, month: u16) -> u16 {
+    let leap = year.is_multiple_of(4) && !year.is_multiple_of(100) || year.is_multiple_of(400);
+    match month {
+        2 => 28 + u16::from(leap),
+        4 | 6 | 9 | 11 => 30,
+        1..=12 => 31,
+        _ => 0,
+    }
+}
+
+impl<'de> Deserialize<'de> for Globs {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct OneOrSeveral;
+        impl<'de> Visitor<'de> for OneOrSeveral {
+            type Value = Vec<At<String>>;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("the name of a case, or a list of names")
+            }
+            fn visit_str<E: de::Error>(self, glob: &str) -> Result<Self::Value, E> {
+                Ok(vec![At { value: glob.to_owned(), ..At::default() }])
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Self::Value, A::Error> {
+                let mut globs = Vec::new();
+                while let Some(glob) = list.next_element()? {
+                    globs.push(glob);
+                }
+                Ok(globs)
+            }
+        }
+        struct Any(Vec<At<String>>);
+        impl<'de> Deserialize<'de> for Any {
+            fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+                deserializer.deserialize_any(OneOrSeveral).map(Self)
+            }
+        }
+        // A glob alone has its place from around it.
+        let At { value: Any(mut globs), place } = At::<Any>::deserialize(deserializer)?;
+        let unplaced = |glob: &&mut At<String>| glob.place.line == 0;
+        globs.iter_mut().filter(unplaced).for_each(|glob| glob.place = place);
+        Ok(Self(globs))
+    }
+}
+
+impl JsonSchema for Globs {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "Globs".into()
+    }
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        json_schema!({
+            "description": "One glob over full names of cases, or several.",
+            "oneOf": [
+                { "type": "string" },
+                { "type": "array", "items": { "type": "string" }, "minItems": 1 }
+            ]
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates() {
+        for good in ["2026-12-31", "2024-02-29", "2000-02-29", "2026-04-30"] {
+            assert_eq!(check_date(good), Ok(()), "{good}");
+        }
+        for no_day in ["2026-13-01", "2026-00-01", "2026-02-29", "2100-02-29", "2026-04-31"] {
+            assert_eq!(check_date(no_day), Err(format!("the calendar has no day {no_day}")));
+        }
+        for no_date in ["2026-1-1", "31.12.2026", "tomorrow", "2026-12-31-1", ""] {
+            assert!(check_date(no_date).is_err_and(|wrong| wrong.contains("is written")));
+        }
+    }
+}
