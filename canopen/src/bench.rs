@@ -43,7 +43,8 @@ pub trait Bench {
 }
 
 /// How a device must be set up for a stimulus to reach it, by the name of the stimulus: objects and
-/// their values. Whoever connects 10 V to an input that takes many sensors knows for which.
+/// their values. A bench that connects 10 V to an input for many sensors knows which of them that
+/// stands for.
 pub type Needs = BTreeMap<String, BTreeMap<Mux, i64>>;
 
 /// Whether suites ask for stimuli and observations of that name; the numbered ones end in a dash

@@ -10,7 +10,7 @@ pub fn nearest<'k>(wrong: &str, known: impl Iterator<Item = &'k str>) -> Option<
     let letters = wrong.chars().count();
     // Words that share no letter at their place are not near, however short they are.
     let most = (letters / 3).max(2).min(letters.saturating_sub(1));
-    // Who knows a part of the name means the shortest that has it.
+    // A part of a name means the shortest name that contains it.
     let far = |known: &str| match known.contains(wrong) && wrong.len() > 3 {
         true => (0, known.len()),
         false => (strsim::damerau_levenshtein(wrong, known), 0),

@@ -171,7 +171,7 @@ fn hex_index(text: &str) -> Result<u16, String> {
 /// After how many failures to stop. A run that stops before the first one tests nothing.
 fn failures(text: &str) -> Result<usize, String> {
     match text.parse() {
-        Ok(0) => Err("with 0 nothing would be tested; 1 stops at the first failure".to_owned()),
+        Ok(0) => Err("expected at least 1, which stops at the first failure".to_owned()),
         Ok(most) => Ok(most),
         Err(_) => Err("a whole number of failures belongs here".to_owned()),
     }
@@ -192,7 +192,7 @@ fn shard(text: &str) -> Result<Shard, String> {
         let (place, of) = (place.parse::<usize>().ok()?, of.parse().ok()?);
         (1..=of).contains(&place).then(|| Shard { place: place - 1, of })
     });
-    parsed.ok_or_else(|| "which part of how many belongs here, such as 2/3".to_owned())
+    parsed.ok_or_else(|| "expected I/N, such as 2/3".to_owned())
 }
 
 /// Bit rate of the virtual bus, and of one that nobody knows, unless something else is said, in

@@ -113,7 +113,7 @@ impl Rig {
         }
         let answer = answer.map_err(|what| {
             let dead = BenchError(format!("the bench {} {what}", self.name));
-            // Whoever did not answer in order may answer the next question with this one's answer.
+            // A late rig may send this answer to the next request.
             self.dead.insert(dead).clone()
         })?;
         match answer.get("error").and_then(Json::as_str) {

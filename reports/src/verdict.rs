@@ -169,7 +169,7 @@ impl Outcome {
 pub struct Waiver {
     /// Why it is accepted.
     pub reason: String,
-    /// Who answers for it.
+    /// The person or team that answers for it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub owner: Option<String>,
     /// The last day on which it holds, such as `2026-12-31`.

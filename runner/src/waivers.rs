@@ -50,7 +50,7 @@ pub struct WaiverEntry {
     verdict: Option<WaivedVerdict>,
     /// Why it is accepted, in a sentence.
     reason: At<String>,
-    /// Who answers for it.
+    /// The person or team that answers for it.
     #[serde(default)]
     owner: Option<String>,
     /// The last day on which it holds, such as `2026-12-31`.

@@ -12,7 +12,7 @@ use crate::sdo::{Initiate, Request, Response, Segment};
 
 use super::shown::{bytes, count};
 
-/// Who sent a frame.
+/// The sender of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
     /// With an identifier of requests.
@@ -181,7 +181,7 @@ impl Channel {
             State::Block(block) if block.sender == side => {
                 let (segments, size) = block.open.as_ref()?;
                 let due = block.due();
-                // Who gave up without a word begins anew.
+                // A client that gave up silently starts again.
                 let anew = segment.sequence != due && side == Side::Client && begins(raw);
                 (!anew && segments.len() < usize::from(*size)).then_some(segment)
             }

@@ -168,21 +168,21 @@ codes! {
     TRANSMISSION_TYPE = Error, "eds-transmission-type",
         "Transmission types are 0 to 240, 254, 255, and for TPDOs 252 and 253.";
     PDO_DIRECTION = Error, "eds-pdo-direction",
-        "What is mapped has an access type for that direction: rwr for TPDOs, rww for RPDOs.";
+        "The AccessType of a mapped object fits the direction: rwr for TPDOs, rww for RPDOs.";
     MAPPING_DIRECTION = Warning, "eds-mapping-direction",
-        "What can be mapped and is rw says for which direction: rwr or rww.";
+        "The AccessType of a mappable object names its direction: rwr or rww.";
     MAPPING_OBJECT = Error, "eds-mapping-object",
-        "What is mapped by default is there; dummies are in DummyUsage and for RPDOs.";
-    MAPPING_ACCESS = Error, "eds-mapping-access", "What is mapped by default has PDOMapping=1.";
+        "A default mapping names objects that exist; dummies are in DummyUsage and for RPDOs.";
+    MAPPING_ACCESS = Error, "eds-mapping-access", "An object mapped by default has PDOMapping=1.";
     MAPPING_LENGTH = Error, "eds-mapping-length", "A mapping names the length of its object.";
     MAPPING_SUM = Error, "eds-mapping-sum", "A PDO has at most 64 bits.";
     MAPPING_COUNT = Error, "eds-mapping-count",
         "Sub 0 of a mapping counts entries that map something.";
     MAPPING_SPARE = Note, "eds-mapping-spare",
         "Sub 0 of a mapping counts all entries that map something.";
-    COB_ID_DUPLICATE = Warning, "eds-cob-id-duplicate", "Each default identifier is there once.";
+    COB_ID_DUPLICATE = Warning, "eds-cob-id-duplicate", "No two services have the same default identifier.";
     COB_ID_RESTRICTED = Warning, "eds-cob-id-restricted",
-        "Default identifiers are none that CiA 301 keeps for other services.";
+        "Default identifiers avoid those that CiA 301 reserves for other services.";
     COB_ID_PREDEFINED = Warning, "eds-cob-id-predefined",
         "PDO 1 to 4 have the identifiers of the predefined connection set.";
 }

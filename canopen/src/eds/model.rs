@@ -40,13 +40,13 @@ pub struct FileInfo {
     pub creation_time: String,
     /// Date of creation, as written.
     pub creation_date: String,
-    /// Who made it.
+    /// Its author.
     pub created_by: String,
     /// Time of the last change, as written.
     pub modification_time: String,
     /// Date of the last change, as written.
     pub modification_date: String,
-    /// Who changed it last.
+    /// The author of the last change.
     pub modified_by: String,
 }
 
@@ -110,7 +110,7 @@ pub struct Entry {
     pub name: String,
     /// Data type.
     pub data_type: DataType,
-    /// Who may read and write it over the network.
+    /// Access over the network: read, write, or both.
     pub access: Access,
     /// Whether it may be mapped into a PDO. [`Entry::maps_into`] also asks the access type.
     pub mappable: bool,

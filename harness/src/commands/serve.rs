@@ -70,7 +70,7 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
             while let Some(frame) = out.pop() {
                 bus.send(&frame).map_err(|error| Refused::bus(error.to_string()))?;
             }
-            // Whoever asked may have gone.
+            // The program that asked may have gone.
             _ = request.answer.send(answer);
         }
     }

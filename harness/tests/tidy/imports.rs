@@ -1,4 +1,4 @@
-//! Who imports whom, read from the sources of a crate: `use`, and paths in bodies.
+//! The imports of a crate, read from the sources of a crate: `use`, and paths in bodies.
 //!
 //! A re-exported name counts for the file that defines it, so that a module that only gathers what
 //! its children offer ties nobody to all of them. Tests import as they like.
@@ -165,7 +165,7 @@ fn read_module(file: &str, path: Vec<String>, tokens: &[&str], modules: &mut Vec
             read_module(file, child_path(&path, name), &item[3..], modules);
             after
         } else if let ["pub", "(", "in", after @ ..] = rest {
-            // Who may see an item is no import.
+            // The reach of an item, `pub(in PATH)`, is no import.
             body_path(after).1
         } else if *first == "use" {
             let end = after.iter().position(|token| *token == ";").unwrap_or(after.len());

@@ -25,7 +25,7 @@ pub struct DeviceFile {
     pub(super) document: String,
     /// Date of the data sheet, month-day-year: `01-31-2026`.
     pub(super) date: At<String>,
-    /// Who makes it.
+    /// The manufacturer.
     pub(super) vendor: Vendor,
     /// The product, as the head of the data sheet and 1018h identify it.
     pub(super) product: Product,
@@ -64,7 +64,7 @@ pub struct DeviceFile {
     pub(super) objects: Objects,
 }
 
-/// Who makes a device.
+/// The manufacturer of a device.
 #[derive(Deserialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Vendor {

@@ -117,7 +117,7 @@ decisions! {
         active == UNCONFIGURED && pending == UNCONFIGURED
     }
 
-    /// Who is configured already is not selected (5.2).
+    /// A configured device is not selected (5.2).
     fn lss_selects_in(&self, mode: Mode) -> bool {
         mode == Mode::WAITING
     }

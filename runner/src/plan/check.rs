@@ -176,7 +176,7 @@ impl Checker<'_> {
                 let profile = undeclared.profile.as_ref();
                 let number = |about: &&At<About>| matches!(about.value, About::Number(_));
                 if let Some(profile) = profile.filter(number) {
-                    let message = "whose objects these are is the name of a profile";
+                    let message = "`profile` must be the name of a profile";
                     self.complain(profile.place, message);
                 }
             }

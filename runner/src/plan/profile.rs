@@ -110,7 +110,7 @@ pub(super) fn block_scopes(
 ) -> Result<Vec<Bound>, At<String>> {
     let At { value: name, place } = &blocks.name;
     let profile = suite.profile().ok_or_else(|| {
-        let wrong = "blocks are those of a profile, which the suite names: `profile: em66`";
+        let wrong = "`each: block` needs `profile:` in the suite, such as `profile: em66`";
         At::new(wrong.to_owned(), *place)
     })?;
     let block = profile.block(name).ok_or_else(|| {

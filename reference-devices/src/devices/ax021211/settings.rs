@@ -25,7 +25,7 @@ pub(super) struct Settings {
     pub(super) pids: [PidSettings; 4],
     /// What comes of the links.
     wiring: Wiring,
-    /// Who has not read what has changed in the dictionary.
+    /// The readers that have not yet seen a change of the dictionary.
     unread: Readers,
     /// How many changes of the dictionary are in `unread`.
     noticed: u64,
@@ -73,7 +73,7 @@ impl Settings {
     pub(super) fn restart(&mut self, od: Parameters<'_>) -> Renewed {
         self.notice(od);
         let renewed = self.renew(graph::ALL, od);
-        // Whoever starts anew has no values yet.
+        // A reader that starts anew has no values yet.
         self.unread |= OF_VALUES;
         renewed
     }

@@ -1,4 +1,4 @@
-//! Who answers with the node id of the device, and how, when that is not as it must be: what makes
+//! Answers with the node id of the device that are not as they must be: what makes
 //! every verdict about another thing than the user thinks.
 
 use std::collections::BTreeMap;

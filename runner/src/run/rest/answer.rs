@@ -30,13 +30,13 @@ pub(in crate::run) fn first_answer(
             Ok(_) => return Ok(true),
             Err(failure) => refused = failure != Failure::Timeout,
         }
-        // Who boots is asked often, and who is slow is waited for.
+        // Poll often during boot; back off for a slow device.
         eager.sdo_timeout = policy.sdo_timeout.min(eager.sdo_timeout * 2);
         // A wrong answer that comes at once must not become a busy loop.
         let pause = link.mark() + policy.quiet;
         link.wait(pause)?;
     }
-    // Who refuses this to the end, or answers otherwise than it should, answers as well.
+    // An abort or a malformed answer still proves that the device is alive.
     Ok(refused)
 }
 

@@ -38,7 +38,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         run.link.take_trace();
         let shown = run.proof.take().map(Proof::end);
         let Aftermath::Left(how) = aftermath else { return Finished { outcome, aftermath, shown } };
-        // A host that stalled may stall again where nobody looks: what fails there fails twice.
+        // After a stall, a failure counts only if it repeats: the next stall may go unnoticed.
         let doubtful = stalled && !failed && matches!(outcome, Outcome::Fail(_));
         let why = match &late {
             // The case says nothing about the device.

@@ -25,7 +25,7 @@ impl<'p> Reliance<'p> {
         let (first, others): (Vec<&[Instance]>, Vec<&[Instance]>) =
             plan.by_case().partition(|instances| self.proves(&instances[0]));
         let mut first: Vec<&Instance> = first.into_iter().flatten().collect();
-        // Who proves something may rely on something else.
+        // A case that proves one requirement may rely on another.
         let mut ranks = BTreeMap::<&str, usize>::new();
         for _ in 0..DEEPEST {
             for instance in &first {
@@ -62,7 +62,7 @@ impl<'p> Reliance<'p> {
                 let name = instance.name();
                 format!("does not hold on this device: {name} expected {expected}, came {actual}")
             }
-            // Whoever relies on what could not be tried would be judged by what is not known.
+            // A verdict on a requirement that could not be tried would be a guess.
             (Outcome::Error { .. }, None) => {
                 format!("is not known to hold: {} could not be carried out", instance.name())
             }

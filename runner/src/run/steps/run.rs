@@ -361,8 +361,8 @@ impl Steps<'_, '_> {
         if late > Duration::ZERO && (failed.is_some() || matches!(step, Step::Never(_))) {
             return Some(late);
         }
-        // The client may have been too slow for a server. Who shares the host with the tester is
-        // as late as the tester.
+        // The client may have been too slow for a server. A device on the same host is delayed as
+        // much.
         let timed_out = failed?.raw.is_some_and(|raw| {
             matches!(sdo::Response::decode(&raw.data), Ok(sdo::Response::Abort(_, Abort::TIMEOUT)))
         });

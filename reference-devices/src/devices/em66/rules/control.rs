@@ -47,7 +47,7 @@ decisions! {
         missing
     }
 
-    /// Whoever is off neither heats nor cools (3.2.1).
+    /// A controller that is off neither heats nor cools (3.2.1).
     fn output_while_off(&self, _last: i64) -> i64 {
         0
     }
