@@ -96,6 +96,8 @@ impl<'de> Deserialize<'de> for Outline {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use super::*;
 
     #[test]
@@ -120,8 +122,8 @@ mod tests {
     #[test]
     fn what_stands_there_fits_in_one_line() {
         let text = "change:\n  frame:\n    when: \"580+n#...\"\n    skip: 1\n  list: [1, on, ~]\n";
-        let source = Source { name: "x".into(), text: text.into() };
-        let outline = Outline::of(&source).unwrap();
+        let source = Arc::new(Source { name: "x".into(), text: text.into() });
+        let outline = Outline::from(Tree::of(&source).unwrap());
         let line = "frame: { when: \"580+n#...\", skip: 1 }, list: [1, on, ~]";
         assert_eq!(outline.in_one_line(&["change"]), line);
         assert_eq!(outline.in_one_line(&["change", "frame", "skip"]), "1");
