@@ -6,12 +6,12 @@
 //! device was configured in the course of the trace.
 
 mod layer;
+mod layout;
 mod process;
 mod shown;
 mod transfer;
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use crate::eds::Eds;
 use crate::frame::Frame;
@@ -25,6 +25,7 @@ use process::Process;
 use shown::Shown;
 use transfer::{Channel, Side};
 
+pub use layout::{Parameter, PdoLayout};
 pub use shown::Unit;
 
 /// What was seen on a bus so far. A trace may begin in the middle of anything.
@@ -46,9 +47,16 @@ struct Device {
 
 impl Decoder {
     /// A decoder that knows the data sheet of one node, and the units of its values.
-    pub fn of_device(node: u8, eds: Arc<Eds>, units: BTreeMap<Mux, Unit>) -> Self {
-        let process = Process::of(node, &eds);
-        let shown = Shown { eds, units };
+    pub fn of_device(node: u8, eds: &Eds, units: BTreeMap<Mux, Unit>) -> Self {
+        let types = eds.entries().map(|entry| (entry.mux, entry.data_type)).collect();
+        Self::of_layout(node, PdoLayout { types, ..PdoLayout::of(eds) }, units)
+    }
+
+    /// A decoder that knows of one node what its process data objects carry, and the units of its
+    /// values.
+    pub fn of_layout(node: u8, layout: PdoLayout, units: BTreeMap<Mux, Unit>) -> Self {
+        let process = Process::of(node, &layout);
+        let shown = Shown { types: layout.types, units };
         Self { device: Some(Device { node, shown, process }), ..Self::default() }
     }
 

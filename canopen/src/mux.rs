@@ -5,8 +5,8 @@ use std::fmt;
 use std::str::FromStr;
 
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::Deserialize;
-use serde::de::{Deserializer, Error};
+use serde::de::Error;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 /// Index and sub-index. Written `1017:00`, hexadecimal both.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -73,6 +73,12 @@ impl FromStr for Mux {
         let index = u16::from_str_radix(index, 16).map_err(|_| NoMux)?;
         let sub = u8::from_str_radix(sub, 16).map_err(|_| NoMux)?;
         Ok(Self { index, sub })
+    }
+}
+
+impl Serialize for Mux {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
     }
 }
 

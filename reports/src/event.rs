@@ -8,6 +8,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
+use canopen::decoder::PdoLayout;
 use canopen::{Instant, Stamped};
 use serde::{Deserialize, Serialize};
 
@@ -81,6 +82,9 @@ pub struct DeviceStarted {
     /// The names that the data sheet gives to its objects.
     #[serde(default, skip_serializing_if = "no_names")]
     pub objects: Arc<ObjectNames>,
+    /// What its process data objects carry, by the data sheet.
+    #[serde(default, skip_serializing_if = "no_pdos")]
+    pub pdos: Arc<PdoLayout>,
     /// The bit rate of its bus in bit/s, when it is known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bit_rate: Option<u32>,
@@ -267,6 +271,10 @@ pub struct RunEnded {
 
 fn no_names(names: &Arc<ObjectNames>) -> bool {
     names.is_empty()
+}
+
+fn no_pdos(pdos: &Arc<PdoLayout>) -> bool {
+    pdos.is_empty()
 }
 
 impl CaseEnded {

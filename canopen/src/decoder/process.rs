@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use super::layout::{PdoLayout, is_parameter};
 use super::transfer::Whole;
-use crate::eds::Eds;
 use crate::frame::{Frame, Id};
 use crate::mux::Mux;
 use crate::pdo::{CobId, Mapping};
@@ -29,14 +29,10 @@ pub(super) struct Carried {
 }
 
 impl Process {
-    pub(super) fn of(node: u8, eds: &Eds) -> Self {
-        let entries = eds.entries().filter(|entry| is_parameter(entry.mux));
-        let value =
-            |bytes: Vec<u8>| bytes.iter().rev().fold(0, |all, byte| all << 8 | u32::from(*byte));
-        let factory: BTreeMap<Mux, u32> = entries
-            .filter(|entry| entry.data_type.size().is_some_and(|size| size <= 4))
-            .filter_map(|entry| Some((entry.mux, value(entry.default_bytes(node).ok()?))))
-            .collect();
+    pub(super) fn of(node: u8, layout: &PdoLayout) -> Self {
+        let parameters = layout.parameters.iter();
+        let factory: BTreeMap<Mux, u32> =
+            parameters.map(|(mux, default)| (*mux, default.resolve(node))).collect();
         Self { stored: factory.clone(), now: factory.clone(), factory }
     }
 
@@ -83,11 +79,6 @@ impl Process {
 
 const fn is_communication(index: u16) -> bool {
     matches!(index, 0x1400..=0x15FF | 0x1800..=0x19FF)
-}
-
-/// Communication and mapping parameters.
-const fn is_parameter(mux: Mux) -> bool {
-    matches!(mux.index, 0x1400..=0x1BFF)
 }
 
 const STORE: u16 = 0x1010;

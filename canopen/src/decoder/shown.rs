@@ -1,11 +1,9 @@
 //! Values as a reader wants them.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
 
 use super::process::Carried;
 use super::transfer::{InFrame, Whole};
-use crate::eds::{Eds, Entry};
 use crate::frame::Frame;
 use crate::mux::Mux;
 use crate::pdo::Unpacker;
@@ -23,20 +21,20 @@ pub struct Unit {
 /// What is known of the values of a device.
 #[derive(Debug)]
 pub(super) struct Shown {
-    pub(super) eds: Arc<Eds>,
+    pub(super) types: BTreeMap<Mux, DataType>,
     pub(super) units: BTreeMap<Mux, Unit>,
 }
 
 impl Shown {
     /// A value as the data sheet has it; `None` where the sheet does not fit the bytes.
     fn value(&self, mux: Mux, raw: &[u8], sized: bool) -> Option<String> {
-        let entry = self.eds.entry(mux)?;
-        let size = entry.data_type.size();
+        let data_type = self.types.get(&mux)?;
+        let size = data_type.size();
         let raw = match size {
             Some(size) if !sized => raw.get(..size)?,
             _ => raw,
         };
-        let value = entry.data_type.decode(raw).ok()?;
+        let value = data_type.decode(raw).ok()?;
         match value {
             Value::Bytes(_) => None,
             value => Some(self.with_unit(mux, &value)),
@@ -61,14 +59,12 @@ impl Shown {
     }
 
     /// A value of a process data object, which may have fewer bits than its type.
-    fn mapped(&self, entry: Option<&Entry>, mux: Mux, raw: [u8; 8], bits: u8) -> String {
+    fn mapped(&self, mux: Mux, raw: [u8; 8], bits: u8) -> String {
         let number = Value::Int(i128::from(u64::from_le_bytes(raw)));
-        let Some(entry) = entry else { return number.to_string() };
-        let value = match entry.data_type.size() {
-            Some(size) if size * 8 == usize::from(bits) => {
-                entry.data_type.decode(&raw[..size]).ok()
-            }
-            Some(1) if entry.data_type == DataType::BOOLEAN => Some(Value::Bool(raw[0] & 1 != 0)),
+        let Some(data_type) = self.types.get(&mux) else { return number.to_string() };
+        let value = match data_type.size() {
+            Some(size) if size * 8 == usize::from(bits) => data_type.decode(&raw[..size]).ok(),
+            Some(1) if *data_type == DataType::BOOLEAN => Some(Value::Bool(raw[0] & 1 != 0)),
             _ => None,
         };
         self.with_unit(mux, &value.unwrap_or(number))
@@ -102,8 +98,7 @@ pub(super) fn process(shown: &Shown, node: u8, carried: &Carried, frame: &Frame)
         if bits > 8 * frame.data.len() {
             values.push(format!("{} is missing", mapping.mux));
         } else if mapping.mux.index >= 0x20 {
-            let entry = shown.eds.entry(mapping.mux);
-            let value = shown.mapped(entry, mapping.mux, raw, mapping.bits);
+            let value = shown.mapped(mapping.mux, raw, mapping.bits);
             values.push(format!("{} = {value}", mapping.mux));
         }
     }

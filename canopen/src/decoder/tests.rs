@@ -277,10 +277,10 @@ PDOMapping=1
 ";
 
 fn device() -> Decoder {
-    let eds = Arc::new(eds::read(SHEET.as_bytes()).eds);
+    let eds = eds::read(SHEET.as_bytes()).eds;
     let unit = |scale, name: &str| Unit { scale, name: name.to_owned() };
     let units = [(Mux::new(0x2000, 0), unit(0.1, "C")), (Mux::new(0x1017, 0), unit(1.0, "ms"))];
-    Decoder::of_device(5, eds, units.into())
+    Decoder::of_device(5, &eds, units.into())
 }
 
 #[test]

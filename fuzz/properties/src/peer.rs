@@ -136,7 +136,7 @@ pub fn trace_decode(bytes: &[u8]) {
     let text = String::from_utf8_lossy(bytes);
     let mut decoders = [Decoder::default(), {
         let sheet = &SHEETS[0];
-        Decoder::of_device(sheet.node, std::sync::Arc::clone(&sheet.eds), Default::default())
+        Decoder::of_device(sheet.node, &sheet.eds, Default::default())
     }];
     let mut see = |frame: &Frame| {
         for decoder in &mut decoders {

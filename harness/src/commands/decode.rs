@@ -6,7 +6,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use canopen::catalogue::{Catalogue, Facts};
-use canopen::decoder::Unit;
+use canopen::decoder::{PdoLayout, Unit};
 use canopen::eds::{Eds, Object};
 use canopen::{Decoder, Frame, Instant, Mux};
 use reference_devices::devices;
@@ -185,7 +185,10 @@ impl<'a> Printed<'a> {
                         let (_, eds) = Sheet::read("", device.eds_text().as_bytes());
                         decoder(*node, &Arc::new(eds), self.catalogue)
                     }
-                    None => Decoder::default(),
+                    None => {
+                        let pdos = PdoLayout::clone(&started.pdos);
+                        Decoder::of_layout(*node, pdos, BTreeMap::new())
+                    }
                 };
             }
         }
@@ -239,7 +242,7 @@ fn heading(case: &CaseStarted) -> String {
 
 /// A decoder that knows a data sheet.
 pub(super) fn decoder(node: u8, eds: &Arc<Eds>, catalogue: &Catalogue) -> Decoder {
-    Decoder::of_device(node, Arc::clone(eds), units(node, eds, catalogue))
+    Decoder::of_device(node, eds, units(node, eds, catalogue))
 }
 
 /// The units of the values of a device, by CiA 301 and its profile.

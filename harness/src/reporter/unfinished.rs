@@ -49,6 +49,7 @@ pub(super) fn events(args: &RunArgs, why: &str, exit: u8) -> Vec<Event> {
             versions: Versions::default(),
             sheet: None,
             objects: Arc::default(),
+            pdos: Arc::default(),
             bit_rate: selection.bitrate,
             rerun: String::new(),
             remark: None,

@@ -1,7 +1,9 @@
 //! Why a case did not pass, in the order in which one asks.
 
+use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
 
+use canopen::decoder::PdoLayout;
 use canopen::{Decoder, Frame, Instant, Stamped, meaning};
 
 use super::excerpt::{Done, Excerpt as Happened, Line};
@@ -43,7 +45,8 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
             block.field("in", &format!("{}:{}:{}", info.file, info.line, info.column));
         }
     }
-    block.trace(case);
+    let pdos = PdoLayout::clone(&device.info.pdos);
+    block.trace(case, Decoder::of_layout(device.info.node, pdos, BTreeMap::new()));
     if !device.info.rerun.is_empty() {
         let again = format!("{} {}", device.info.rerun, shell_word(&case.info.name()));
         block.field("run again", &again);
@@ -164,7 +167,7 @@ impl Block<'_> {
         self.line(lines);
     }
 
-    fn trace(&mut self, case: &CaseRun) {
+    fn trace(&mut self, case: &CaseRun, mut decoder: Decoder) {
         let until = case.outcome.problem().map_or(Instant::NEVER, |problem| problem.at);
         let excerpt = Happened::until(case, until);
         let before = case.trace.last().is_some_and(|last| last.at > until);
@@ -183,7 +186,6 @@ impl Block<'_> {
             _ => None,
         };
         let width = excerpt.lines.iter().filter_map(place).max().unwrap_or_default();
-        let mut decoder = Decoder::default();
         let meanings: Vec<String> =
             case.trace.iter().map(|seen| decoder.see(&seen.frame)).collect();
         for line in excerpt.lines {

@@ -3,6 +3,7 @@
 use std::sync::{Arc, OnceLock};
 
 use canopen::Mux;
+use canopen::decoder::PdoLayout;
 use canopen::eds::{self, Diagnostic, Eds, Object, ObjectKind, Places};
 use reports::{ObjectNames, SheetUsed};
 use sha2::{Digest, Sha256};
@@ -27,6 +28,8 @@ pub struct Sheet {
     sha256: String,
     /// The names of its objects.
     pub names: Arc<ObjectNames>,
+    /// What its process data objects carry.
+    pub pdos: Arc<PdoLayout>,
     /// Found when somebody asks, which is when something is wrong.
     places: OnceLock<Places>,
 }
@@ -40,8 +43,9 @@ impl Sheet {
         let composed = source.line(1).trim_start_matches([';', ' ']) == COMPOSED;
         let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
         let names = Arc::new(reading.eds.objects.iter().flat_map(names).collect());
+        let pdos = Arc::new(PdoLayout::of(&reading.eds));
         let (trusted, places) = (false, OnceLock::new());
-        let sheet = Self { source, diagnostics, trusted, composed, sha256, names, places };
+        let sheet = Self { source, diagnostics, trusted, composed, sha256, names, pdos, places };
         (sheet, reading.eds)
     }
 

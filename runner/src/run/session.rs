@@ -140,6 +140,7 @@ impl Session<'_> {
             versions: Versions::default(),
             sheet: Some(dut.sheet.used()),
             objects: Arc::clone(&dut.sheet.names),
+            pdos: Arc::clone(&dut.sheet.pdos),
             bit_rate: dut.bit_rate,
             rerun: self.rerun.clone(),
             remark: None,

@@ -246,7 +246,11 @@ impl Steps<'_, '_> {
             .filter(|seen| !seen.own && seen.at > start && seen.frame.id == id);
         let (count, last) =
             others.fold((0, None), |(count, _), seen| (count + 1, Some(seen.frame)));
-        let nothing = format!("no matching frame within {}", show_time(within));
+        let mut nothing = format!("no matching frame within {}", show_time(within));
+        if let Some(elsewhere) = self.elsewhere(strict, start) {
+            let frame = elsewhere.frame;
+            nothing = format!("{nothing}, but its data on another identifier, as {frame}");
+        }
         let Some(last) = last else { return Difference::new(strict.to_string(), nothing) };
         let meaning = canopen::meaning(&last);
         let actual = match count {
@@ -254,6 +258,18 @@ impl Steps<'_, '_> {
             _ => format!("{nothing}; other frames with identifier {id}, the last: {meaning}"),
         };
         Difference::new(strict.to_string(), actual).about(last)
+    }
+
+    /// The first frame with the data that were expected and another identifier. A byte or two may
+    /// be the same by chance.
+    fn elsewhere(&self, strict: &Pattern, start: Instant) -> Option<Stamped> {
+        const MEANT: usize = 3;
+        let expected = strict.frame().filter(|frame| frame.data.len() >= MEANT)?;
+        let mut since = self.link.trace().iter().map(|seen| seen.stamped);
+        since.find(|seen| {
+            let Stamped { at, own, frame } = seen;
+            !own && *at > start && frame.data == expected.data && frame.id != expected.id
+        })
     }
 
     fn never(&mut self, never: &Never) -> Judgement {

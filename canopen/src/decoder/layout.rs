@@ -1,0 +1,70 @@
+//! What the process data objects of a device carry by its data sheet.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::eds::{Eds, Entry};
+use crate::mux::Mux;
+use crate::value::{DataType, Value};
+
+/// The parameters of the process data objects of a device, and the types of what they can carry.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PdoLayout {
+    /// The default of each entry of a communication or mapping parameter.
+    pub parameters: BTreeMap<Mux, Parameter>,
+    /// The types of the objects that can be mapped; those without a name are left out.
+    pub types: BTreeMap<Mux, DataType>,
+}
+
+/// The default of an entry of a parameter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Parameter {
+    /// The value, or what is added to the node id.
+    pub value: u32,
+    /// Whether the node id is added.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub plus_node: bool,
+}
+
+impl PdoLayout {
+    /// The layout in a data sheet.
+    pub fn of(eds: &Eds) -> Self {
+        let parameters = eds.entries().filter(|entry| is_parameter(entry.mux));
+        let mappable =
+            eds.entries().filter(|entry| entry.mappable && entry.data_type.name().is_some());
+        Self {
+            parameters: parameters
+                .filter_map(|entry| Some((entry.mux, parameter(entry)?)))
+                .collect(),
+            types: mappable.map(|entry| (entry.mux, entry.data_type)).collect(),
+        }
+    }
+
+    /// Whether nothing is known.
+    pub fn is_empty(&self) -> bool {
+        self.parameters.is_empty() && self.types.is_empty()
+    }
+}
+
+impl Parameter {
+    /// The value for a node id.
+    pub fn resolve(self, node: u8) -> u32 {
+        self.value.wrapping_add(if self.plus_node { node.into() } else { 0 })
+    }
+}
+
+/// A value that a parameter can have; none where the sheet has a text or too large a number.
+fn parameter(entry: &Entry) -> Option<Parameter> {
+    entry.data_type.size().filter(|size| *size <= 4)?;
+    let Some(default) = &entry.default else { return Some(Parameter::default()) };
+    let Value::Int(value) = default.value else { return None };
+    Some(Parameter { value: value.try_into().ok()?, plus_node: default.plus_node })
+}
+
+/// Communication and mapping parameters.
+pub(super) const fn is_parameter(mux: Mux) -> bool {
+    matches!(mux.index, 0x1400..=0x1BFF)
+}
