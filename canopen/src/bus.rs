@@ -20,7 +20,7 @@ pub trait Bus {
     /// The next frame that is complete by `until`, or `None` when `until` has come.
     fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError>;
 
-    /// Whether time passes by itself, so that whoever uses this bus can be late.
+    /// Whether time passes by itself, so that the user of this bus can be late.
     fn is_real(&self) -> bool {
         false
     }
@@ -124,7 +124,7 @@ pub trait Device {
         Err(BenchError::unknown(name))
     }
 
-    /// What is to be seen from outside; of a stimulus, what was set.
+    /// The value seen from outside; for a stimulus, the value that was set.
     fn observe(&self, _name: &str) -> Option<Value> {
         None
     }

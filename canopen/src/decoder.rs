@@ -27,7 +27,7 @@ use transfer::{Channel, Side};
 
 pub use shown::Unit;
 
-/// What was seen on a bus so far. A trace may begin in the middle of anything.
+/// The state of a bus as seen so far. A trace may start in the middle of anything.
 #[derive(Debug, Default)]
 pub struct Decoder {
     /// The default SDO channels, by node id.

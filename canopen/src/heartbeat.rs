@@ -25,7 +25,7 @@ impl ErrorControl {
         Self { state, toggle: false }
     }
 
-    /// What the byte says.
+    /// Decodes the byte.
     ///
     /// # Errors
     /// [`Malformed`] when there is not exactly one.

@@ -141,7 +141,7 @@ pub struct Fastscan {
 }
 
 impl Fastscan {
-    /// In place of a bit: is anybody there? Every scan begins anew.
+    /// In place of a bit: asks whether any slave answers. Every scan starts with it.
     pub const CONFIRM: u8 = 0x80;
 }
 
@@ -177,7 +177,7 @@ pub const BIT_RATES: [Option<u32>; 9] = [
 ];
 
 impl Request {
-    /// What the bytes say. Reserved bytes are not looked at.
+    /// Decodes the bytes. Reserved bytes are ignored.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.
@@ -232,7 +232,7 @@ impl Request {
 }
 
 impl Response {
-    /// What the bytes say. Reserved bytes are not looked at.
+    /// Decodes the bytes. Reserved bytes are ignored.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.

@@ -18,7 +18,7 @@ pub struct Command {
 }
 
 impl Command {
-    /// What the bytes say.
+    /// Decodes the bytes.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly two.

@@ -32,18 +32,18 @@ enum Body {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Byte {
-    /// Those bits of the mask that must have the value.
+    /// The bits of the mask must have the value.
     Bits { mask: u8, value: u8 },
-    /// What an edit keeps; as a condition, any byte.
+    /// An edit keeps the byte; as a condition, any byte matches.
     Keep,
-    /// What is bound to the name, or a captured byte.
+    /// The value bound to the name, or a captured byte.
     Name(String),
 }
 
 /// A word of a pattern: what a frame must have there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Word {
-    /// Those bits of the mask that must have the value.
+    /// The bits of the mask must have the value.
     Bits {
         /// The bits that count.
         mask: u8,

@@ -63,7 +63,7 @@ pub struct Mapping {
 }
 
 impl Mapping {
-    /// What a mapping object's 32 bits say.
+    /// Decodes the 32 bits of a mapping entry.
     pub const fn decode(word: u32) -> Self {
         let mux = Mux::new((word >> 16) as u16, (word >> 8) as u8);
         Self { mux, bits: word as u8 }

@@ -148,7 +148,7 @@ pub struct Complaint {
     pub source: Arc<Source>,
     /// The place; `None` when it is about the file as a whole.
     pub place: Option<Place>,
-    /// What is wrong, in one sentence.
+    /// The mistake, in one sentence.
     pub message: String,
 }
 
@@ -197,7 +197,7 @@ fn around(line: &str, column: usize) -> (String, usize) {
     }
 }
 
-/// Reads YAML, and makes of whatever is wrong with it a complaint.
+/// Reads YAML, and turns any error into a complaint.
 pub fn read_yaml<T: for<'de> Deserialize<'de>>(source: &Arc<Source>) -> Result<T, Complaint> {
     serde_yaml::from_str(&source.text).map_err(|error| {
         // In a text that is not YAML, such as one that lacks a `}`, a value may be found that does
@@ -250,7 +250,7 @@ fn quoted(source: &Source, place: Place, offset: usize) -> usize {
     }
 }
 
-/// What the YAML library says to programmers, said to people.
+/// Rewords a message that the YAML library addresses to programmers.
 fn in_our_words(message: &str) -> String {
     if let Some(rest) = message.strip_prefix("duplicate mapping key: ") {
         let key = rest.split([',', ';', ' ']).next().unwrap_or(rest);
@@ -305,7 +305,7 @@ fn in_our_words(message: &str) -> String {
     }
 }
 
-/// What is meant instead of a word that is not known, or else all that are.
+/// The known word nearest to an unknown one, or else all known words.
 fn unknown(message: &str, prefix: &str, noun: &str) -> Option<String> {
     let (wrong, known) = message.strip_prefix(prefix)?.split_once("`, expected one of ")?;
     let meant = did_you_mean(wrong, known.split(", "));

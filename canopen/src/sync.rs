@@ -14,7 +14,7 @@ pub struct Sync {
 }
 
 impl Sync {
-    /// What the bytes say.
+    /// Decodes the bytes.
     ///
     /// # Errors
     /// [`Malformed`] when there is more than one.

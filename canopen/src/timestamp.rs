@@ -21,7 +21,7 @@ impl TimeOfDay {
     /// Milliseconds of a day.
     pub const DAY: u32 = 24 * 60 * 60 * 1000;
 
-    /// What the bytes say. The four reserved bits are not looked at.
+    /// Decodes the bytes. The four reserved bits are ignored.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly six.

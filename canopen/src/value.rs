@@ -115,7 +115,7 @@ impl DataType {
         }
     }
 
-    /// What `bytes` mean in this type.
+    /// Decodes `bytes` as this type.
     ///
     /// # Errors
     /// [`ValueError::Length`] when the type has a fixed length and `bytes` another.

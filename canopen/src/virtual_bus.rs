@@ -30,8 +30,8 @@ pub struct VirtualBus<'a> {
 struct Station<'a> {
     device: Box<dyn Device + 'a>,
     out: Outbox,
-    /// What the device last gave as its deadline. Only handling something can change it, and
-    /// asking a device costs more than everything else that happens between two frames.
+    /// The last deadline of the device. Only handling something can change it, and asking a device
+    /// costs more than everything else that happens between two frames.
     due: Option<Instant>,
 }
 
@@ -64,7 +64,7 @@ impl<'a> VirtualBus<'a> {
         self.attach_boxed(Box::new(device))
     }
 
-    /// Adds a device of whatever type and returns its place, counted from 0.
+    /// Adds a device of any type and returns its place, counted from 0.
     pub fn attach_boxed(&mut self, device: Box<dyn Device + 'a>) -> usize {
         let due = device.poll_at();
         self.stations.push(Station { device, out: Outbox::default(), due });
@@ -75,7 +75,7 @@ impl<'a> VirtualBus<'a> {
         bits * 1_000_000_000 / self.bit_rate
     }
 
-    /// Starts the frame that wins, if the wire is free and somebody wants to send.
+    /// Starts the frame that wins, if the wire is free and a station wants to send.
     fn arbitrate(&mut self) {
         if self.wire.is_some() || self.idle_from > self.now {
             return;
@@ -203,7 +203,7 @@ impl Bench for VirtualBus<'_> {
     }
 
     fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
-        // What can be set can mostly be seen, and looking needs no list of names.
+        // Most stimuli can also be observed, and observing needs no list of names.
         let has = |station: &Station| {
             station.device.observe(name).is_some()
                 || station.device.bench_names().iter().any(|own| own == name)

@@ -23,7 +23,7 @@ pub fn frame_bits(frame: &Frame) -> u64 {
     u64::from(wire.bits + TAIL_BITS)
 }
 
-/// What has passed on the wire of one frame.
+/// The bits of one frame that have passed on the wire.
 struct Wire {
     /// The check sum. Leading zeros do not change it, so fewer bits than eight can begin it.
     crc: u16,

@@ -3,7 +3,7 @@
 use crate::frame::Data;
 use crate::lss::{BIT_RATES, Fastscan, REQUEST_COB_ID, Request, Response};
 
-/// What the master asked last.
+/// The last request of the master.
 #[derive(Debug, Default)]
 pub(super) struct Layer {
     asked: Option<Request>,

@@ -13,7 +13,7 @@ use crate::pdo::{CobId, Mapping};
 pub(super) struct Process {
     /// By the data sheet.
     factory: BTreeMap<Mux, u32>,
-    /// What counts after the next start.
+    /// The values that are in force after the next start.
     stored: BTreeMap<Mux, u32>,
     /// What counts now.
     now: BTreeMap<Mux, u32>,
@@ -54,7 +54,7 @@ impl Process {
         }
     }
 
-    /// The device has started anew.
+    /// The device has restarted.
     pub(super) fn restart(&mut self) {
         self.now = self.stored.clone();
     }

@@ -11,7 +11,7 @@ use crate::mux::Mux;
 use crate::pdo::Unpacker;
 use crate::value::{DataType, Value};
 
-/// What a value means physically.
+/// The physical meaning of a value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
     /// The physical value of a raw 1.
@@ -20,7 +20,7 @@ pub struct Unit {
     pub name: String,
 }
 
-/// What is known of the values of a device.
+/// The facts known about the values of a device.
 #[derive(Debug)]
 pub(super) struct Shown {
     pub(super) eds: Arc<Eds>,
@@ -75,7 +75,7 @@ impl Shown {
     }
 }
 
-/// What a transfer carried, as the end of a line.
+/// The data of a transfer, as the end of a line.
 pub(super) fn whole(shown: Option<&Shown>, whole: &Whole) -> String {
     let Whole { mux, value, sized, frame, .. } = whole;
     let known = shown.and_then(|shown| shown.value(*mux, value, *sized));
@@ -140,5 +140,5 @@ pub(super) fn count(bytes: usize) -> String {
     if bytes == 1 { "1 byte".to_owned() } else { format!("{bytes} bytes") }
 }
 
-/// More bytes of a value help nobody.
+/// Longer values are cut; more bytes do not help a reader.
 const MOST: usize = 32;

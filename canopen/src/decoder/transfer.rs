@@ -36,7 +36,7 @@ pub(super) struct Whole {
     pub frame: InFrame,
 }
 
-/// What the words for the last frame of a transfer show of its value.
+/// The part of the value that the words for the last frame of a transfer show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum InFrame {
     /// The object and the bytes.
@@ -51,11 +51,11 @@ pub(super) enum InFrame {
 pub(super) struct Said {
     /// The words.
     pub text: String,
-    /// What is complete with it.
+    /// The value that this frame completes.
     pub whole: Option<Whole>,
 }
 
-/// What is known of the transfers of a node.
+/// The state of the transfers of a node.
 #[derive(Debug, Default)]
 pub(super) struct Channel {
     state: State,
@@ -140,7 +140,7 @@ impl Block {
 }
 
 impl Channel {
-    /// Whatever was open is over.
+    /// Ends the open transfer, if there is one.
     pub(super) fn end(&mut self) {
         (self.state, self.last) = (State::Idle, None);
     }
@@ -305,7 +305,7 @@ impl Channel {
 
     /// The value of the transfer that is over, when all of it was seen.
     fn complete(&mut self) -> Option<Whole> {
-        // What was taken for the end of something that began before the trace may be none.
+        // The apparent end of a transfer that began before the trace may be no end.
         let after = if self.mux().is_some() { State::Idle } else { State::Unknown };
         let (mux, value, sender) = match mem::replace(&mut self.state, after) {
             State::Segments(open) => (open.mux?, open.value, open.sender),
@@ -411,7 +411,7 @@ impl Channel {
     }
 }
 
-/// What is said of a frame that belongs to a transfer, when there is none.
+/// The remark on a frame that belongs to a transfer, when none is open.
 const NONE_OPEN: &str = "; no such transfer is open";
 
 /// A segment with the number that its receiver waits for.

@@ -1,4 +1,4 @@
-//! What is wrong or remarkable about a data sheet, and where.
+//! Mistakes and oddities of a data sheet, and where they are.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -18,7 +18,7 @@ pub struct Diagnostic {
     pub line: usize,
     /// Column in characters of the decoded line, counted from 1.
     pub column: usize,
-    /// What was found, in one sentence.
+    /// The finding, in one sentence.
     pub message: String,
 }
 

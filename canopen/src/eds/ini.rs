@@ -10,9 +10,9 @@ use crate::source::Place;
 /// A section and its keys.
 #[derive(Debug)]
 pub(super) struct Section<'a> {
-    /// What the name stands for.
+    /// The meaning of the title.
     pub(super) name: Name,
-    /// What is between the brackets.
+    /// The text between the brackets.
     pub(super) title: &'a str,
     /// Where the bracket opens.
     pub(super) at: Place,
@@ -43,8 +43,8 @@ impl<'a> Section<'a> {
     }
 }
 
-/// What a section is about. The order is the one in which sections are read: what belongs to one
-/// object stands together.
+/// The subject of a section. Sections are read in this order, so that the sections of one object
+/// stand together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Name {
     FileInfo,
@@ -74,7 +74,7 @@ impl List {
     }
 }
 
-/// What a section says of an object.
+/// The part of an object that a section describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Part {
     Head,
@@ -334,7 +334,7 @@ fn drop_second_keys(section: &mut Section<'_>, findings: &mut Findings) {
     }
 }
 
-/// What the section of a value has at most, as a rule.
+/// A section of a value rarely has more keys.
 const USUAL_KEYS: usize = 10;
 
 /// Up to this many keys are compared each with each, which is faster than hashing.

@@ -9,7 +9,7 @@ pub(super) struct Number {
     pub(super) remark: Option<Remark>,
 }
 
-/// What is unusual about a number.
+/// An unusual property of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Remark {
     /// Octal because of a leading zero; what it would be as a decimal number.

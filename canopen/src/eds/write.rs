@@ -43,7 +43,7 @@ struct Writer<'e> {
     out: String,
     /// Sections and keys without a meaning that are still to be written.
     unknown: HashMap<&'e str, &'e [(String, String)]>,
-    /// Those of the section being written.
+    /// The keys of the section being written.
     keys: &'e [(String, String)],
 }
 

@@ -9,7 +9,7 @@ use crate::mux::Mux;
 /// The most segments of a sub-block; the fewest is 1.
 pub const LARGEST_BLOCK: u8 = 127;
 
-/// What a client says in a block transfer, outside sub-blocks.
+/// A client's command in a block transfer, outside sub-blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockRequest {
     /// Begins a download.
@@ -42,7 +42,7 @@ pub enum BlockRequest {
     UploadEnd,
 }
 
-/// What a server says in a block transfer, outside sub-blocks.
+/// A server's command in a block transfer, outside sub-blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockResponse {
     /// Accepts a download.
@@ -181,7 +181,7 @@ impl BlockEnd {
 }
 
 impl BlockSegment {
-    /// What the eight bytes of a frame say inside a sub-block.
+    /// Decodes the eight bytes of a frame inside a sub-block.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.

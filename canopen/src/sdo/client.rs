@@ -39,7 +39,7 @@ pub enum Transfer {
 }
 
 impl Transfer {
-    /// What a client chooses for `len` bytes.
+    /// The protocol that a client chooses for `len` bytes.
     pub const fn usual(len: usize) -> Self {
         match len {
             1..=4 => Self::Expedited,
@@ -48,7 +48,7 @@ impl Transfer {
     }
 }
 
-/// What a transfer does next.
+/// The next action of a transfer.
 #[derive(Clone, Debug)]
 pub enum Next {
     /// Send these in order, if any, and wait for the next answer.
@@ -69,7 +69,7 @@ pub enum Failure {
     Timeout,
     /// The server broke the protocol: what was expected, and what came.
     Violation {
-        /// What the protocol asks for.
+        /// The answer that the protocol requires.
         expected: String,
         /// What the server sent.
         got: Response,
@@ -123,7 +123,7 @@ impl Client {
         (state.client(), Request::Download(mux, initiate))
     }
 
-    /// What the server's bytes say at this point of the transfer.
+    /// Decodes the server's bytes at this point of the transfer.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.

@@ -29,7 +29,7 @@ pub enum Response {
 }
 
 impl Response {
-    /// What the bytes say. Reserved bits and bytes are not looked at.
+    /// Decodes the bytes. Reserved bits and bytes are ignored.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.
@@ -49,9 +49,8 @@ impl Response {
         })
     }
 
-    /// What the bytes say while the client waits for segments of a block upload. Then the
-    /// first byte is a sequence number, and only 80h, which cannot be one, is still a command:
-    /// abort.
+    /// Decodes the bytes while the client waits for segments of a block upload. The first byte is
+    /// then a sequence number. Only 80h, which cannot be one, is still a command: abort.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.

@@ -20,7 +20,7 @@ impl Outline {
         self.walk(path).and_then(|(_, value)| value.text())
     }
 
-    /// What is reached by these keys, in one line; without the braces of a map that it is.
+    /// The value at these keys, in one line. If it is a map, its braces are left out.
     pub fn in_one_line(&self, path: &[&str]) -> String {
         let Some((_, value)) = self.walk(path) else { return String::new() };
         let text = value.in_one_line();

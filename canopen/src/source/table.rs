@@ -22,8 +22,8 @@ pub struct Table {
 
 impl Table {
     /// Reads `for` and `rows`. All columns are used in `content`; `around` are the values of names
-    /// that stand around the table, and `stand` is where its cells are. What is wrong is
-    /// complained about; `None` when it is no table.
+    /// that stand around the table, and `stand` is where its cells are. Mistakes become complaints;
+    /// `None` when it is no table.
     pub fn read(
         written: &Tree,
         content: &[Tree],

@@ -22,7 +22,7 @@ pub struct Tree {
     pub place: Place,
 }
 
-/// What a value can be.
+/// The kinds of value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Node {
     /// Keys and values, in their order.
@@ -217,7 +217,7 @@ impl<'de> Visitor<'de> for NodeVisitor {
     }
 }
 
-/// What of a tree does not fit what is read from it, in the words of the library.
+/// The mismatch between a tree and the type that is read from it, in the words of the library.
 #[derive(Debug)]
 pub struct Unfit {
     /// What is wrong.
@@ -239,7 +239,7 @@ impl de::Error for Unfit {
         Self { message: message.to_string(), place: None }
     }
 
-    // What the YAML library says of a text, so that there is one translation of both.
+    // The YAML library words its message for text, so that one translation serves both.
 
     fn invalid_type(_: de::Unexpected<'_>, expected: &dyn de::Expected) -> Self {
         Self::custom(format!("invalid {expected}"))
@@ -612,9 +612,9 @@ impl From<&str> for Node {
     }
 }
 
-/// What a plain scalar means in YAML, as far as numbers and truth values go.
+/// The YAML meaning of a plain scalar, for numbers and truth values only.
 fn scalar(text: Cow<'_, str>) -> Node {
-    // Most are words, for which a parser is a long way round. What is shorter may be `off`.
+    // Most scalars are words, for which a parser is slow. A shorter one may be `off`.
     let is_word = text.len() > 5
         && text.starts_with(|first: char| first == '$' || first.is_ascii_alphabetic());
     if is_word {

@@ -20,7 +20,8 @@ struct Pdos {
     first: u16,
     /// Key of the device's section that counts them.
     count_key: &'static str,
-    /// What is added to the node id for the first PDO; 100h more for each of the next three.
+    /// The offset that is added to the node id for the first PDO; 100h more for each of the next
+    /// three.
     cob_id: i128,
 }
 

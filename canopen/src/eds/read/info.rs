@@ -259,7 +259,7 @@ const DEVICE_INFO: [&str; 14] = [
     "CompactPDO",
 ];
 
-/// Those of them that are numbers.
+/// The keys among them that are numbers.
 const DEVICE_INFO_NUMBERS: [&str; 6] =
     ["VendorNumber", "ProductNumber", "RevisionNumber", "Granularity", "NrOfRXPDO", "NrOfTXPDO"];
 

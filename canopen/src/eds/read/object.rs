@@ -9,7 +9,7 @@ use crate::mux::Mux;
 use crate::source::Place;
 use crate::value::DataType;
 
-/// What there is of an object.
+/// The sections of an object.
 pub(super) struct Parts<'s, 'a> {
     pub(super) index: u16,
     pub(super) head: Option<&'s Section<'a>>,
@@ -18,7 +18,7 @@ pub(super) struct Parts<'s, 'a> {
     pub(super) values: Option<&'s Section<'a>>,
 }
 
-/// What the head of an object describes.
+/// The kind of object that a head describes.
 enum Head {
     /// The object as a whole.
     Object,
