@@ -34,7 +34,7 @@ pub enum Exit {
 pub struct Refused {
     /// The exit status of the process.
     pub exit: Exit,
-    /// What is printed for the user; may have several lines.
+    /// The message for the user; may have several lines.
     pub message: String,
 }
 

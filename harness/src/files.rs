@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use crate::source::{Complaint, Source};
 
-/// What an operating system says of an error, without the number.
+/// The operating system's message for an error, without the number.
 pub(crate) fn words(error: &io::Error) -> String {
     let words = error.to_string();
     words.split(" (os error").next().unwrap_or_default().to_owned()

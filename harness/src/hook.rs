@@ -56,7 +56,8 @@ fn start(hook: &Program, argument: Option<&str>) -> std::io::Result<Child> {
         .current_dir(folder)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        // What it starts ends with it, and Ctrl-C is the harness's to handle.
+        // Its own process group: children of the hook end with it, and Ctrl-C reaches only the
+        // harness.
         .process_group(0)
         .spawn()
 }

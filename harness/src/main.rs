@@ -23,7 +23,7 @@ fn main() -> ExitCode {
         }
     });
     let exit = exit.unwrap_or_else(|_| {
-        // Nobody can be told when that fails.
+        // A failed write to standard error cannot be reported.
         _ = writeln!(
             std::io::stderr(),
             "this is a bug of the harness: please report it with the command you ran"

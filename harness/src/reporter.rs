@@ -211,7 +211,7 @@ fn print(text: &str) {
     }
 }
 
-/// Whether something could not be said, which whoever prints it does not ask.
+/// Whether a write to standard output failed. The code that prints does not check.
 static UNSAID: AtomicBool = AtomicBool::new(false);
 
 /// Whether something could not be printed to standard output.

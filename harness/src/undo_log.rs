@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::files::{read_text, words, write_synced};
 
-/// What the log says of the device.
+/// The device that the log is about.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Changes {
@@ -23,7 +23,7 @@ pub(crate) struct Changes {
     pub target: String,
     /// The node id.
     pub node: u8,
-    /// What reports call the device.
+    /// The name of the device in reports.
     pub device: String,
     /// The bit rate of the bus in bit/s, when it is known.
     pub bit_rate: Option<u32>,
@@ -35,7 +35,7 @@ pub(crate) struct Changes {
     pub device_file: Option<PathBuf>,
     /// The data sheet of the user's.
     pub eds: Option<PathBuf>,
-    /// What it said of itself.
+    /// The identity that the device reported.
     pub identity: Identity,
     /// The process that made the changes.
     pub process: u32,

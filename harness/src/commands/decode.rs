@@ -84,10 +84,10 @@ fn skip_line(from: &mut dyn BufRead) -> std::io::Result<()> {
     }
 }
 
-/// What was printed so far.
+/// The state of the output so far.
 struct Printed<'a> {
     catalogue: &'a Catalogue,
-    /// What the user says of the device, which beats a journal.
+    /// The device as the user gave it, which takes precedence over a journal.
     said: Option<(u8, Arc<Eds>)>,
     decoder: Decoder,
     names: Arc<ObjectNames>,

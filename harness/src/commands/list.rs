@@ -112,8 +112,8 @@ fn suites(library: &Library) -> Result<Exit, Refused> {
     Ok(Exit::Green)
 }
 
-/// What each reference device has under a name and why, such as its mutants; of a variant, those
-/// that its device does not have.
+/// The named items of each reference device, such as its mutants, each with its reason. A variant
+/// lists only those that its device does not have.
 fn named(
     library: &Library,
     selection: &Selection,

@@ -125,7 +125,7 @@ pub(super) fn assertions_of<'l>(
     Ok(Assertions::of(library, &matrices, &[], &slips).about(case))
 }
 
-/// What slips prove of the cases that fit, beside mutants and freedoms.
+/// The proofs by slips for the selected cases, beside mutants and freedoms.
 fn slips_of(
     cleans: &[Clean],
     matrices: &[Matrix],

@@ -106,7 +106,7 @@ impl Bench for Table<'_> {
     }
 }
 
-/// A line that somebody wrote into the socket, and where the answer goes.
+/// A line from the socket, and where the answer goes.
 struct Request {
     line: String,
     answer: Sender<String>,

@@ -40,7 +40,8 @@ pub(super) fn target(
     };
     let node = selection.node.unwrap_or_else(|| device.description.default_node);
     if let Some(deviation) = &deviation {
-        // What cannot be built is a mistake in its file, which is reported before anything runs.
+        // A deviation that cannot be built is a mistake in its file. It is reported before anything
+        // runs.
         deviation.build(&device, node)?;
     }
     let mut options = match &deviation {
@@ -110,7 +111,7 @@ impl Target {
     }
 }
 
-/// What the user calls the device. Without a target, `--device` chooses a reference device.
+/// The user's name for the device. Without a target, `--device` chooses a reference device.
 fn own_name(selection: &Selection) -> Option<&str> {
     selection.target.as_ref().and(selection.device.as_deref())
 }

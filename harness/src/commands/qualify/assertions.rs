@@ -35,7 +35,7 @@ pub(crate) struct Judged<'l> {
 }
 
 impl<'l> Assertions<'l> {
-    /// Those of the cases that are proved on the devices of these matrices.
+    /// The assertions of the cases that are proved on the devices of these matrices.
     pub(super) fn of(
         library: &'l Library,
         matrices: &[Matrix],

@@ -224,7 +224,8 @@ impl Search {
                 open: None,
             }));
         }
-        // What a device in order refuses may end the steps; another one goes on.
+        // A refusal by a device without deviation may end the steps early; another device would go
+        // on.
         let last = moments.last().filter(|last| last.step + 1 < case.steps.len());
         if let Some(last) = last.filter(|_| base.is_none())
             && let Some(first) = self.open.iter().find(|one| one.step > last.step)
@@ -238,7 +239,7 @@ impl Search {
         trials
     }
 
-    /// What one run proves; what is to be run next, if it is not clear.
+    /// Records the proofs of one run. Returns the next trial if the result is unclear.
     fn learn(&mut self, shown: &Shown, outcome: &Outcome, tried: &Trial) -> Option<Trial> {
         let Trial { target, slip, open } = tried;
         let target = target.as_ref()?;
@@ -283,7 +284,7 @@ impl Search {
     }
 }
 
-/// What is run: a slip, for what it may prove, and the part of a step that does not count.
+/// One trial: a slip, the assertion that it may prove, and the part of a step that does not count.
 #[derive(Clone, Default)]
 struct Trial {
     target: Option<Assertion>,
@@ -305,7 +306,7 @@ fn answers(node: u8, heard: &[Heard], moments: &[Moment]) -> Answers {
     all
 }
 
-/// What was heard on a device, step by step.
+/// The frames heard on a device, step by step.
 #[derive(Clone, Copy)]
 struct Scenes<'s> {
     heard: &'s [Heard],
@@ -313,7 +314,7 @@ struct Scenes<'s> {
     dut: &'s Dut,
 }
 
-/// What is still to be run, in its order.
+/// The trials still to run, in order.
 type Queue = VecDeque<Trial>;
 
 /// The next run for something that is still open.

@@ -10,7 +10,7 @@ use super::model::{Change, Fate, Slip};
 use super::scene::{Heard, Moment, Scene};
 use super::{frames, objects, times, values};
 
-/// What may break the step, or this part of it, those first that do so most likely.
+/// The slips that may break the step, or this part of it, the likeliest first.
 pub(crate) fn candidates(
     step: &Step,
     constraint: Option<&Constraint>,
@@ -22,7 +22,7 @@ pub(crate) fn candidates(
     constraint.map_or_else(|| of_whole(&scene), |constraint| of_part(&scene, constraint))
 }
 
-/// What may break this part of the step.
+/// The slips that may break this part of the step.
 fn of_part(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
     match scene.step {
         Step::Reply(_)
@@ -64,7 +64,7 @@ pub(crate) fn not_declining(
     objects::not_declining(&Scene { step, moment, begin, all, node, eds })
 }
 
-/// What may break the step as a whole.
+/// The slips that may break the step as a whole.
 fn of_whole(scene: &Scene) -> Vec<Slip> {
     if let Step::Never(never) = scene.step {
         return frames::coming(scene, &never.frame);

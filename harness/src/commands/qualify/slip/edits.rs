@@ -142,7 +142,7 @@ fn expedited(bytes: &mut [u8]) -> Option<&mut [u8]> {
     bytes.get_mut(4..).filter(|_| is_expedited)
 }
 
-/// What a server answers that takes everything.
+/// The answer of a server that accepts everything.
 fn confirmation(request: &[u8]) -> Data {
     let mux = [1, 2, 3].map(|place| request.get(place).copied().unwrap_or(0));
     let [low, high, sub] = mux;

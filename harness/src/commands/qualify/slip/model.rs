@@ -1,4 +1,4 @@
-//! What goes wrong, and what becomes of frames then.
+//! What goes wrong, and how that changes the frames.
 
 use std::time::Duration;
 
@@ -8,21 +8,21 @@ use super::edits::Edit;
 use super::scene::Heard;
 use super::values::Odd;
 
-/// What goes wrong, and with which frames.
+/// A slip: what goes wrong, and with which frames.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Slip {
-    /// What such firmware does, for people.
+    /// A description of such firmware, for people.
     pub what: String,
     pub(super) changes: Vec<Change>,
     /// Frames that come of their own accord, so long after the steps began.
     pub(super) unasked: Vec<(Duration, Frame)>,
-    /// What is seen on the physical side instead, while this step runs.
+    /// The wrong observation on the physical side instead, while this step runs.
     pub(super) observed: Option<(usize, Odd)>,
     /// The step after which the answers are those of a device that did not slip.
     pub(super) healed: Option<usize>,
 }
 
-/// What happens to frames of one identifier.
+/// A change to frames of one identifier.
 #[derive(Clone, Debug)]
 pub(super) struct Change {
     pub(super) id: Id,
@@ -33,7 +33,7 @@ pub(super) struct Change {
     pub(super) fate: Fate,
 }
 
-/// What happens to a frame.
+/// A change to one frame.
 #[derive(Clone, Debug)]
 pub(super) enum Fate {
     /// It is not sent.

@@ -47,13 +47,13 @@ pub(super) struct Scene<'s> {
 }
 
 impl Scene<'_> {
-    /// What came while the step ran.
+    /// The frames that arrived while the step ran.
     pub(super) fn heard(&self) -> impl DoubleEndedIterator<Item = &Heard> {
         let Moment { from, to, .. } = self.moment;
         self.all.iter().filter(move |heard| heard.at > *from && heard.at <= *to)
     }
 
-    /// What the device sent then.
+    /// The frames that the device sent then.
     pub(super) fn sent(&self) -> impl DoubleEndedIterator<Item = &Heard> {
         self.heard().filter(|heard| !heard.own)
     }

@@ -34,10 +34,10 @@ pub(super) struct Recorded {
     pub shown: Shown,
 }
 
-/// What ran when a frame came.
+/// The phase in which a frame arrived.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Moment {
-    /// What settles the device before the setup, or identifies it before the first case.
+    /// Before the setup or the first case, while the device is settled or identified.
     #[default]
     Settling,
     Setup,
@@ -51,7 +51,7 @@ pub(super) enum Moment {
 struct Recorder(RefCell<(Moment, Vec<Recorded>)>);
 
 impl Recording {
-    /// What happens on the device with a deviation while what is wanted runs.
+    /// Records a deviating device while the selected cases run.
     ///
     /// # Errors
     /// When the device cannot be built, or a case contradicts its data sheet.
