@@ -21,7 +21,7 @@ pub use summary::summary;
 pub enum Verbosity {
     /// The summary only, without the reasons of skipped cases.
     Quiet,
-    /// What is not PASS; skipped cases are counted by reason in the summary.
+    /// Shows every case that did not pass; skipped cases are counted by reason in the summary.
     #[default]
     Normal,
     /// A line or a block for each case, and the figures that it measured.
@@ -40,7 +40,7 @@ pub struct Printer {
     last: Last,
 }
 
-/// What was printed last: it decides where a blank line belongs.
+/// The kind of the last output: it decides where a blank line belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Last {
     Nothing,
@@ -64,7 +64,7 @@ impl Printer {
         {
             return String::new();
         }
-        // What is LENIENT has as much to show, and is green.
+        // A LENIENT case has as much to show, and is green.
         let in_full = run.is_red(verdict)
             || verdict == Verdict::Lenient && self.verbosity == Verbosity::Verbose;
         let block = in_full && !self.is_explained(case);

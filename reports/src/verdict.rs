@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::wire;
 
-/// What a case says of the device, in ascending weight.
+/// The verdict of a case on the device, in ascending weight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Verdict {
     /// Conformant.
@@ -86,9 +86,9 @@ pub enum Outcome {
     Skip(String),
     /// Which requirement the case relies on does not hold, and how that showed.
     Blocked(String),
-    /// What the device did wrong.
+    /// The device's mistake.
     Fail(Box<Problem>),
-    /// What came of the case, and why that is accepted.
+    /// The original verdict, and why it is accepted.
     Waived {
         /// FAIL, ERROR or LENIENT.
         outcome: Box<Self>,
@@ -137,7 +137,7 @@ impl Outcome {
         }
     }
 
-    /// Whether the device did not do what the case says, whatever became of that by its level.
+    /// Whether the device did not do what the case says, even if the level of the case excuses it.
     pub fn holds_against_device(&self) -> bool {
         match self {
             Self::Fail(_) => true,
@@ -213,7 +213,7 @@ pub struct Problem {
     /// The line of the data sheet in question, when it is about what one says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheet: Option<Excerpt>,
-    /// What else helps: interpretations of the register, later problems of the same case.
+    /// Further help: interpretations of the register, later problems of the same case.
     pub notes: Vec<String>,
     /// Whether the case failed and is LENIENT because no requirement that it checks is a must.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

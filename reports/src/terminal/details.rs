@@ -245,7 +245,7 @@ fn caret(place: &Excerpt) -> String {
     " ".repeat(before) + &"^".repeat(length)
 }
 
-/// What a case measured, and its limits.
+/// The measurement of a case, and its limits.
 pub(super) fn figures(measured: &Measured) -> String {
     let Measured { what, unit, count, min, mean, max, strict, lenient } = measured;
     let (min, mean, max) = (decimal(*min), decimal(*mean), decimal(*max));
