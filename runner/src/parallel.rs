@@ -53,8 +53,8 @@ pub fn try_map<'i, T: Sync, R: Send, E: Send>(
 
 /// Passes on the events of sessions that run side by side as if they ran one after the other.
 ///
-/// The session whose turn it is passes its events on as they happen. Those of the sessions after
-/// it wait, which takes memory, so that sessions far ahead of their turn do not begin.
+/// The session whose turn it is passes its events on as they happen. The events of later sessions
+/// wait. This takes memory, so sessions far ahead of their turn do not begin.
 pub struct InTurn<F> {
     /// The place of the session whose turn it is.
     turn: AtomicUsize,

@@ -40,7 +40,7 @@ impl Stop {
         Held(Arc::clone(&self.held))
     }
 
-    /// What follows leaves the device as it was found, or does not any more.
+    /// Marks the begin or end of cleaning, which leaves the device as it was found.
     pub fn clean(&self, cleaning: bool) {
         self.cleaning.store(cleaning, Ordering::SeqCst);
     }

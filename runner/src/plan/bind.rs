@@ -105,7 +105,7 @@ fn relaxed<'l>(
 /// The names that all instances of a suite have.
 struct Offered<'s> {
     names: Arc<Scope>,
-    /// Those that a case cannot use for something of its own.
+    /// The names that a case must not bind to something of its own.
     reserved: BTreeSet<&'s str>,
 }
 

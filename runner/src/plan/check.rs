@@ -1,4 +1,4 @@
-//! What can be known to be wrong with a case before anything runs.
+//! Mistakes of a case that can be found before anything runs.
 
 use std::collections::BTreeSet;
 
@@ -71,11 +71,11 @@ fn required_object(
     }
 }
 
-/// What can be said of an instance before it runs.
+/// The result of checking an instance before it runs.
 pub(super) struct Checked {
     /// Names that are not bound or not used, unknown objects, values that do not fit.
     pub complaints: Vec<Complaint>,
-    /// What the case needs and the device, or the bench around it, does not have.
+    /// A need of the case that the device, or the bench around it, does not meet.
     pub lacking: Option<String>,
     /// The names that its steps ask for.
     pub used: BTreeSet<String>,
@@ -115,7 +115,7 @@ struct Checker<'c> {
     suite: &'c Suite,
     case: &'c Case,
     dut: &'c Dut,
-    /// What the device that the suite is for has; `None` for suites for any device.
+    /// The data sheet of the device that the suite is for; `None` for suites for any device.
     model: Option<&'c Eds>,
     saved: Vec<(String, Place)>,
     complaints: Vec<Complaint>,
@@ -397,7 +397,7 @@ impl Checker<'_> {
         entry.is_some_and(|entry| entry.access.writable())
     }
 
-    /// What comes last has nothing to leave out.
+    /// A step in `finally` has no later steps to leave out.
     fn no_way_out(&mut self, step: &At<Step>) {
         let (word, place) = match &step.value {
             Step::Write(write) => ("or-refused", write.or_refused.first().map(|code| code.place)),
@@ -492,9 +492,9 @@ impl Checker<'_> {
         self.note(result.map(|_| ()), literal.place);
     }
 
-    /// The entry a step works on. What the profile or the device that the suite is for has, and
-    /// this device lacks, is no reason to complain of the suite; what nobody knows is, unless the
-    /// case is about that.
+    /// The entry a step works on. A missing entry is no mistake of the suite if the profile, or the
+    /// device that the suite is for, has it. An entry that is known to neither is a mistake, unless
+    /// the case is about that.
     fn entry(&mut self, object: &At<ObjectRef>, refused: Option<&At<Refusal>>) -> Option<Entry> {
         let mux = match self.scope.mux(&object.value) {
             Ok(mux) => mux,

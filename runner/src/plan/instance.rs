@@ -1,4 +1,4 @@
-//! What is run: cases with their names bound.
+//! Instances: cases with their names bound.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::suite::model::{Case, Requires};
 use crate::suite::profile::{BlockDirections, Capability, Habits};
 use crate::suite::step::Step;
 
-/// What runs against one device, in order.
+/// The instances for one device, in order.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The device.
@@ -34,18 +34,18 @@ pub struct Instance {
     pub suite: Arc<Suite>,
     /// The case's place in the suite.
     pub case: usize,
-    /// What distinguishes it from the other instances of its case.
+    /// The difference from the other instances of its case.
     pub label: Option<String>,
     /// The names.
     pub scope: Scope,
-    /// What is known of its outcome before it runs.
+    /// The outcome, as far as it is known before the run.
     pub fate: Fate,
     /// The requirements among those it checks that the device's own document relaxes, with the
     /// decision that says so.
     pub relaxed: BTreeMap<String, String>,
 }
 
-/// What is known of the outcome of an instance before it runs.
+/// The outcome of an instance, as far as it is known before the run.
 #[derive(Clone, Debug)]
 pub enum Fate {
     /// Nothing: it runs.
@@ -95,7 +95,7 @@ impl Plan {
         let cases = self.by_case().map(|instances| (instances[0].case_name(), &instances[0]));
         let cases: Vec<(String, &Instance)> = cases.collect();
         let (mut names, mut relied) = (names.clone(), BTreeSet::new());
-        // What proves something may rely on something else.
+        // A proving case may itself rely on something else.
         let mut grows = true;
         while grows {
             let known = relied.len();
@@ -113,7 +113,7 @@ impl Plan {
         names
     }
 
-    /// What was left out, in one sentence.
+    /// The parts that were left out, in one sentence.
     pub fn said_left_out(&self) -> Option<String> {
         let each = self.left_out.iter().map(|(about, cases)| format!("{cases} cases ({about})"));
         let each = each.collect::<Vec<_>>().join(", ");

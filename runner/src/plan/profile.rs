@@ -1,5 +1,5 @@
-//! What suites take from the profile they are about: whether a device follows it, names, blocks of
-//! objects, options.
+//! The parts of a profile that suites use: whether a device follows it, names, blocks of objects,
+//! options.
 
 use canopen::catalogue::{Block, Profile};
 

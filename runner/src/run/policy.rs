@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-/// What is policy and not clause: how long to wait, how exact the bench is.
+/// Settings that no clause gives: how long to wait, how exact the bench is.
 #[derive(Clone, Copy, Debug)]
 pub struct Policy {
     /// How long an SDO server may take to answer.
@@ -29,7 +29,7 @@ pub struct Policy {
     pub slow_wire: Duration,
     /// How many times as long as a suite of a profile says the application of the device may take.
     pub patience: u32,
-    /// What a sample of many is chosen by.
+    /// The seed for choosing a sample of many.
     pub seed: u64,
     /// Whether every index is asked for where otherwise a sample is.
     pub every_index: bool,

@@ -93,7 +93,7 @@ impl Definitions {
 /// The keys of named steps.
 pub(super) const KEYS: [&str; 3] = ["says", "takes", "steps"];
 
-/// What is meant instead of a key that is not known, or else all that are.
+/// The known key nearest to an unknown one, or else all known keys.
 pub(super) fn unknown_key(key: &str, known: &[&str]) -> String {
     let meant = did_you_mean(key, known.iter().copied());
     match meant.is_empty() {

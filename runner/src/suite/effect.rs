@@ -1,7 +1,8 @@
-//! What a step does to a device, said once for those who restore it and those who judge it.
+//! The effect of a step on a device, defined once for the code that restores it and the code that
+//! judges it.
 //!
-//! The match names every step and has no `_` arm, so that a new step does not compile before it is
-//! known what it writes: an object that is written and not restored changes the verdicts of later
+//! The match names every step and has no `_` arm, so that a new step does not compile until its
+//! writes are defined: an object that is written and not restored changes the verdicts of later
 //! cases.
 
 use super::literal::{FrameText, Literal, ObjectRef};
@@ -20,7 +21,7 @@ pub enum Written<'s> {
     Frame(&'s At<FrameText>),
 }
 
-/// What a step demands of the object that it accesses.
+/// The demand of a step on the object that it accesses.
 #[derive(Debug)]
 pub struct Access<'s> {
     /// The object.
@@ -31,14 +32,14 @@ pub struct Access<'s> {
     pub refused: Option<&'s At<Refusal>>,
 }
 
-/// What a step does. The default is a step that touches nothing.
+/// The effect of a step. The default is a step that touches nothing.
 #[derive(Debug, Default)]
 pub struct Effect<'s> {
     /// Everything that the step may change in the device's dictionary.
     pub writes: Vec<Written<'s>>,
     /// The one object that the step is about, when it accesses one by SDO.
     pub access: Option<Access<'s>>,
-    /// What is sent while the step watches the bus.
+    /// The frames sent while the step watches the bus.
     pub during: Option<&'s Produce>,
     /// Whether the step needs a data sheet that says more than the device's own answers.
     pub judges_sheet: bool,

@@ -3,10 +3,10 @@
 
 use canopen::source::{Decimal, Node};
 
-/// What one count of an object is worth, and in which unit.
+/// The value of one count of an object, and its unit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Scale {
-    /// What one count is worth.
+    /// The value of one count.
     pub count: Decimal,
     /// The unit; empty when it has none.
     pub unit: String,
@@ -68,7 +68,7 @@ impl Scale {
         })
     }
 
-    /// What one count is worth.
+    /// The value of one count.
     pub(super) fn one(&self) -> String {
         self.show(1).unwrap_or_default()
     }

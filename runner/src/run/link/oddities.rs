@@ -17,7 +17,7 @@ pub fn oddities(trace: &[Seen], node: u8) -> Vec<String> {
 }
 
 /// That two devices have the node id, where that is certain: answers to one upload contradict each
-/// other. What is written would go to both, and one of them could not be asked what it was before.
+/// other. A write would go to both, and the original value of one of them could not be read.
 pub(in crate::run) fn contradiction(trace: &[Seen], node: u8) -> Option<String> {
     let uploads = uploads(trace, node);
     let mut several = uploads.iter().filter(|(_, upload)| upload.answers.len() > upload.requests);
@@ -177,7 +177,7 @@ mod tests {
         assert_eq!(said(&[ASKED, ASKED, "705#00", ANSWER, ANSWER]), [""; 0]);
         assert_eq!(said(&["705#00", ">000#8105", "705#00", ">000#8205", "705#00"]), [""; 0]);
         assert_eq!(said(&[ASKED, "585#8000100000000206", "586#FFFF"]), [""; 0]);
-        // A transfer of somebody else's, before anything was asked.
+        // A transfer of another client, before the tester sent a request.
         assert_eq!(said(&["585#6000200000000000", ASKED, ANSWER]), [""; 0]);
     }
 

@@ -30,9 +30,9 @@ impl From<BusError> for Lost {
 }
 
 /// The objects of the profiles that the device answers for, by ascending index, with type and
-/// access as the profiles have them. What the communication profile says to be writable, and is
-/// not, is ro. The defaults are those of the communication area, of texts that cannot be written,
-/// and of `constants`: what is there now. All others are unknown.
+/// access as the profiles have them. An object that the communication profile says is writable, but
+/// is not, becomes ro. Defaults are the present values, and only of the communication area, of
+/// texts that cannot be written, and of `constants`. All others are unknown.
 ///
 /// # Errors
 /// When the device falls silent or the bus fails.
@@ -73,13 +73,13 @@ struct Probe<'p, 'b> {
     policy: Policy,
     node: u8,
     constants: &'p [Mux],
-    /// What the device says of objects that it does not have.
+    /// The device's abort codes for objects that it does not have.
     absent: Vec<Abort>,
     /// Requests in a row that were not answered.
     silent: u32,
 }
 
-/// What a device says of an address.
+/// The device's answer for an address.
 enum Answer {
     Value(Vec<u8>),
     /// It is there, and cannot be read, or not now.
@@ -143,7 +143,7 @@ impl Probe<'_, '_> {
                     ..Facts::default()
                 };
                 let facts = known.of_sub(0).or(&highest);
-                // What can be written there says how many are in use, not how many there are.
+                // A writable number of entries says how many are in use, not how many exist.
                 let in_use = facts.access.is_some_and(Access::writable);
                 entries.extend(self.entry(first, &facts, answer, None)?);
                 if let (false, Some(entry)) = (in_use, entries.first_mut()) {

@@ -122,7 +122,7 @@ pub(in crate::run) fn catches_up(
     Ok(link.find(until, is_answer)?.is_some())
 }
 
-/// The object that every device has and nobody changes.
+/// Every device has this object, and its value never changes.
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 
 /// Whether the value of an object does not fit into one frame. Nothing but its begin is uploaded.
@@ -151,7 +151,7 @@ pub(in crate::run) fn knows_blocks(
     node: u8,
     asked: BlockDirections,
 ) -> Result<BlockDirections, BusError> {
-    // What is wrong after it has begun is for the cases to find.
+    // Mistakes after the beginning are for the cases to find.
     let known = |ended: Ended| {
         ended.protocol == Transfer::Block || ended.result != Err(Failure::Aborted(Abort::COMMAND))
     };
@@ -212,7 +212,7 @@ struct Running {
     client: Client,
     /// What is transferred.
     mux: Mux,
-    /// What is to be sent before the next answer.
+    /// The requests to send before the next answer.
     requests: Vec<Request>,
     /// An answer that was received and not looked at.
     answer: Option<Option<Frame>>,

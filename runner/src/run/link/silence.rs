@@ -40,7 +40,7 @@ impl Silence {
         })
     }
 
-    /// What it heard last and what that may mean, as the end of a sentence.
+    /// The last frame it heard and what that may mean, as the end of a sentence.
     pub(in crate::run) fn said(&self) -> Option<String> {
         let first = self.first.first()?;
         let frames: Vec<String> =

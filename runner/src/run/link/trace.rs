@@ -110,7 +110,7 @@ impl<'b> Link<'b> {
         self.traffic.forget(self.mark);
     }
 
-    /// Begins to measure anew how much of the bus others take.
+    /// Restarts the measurement of how much of the bus other stations take.
     pub(in crate::run) fn forget_traffic(&mut self) {
         self.traffic.forget(self.mark);
     }
@@ -120,13 +120,13 @@ impl<'b> Link<'b> {
         &self.traffic
     }
 
-    /// What the device heard last, when it has sent nothing since.
+    /// The last frame to the device, if it has sent nothing since.
     pub(in crate::run) const fn silence(&self) -> &Silence {
         &self.silence
     }
 
-    /// What follows leaves the device as it was found, or does not any more: one signal is
-    /// remembered until then.
+    /// Marks the begin or end of cleaning, which leaves the device as it was found: one signal is
+    /// remembered until the end.
     pub(in crate::run) fn clean(&self, cleaning: bool) {
         self.stop.clean(cleaning);
     }
@@ -209,7 +209,7 @@ impl<'b> Link<'b> {
         self.lateness
     }
 
-    /// Begins to look anew at how late the tester is.
+    /// Restarts the measurement of how late the tester is.
     pub fn forget_lateness(&mut self) {
         self.lateness = Lateness::default();
     }
@@ -304,8 +304,8 @@ impl<'b> Link<'b> {
         }
     }
 
-    /// The answer to what was sent last, as [`find`](Self::find) finds a frame. What the request
-    /// causes may come before the answer does: [`find_beside`](Self::find_beside) finds it.
+    /// The answer to the last request, as [`find`](Self::find) finds a frame. A frame that the
+    /// request causes may arrive before the answer: [`find_beside`](Self::find_beside) finds it.
     ///
     /// # Errors
     /// Whatever the bus reports.
@@ -362,7 +362,7 @@ impl<'b> Link<'b> {
         self.bus.bench()
     }
 
-    /// Whatever came until now has been looked at.
+    /// All frames received so far count as seen.
     ///
     /// # Errors
     /// Whatever the bus reports.
@@ -398,7 +398,7 @@ impl<'b> Link<'b> {
             let turn = until.min(asked + TURN);
             let got = self.bus.recv(turn)?;
             let due = got.map_or(turn, |stamped| stamped.at);
-            // What lay there before was not waited for.
+            // A frame that was already there was not waited for.
             if asked <= due {
                 asked = self.bus.now();
                 self.lateness.notice(asked.since(due));

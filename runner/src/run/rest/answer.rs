@@ -77,7 +77,7 @@ pub(in crate::run) fn booted(
     Ok(back)
 }
 
-/// Whether the device answers an upload of 1000h, whatever it answers.
+/// Whether the device answers an upload of 1000h in any way.
 pub(super) fn answers(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
     let ended = sdo::upload(link, policy, dut.node, DEVICE_TYPE)?;
     Ok(!matches!(ended.result, Err(Failure::Timeout)))

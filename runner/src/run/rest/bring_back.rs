@@ -29,7 +29,7 @@ pub enum BroughtBack {
 pub struct Abandoned<'d> {
     /// The device.
     pub dut: &'d Dut,
-    /// What it said of itself before.
+    /// The identity that it reported before.
     pub identity: Identity,
     /// The objects with their values from before the run.
     pub values: BTreeMap<Mux, Vec<u8>>,

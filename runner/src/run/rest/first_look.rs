@@ -1,4 +1,4 @@
-//! What is found out about a device before the first case: how it is, freshly started.
+//! The state of a device, freshly started, before the first case.
 
 use std::time::Duration;
 
@@ -108,7 +108,8 @@ fn hidden(link: &mut Link, policy: &Policy, dut: &Dut, bits: u8) -> Result<Stand
     Ok(Standing { codes, untold })
 }
 
-/// What the device does by itself, as its objects say; those that it lacks say nothing.
+/// The device's behaviour without requests, according to its objects; a missing object says
+/// nothing.
 fn habits(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Habits, BusError> {
     let mut low = |mux| -> Result<Option<u8>, BusError> {
         if dut.eds.entry(mux).is_none() {
@@ -117,7 +118,7 @@ fn habits(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Habits, BusErro
         let value = sdo::upload(link, policy, dut.node, mux)?.result;
         Ok(value.ok().and_then(|bytes| bytes.first().copied()))
     };
-    // What the data sheet promises is expected.
+    // A device is expected to keep the promises of its data sheet.
     let promises =
         |mux| dut.default_int(mux).is_some_and(|bits| bits & i128::from(ON_COMMAND) != 0);
     let (start, store) = (low(START_UP)?, low(STORE)?);

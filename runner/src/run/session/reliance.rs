@@ -1,4 +1,5 @@
-//! What cases rely on: in which order they run, and what is known to be broken.
+//! Reliance of cases on each other: the order in which they run, and the requirements known to be
+//! broken.
 
 use std::collections::{BTreeMap, BTreeSet};
 

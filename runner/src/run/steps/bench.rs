@@ -104,7 +104,7 @@ fn worded(name: &str, value: Value) -> Value {
     }
 }
 
-/// What of it is not as wanted.
+/// The observations that are not as wanted.
 fn misfits(
     seen: &Value,
     [value, min, max]: &[Option<Value>; 3],

@@ -14,10 +14,10 @@ use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::literal::ObjectRef;
 use crate::suite::refusal::Refusal;
 
-/// What was expected, and what came instead.
+/// The expected and the actual behaviour.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::run) struct Difference {
-    /// What a conformant device does.
+    /// The behaviour of a conformant device.
     pub expected: String,
     /// What this one did.
     pub actual: String,
@@ -55,7 +55,7 @@ pub(in crate::run) enum Trouble {
 }
 
 impl Trouble {
-    /// What the device did otherwise than expected.
+    /// The device's difference from the expected behaviour.
     pub(in crate::run) const fn of_device(&self) -> Option<&Difference> {
         match self {
             Self::Device(difference) => Some(difference),
@@ -136,12 +136,12 @@ pub(super) fn show(entry: Option<&Entry>, bytes: &[u8]) -> String {
 /// More bytes than a person compares.
 const LONG: usize = 64;
 
-/// What a value must be, in bytes of the entry's type.
+/// The required value, in bytes of the entry's type.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Condition<'w> {
     /// The value.
     pub value: Option<Vec<u8>>,
-    /// What is accepted instead of it.
+    /// The values accepted instead of it.
     pub tolerated: Vec<Vec<u8>>,
     /// The bits of it that count.
     pub mask: Option<Vec<u8>>,
@@ -153,7 +153,7 @@ pub(super) struct Condition<'w> {
     pub length: Option<usize>,
     /// It is readable ASCII, one character at least and so many at most.
     pub characters: Option<usize>,
-    /// What the suite calls its values, and the object as the step has it.
+    /// The suite's words for its values, and the object as the step has it.
     pub words: Option<(&'w Words, &'w ObjectRef)>,
 }
 

@@ -246,7 +246,7 @@ impl Steps<'_, '_> {
         loop {
             let mut ended = sdo::upload(self.link, self.policy, self.dut.node, mux)?;
             trim_unsized(&mut ended, entry.as_ref());
-            // What is tolerated may be on its way to what is expected: it counts at the end.
+            // A tolerated value may still change to the expected one: it counts at the end.
             let judged = match ended.result {
                 Ok(data) => condition.judge(entry.as_ref(), &data),
                 Err(failure) => {
@@ -279,7 +279,7 @@ impl Steps<'_, '_> {
                     }
                 };
             }
-            // What takes long is looked at less often, where the suite does not say how often.
+            // The longer the wait, the rarer the poll, unless the suite gives an interval.
             let waited = self.link.mark().since(start);
             let seldom = if until.every.is_none() { waited / 8 } else { Duration::ZERO };
             let next = self.link.mark() + every.max(seldom);

@@ -1,6 +1,6 @@
-//! What a run shows about the assertions of a case, for `harness qualify`.
+//! Proofs of the assertions of a case by a run, for `harness qualify`.
 //!
-//! Where the device breaks a constraint, the steps go on as if the constraint were not there. When
+//! Where the device breaks a constraint, the steps continue as if the constraint did not exist. If
 //! nothing else is wrong, the verdict rests on that constraint alone: without it, the case would
 //! have passed, and so it is proved.
 
@@ -28,14 +28,14 @@ pub(in crate::run) struct Proof {
     allowed: BTreeSet<(usize, Allowance)>,
 }
 
-/// What the device did wrong first.
+/// The device's first mistake.
 #[derive(Debug)]
 struct Broken {
     step: usize,
     constraints: BTreeSet<Constraint>,
     /// It broke the step in a way that no constraint is about.
     whole: bool,
-    /// What is reported, until it is.
+    /// The difference, until it is reported.
     difference: Option<Difference>,
 }
 
@@ -90,7 +90,7 @@ impl Proof {
         self.step.is_some_and(|step| broken.is_none_or(|broken| broken == step))
     }
 
-    /// What the run shows in the end.
+    /// The result at the end of the run.
     pub(in crate::run) fn end(self) -> Shown {
         let Self { broken, spoilt, allowed, .. } = self;
         let Some(broken) = broken else { return Shown { allowed, ..Shown::default() } };

@@ -26,7 +26,7 @@ pub(in crate::run) struct Steps<'s, 'b> {
     pub link: &'s mut Link<'b>,
     /// The device.
     pub dut: &'s Dut,
-    /// What to wait for and how long.
+    /// The expected times and how long to wait.
     pub policy: &'s Policy,
     /// The profiles.
     pub catalogue: &'s Catalogue,
@@ -34,11 +34,11 @@ pub(in crate::run) struct Steps<'s, 'b> {
     pub scope: Scope,
     /// How many times as long as it says a step waits for the application of the device.
     pub patience: u32,
-    /// What was done to the device's physical side.
+    /// The stimuli on the device's physical side.
     pub bench_snapshot: &'s mut BenchSnapshot,
-    /// What the run shows about the assertions, where somebody wants to know.
+    /// The results for the assertions, if an observer asks for them.
     pub proof: Option<Proof>,
-    /// What the suite calls objects and values.
+    /// The suite's words for objects and values.
     pub words: &'s Words,
     /// The steps that began and are not reported.
     pub begun: Vec<(Instant, Phase, &'s At<Step>)>,
@@ -235,7 +235,7 @@ impl Steps<'_, '_> {
         self.accept(&expect.frame, &expect.lenient, &got)
     }
 
-    /// What came on the identifier instead, if anything did.
+    /// The difference, with the frame that came on the identifier instead, if there was one.
     fn missing(&self, strict: &Pattern, start: Instant, within: Duration) -> Difference {
         let id = strict.id();
         let others = self
@@ -264,7 +264,7 @@ impl Steps<'_, '_> {
         let until = self.link.mark() + time;
         self.link_rewind(never.during.is_some(), start);
         let mut lenient = None;
-        // What was on its way on a slow wire comes all the same.
+        // A frame that was under way on a slow wire still arrives.
         let from = start + self.policy.slow_wire;
         let fits = |seen: &Stamped| {
             !seen.own && (from == start || seen.at > from) && pattern.matches(&seen.frame)
@@ -412,7 +412,7 @@ impl Steps<'_, '_> {
     }
 
     pub(super) fn frame(&self, text: &At<FrameText>) -> Result<Frame, Trouble> {
-        // What the tester sends is not judged.
+        // The tester's own frames are not judged.
         let pattern =
             self.scope.pattern(&text.value, self.dut.node).map_err(Trouble::Impossible)?;
         pattern

@@ -19,7 +19,7 @@ pub(super) struct Short<'t> {
     pub shared: Vec<String>,
     /// It is written in the first edition of the notation.
     pub is_of_one_object: bool,
-    /// What is new about it, but for the steps.
+    /// The changes, except for the steps.
     pub changes: Changes,
 }
 
@@ -222,7 +222,7 @@ struct Numbers<'s> {
 }
 
 impl Numbers<'_> {
-    /// What stands behind the object.
+    /// The value after the object.
     fn value(&self, step: &str, own: &[(&str, &Tree)], changes: &mut Changes) -> Option<String> {
         let get = |name: &str| own.iter().find(|(key, _)| *key == name).map(|(_, value)| *value);
         if own.is_empty() {
