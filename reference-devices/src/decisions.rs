@@ -1,11 +1,11 @@
-//! How decisions are written down, and how a device that takes one otherwise is found: those of
-//! the stack and those of applications.
+//! Notation for decisions, of the stack and of applications, and for devices that take one
+//! otherwise.
 //!
-//! [`decisions!`] makes a method of each decision, with what a document says as its body.
-//! [`Layers`] has these methods. Layers on top decide otherwise: each takes one decision, and the
-//! topmost one of a decision takes it. Rules without a layer go straight to the body. What a layer
-//! decides is a value that data give (`{ decision: boot-up-messages, is: 2 }`), or it is left to a
-//! closure with a name ([`deviations!`]), which gets the rules beneath and the arguments.
+//! [`decisions!`] makes a method of each decision; its body is what a document says. [`Layers`] has
+//! these methods. Layers on top decide otherwise: each takes one decision, and the topmost layer of
+//! a decision wins. Without a layer, the rules go straight to the body. A layer's result is a value
+//! from data (`{ decision: boot-up-messages, is: 2 }`), or comes from a closure with a name
+//! ([`deviations!`]), which gets the rules beneath and the arguments.
 
 mod dissent;
 mod value;
@@ -25,7 +25,7 @@ pub struct Layers<D> {
 #[derive(Debug)]
 pub(crate) struct Layer<D> {
     taken: D,
-    /// What notes where it would make a difference; `None` when it makes it.
+    /// Notes where the layer would make a difference; `None` when it is active.
     muted: Option<Dissent>,
     beneath: Layers<D>,
 }
@@ -80,7 +80,7 @@ impl<D> Layers<D> {
 }
 
 impl<D> Layer<D> {
-    /// What comes of a decision of that name: that of this layer, or if it is muted that of the
+    /// The result of the decision of that name: that of this layer or, if it is muted, that of the
     /// rules beneath.
     pub(crate) fn settle<R: PartialEq>(
         &self,
@@ -97,7 +97,7 @@ impl<D> Layer<D> {
     }
 }
 
-/// What a layer of a set of rules can be.
+/// The kinds of layer of a set of rules.
 pub(crate) trait Deciding: Sized + 'static {
     /// The names of the closures.
     fn names() -> Vec<&'static str>;
@@ -122,7 +122,7 @@ pub(crate) trait Deciding: Sized + 'static {
     fn method(&self) -> &'static str;
 }
 
-/// What can stand there instead of a value that cannot.
+/// The values that are possible instead of an impossible one.
 #[derive(Debug)]
 pub(crate) struct Misvalued {
     /// Such as "`true` or `false`".
@@ -173,7 +173,7 @@ impl<D> Part<D> for D {
 pub(crate) struct Otherwise<'n> {
     /// Which one, and how.
     pub(crate) how: How<'n>,
-    /// What notes where it would make a difference. The device decides as without it.
+    /// Notes where the layer would make a difference. The device decides as without it.
     pub(crate) muted: Option<&'n Dissent>,
 }
 
@@ -222,7 +222,7 @@ impl<D> Layers<D> {
     }
 }
 
-/// What can be taken otherwise in a set of rules, whichever it is.
+/// The decisions that can be overridden in a set of rules of any kind.
 #[derive(Clone, Copy)]
 pub(crate) struct Set {
     /// The names of its closures.
@@ -230,8 +230,8 @@ pub(crate) struct Set {
     /// The decisions that data can set, by the names of their methods.
     pub(crate) decisions: fn() -> Vec<&'static str>,
     check: fn(&str, &str) -> Option<Result<(), Misvalued>>,
-    /// What no device takes otherwise: closures that are none of the names, decisions that are
-    /// none of those that data set and have no closure.
+    /// The unused ones: closures whose name is not given, and decisions that neither data sets nor
+    /// a closure takes.
     #[cfg(test)]
     pub(crate) unused: fn(&[&str], &[&str]) -> Vec<&'static str>,
 }
@@ -248,7 +248,7 @@ impl Set {
         }
     }
 
-    /// What is wrong with a value of a decision; `None` when the decision is none of these.
+    /// Checks a value of a decision; `None` when the decision is not in this set.
     pub(crate) fn check(&self, decision: &str, value: &str) -> Option<Result<(), Misvalued>> {
         (self.check)(decision, value)
     }

@@ -1,6 +1,6 @@
-//! Entries of a file of mutants or freedoms, which may be written for short: a table of several, a
-//! name with its sentence, a change by its kind, a decision by its name. What reads them has each
-//! entry in full.
+//! Entries of a file of mutants or freedoms in short notation: a table of several, a name with its
+//! sentence, a change by its kind, a decision by its name. Each entry is expanded in full before it
+//! is read.
 
 use std::sync::Arc;
 

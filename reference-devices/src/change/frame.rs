@@ -21,9 +21,9 @@ pub struct DeviantWire {
     left: u32,
     scratch: Outbox,
     delayed: VecDeque<(Instant, Frame)>,
-    /// What is lost while a frame is delayed.
+    /// The frames that are lost while a frame is delayed.
     deaf: Option<Pattern>,
-    /// What notes that a frame would not be as it was meant; it is left alone then.
+    /// Notes that a frame would be changed; the frame is then left alone.
     muted: Option<Dissent>,
 }
 

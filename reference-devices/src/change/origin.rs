@@ -10,7 +10,7 @@ use super::data::Misfit;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Origin {
     source: Arc<Source>,
-    /// What stands in the file, each entry in full.
+    /// The content of the file, each entry in full.
     outline: Arc<Outline>,
     path: Vec<String>,
 }
@@ -27,7 +27,7 @@ impl Origin {
         &self.source.name
     }
 
-    /// What stands below these keys.
+    /// The part below these keys.
     pub(crate) fn below(&self, keys: &[&str]) -> Self {
         let path = self.path.iter().cloned().chain(keys.iter().map(|&key| key.to_owned()));
         Self { path: path.collect(), ..self.clone() }
@@ -39,7 +39,7 @@ impl Origin {
         format!("{}:{}", self.source.name, self.outline.nearest(&path).line)
     }
 
-    /// What stands here, in one line.
+    /// The text at this place, in one line.
     pub(crate) fn text(&self) -> String {
         let path: Vec<&str> = self.path.iter().map(String::as_str).collect();
         self.outline.in_one_line(&path)

@@ -1,4 +1,4 @@
-//! Devices that are copied as they are, which costs much less than building one of its data anew.
+//! Copies of devices, which cost much less than building a device from its data again.
 
 use canopen::Device;
 

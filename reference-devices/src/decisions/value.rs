@@ -5,9 +5,10 @@ use std::time::Duration;
 use canopen::emcy::EmcyCode;
 use canopen::{Abort, NmtState};
 
-/// A result of a decision. What data cannot write keeps the methods as they are.
+/// A result of a decision. A type that data cannot write keeps the default methods.
 pub(crate) trait Settable: Sized {
-    /// What can stand in data, such as "`true` or `false`"; `None` when nothing can.
+    /// The values that data can give, such as "`true` or `false`"; `None` when data cannot give
+    /// any.
     fn expected() -> Option<String> {
         None
     }

@@ -1,4 +1,5 @@
-//! What the DRR460-12A-CAN does: a temperature controller with two alarms on a simulated plant.
+//! The application of the DRR460-12A-CAN: a temperature controller with two alarms on a simulated
+//! plant.
 //!
 //! `model` holds what the manual describes, as types without objects and without a clock. This
 //! module lets them see the objects, the terminals and the time. The controller decides every
@@ -6,7 +7,8 @@
 //! plant have exact times. When nothing moves, nothing is computed.
 //!
 //! Not modelled: USB and RS485 (3000h subs 113 and 114), and the frequency of the mains (sub 90: 1
-//! and 2 are the same). What lasts over a loss of supply without a store command is in `memory`.
+//! and 2 are the same). Values that survive a loss of supply without a store command are in
+//! `memory`.
 
 mod memory;
 mod model;
@@ -46,7 +48,7 @@ use objects::{
 };
 use panel::{Panel, Shown};
 
-/// What can be taken otherwise in the application.
+/// The decisions of the application that deviations can override.
 pub(super) const DECISIONS: Set = Set::of::<model::rules::Decision>();
 
 /// The application of a DRR460.
@@ -69,7 +71,7 @@ pub(crate) struct Drr460 {
     reports_boot: bool,
     /// A bench has set the switches.
     switched: bool,
-    /// The device starts anew because of what a bench did.
+    /// The device restarts because of a bench action.
     restarts: bool,
     load: Load,
     panel: Panel,
@@ -182,7 +184,7 @@ impl Drr460 {
         [edge.map(after), silence.map(after)].into_iter().fold(self.next_decision, earlier)
     }
 
-    /// Looks at everything and decides anew.
+    /// Looks at all inputs and decides again.
     fn decide(&mut self, od: &mut Dictionary) {
         let elapsed = self.at.since(self.decided).as_secs_f64();
         (self.decided, self.next_decision) = (self.at, None);
@@ -205,7 +207,7 @@ impl Drr460 {
         }
     }
 
-    /// What the network has written.
+    /// Takes the values that the network has written.
     fn hear(&mut self, od: &Dictionary) {
         let number = |mux| value(od, mux);
         let limit = |alarm| number(self.rules.alarm_set_point(alarm));
@@ -221,7 +223,7 @@ impl Drr460 {
         };
     }
 
-    /// What is at the terminals.
+    /// Takes the inputs at the terminals.
     fn look(&mut self) {
         let mut connected = self.around.connected;
         if self.around.in_process {
@@ -320,7 +322,7 @@ impl Drr460 {
         }
     }
 
-    /// What is at the terminals of the outputs.
+    /// The states of the output terminals.
     fn terminals(&self) -> Terminals {
         if self.powered { self.controller.terminals() } else { Terminals::default() }
     }
@@ -333,7 +335,7 @@ impl Drr460 {
         }
     }
 
-    /// What is special about an object that the network has written.
+    /// Handles the objects with a special effect that the network has written.
     fn take(&mut self, mux: Mux, od: &mut Dictionary) {
         let written = value(od, mux);
         match mux {
@@ -568,7 +570,7 @@ impl Behaviour for Drr460 {
         self.follow(now, od);
         self.teach(od);
         for _ in 0..2 {
-            // What a decision makes of the outputs of the master needs another one.
+            // A decision that changes the outputs of the master needs another decision.
             if self.changed {
                 self.decide(od);
                 self.show_outputs(od);

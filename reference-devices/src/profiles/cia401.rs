@@ -140,7 +140,7 @@ impl Behaviour for IoBlock {
             for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {
                 if output.is_at(mux) {
                     output.recover();
-                    // What was written need not be another value than before.
+                    // A write may repeat the old value.
                     self.settled = None;
                 }
             }
@@ -163,7 +163,7 @@ impl Behaviour for IoBlock {
             if std::mem::replace(&mut self.failed, true) && !self.rules.fails_again() {
                 return;
             }
-            // What was written since the last run belongs to the levels that an output keeps.
+            // Values written since the last run are among the levels that an output keeps.
             self.drive(od);
             for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {
                 output.fail(od, &self.rules);

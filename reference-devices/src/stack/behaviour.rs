@@ -1,4 +1,4 @@
-//! What a device does beside communicating.
+//! The application of a device.
 
 use canopen::bench::Needs;
 use canopen::emcy::Emcy;
@@ -12,10 +12,10 @@ use crate::stack::sdo_client::SdoJob;
 ///
 /// Objects it changes are noticed by the TPDOs that map them.
 pub(crate) trait Behaviour: Send + Duplicate {
-    /// Starts anew after power-on or reset node; the objects hold their stored or default values.
+    /// Restarts after power-on or reset node; the objects hold their stored or default values.
     fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {}
 
-    /// The supply is gone: whatever the device drove is dark now.
+    /// The supply is gone: all driven outputs are dark now.
     fn supply_lost(&mut self) {}
 
     /// How the device is on the bus after power-on or reset node, where its own parameters say so.
@@ -28,7 +28,7 @@ pub(crate) trait Behaviour: Send + Duplicate {
         false
     }
 
-    /// Whether the device starts anew because of what a bench has just done.
+    /// Whether the device restarts because of a bench action just now.
     fn takes_restart(&mut self) -> bool {
         false
     }
@@ -92,8 +92,8 @@ pub(crate) trait Behaviour: Send + Duplicate {
         Needs::new()
     }
 
-    /// Takes a stimulus; [`run`](Self::run) follows. A stimulus lasts over resets: whoever turned
-    /// a knob finds it turned.
+    /// Takes a stimulus; [`run`](Self::run) follows. A stimulus survives resets, as a knob stays
+    /// turned.
     ///
     /// # Errors
     /// When there is none of that name, or it does not take the value.
@@ -107,7 +107,7 @@ pub(crate) trait Behaviour: Send + Duplicate {
         Err(BenchError::unknown(name))
     }
 
-    /// What is to be seen from outside; of a stimulus, what was set.
+    /// The value seen from outside; for a stimulus, the value that was set.
     fn observe(&self, _name: &str, _od: &Dictionary) -> Option<Value> {
         None
     }
@@ -156,7 +156,7 @@ pub(crate) enum Attachment {
 
 words! { Attachment: "as-is" => Self::AsIs, "off" => Self::Off }
 
-/// What an application may want to know of the communication.
+/// Events of the communication that may concern an application.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum CommunicationEvent {
     /// The node entered this NMT state.

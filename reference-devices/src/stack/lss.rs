@@ -35,9 +35,9 @@ pub(crate) struct Lss {
 #[derive(Clone, Copy, Debug)]
 struct Setting<T> {
     active: T,
-    /// What is in force after the next activation.
+    /// The value in force after the next activation.
     pending: T,
-    /// What is in force after power-on.
+    /// The value in force after power-on.
     stored: T,
 }
 
@@ -97,7 +97,7 @@ impl Lss {
         self.silence.is_some_and(|silence| now < silence.end) || self.bit_rate.active != self.bus
     }
 
-    /// A frame of the master. Returns whether the node is to begin anew with its new node id.
+    /// A frame of the master. Returns whether the node must restart with its new node id.
     pub(crate) fn handle_request(
         &mut self,
         now: Instant,
@@ -135,8 +135,8 @@ impl Lss {
         earlier(silence.change_at, Some(silence.end))
     }
 
-    /// CiA 305, table of the services in the states: some are for those who wait, some for those
-    /// who are configured, and identification is for all.
+    /// CiA 305, table of the services in the states: some services need the waiting state, some the
+    /// configuration state, and identification works in both.
     fn answer(&mut self, now: Instant, request: Request, base: &Base) -> Option<Response> {
         match request {
             Request::SwitchGlobal(mode) => {

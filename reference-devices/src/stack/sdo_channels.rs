@@ -29,7 +29,7 @@ pub(crate) fn identifiers(index: u16, base: &Base) -> Option<(u16, u16)> {
     on.then(|| (to_server.can_id(), to_client.can_id()))
 }
 
-/// What the parameter of a server or client refuses.
+/// The refusals of the parameter of a server or client.
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     let rules = &base.rules;
     let refused = match (mux.sub, bytes) {

@@ -13,7 +13,7 @@ pub(crate) struct SdoJob {
     pub(crate) client: u8,
     /// The object of the other node.
     pub(crate) mux: Mux,
-    /// What to write there; `None` to read.
+    /// The data to write; `None` to read.
     pub(crate) data: Option<Vec<u8>>,
 }
 

@@ -258,7 +258,7 @@ pub(crate) fn set(entries: &mut [Entry], mux: Mux, default: i64) {
     entry.default = Some(Term::fixed(Value::from(default)));
 }
 
-/// What was sent, in a form that is easy to write down.
+/// The sent frames, in a form that is easy to write down.
 pub(crate) fn sent(frames: &[(u64, &str)]) -> Vec<(u64, String)> {
     frames.iter().map(|(at, frame)| (*at, (*frame).to_owned())).collect()
 }

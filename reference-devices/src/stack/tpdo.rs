@@ -27,7 +27,7 @@ pub(crate) struct Tpdo {
     running: bool,
     /// What was transmitted last.
     last: Data,
-    /// What the objects had when they were looked at last.
+    /// The data of the objects when they were last looked at.
     seen: Data,
     /// Where the dictionary was when its values were those of the last transmission.
     quiet: Option<u64>,
@@ -39,7 +39,7 @@ pub(crate) struct Tpdo {
     due: Option<Instant>,
     /// SYNC messages since the last transmission; `None` until the start value has come.
     syncs: Option<u8>,
-    /// What type 252 answers with.
+    /// The data that a PDO of type 252 answers with.
     sampled: Option<Data>,
 }
 
@@ -78,7 +78,7 @@ impl Tpdo {
         self.pdo == pdo
     }
 
-    /// Takes the parameters; counting and timing begin anew.
+    /// Takes the parameters; counting and timing restart.
     pub(crate) fn configure(&mut self, now: Instant, base: &Base) {
         let od = &base.od;
         let parameter = |sub| {

@@ -38,7 +38,7 @@ pub(super) const BLOCKS: usize = 36;
 /// link names none.
 pub(super) type Taken = [u8; LINKS];
 
-/// What the blocks take, by their numbers.
+/// The inputs of the blocks, by the blocks' numbers.
 pub(super) type Wiring = [Taken; BLOCKS];
 
 /// The most links of a block: a logic block has 18 arguments and 3 tables.

@@ -6,7 +6,7 @@ use super::objects::{
 use super::rules::Ax021211Rules;
 use super::signal::{Link, Signal};
 
-/// What a math block is set up for.
+/// The settings of a math block.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct MathSettings {
     enabled: bool,
@@ -63,7 +63,7 @@ pub(super) struct Math {
 }
 
 impl Math {
-    /// What the block at `place` shows in 4030h and hands on. `read` gives the signal of a link.
+    /// The output of the block at `place`, which 4030h shows. `read` gives the signal of a link.
     pub(super) fn evaluate(
         &mut self,
         place: usize,

@@ -1,8 +1,9 @@
-//! What the device heats and cools: its own medium, the lines to the mould, and the mould.
+//! The bodies that the device heats and cools: its own medium, the lines to the mould, and the
+//! mould.
 //!
 //! Three bodies store heat. The pump carries it around: from the unit through the main line into
 //! the mould, and back through the return line. Each step moves the same energy out of one body
-//! that it moves into another, so that nothing is lost but to the surroundings. The steps are short
+//! that it moves into another, so heat is lost only to the surroundings. The steps are short
 //! against every time constant (the fastest is 2 s), so the explicit form is stable.
 
 use std::time::Duration;
@@ -18,7 +19,7 @@ pub(super) struct Process {
     back: f64,
     /// The mould, in degrees Celsius.
     mould: f64,
-    /// What the pump moves in l/min, negative while it draws.
+    /// The flow of the pump in l/min, negative during suction.
     flow: f64,
     /// How much of the mould's channels the medium fills, 0 to 1.
     contents: f64,
@@ -35,7 +36,8 @@ impl Process {
         let seconds = elapsed.as_secs_f64();
         let carried = self.flow() / 60.0 * LITRE;
         let exchanged = self.exchange(carried) * (self.main - self.mould);
-        // What leaves the mould, so that the energy is the same before and after it.
+        // The temperature of the medium that leaves the mould, so that the energy is the same
+        // before and after it.
         let leaving = if carried > 0.0 { self.main - exchanged / carried } else { self.back };
         let returned = carried * (leaving - self.back);
         let into_unit = carried * (self.back - self.main);
@@ -55,7 +57,7 @@ impl Process {
             Pump::Backward => (-BACKWARD_FLOW, 0.0),
             Pump::Off => (0.0, 0.0),
         };
-        // What no pump moves stands still at once: the circuit brakes it.
+        // Without the pump the flow stops at once: the circuit brakes it.
         self.flow = match wanted {
             0.0 => 0.0,
             _ => self.flow + (wanted - self.flow) * (seconds / FLOW_TIME).min(1.0),
@@ -73,7 +75,8 @@ impl Process {
         }
     }
 
-    /// What the cooling water takes away, in kW. It cannot cool below its own temperature.
+    /// The power that the cooling water takes away, in kW. It cannot cool below its own
+    /// temperature.
     fn cooling(&self, drive: Drive) -> f64 {
         COOLER_EXCHANGE * share(-drive.output) * (self.main - COOLING_WATER).max(0.0)
     }

@@ -11,7 +11,7 @@ pub(super) struct SwitchOff {
     chosen: u8,
     /// The mode of the last change from on to off.
     present: u8,
-    /// What the control byte asked for at the last decision.
+    /// The request of the control byte at the last decision.
     asked: bool,
 }
 
@@ -35,7 +35,7 @@ impl SwitchOff {
         }
     }
 
-    /// What is done now that the control byte asks for this.
+    /// Decides for the present request of the control byte.
     pub(super) fn decide(&mut self, asked: bool, sensed: &Sensed, rules: &Em66Rules) {
         let rises = !std::mem::replace(&mut self.asked, asked) && asked;
         match self.state {

@@ -9,7 +9,7 @@ use canopen::Instant;
 
 use super::rules::Mcm260xRules;
 
-/// What a shaft does: it stands, or turns at the same speed until further notice.
+/// The motion of a shaft: it stands, or turns at the same speed until further notice.
 ///
 /// A place is a number of quarter periods: phase A rises at the first, B at the second, A falls at
 /// the third and B at the fourth.
@@ -59,7 +59,7 @@ impl Motion {
     }
 }
 
-/// What is connected to the inputs of an encoder, and what has been counted.
+/// The inputs of an encoder, and its counts.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Encoder {
     pub(super) motion: Motion,
@@ -69,7 +69,7 @@ pub(super) struct Encoder {
     seen: i64,
     /// 3001h.
     pub(super) count: i32,
-    /// Every count since the start, whatever was loaded.
+    /// Every count since the start; loading does not change it.
     total: i64,
     /// Waits for phase Z to load the preset.
     waits_for_index: bool,
@@ -84,12 +84,12 @@ struct Window {
     counted: i64,
 }
 
-/// What an encoder input is set up for: the code of its parameter.
+/// The function of an encoder input: the code of its parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Setup {
     /// The code.
     pub(super) mode: i64,
-    /// What is loaded on command.
+    /// The value to load on command.
     pub(super) preset: i32,
 }
 
@@ -101,7 +101,7 @@ impl Setup {
 }
 
 impl Encoder {
-    /// Begins anew with nothing counted. The shaft stays where it is.
+    /// Restarts with nothing counted. The shaft stays where it is.
     pub(super) fn restart(&mut self, now: Instant, rules: &Mcm260xRules) {
         let (motion, without_b) = (self.motion, self.without_b);
         let waits_for_index = self.waits_for_index && rules.waits_over_a_start();

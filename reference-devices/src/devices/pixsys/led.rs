@@ -105,7 +105,7 @@ impl Pattern {
     }
 }
 
-/// An LED. It begins each pattern anew.
+/// An LED. Each pattern starts from its beginning.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Led {
     pattern: Pattern,

@@ -20,7 +20,7 @@ impl Output {
         Self { channel, terminal: 0, failed: false }
     }
 
-    /// Begins anew with everything off.
+    /// Restarts with everything off.
     pub(super) fn restart(&mut self) {
         *self = Self::new(self.channel);
     }

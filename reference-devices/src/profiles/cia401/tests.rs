@@ -241,7 +241,7 @@ fn without_settings_each_change_is_an_event_and_a_failure_switches_off() {
     assert_eq!((seen(&fixture, "digital-outputs-1"), seen(&fixture, "analogue-output-1")), (0, 0));
 }
 
-/// What can happen to a block.
+/// The events of a block.
 #[derive(Clone, Debug)]
 enum Happening {
     Written(Mux, i64),

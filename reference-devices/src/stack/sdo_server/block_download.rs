@@ -90,7 +90,7 @@ impl BlockDownload {
         }
         self.whole = taken && last;
         let mut ack = BlockAck { last_good: self.good, size: self.block };
-        // What is missing comes again in a new sub-block, which counts from 1.
+        // The missing segments come again in a new sub-block, which counts from 1.
         if ends {
             self.good = 0;
             self.block = rules.block_size_after(self.block);

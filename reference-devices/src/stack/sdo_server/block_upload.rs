@@ -25,7 +25,7 @@ pub(super) struct BlockUpload {
     phase: Phase,
 }
 
-/// What a block upload waits for.
+/// The event that a block upload waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// The client's start.
@@ -38,7 +38,7 @@ enum Phase {
     End,
 }
 
-/// What a client asks for when it begins.
+/// The client's request at the start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wanted {
     pub(super) mux: Mux,

@@ -46,7 +46,8 @@ impl Services {
         Ok(())
     }
 
-    /// What a write leaves in the object: just what was written, unless a rule is broken.
+    /// The bytes that a write leaves in the object: exactly the written ones, unless a rule is
+    /// broken.
     fn stored<'b>(&self, mux: Mux, bytes: &'b [u8]) -> Cow<'b, [u8]> {
         let before = self.base.od.get(mux).unwrap_or_default();
         if self.base.rules.shorter_text_ends_earlier() || before.len() <= bytes.len() {
@@ -133,8 +134,7 @@ impl Services {
         self.behaviour.check(mux, bytes, &base.od)
     }
 
-    /// What a refused write leaves behind, which is nothing unless the application has it otherwise
-    /// or a rule is broken.
+    /// The effect of a refused write: none, unless the application has one or a rule is broken.
     fn refused(&mut self, now: Instant, mux: Mux, bytes: &[u8]) {
         let base = &mut self.base;
         if base.rules.refused_write_is_an_error(mux) {

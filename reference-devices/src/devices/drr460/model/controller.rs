@@ -82,7 +82,7 @@ impl Settings {
     }
 }
 
-/// What there is to be seen.
+/// The measured values.
 #[derive(Clone, Copy, Debug)]
 struct Measured {
     process: i64,
@@ -127,7 +127,7 @@ struct Cycles {
 }
 
 impl Controller {
-    /// Decides anew; `elapsed` are the seconds since the last decision.
+    /// Decides again; `elapsed` are the seconds since the last decision.
     pub(crate) fn decide(
         &mut self,
         inputs: &Inputs,
@@ -167,7 +167,7 @@ impl Controller {
         Outcome { process, flags, set_point, output, cooling, manual, found, error, offline }
     }
 
-    /// What there is to be seen, whoever has the outputs.
+    /// The measured values, whether controller or master has the outputs.
     fn measure(
         &mut self,
         inputs: &Inputs,
@@ -272,7 +272,7 @@ impl Controller {
         self.input.is_settled(rules) && !waits && !is_under_way && !watches && !moves
     }
 
-    /// What is at the terminals.
+    /// The states of the terminals.
     pub(crate) const fn terminals(&self) -> Terminals {
         self.terminals
     }
@@ -303,7 +303,7 @@ impl Controller {
         command.into_iter().chain(cooling).reduce(f64::min)
     }
 
-    /// What the outputs do to the load.
+    /// The effect of the outputs on the load.
     pub(crate) fn drive(&self, settings: &Settings) -> Drive {
         let share = |current: f64| {
             let zero = settings.wiring.lowest();
@@ -364,7 +364,7 @@ impl Controller {
         self.soft_start.set_point(wanted, process, &settings.soft_start, rules)
     }
 
-    /// What is wanted of the command, whether the mode is manual, and what a tuning found.
+    /// The demand for the command, whether the mode is manual, and the result of a tuning.
     fn command(
         &mut self,
         inputs: &Inputs,
@@ -462,7 +462,7 @@ impl Controller {
         }
     }
 
-    /// What 400Ah and 400Bh show.
+    /// The values of 400Ah and 400Bh.
     pub(crate) fn resettable(&self, rules: &Rules) -> (i64, i64) {
         let [first, second] = self.alarms.map(|alarm| i64::from(alarm.resettable(rules)));
         (self.on_off.resettable(rules).into(), first | second << 1)
@@ -494,7 +494,7 @@ impl Controller {
         self.input.latch.command(sub, value, share);
     }
 
-    /// What latch-on learned is forgotten.
+    /// Forgets what latch-on learned.
     pub(crate) fn forget(&mut self) {
         self.input.latch = Latch::default();
     }
@@ -525,7 +525,7 @@ impl Controller {
     }
 }
 
-/// What the command looks at.
+/// The inputs of the command.
 struct Sight {
     process: i64,
     set_point: i64,

@@ -29,8 +29,8 @@ impl Settings {
     }
 }
 
-/// What is watched, in the order of bits 7 to 10 of 4007h: the switch in short circuit, switch or
-/// load open, the load broken in part, too much current.
+/// The watched faults, in the order of bits 7 to 10 of 4007h: the switch in short circuit, switch
+/// or load open, the load broken in part, too much current.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Transformer {
     watched: [Watched; 4],

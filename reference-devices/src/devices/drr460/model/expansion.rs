@@ -40,8 +40,8 @@ impl Settings {
         }
     }
 
-    /// What an error makes of the values of the master: 6200h and 6411h. They stay so until the
-    /// master writes anew.
+    /// The effect of an error on the values of the master: 6200h and 6411h. They stay so until the
+    /// master writes again.
     pub(crate) fn in_error(&self, (outputs, analogue): (i64, i64), rules: &Rules) -> (i64, i64) {
         let outputs = rules.commutes(outputs, self.commutes, self.error_outputs);
         (outputs, if self.analogue_commutes { self.error_analogue } else { analogue })

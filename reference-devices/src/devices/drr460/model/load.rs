@@ -9,7 +9,7 @@ pub(crate) struct Load {
     sensor: f64,
 }
 
-/// What drives the load, as shares of the power of heater and cooler.
+/// The drive of the load, as shares of the power of heater and cooler.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Drive {
     pub(crate) heating: f64,

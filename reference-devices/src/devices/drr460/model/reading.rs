@@ -56,7 +56,7 @@ pub(super) struct Input {
     sensor: Option<Sensor>,
     /// The share of its range that a linear signal has, for latch-on.
     pub(super) share: f64,
-    /// What was connected at the last sample, and how long ago it was.
+    /// The connection at the last sample, and its age.
     held: Option<Connected>,
     since: f64,
 }
@@ -102,7 +102,7 @@ impl Input {
         }
     }
 
-    /// What is connected, or was when the last period began.
+    /// The present connection, or that at the start of the last period.
     fn hold(&mut self, connected: Connected, elapsed: f64, rules: &Rules) -> Connected {
         self.since += elapsed;
         let held = self.held.filter(|_| !rules.samples_at_once() && self.since + ROUNDING < PERIOD);

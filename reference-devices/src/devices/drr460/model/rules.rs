@@ -77,7 +77,7 @@ decisions! {
         digits
     }
 
-    /// A potentiometer is measured by its resistance: so many kilohms, whatever sub 5 has (5.1.b).
+    /// A potentiometer is measured by its resistance in kilohms, regardless of sub 5 (5.1.b).
     fn track(&self, connected: f64, _configured: f64) -> f64 {
         connected
     }
@@ -127,7 +127,7 @@ decisions! {
         true
     }
 
-    /// What latch-on learned lasts over power-off (7.11).
+    /// The values that latch-on learned survive power-off (7.11).
     fn latch_lasts(&self) -> bool {
         true
     }
@@ -176,7 +176,7 @@ decisions! {
         (hysteresis.min(0), hysteresis.max(0))
     }
 
-    /// What is reset by hand, with sub 22, is held on and not held off (11.3.13).
+    /// An alarm with manual reset, by sub 22, is held on and not held off (11.3.13).
     fn reset_holds_on(&self) -> bool {
         true
     }
@@ -186,7 +186,7 @@ decisions! {
         if to_on { delay } else { -delay }
     }
 
-    /// What goes before its delay is over has its whole delay again.
+    /// A delay that is interrupted starts over in full.
     fn delay_starts_over(&self) -> bool {
         true
     }
@@ -196,7 +196,7 @@ decisions! {
         reset != 0
     }
 
-    /// What waits for a reset by hand is kept over a power failure (11.3.2, subs 22, 61, 73).
+    /// An alarm that waits for a manual reset survives a power failure (11.3.2, subs 22, 61, 73).
     fn kept_over_power_off(&self, reset: i64) -> bool {
         reset == 2
     }
@@ -261,7 +261,7 @@ decisions! {
         missing.abs() <= dead_band
     }
 
-    /// What is missing beyond the dead band counts as a whole (11.3.2, sub 36).
+    /// Beyond the dead band, the whole deviation counts (11.3.2, sub 36).
     fn beyond_dead_band(&self, missing: i64, _dead_band: i64) -> i64 {
         missing
     }
@@ -406,7 +406,7 @@ decisions! {
         true
     }
 
-    /// What a tuning found is in subs 33 to 35 (7.3).
+    /// The results of a tuning go to subs 33 to 35 (7.3).
     fn takes_found(&self) -> bool {
         true
     }
@@ -585,7 +585,7 @@ decisions! {
         configured as f64 / 10.0
     }
 
-    /// What the network does ends the silence, reading included (11.3.2, sub 115).
+    /// Any access by the network ends the silence, reading included (11.3.2, sub 115).
     fn ends_silence(&self, _reads: bool) -> bool {
         true
     }
@@ -639,7 +639,7 @@ decisions! {
         switches.loads_defaults()
     }
 
-    /// What RUN shows (chapter 10).
+    /// The pattern of RUN (chapter 10).
     fn run_led(&self, pattern: Pattern) -> Pattern {
         pattern
     }
@@ -649,12 +649,12 @@ decisions! {
         outputs
     }
 
-    /// What the LED of the command shows while the key is pressed (6.1).
+    /// The pattern of the command's LED while the key is pressed (6.1).
     fn key_led(&self, pattern: Pattern) -> Pattern {
         pattern
     }
 
-    /// What OUT1 and OUT2 show, counted from 0: an error in turns (6.1).
+    /// The patterns of OUT1 and OUT2 in an error, counted from 0: they alternate (6.1).
     fn error_leds(&self, alternate: [Pattern; 2]) -> [Pattern; 2] {
         alternate
     }

@@ -41,7 +41,7 @@ impl Settings {
     }
 }
 
-/// What 400Eh shows and takes.
+/// The values that 400Eh shows and accepts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Status {
     #[default]
@@ -90,7 +90,7 @@ pub(crate) struct Found {
     pub(crate) derivative_time: i64,
 }
 
-/// What a step of a tuning says.
+/// The result of a step of a tuning.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Step {
     /// The output that it wants; `None` when the controller decides.
@@ -115,7 +115,7 @@ impl Tuning {
     pub(super) fn command(&mut self, value: i64, sight: (i64, i64), settings: &Settings) {
         self.silence = 0.0;
         let status = match (settings.kind, value) {
-            // Where it tunes by itself, nobody gets here but with a device that takes anything.
+            // With automatic tuning, only a device that accepts any value gets here.
             (AUTOMATIC | MANUAL | ONCE, 1) | (SYNCHRONISED, 3) => {
                 return self.begin(sight, settings);
             }

@@ -1,6 +1,6 @@
 //! A valve with a motor: Q1 opens it, and Q2 closes it (manual, 11.3.2, parameters 16 and 24).
 
-/// What the controller knows of the valve, which has no feedback.
+/// The controller's knowledge of the valve, which has no feedback.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Valve {
     /// Where it is, from closed at 0 to open at 1.

@@ -5,7 +5,7 @@ use super::*;
 use crate::devices;
 use crate::devices::em66::rules::Em66Rules;
 
-/// What is compared: input, alternate input, level, hysteresis, whether there was an alarm.
+/// A comparison: input, alternate input, level, hysteresis, whether there was an alarm.
 type Given = (i64, Option<i64>, i64, i64, bool);
 
 fn compared(kind: AlarmType, (input, alternate, level, hysteresis, before): Given) -> bool {
@@ -338,7 +338,7 @@ fn what_is_left_of_an_earlier_use_does_not_stand_in_the_way() {
     assert!(fixture.write(0x6508, 3));
 }
 
-/// An offset in the alarm block and a number that somebody writes there, mostly a sensible one.
+/// An offset in the alarm block and a number to write there, mostly a sensible one.
 fn writes() -> impl Strategy<Value = (u16, i64)> {
     const LINKS: [u32; 7] =
         [0, MAIN, EFFECTIVE, SET_POINT_IN_FORCE, FLOW_LINK, PRESSURE_LINK, 0x5FFF_0110];

@@ -1,4 +1,4 @@
-//! What the alarm block decides (EUROMAP 66-2, 3.3).
+//! The decisions of the alarm block (EUROMAP 66-2, 3.3).
 
 use canopen::Mux;
 use canopen::pdo::Mapping;
