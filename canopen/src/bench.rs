@@ -21,7 +21,7 @@ pub trait Bench {
     /// When the bench fails.
     fn names(&mut self) -> Result<Vec<String>, BenchError>;
 
-    /// Sets a stimulus. It lasts until it is set again, whatever happens on the bus.
+    /// Sets a stimulus. It lasts until it is set again, regardless of the bus.
     ///
     /// # Errors
     /// When there is none of that name, it does not take the value, or the bench fails.

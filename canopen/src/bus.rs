@@ -1,4 +1,4 @@
-//! The two traits everything stands on: a bus owns time, a device is a value.
+//! The two basic traits: a bus owns time, a device is a value.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -142,12 +142,12 @@ impl Outbox {
         self.frames.push_back(frame);
     }
 
-    /// The frame that is to be sent next, left in place.
+    /// The next frame to send, left in place.
     pub fn first(&self) -> Option<&Frame> {
         self.frames.front()
     }
 
-    /// Takes the frame that is to be sent next.
+    /// Takes the next frame to send.
     pub fn pop(&mut self) -> Option<Frame> {
         self.frames.pop_front()
     }

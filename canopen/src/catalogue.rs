@@ -1,8 +1,8 @@
 //! The profiles' descriptions of their objects, as data: `catalogue/*.yaml`.
 //!
 //! A description of a device states only what the device chose and takes name, type and access
-//! rights from here. Both sides are written in the same terms, [`ObjectFacts`] and [`Facts`], in
-//! which everything may be left open.
+//! rights from here. Both sides use the same types, [`ObjectFacts`] and [`Facts`], in which every
+//! part is optional.
 
 mod facts;
 mod file;
@@ -154,7 +154,7 @@ impl Catalogue {
         })
     }
 
-    /// Reads the catalogue in this program again, for those who replaced some of its files.
+    /// Reads the catalogue in this program again, for a caller that replaced some of its files.
     ///
     /// # Errors
     /// Everything that is wrong with them.
@@ -173,8 +173,8 @@ impl Catalogue {
         file::read(sources, &[]).map(|profiles| Self { profiles })
     }
 
-    /// This catalogue with what the files have otherwise or in addition: a profile of a name that
-    /// it knows keeps what its file does not state.
+    /// This catalogue with the changes and additions of the files: a known profile keeps everything
+    /// that its file does not state.
     ///
     /// # Errors
     /// Everything that is wrong with the files.

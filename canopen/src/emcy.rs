@@ -11,7 +11,7 @@ pub const COB_ID: u16 = 0x080;
 /// An emergency message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Emcy {
-    /// What happened.
+    /// The error.
     pub code: EmcyCode,
     /// The error register 1001h at that moment.
     pub register: u8,
@@ -32,7 +32,7 @@ impl Emcy {
         Ok(Self { code, register: bytes[2], vendor })
     }
 
-    /// The bytes that say it.
+    /// Encodes the message.
     pub fn encode(self) -> Data {
         let [low, high] = self.code.0.to_le_bytes();
         let [a, b, c, d, e] = self.vendor;

@@ -76,7 +76,7 @@ impl fmt::Debug for Id {
     }
 }
 
-/// Up to eight data bytes. Dereferences to the bytes that are there.
+/// Up to eight data bytes. Dereferences to the bytes in use.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Data {
     bytes: [u8; 8],

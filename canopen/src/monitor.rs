@@ -32,9 +32,9 @@ pub struct Seen {
 pub struct Breach {
     /// When.
     pub at: Instant,
-    /// What should be.
+    /// The rule that was broken.
     pub rule: String,
-    /// What was.
+    /// The actual behaviour.
     pub got: String,
     /// The frame, when it is one.
     pub frame: Option<Frame>,
@@ -68,7 +68,7 @@ pub trait Monitor {
 pub struct Standing {
     /// Their codes.
     pub codes: Vec<EmcyCode>,
-    /// The bits of 1001h, where the device said no code because its emergency messages were
+    /// The bits of 1001h for which the device sent no code because its emergency messages were
     /// disabled.
     pub untold: u8,
 }
@@ -276,7 +276,7 @@ impl Monitor for KnownIdentifiers {
     }
 }
 
-/// Once a heartbeat period is set and the heartbeat has begun, no gap of more than two periods.
+/// Once a heartbeat period is set and the heartbeat has begun, no gap may exceed two periods.
 struct HeartbeatAlive {
     node: u8,
     slack: Duration,

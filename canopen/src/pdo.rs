@@ -69,7 +69,7 @@ impl Mapping {
         Self { mux, bits: word as u8 }
     }
 
-    /// The 32 bits that say it.
+    /// Encodes the mapping entry as 32 bits.
     pub const fn encode(self) -> u32 {
         (self.mux.index as u32) << 16 | (self.mux.sub as u32) << 8 | self.bits as u32
     }
@@ -89,7 +89,7 @@ pub struct Packer {
 }
 
 impl Packer {
-    /// Appends the lowest `bits` bits of `bytes`; what exceeds 64 bits in all is lost.
+    /// Appends the lowest `bits` bits of `bytes`; bits beyond 64 in all are lost.
     pub fn push(&mut self, bytes: &[u8], bits: u8) {
         if self.bits < 64 && bits > 0 {
             self.word |= (unsigned(bytes) & ones(bits)) << self.bits;

@@ -1,4 +1,4 @@
-//! Files we read, places in them, and errors that point at the place.
+//! Source files, places in them, and errors that point at the place.
 
 mod decimal;
 mod formula;
@@ -182,7 +182,7 @@ impl fmt::Display for Complaint {
 
 /// The part of a long line around a column, and the column in it.
 fn around(line: &str, column: usize) -> (String, usize) {
-    /// What is shown, and how much of it stands before the column.
+    /// The length of the excerpt, and how much of it is before the column.
     const MOST: usize = 240;
     const BEFORE: usize = 60;
     const CUT: &str = "... ";
@@ -227,8 +227,8 @@ pub fn read_tree<T: for<'de> Deserialize<'de>>(
     })
 }
 
-/// A message about a place within a text: so many bytes after its start. [`read_yaml`] puts the
-/// caret there.
+/// A message about a place within a text, given as the offset from its start in bytes.
+/// [`read_yaml`] puts the caret there.
 pub fn at_offset(offset: usize, message: &str) -> String {
     format!("{MARK}{offset}{MARK}{message}")
 }

@@ -1,4 +1,4 @@
-//! A CAN bus in virtual time, with the devices that hang on it.
+//! A CAN bus in virtual time, with the devices on it.
 //!
 //! Receiving is simulating: [`Bus::recv`] advances to the earliest of "a frame is complete on the
 //! wire", "a device's deadline" and the time asked for. Each station sends in its own order, the
@@ -15,8 +15,8 @@ use crate::wire::{INTERMISSION_BITS, frame_bits};
 /// How often a device may be polled without time passing before it counts as a defect.
 const POLLS_PER_INSTANT: u32 = 10_000;
 
-/// A simulated bus. The handle itself is one more station: what it sends reaches every device,
-/// what any station sends comes out of [`Bus::recv`].
+/// A simulated bus. The handle itself is one more station: its frames reach every device, and the
+/// frames of every station come out of [`Bus::recv`].
 pub struct VirtualBus<'a> {
     now: Instant,
     bit_rate: u64,

@@ -42,7 +42,7 @@ impl Interface {
         match self {
             Self::SocketCan(name) => SocketCan::bit_rate(name, usual),
             Self::Program { on: Some(name), .. } => SocketCan::bit_rate(name, usual),
-            // Pipes have no bits that could be too fast for anybody.
+            // Pipes have no bit rate that could be too fast for a suite.
             Self::Program { on: None, .. } => Some(usual),
         }
     }

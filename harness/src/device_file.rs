@@ -23,7 +23,7 @@ pub struct DeviceFile {
     pub source: Arc<Source>,
     /// The folder that paths in it are relative to.
     folder: PathBuf,
-    /// What it says.
+    /// The content.
     pub said: DutFile,
 }
 

@@ -9,7 +9,7 @@ use harness::commands;
 use harness::exit::Exit;
 
 fn main() -> ExitCode {
-    // A panic is a bug of ours; what it says is on the terminal already.
+    // A panic is a bug of ours; its message is on the terminal already.
     let exit = std::panic::catch_unwind(|| match Cli::try_parse() {
         Ok(cli) => commands::run(cli),
         Err(error) => {

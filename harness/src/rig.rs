@@ -1,8 +1,8 @@
 //! A bench in another process: lines of JSON, a request and its answer.
 //!
 //! `{"names":true}` gets `{"names":["power"]}`, `{"set":{"power":"off"}}` gets `{"ok":true}`,
-//! `{"get":"lamp"}` gets `{"value":5}`; beside `names`, `"needs":{"lamp":{"3000:15":17}}` says how
-//! the device must be set up; what cannot be done gets `{"error":"..."}`.
+//! `{"get":"lamp"}` gets `{"value":5}`. Beside `names`, `"needs":{"lamp":{"3000:15":17}}` says how
+//! the device must be set up. A request that fails gets `{"error":"..."}`.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
@@ -38,7 +38,7 @@ pub struct Rig {
     requests: Box<dyn Write + Send>,
     answers: Receiver<std::io::Result<String>>,
     end: End,
-    /// How the device must be set up, said with the names.
+    /// How the device must be set up, as stated with the names.
     needs: Needs,
     /// Why it cannot be asked again.
     dead: Option<BenchError>,

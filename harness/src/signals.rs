@@ -1,4 +1,4 @@
-//! Signals as the wish of the user that the program ends.
+//! Signals, as the user's request to end the program.
 
 use std::process;
 use std::thread;

@@ -1,6 +1,6 @@
-//! The undo log: what a run on a real bus has changed in a device, on disk, for the case that the
-//! run is killed. It is written before the first change of an object and removed when every object
-//! is back; `harness restore` reads it.
+//! The undo log: the changes of a run on a real bus in a device, kept on disk in case the run is
+//! killed. It is written before the first change of an object and removed when every object is
+//! back; `harness restore` reads it.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -147,7 +147,7 @@ pub(crate) fn folder() -> PathBuf {
     state.unwrap_or_else(std::env::temp_dir).join("harness/undo")
 }
 
-/// The logs that are there, by name.
+/// The existing logs, by name.
 pub(crate) fn all(folder: &Path) -> Vec<(String, Changes)> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let name = |path: &Path| Some(path.file_name()?.to_str()?.strip_suffix(".json")?.to_owned());

@@ -132,9 +132,9 @@ impl Deviation {
         self.parts.iter().any(|part| matches!(part.change, Change::Eds(_)))
     }
 
-    /// The frames on the wire of a node that it changes, `true` for those that the node receives,
-    /// and how many of them it leaves alone first. They count from power-on: what identifies the
-    /// device before the first case counts as well.
+    /// The frames on the wire of a node that the deviation changes, `true` for those that the node
+    /// receives, and how many of them it skips first. Counting starts at power-on, so the frames
+    /// that identify the device before the first case count as well.
     pub fn frames(&self, node: u8) -> impl Iterator<Item = (Pattern, bool, u32)> {
         self.parts.iter().filter_map(move |part| match &part.change {
             Change::Frame(change) => {

@@ -109,8 +109,8 @@ pub(crate) trait Deciding: Sized + 'static {
     /// The decisions that data can set, by the names of their methods.
     fn decisions() -> Vec<&'static str>;
 
-    /// The decision of that name in data, with the value that stands there; `None` when there is
-    /// no such decision that data can set.
+    /// The decision of that name in data, with the given value; `None` when data cannot set a
+    /// decision of that name.
     fn set(decision: &str, value: &str) -> Option<Result<Self, Misvalued>>;
 
     /// All decisions, by the names of their methods.
@@ -132,8 +132,8 @@ pub(crate) struct Misvalued {
 /// A closure of a set of rules, by its name.
 pub(crate) type Named<D> = (&'static str, fn() -> D);
 
-/// A decision of a set of rules: the name of its method, what can be its value in data, `None` for
-/// nothing, and how it is read.
+/// A decision of a set of rules: the name of its method, the values that data can give, `None` for
+/// none, and how they are read.
 pub(crate) struct Method<D> {
     pub(crate) method: &'static str,
     pub(crate) expected: fn() -> Option<String>,
@@ -168,7 +168,7 @@ impl<D> Part<D> for D {
     }
 }
 
-/// A decision that is taken otherwise, as data say it.
+/// A decision with another result, as data give it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Otherwise<'n> {
     /// Which one, and how.
@@ -265,8 +265,8 @@ fn unused<D: Deciding>(names: &[&str], set: &[&str]) -> Vec<&'static str> {
 }
 
 /// The decisions of one part of a set of rules, or of all of it. Each is a method of the set, whose
-/// body is the decision of the lowest layer, and a variant of an enumeration: what a layer takes
-/// otherwise.
+/// body is the decision of the lowest layer, and a variant of an enumeration, which a layer uses to
+/// override it.
 macro_rules! decisions {
     (
         $(#[$about:meta])*

@@ -1,5 +1,5 @@
-//! A device from its data: `device.yaml` says what the device chose, the catalogue what its
-//! profiles already say, and both together are the electronic data sheet.
+//! A device from its data: `device.yaml` holds the choices of the device, the catalogue holds what
+//! its profiles define, and both together are the electronic data sheet.
 
 mod check;
 mod file;
@@ -48,7 +48,7 @@ pub struct Description {
     pub names: BTreeMap<String, i64>,
     /// Groups of objects that its profiles repeat.
     pub blocks: BTreeMap<String, Block>,
-    /// Node id when nothing else is said.
+    /// The node id, unless another is given.
     pub default_node: u8,
     /// The data sheet.
     pub eds: Eds,
@@ -80,7 +80,7 @@ pub struct Note {
 pub struct Known<'k> {
     /// The profiles.
     pub catalogue: &'k Catalogue,
-    /// The modules that say what a device does.
+    /// The modules with the applications of devices.
     pub behaviours: &'k [&'k str],
 }
 

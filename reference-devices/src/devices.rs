@@ -251,7 +251,7 @@ impl ReferenceDevice {
         (self.application().build)(&self.description, otherwise)
     }
 
-    /// What [`deviating_behaviour`](Self::deviating_behaviour) knows.
+    /// The decisions that [`deviating_behaviour`](Self::deviating_behaviour) knows.
     pub(crate) fn decisions(&self) -> &'static [Set] {
         self.application().decisions
     }
@@ -341,7 +341,7 @@ static BUILT_IN: LazyLock<Families> = LazyLock::new(|| {
     })
 });
 
-/// Reads the devices in this program again, for those who replaced some of their files.
+/// Reads the devices in this program again, for a caller that replaced some of their files.
 ///
 /// # Errors
 /// Everything that is wrong with them.

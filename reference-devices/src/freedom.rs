@@ -1,5 +1,5 @@
 //! Freedoms: reference devices with one named deviation each that a document allows. A case that
-//! one of them fails is unjust.
+//! fails on one of them is unjust.
 
 mod data;
 

@@ -1,4 +1,4 @@
-//! Every decision that the specification takes, a file per service.
+//! Every decision of the specification, a file per service.
 //!
 //! The stack asks and holds no deviation of its own. The bodies of the decisions are a summary of
 //! CiA 301 and CiA 305; clauses are those of CiA 301, version 4.2, unless a file names another

@@ -1,8 +1,9 @@
-//! Causes: what the cases that did not pass have in common.
+//! Causes: the common part of the cases that did not pass.
 //!
 //! One fault of a device shows in many instances. Two of them have one cause when they check the
-//! same requirements, are about the same object, and differ in the same way from what was expected.
-//! Nothing else attributes: terminal, JUnit, journal and waivers all say what stands here.
+//! same requirements, are about the same object, and differ in the same way from the expected
+//! result. No other code attributes: terminal, JUnit, journal and waivers all use the causes found
+//! here.
 
 use std::fmt;
 

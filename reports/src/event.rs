@@ -171,8 +171,7 @@ pub struct Check {
     /// How binding it is: `must`, `should` or `may`.
     #[serde(default)]
     pub level: Cow<'static, str>,
-    /// The decision of the device's own document by which it is no more than a `should` for this
-    /// device.
+    /// The decision of the device's own document by which it is only a `should` for this device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxed_by: Option<Arc<str>>,
     /// The demand of the document there.
@@ -280,8 +279,8 @@ impl CaseEnded {
 }
 
 impl CaseStarted {
-    /// The full name of the instance, such as `cia301/heartbeat/heartbeat-period[period=20 ms]`:
-    /// what reports print and what the command line takes.
+    /// The full name of the instance, such as `cia301/heartbeat/heartbeat-period[period=20 ms]`.
+    /// Reports print it, and the command line takes it.
     pub fn name(&self) -> String {
         format!("{}/{}", self.suite, self.short_name())
     }

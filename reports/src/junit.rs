@@ -1,8 +1,8 @@
 //! A run as JUnit XML, which every CI server reads.
 //!
 //! A test suite per device and suite file, a test case per instance. `properties` say what was
-//! tested, with what and how. Durations are bus time. The time stamp that the format demands is
-//! that of the first case on a real bus; in virtual time it is a fixed one, so that equal runs give
+//! tested, with what and how. Durations are bus time. The format demands a time stamp: on a real
+//! bus it is that of the first case; in virtual time it is a fixed one, so that equal runs give
 //! equal files.
 
 use std::io::{self, Write};

@@ -60,7 +60,7 @@ pub struct SuiteRun {
     pub cases: Vec<CaseRun>,
 }
 
-/// One instance of a case and what came of it.
+/// One instance of a case and its result.
 #[derive(Clone, Debug)]
 pub struct CaseRun {
     /// The case.

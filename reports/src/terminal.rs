@@ -35,7 +35,7 @@ pub struct Printer {
     verbosity: Verbosity,
     /// The causes that were explained.
     causes: BTreeSet<Cause>,
-    /// How to see more of what is LENIENT was said.
+    /// The hint on how to see more of LENIENT cases was printed.
     hinted: bool,
     last: Last,
 }
@@ -54,7 +54,7 @@ impl Printer {
         Self { style, verbosity, causes: BTreeSet::new(), hinted: false, last: Last::Nothing }
     }
 
-    /// The text of a case that has ended; empty when nothing is to be printed.
+    /// The text of a case that has ended; empty when nothing must be printed.
     pub fn case(&mut self, run: &Run, device: &DeviceRun, case: &CaseRun) -> String {
         let verdict = case.verdict();
         // The summary counts the cases that were not run.
@@ -88,7 +88,7 @@ impl Printer {
         text
     }
 
-    /// The summary, set apart from what was printed before it.
+    /// The summary, separated from the text before it.
     pub fn summary(&mut self, run: &Run) -> String {
         let summary = summary(run, self.style, self.verbosity);
         match std::mem::replace(&mut self.last, Last::Nothing) {

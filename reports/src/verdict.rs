@@ -1,4 +1,4 @@
-//! Verdicts, and what has to be said with each of them.
+//! Verdicts, and the details that belong to each of them.
 
 use std::fmt;
 
@@ -74,7 +74,7 @@ pub enum Grade {
     Lenient,
 }
 
-/// A verdict with what must be said about it: no case fails, errs or is skipped without a reason.
+/// A verdict with its details: no case fails, errs or is skipped without a reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Outcome {
@@ -177,7 +177,7 @@ pub struct Waiver {
     pub expires: Option<String>,
 }
 
-/// The reason, who answers for it and until when, in one line.
+/// The reason, the responsible person and the date of expiry, in one line.
 impl fmt::Display for Waiver {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.reason)?;
@@ -203,9 +203,9 @@ pub struct Problem {
     pub phase: Phase,
     /// The step in the suite file; for a monitor, the step during which it spoke.
     pub place: Excerpt,
-    /// What should have come.
+    /// The expected behaviour.
     pub expected: String,
-    /// What came instead, decoded.
+    /// The actual behaviour, decoded.
     pub actual: String,
     /// The frame in question, when it is one.
     #[serde(with = "wire::optional_frame")]

@@ -18,13 +18,13 @@ pub use sheet::{COMPOSED, Sheet};
 /// The device under test as the harness knows it: by name, node id and data sheet.
 #[derive(Clone, Debug)]
 pub struct Dut {
-    /// What reports call it.
+    /// The name in reports.
     pub name: String,
     /// Its node id.
     pub node: u8,
     /// The device's description of itself.
     pub eds: Arc<Eds>,
-    /// Where it says so.
+    /// The places of its statements.
     pub sheet: Arc<Sheet>,
     /// The names that the bench around it can set and observe.
     pub bench: Vec<String>,
@@ -62,11 +62,11 @@ pub struct Hooks {
 
 /// Something outside of the bus that can be done to the device, such as a program of the user's.
 pub trait Hook: Debug + Send + Sync {
-    /// What reports call it.
+    /// The name in reports.
     fn name(&self) -> &str;
 
-    /// Does it and returns once it is done; why it failed, if it did. `look` is called several
-    /// times a second meanwhile, and ends it with an error.
+    /// Runs the hook and returns once it is done; the inner error is the reason why it failed.
+    /// `look` is called several times a second in the meantime, and ends the hook with an error.
     ///
     /// # Errors
     /// That of `look`.

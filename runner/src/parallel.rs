@@ -14,8 +14,8 @@ pub fn processors() -> usize {
     thread::available_parallelism().map_or(1, Into::into)
 }
 
-/// Applies `work` to every item on up to `workers` threads. Items are begun in their order, and the
-/// results are in it. One worker is the thread of the caller.
+/// Applies `work` to every item on up to `workers` threads. Items begin in their order, and the
+/// results have that order. One worker is the thread of the caller.
 pub fn map<T: Send, R: Send>(
     items: Vec<T>,
     workers: usize,
@@ -60,7 +60,7 @@ pub struct InTurn<F> {
     turn: AtomicUsize,
     inner: Mutex<Inner<F>>,
     moved_on: Condvar,
-    /// How many sessions after the one whose turn it is may have begun.
+    /// How many sessions after the current one may have begun.
     most_ahead: usize,
 }
 

@@ -135,7 +135,7 @@ impl Protection {
         by.map(|by| format!("{deed}: protected by {by}"))
     }
 
-    /// What protects an object.
+    /// The protection of an object.
     fn of(&self, mux: Mux) -> Option<&str> {
         let named = self.objects.iter().find(|(objects, _)| objects.contain(mux));
         named.map(|(_, by)| by.as_str()).or_else(|| Some(self.entries.get(&mux)?))

@@ -175,8 +175,8 @@ impl ObjectFacts {
         }
     }
 
-    /// Whether it says how its values are accessed, in addition to what the object is called: a
-    /// profile that is not public only names its objects.
+    /// Whether it describes the access to its values, beyond the name of the object: a profile that
+    /// is not public only names its objects.
     pub fn is_described(&self) -> bool {
         self.access.is_some() || self.subs.values().any(|facts| facts.access.is_some())
     }

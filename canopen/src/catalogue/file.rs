@@ -1,4 +1,4 @@
-//! The form of a catalogue file, and what must hold of it.
+//! The form of a catalogue file, and its validity rules.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -86,7 +86,7 @@ pub(super) fn read(
             None => profiles.push(Arc::new(before)),
         }
     }
-    // Files wait until the profile they build on is there.
+    // A file must wait until the profile that it builds on has been read.
     while let Some(next) = files.iter().position(|(_, file)| {
         let base = file.based_on.as_ref().map(|base| base.value.as_str());
         base.is_none_or(|base| profiles.iter().any(|known| known.name == base))

@@ -10,7 +10,8 @@ pub(super) struct Layer {
 }
 
 impl Layer {
-    /// Takes the next message: what the message before it adds, as the end of a line.
+    /// Takes the next message and returns what the previous message adds to it, as the end of a
+    /// line.
     pub(super) fn see(&mut self, id: u16, data: &Data) -> String {
         if id == REQUEST_COB_ID {
             self.asked = Request::decode(data).ok();

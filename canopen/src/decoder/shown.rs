@@ -1,4 +1,4 @@
-//! Values as a reader wants them.
+//! Values in the form that a reader wants.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -135,7 +135,7 @@ pub(super) fn bytes(value: &[u8]) -> String {
     }
 }
 
-/// So many bytes.
+/// The number of bytes, in words.
 pub(super) fn count(bytes: usize) -> String {
     if bytes == 1 { "1 byte".to_owned() } else { format!("{bytes} bytes") }
 }

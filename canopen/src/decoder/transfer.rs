@@ -30,7 +30,7 @@ pub(super) struct Whole {
     pub value: Vec<u8>,
     /// Whether the server has taken it or has given it.
     pub written: bool,
-    /// Whether the number of bytes that count was said.
+    /// Whether the transfer announced its number of bytes.
     pub sized: bool,
     /// How its frame shows it.
     pub frame: InFrame,
@@ -64,7 +64,7 @@ pub(super) struct Channel {
 
 #[derive(Debug, Default)]
 enum State {
-    /// The trace may have begun in the middle of a transfer.
+    /// Unknown: the trace may have begun in the middle of a transfer.
     #[default]
     Unknown,
     /// No transfer is open.
@@ -111,7 +111,7 @@ impl Block {
         Self { open: Some((Vec::new(), size)), first: Some(1), ..self }
     }
 
-    /// The end of the transfer: what does not count of the last segment.
+    /// The end of the transfer: cuts the unused bytes off the last segment.
     fn cut(&mut self, end: BlockEnd) {
         let length = self.value.len().saturating_sub(end.unused.into());
         self.value.truncate(length);
@@ -123,7 +123,7 @@ impl Block {
         last.map_or_else(|| self.first.unwrap_or(1), |last| last.sequence + 1)
     }
 
-    /// The confirmation of a sub-block: what counts of it, and the next one.
+    /// The confirmation of a sub-block: the confirmed part, and the next sub-block.
     fn confirm(&mut self, ack: BlockAck) {
         let (segments, _) = self.open.take().unwrap_or_default();
         let mut over = false;

@@ -1,4 +1,4 @@
-//! The rules a data sheet is held to, each with its stable name.
+//! The rules for data sheets, each with its stable name.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ pub struct Code {
     pub name: &'static str,
     /// How much breaking it matters.
     pub severity: Severity,
-    /// The rule, or what the reader does where it is broken.
+    /// The rule, or the reader's treatment of a violation.
     pub meaning: &'static str,
 }
 

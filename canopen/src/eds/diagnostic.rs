@@ -54,8 +54,8 @@ impl Findings {
         });
     }
 
-    /// Reports a habit of the whole file where it first shows; what follows with the same message
-    /// is counted.
+    /// Reports a habit of the whole file where it first occurs; further diagnostics with the same
+    /// message are only counted.
     pub(super) fn habit(&mut self, code: &Code, at: Place, message: impl Into<String>) {
         let message = message.into();
         let Some(habit) = self.habits.get_mut(&(code.name, message.clone())) else {

@@ -1,5 +1,5 @@
-//! Sections and keys with their positions. An INI library would keep neither the columns nor the
-//! second of two keys, and both are wanted for diagnostics.
+//! Sections and keys with their positions. Diagnostics need the columns and the second of two equal
+//! keys, and an INI library would keep neither.
 
 use std::collections::HashMap;
 

@@ -61,7 +61,7 @@ pub fn read(source: &[u8]) -> Reading {
 struct Reader {
     eds: Eds,
     findings: Findings,
-    /// Which subs the PDOs have that are not described, and where it says so.
+    /// The subs that undescribed PDOs have, and the place that says so.
     compact_pdo: Option<(u8, Place)>,
     /// How many subs the short forms have stood for so far.
     expanded: usize,

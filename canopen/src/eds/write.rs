@@ -1,4 +1,4 @@
-//! A description as text, the way CiA 306 wants it.
+//! A description as text, in the form that CiA 306 requires.
 
 use std::collections::HashMap;
 use std::fmt::{Display, Write};

@@ -67,7 +67,7 @@ pub enum Failure {
     Aborted(Abort),
     /// The server did not answer in time.
     Timeout,
-    /// The server broke the protocol: what was expected, and what came.
+    /// The server broke the protocol: the expected and the actual answer.
     Violation {
         /// The answer that the protocol requires.
         expected: String,
@@ -91,7 +91,7 @@ impl fmt::Display for Failure {
 }
 
 impl Client {
-    /// What is transferred.
+    /// The address of the transferred object.
     pub const fn mux(&self) -> Mux {
         self.state.mux()
     }
@@ -101,8 +101,8 @@ impl Client {
         (State::UploadInitiated { mux }.client(), Request::Upload(mux))
     }
 
-    /// Begins to read `mux` in sub-blocks of `block` segments, 1 to 127. When it has no more than
-    /// `threshold` bytes, which is not 0, the server may use the usual protocol.
+    /// Begins to read `mux` in sub-blocks of `block` segments, 1 to 127. When the object has at
+    /// most `threshold` bytes, and that is not 0, the server may use the usual protocol.
     pub fn upload_in_blocks(mux: Mux, block: u8, threshold: u8) -> (Self, Request) {
         let (upload, request) = BlockUpload::begin(mux, block, threshold);
         (State::BlockUpload(upload).client(), request)
@@ -369,8 +369,8 @@ mod tests {
         ));
     }
 
-    /// Plays the server of a block upload of `data` that sends `lose` of each sub-block into the
-    /// void while `losses` last; what the client makes of it.
+    /// Plays the server of a block upload of `data` that loses the segments `lose` of each
+    /// sub-block while `losses` last, and returns the client's result.
     fn block_upload(data: &[u8], block: u8, lose: u8, mut losses: u32) -> Next {
         let (client, request) = Client::upload_in_blocks(MUX, block, 0);
         let asked = BlockRequest::Upload { mux: MUX, crc: true, size: block, threshold: 0 };

@@ -1,4 +1,4 @@
-//! What a client sends.
+//! The requests of a client.
 
 use super::block::{BlockRequest, BlockSegment};
 use super::initiate::{Initiate, Segment};
@@ -61,7 +61,7 @@ impl Request {
         }
     }
 
-    /// The bytes that say it, everything reserved zero.
+    /// Encodes the request; reserved bits and bytes are zero.
     pub fn encode(self) -> Data {
         let with_mux = |command: u8, mux: Mux, rest: [u8; 4]| {
             let [low, high, sub] = mux.bytes();

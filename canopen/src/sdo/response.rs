@@ -1,4 +1,4 @@
-//! What a server answers.
+//! The responses of a server.
 
 use super::block::{BlockResponse, BlockSegment};
 use super::initiate::{Initiate, Segment};
@@ -61,7 +61,7 @@ impl Response {
         }
     }
 
-    /// The bytes that say it, everything reserved zero.
+    /// Encodes the response; reserved bits and bytes are zero.
     pub fn encode(self) -> Data {
         let with_mux = |command: u8, mux: Mux, rest: [u8; 4]| {
             let [low, high, sub] = mux.bytes();

@@ -1,5 +1,5 @@
-//! Where everything in a YAML text stands: the keys and items by which a value is reached, and
-//! the places of both. It is made only after something was found wrong in a text that reads well.
+//! The places in a YAML text: the keys and items that lead to a value, and the places of both. An
+//! outline is made only after a mistake was found in a text that parses.
 
 use serde::{Deserialize, Deserializer};
 

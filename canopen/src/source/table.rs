@@ -1,4 +1,4 @@
-//! Tables: entries of a list that differ in some values are one entry, with those values in columns
+//! Tables: list entries that differ in some values become one entry, with those values in columns
 //! and rows.
 
 use std::collections::BTreeMap;

@@ -1,5 +1,5 @@
-//! A YAML text as keys, items and values, each with its place: what a notation that is expanded
-//! works on, and a source that everything can be read from as from the text itself.
+//! A YAML text as keys, items and values, each with its place. A notation is expanded on the tree,
+//! and any type can be read from the tree as from the text itself.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -56,7 +56,7 @@ impl Tree {
         Ok(tree)
     }
 
-    /// Numbers as they are written: `00 10` and `0x0A` are texts to some who read them.
+    /// Numbers as they are written: `00 10` and `0x0A` are text to some readers.
     fn remember(&mut self, source: &Source) {
         // Places come in the order of the text: its lines are cut once.
         let lines: Vec<&str> = source.lines().collect();
@@ -107,7 +107,7 @@ impl Tree {
         }
     }
 
-    /// The tree as it may be written in one line. Texts with signs stand in quotes.
+    /// The tree in the form of one line. Text with special characters is quoted.
     pub fn in_one_line(&self) -> String {
         match &self.node {
             Node::Map(entries) => {
@@ -220,7 +220,7 @@ impl<'de> Visitor<'de> for NodeVisitor {
 /// The mismatch between a tree and the type that is read from it, in the words of the library.
 #[derive(Debug)]
 pub struct Unfit {
-    /// What is wrong.
+    /// The mistake.
     pub message: String,
     /// Where.
     pub place: Option<Place>,

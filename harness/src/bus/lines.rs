@@ -14,7 +14,7 @@ use crate::candump::{self, LONGEST, shortly};
 
 /// The name of the interface in lines.
 const INTERFACE: &str = "can0";
-/// So many lines may wait for a program that does not read them.
+/// The number of lines that may wait for a program that does not read them.
 const MOST_WAITING: usize = 1000;
 /// How long a request to stop may go unseen.
 const STOP_CHECK: Duration = Duration::from_millis(50);
@@ -171,7 +171,7 @@ impl Lines {
     }
 }
 
-/// Reads frames until there are no more.
+/// Reads frames until the input ends.
 fn listen(from: impl Read, clock: Clock, to: &Sender<Arrived>) {
     let (mut from, mut line) = (BufReader::new(from), Vec::new());
     loop {

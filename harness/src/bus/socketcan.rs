@@ -32,7 +32,7 @@ pub struct SocketCan {
     name: String,
     socket: CanSocket,
     clock: Clock,
-    /// Frames that were taken from the kernel before anybody asked for them, in order.
+    /// Frames taken from the kernel that no caller has received yet, in order.
     held: VecDeque<Stamped>,
     /// The kernel's count of frames that found the receive queue full.
     dropped: u32,
@@ -83,8 +83,8 @@ impl SocketCan {
         Self { bell: Some(bell), ..self }
     }
 
-    /// The bit rate of the interface `name` in bit/s, when the kernel knows it. A virtual one has
-    /// no bits that could be too fast for anybody, and counts as one of `usual`.
+    /// The bit rate of the interface `name` in bit/s, when the kernel knows it. A virtual interface
+    /// has no bit rate that could be too fast, and counts as `usual`.
     pub fn bit_rate(name: &str, usual: u32) -> Option<u32> {
         if ["vcan", "vxcan"].iter().any(|kind| name.starts_with(kind)) {
             return Some(usual);
@@ -173,7 +173,7 @@ impl Bus for SocketCan {
     }
 
     /// Hands the frame to the kernel. While the transmit queue is full this waits, up to 1 s, and
-    /// keeps what is received meanwhile for [`Bus::recv`].
+    /// keeps frames received in that time for [`Bus::recv`].
     ///
     /// # Errors
     /// [`BusError::Io`] when the interface is down or gone or its queue stays full,

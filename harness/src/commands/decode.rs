@@ -268,7 +268,8 @@ fn is_variable(object: &Object) -> bool {
     !object.kind.has_subs()
 }
 
-/// `100 us` is a unit of its own in a catalogue: a raw 1 is so many of what follows.
+/// `100 us` is a unit of its own in a catalogue: it counts multiples, here 100, of the unit that
+/// follows.
 fn unit(facts: &Facts) -> Option<Unit> {
     let text = facts.unit.as_deref()?;
     let scale = facts.scale.unwrap_or(1.0);

@@ -1,4 +1,4 @@
-//! `harness --dry-run`: what a run would do to the device, without a bus.
+//! `harness --dry-run`: lists what a run would do to the device, without a bus.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;

@@ -1,4 +1,4 @@
-//! `harness explain`: what a name stands for, wherever one meets it in a report.
+//! `harness explain`: explains any name that appears in a report.
 
 use std::collections::BTreeSet;
 

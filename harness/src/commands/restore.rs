@@ -1,4 +1,4 @@
-//! `harness restore`: sets back what a run that was killed left changed in a device.
+//! `harness restore`: sets back the changes that a killed run left in a device.
 
 use std::fmt::Write;
 use std::sync::Arc;

@@ -1,4 +1,4 @@
-//! `harness run`: suites against devices, and the reports of it.
+//! `harness run`: runs suites against devices, and writes the reports.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -11,7 +11,7 @@ use nix::errno::Errno;
 pub(super) struct Output {
     /// As the user named it.
     path: PathBuf,
-    /// Where it is; of a link, what it leads to.
+    /// The place of the file; for a link, its target.
     place: PathBuf,
 }
 

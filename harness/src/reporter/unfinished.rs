@@ -59,7 +59,7 @@ pub(super) fn events(args: &RunArgs, why: &str, exit: u8) -> Vec<Event> {
     ]
 }
 
-/// A run that has begun and not come to its end.
+/// A run that has begun and not ended.
 pub(super) fn run(args: &RunArgs, exit: u8) -> Run {
     let mut run = Run::new(Keep::Unusual);
     let why = "the run did not come to its end: its journal has what ran";

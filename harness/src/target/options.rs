@@ -76,7 +76,7 @@ pub(crate) fn protect(selection: &Selection, dut: &mut Dut) {
     dut.protection = Arc::new(protection);
 }
 
-/// A bench of the user's, what it offers, and how the device must be set up for it.
+/// The user's bench, its names, and how the device must be set up for it.
 pub(super) type OwnBench = (Arc<Mutex<Rig>>, Offer);
 
 /// The names of a bench, and how the device must be set up for them.

@@ -25,7 +25,7 @@ pub struct Found {
     pub node: u8,
     /// The values of 1000h and 1018h.
     pub identity: Identity,
-    /// What 1008h says.
+    /// The value of 1008h.
     pub name: Option<String>,
     /// The reference device that it is one of.
     pub device: Option<String>,
@@ -36,7 +36,7 @@ pub struct Found {
 }
 
 impl Found {
-    /// The name of the profile of the catalogue that it says it follows.
+    /// The name of the catalogue profile that the device claims to follow.
     pub(crate) fn recognised(&self) -> Option<String> {
         self.profile.as_ref().map(|(profile, _)| profile.name.clone())
     }

@@ -33,7 +33,7 @@ pub fn models(eds: &Eds) -> BTreeMap<&'static str, &'static Eds> {
     models.filter(own).map(|model| (model.device.as_str(), &model.eds)).collect()
 }
 
-/// Reads a data sheet; says so when it has errors, and goes on with what is left.
+/// Reads a data sheet; reports its errors, and continues with the rest.
 ///
 /// # Errors
 /// When it cannot be read at all.

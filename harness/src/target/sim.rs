@@ -116,7 +116,7 @@ fn own_name(selection: &Selection) -> Option<&str> {
     selection.target.as_ref().and(selection.device.as_deref())
 }
 
-/// A word as a shell takes it: in quotes where it holds more than letters, digits and `:/.-_`.
+/// A word quoted for a shell if it has other characters than letters, digits and `:/.-_`.
 pub(super) fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || ":/.-_".contains(c);
     match word.chars().all(plain) {

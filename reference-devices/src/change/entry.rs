@@ -245,7 +245,7 @@ fn text(name: &At<String>) -> Tree {
     Tree { node: Node::Text(name.value.clone()), place: name.place }
 }
 
-/// A list, of what stands there alone.
+/// A list with a single value that was written without brackets.
 fn as_list(value: &mut Tree) {
     if value.text().is_some() {
         let one = Tree { node: std::mem::replace(&mut value.node, Node::Null), ..*value };

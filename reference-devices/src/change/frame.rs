@@ -1,4 +1,4 @@
-//! A device at a wire that drops, edits, repeats or delays some of its frames.
+//! A device whose frames are partly dropped, edited, repeated or delayed.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -96,7 +96,7 @@ impl DeviantWire {
         })
     }
 
-    /// The same; where it is muted, frames are left alone.
+    /// The same; if it is muted, frames are left unchanged.
     pub(super) fn muted(self, muted: Option<Dissent>) -> Self {
         Self { muted, ..self }
     }

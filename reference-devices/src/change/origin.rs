@@ -1,4 +1,4 @@
-//! Where a change stands, for complaints.
+//! The place of a change in its file, for complaints.
 
 use std::sync::Arc;
 
@@ -45,7 +45,7 @@ impl Origin {
         self.outline.in_one_line(&path)
     }
 
-    /// A complaint about what stands here, so many bytes after its start.
+    /// A complaint about the text at this place, at an offset in bytes from its start.
     pub(crate) fn complaint(&self, offset: usize, message: impl Into<String>) -> Complaint {
         let path: Vec<&str> = self.path.iter().map(String::as_str).collect();
         let place = self.outline.nearest(&path);

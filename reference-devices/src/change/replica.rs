@@ -4,7 +4,8 @@ use canopen::Device;
 
 /// A device of which there can be another one in the same state.
 pub trait Replica: Device {
-    /// The device as it is now; what happens to one of them does not touch the other.
+    /// The device in its present state. A change of the copy does not affect the original, nor the
+    /// reverse.
     fn replica(&self) -> Box<dyn Replica>;
 }
 

@@ -1,4 +1,4 @@
-//! Results of decisions as data write them.
+//! Results of decisions, in the form that data use.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ pub(crate) trait Settable: Sized {
     }
 }
 
-/// Results that have a word each.
+/// Results with one word each.
 macro_rules! words {
     ($type:ty: $($word:literal => $value:expr),* $(,)?) => {
         impl crate::decisions::Settable for $type {

@@ -71,7 +71,7 @@ pub(super) fn check_variant(
     if complaints.is_empty() { Ok(()) } else { Err(complaints) }
 }
 
-/// The module that says what a device does is one of the program.
+/// The application of a device must be a module of the program.
 fn behaviour_of(
     source: &Arc<Source>,
     behaviour: &At<String>,

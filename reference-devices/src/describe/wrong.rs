@@ -10,7 +10,7 @@ use canopen::source::{At, Complaint, Outline, Source};
 
 use super::node::NodeFacts;
 
-/// A mistake in what is said of an object.
+/// A mistake in the description of an object.
 #[derive(Debug)]
 pub(super) struct Wrong {
     mux: Mux,

@@ -65,7 +65,7 @@ pub(crate) struct Drr460 {
     memory: Memory,
     found: Found,
     around: Surroundings,
-    /// When the buffer that ran over is an error no more.
+    /// When the overflow of the buffer ends as an error.
     overflow_ends: Option<Instant>,
     /// Power-on is still to be reported.
     reports_boot: bool,
@@ -127,7 +127,7 @@ impl Drr460 {
         }
     }
 
-    /// Reads the parameters anew.
+    /// Reads the parameters again.
     fn configure(&mut self, od: &Dictionary) {
         let lasts = self.expansion.enabled && self.rules.expansion_lasts();
         let parameters = Parameters::of(od, &self.rules);

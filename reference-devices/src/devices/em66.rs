@@ -149,7 +149,7 @@ enum Mode {
     ExternalSensor,
 }
 
-/// What the actuators do.
+/// The commands for the actuators.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Drive {
     /// In tenths of a percent: heating is positive, cooling negative.
@@ -159,7 +159,7 @@ struct Drive {
     draining: bool,
 }
 
-/// What the pump does.
+/// The action of the pump.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Pump {
     #[default]

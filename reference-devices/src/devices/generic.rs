@@ -250,7 +250,7 @@ const LARGE_DATA: u16 = 0x2F20;
 const PARAMETER: Mux = Mux::new(0x2F04, 2);
 /// Takes an abort code and answers with it.
 const REFUSED_WITH: Mux = Mux::new(0x2F05, 0);
-/// The codes of errors that are to be present.
+/// The codes of the errors to raise.
 const SIMULATED_ERROR: u16 = 0x2F40;
 const SIMULATED: usize = 4;
 /// The first number of broken terminals, above those of simulated errors.

@@ -74,7 +74,7 @@ pub(crate) struct Mcm260x {
     input_leds: Vec<Led>,
     /// The analogue inputs out of range.
     faults: Vec<Faults>,
-    /// Whether it has said what there is to say at power-on.
+    /// Whether it has sent its announcement after power-on.
     announced: bool,
     /// When the objects were shown last.
     now: Instant,

@@ -1,10 +1,9 @@
 //! The I/O block of CiA 401: digital and analogue inputs and outputs on terminals, which a bench
-//! can see and turn.
+//! can observe and set.
 //!
-//! The channels are those whose values the dictionary has: an array 6000h of two entries makes two
-//! blocks of eight digital inputs, 6100h blocks of sixteen. Each width has terminals of its own.
-//! Not modelled are the channels in floating point (6403h, 6413h) and of the manufacturer (6404h,
-//! 6414h).
+//! The dictionary determines the channels: an array 6000h of two entries makes two blocks of eight
+//! digital inputs, 6100h blocks of sixteen. Each width has terminals of its own. The channels in
+//! floating point (6403h, 6413h) and of the manufacturer (6404h, 6414h) are not modelled.
 
 mod channel;
 mod inputs;

@@ -1,4 +1,4 @@
-//! Access to objects, whichever service asks for it.
+//! Access to objects, by any service.
 
 use canopen::Mux;
 

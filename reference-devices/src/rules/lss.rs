@@ -61,7 +61,8 @@ decisions! {
         pending
     }
 
-    /// Of a slave that restarts when it leaves LSS configuration: what was not stored is no reason.
+    /// For a slave that restarts when it leaves LSS configuration: settings that were not stored
+    /// are no reason to restart.
     fn lss_configuring_renews(&self) -> bool {
         false
     }

@@ -242,7 +242,7 @@ decisions! {
         true
     }
 
-    /// A change is an event wherever in the PDO the value lies (7.2.2.3).
+    /// A change is an event at any place in the PDO (7.2.2.3).
     fn tpdo_bytes_compared(&self, mapped: usize) -> usize {
         mapped
     }

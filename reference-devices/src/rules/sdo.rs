@@ -103,7 +103,7 @@ decisions! {
         true
     }
 
-    /// The segment with the last byte says so, also when it is full (7.2.4.3.7).
+    /// The segment with the last byte is marked as the last, even when it is full (7.2.4.3.7).
     fn full_segment_ends_upload(&self) -> bool {
         true
     }

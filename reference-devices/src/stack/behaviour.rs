@@ -18,7 +18,8 @@ pub(crate) trait Behaviour: Send + Duplicate {
     /// The supply is gone: all driven outputs are dark now.
     fn supply_lost(&mut self) {}
 
-    /// How the device is on the bus after power-on or reset node, where its own parameters say so.
+    /// The device's attachment to the bus after power-on or reset node, where its own parameters
+    /// define it.
     fn attachment(&self, _od: &Dictionary) -> Attachment {
         Attachment::AsIs
     }
@@ -33,8 +34,8 @@ pub(crate) trait Behaviour: Send + Duplicate {
         false
     }
 
-    /// Lets objects show what time alone has made of them, such as a count. Called before
-    /// something looks at the objects; cheap, and no event.
+    /// Updates objects that change with time alone, such as a count. Called before objects are
+    /// read. It must be cheap, and it is no event.
     fn show(&mut self, _now: Instant, _od: &mut Dictionary) {}
 
     /// The application's own refusals, after those of the data sheet and before anything changes.
@@ -48,8 +49,8 @@ pub(crate) trait Behaviour: Send + Duplicate {
     /// The network has written the object at `mux`.
     fn written(&mut self, _now: Instant, _mux: Mux, _od: &mut Dictionary) {}
 
-    /// The network wanted to write `bytes` to the object at `mux`, which was refused; what the
-    /// device then shows there is its own affair.
+    /// A write of `bytes` to the object at `mux` was refused. The application decides what the
+    /// object then shows.
     fn refused(&mut self, _now: Instant, _mux: Mux, _bytes: &[u8], _od: &mut Dictionary) {}
 
     /// The network has begun to read the object at `mux`.

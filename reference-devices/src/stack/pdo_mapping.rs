@@ -1,5 +1,5 @@
-//! PDO mapping: what a PDO carries, and what its mapping parameter refuses (CiA 301, 7.5.2.36 and
-//! 7.5.2.38).
+//! PDO mapping: the content of a PDO, and the refusals of its mapping parameter (CiA 301, 7.5.2.36
+//! and 7.5.2.38).
 
 use canopen::eds::{Direction, Entry};
 use canopen::pdo::{Mapping, Packer};

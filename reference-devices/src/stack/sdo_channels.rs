@@ -49,7 +49,7 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
 }
 
 /// Whether the identifier belongs to another service. A client may use those of default servers:
-/// they are what it is there for.
+/// that is its purpose.
 const fn is_kept(index: u16, cob: CobId) -> bool {
     let id = cob.can_id();
     let of_default_server = matches!(id, 0x581..=0x5FF | 0x601..=0x67F);

@@ -1,4 +1,4 @@
-//! The SDO clients of 1280h to 12FFh: what the application wants of other nodes.
+//! The SDO clients of 1280h to 12FFh: the application's transfers with other nodes.
 
 use canopen::sdo::{Client, Failure, Next, Request, Transfer};
 use canopen::{Abort, Data, Dictionary, Frame, Instant, Mux, Outbox};

@@ -73,7 +73,8 @@ impl SdoServer {
         }
     }
 
-    /// The node leaves the states in which SDOs are served: what is open is dropped in silence.
+    /// The node leaves the states in which SDOs are served: an open transfer is dropped without an
+    /// abort.
     pub(crate) fn drop_transfer(&mut self) {
         *self = Self::default();
     }

@@ -1,4 +1,4 @@
-//! The services that work on the dictionary: what each does with a frame, a deadline, a state.
+//! The services that work on the dictionary: their handling of frames, deadlines and states.
 
 mod access;
 

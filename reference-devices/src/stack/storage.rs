@@ -8,7 +8,7 @@ use canopen::{Abort, Dictionary, Instant, Mux};
 
 use crate::stack::base::Base;
 
-/// The non-volatile memory: what the objects hold after a reset.
+/// The non-volatile memory: the values of the objects after a reset.
 ///
 /// It has two banks, of which the newest that is complete counts, so that a device that loses its
 /// supply while it stores has the old values or the new ones, and no mixture.
@@ -35,7 +35,7 @@ struct Bank {
 
 type Values = BTreeMap<Mux, Vec<u8>>;
 
-/// What is being stored.
+/// A save under way.
 #[derive(Clone)]
 struct Save {
     /// Most have the default, which is `None`.
@@ -115,7 +115,7 @@ impl Storage {
                 return;
             }
             self.save = Some(Save { values, onto, begun: now, done });
-            // A memory that takes no time has no deadline of which anybody would remind it.
+            // A memory that takes no time has no deadline, so it is completed at once.
             self.handle_timeout(now);
         } else {
             // A save that ended after this would bring back what is forgotten here.

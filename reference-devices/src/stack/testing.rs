@@ -1,4 +1,4 @@
-//! A device on a table: frames go in, what it sends comes out with its time.
+//! A device for unit tests: frames go in, and the device's frames come out with their times.
 
 use canopen::eds::{Access, Eds, Entry, Object, ObjectKind, Term};
 use canopen::{DataType, Device, Dictionary, Frame, Instant, Mux, Outbox, Value};

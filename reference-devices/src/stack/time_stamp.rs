@@ -72,7 +72,7 @@ impl TimeStamp {
         self.next
     }
 
-    /// Shows the time of day in the object that is there for it.
+    /// Shows the time of day in its object.
     pub(crate) fn show(&self, now: Instant, base: &mut Base) {
         if let Some(clock) = base.settings.clock_object {
             base.od.set(clock, &self.at(now).encode());

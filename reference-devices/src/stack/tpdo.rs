@@ -25,7 +25,7 @@ pub(crate) struct Tpdo {
     sync_start: u8,
     mapping: PdoMapping,
     running: bool,
-    /// What was transmitted last.
+    /// The data that were transmitted last.
     last: Data,
     /// The data of the objects when they were last looked at.
     seen: Data,

@@ -1,4 +1,4 @@
-//! Why a case did not pass, in the order in which one asks.
+//! The reasons why a case did not pass, in the order in which a reader asks for them.
 
 use std::fmt::{self, Write as _};
 
@@ -12,8 +12,8 @@ use crate::run::{CaseRun, DeviceRun};
 use crate::style::{Style, printable, shell_word};
 use crate::verdict::{Excerpt, Outcome, Phase, Problem, Verdict};
 
-/// The case and its sentence; the requirements; what was expected; what came; where in the suite
-/// file; the last frames; the command that runs the case again.
+/// The case and its sentence; the requirements; the expected and the actual behaviour; the place in
+/// the suite file; the last frames; the command that runs the case again.
 pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     let (verdict, names) = (case.verdict(), &*device.info.objects);
     let mut block = Block { text: String::new(), style, verdict, names };
@@ -36,7 +36,7 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     }
     match problem {
         Some(problem) => block.place(problem),
-        // The one case of a run that did not come to its cases stands in no file.
+        // If a run did not reach its cases, its one case stands in no file.
         None if case.info.file.is_empty() => {}
         None => {
             let info = &case.info;

@@ -23,13 +23,13 @@ pub(super) enum Line<'c> {
     Frame(usize),
     /// As often the two frames that follow came before.
     Again(usize),
-    /// So many frames are left out here.
+    /// The number of frames left out here.
     Left(usize),
     /// The action at that time, in words.
     Done(Instant, Done<'c>),
 }
 
-/// What was done.
+/// An action.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Done<'c> {
     /// A step began.

@@ -92,7 +92,7 @@ fn skipped(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) {
     let _ = writeln!(text, "{}", style.verdict(Verdict::Skip, "skipped because"));
     let shown = match verbosity {
         Verbosity::Verbose => reasons.len(),
-        // One reason more takes no more place than the line that would stand for it.
+        // One more reason takes no more room than the line that would replace it.
         _ if reasons.len() <= REASONS + 1 => reasons.len(),
         _ => REASONS,
     };
@@ -241,7 +241,7 @@ fn grouped(run: &Run, text: &mut String) {
     }
 }
 
-/// Cases that did not pass and stand in one line.
+/// Cases that did not pass and share one line.
 struct Row<'r> {
     verdict: Verdict,
     devices: Vec<&'r str>,

@@ -1,4 +1,4 @@
-//! Data sheets as files: what they say, where, and what is wrong with them.
+//! Data sheets as files: their statements, the places of these, and mistakes in them.
 
 use std::sync::{Arc, OnceLock};
 
@@ -19,7 +19,7 @@ pub struct Sheet {
     pub source: Source,
     /// The findings from reading it.
     pub diagnostics: Vec<Diagnostic>,
-    /// Whether it comes with the device and the suites: what does not fit it is wrong with a suite.
+    /// Whether it comes with the device and the suites: a mismatch is then a mistake of a suite.
     pub trusted: bool,
     /// Whether it was composed of what the device answered, and thus says nothing by itself.
     pub composed: bool,

@@ -102,7 +102,8 @@ pub(super) fn case(instance: &Instance, dut: &Dut, model: Option<&Eds>) -> Check
         checker.no_way_out(step);
     }
     checker.unused();
-    // Without the object, what rests on it (a saved value, say) is wrong for no other reason.
+    // Without the object, anything that rests on it (a saved value, say) is wrong for the same
+    // reason.
     if checker.lacking.is_some() {
         checker.complaints.clear();
     }
@@ -237,8 +238,9 @@ impl Checker<'_> {
         self.note(result.map(|_| ()), literal.place);
     }
 
-    /// A name that suites ask for is skipped where the bench does not offer it. Any other name is
-    /// one of the user's bench: when that is there and does not offer it, the name is a mistake.
+    /// A case about a name of the suites is skipped if the bench does not offer it. Any other name
+    /// belongs to the user's bench: if that bench is connected and does not offer it, the name is a
+    /// mistake.
     fn bench_name(&mut self, name: &str, place: Place) {
         let offered = &self.dut.bench;
         if offered.iter().any(|known| known == name) {
@@ -361,7 +363,7 @@ impl Checker<'_> {
         let entry = self.entry(&write.object, write.refused.as_deref());
         match (&write.value, &write.bytes, &write.fill) {
             (Some(value), None, None) => {
-                // A value that is to be refused need not fit.
+                // A value that must be refused need not fit.
                 match (&entry, &write.refused) {
                     (Some(entry), None) => self.value(value, entry),
                     (Some(entry), Some(_)) => _ = self.scope.bytes(&value.value, entry),

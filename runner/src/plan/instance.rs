@@ -40,8 +40,7 @@ pub struct Instance {
     pub scope: Scope,
     /// The outcome, as far as it is known before the run.
     pub fate: Fate,
-    /// The requirements among those it checks that the device's own document relaxes, with the
-    /// decision that says so.
+    /// The checked requirements that the device's own document relaxes, with the decision on each.
     pub relaxed: BTreeMap<String, String>,
 }
 
@@ -54,7 +53,7 @@ pub enum Fate {
     Unfit(Box<Complaint>),
     /// It is skipped: the device lacks something, or something is not known.
     Lacking(String),
-    /// It is skipped, since it needs what the device is protected from.
+    /// It is skipped, since it needs something that the device is protected from.
     Protected(String),
     /// It is skipped, since its suite is about a profile that the device does not follow.
     Foreign(String),
@@ -161,7 +160,7 @@ impl Instance {
         habit.or_else(|| self.idle_command(habits))
     }
 
-    /// The command to store or restore that a device of these habits says it does not have.
+    /// The command to store or restore that, by its own account, a device with these habits lacks.
     fn idle_command(&self, habits: Habits) -> Option<String> {
         self.case().all_steps().find_map(|step| {
             let Step::Write(write) = &step.value else { return None };
@@ -182,7 +181,7 @@ impl Instance {
         !self.case().all_steps().all(|step| matches!(step.value, Step::Eds(_)))
     }
 
-    /// How the device must be set up for what the bench does in its steps.
+    /// How the device must be set up for the bench actions in its steps.
     pub fn bench_needs<'d>(&self, dut: &'d Dut) -> impl Iterator<Item = (Mux, i64)> + use<'_, 'd> {
         let stimuli = self.case().all_steps().filter_map(|step| match &step.value {
             Step::Bench(stimuli) => Some(&stimuli.0),

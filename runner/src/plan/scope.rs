@@ -1,4 +1,4 @@
-//! Names and what they stand for, and the words of the notation resolved with them.
+//! Names and their values, and the words of the notation resolved with them.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};

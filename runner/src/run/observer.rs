@@ -41,7 +41,7 @@ pub trait Observer {
     /// The steps are over, and what was set up is undone.
     fn steps_over(&self) {}
 
-    /// The case is over, and what it changed is set back.
+    /// The case is over, and its changes are set back.
     fn case_over(&self) {}
 
     /// The case shows this about its assertions.

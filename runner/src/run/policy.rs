@@ -42,7 +42,7 @@ impl Policy {
     pub fn at_bit_rate(bit_rate: u32) -> Self {
         /// The longest classical frame with 11-bit identifier, intermission included.
         const LONGEST_FRAME_BITS: u64 = 135;
-        /// From this bit rate on, what suites say of times leaves room for other frames.
+        /// From this bit rate on, the times in suites leave room for other frames.
         const FAST: u64 = 125_000;
         /// As many frames may be in front of one.
         const IN_FRONT: u32 = 4;

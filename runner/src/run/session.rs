@@ -38,13 +38,13 @@ use starts::Starts;
 pub enum Ending {
     /// Every case ran.
     Complete,
-    /// Nobody answered at all.
+    /// No device answered.
     Nobody,
     /// The device stopped answering; the reason.
     Gone(String),
     /// The bus failed.
     Bus(BusError),
-    /// So many cases failed that the rest was not run, which is so many.
+    /// This many cases failed, so that the rest was not run.
     Enough(usize),
 }
 
@@ -58,9 +58,9 @@ struct Known {
 
 /// Runs a plan.
 pub struct Session<'s> {
-    /// What to run.
+    /// The plan to run.
     pub plan: &'s Plan,
-    /// What the cases check.
+    /// The requirements that the cases check.
     pub register: &'s Register,
     /// The expected times and how long to wait.
     pub policy: Policy,
@@ -68,7 +68,7 @@ pub struct Session<'s> {
     pub rerun: String,
     /// The known and accepted deviations.
     pub waivers: &'s Waivers,
-    /// Stop after so many cases that failed.
+    /// Stop after this many failed cases.
     pub max_fail: Option<usize>,
     /// Set when the user wants the run to end.
     pub stop: &'s Stop,
@@ -215,7 +215,7 @@ impl Session<'_> {
         link.clean(false);
     }
 
-    /// How the device is from the start. One that no case needs is left alone.
+    /// The state of the device at the start. A baseline that no case needs is not taken.
     fn baseline(&self, link: &mut Link, identity: Identity) -> Result<Baseline, BusError> {
         let needed = |each: &Instance| each.skip().is_none() && each.needs_device();
         match self.plan.instances.iter().any(needed) {

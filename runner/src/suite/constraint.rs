@@ -54,7 +54,7 @@ pub enum Constraint {
     Finding(String),
     /// This part of an LSS address.
     Part(&'static str),
-    /// What is accepted, too.
+    /// An accepted alternative.
     Allowance(Allowance),
 }
 
@@ -95,8 +95,8 @@ pub enum Allowance {
 }
 
 impl Step {
-    /// Whether the step finds out something about the device. Others do something to it: that a
-    /// device takes what they write is what the demands of other steps rest on.
+    /// Whether the step finds out something about the device. Other steps act on it: the demands of
+    /// later steps show whether the device took what they wrote.
     pub fn judges(&self) -> bool {
         match self {
             Self::Send(_)

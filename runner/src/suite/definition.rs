@@ -1,4 +1,4 @@
-//! Named steps: the files `steps.yaml` of the folders, and what a suite has under `define`.
+//! Named steps: the files `steps.yaml` of the folders, and the `define` part of a suite.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

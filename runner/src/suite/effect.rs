@@ -46,7 +46,7 @@ pub struct Effect<'s> {
 }
 
 impl Step {
-    /// What the step does.
+    /// The effect of the step.
     pub fn effect(&self) -> Effect<'_> {
         match self {
             Self::Send(frame) => Effect::of_frame(frame),

@@ -417,7 +417,7 @@ impl Expander<'_> {
         each.collect()
     }
 
-    /// Whether what stands in place of an object is a key of the step that is not well written.
+    /// Whether the text in place of an object is a mistyped key of the step.
     fn mistyped(&self, entries: &[(At<String>, Tree)], keys: &[&str]) -> bool {
         let mut any = false;
         for (key, _) in entries {
@@ -543,9 +543,9 @@ impl Expander<'_> {
         on_bench.or_else(|| self.words.counted(&word.value).scale)
     }
 
-    /// Address, values and refusals of a step on one object. In a step that is written the long
-    /// way, without a word for its object, numbers are counts: suites that are older than words say
-    /// the same with them.
+    /// Address, values and refusals of a step on one object. In a step in the long notation,
+    /// without a word for its object, numbers are counts: suites from before the words rely on
+    /// that.
     fn of_object(&self, content: &mut Tree, is_long: bool) {
         let Node::Map(entries) = &mut content.node else { return };
         let (mut counted, mut counts) = (Counted::default(), false);

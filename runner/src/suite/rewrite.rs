@@ -53,7 +53,7 @@ pub struct Changes {
     pub refusals: usize,
     /// Words in place of frames.
     pub frames: usize,
-    /// Steps that would have said something else.
+    /// The steps that would have changed their meaning.
     pub kept: usize,
 }
 

@@ -54,12 +54,12 @@ impl Scale {
         format!("{value} {}", self.unit).trim_end().to_owned()
     }
 
-    /// The value of so many counts, without its unit.
+    /// The value of this many counts, without its unit.
     pub(super) fn value(&self, counts: i128) -> Option<Decimal> {
         self.count.times(Decimal::from(counts))
     }
 
-    /// The value of so many counts, with its unit.
+    /// The value of this many counts, with its unit.
     pub(super) fn show(&self, counts: i128) -> Option<String> {
         let value = self.value(counts)?;
         Some(match self.unit.as_str() {

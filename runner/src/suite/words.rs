@@ -1,4 +1,4 @@
-//! The words of suites: what a document calls its objects, its values and the refusals that belong
+//! The words of suites: a document's names for its objects, its values and the refusals that belong
 //! to them, in the files `words.yaml` of the folders.
 
 use std::collections::BTreeMap;
@@ -37,7 +37,7 @@ pub struct Words {
     facts: BTreeMap<String, Facts>,
 }
 
-/// The words for values, and what a count is worth.
+/// The words for values, and the value of a count.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Facts {
     table: Option<Arc<Enumeration>>,
@@ -221,7 +221,7 @@ struct Reader<'w> {
 
 impl Reader<'_> {
     fn file(&mut self, tree: &Tree) {
-        // Objects name tables of values, wherever those stand.
+        // Objects name tables of values, in any file.
         for (part, read) in [
             ("values", Self::values as fn(&mut Self, &At<String>, &Tree)),
             ("objects", Self::object),

@@ -24,7 +24,7 @@ enum Head {
     Object,
     /// Also its value, which is sub 0.
     Value,
-    /// Also so many subs, all alike.
+    /// The number of further subs, all alike.
     Subs(u8),
 }
 
@@ -120,7 +120,7 @@ impl Reader {
         (kind, role)
     }
 
-    /// What `ObjectType` says.
+    /// The kind in `ObjectType`.
     fn stated_kind(&mut self, head: &Section<'_>, index: u16) -> Option<ObjectKind> {
         let Some(key) = head.filled("ObjectType") else {
             self.findings.habit(&codes::OBJECT_TYPE_MISSING, head.at, "ObjectType is missing");
@@ -276,7 +276,7 @@ impl Reader {
                     self.findings.add(&codes::DATA_TYPE_MISSING, section.at, message);
                     DataType::UNSIGNED8
                 }
-                // The lint has a word on that.
+                // The lint reports that.
                 _ => DataType(0),
             };
         };

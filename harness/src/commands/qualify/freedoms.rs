@@ -21,8 +21,8 @@ use crate::exit::Refused;
 /// How many freedoms a mixture has at most.
 const LARGEST_MIXTURE: usize = 6;
 
-/// How many freedoms are tried together at first. Wherever one of them changes something, each is
-/// tried alone again.
+/// How many freedoms are tried together at first. If one of them changes anything, each is tried
+/// again alone.
 const LARGEST_GROUP: usize = 8;
 
 /// The same for freedoms of which it is known where they make a difference: those are tried alone
@@ -67,7 +67,7 @@ struct Went {
     otherwise: BTreeSet<String>,
 }
 
-/// The device without deviation, and what came of its plan by instance, to compare with.
+/// The device without deviation, and the results of its plan by instance, to compare with.
 struct Compared<'c, 'l> {
     clean: &'c Clean<'l>,
     trials: HashMap<&'c str, &'c Trial>,
@@ -86,7 +86,7 @@ enum Task<'f> {
     Personality(&'f Personality),
 }
 
-/// What came of it.
+/// The result of it.
 enum Done {
     Group(Apart),
     Personality(Tried),

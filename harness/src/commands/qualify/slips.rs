@@ -1,5 +1,6 @@
-//! The proof by slips: what no catalogued mutant proves. A device in order goes through a case and
-//! slips once, late, so that the step in question is the first that can notice.
+//! The proof by slips of everything that no catalogued mutant proves. A device that is otherwise in
+//! order goes through a case and slips once, late, so that the step in question is the first that
+//! can notice.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
@@ -39,10 +40,10 @@ const AT_ONCE: usize = 32;
 /// How many slips there are for a case at most, for each of its assertions.
 const SLIPS: usize = 30;
 
-/// How many of them are tried once more while later steps see a device in order.
+/// How many of them are tried once more with later steps that see a device without deviation.
 const HEALED: usize = 6;
 
-/// What slips prove.
+/// The proofs by slips.
 #[derive(Default)]
 pub(super) struct Slips {
     proofs: BTreeMap<Assertion, String>,
@@ -139,7 +140,8 @@ impl Search {
         Ok(search)
     }
 
-    /// Runs one instance with one slip after the other; whether a device in order passes it.
+    /// Runs one instance with one slip after the other. Returns whether a device without deviation
+    /// passes it.
     fn instance(&mut self, clean: &Clean, instance: &Instance) -> Result<bool, Refused> {
         let mut left = 1 + RUNS * self.open.len();
         // Most searches are over long before.
@@ -197,8 +199,8 @@ impl Search {
         Ok(queue.is_some())
     }
 
-    /// The slips that may prove what is open, by what was heard on a device in order, or on one
-    /// with the slip `base` that may be so.
+    /// The slips that may prove open assertions. They are based on the frames heard on a device
+    /// without deviation, or on one with the permitted slip `base`.
     fn queue(&self, instance: &Instance, scenes: Scenes, base: Option<Slip>) -> Vec<Trial> {
         let Scenes { heard, moments, dut } = scenes;
         let Some(begin) = moments.first().map(|first| first.from) else { return Vec::new() };
@@ -327,7 +329,7 @@ fn next_of(queue: &mut Queue, open: &BTreeSet<Assertion>) -> Option<Trial> {
     }
 }
 
-/// Whether a device in order gets that.
+/// Whether a device without deviation gets that outcome.
 const fn passes(outcome: &Outcome) -> bool {
     matches!(outcome, Outcome::Pass | Outcome::Lenient(_))
 }

@@ -1,4 +1,4 @@
-//! Plans on devices in virtual time, and what came of each instance.
+//! Plans on devices in virtual time, and the result of each instance.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -51,8 +51,8 @@ pub(super) struct Trial {
     pub shown: Shown,
 }
 
-/// A device without deviation, its plan and what came of it: what deviating devices are made of
-/// and compared with.
+/// A device without deviation, its plan and the results. Deviating devices are made from it and
+/// compared with it.
 pub(super) struct Clean<'l> {
     pub library: &'l Library,
     pub device: Arc<ReferenceDevice>,
@@ -85,8 +85,8 @@ pub(super) enum Wanted<'w> {
 
 /// Where a deviation would make a difference.
 pub(super) struct Reach {
-    /// The instances; `None` where that cannot be told: it changes more than decisions and frames,
-    /// or is there before the first case begins.
+    /// The instances; `None` where they are unknown: the deviation changes more than decisions and
+    /// frames, or is active before the first case begins.
     pub instances: Option<BTreeSet<String>>,
     /// The decisions in which it does.
     pub decisions: BTreeSet<&'static str>,
@@ -94,7 +94,7 @@ pub(super) struct Reach {
 
 /// The results on a deviating device, and how the run ended.
 pub(super) struct Ran {
-    /// What was to run.
+    /// The instances to run.
     pub instances: Vec<Instance>,
     /// The results, as far as the run went.
     pub trials: Vec<Trial>,
@@ -103,7 +103,7 @@ pub(super) struct Ran {
 }
 
 impl<'l> Clean<'l> {
-    /// The simulated device of that name, and what comes of the cases that fit.
+    /// The simulated device of that name, and the results of the selected cases.
     ///
     /// # Errors
     /// When the data of the device do not load, or it cannot be built.
@@ -117,7 +117,7 @@ impl<'l> Clean<'l> {
     }
 
     /// The same for all cases, and where each of the freedoms that are tried on the device would
-    /// make a difference: all of them are there, muted.
+    /// make a difference: all of them are active, but muted.
     ///
     /// # Errors
     /// The same, and when the data of a freedom do not load.

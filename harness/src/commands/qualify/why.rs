@@ -1,4 +1,5 @@
-//! `harness qualify --why`: how a mutant is made, what it changes on the bus, and what noticed.
+//! `harness qualify --why`: how a mutant is made, its changes on the bus, and the step that
+//! noticed.
 
 mod compared;
 mod recording;
@@ -38,8 +39,8 @@ const MOST_SKIPPED: usize = 6;
 /// How many frames are shown that led to the first difference.
 const BEFORE: usize = 3;
 
-/// Prints how the mutant is made, what it changes, the cases that were tried on it in their order,
-/// and the first that noticed. Green when one did.
+/// Prints how the mutant is made, its changes, the cases that were tried on it in their order, and
+/// the first that noticed. Green if one did.
 ///
 /// # Errors
 /// When there is no such mutant, or the data of the device do not load.

@@ -116,7 +116,7 @@ impl Math {
 }
 
 impl MathInput {
-    /// The input as a part of its scaling, with its gain; what is in error counts as 0.
+    /// The input as a part of its scaling, with its gain; a signal in error counts as 0.
     fn value(&self, signal: Signal, rules: &Ax021211Rules) -> f64 {
         if !signal.is_valid() {
             return rules.math_input_in_error(signal.value);

@@ -190,7 +190,7 @@ pub(super) struct Model<'a> {
     held: BTreeMap<Block, f64>,
     /// Sum and last error of the loops, and their output.
     loops: BTreeMap<i64, (f64, f64, f64)>,
-    /// What 3310h shows.
+    /// The values of 3310h.
     pub(super) selected: BTreeMap<i64, i64>,
 }
 

@@ -50,8 +50,7 @@ pub(super) struct Network {
     last: [Signal; SIGNALS],
     outputs: [Output; OUTPUTS],
     views: [Option<OutputView>; OUTPUTS],
-    /// The blocks that do not go on as they are: time alone may change them, or what they take has
-    /// changed.
+    /// The blocks that must be evaluated: time alone may change them, or their inputs have changed.
     awake: Blocks,
     /// The signals that have changed in this control cycle.
     moved: Signals,
@@ -205,7 +204,7 @@ impl Network {
         }
     }
 
-    /// Takes what is to be seen of the world.
+    /// Takes the state of the outside.
     pub(super) fn look(&mut self, outside: &Outside, rules: &Ax021211Rules) {
         if self.timed_out.replace(outside.timed_out) != Some(outside.timed_out) {
             for (place, timed_out) in outside.timed_out.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Where the controller keeps what its function blocks work with (chapters 2.3 and 2.4).
+//! The objects with the data of the function blocks (chapters 2.3 and 2.4).
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! The output (1.2, 1.3): what it is to drive, in the order of figure 6.
+//! The output (1.2, 1.3): its target, computed in the order of figure 6.
 
 use std::time::Duration;
 

@@ -94,7 +94,8 @@ decisions! {
         true
     }
 
-    /// Fault mode 0 keeps what the output has, not what it is on its way to (1.3, table 10).
+    /// Fault mode 0 keeps the present level of the output, not the level it is moving to (1.3,
+    /// table 10).
     fn kept_on_fault(&self, level: f64, _target: f64, _asked: f64) -> f64 {
         level
     }
@@ -408,7 +409,7 @@ decisions! {
 
     // Math
 
-    /// A block that is not enabled is at 0, wherever its scaling begins (2.4.65).
+    /// A block that is not enabled is at 0, even if its scaling begins elsewhere (2.4.65).
     fn math_off(&self, _low: f64) -> f64 {
         0.0
     }

@@ -31,7 +31,7 @@ pub(super) struct Settings {
     noticed: u64,
 }
 
-/// A set of those who read objects: blocks, and the values that come from outside.
+/// A set of readers of objects: blocks, and the values from outside.
 pub(super) type Readers = Blocks;
 
 /// Messages 1 to 10, extra received values, constants.

@@ -1,6 +1,6 @@
 //! The signal between two function blocks (tables 4 to 6).
 
-/// The value of a source with what is to be known about it.
+/// The value of a source with its status.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Signal {
     /// In the unit of the source, decimal digits resolved.

@@ -147,7 +147,7 @@ impl TableSettings {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Next {
     AtOnce,
-    /// So many milliseconds after its start.
+    /// Milliseconds after its start.
     After(f64),
     Never,
 }

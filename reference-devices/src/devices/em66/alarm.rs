@@ -58,7 +58,7 @@ struct Setup {
     action: u8,
 }
 
-/// The start condition: what alarms with one wait for.
+/// The start condition that some alarms wait for.
 #[derive(Clone, Debug)]
 struct Start {
     on: bool,
@@ -292,7 +292,7 @@ impl Setup {
     }
 }
 
-/// What an alarm compares.
+/// The two sides of a comparison.
 struct Sides {
     input: i64,
     alternate: Option<i64>,
@@ -383,7 +383,7 @@ const NONE: u32 = 0;
 /// The flow must come back by half a litre a minute.
 const FLOW_HYSTERESIS: i64 = 5;
 
-/// What can be monitored.
+/// The values that can be monitored.
 const PROCESS_VALUES: &[(Mux, Quantity)] = COMPARABLE.split_at(7).0;
 
 /// The values that an input can be compared with: the process values, then the set points.

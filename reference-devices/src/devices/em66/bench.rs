@@ -1,4 +1,4 @@
-//! The physical side: what a bench sets there instead of the process, and what it sees.
+//! The physical side: what a bench overrides in the process, and what it observes.
 
 use canopen::{BenchError, Dictionary, Mux, Value};
 

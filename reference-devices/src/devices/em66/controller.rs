@@ -21,7 +21,7 @@ use pid::Pid;
 use ramp::{Ramp, Rates};
 use relay::{Relay, Step};
 
-/// What the controller remembers.
+/// The memory of the controller.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Controller {
     codes: Codes,

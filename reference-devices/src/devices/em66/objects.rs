@@ -1,4 +1,4 @@
-//! Where the device keeps what its application works with (EUROMAP 66-2, 3.2 and 3.4).
+//! The objects with the data of the application (EUROMAP 66-2, 3.2 and 3.4).
 
 use canopen::{Dictionary, Mux};
 

@@ -70,7 +70,7 @@ impl Operation {
         }
     }
 
-    /// The device has refused what was to be written at `mux`.
+    /// The device has refused a write at `mux`.
     pub(super) fn refused(&mut self, mux: Mux, rules: &Em66Rules) {
         if mux == CONTROLLER_MODE {
             self.mode = Mode::of(rules.mode_after_refusal(self.mode.code()));

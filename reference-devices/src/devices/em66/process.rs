@@ -31,7 +31,7 @@ impl Process {
         Self { main: AMBIENT, back: AMBIENT, mould: AMBIENT, flow: 0.0, contents: 1.0 }
     }
 
-    /// Time goes by while the actuators stay as they are; short against two seconds.
+    /// Advances by a time short against two seconds, while the actuators stay as they are.
     pub(super) fn advance(&mut self, elapsed: Duration, drive: Drive) {
         let seconds = elapsed.as_secs_f64();
         let carried = self.flow() / 60.0 * LITRE;
@@ -109,7 +109,7 @@ impl Process {
         STATIC_PRESSURE - PRESSED_DROP * pressed - DRAWN_DROP * drawn
     }
 
-    /// Filling of the tank in percent; what leaves the mould comes here.
+    /// Filling of the tank in percent; the medium that leaves the mould flows into it.
     pub(super) fn level(&self) -> f64 {
         LEVEL_WITH_FULL_MOULD + LEVEL_FROM_MOULD * (1.0 - self.contents)
     }
@@ -128,7 +128,7 @@ impl Process {
     }
 }
 
-/// The part of full power that an output of so many tenths of a percent is; none of a negative one.
+/// The share of full power for an output in tenths of a percent; none for a negative one.
 fn share(output: i64) -> f64 {
     output.clamp(0, 1000) as f64 / 1000.0
 }

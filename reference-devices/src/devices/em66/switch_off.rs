@@ -83,7 +83,7 @@ impl SwitchOff {
         [self.state, _] = order(rules);
     }
 
-    /// Leaves what is done, or what this mode does not do.
+    /// Goes on to the next state that this mode has and that is not complete.
     fn go_on(&mut self, sensed: &Sensed, rules: &Em66Rules) {
         let (cools, evacuates) = rules.switch_off_actions(self.present);
         let is_left = |state: &State| match state {
@@ -95,7 +95,7 @@ impl SwitchOff {
     }
 }
 
-/// What comes first.
+/// The order of the states.
 fn order(rules: &Em66Rules) -> [State; 2] {
     match rules.evacuates_first() {
         false => [State::CoolingDown, State::Evacuating],

@@ -43,7 +43,7 @@ impl Surroundings {
         Ok(())
     }
 
-    /// What was set.
+    /// The value that was set.
     pub(super) fn observe(&self, name: &str) -> Option<Value> {
         Some(match name {
             SUPPLY => Value::Real(self.supply),
@@ -75,7 +75,7 @@ impl Connected {
         Some(outcome)
     }
 
-    /// What was set.
+    /// The value that was set.
     pub(super) fn observe(&self, name: &str) -> Option<Value> {
         let (prefix, _) = split(name)?;
         Some(match prefix {

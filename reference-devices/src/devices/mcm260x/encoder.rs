@@ -1,7 +1,7 @@
 //! Encoders and counters: from edges at the terminals to counts (manual, 11.3.3 to 11.3.7).
 //!
-//! An encoder that turns steadily needs no event per edge: where it is follows from the time, and
-//! how many edges lie between two places follows from the places.
+//! An encoder that turns steadily needs no event per edge: its place follows from the time, and the
+//! number of edges between two places follows from the places.
 
 use std::time::Duration;
 
@@ -157,7 +157,7 @@ impl Encoder {
         self.count = rules.count_in_new_setup(self.count);
     }
 
-    /// A command of 3003h. Returns what is to be read there: the bits that are not done.
+    /// A command of 3003h. Returns the value to be read there: the bits that are not done.
     pub(super) fn command(&mut self, command: i64, setup: Setup, rules: &Mcm260xRules) -> i64 {
         if rules.loads_now(command) {
             self.load(setup.preset, rules);
@@ -229,7 +229,7 @@ pub(super) const fn counts(mode: i64, from: i64, to: i64) -> i64 {
     }
 }
 
-/// Without phase B, what A does looks like a step forward and a step back.
+/// Without phase B, the edges of A look like a step forward and a step back.
 const fn without_b(from: i64, to: i64) -> i64 {
     const fn a(place: i64) -> i64 {
         matches!(place.rem_euclid(4), 1 | 2) as i64

@@ -1,4 +1,4 @@
-//! The parameters of 3000h by what they mean: each table of the manual has them at other places
+//! The parameters of 3000h by their meaning: each table of the manual has them at other places
 //! (chapters 6, 7 and 8).
 
 #[cfg(test)]

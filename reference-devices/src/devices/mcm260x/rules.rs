@@ -61,7 +61,7 @@ decisions! {
         count
     }
 
-    /// Phase Z does nothing unless a load is pending; what it makes of the count.
+    /// Phase Z leaves the count unchanged unless a load is pending.
     fn count_at_index(&self, count: i32) -> i32 {
         count
     }

@@ -188,7 +188,7 @@ mod tests {
             bench
         }
 
-        /// So many volts from this millisecond on; the value then.
+        /// Applies `volts` from this millisecond on; returns the value then.
         fn at(&mut self, millisecond: u64, volts: f64) -> i64 {
             self.run(millisecond);
             self.input.connected.millivolts = volts * 1000.0;

@@ -12,7 +12,7 @@ use super::parameters::{FASTEST, Item, TEN_VOLTS, Table};
 use super::{FLAGS, Mcm260x};
 
 impl Mcm260x {
-    /// What this module has.
+    /// The names on this module.
     pub(super) fn names(&self) -> Vec<String> {
         let numbered = self
             .numbered()
@@ -82,7 +82,7 @@ impl Mcm260x {
         ]
     }
 
-    /// What there is once.
+    /// The names without a number.
     fn single(&self) -> impl Iterator<Item = &'static str> {
         let all = [bench::SUPPLY, bench::INTERFACE, bench::RUN_LED, bench::COM_LED, bench::DISPLAY];
         all.into_iter().chain(self.is_universal().then_some(bench::TERMINALS))

@@ -43,11 +43,11 @@ impl Default for Connected {
 pub(crate) enum Sensor {
     /// A temperature sensor, by its place in [`SENSOR_RANGES`].
     Temperature(usize),
-    /// From 0 to so many millivolts.
+    /// From 0 to this many millivolts.
     Voltage(f64),
-    /// From so many microamperes to 20 mA.
+    /// From this many microamperes to 20 mA.
     Current(f64),
-    /// A potentiometer of so many kilohms.
+    /// A potentiometer of this many kilohms.
     Potentiometer(f64),
 }
 
@@ -150,7 +150,7 @@ fn temperature(
     }
 }
 
-/// So many of the temperature sensors, the first ones, are thermocouples.
+/// The first temperature sensors, this many, are thermocouples.
 const THERMOCOUPLES: usize = 8;
 /// The place of the NTC of 10 kilohms at 25 degrees.
 const NTC: usize = 10;

@@ -22,7 +22,7 @@ pub(crate) enum Setting {
     OutputPolarity,
     /// 6206h: the levels that change on a failure.
     OutputErrorMode,
-    /// 6207h: what they change to.
+    /// 6207h: the value in case of an error.
     OutputErrorValue,
     /// 6208h: the levels that follow the network.
     OutputFilter,
@@ -46,7 +46,7 @@ pub(crate) enum Setting {
     InputScaling,
     /// 6443h: whether the output changes on a failure.
     AnalogueErrorMode,
-    /// 6444h: what it changes to.
+    /// 6444h: the value in case of an error.
     AnalogueErrorValue,
     /// 6446h: is added to the scaled output value.
     OutputOffset,

@@ -85,7 +85,7 @@ impl BlockUpload {
         Ok(Some((open, Response::Block(answer))))
     }
 
-    /// Whether the next segment is to be sent.
+    /// Whether the next segment is due.
     pub(super) fn in_sub_block(&self) -> bool {
         self.phase == Phase::Segment
     }

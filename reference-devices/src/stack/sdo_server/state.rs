@@ -144,7 +144,7 @@ impl State {
         }
     }
 
-    /// Whether the next segment of a block upload is to be sent.
+    /// Whether the next segment of a block upload is due.
     pub(super) fn in_upload_sub_block(&self) -> bool {
         matches!(self, Self::BlockUpload(upload) if upload.in_sub_block())
     }

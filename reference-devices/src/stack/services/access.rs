@@ -1,5 +1,5 @@
-//! The one place where the network's access to an object is judged and takes effect, whether it
-//! comes by SDO or by RPDO.
+//! The one place where the network's access to an object is judged and takes effect, for SDO and
+//! RPDO alike.
 
 use std::borrow::Cow;
 
@@ -27,7 +27,7 @@ impl Services {
         Ok(bytes)
     }
 
-    /// Judges a write and lets it take effect; what is refused changes nothing.
+    /// Judges a write and lets it take effect; a refused write changes nothing.
     pub(crate) fn write(&mut self, now: Instant, mux: Mux, bytes: &[u8]) -> Result<(), Abort> {
         let asked = mux;
         let mux = self.base.settings.resolve(mux);
@@ -56,7 +56,7 @@ impl Services {
         bytes.iter().chain(&before[bytes.len()..]).copied().collect()
     }
 
-    /// Judges a download before its data are there. Returns the longest value the object takes.
+    /// Judges a download before its data arrive. Returns the longest value the object takes.
     pub(crate) fn check_download(&self, mux: Mux, size: Option<usize>) -> Result<usize, Abort> {
         self.check_access(mux)?;
         let mux = self.base.settings.resolve(mux);
@@ -89,7 +89,7 @@ impl Services {
         }
     }
 
-    /// Whether the object has what came of a download before the download is at its end.
+    /// Whether the object takes received data before the download has ended.
     pub(crate) fn stores_as_it_comes(&self, mux: Mux) -> bool {
         let entry = self.base.od.entry(self.base.settings.resolve(mux));
         entry.is_some_and(|entry| self.base.rules.stored_as_it_comes(entry.data_type))

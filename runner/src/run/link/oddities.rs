@@ -1,5 +1,5 @@
-//! Answers with the node id of the device that are not as they must be: what makes
-//! every verdict about another thing than the user thinks.
+//! Wrong answers with the node id of the device. With them, every verdict would be about something
+//! else than the user thinks.
 
 use std::collections::BTreeMap;
 

@@ -1,6 +1,7 @@
-//! Asking a device without data sheet which of the objects of its profiles it has.
+//! Asks a device without data sheet which objects of its profiles it has.
 //!
-//! Nothing is changed: what is written, to find out whether it can be, is what was read there.
+//! Nothing is changed: to find out whether an object can be written, the value read from it is
+//! written back.
 
 use std::ops::RangeInclusive;
 use std::time::Duration;
@@ -59,9 +60,9 @@ pub fn objects(
 
 /// How long an answer may take: devices that have an object answer in a few milliseconds.
 const PATIENCE: Duration = Duration::from_millis(300);
-/// After so many indices in a row that are absent, a range of equal objects has ended.
+/// After this many absent indices in a row, a range of equal objects has ended.
 const GAP: usize = 16;
-/// After so many requests in a row without an answer, the device is gone.
+/// After this many requests in a row without an answer, the device is gone.
 const SILENCE: u32 = 4;
 /// An index that no device can have: it is reserved (CiA 301, 7.4.1).
 const IMPOSSIBLE: Mux = Mux::new(0x0FFF, 0);
@@ -82,7 +83,7 @@ struct Probe<'p, 'b> {
 /// The device's answer for an address.
 enum Answer {
     Value(Vec<u8>),
-    /// It is there, and cannot be read, or not now.
+    /// It exists, and cannot be read, or not now.
     Refused,
     Absent,
 }
@@ -195,7 +196,7 @@ impl Probe<'_, '_> {
         }
         let mapping = facts.pdo.unwrap_or(Mapping::No);
         let mapped = mapping.access(access);
-        // Settings of communication, and texts that say who the device is.
+        // Settings of communication, and texts that identify the device.
         let changing = matches!(mux.index, 0x1001..=HISTORY);
         let is_default = matches!(mux.index, 0x1000..=0x1FFF) && !changing
             || data_type == DataType::VISIBLE_STRING && !access.writable()

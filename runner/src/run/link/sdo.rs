@@ -75,8 +75,8 @@ pub(in crate::run) fn reads(
     Ok(transfer.finish(link, policy, node)?.result.is_ok_and(|now| now == value))
 }
 
-/// Reads an object of a device whose answers frames of others, or a busy host, may keep back: what
-/// is not answered, or with an answer to another request, is asked again.
+/// Reads an object although frames of other stations, or a busy host, may delay the answers of the
+/// device. A request without an answer, or with the answer to another request, is repeated.
 ///
 /// # Errors
 /// Whatever the bus reports; what the device does is in the result.
@@ -98,8 +98,8 @@ pub(in crate::run) fn upload_patiently(
     Ok(ended)
 }
 
-/// Waits until the server has answered everything that it was asked before, and says whether it
-/// has. A server answers in order, so what follows its answer to one more upload is not late.
+/// Waits until the server has answered all earlier requests, and returns whether it has. A server
+/// answers in order, so nothing that follows its answer to one more upload is late.
 ///
 /// # Errors
 /// Whatever the bus reports.
@@ -210,7 +210,7 @@ pub fn transfer(
 /// A transfer under way.
 struct Running {
     client: Client,
-    /// What is transferred.
+    /// The address of the transferred object.
     mux: Mux,
     /// The requests to send before the next answer.
     requests: Vec<Request>,
@@ -233,7 +233,7 @@ impl Running {
         Self { client, mux, requests, answer: None, protocol, unsized_data: false, left }
     }
 
-    /// Sends what is to be sent and waits for the answer.
+    /// Sends the pending requests and waits for the answer.
     fn exchange(
         &mut self,
         link: &mut Link,

@@ -1,4 +1,5 @@
-//! A device that has fallen silent: what it heard last, and what state that may have left it in.
+//! A device that has fallen silent: the last frame it heard, and the state that this may have left
+//! it in.
 
 use canopen::lss::{self, Request as LssRequest};
 use canopen::nmt::{self, Command, Service};

@@ -22,7 +22,7 @@ const MOST_AHEAD: usize = 8;
 /// A tester that is less late than this is in time.
 const IN_TIME: Duration = Duration::from_millis(5);
 
-/// A bus, what was seen on it since the case began, and how far the steps have looked.
+/// A bus, the frames seen on it since the case began, and how far the steps have looked.
 pub struct Link<'b> {
     bus: &'b mut dyn Bus,
     trace: Vec<Seen>,
@@ -214,8 +214,8 @@ impl<'b> Link<'b> {
         self.lateness = Lateness::default();
     }
 
-    /// Lets time pass until the tester has been in time for a while, at most for two seconds: what
-    /// stalls a host often lasts.
+    /// Waits until the tester has been in time for a while, at most two seconds: a stall of the
+    /// host often lasts.
     ///
     /// # Errors
     /// Whatever the bus reports.
@@ -256,7 +256,7 @@ impl<'b> Link<'b> {
     /// Waits until an own frame is complete on the wire.
     fn complete(&mut self, frame: &Frame) -> Result<(), BusError> {
         const PATIENCE: Duration = Duration::from_secs(2);
-        /// So many in that time leave no room for another one.
+        /// This many in that time leave no room for another one.
         const MANY: usize = 200;
         let (give_up, before) = (self.bus.now() + PATIENCE, self.trace.len());
         while let Some(place) = self.pull(give_up)? {
@@ -371,7 +371,8 @@ impl<'b> Link<'b> {
         self.wait(now)
     }
 
-    /// Time may have passed beside the bus. The next step starts now, and sees what came meanwhile.
+    /// Time may have passed outside the bus. The next step starts now, and sees the frames that
+    /// arrived in the meantime.
     pub fn moved(&mut self) {
         self.mark = self.now();
     }
@@ -435,7 +436,7 @@ impl<'b> Link<'b> {
 mod tests {
     use super::*;
 
-    /// An interface whose transmit queue is as long as `most` says it must be.
+    /// An interface with a transmit queue of the length `most`.
     #[derive(Default)]
     struct Queue {
         waiting: VecDeque<Frame>,

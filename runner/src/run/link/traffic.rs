@@ -26,7 +26,7 @@ pub struct Traffic {
 impl Traffic {
     /// Stretches are that long.
     const STRETCH: Duration = Duration::from_millis(50);
-    /// Above this load, what a device does late or not at all may be the doing of others.
+    /// Above this load, other stations may be the reason why the device is late or silent.
     pub(in crate::run) const FULL: f64 = 0.8;
     /// A load below this is not worth a remark.
     pub(in crate::run) const WORTH_A_WORD: f64 = 0.05;

@@ -63,8 +63,8 @@ impl Starts {
 }
 
 impl Baseline {
-    /// Whether a device that is busy is waited for once more, for `time`. One that never ends costs
-    /// a run no more than that.
+    /// Whether to wait once more, for `time`, for a device that is busy. A device that stays busy
+    /// costs a run no more than that.
     pub(super) fn bears_with(&self, time: Duration) -> bool {
         const ALTOGETHER: Duration = Duration::from_secs(600);
         let waited = self.waited.get() + time;

@@ -1,4 +1,4 @@
-//! Setting back what a run that was killed left changed.
+//! Sets back the changes of a run that was killed.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +15,7 @@ use crate::run::observer::Unobserved;
 use crate::run::policy::Policy;
 use crate::stop::Stop;
 
-/// What came of it.
+/// The result.
 pub enum BroughtBack {
     /// The device does not answer; why it was given up.
     Lost(String),

@@ -19,7 +19,7 @@ use crate::suite::profile::Habits;
 
 const EMCY_ID: Mux = Mux::new(0x1014, 0);
 const ERROR_FIELD: u16 = 0x1003;
-/// So many errors stand at the same time at most.
+/// At most this many errors stand at the same time.
 const NEWEST_ERRORS: u8 = 8;
 const START_UP: Mux = Mux::new(0x1F80, 0);
 const STORE: Mux = Mux::new(0x1010, 1);

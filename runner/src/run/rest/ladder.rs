@@ -1,4 +1,4 @@
-//! The ways to get a device back that does not answer as it should, the gentlest first.
+//! The ways to recover a device that does not answer as it should, the gentlest first.
 
 use std::time::Duration;
 
@@ -56,7 +56,7 @@ pub(super) const LADDER: [Rung; 10] = [
 pub(super) const RESET_NODE: usize = 4;
 
 impl Rung {
-    /// What reports call it.
+    /// The name in reports.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Patience => "waiting",

@@ -1,5 +1,5 @@
-//! Leaving the device as it was: what a case will write is read before it begins, and written
-//! back after it.
+//! Leaves the device as it was: the objects that a case will write are read before it begins, and
+//! written back after it.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -30,7 +30,7 @@ pub(in crate::run) enum Left {
 pub(in crate::run) enum Settled {
     /// It is at rest; a remark when more was needed than a command.
     AtRest(Option<String>),
-    /// It does not answer, or not as a node in order would; why it was given up.
+    /// It does not answer, or not as a node in order would; the reason for giving it up.
     Lost(String),
 }
 
@@ -84,7 +84,7 @@ pub(in crate::run) fn settle(
         }
     }
     let what = match unrest {
-        // A device that answers is there; what it answers is for the case to judge.
+        // A device that answers in any way is present; the case judges its answer.
         Some(Unrest::Odd(what) | Unrest::Errors(what, _)) => {
             return Ok(Settled::AtRest(Some(what)));
         }
@@ -175,7 +175,7 @@ fn look(
         match failure {
             Failure::Timeout => Some(Unrest::Silent(what)),
             Failure::Violation { .. } => Some(Unrest::Odd(what)),
-            // A refusal is an answer in order.
+            // A refusal is a proper answer.
             Failure::Aborted(_) => None,
         }
     };

@@ -1,4 +1,4 @@
-//! The bench as it was before a case, and its way back.
+//! The state of the bench before a case, and its restoration.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;

@@ -16,7 +16,7 @@ pub trait KeepChanges: Debug {
     /// Its name, when it holds something.
     fn name_if_written(&self) -> Option<String>;
 
-    /// Says what the device is, which is found out before anything is changed.
+    /// Records the identity of the device, which is found out before anything is changed.
     fn identify(&mut self, identity: Identity);
 
     /// Replaces what it holds. Without objects, there is no log.
@@ -32,7 +32,7 @@ pub trait KeepChanges: Debug {
 pub struct Undo {
     left: RefCell<Snapshot>,
     log: Option<RefCell<Box<dyn KeepChanges>>>,
-    /// Why the log could not be written, which is said once.
+    /// Why the log could not be written, which is reported once.
     failure: RefCell<Option<String>>,
     failed: Cell<bool>,
 }
@@ -69,7 +69,7 @@ impl Undo {
         self.failure.take()
     }
 
-    /// Says what the device is, which is found out before anything is changed.
+    /// Records the identity of the device, which is found out before anything is changed.
     pub(in crate::run) fn identify(&self, identity: Identity) {
         if let Some(log) = &self.log {
             log.borrow_mut().identify(identity);

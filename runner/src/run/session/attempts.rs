@@ -1,4 +1,4 @@
-//! A case is repeated while the tester is late.
+//! Repeats a case while the tester is late.
 
 use std::time::Duration;
 

@@ -264,7 +264,8 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         if of_profile { self.common.policy.patience } else { 1 }
     }
 
-    /// An option that the device may lack, which only its user knows: how to say so.
+    /// If the case is about an option that the device may lack, adds how to declare it: only the
+    /// user knows.
     fn with_way_out(&self, mut outcome: Outcome) -> Outcome {
         if let Outcome::Fail(problem) = &mut outcome {
             problem.notes.extend(self.instance.options().map(|option| {

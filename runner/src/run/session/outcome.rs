@@ -1,4 +1,4 @@
-//! The outcome of a case as it takes shape.
+//! The outcome of a case while it runs.
 
 use std::time::Duration;
 

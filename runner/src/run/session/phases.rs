@@ -1,4 +1,4 @@
-//! The phases of a case: lists of steps, and what becomes of one that does not succeed.
+//! The phases of a case: lists of steps, and the consequence of a step that does not succeed.
 
 use canopen::sdo::Response;
 use canopen::{Abort, BusError};

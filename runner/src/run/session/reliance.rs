@@ -48,7 +48,7 @@ impl<'p> Reliance<'p> {
         Some(format!("{id} {why}"))
     }
 
-    /// Takes what came of a case into account.
+    /// Takes the result of a case into account.
     pub(super) fn learn(&mut self, instance: &'p Instance, outcome: &Outcome) {
         if !self.proves(instance) {
             return;

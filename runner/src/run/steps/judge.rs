@@ -1,4 +1,4 @@
-//! Differences between what was expected and what came.
+//! Differences between the expected and the actual behaviour.
 
 use std::cmp::Ordering;
 
@@ -19,7 +19,7 @@ use crate::suite::refusal::Refusal;
 pub(in crate::run) struct Difference {
     /// The behaviour of a conformant device.
     pub expected: String,
-    /// What this one did.
+    /// The actual behaviour of this device.
     pub actual: String,
     /// The frame in question.
     pub raw: Option<Frame>,
@@ -50,7 +50,7 @@ pub(in crate::run) enum Trouble {
     Unjudged(String),
     /// The bus failed.
     Bus(BusError),
-    /// The device refused, as it may, so that there is nothing left to judge: what it refused.
+    /// The device made a permitted refusal, so that nothing is left to judge: what it refused.
     Declined(String),
 }
 
@@ -76,17 +76,17 @@ impl From<BusError> for Trouble {
 /// How a step succeeded: as a conformant device does, or in a way that is accepted, too.
 pub(in crate::run) type Judgement = Result<Option<Difference>, Trouble>;
 
-/// How the end of a transfer fits a refusal that was to be.
+/// How the end of a transfer fits the expected refusal.
 pub(super) enum Answer {
     /// As demanded.
     Demanded,
     /// In a way that is accepted, too.
     Allowed(Allowance, Difference),
-    /// Otherwise: what of the demand it breaks, the whole when that is nothing.
+    /// Otherwise: the broken parts of the demand; none means the whole demand.
     Wrong(Vec<Constraint>, Difference),
 }
 
-/// Judges the end of a transfer that was to be refused.
+/// Judges the end of a transfer that must be refused.
 pub(super) fn refusal(
     result: &Result<Vec<u8>, Failure>,
     refusal: &Refusal,
@@ -151,7 +151,7 @@ pub(super) struct Condition<'w> {
     pub max: Option<Vec<u8>>,
     /// The length in bytes.
     pub length: Option<usize>,
-    /// It is readable ASCII, one character at least and so many at most.
+    /// It is readable ASCII, with at least one character and at most this many.
     pub characters: Option<usize>,
     /// The suite's words for its values, and the object as the step has it.
     pub words: Option<(&'w Words, &'w ObjectRef)>,
@@ -164,13 +164,13 @@ pub(super) enum Judged {
     Right,
     /// The value in that place of those that are tolerated, counted from 1.
     Tolerated(usize, Difference),
-    /// Otherwise: what of the condition it breaks, and the first difference. Nothing when it has
-    /// not even the length of its type.
+    /// Otherwise: the broken parts of the condition, and the first difference. No parts when the
+    /// value does not even have the length of its type.
     Wrong(Vec<Constraint>, Difference),
 }
 
 impl Condition<'_> {
-    /// A value for people: `greater (2)` where the suite has a word for it.
+    /// A value for people: `greater (2)` if the suite has a word for it.
     fn show(&self, entry: Option<&Entry>, bytes: &[u8]) -> String {
         let number = || entry?.data_type.decode(bytes).ok()?.as_int();
         let worded = self.words.and_then(|(words, object)| {

@@ -22,7 +22,7 @@ use crate::suite::step::{Read, Remap, Until, Write};
 /// COB-ID EMCY.
 const EMCY_ID: Mux = Mux::new(0x1014, 0);
 const DEFAULT_POLL: Duration = Duration::from_millis(20);
-/// Of a longer value to be written, a difference shows the first bytes: so many.
+/// Of a longer value to write, a difference shows this many bytes.
 const LONGEST_SHOWN: usize = 64;
 
 impl Steps<'_, '_> {
@@ -287,7 +287,7 @@ impl Steps<'_, '_> {
         }
     }
 
-    /// Judges the end of a transfer that was to be refused.
+    /// Judges the end of a transfer that must be refused.
     fn refused(&mut self, ended: &Ended, expected: &Refusal) -> Judgement {
         match refusal(&ended.result, expected, ended.raw) {
             Answer::Demanded => Ok(None),

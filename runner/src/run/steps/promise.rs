@@ -1,4 +1,4 @@
-//! The data sheet in a finding: the line that promised what the device does not keep, and the
+//! The data sheet in a finding: the line with the promise that the device does not keep, and the
 //! steps that are about the data sheet alone.
 
 use canopen::eds::{CODES, Diagnostic, Object};

@@ -23,7 +23,7 @@ pub(in crate::run) struct Proof {
     broken: Option<Broken>,
     /// Something else is wrong, too.
     spoilt: bool,
-    /// What does not count.
+    /// The part that does not count.
     open: Option<(usize, Option<Constraint>)>,
     allowed: BTreeSet<(usize, Allowance)>,
 }
@@ -161,8 +161,8 @@ impl Steps<'_, '_> {
         Ok(if another { Vec::new() } else { misfits })
     }
 
-    /// The fewest parts of the pattern without which so many frames would have fitted that came
-    /// after `start` and until `until`.
+    /// The fewest parts of the pattern without which enough of the frames from `start` to `until`
+    /// would have fitted.
     pub(super) fn nearly(
         &self,
         text: &At<FrameText>,

@@ -186,7 +186,7 @@ impl Steps<'_, '_> {
         let fits = |seen: &Stamped| {
             !seen.own && patterns.iter().any(|pattern| pattern.matches(&seen.frame))
         };
-        // A device may do what it was told before it says so.
+        // A device may act on a command before it confirms it.
         let at_once = expect.during.is_none() && expect.after.is_none();
         let beside = if at_once { self.link.find_beside(fits) } else { None };
         self.stimulate(expect.during.as_ref())?;
@@ -317,7 +317,7 @@ impl Steps<'_, '_> {
     }
 
     fn repeat(&mut self, frame: &Frame, count: usize, every: Duration) -> Result<(), Trouble> {
-        /// So many take a quarter of an hour where the wire is idle between none of them.
+        /// This many frames take a quarter of an hour even if the wire is never idle.
         const MOST: usize = 1_000_000;
         if count > MOST {
             let text = format!("a step may send {MOST} frames, and this one sends {count}");

@@ -9,7 +9,7 @@ use crate::source::{At, Tree};
 use crate::suite::expand::OF_OBJECTS;
 use crate::suite::words::{Counted, Words};
 
-/// A step as it is to be written.
+/// A step in the new notation.
 pub(super) struct Short<'t> {
     /// Which step.
     pub key: &'t str,
@@ -141,7 +141,8 @@ impl Shortener<'_> {
         Some(Entry { name, key, value })
     }
 
-    /// The word for an object, or its address, the same as it is written, and what its numbers are.
+    /// The word for an object, or its address, the same as it is written, and the kind of its
+    /// numbers.
     fn named(
         &self,
         of: &OfObjects,
@@ -320,7 +321,7 @@ impl Numbers<'_> {
                 Some(format!("{value} tolerating +/- {}", scale.show(spread)?))
             }
             Some(_) => None,
-            // A word has none around it.
+            // A word has no values around it.
             None => Some(format!("{} tolerating +/- {spread}", self.text.copied(value)?)),
         }
     }

@@ -1,4 +1,4 @@
-//! The text of a file, and where the values of its tree stand in it.
+//! The text of a file, and the places of the values of its tree.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ pub(super) struct Item<'t> {
     pub indent: usize,
     /// A comment behind it.
     pub comment: Option<&'t str>,
-    /// Nothing but the step and that comment stands in its lines.
+    /// Only the step and that comment are on its lines.
     pub is_whole: bool,
 }
 

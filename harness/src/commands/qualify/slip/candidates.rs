@@ -1,5 +1,5 @@
-//! Which slips may break, or make use of, a part of a step: found from what was heard while a
-//! device in order went through the case.
+//! The slips that may break, or make use of, a part of a step. They are found from the frames heard
+//! while a device without deviation went through the case.
 
 use canopen::Instant;
 use canopen::eds::Eds;
@@ -54,7 +54,8 @@ fn of_part(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
     }
 }
 
-/// How a device goes on where one in order ended the steps by what it may refuse.
+/// The slip with which a device continues where one without deviation ended the steps by a
+/// permitted refusal.
 pub(crate) fn not_declining(
     step: &Step,
     (moment, begin): (&Moment, Instant),

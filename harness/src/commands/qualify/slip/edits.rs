@@ -1,9 +1,9 @@
-//! What a frame becomes.
+//! Edits of a frame.
 
 use canopen::sdo::Request;
 use canopen::{Data, Frame, Mux};
 
-/// What a frame becomes.
+/// The new content of a frame.
 #[derive(Clone, Debug)]
 pub(super) enum Edit {
     /// This one.
@@ -158,7 +158,7 @@ fn confirmation(request: &[u8]) -> Data {
     }
 }
 
-/// The object that a request is about, as far as it says so.
+/// The object of a request, if the request names one.
 fn mux_of(request: &[u8]) -> Option<Mux> {
     match Request::decode(request).ok()? {
         Request::Upload(mux) | Request::Download(mux, _) | Request::Abort(mux, _) => Some(mux),

@@ -138,7 +138,7 @@ fn bytes<'s>(
     })
 }
 
-/// A frame that comes of its own accord while the step runs.
+/// An unrequested frame while the step runs.
 pub(super) fn coming(scene: &Scene, text: &At<FrameText>) -> Vec<Slip> {
     let Some(pattern) = scene.pattern(text) else { return Vec::new() };
     let moment = scene.moment;

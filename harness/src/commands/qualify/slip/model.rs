@@ -14,7 +14,7 @@ pub(crate) struct Slip {
     /// A description of such firmware, for people.
     pub what: String,
     pub(super) changes: Vec<Change>,
-    /// Frames that come of their own accord, so long after the steps began.
+    /// Unrequested frames, each with its time after the steps began.
     pub(super) unasked: Vec<(Duration, Frame)>,
     /// The wrong observation on the physical side instead, while this step runs.
     pub(super) observed: Option<(usize, Odd)>,
@@ -51,7 +51,7 @@ impl Slip {
         Self { what: what.into(), ..Self::default() }
     }
 
-    /// The same, while the steps after this one see answers of a device in order.
+    /// The same slip, but steps after this one see answers of a device without deviation.
     pub(crate) fn healed_after(self, step: usize) -> Self {
         Self { healed: Some(step), ..self }
     }

@@ -1,4 +1,4 @@
-//! A step of a case on a device in order, and what was heard while it ran.
+//! A step of a case on a device without deviation, and the frames heard while it ran.
 
 use std::time::Duration;
 
@@ -35,7 +35,7 @@ pub(crate) struct Moment {
     pub scope: Scope,
 }
 
-/// A step of a case on a device in order, and what was heard then.
+/// A step of a case on a device without deviation, and the frames heard then.
 pub(super) struct Scene<'s> {
     pub step: &'s Step,
     pub moment: &'s Moment,

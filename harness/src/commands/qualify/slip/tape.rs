@@ -54,8 +54,8 @@ pub(crate) type Answers = BTreeMap<usize, Vec<Frame>>;
 pub(crate) type Part = (usize, Option<Constraint>);
 
 impl Tape {
-    /// Begins a case, with what goes wrong in it, what does not count in it, and how a device in
-    /// order answers.
+    /// Begins a case, with its slip, the part that does not count, and the answers of a device
+    /// without deviation.
     pub(crate) fn begin(
         &self,
         slip: Slip,

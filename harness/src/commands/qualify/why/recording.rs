@@ -1,4 +1,4 @@
-//! Everything that was on the bus of a session, and what ran meanwhile.
+//! All frames of a session, and the phase of each.
 
 use std::cell::RefCell;
 use std::time::Duration;
@@ -14,7 +14,7 @@ use runner::run::{Ending, Observer, Shown};
 
 /// A session from power-on to its end.
 pub(super) struct Recording {
-    /// What was to run.
+    /// The instances to run.
     pub instances: Vec<Instance>,
     /// The frames before the first case, then those of each instance in the order in which they
     /// ran.
@@ -85,7 +85,7 @@ impl Recorded {
         self.outcome.as_ref().is_some_and(Outcome::holds_against_device)
     }
 
-    /// The frame at that place: who sent it, and what.
+    /// The frame at that place, and whether the tester sent it.
     pub(super) fn sent(&self, place: usize) -> Option<(bool, Frame)> {
         self.frames.get(place).map(|(_, seen)| (seen.own, seen.frame))
     }

@@ -116,7 +116,7 @@ impl Alarm {
         *self = Self { kind, latched, ..Self::default() };
     }
 
-    /// Time goes by.
+    /// Advances the time.
     pub(super) fn advance(&mut self, elapsed: f64) {
         self.active.advance(elapsed);
     }

@@ -102,7 +102,7 @@ impl Surroundings {
         Ok(())
     }
 
-    /// What was set.
+    /// The value that was set.
     pub(crate) fn observe(&self, name: &str) -> Option<Value> {
         Some(match name {
             TEMPERATURE if self.in_process => Value::Text(PROCESS.to_owned()),

@@ -248,7 +248,7 @@ impl Controller {
         })
     }
 
-    /// So many seconds go by without a decision: cycles and the valve move, and delays run.
+    /// Advances the time without a decision: cycles and the valve move, and delays run.
     pub(crate) fn advance(&mut self, elapsed: f64, settings: &Settings, rules: &Rules) {
         self.cycles.command.advance(elapsed, settings.cycle);
         self.cycles.alarms.advance(elapsed, settings.cooling_cycle);
@@ -323,7 +323,7 @@ impl Controller {
         Drive { heating: command, cooling: cooling.map(|(share, _)| *share).fold(0.0, f64::max) }
     }
 
-    /// The device was switched on; what it keeps is given back by its parts.
+    /// The device was switched on; its parts restore the values that it keeps.
     pub(crate) fn restart(&mut self, settings: &Settings, faults: Faults, rules: &Rules) {
         let mut input = std::mem::take(&mut self.input);
         input.restart();
@@ -391,7 +391,7 @@ impl Controller {
         }
         let (command, found) = if manual {
             self.tuning.abandon();
-            // The network may have written the output; what a broken sensor leaves stays.
+            // The network may have written the output; the output left by a broken sensor stays.
             self.output = if asked { inputs.output } else { self.output };
             self.was_manual = true;
             (Wanted::Share(self.output), None)
@@ -468,7 +468,7 @@ impl Controller {
         (self.on_off.resettable(rules).into(), first | second << 1)
     }
 
-    /// What 400Eh shows.
+    /// The value of 400Eh.
     pub(crate) const fn tuning(&self, settings: &Settings) -> i64 {
         self.tuning.shown(&settings.tuning)
     }
@@ -573,7 +573,7 @@ mod tests {
             self.controller.decide(&self.inputs, &self.settings, 0.1, &Rules::plain())
         }
 
-        /// So many tenths of a second on the plant; the last outcome.
+        /// Advances the plant by tenths of a second; returns the last outcome.
         fn tenths(&mut self, tenths: u32) -> Outcome {
             self.on_plant = true;
             let mut outcome = Outcome::default();

@@ -35,7 +35,7 @@ pub(super) struct Cycle {
 }
 
 impl Cycle {
-    /// Time goes by.
+    /// Advances the time.
     pub(super) fn advance(&mut self, elapsed: f64, period: f64) {
         self.at = (self.at + elapsed) % period.max(SHORTEST);
         // A remainder due to rounding is the start of the next cycle.

@@ -22,7 +22,7 @@ pub(crate) struct Inputs {
     /// The value of 4004h, as a share of full output.
     pub(crate) output: f64,
     pub(crate) remote: [bool; 2],
-    /// What 4010h holds.
+    /// The value of 4010h.
     pub(crate) retransmitted: i64,
     pub(crate) offline: bool,
     /// The key enables the command.

@@ -91,7 +91,7 @@ impl Latch {
         }
     }
 
-    /// Time goes by; the standard procedure has its end.
+    /// Advances the time; the standard procedure ends after a while.
     pub(super) fn advance(&mut self, elapsed: f64, settings: &Settings) {
         if let Some(since) = &mut self.since {
             *since += elapsed;

@@ -23,7 +23,7 @@ impl Default for Load {
 }
 
 impl Load {
-    /// So many seconds go by with this drive: the exact solution for a constant one.
+    /// Advances by `elapsed` seconds with this drive: the exact solution for a constant one.
     pub(crate) fn advance(&mut self, drive: Drive, elapsed: f64) {
         let end = Self::end(drive);
         let (load_rate, sensor_rate) = (LOSS / CAPACITY, 1.0 / SENSOR_LAG);

@@ -72,9 +72,9 @@ pub(super) struct Outputs {
 }
 
 impl Pid {
-    /// The outputs with so many digits missing to the set point, in the direction of the command.
-    /// The derivative looks at the process alone, so `moved` is by how much the set point moved in
-    /// that direction since the last step.
+    /// The outputs with `missing` digits to the set point, in the direction of the command. The
+    /// derivative looks at the process alone, so `moved` is the movement of the set point in that
+    /// direction since the last step.
     pub(super) fn step(
         &mut self,
         (missing, moved): (i64, i64),

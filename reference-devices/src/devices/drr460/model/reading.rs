@@ -35,7 +35,7 @@ impl Settings {
     }
 }
 
-/// The sensor of a code, which for a potentiometer has so many kilohms.
+/// The sensor of a code; `kilohms` is the resistance of a potentiometer.
 fn sensor(code: i64, kilohms: i64) -> Sensor {
     match code {
         14 => Sensor::Voltage(10_000.0),
@@ -61,7 +61,7 @@ pub(super) struct Input {
     since: f64,
 }
 
-/// What a sample says.
+/// The result of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Reading {
     /// Digits: the process value, or the end of the range that the signal lies beyond.
@@ -71,7 +71,8 @@ pub(super) struct Reading {
 }
 
 impl Input {
-    /// Takes a sample of what is connected, with so many degrees Celsius at the terminals.
+    /// Takes a sample of the connection; `terminals` is the temperature of the terminals in degrees
+    /// Celsius.
     pub(super) fn sample(
         &mut self,
         (connected, terminals): (Connected, f64),
@@ -123,7 +124,7 @@ impl Input {
         rules.linear(self.latch.digits(within, &settings.latch), settings.unit)
     }
 
-    /// The device was switched on: only what was learned is left.
+    /// The device was switched on: only the learned values remain.
     pub(super) fn restart(&mut self) {
         let mut latch = self.latch;
         latch.restart();

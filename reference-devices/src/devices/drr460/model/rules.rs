@@ -57,7 +57,7 @@ decisions! {
         0.0
     }
 
-    /// The wires of a temperature sensor add so many degrees to it: nothing (3.2).
+    /// The degrees that the wires of a temperature sensor add: none (3.2).
     fn wires(&self, _terminals: f64) -> f64 {
         0.0
     }
@@ -87,7 +87,7 @@ decisions! {
         true
     }
 
-    /// The filter is a mean of so many samples, and no lag of the first order (11.3.2, sub 10).
+    /// The filter is a mean over samples, not a lag of the first order (11.3.2, sub 10).
     fn filters_by_mean(&self) -> bool {
         true
     }
@@ -171,7 +171,7 @@ decisions! {
         }
     }
 
-    /// On/off control switches so many digits before the set point (11.3.2, sub 19).
+    /// The digits before the set point at which on/off control switches (11.3.2, sub 19).
     fn on_off(&self, hysteresis: i64) -> (i64, i64) {
         (hysteresis.min(0), hysteresis.max(0))
     }
@@ -191,7 +191,7 @@ decisions! {
         true
     }
 
-    /// Subs 22, 61 and 73: what is reset by hand stays after its condition went (11.3.2).
+    /// Subs 22, 61 and 73: a state with manual reset stays after its condition ended (11.3.2).
     fn latches(&self, reset: i64) -> bool {
         reset != 0
     }
@@ -251,7 +251,7 @@ decisions! {
         band == 0 && integral_time == 0
     }
 
-    /// STOP ends what PID control has saved up.
+    /// STOP clears the integral of PID control.
     fn stop_ends_integral(&self) -> bool {
         true
     }
@@ -315,7 +315,7 @@ decisions! {
         share
     }
 
-    /// Whether a contact is closed so many seconds after its cycle began (11.3.2, subs 40, 44).
+    /// Whether a contact is closed `at` seconds after its cycle began (11.3.2, subs 40, 44).
     fn in_share(&self, at: f64, share: f64, period: f64) -> bool {
         at < share * period
     }
@@ -460,7 +460,7 @@ decisions! {
         true
     }
 
-    /// The gradient moves the set point by so many digits in a second (7.9).
+    /// The digits per second by which the gradient moves the set point (7.9).
     fn gradient(&self, digits_per_hour: i64) -> f64 {
         digits_per_hour as f64 / 3600.0
     }
@@ -595,7 +595,8 @@ decisions! {
         bit
     }
 
-    /// Which flags are an error (11.3.2, subs 20, 59, 71 and 104): what leaves no process value.
+    /// The flags that are an error: those that leave no process value (11.3.2, subs 20, 59, 71 and
+    /// 104).
     fn errors(&self, without_process: i64) -> i64 {
         without_process
     }

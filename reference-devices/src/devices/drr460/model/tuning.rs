@@ -1,5 +1,5 @@
-//! Tuning: the controller switches its output to and fro at a threshold, and takes the parameters
-//! of PID control from how the process swings (manual, 7.2 to 7.5 and 11.3.17).
+//! Tuning: the controller switches its output on and off at a threshold, and derives the parameters
+//! of PID control from the swing of the process (manual, 7.2 to 7.5 and 11.3.17).
 
 use super::parameters::Parameters;
 use super::rules::Rules;
@@ -63,7 +63,7 @@ pub(super) struct Tuning {
     kind: i64,
     status: Status,
     swing: Option<Swing>,
-    /// Seconds since the master showed that it is there.
+    /// Seconds since the last sign of the master.
     silence: f64,
 }
 
@@ -131,7 +131,7 @@ impl Tuning {
         self.silence = 0.0;
     }
 
-    /// The controller starts, or its set point has changed: what tunes by itself may begin.
+    /// The controller starts, or its set point has changed: an automatic tuning may begin.
     pub(super) fn started(
         &mut self,
         at_start: bool,
@@ -178,7 +178,7 @@ impl Tuning {
         }
     }
 
-    /// Time goes by without the master.
+    /// Advances the time without the master.
     pub(super) fn advance(&mut self, elapsed: f64) {
         self.silence += elapsed;
     }

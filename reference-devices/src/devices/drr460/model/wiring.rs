@@ -1,4 +1,4 @@
-//! Which function is on which output (manual, 11.3.2, parameter 16).
+//! The function of each output (manual, 11.3.2, parameter 16).
 
 use super::cycle::Wanted;
 use super::parameters::Parameters;

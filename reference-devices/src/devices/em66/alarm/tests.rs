@@ -14,7 +14,7 @@ fn compared(kind: AlarmType, (input, alternate, level, hysteresis, before): Give
 
 #[test]
 fn every_type_has_its_side_of_the_level() {
-    // Type, level, hysteresis, and inputs with what comes of them.
+    // Type, level, hysteresis, and inputs with the result of each.
     type Row = (u8, i64, i64, &'static [(i64, bool)]);
     let table: [Row; 4] = [
         (2, 600, 0, &[(599, false), (600, true), (601, true), (-600, false)]),
@@ -59,8 +59,8 @@ fn differences_have_a_sign_and_both_exclude_the_level() {
 
 #[test]
 fn an_alarm_outlasts_the_way_back_by_the_hysteresis() {
-    // Type, input, alternate, and what comes of it without and with an alarm before; the level is
-    // 600 or, for differences, 100, the hysteresis 50.
+    // Type, input, alternate, and the result without and with an alarm before; the level is 600 or,
+    // for differences, 100, the hysteresis 50.
     let table = [
         (2, 549, None, [false, false]),
         (2, 550, None, [false, true]),
@@ -157,7 +157,7 @@ fn what_would_be_no_alarm_is_refused() {
     }
 }
 
-/// Alarms of a device, their objects, and what the controller does.
+/// Alarms of a device, their objects, and the activity of the controller.
 struct Fixture {
     od: Dictionary,
     alarms: Alarms,
@@ -227,7 +227,7 @@ fn the_order_of_the_document_leads_to_an_alarm() {
 
 #[test]
 fn a_refused_type_gives_way_to_a_supported_one() {
-    // Link, refused type, what the type then reads.
+    // Link, refused type, the value of the type afterwards.
     let table = [
         (PRESSURE_LINK, 0x12, 0x02),
         (PRESSURE_LINK, 0x17, 0x07),
