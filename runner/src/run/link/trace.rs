@@ -436,7 +436,7 @@ impl<'b> Link<'b> {
 mod tests {
     use super::*;
 
-    /// An interface with a transmit queue of the length `most`.
+    /// An interface that notes in `most` the longest transmit queue that was needed.
     #[derive(Default)]
     struct Queue {
         waiting: VecDeque<Frame>,
