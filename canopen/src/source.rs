@@ -200,8 +200,8 @@ fn around(line: &str, column: usize) -> (String, usize) {
 /// Reads YAML, and turns any error into a complaint.
 pub fn read_yaml<T: for<'de> Deserialize<'de>>(source: &Arc<Source>) -> Result<T, Complaint> {
     serde_yaml::from_str(&source.text).map_err(|error| {
-        // In a text that is not YAML, such as one that lacks a `}`, a value may be found that does
-        // not fit before the reason is.
+        // In text that is not YAML, such as with a missing `}`, a value that does not fit may be
+        // found before the real mistake.
         let error = serde_yaml::from_str::<Outline>(&source.text).err().unwrap_or(error);
         let place = error
             .location()

@@ -212,7 +212,7 @@ impl Bench for VirtualBus<'_> {
         let place = place.ok_or_else(|| BenchError::unknown(name))?;
         let station = &mut self.stations[place];
         if name == POWER {
-            // A controller without supply takes what it was sending off the wire.
+            // A controller that loses its supply takes its frame off the wire.
             station.out.clear();
             self.wire.take_if(|sent| sent.sender == Some(place));
         }

@@ -447,7 +447,7 @@ mod tests {
         let mut rig = Rig::open(&format!("unix:{}", path.display())).unwrap();
         assert_eq!(rig.names(), Ok(vec!["knob".to_owned()]));
         assert_eq!(rig.get("knob"), Ok(Value::Int(1)));
-        // The program that had it has ended, and another one begins.
+        // The program that used it has ended, and another one starts.
         assert_eq!(rig.get("knob"), Ok(Value::Int(2)));
         assert_eq!(rig.set("knob", &Value::Int(3)), Ok(()));
         server.join().unwrap();

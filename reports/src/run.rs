@@ -217,7 +217,8 @@ impl Run {
         let before = self.suite;
         self.suite =
             suites.iter().position(|suite| suite.name == case.suite).unwrap_or_else(|| {
-                // Most suites have all their cases by now; half of the room that grew would stay.
+                // Most suites have all their cases by now; half of the grown capacity would stay
+                // unused.
                 if let Some(last) = suites.get_mut(before) {
                     last.cases.shrink_to_fit();
                 }
@@ -227,7 +228,7 @@ impl Run {
             });
         suites[self.suite].cases.push(CaseRun {
             info: case.clone(),
-            // Stands if nothing follows: a case that did not end is an error and not forgotten.
+            // Kept if no result follows: a case that did not end is an error and not forgotten.
             outcome: Outcome::Error { reason: INTERRUPTED.into(), problem: None },
             cause: None,
             ended: case.at,

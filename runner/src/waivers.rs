@@ -200,7 +200,7 @@ impl WaiverEntry {
     }
 
     fn has_expired(&self, today: &str) -> bool {
-        // Dates of that form are in the order of their texts.
+        // Dates of that form sort like text.
         self.expires.as_ref().is_some_and(|date| date.value.as_str() < today)
     }
 

@@ -51,7 +51,7 @@ impl Shown {
         };
         match (number, self.units.get(&mux)) {
             (Some(number), Some(unit)) => {
-                // Nothing that a scale has is lost with nine digits, and no rounding is shown.
+                // Nine digits lose nothing of a scale, and hide rounding errors.
                 let physical = format!("{:.9}", number * unit.scale);
                 let physical = physical.trim_end_matches('0').trim_end_matches('.');
                 format!("{physical} {}", unit.name)

@@ -210,7 +210,7 @@ impl Channel {
         let last = if segment.last { ", last" } else { "" };
         let so_far = block.value.len() + 7 * segments.len();
         if segment.last || segment.sequence >= *size {
-            // The other side has the word now.
+            // The other side sends next.
             *size = segments.len() as u8;
         }
         format!(

@@ -216,7 +216,7 @@ impl LineEnds {
 fn column(line: &str, part: &str) -> usize {
     let offset = part.as_ptr() as usize - line.as_ptr() as usize;
     let before = &line.as_bytes()[..offset];
-    // Bytes that go on a character are not counted.
+    // Continuation bytes of a character are not counted.
     before.iter().filter(|&&byte| byte & 0xC0 != 0x80).count() + 1
 }
 
@@ -247,7 +247,7 @@ fn head<'a>(part: &'a str, at: Place, findings: &mut Findings) -> Section<'a> {
 fn check_spelling(title: &str, name: Name, at: Place, findings: &mut Findings) {
     let usual = match name {
         Name::Object(_, part) => {
-            // `Sub` and `sub` are both common, and so are `NAME` and `Name`: no word on those.
+            // `Sub` and `sub` are both common, and so are `NAME` and `Name`: neither is reported.
             let digits = match part {
                 Part::Sub(sub) => title.len() == if sub < 0x10 { 8 } else { 9 },
                 _ => true,

@@ -418,7 +418,7 @@ mod tests {
         let data: Vec<u8> = (0..=255).cycle().take(889).collect();
         for (len, block) in [(0, 1), (1, 127), (7, 2), (8, 1), (15, 2), (889, 127), (889, 126)] {
             for lose in [0, 1, 2, block] {
-                // A sub-block of which nothing comes at all is a server that is gone.
+                // If no segment of a sub-block arrives, the server is gone.
                 if lose == 1 && (block == 1 || len <= 7) {
                     continue;
                 }

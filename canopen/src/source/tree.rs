@@ -165,7 +165,7 @@ impl<'de> Visitor<'de> for NodeVisitor {
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Node, A::Error> {
         let mut entries = Vec::new();
-        // As text: as anything, `on` would be `true`.
+        // As text: if read as any type, `on` would be `true`.
         while let Some(entry) = map.next_entry()? {
             entries.push(entry);
         }
@@ -357,7 +357,7 @@ impl<'de> Deserializer<'de> for &'de Tree {
                 visitor.visit_enum(Variant { name: &entries[0].0, content: Some(&entries[0].1) })
             }
             Node::Map(entries) if entries.len() > 1 => {
-                // The second key is what does not belong here.
+                // The second key is the one that does not belong here.
                 let (key, _) = &entries[1];
                 let message =
                     format!("`{}` does not belong to `{}`", key.value, entries[0].0.value);

@@ -22,7 +22,7 @@ impl Bell {
 
     /// Ends the wait that goes on, or else the next one.
     pub fn ring(&self) {
-        // Only a bell that was rung 2^64 times without being heard refuses.
+        // Writing fails only after 2^64 rings that were not read.
         _ = self.0.write(1);
     }
 

@@ -129,7 +129,7 @@ impl Lines {
             if self.stop.asked() {
                 return Err(BusError::Interrupted);
             }
-            // The time is taken before looking, so that nothing slips through between the two.
+            // The time is taken before looking, so that no frame slips through between the two.
             let now = self.now();
             self.take_all();
             if let Some(seen) = self.held.front() {

@@ -197,8 +197,8 @@ impl Bus for SocketCan {
                     if now >= *give_up.get_or_insert(now + QUEUE_FULL_LIMIT) {
                         return Err(fault::queue_stays_full(&self.name));
                     }
-                    // The echo of an own frame is the sign of a place in the queue, but no frame
-                    // that is received may be lost while looking for it.
+                    // The echo of an own frame shows that the queue has room, but no received frame
+                    // may be lost while waiting for it.
                     self.wait(QUEUE_FULL_RETRY)?;
                     while let Some(seen) = self.read(self.clock.now())? {
                         self.held.push_back(seen);
@@ -222,7 +222,7 @@ impl Bus for SocketCan {
             if self.stop.asked() {
                 return Err(BusError::Interrupted);
             }
-            // The time is taken before looking, so that nothing slips through between the two.
+            // The time is taken before looking, so that no frame slips through between the two.
             let now = self.clock.now();
             if self.held.is_empty()
                 && let Some(seen) = self.read(now)?
@@ -238,7 +238,7 @@ impl Bus for SocketCan {
             }
             match self.wait(until.since(now))? {
                 Waited::Rung => return Err(BusError::Interrupted),
-                // Nothing was there when that time had come.
+                // No frame had arrived by that time.
                 Waited::InVain if until <= now + STOP_CHECK => return Ok(None),
                 Waited::InVain | Waited::Disturbed => {}
             }

@@ -55,7 +55,7 @@ pub(super) fn run(args: &DecodeArgs) -> Result<Exit, Refused> {
             continue;
         }
         if printed.is_journal && !line.ends_with(b"\n") {
-            // The first line was looked at as one of candump.
+            // The first line was examined as a line of candump.
             let rest = (LONGEST << 12) as u64;
             from.by_ref()
                 .take(rest)

@@ -118,7 +118,7 @@ impl Prepared {
         let outdated = waivers.out_of_date(reporter.run(), &names);
         let of_waivers = if outdated.is_empty() { Exit::Green } else { Exit::Waivers };
         let worst = stopped.max(of_verdicts(reporter)).max(of_waivers);
-        // That enough failed is what the user asked for.
+        // The user asked to stop after enough failures.
         if let Some(reason) = reason.as_ref().filter(|_| stopped > Exit::Green) {
             complain!("error: {}", harmless(reason));
         }

@@ -57,7 +57,7 @@ impl Output {
         let beside = self.place.with_file_name(format!(".{name}.{}", std::process::id()));
         let synced = || written(File::create(&beside)?, &content)?.sync_all();
         synced().and_then(|()| fs::rename(&beside, &self.place)).or_else(|error| {
-            // It may not have come into being.
+            // The temporary file may not exist.
             _ = fs::remove_file(&beside);
             if stands_alone(&error) { in_place() } else { Err(error) }
         })

@@ -49,7 +49,7 @@ impl Origin {
     pub(crate) fn complaint(&self, offset: usize, message: impl Into<String>) -> Complaint {
         let path: Vec<&str> = self.path.iter().map(String::as_str).collect();
         let place = self.outline.nearest(&path);
-        // A text that is filled in stands nowhere: the row is shown.
+        // Filled-in text has no place of its own: the row is shown.
         let is_there = self.outline.text(&path).is_some_and(|text| self.source.has(place, text));
         let place = self.source.inside(place, if is_there { offset } else { 0 });
         Complaint::at(&self.source, place, message)

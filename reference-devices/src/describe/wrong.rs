@@ -66,7 +66,8 @@ impl Wrong {
                 let Some((list, key)) = object_key(outline, self.mux.index) else { continue };
                 let mut path = vec![list, &key];
                 path.extend(below.iter().map(String::as_str));
-                // A value is pointed at itself, an object or an entry by its key.
+                // The place of a value is the value itself; that of an object or an entry is its
+                // key.
                 let is_value = below
                     .last()
                     .is_some_and(|last| matches!(self.about, About::Key(key) if key == last));

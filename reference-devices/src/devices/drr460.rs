@@ -291,7 +291,7 @@ impl Drr460 {
             (Mux::new(LATCH_ON, 1), self.controller.latch().is_enabled().into()),
         ];
         shown.into_iter().for_each(|(mux, value)| od.set_int(mux, value));
-        // Without tuning, 400Eh is a value without a meaning.
+        // Without tuning, 400Eh has no meaning.
         if parameter(od, TUNE) != 0 {
             od.set_int(TUNING, self.controller.tuning(&self.settings));
         }
@@ -530,7 +530,7 @@ impl Behaviour for Drr460 {
         self.changed = true;
         self.meet(false);
         self.take(mux, od);
-        // A value for an output ends what a communication error made of it.
+        // A value for an output ends the effect of a communication error on it.
         self.io.written(now, mux, od);
     }
 
@@ -560,7 +560,7 @@ impl Behaviour for Drr460 {
             self.state = state;
             self.meet(false);
         }
-        // Otherwise the outputs are the controller's own, and the network has no part in them.
+        // Otherwise the outputs are the controller's own, and the network does not control them.
         if self.expansion.enabled {
             self.io.event(now, event, od);
         }

@@ -122,7 +122,7 @@ impl Node {
             match self.nmt.command(&self.services.base, &data) {
                 Some(Change::Enter(state)) => self.enter(now, state, out),
                 Some(Change::Reset(reset)) => {
-                    // A controller that is initialised forgets what it was asked to send.
+                    // An initialised controller forgets the frames it was asked to send.
                     out.clear();
                     if self.services.base.rules.stop_aborts_sdo_transfers() {
                         self.sdo.abort_transfers(out);

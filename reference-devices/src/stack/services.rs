@@ -297,7 +297,7 @@ impl Services {
 
     /// The state that an error since the last call leads to.
     pub(crate) fn take_reaction(&mut self, now: Instant) -> Option<NmtState> {
-        // A node that starts obeys when it has booted up.
+        // A starting node changes its state only after boot-up.
         if self.base.state != NmtState::INITIALISING
             && let Some(state) = self.base.errors.take_order()
         {
@@ -324,7 +324,7 @@ impl Services {
             self.sdo_clients.poll_at(),
             self.behaviour.poll_at(),
         ];
-        // Asked for after each event, and loops cost less than a chain of iterators.
+        // Called after each event, and loops cost less than a chain of iterators.
         let due = deadlines.into_iter().fold(None, earlier);
         let due = self.rpdos.iter().map(Rpdo::poll_at).fold(due, earlier);
         self.tpdos.iter().map(Tpdo::poll_at).fold(due, earlier)

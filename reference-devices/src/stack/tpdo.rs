@@ -198,7 +198,7 @@ impl Tpdo {
         match (self.kind, self.sampled) {
             (252, Some(sampled)) => out.push(Frame::new(id, sampled)),
             (252 | 253, _) => self.transmit(now, base, out),
-            // The inhibit time binds what a request triggers as well.
+            // The inhibit time applies to requested transmissions as well.
             (254.., _) => self.event(now, base, out),
             _ => {}
         }
@@ -236,7 +236,7 @@ impl Tpdo {
         self.remember(base);
         self.pending = false;
         out.push(Frame::new(self.cob.can_id(), self.last));
-        // The inhibit time does not bind PDOs that SYNC triggers.
+        // The inhibit time does not apply to PDOs that SYNC triggers.
         if self.is_event_driven() {
             self.free_at = now + self.inhibit;
             if base.rules.event_timer_restarts() {

@@ -138,7 +138,7 @@ fn fold(trace: &[Stamped], of: &[usize]) -> Vec<Shown> {
 
 /// The actions by time: every stimulus, and the last steps and remarks from an instant on.
 fn done(case: &CaseRun, from: Instant, until: Instant) -> Vec<(Instant, Done<'_>)> {
-    // The bench has lines of its own, and what undoes a case comes later.
+    // Stimuli have lines of their own, and the steps that undo a case come later.
     let told = |step: &&Begun| step.phase != Phase::Finally && !step.text.starts_with("bench: ");
     let steps = case.steps.iter().filter(told);
     let steps = steps.map(|step| (step.at, Done::Step(step.text.as_str())));

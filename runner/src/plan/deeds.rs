@@ -63,7 +63,7 @@ impl Taking<'_> {
             Step::Write(write) => self.write_step(write),
             Step::Remap(remap) => self.remap(remap),
             Step::Nmt(nmt) => self.sent(&nmt_frame(*nmt, self.dut.node), 1),
-            // None of these sends anything but uploads, SYNC, and questions of LSS.
+            // None of these sends anything but uploads, SYNC, and LSS requests.
             Step::Reply(_)
             | Step::Read(_)
             | Step::Until(_)
@@ -153,7 +153,7 @@ impl Taking<'_> {
         let of_pdos = written.iter().filter(|mux| matches!(mux.index, 0x1400..=0x1BFF));
         let of_pdos: BTreeSet<u16> = of_pdos.map(|mux| mux.index).collect();
         for index in of_pdos {
-            // The mapping of a PDO stands 200h above its communication parameter.
+            // The mapping parameter of a PDO is 200h above its communication parameter.
             if index & 0x0200 != 0 {
                 let object = self.dut.eds.object(index);
                 let entries = object.into_iter().flat_map(|object| &object.entries);

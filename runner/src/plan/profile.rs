@@ -101,7 +101,7 @@ pub(super) fn wrong_option(requires: &Requires, dut: &Dut, suite: &Suite) -> Opt
 /// but one, they are those of objects that it lacks.
 ///
 /// # Errors
-/// When the profile of the suite has no such block, or not so many, and where that stands.
+/// When the profile of the suite has no such block, or too few of them, with the place.
 pub(super) fn block_scopes(
     blocks: &Blocks,
     pdo: &Scope,

@@ -209,7 +209,8 @@ impl Scope {
         };
         match literal {
             Literal::Int(number) => encode(&Value::Int(*number)).or_else(|wrong| {
-                // A data sheet may call unsigned what documents count below 0, in the same bytes.
+                // A data sheet may call a value unsigned that documents count below 0, with the
+                // same bytes.
                 let signed = entry.data_type.with_sign().filter(|_| *number < 0);
                 signed.and_then(|signed| signed.encode(&Value::Int(*number)).ok()).ok_or(wrong)
             }),

@@ -147,7 +147,7 @@ impl Step {
             Self::Reply(reply) => of_reply(reply),
             Self::Ask(ask) => of_ask(ask),
             Self::Expect(expect) => of_expect(expect),
-            // A frame with one word less to match is demanded to stay away more often.
+            // A pattern with one word less forbids more frames.
             Self::Never(never) => {
                 [each(&never.lenient, Allowance::Lenient), each(&never.or_else, Allowance::OrElse)]
                     .concat()
@@ -251,7 +251,7 @@ fn of_ask(ask: &Ask) -> Vec<Constraint> {
 fn of_expect(expect: &Expect) -> Vec<Constraint> {
     let words = expect.frame.value.constraints();
     [
-        // Where silence is accepted, so is another frame.
+        // Where silence is accepted, another frame is accepted, too.
         if expect.optional { Vec::new() } else { words },
         each(&expect.lenient, Allowance::Lenient),
         expect.after.as_ref().map(|_| Constraint::After).into_iter().collect(),

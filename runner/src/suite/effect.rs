@@ -86,10 +86,10 @@ impl Step {
             Self::Eds(_) | Self::Undeclared(_) => {
                 Effect { judges_sheet: true, ..Effect::default() }
             }
-            // SYNC makes a device take over what RPDOs brought before, and their frames are listed.
-            // A fastscan changes the LSS state only, and a bench has its own memory of what it was.
-            // The defaults of a sheet that was composed of answers are compared with what is
-            // answered now, which is a fair question.
+            // SYNC makes a device take over the values that RPDOs brought before, and their frames
+            // are listed. A fastscan changes the LSS state only, and a bench remembers its own
+            // former state. The defaults of a generated sheet are compared with the present
+            // answers, which is a fair comparison.
             Self::Reply(_)
             | Self::Defaults(_)
             | Self::Nmt(_)

@@ -342,7 +342,7 @@ impl Expander<'_> {
             }
             return none;
         }
-        // The lines of another file are not those of this one.
+        // Lines of another file are not lines of this one.
         let place = inside.place.or_else(|| (!own).then_some(used.place));
         let inside = Inside { values: &values, depth: inside.depth + 1, place };
         definition.steps.iter().flat_map(|step| self.step(step, inside)).collect()

@@ -199,7 +199,7 @@ impl<'e> Lint<'e, '_, '_> {
                     continue;
                 };
                 let cob_id = CobId(*value as u32);
-                // In 1005h and 1012h bit 31 says something else.
+                // In 1005h and 1012h bit 31 has another meaning.
                 if object.index > 0x1012 && !cob_id.valid() {
                     continue;
                 }
@@ -219,7 +219,7 @@ impl<'e> Lint<'e, '_, '_> {
     }
 
     fn restricted(&self, index: u16, id: u32, plus_node: bool) -> bool {
-        // The identifiers of SDO are kept for SDO.
+        // The identifiers of SDO are reserved for SDO.
         let nodes = if plus_node { 1..=127 } else { 0..=0 };
         !(0x1200..0x1300).contains(&index) && nodes.into_iter().any(|node| is_restricted(id + node))
     }

@@ -118,7 +118,7 @@ impl<'c, 'l> Freedoms<'c, 'l> {
             .collect();
         let loud = try_map(&each, |(of, member)| of.is_loud(member))?;
         let mut each = each.into_iter().zip(loud).map(|((_, member), loud)| (member, loud));
-        // One that changes everything would leave nothing alike in its group.
+        // A freedom that changes everything would leave nothing equal in its group.
         let apart: Vec<(Vec<_>, Vec<_>)> = all
             .iter()
             .map(|of| each.by_ref().take(of.freedoms().len()).partition(|(_, loud)| *loud))

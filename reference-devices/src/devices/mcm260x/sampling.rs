@@ -97,7 +97,7 @@ impl AnalogueInput {
             return;
         }
         self.samples.push_back(digits);
-        // The first sample fills the average, so that no time is spent on the way from zero.
+        // The first sample fills the average, so that it need not climb from zero.
         let wanted = parameters.value(Item::Filter, place).max(1) as usize;
         while self.samples.len() < wanted {
             self.samples.push_front(self.samples[0]);

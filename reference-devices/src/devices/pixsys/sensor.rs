@@ -115,7 +115,7 @@ impl Sensor {
                 return too_much;
             }
             (Wiring::Connected, _) | (Wiring::Broken, Self::Current(_)) => share,
-            // No voltage is a value like others.
+            // No voltage reads as 0, a value like any other.
             _ => 0.0,
         };
         match share {

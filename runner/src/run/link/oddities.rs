@@ -173,7 +173,7 @@ mod tests {
         let segment = ["585#4108100009000000", ">605#6000000000000000", "585#0161626300000000"];
         let upload = [ASKED, ANSWER, ">605#4008100000000000"];
         assert_eq!(said(&[&upload[..], &segment].concat()), [""; 0]);
-        // One that was slow to start answers each request once.
+        // A device that was slow to start answers each request once.
         assert_eq!(said(&[ASKED, ASKED, "705#00", ANSWER, ANSWER]), [""; 0]);
         assert_eq!(said(&["705#00", ">000#8105", "705#00", ">000#8205", "705#00"]), [""; 0]);
         assert_eq!(said(&[ASKED, "585#8000100000000206", "586#FFFF"]), [""; 0]);

@@ -183,7 +183,7 @@ impl Probe<'_, '_> {
             Answer::Refused => None,
             Answer::Absent => return Ok(None),
         };
-        // A sub that the profile does not have there is as long as the answer.
+        // A sub that the profile does not define has the length of the answer.
         let data_type = facts.data_type.unwrap_or_else(|| match bytes.as_ref().map(Vec::len) {
             Some(1) => DataType::UNSIGNED8,
             Some(2) => DataType::UNSIGNED16,

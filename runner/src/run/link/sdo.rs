@@ -158,7 +158,8 @@ pub(in crate::run) fn knows_blocks(
     let mut blocks = BlockDirections { upload: true, download: true };
     if asked.upload {
         blocks.upload = known(upload_in_blocks(link, policy, node, DEVICE_TYPE, LARGEST_BLOCK)?);
-        // A server that answers the abort of the client does not answer the next request by that.
+        // Discard an answer to the client's abort: it must not pass for the answer to the next
+        // request.
         link.drain(policy.quiet)?;
     }
     if asked.download {
@@ -246,7 +247,7 @@ impl Running {
         link.send_all(self.requests.drain(..).map(|request| request.frame(node)))?;
         let until = link.mark() + policy.sdo_timeout;
         if many {
-            // A server may break off before it has heard everything.
+            // A server may abort before it has received everything.
             link.look_from(first_sent);
         }
         let fits = |seen: &Stamped| !seen.own && seen.frame.data_id() == Some(answers);

@@ -50,7 +50,7 @@ pub(in crate::run) fn first_look(
     link.drain(policy.quiet.max(FIRST_EMERGENCIES))?;
     let sent: Vec<Stamped> = link.trace().iter().map(|seen| seen.stamped).collect();
     let sent = sent.iter().filter(|seen| !seen.own);
-    // The identifier may be another one that was stored.
+    // Another identifier may have been stored.
     let usual = emcy::COB_ID + u16::from(dut.node);
     let stored = sdo::upload_patiently(link, policy, dut.node, EMCY_ID)?.result.ok();
     let stored = stored.and_then(|value| Some(u32::from_le_bytes(*value.first_chunk()?)));
@@ -96,7 +96,7 @@ fn hidden(link: &mut Link, policy: &Policy, dut: &Dut, bits: u8) -> Result<Stand
     let mut codes = Vec::new();
     for sub in 1..=NEWEST_ERRORS {
         let error = sdo::upload(link, policy, dut.node, Mux::new(ERROR_FIELD, sub))?.result;
-        // An entry that is not in use is not there, and neither is one behind it.
+        // An entry that is not in use does not exist, and neither does any entry after it.
         let Some([low, high]) = error.ok().and_then(|error| error.first_chunk().copied()) else {
             break;
         };

@@ -54,7 +54,7 @@ impl Leaving<'_, '_> {
     ) -> Result<Restored, BusError> {
         let without_supply = self.bench_snapshot.off;
         match self.bench_snapshot.undo_silence(self.link) {
-            // Whether it is back, the next case finds out when it settles the device.
+            // The next case finds out whether it is back when it settles the device.
             Ok(()) if without_supply => {
                 _ = booted(self.link, self.policy, self.dut, self.baseline)?;
             }

@@ -88,7 +88,7 @@ impl Snapshot {
         changed: &mut BTreeSet<Mux>,
     ) -> Result<bool, BusError> {
         let behind = is_behind(link.trace(), node);
-        // A device may load what it has stored at once.
+        // A device may load its stored values at once.
         let has_booted = has_booted(link.trace(), node) || stored(link, node);
         let to = &mut Restoring { link, policy, node, silent: 0, behind, has_booted };
         for record in self.changed_records(to, changed)? {
@@ -243,7 +243,7 @@ impl Restoring<'_, '_> {
         self.unless_silent(|to| {
             match sdo::download(to.link, to.policy, to.node, mux, value, flow) {
                 Ok(ended) => Ok(ended.result.is_ok()),
-                // The others are written back all the same.
+                // The other values are still written back.
                 Err(BusError::Withheld(_)) => Ok(false),
                 Err(error) => Err(error),
             }
@@ -289,7 +289,7 @@ fn is_behind(trace: &[Seen], node: u8) -> bool {
             open = false;
         }
     }
-    // Before the trace began, anything may have been asked.
+    // Anything may have been requested before the trace began.
     behind || open || !asked
 }
 
@@ -327,7 +327,7 @@ fn with_record(mux: Mux, eds: &Eds) -> Vec<Mux> {
     if !in_pdo_record(mux.index) {
         return vec![mux];
     }
-    // The mapping of a PDO stands 200h above its communication parameter.
+    // The mapping parameter of a PDO is 200h above its communication parameter.
     let cob_id = Mux::new(record_of(mux.index), 1);
     if mux.index & 0x0200 == 0 {
         return vec![mux, cob_id];

@@ -99,7 +99,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         };
         let bench_alone = !self.bench_snapshot.any();
         let still = bench_alone && is_still(self.link, dut, 0);
-        // A bus that failed may still carry what leaves the device as it was found.
+        // A failed bus may still carry the frames that leave the device as it was found.
         let passed = match &outcome {
             Outcome::Blocked(_) => false,
             Outcome::Lenient(_) => true,
@@ -239,7 +239,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
         self.proof.iter_mut().for_each(Proof::spoil);
         result.fail(Phase::Monitor, last, difference);
-        // A device on the same host is delayed as much.
+        // A device on the same host is delayed equally.
         let noticed = self.link.lateness().noticed;
         let late = (noticed > self.common.policy.bears(Duration::ZERO)).then_some(noticed);
         result.late = result.late.max(late);

@@ -210,7 +210,7 @@ impl Condition<'_> {
             let lengths = (format!("{length} bytes"), format!("{} bytes", got.len()));
             wrong.push((Constraint::Length, Difference::new(lengths.0, lengths.1)));
         }
-        // Where the step demands a length, that of the type is not judged as well.
+        // Where the step demands a length, the length of the type is not judged.
         if let Some(size) = entry.and_then(|entry| entry.data_type.size())
             && size != got.len()
             && self.length.is_none()
@@ -218,7 +218,7 @@ impl Condition<'_> {
             let data_type = entry.map_or(DataType::DOMAIN, |entry| entry.data_type);
             return Judged::Wrong(Vec::new(), differs(format!("{size} bytes of {data_type}")));
         }
-        // Of another length than demanded, it may still be the same value.
+        // With another length than demanded, it may still be the same value.
         let mut sized = got.to_vec();
         if !wrong.is_empty()
             && let Some(length) = self.length

@@ -156,7 +156,7 @@ impl Steps<'_, '_> {
 
     pub(super) fn remap(&mut self, remap: &Remap) -> Judgement {
         let count = self.mux(&remap.pdo)?;
-        // The mapping of a PDO stands 200h above its communication parameter.
+        // The mapping parameter of a PDO is 200h above its communication parameter.
         let cob_id = Mux::new(count.index & !0x0200, 1);
         let mut words = Vec::new();
         for object in &remap.objects {

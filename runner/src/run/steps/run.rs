@@ -328,7 +328,7 @@ impl Steps<'_, '_> {
             if place > 0 {
                 self.link.wait(next)?;
             }
-            // The wire may be slower than frames are meant to follow each other.
+            // The wire may be too slow for the demanded distance between frames.
             let meant = next.max(self.link.mark());
             self.link.send_at(frame, meant, self.policy.bears(every))?;
             next += every;
@@ -356,7 +356,7 @@ impl Steps<'_, '_> {
         failed: Option<&Difference>,
     ) -> Option<Duration> {
         let Lateness { missed, overslept, noticed, .. } = self.link.lateness();
-        // A pause that was longer is no reason why a device kept silent.
+        // A longer pause is no reason for a device to stay silent.
         let late = if failed.is_some() { missed.max(overslept) } else { missed };
         if late > Duration::ZERO && (failed.is_some() || matches!(step, Step::Never(_))) {
             return Some(late);
