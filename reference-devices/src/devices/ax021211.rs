@@ -112,6 +112,7 @@ impl Ax021211 {
 
     /// A control cycle.
     fn cycle(&mut self, now: Instant) {
+        // Nothing moved while there were no cycles, so only the last one counts.
         let elapsed = now.since(self.last).min(CYCLE);
         self.network.evaluate(now, elapsed, &self.rules);
         self.last = now;

@@ -180,6 +180,7 @@ impl Drr460 {
     fn next_step(&self) -> Option<Instant> {
         let edge = self.controller.next(&self.settings, &self.rules);
         let silence = self.silence.next(&self.expansion);
+        // At least 1 ns later, or `follow` would not advance.
         let after = |seconds: f64| self.at + Duration::from_nanos((seconds * 1e9).max(1.0) as u64);
         [edge.map(after), silence.map(after)].into_iter().fold(self.next_decision, earlier)
     }

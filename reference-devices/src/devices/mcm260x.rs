@@ -316,7 +316,7 @@ impl Behaviour for Mcm260x {
     fn written(&mut self, now: Instant, mux: Mux, od: &mut Dictionary) {
         self.changed = true;
         self.heard = Some(now);
-        // The counts so far show which commands are done; the new one is not yet among them.
+        // `count` overwrites 3003h with the commands still open, so the new one is read first.
         let command = od.int(mux).unwrap_or(0);
         if mux == INTERFACE {
             self.chosen = None;

@@ -82,6 +82,7 @@ impl Digital {
         self.logic = on;
         self.due = None;
         if let Some(rate) = settings.blinking.filter(|_| !is_hotshot) {
+            // `blink` divides by the rate, which may be 0.
             return self.blink(now, on, rate.max(Duration::from_millis(1)));
         }
         self.blinking_since = None;

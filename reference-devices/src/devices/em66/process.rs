@@ -19,7 +19,7 @@ pub(super) struct Process {
     back: f64,
     /// The mould, in degrees Celsius.
     mould: f64,
-    /// The flow of the pump in l/min, negative during suction.
+    /// The flow of the pump in l/min, negative while it runs backward.
     flow: f64,
     /// How much of the mould's channels the medium fills, 0 to 1.
     contents: f64,

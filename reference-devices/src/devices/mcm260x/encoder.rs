@@ -131,6 +131,7 @@ impl Encoder {
         let sees = rules.sees_index(setup.mode);
         match self.motion.index(from, to).filter(|_| sees) {
             Some(index) => {
+                // A load at phase Z lies between edges: count those before and after apart.
                 let index = rules.loaded_at(index, to);
                 self.count = rules.count(self.count, counts(from, index));
                 self.see_index(setup, rules);

@@ -31,6 +31,7 @@ impl Mcm260x {
 
     /// When the silence on Modbus has lasted too long. Nothing ever comes there.
     fn offline_at(&self, od: &Dictionary) -> Option<Instant> {
+        // Times up to 60000 ms need an unsigned 16-bit value; parameters are signed.
         let milliseconds = self.parameters(od).common(Item::OfflineTime) & 0xFFFF;
         let start = self.modbus.filter(|_| milliseconds != 0)?;
         let since = self.rules.silent_since(start, self.heard);

@@ -91,6 +91,7 @@ impl Transformer {
         let watches = threshold > 0.0;
         let weak = amperes < threshold;
         let over = settings.over_threshold;
+        // `None` while the output is in a state in which the fault cannot show.
         let conditions = [
             (!on).then_some(watches && !nothing),
             on.then_some(watches && nothing),

@@ -153,6 +153,7 @@ impl Tuning {
     }
 
     fn begin(&mut self, (process, set_point): (i64, i64), settings: &Settings) {
+        // Cooling mirrors the process, so that one swing serves both directions.
         let direction = settings.direction;
         let threshold = match settings.kind {
             MANUAL => set_point * direction - settings.deviation,
