@@ -15,7 +15,7 @@ macro_rules! aborts {
             /// Every code that the specification names.
             pub const ALL: &'static [Self] = &[$(Self::$name),*];
 
-            /// What the code means, `None` when the specification does not name it.
+            /// The meaning of the code; `None` when the specification does not define it.
             pub const fn meaning(self) -> Option<&'static str> {
                 match self.0 {
                     $($code => Some($meaning),)*

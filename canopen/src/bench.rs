@@ -15,19 +15,19 @@ pub const INTERFACE: &str = "communication-interface";
 
 /// A bench around a device: stimuli that can be set, and what can be observed, each by its name.
 pub trait Bench {
-    /// What can be set or observed.
+    /// The names that can be set or observed.
     ///
     /// # Errors
     /// When the bench fails.
     fn names(&mut self) -> Result<Vec<String>, BenchError>;
 
-    /// Sets a stimulus. It lasts until it is set again, whatever happens on the bus.
+    /// Sets a stimulus. It lasts until it is set again, regardless of the bus.
     ///
     /// # Errors
     /// When there is none of that name, it does not take the value, or the bench fails.
     fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError>;
 
-    /// What is there now: of a stimulus, what was set.
+    /// The present value; for a stimulus, the value that was set.
     ///
     /// # Errors
     /// When there is nothing of that name, or the bench fails.
@@ -54,12 +54,12 @@ pub fn is_known(name: &str) -> bool {
     NAMES.iter().any(|known| if known.ends_with('-') { numbered(known) } else { *known == name })
 }
 
-/// What a stimulus moves while time goes by: a frequency turns the shaft.
+/// The quantity that a stimulus moves as time passes: a frequency turns the shaft.
 pub fn moved_by(name: &str) -> Option<String> {
     name.strip_prefix("encoder-frequency-").map(|shaft| format!("encoder-steps-{shaft}"))
 }
 
-/// The names that suites ask for. Those that end in a dash are followed by a number.
+/// The names that suites ask for. A number follows a name that ends in a dash.
 pub const NAMES: &[&str] = &[
     POWER,
     "digital-inputs-",

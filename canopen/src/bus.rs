@@ -1,4 +1,4 @@
-//! The two traits everything stands on: a bus owns time, a device is a value.
+//! The two basic traits: a bus owns time, a device is a value.
 
 use std::collections::VecDeque;
 use std::fmt;
@@ -20,7 +20,7 @@ pub trait Bus {
     /// The next frame that is complete by `until`, or `None` when `until` has come.
     fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError>;
 
-    /// Whether time passes by itself, so that whoever uses this bus can be late.
+    /// Whether time passes by itself, so that the user of this bus can be late.
     fn is_real(&self) -> bool {
         false
     }
@@ -124,7 +124,7 @@ pub trait Device {
         Err(BenchError::unknown(name))
     }
 
-    /// What is to be seen from outside; of a stimulus, what was set.
+    /// The value seen from outside; for a stimulus, the value that was set.
     fn observe(&self, _name: &str) -> Option<Value> {
         None
     }
@@ -142,12 +142,12 @@ impl Outbox {
         self.frames.push_back(frame);
     }
 
-    /// The frame that is to be sent next, left in place.
+    /// The next frame to send, left in place.
     pub fn first(&self) -> Option<&Frame> {
         self.frames.front()
     }
 
-    /// Takes the frame that is to be sent next.
+    /// Takes the next frame to send.
     pub fn pop(&mut self) -> Option<Frame> {
         self.frames.pop_front()
     }

@@ -1,8 +1,8 @@
-//! What the profiles say of their objects, as data: `catalogue/*.yaml`.
+//! The profiles' descriptions of their objects, as data: `catalogue/*.yaml`.
 //!
 //! A description of a device states only what the device chose and takes name, type and access
-//! rights from here. Both sides are written in the same terms, [`ObjectFacts`] and [`Facts`], in
-//! which everything may be left open.
+//! rights from here. Both sides use the same types, [`ObjectFacts`] and [`Facts`], in which every
+//! part is optional.
 
 mod facts;
 mod file;
@@ -46,13 +46,14 @@ pub struct Profile {
     pub names: BTreeMap<String, i64>,
     /// Groups of objects that repeat.
     pub blocks: BTreeMap<String, Block>,
-    /// What a device of this profile may lack although no object is missing, with its meaning.
+    /// The features that a device of this profile may lack although no object is missing, with
+    /// their meaning.
     pub options: BTreeMap<String, String>,
     /// How long the application of such a device may take to see what was written, in
     /// milliseconds. Suites of the profile begin a case after it.
     pub cycle_ms: u16,
-    /// What is not 0 while such a device goes on with something that was begun, which the suites
-    /// of the profile wait for before a case.
+    /// An object that is not 0 while the device is still busy with an operation. The suites of the
+    /// profile wait for it before a case.
     pub busy: Option<Mux>,
     objects: Vec<Indexed>,
 }
@@ -133,7 +134,8 @@ pub fn profiles() -> &'static [Arc<Profile>] {
     Catalogue::built_in().profiles()
 }
 
-/// What the first of `names` that knows the index says of it, in the catalogue of this program.
+/// The object at `index`, from the first of `names` that knows it, in the catalogue of this
+/// program.
 pub fn lookup(names: &[impl AsRef<str>], index: u16) -> Option<&'static CatalogueObject> {
     Catalogue::built_in().lookup(names, index)
 }
@@ -152,7 +154,7 @@ impl Catalogue {
         })
     }
 
-    /// Reads the catalogue in this program again, for those who replaced some of its files.
+    /// Reads the catalogue in this program again, for a caller that replaced some of its files.
     ///
     /// # Errors
     /// Everything that is wrong with them.
@@ -171,8 +173,8 @@ impl Catalogue {
         file::read(sources, &[]).map(|profiles| Self { profiles })
     }
 
-    /// This catalogue with what the files have otherwise or in addition: a profile of a name that
-    /// it knows keeps what its file does not state.
+    /// This catalogue with the changes and additions of the files: a known profile keeps everything
+    /// that its file does not state.
     ///
     /// # Errors
     /// Everything that is wrong with the files.
@@ -190,7 +192,7 @@ impl Catalogue {
         &self.profiles
     }
 
-    /// What the first of `names` that knows the index says of it. Profiles other than CiA 301
+    /// The object at `index`, from the first of `names` that knows it. Profiles other than CiA 301
     /// share the indices from 6000h on, so the order matters.
     pub fn lookup(&self, names: &[impl AsRef<str>], index: u16) -> Option<&CatalogueObject> {
         let known = names.iter().filter_map(|name| self.profile(name.as_ref()));
@@ -199,12 +201,12 @@ impl Catalogue {
 }
 
 impl Profile {
-    /// What a person calls it.
+    /// The name for people.
     pub fn title(&self) -> &str {
         if self.title.is_empty() { &self.name } else { &self.title }
     }
 
-    /// What a name of this profile, or of the one it builds on, stands for.
+    /// The value of a name that this profile, or the one it builds on, defines.
     pub fn code(&self, name: &str) -> Option<i64> {
         self.chain().find_map(|profile| profile.names.get(name).copied())
     }
@@ -219,7 +221,7 @@ impl Profile {
         iter::successors(Some(self), |this| this.base.as_deref())
     }
 
-    /// What the profile says of the object at `index`.
+    /// The object at `index`, as the profile defines it.
     pub fn lookup(&self, index: u16) -> Option<&CatalogueObject> {
         let place = self.objects.partition_point(|(indices, _)| *indices.end() < index);
         let (indices, object) = self.objects.get(place)?;

@@ -1,9 +1,9 @@
-//! A trace in words, frame after frame: what a frame means that a single frame does not show.
+//! A trace in words, frame after frame, including the meaning that a single frame does not show.
 //!
-//! [`meaning`](crate::meaning) reads a frame alone. A [`Decoder`] remembers what came before: which
-//! transfer a segment belongs to and what all of its segments say together, what an LSS slave
-//! answers, and with the data sheet of a device what its process data objects carry, mapped as the
-//! device was configured in the course of the trace.
+//! [`meaning`](crate::meaning) reads a frame alone. A [`Decoder`] remembers earlier frames. It
+//! knows which transfer a segment belongs to, the value of all segments together, and the request
+//! that an LSS slave answers. With the data sheet of a device it also knows the content of process
+//! data objects, with the mapping that the trace configured.
 
 mod layer;
 mod layout;
@@ -28,7 +28,7 @@ use transfer::{Channel, Side};
 pub use layout::{Parameter, PdoLayout};
 pub use shown::Unit;
 
-/// What was seen on a bus so far. A trace may begin in the middle of anything.
+/// The state of a bus as seen so far. A trace may start in the middle of anything.
 #[derive(Debug, Default)]
 pub struct Decoder {
     /// The default SDO channels, by node id.
@@ -60,7 +60,7 @@ impl Decoder {
         Self { device: Some(Device { node, shown, process }), ..Self::default() }
     }
 
-    /// Takes the next frame of the trace: what it means, in one line.
+    /// Takes the next frame of the trace and returns its meaning, in one line.
     pub fn see(&mut self, frame: &Frame) -> String {
         if let Some(said) = self.device.as_ref().and_then(|device| device.said_of_pdo(frame)) {
             return said;

@@ -26,12 +26,12 @@ pub struct Dictionary {
     recent: [u32; RECENT],
 }
 
-/// What all devices with one data sheet share.
+/// The part that all devices with one data sheet share.
 #[derive(Debug)]
 struct Sheet {
     entries: Vec<Entry>,
     places: Addresses,
-    /// What each entry holds on a device that nobody has changed, whatever its node id is...
+    /// The value of each entry on an unchanged device, whatever its node id is...
     defaults: Vec<Bytes>,
     /// ...but for those at these places.
     of_node: Vec<usize>,
@@ -69,7 +69,7 @@ impl Dictionary {
         for place in &sheet.of_node {
             values[*place] = default(&sheet.entries[*place], node)?;
         }
-        // Any value may be another one, so nobody shall find that few have changed.
+        // Any value may have changed, so the count must exceed the list of recent changes.
         let changes = self.changes + RECENT as u64 + 1;
         Ok(Self { sheet, values, changes, recent: [0; RECENT] })
     }
@@ -123,8 +123,8 @@ impl Dictionary {
         self.sheet.entries[place].data_type.decode_int(&self.values[place])
     }
 
-    /// Stores `bytes` at `mux`, whatever the network may do there; ignored when there is no such
-    /// entry, as optional objects are.
+    /// Stores `bytes` at `mux`, regardless of the access rights of the network. Ignored when the
+    /// entry does not exist, since optional objects may be missing.
     pub fn set(&mut self, mux: Mux, bytes: &[u8]) {
         if let Some(place) = self.find(mux) {
             self.store(place, bytes);
@@ -222,7 +222,7 @@ impl Dictionary {
     }
 }
 
-/// What an entry holds on a device with this node id that nobody has changed.
+/// The value of an entry on an unchanged device with this node id.
 fn default(entry: &Entry, node: u8) -> Result<Bytes, (Mux, ValueError)> {
     entry.default_bytes(node).map(Bytes::from_vec).map_err(|error| (entry.mux, error))
 }

@@ -1,8 +1,8 @@
-//! Electronic data sheets (CiA 306): what a device says of itself, and the only door through
-//! which the harness knows a device.
+//! Electronic data sheets (CiA 306): a device's description of itself. The harness knows a device
+//! only through its data sheet.
 //!
-//! [`read`] takes what vendors really ship and reports every deviation with its place; [`write()`]
-//! gives the strict form. What has no place in an [`Eds`] survives both as
+//! [`read`] accepts what vendors really ship and reports every deviation with its place;
+//! [`write()`] gives the strict form. Text that has no place in an [`Eds`] survives both as
 //! [`unknown`](Eds::unknown).
 
 mod codes;

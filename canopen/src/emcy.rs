@@ -11,7 +11,7 @@ pub const COB_ID: u16 = 0x080;
 /// An emergency message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Emcy {
-    /// What happened.
+    /// The error.
     pub code: EmcyCode,
     /// The error register 1001h at that moment.
     pub register: u8,
@@ -20,7 +20,7 @@ pub struct Emcy {
 }
 
 impl Emcy {
-    /// What the bytes say.
+    /// Decodes the bytes.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.
@@ -32,7 +32,7 @@ impl Emcy {
         Ok(Self { code, register: bytes[2], vendor })
     }
 
-    /// The bytes that say it.
+    /// Encodes the message.
     pub fn encode(self) -> Data {
         let [low, high] = self.code.0.to_le_bytes();
         let [a, b, c, d, e] = self.vendor;
@@ -79,7 +79,7 @@ impl EmcyCode {
         detail == 0 || matches!((class, detail), (0x81, 0x10..=0x50) | (0x82, 0x10..=0x50))
     }
 
-    /// What the code means, by its class when it is not known exactly (CiA 301, table 26).
+    /// The meaning of the code, by its class when the exact code is unknown (CiA 301, table 26).
     pub const fn meaning(self) -> &'static str {
         match self.0 {
             0x8110 => "CAN overrun",

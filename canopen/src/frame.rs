@@ -76,7 +76,7 @@ impl fmt::Debug for Id {
     }
 }
 
-/// Up to eight data bytes. Dereferences to the bytes that are there.
+/// Up to eight data bytes. Dereferences to the bytes in use.
 #[derive(Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Data {
     bytes: [u8; 8],
@@ -166,8 +166,8 @@ impl Frame {
         Self { id: Id::standard(id), data, remote: true }
     }
 
-    /// The 11-bit identifier of a data frame; `None` for remote and 29-bit frames. What every
-    /// CANopen service that is not node guarding looks at.
+    /// The 11-bit identifier of a data frame; `None` for remote and 29-bit frames. Every CANopen
+    /// service but node guarding uses it.
     pub fn data_id(&self) -> Option<u16> {
         if self.remote { None } else { self.id.as_standard() }
     }

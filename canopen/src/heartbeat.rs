@@ -25,7 +25,7 @@ impl ErrorControl {
         Self { state, toggle: false }
     }
 
-    /// What the byte says.
+    /// Decodes the byte.
     ///
     /// # Errors
     /// [`Malformed`] when there is not exactly one.
@@ -34,7 +34,7 @@ impl ErrorControl {
         Ok(Self { state: NmtState(bytes[0] & 0x7F), toggle: bytes[0] & 0x80 != 0 })
     }
 
-    /// The byte that says it.
+    /// Encodes it as one byte.
     pub fn encode(self) -> Data {
         Data::from([self.state.0 & 0x7F | u8::from(self.toggle) << 7])
     }

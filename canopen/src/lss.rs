@@ -11,7 +11,7 @@ pub const RESPONSE_COB_ID: u16 = 0x7E4;
 /// The node id of a slave that has none yet.
 pub const UNCONFIGURED: u8 = 255;
 
-/// What the master sends.
+/// A message of the master.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Request {
     /// Switch state global (04h).
@@ -46,7 +46,7 @@ pub enum Request {
     Unknown([u8; 8]),
 }
 
-/// What a slave sends.
+/// A message of a slave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Response {
     /// The node id was configured, or not (11h).
@@ -141,7 +141,7 @@ pub struct Fastscan {
 }
 
 impl Fastscan {
-    /// In place of a bit: is anybody there? Every scan begins anew.
+    /// In place of a bit: asks whether any slave answers. Every scan starts with it.
     pub const CONFIRM: u8 = 0x80;
 }
 
@@ -177,7 +177,7 @@ pub const BIT_RATES: [Option<u32>; 9] = [
 ];
 
 impl Request {
-    /// What the bytes say. Reserved bytes are not looked at.
+    /// Decodes the bytes. Reserved bytes are ignored.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.
@@ -203,7 +203,7 @@ impl Request {
         })
     }
 
-    /// The bytes that say it, everything reserved zero.
+    /// Encodes the message; reserved bytes are zero.
     pub fn encode(self) -> Data {
         let short = |specifier, [a, b]: [u8; 2]| [specifier, a, b, 0, 0, 0, 0, 0];
         Data::from(match self {
@@ -232,7 +232,7 @@ impl Request {
 }
 
 impl Response {
-    /// What the bytes say. Reserved bytes are not looked at.
+    /// Decodes the bytes. Reserved bytes are ignored.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.
@@ -257,7 +257,7 @@ impl Response {
         })
     }
 
-    /// The bytes that say it, everything reserved zero.
+    /// Encodes the message; reserved bytes are zero.
     pub fn encode(self) -> Data {
         let short = |specifier, [a, b]: [u8; 2]| [specifier, a, b, 0, 0, 0, 0, 0];
         let status = |status: Status| [status.error, status.specific];

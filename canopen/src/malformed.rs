@@ -1,4 +1,4 @@
-//! Why bytes are not what a service sends.
+//! The reason why bytes are no valid message of a service.
 
 use std::fmt;
 

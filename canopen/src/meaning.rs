@@ -1,4 +1,4 @@
-//! What a frame means, in words, under the pre-defined connection set (CiA 301, 7.3.3).
+//! The meaning of a frame, in words, under the pre-defined connection set (CiA 301, 7.3.3).
 
 mod transfers;
 
@@ -14,8 +14,8 @@ use crate::sdo;
 use crate::sync::{self, Sync};
 use crate::timestamp::{self, TimeOfDay};
 
-/// What `frame` means in words. A device that moved its services to other identifiers is read
-/// as if it had not.
+/// The meaning of `frame` in words. Identifiers are read by the pre-defined connection set, even if
+/// the device moved its services.
 pub const fn meaning(frame: &Frame) -> Meaning<'_> {
     Meaning(frame)
 }

@@ -1,7 +1,7 @@
-//! Observers that watch a node all the time, whatever a test does.
+//! Observers that watch a node all the time, regardless of the test.
 //!
-//! A monitor sees every frame in order, and for each whether somebody waited for it. What breaks
-//! a rule that holds always is a [`Breach`].
+//! A monitor sees every frame in order, and whether a step waited for it. A frame that breaks a
+//! rule that always holds is a [`Breach`].
 
 use std::fmt;
 use std::time::Duration;
@@ -32,9 +32,9 @@ pub struct Seen {
 pub struct Breach {
     /// When.
     pub at: Instant,
-    /// What should be.
+    /// The rule that was broken.
     pub rule: String,
-    /// What was.
+    /// The actual behaviour.
     pub got: String,
     /// The frame, when it is one.
     pub frame: Option<Frame>,
@@ -68,7 +68,7 @@ pub trait Monitor {
 pub struct Standing {
     /// Their codes.
     pub codes: Vec<EmcyCode>,
-    /// The bits of 1001h, where the device said no code because its emergency messages were
+    /// The bits of 1001h for which the device sent no code because its emergency messages were
     /// disabled.
     pub untold: u8,
 }
@@ -122,7 +122,7 @@ struct NoSurprise {
     resets: u32,
     /// Whether a setting was stored in LSS configuration state.
     lss_stored: bool,
-    /// Whether that state was left since then: some devices start anew with the setting.
+    /// Whether that state was left since then: some devices restart with the setting.
     lss_left: bool,
     /// Requests that have no answer yet: they may be sent faster than they are answered.
     asked: u32,
@@ -159,8 +159,8 @@ impl NoSurprise {
         }
     }
 
-    /// Whether a server may send this though nobody asked: it may give an open transfer up at any
-    /// time, and one that a command interrupts is not continued.
+    /// Whether a server may send this unasked. It may abort an open transfer at any time, and a
+    /// transfer that a command interrupts is not continued.
     fn gives_up(&mut self, frame: &Frame) -> bool {
         match Response::decode(&frame.data) {
             Ok(Response::Abort(_, Abort::TIMEOUT)) => true,
@@ -222,7 +222,7 @@ impl Monitor for NoSurprise {
     }
 }
 
-/// What the frame commands this node to do.
+/// The command that the frame gives this node.
 fn commanded(frame: &Frame, node: u8) -> Option<Service> {
     frame.data_id().filter(|id| *id == nmt::COB_ID)?;
     let command = nmt::Command::decode(&frame.data).ok()?;
@@ -276,7 +276,7 @@ impl Monitor for KnownIdentifiers {
     }
 }
 
-/// Once a heartbeat period is set and the heartbeat has begun, no gap of more than two periods.
+/// Once a heartbeat period is set and the heartbeat has begun, no gap may exceed two periods.
 struct HeartbeatAlive {
     node: u8,
     slack: Duration,
@@ -337,7 +337,7 @@ impl Monitor for HeartbeatAlive {
                     self.last = None;
                 }
             }
-            // Whether it may boot is for others to say; its heartbeat begins anew.
+            // Another check decides whether it may boot; here its heartbeat restarts.
             Some(_) if !own && frame == ErrorControl::BOOT_UP.frame(self.node) => {
                 (self.period, self.last) = (None, None);
             }

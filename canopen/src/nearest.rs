@@ -1,4 +1,4 @@
-//! What somebody meant who wrote something else.
+//! The known word that is nearest to a mistyped one.
 
 /// `; did you mean `known`?` when one of `known` is near enough to `wrong`, else nothing.
 pub fn did_you_mean<'k>(wrong: &str, known: impl Iterator<Item = &'k str>) -> String {

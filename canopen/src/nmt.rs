@@ -18,7 +18,7 @@ pub struct Command {
 }
 
 impl Command {
-    /// What the bytes say.
+    /// Decodes the bytes.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly two.
@@ -27,7 +27,7 @@ impl Command {
         Ok(Self { service: Service(bytes[0]), node: bytes[1] })
     }
 
-    /// The bytes that say it.
+    /// Encodes the command.
     pub fn encode(self) -> Data {
         Data::from([self.service.0, self.node])
     }

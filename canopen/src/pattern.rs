@@ -22,7 +22,7 @@ pub struct Pattern {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Body {
-    /// A remote frame, which asks for so many bytes when that matters.
+    /// A remote frame, and the number of bytes it asks for, if that matters.
     Remote(Option<u8>),
     Data {
         bytes: Vec<Byte>,
@@ -32,22 +32,22 @@ enum Body {
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Byte {
-    /// Those bits of the mask that must have the value.
+    /// The bits of the mask must have the value.
     Bits { mask: u8, value: u8 },
-    /// What an edit keeps; as a condition, any byte.
+    /// An edit keeps the byte; as a condition, any byte matches.
     Keep,
-    /// What is bound to the name, or a captured byte.
+    /// The value bound to the name, or a captured byte.
     Name(String),
 }
 
-/// A word of a pattern: what a frame must have there.
+/// A word of a pattern: the condition for the bytes at its place.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Word {
-    /// Those bits of the mask that must have the value.
+    /// The bits of the mask must have the value.
     Bits {
         /// The bits that count.
         mask: u8,
-        /// What they must be.
+        /// The required value of these bits.
         value: u8,
     },
     /// The bytes of a name.
@@ -175,7 +175,8 @@ impl Pattern {
         }
     }
 
-    /// `frame` changed to fit: this identifier, these bytes, what is `=`, `..` or `...` kept.
+    /// `frame` changed to fit: takes this identifier and these bytes; bytes at `=`, `..` and `...`
+    /// are kept.
     pub fn edit(&self, frame: &Frame) -> Frame {
         let id = self.id();
         match &self.body {
@@ -254,7 +255,7 @@ impl fmt::Display for Byte {
 pub struct PatternError {
     /// Where, in bytes from the start of the text.
     pub at: usize,
-    /// What is wrong.
+    /// The mistake.
     pub message: &'static str,
 }
 

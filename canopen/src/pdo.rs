@@ -63,13 +63,13 @@ pub struct Mapping {
 }
 
 impl Mapping {
-    /// What a mapping object's 32 bits say.
+    /// Decodes the 32 bits of a mapping entry.
     pub const fn decode(word: u32) -> Self {
         let mux = Mux::new((word >> 16) as u16, (word >> 8) as u8);
         Self { mux, bits: word as u8 }
     }
 
-    /// The 32 bits that say it.
+    /// Encodes the mapping entry as 32 bits.
     pub const fn encode(self) -> u32 {
         (self.mux.index as u32) << 16 | (self.mux.sub as u32) << 8 | self.bits as u32
     }
@@ -89,7 +89,7 @@ pub struct Packer {
 }
 
 impl Packer {
-    /// Appends the lowest `bits` bits of `bytes`; what exceeds 64 bits in all is lost.
+    /// Appends the lowest `bits` bits of `bytes`; bits beyond 64 in all are lost.
     pub fn push(&mut self, bytes: &[u8], bits: u8) {
         if self.bits < 64 && bits > 0 {
             self.word |= (unsigned(bytes) & ones(bits)) << self.bits;

@@ -1,4 +1,4 @@
-//! Files we read, places in them, and errors that point at the place.
+//! Source files, places in them, and errors that point at the place.
 
 mod decimal;
 mod formula;
@@ -148,7 +148,7 @@ pub struct Complaint {
     pub source: Arc<Source>,
     /// The place; `None` when it is about the file as a whole.
     pub place: Option<Place>,
-    /// What is wrong, in one sentence.
+    /// The mistake, in one sentence.
     pub message: String,
 }
 
@@ -182,7 +182,7 @@ impl fmt::Display for Complaint {
 
 /// The part of a long line around a column, and the column in it.
 fn around(line: &str, column: usize) -> (String, usize) {
-    /// What is shown, and how much of it stands before the column.
+    /// The length of the excerpt, and how much of it is before the column.
     const MOST: usize = 240;
     const BEFORE: usize = 60;
     const CUT: &str = "... ";
@@ -197,11 +197,11 @@ fn around(line: &str, column: usize) -> (String, usize) {
     }
 }
 
-/// Reads YAML, and makes of whatever is wrong with it a complaint.
+/// Reads YAML, and turns any error into a complaint.
 pub fn read_yaml<T: for<'de> Deserialize<'de>>(source: &Arc<Source>) -> Result<T, Complaint> {
     serde_yaml::from_str(&source.text).map_err(|error| {
-        // In a text that is not YAML, such as one that lacks a `}`, a value may be found that does
-        // not fit before the reason is.
+        // In text that is not YAML, such as with a missing `}`, a value that does not fit may be
+        // found before the real mistake.
         let error = serde_yaml::from_str::<Outline>(&source.text).err().unwrap_or(error);
         let place = error
             .location()
@@ -227,8 +227,8 @@ pub fn read_tree<T: for<'de> Deserialize<'de>>(
     })
 }
 
-/// A message about a place within a text: so many bytes after its start. [`read_yaml`] puts the
-/// caret there.
+/// A message about a place within a text, given as the offset from its start in bytes.
+/// [`read_yaml`] puts the caret there.
 pub fn at_offset(offset: usize, message: &str) -> String {
     format!("{MARK}{offset}{MARK}{message}")
 }
@@ -250,7 +250,7 @@ fn quoted(source: &Source, place: Place, offset: usize) -> usize {
     }
 }
 
-/// What the YAML library says to programmers, said to people.
+/// Rewords a message that the YAML library addresses to programmers.
 fn in_our_words(message: &str) -> String {
     if let Some(rest) = message.strip_prefix("duplicate mapping key: ") {
         let key = rest.split([',', ';', ' ']).next().unwrap_or(rest);
@@ -305,7 +305,7 @@ fn in_our_words(message: &str) -> String {
     }
 }
 
-/// What is meant instead of a word that is not known, or else all that are.
+/// The known word nearest to an unknown one, or else all known words.
 fn unknown(message: &str, prefix: &str, noun: &str) -> Option<String> {
     let (wrong, known) = message.strip_prefix(prefix)?.split_once("`, expected one of ")?;
     let meant = did_you_mean(wrong, known.split(", "));

@@ -14,7 +14,7 @@ pub struct Sync {
 }
 
 impl Sync {
-    /// What the bytes say.
+    /// Decodes the bytes.
     ///
     /// # Errors
     /// [`Malformed`] when there is more than one.
@@ -23,7 +23,7 @@ impl Sync {
         Ok(Self { counter: bytes.first().copied() })
     }
 
-    /// The bytes that say it.
+    /// Encodes the message.
     pub fn encode(self) -> Data {
         self.counter.map_or(Data::EMPTY, |counter| Data::from([counter]))
     }

@@ -21,7 +21,7 @@ impl TimeOfDay {
     /// Milliseconds of a day.
     pub const DAY: u32 = 24 * 60 * 60 * 1000;
 
-    /// What the bytes say. The four reserved bits are not looked at.
+    /// Decodes the bytes. The four reserved bits are ignored.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly six.
@@ -32,7 +32,7 @@ impl TimeOfDay {
         Ok(Self { days, milliseconds: milliseconds & MILLISECONDS })
     }
 
-    /// The bytes that say it, the reserved bits zero.
+    /// Encodes the time; the reserved bits are zero.
     pub fn encode(self) -> Data {
         let [a, b, c, d] = (self.milliseconds & MILLISECONDS).to_le_bytes();
         let [low, high] = self.days.to_le_bytes();
@@ -44,7 +44,8 @@ impl TimeOfDay {
         Frame::new(COB_ID, self.encode())
     }
 
-    /// The time so many milliseconds later; after the last day that can be expressed, the first.
+    /// The time that many milliseconds later; the first day follows the last one that can be
+    /// expressed.
     #[must_use]
     pub const fn after(self, milliseconds: u64) -> Self {
         let total = self.milliseconds as u64 + milliseconds;

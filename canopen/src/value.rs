@@ -1,4 +1,4 @@
-//! Typed values (CiA 301, 7.1): what the bytes of an object mean.
+//! Typed values (CiA 301, 7.1): the meaning of the bytes of an object.
 
 use std::fmt;
 
@@ -115,7 +115,7 @@ impl DataType {
         }
     }
 
-    /// What `bytes` mean in this type.
+    /// Decodes `bytes` as this type.
     ///
     /// # Errors
     /// [`ValueError::Length`] when the type has a fixed length and `bytes` another.
@@ -276,9 +276,9 @@ impl fmt::Display for Value {
 pub enum ValueError {
     /// The type has a fixed length, and this is not it. Both in bytes.
     Length {
-        /// What the type has.
+        /// The length of the type.
         expected: usize,
-        /// What was there.
+        /// The actual length.
         got: usize,
     },
     /// The number does not fit the type.
@@ -311,7 +311,7 @@ impl fmt::Display for ValueError {
 
 impl std::error::Error for ValueError {}
 
-/// The number that bytes are, the lowest first; what comes after eight of them is left out.
+/// The number in little-endian bytes; bytes after the eighth are ignored.
 pub(crate) fn unsigned(bytes: &[u8]) -> u64 {
     // Most are of these lengths, which need no loop.
     match *bytes {

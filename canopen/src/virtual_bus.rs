@@ -1,4 +1,4 @@
-//! A CAN bus in virtual time, with the devices that hang on it.
+//! A CAN bus in virtual time, with the devices on it.
 //!
 //! Receiving is simulating: [`Bus::recv`] advances to the earliest of "a frame is complete on the
 //! wire", "a device's deadline" and the time asked for. Each station sends in its own order, the
@@ -15,8 +15,8 @@ use crate::wire::{INTERMISSION_BITS, frame_bits};
 /// How often a device may be polled without time passing before it counts as a defect.
 const POLLS_PER_INSTANT: u32 = 10_000;
 
-/// A simulated bus. The handle itself is one more station: what it sends reaches every device,
-/// what any station sends comes out of [`Bus::recv`].
+/// A simulated bus. The handle itself is one more station: its frames reach every device, and the
+/// frames of every station come out of [`Bus::recv`].
 pub struct VirtualBus<'a> {
     now: Instant,
     bit_rate: u64,
@@ -30,8 +30,8 @@ pub struct VirtualBus<'a> {
 struct Station<'a> {
     device: Box<dyn Device + 'a>,
     out: Outbox,
-    /// What the device last gave as its deadline. Only handling something can change it, and
-    /// asking a device costs more than everything else that happens between two frames.
+    /// The last deadline of the device. Only handling something can change it, and asking a device
+    /// costs more than everything else that happens between two frames.
     due: Option<Instant>,
 }
 
@@ -64,7 +64,7 @@ impl<'a> VirtualBus<'a> {
         self.attach_boxed(Box::new(device))
     }
 
-    /// Adds a device of whatever type and returns its place, counted from 0.
+    /// Adds a device of any type and returns its place, counted from 0.
     pub fn attach_boxed(&mut self, device: Box<dyn Device + 'a>) -> usize {
         let due = device.poll_at();
         self.stations.push(Station { device, out: Outbox::default(), due });
@@ -75,7 +75,7 @@ impl<'a> VirtualBus<'a> {
         bits * 1_000_000_000 / self.bit_rate
     }
 
-    /// Starts the frame that wins, if the wire is free and somebody wants to send.
+    /// Starts the frame that wins, if the wire is free and a station wants to send.
     fn arbitrate(&mut self) {
         if self.wire.is_some() || self.idle_from > self.now {
             return;
@@ -203,7 +203,7 @@ impl Bench for VirtualBus<'_> {
     }
 
     fn set(&mut self, name: &str, value: &Value) -> Result<(), BenchError> {
-        // What can be set can mostly be seen, and looking needs no list of names.
+        // Most stimuli can also be observed, and observing needs no list of names.
         let has = |station: &Station| {
             station.device.observe(name).is_some()
                 || station.device.bench_names().iter().any(|own| own == name)
@@ -212,7 +212,7 @@ impl Bench for VirtualBus<'_> {
         let place = place.ok_or_else(|| BenchError::unknown(name))?;
         let station = &mut self.stations[place];
         if name == POWER {
-            // A controller without supply takes what it was sending off the wire.
+            // A controller that loses its supply takes its frame off the wire.
             station.out.clear();
             self.wire.take_if(|sent| sent.sender == Some(place));
         }

@@ -23,7 +23,7 @@ pub fn frame_bits(frame: &Frame) -> u64 {
     u64::from(wire.bits + TAIL_BITS)
 }
 
-/// What has passed on the wire of one frame.
+/// The bits of one frame that have passed on the wire.
 struct Wire {
     /// The check sum. Leading zeros do not change it, so fewer bits than eight can begin it.
     crc: u16,
@@ -120,8 +120,8 @@ const fn crc_table() -> [u16; 256] {
     table
 }
 
-/// For each state what so many bits at once lead to: the next state, and how many stuff bits there
-/// are.
+/// For each state, the effect of that many bits at once: the next state, and the number of stuff
+/// bits.
 const fn stuff_table<const N: usize>(bits: u32) -> [[(u8, u8); N]; 9] {
     let mut table = [[(0, 0); N]; 9];
     let mut state = 0;

@@ -42,14 +42,26 @@ impl Interface {
         match self {
             Self::SocketCan(name) => SocketCan::bit_rate(name, usual),
             Self::Program { on: Some(name), .. } => SocketCan::bit_rate(name, usual),
-            // Pipes have no bits that could be too fast for anybody.
+            // Pipes have no bit rate that could be too fast for a suite.
             Self::Program { on: None, .. } => Some(usual),
         }
     }
 
     /// Whether the device ends with the harness, since it is a program that the harness starts.
     pub const fn is_program(&self) -> bool {
-        matches!(self, Self::Program { .. })
+        match self {
+            Self::Program { .. } => true,
+            Self::SocketCan(_) => false,
+        }
+    }
+
+    /// The network interface of Linux that it is on, which other programs such as `candump` know,
+    /// too.
+    pub fn network(&self) -> Option<&str> {
+        match self {
+            Self::SocketCan(name) | Self::Program { on: Some(name), .. } => Some(name),
+            Self::Program { on: None, .. } => None,
+        }
     }
 
     /// Opens the interface. `stop` ends every wait on it.

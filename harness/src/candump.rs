@@ -9,7 +9,7 @@ pub struct Line {
     pub at: Option<Instant>,
     /// The frame.
     pub frame: Frame,
-    /// Whether the line says that whoever wrote it sent the frame.
+    /// Whether the writer of the line sent the frame.
     pub sent: bool,
 }
 

@@ -1,7 +1,7 @@
-//! The data of this program from a folder: `HARNESS_DATA` names a checkout whose suites, catalogue
-//! and devices are read instead of those in the program, so that a changed case, requirement or
-//! mutant has an answer without a build. A file that the program does not have is a suite, or
-//! needs a build.
+//! The data of this program from a folder. `HARNESS_DATA` names a checkout whose suites, catalogue
+//! and devices are read instead of those in the program. So a changed case, requirement or mutant
+//! can be tried without a build. A file that the program does not have must be a suite; any other
+//! new file needs a build.
 
 use std::collections::BTreeMap;
 use std::env;

@@ -1,5 +1,5 @@
-//! The device file: which device is tested, how, and what must not be done to it. What the command
-//! line says beats it, save what protects the device.
+//! The device file: which device is tested, how, and what must not be done to it. The command line
+//! takes precedence, except over the protection of the device.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub struct DeviceFile {
     pub source: Arc<Source>,
     /// The folder that paths in it are relative to.
     folder: PathBuf,
-    /// What it says.
+    /// The content.
     pub said: DutFile,
 }
 
@@ -288,7 +288,7 @@ impl DeviceFile {
         Hooks { reset: hook(&self.said.reset), power: hook(&self.said.power) }
     }
 
-    /// What protects a device with this data sheet.
+    /// The protection of a device with this data sheet.
     pub fn protection(&self, eds: &Eds, generic_io: bool) -> Protection {
         let (protect, mut protection) = (&self.said.protect, Protection::default());
         let name = &self.source.name;

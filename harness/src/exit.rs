@@ -1,5 +1,6 @@
-//! Exit codes. They are part of the interface; the highest that applies wins. Of the verdicts, FAIL
-//! goes before ERROR: a run with both exits as 1, unless the device or the bus was lost.
+//! Exit codes. They are part of the interface; the highest that applies wins. Among the verdicts,
+//! FAIL takes precedence over ERROR: a run with both exits with 1, unless the device or the bus was
+//! lost.
 
 /// The exit status of the process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -34,7 +35,7 @@ pub enum Exit {
 pub struct Refused {
     /// The exit status of the process.
     pub exit: Exit,
-    /// What is printed for the user; may have several lines.
+    /// The message for the user; may have several lines.
     pub message: String,
 }
 

@@ -1,4 +1,4 @@
-//! Files on disk: how large they may be, and what is said of them.
+//! Files on disk: their maximum size, and the words for their errors.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use crate::source::{Complaint, Source};
 
-/// What an operating system says of an error, without the number.
+/// The operating system's message for an error, without the number.
 pub(crate) fn words(error: &io::Error) -> String {
     let words = error.to_string();
     words.split(" (os error").next().unwrap_or_default().to_owned()
@@ -25,7 +25,7 @@ pub(crate) const LARGEST_JOURNAL: u64 = 1 << 30;
 /// Whatever keeps it from being read, and that it is larger.
 pub(crate) fn read(path: &Path, most: u64) -> io::Result<Vec<u8>> {
     let file = File::open(path)?;
-    // A pipe has no size, and a file may grow meanwhile.
+    // A pipe has no size, and a file may grow while it is read.
     let size = file.metadata().map_or(0, |known| known.len().min(most));
     let mut bytes = Vec::with_capacity(size as usize + 1);
     file.take(most + 1).read_to_end(&mut bytes)?;

@@ -1,4 +1,4 @@
-//! Which suite and register files are read: those of folders, or the copy in this program.
+//! The suite and register files to read: those of folders, or the copy in this program.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Programs of the user's that bring a device back.
+//! The user's programs for bringing a device back.
 
 use std::os::unix::process::CommandExt;
 use std::path::PathBuf;
@@ -16,7 +16,7 @@ use crate::files::words;
 
 /// How long a program may take.
 const LIMIT: Duration = Duration::from_secs(60);
-/// How often the bus is looked at meanwhile, which notices an interruption.
+/// The interval at which the bus is polled in the meantime, which notices an interruption.
 const TURN: Duration = Duration::from_millis(100);
 
 /// A program with its arguments, which blanks separate, and where it runs.
@@ -56,7 +56,8 @@ fn start(hook: &Program, argument: Option<&str>) -> std::io::Result<Child> {
         .current_dir(folder)
         .stdin(Stdio::null())
         .stdout(Stdio::null())
-        // What it starts ends with it, and Ctrl-C is the harness's to handle.
+        // Its own process group: children of the hook end with it, and Ctrl-C reaches only the
+        // harness.
         .process_group(0)
         .spawn()
 }

@@ -1,8 +1,8 @@
 //! The harness: suites against a CANopen device under test, from the command line.
 //!
 //! `target` finds the device and opens its bus, [`runner`] plans and runs, and `reporter` takes its
-//! events to terminal, journal and reports. This is the only crate with I/O; what decides a verdict
-//! does not belong here.
+//! events to terminal, journal and reports. This is the only crate with I/O. Code that decides a
+//! verdict does not belong here.
 
 /// Prints a line to standard error. When it cannot be written, as on a full disk, nothing stops.
 macro_rules! complain {

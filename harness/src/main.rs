@@ -9,7 +9,7 @@ use harness::commands;
 use harness::exit::Exit;
 
 fn main() -> ExitCode {
-    // A panic is a bug of ours; what it says is on the terminal already.
+    // A panic is a bug of ours; its message is on the terminal already.
     let exit = std::panic::catch_unwind(|| match Cli::try_parse() {
         Ok(cli) => commands::run(cli),
         Err(error) => {
@@ -23,7 +23,7 @@ fn main() -> ExitCode {
         }
     });
     let exit = exit.unwrap_or_else(|_| {
-        // Nobody can be told when that fails.
+        // A failed write to standard error cannot be reported.
         _ = writeln!(
             std::io::stderr(),
             "this is a bug of the harness: please report it with the command you ran"

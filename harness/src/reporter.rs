@@ -74,7 +74,7 @@ impl Reporter {
         })
     }
 
-    /// So many cases are to come.
+    /// The number of cases to come.
     pub(crate) fn expect(&self, cases: usize) {
         self.bar.set_length(cases as u64);
     }
@@ -92,7 +92,7 @@ impl Reporter {
         }
     }
 
-    /// Writes what is written at the end, and says what is to be said.
+    /// Writes the reports that are due at the end, and prints the closing messages.
     pub(crate) fn finish(&mut self) -> Exit {
         self.bar.finish_and_clear();
         print(&self.printer.summary(&self.run));
@@ -211,7 +211,7 @@ fn print(text: &str) {
     }
 }
 
-/// Whether something could not be said, which whoever prints it does not ask.
+/// Whether a write to standard output failed. The code that prints does not check.
 static UNSAID: AtomicBool = AtomicBool::new(false);
 
 /// Whether something could not be printed to standard output.

@@ -1,8 +1,8 @@
 //! A bench in another process: lines of JSON, a request and its answer.
 //!
 //! `{"names":true}` gets `{"names":["power"]}`, `{"set":{"power":"off"}}` gets `{"ok":true}`,
-//! `{"get":"lamp"}` gets `{"value":5}`; beside `names`, `"needs":{"lamp":{"3000:15":17}}` says how
-//! the device must be set up; what cannot be done gets `{"error":"..."}`.
+//! `{"get":"lamp"}` gets `{"value":5}`. Beside `names`, `"needs":{"lamp":{"3000:15":17}}` says how
+//! the device must be set up. A request that fails gets `{"error":"..."}`.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
@@ -29,7 +29,7 @@ const PATIENCE: Duration = Duration::from_secs(5);
 /// How often a socket is tried in that time.
 const ATTEMPTS: u32 = 500;
 
-/// What became of a rig that closed its end.
+/// The status of a rig that closed its end.
 const GONE: &str = "has ended";
 
 /// A bench at a socket, or a program of the user's.
@@ -38,13 +38,13 @@ pub struct Rig {
     requests: Box<dyn Write + Send>,
     answers: Receiver<std::io::Result<String>>,
     end: End,
-    /// How the device must be set up, said with the names.
+    /// How the device must be set up, as stated with the names.
     needs: Needs,
     /// Why it cannot be asked again.
     dead: Option<BenchError>,
 }
 
-/// What is left to do when a rig is not wanted any more.
+/// How to end a rig that is no longer needed.
 enum End {
     Socket(UnixStream),
     Program(Child),
@@ -69,7 +69,8 @@ impl Rig {
             .args(words)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            // What it starts ends with it, and Ctrl-C is the harness's to handle.
+            // Its own process group: children of the rig end with it, and Ctrl-C reaches only the
+            // harness.
             .process_group(0)
             .spawn()
             .map_err(failed)?;
@@ -184,7 +185,7 @@ impl Drop for Rig {
 
 impl Bench for Rig {
     fn names(&mut self) -> Result<Vec<String>, BenchError> {
-        /// What the first request gets.
+        /// The answer to the first request.
         #[derive(Deserialize)]
         struct Offer {
             names: Vec<String>,
@@ -200,7 +201,7 @@ impl Bench for Rig {
         Ok(offer.names)
     }
 
-    /// What came with the names, which are asked for first.
+    /// The needs, which come with the names; names are requested first.
     fn needs(&mut self) -> Result<Needs, BenchError> {
         Ok(self.needs.clone())
     }
@@ -247,10 +248,10 @@ pub fn lines(mut bytes: &[u8]) -> impl Iterator<Item = std::io::Result<String>> 
     std::iter::from_fn(move || answer_line(&mut bytes))
 }
 
-/// What a line of a bench says as an answer.
+/// Parses a line of a bench as an answer.
 ///
 /// # Errors
-/// Why it is none.
+/// Why it is not an answer.
 pub fn understood(line: &str) -> Result<Json, String> {
     let answer = serde_json::from_str::<Json>(line).ok().filter(Json::is_object);
     answer.ok_or_else(|| format!("answers `{line}`, which is not a JSON object"))
@@ -446,7 +447,7 @@ mod tests {
         let mut rig = Rig::open(&format!("unix:{}", path.display())).unwrap();
         assert_eq!(rig.names(), Ok(vec!["knob".to_owned()]));
         assert_eq!(rig.get("knob"), Ok(Value::Int(1)));
-        // The program that had it has ended, and another one begins.
+        // The program that used it has ended, and another one starts.
         assert_eq!(rig.get("knob"), Ok(Value::Int(2)));
         assert_eq!(rig.set("knob", &Value::Int(3)), Ok(()));
         server.join().unwrap();

@@ -1,4 +1,4 @@
-//! Signals as the wish of the user that the program ends.
+//! Signals, as the user's request to end the program.
 
 use std::process;
 use std::thread;
@@ -44,7 +44,7 @@ fn now() -> Instant {
     Instant::now()
 }
 
-/// Whether whoever started the program wants it to outlive the terminal.
+/// Whether the program was started to outlive the terminal.
 fn ignores_hang_up() -> bool {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

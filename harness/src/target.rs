@@ -1,4 +1,4 @@
-//! Targets: what the user names, and the device and bus that are meant.
+//! Targets: from the user's name for one to the device and its bus.
 
 mod address;
 mod can;

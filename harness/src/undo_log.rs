@@ -1,6 +1,6 @@
-//! The undo log: what a run on a real bus has changed in a device, on disk, for the case that the
-//! run is killed. It is written before the first change of an object and removed when every object
-//! is back; `harness restore` reads it.
+//! The undo log: the changes of a run on a real bus in a device, kept on disk in case the run is
+//! killed. It is written before the first change of an object and removed when every object is
+//! back; `harness restore` reads it.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::files::{read_text, words, write_synced};
 
-/// What the log says of the device.
+/// The device that the log is about.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Changes {
@@ -23,7 +23,7 @@ pub(crate) struct Changes {
     pub target: String,
     /// The node id.
     pub node: u8,
-    /// What reports call the device.
+    /// The name of the device in reports.
     pub device: String,
     /// The bit rate of the bus in bit/s, when it is known.
     pub bit_rate: Option<u32>,
@@ -35,7 +35,7 @@ pub(crate) struct Changes {
     pub device_file: Option<PathBuf>,
     /// The data sheet of the user's.
     pub eds: Option<PathBuf>,
-    /// What it said of itself.
+    /// The identity that the device reported.
     pub identity: Identity,
     /// The process that made the changes.
     pub process: u32,
@@ -91,6 +91,8 @@ impl UndoLog {
     fn free_name(&self) -> io::Result<String> {
         fs::create_dir_all(&self.folder)?;
         let Changes { target, node, process, .. } = &self.changes;
+        // The target may be a path.
+        let target = target.replace(|c: char| !c.is_alphanumeric(), "-");
         let first = format!("{target}-node{node}-{process}");
         let names = (2..).map(|count| format!("{first}-{count}"));
         let mut names = std::iter::once(first.clone()).chain(names);
@@ -147,7 +149,7 @@ pub(crate) fn folder() -> PathBuf {
     state.unwrap_or_else(std::env::temp_dir).join("harness/undo")
 }
 
-/// The logs that are there, by name.
+/// The existing logs, by name.
 pub(crate) fn all(folder: &Path) -> Vec<(String, Changes)> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let name = |path: &Path| Some(path.file_name()?.to_str()?.strip_suffix(".json")?.to_owned());

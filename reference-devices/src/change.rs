@@ -41,7 +41,7 @@ use ignoring::Ignoring;
 /// Changes of one device, in the order in which they are made.
 #[derive(Clone, Debug, Default)]
 pub struct Deviation {
-    /// What a target says to have it, such as `mutant=no-boot-up`.
+    /// The query of a target that selects it, such as `mutant=no-boot-up`.
     pub query: String,
     parts: Vec<Part>,
 }
@@ -51,7 +51,7 @@ pub struct Deviation {
 struct Part {
     change: Change,
     origin: Origin,
-    /// What notes where it would make a difference; `None` when it makes it.
+    /// Notes where the deviation would make a difference; `None` when it is active.
     muted: Option<Dissent>,
 }
 
@@ -96,8 +96,9 @@ impl Deviation {
         self.parts.extend(other.parts);
     }
 
-    /// What it changes of decisions and frames, muted: the device is as without it, and notes
-    /// where it would make a difference. The second is whether that is all of it.
+    /// Keeps the decisions and frames of the deviation, muted: the device behaves as without it,
+    /// and notes where it would make a difference. The second value is whether the deviation has no
+    /// other parts.
     pub fn muted(mut self, dissent: &Dissent) -> (Self, bool) {
         let all = self.parts.len();
         self.parts.retain(|part| {
@@ -131,9 +132,9 @@ impl Deviation {
         self.parts.iter().any(|part| matches!(part.change, Change::Eds(_)))
     }
 
-    /// The frames on the wire of a node that it changes, `true` for those that the node receives,
-    /// and how many of them it leaves alone first. They count from power-on: what identifies the
-    /// device before the first case counts as well.
+    /// The frames on the wire of a node that the deviation changes, `true` for those that the node
+    /// receives, and how many of them it skips first. Counting starts at power-on, so the frames
+    /// that identify the device before the first case count as well.
     pub fn frames(&self, node: u8) -> impl Iterator<Item = (Pattern, bool, u32)> {
         self.parts.iter().filter_map(move |part| match &part.change {
             Change::Frame(change) => {
@@ -193,8 +194,8 @@ impl Deviation {
         Ok(text)
     }
 
-    /// What is wrong with it on this device: it cannot be built, or a change of its data sheet
-    /// names something that is not there.
+    /// The mistakes of the deviation on this device: it cannot be built, or it changes a part of
+    /// the data sheet that does not exist.
     pub fn complaints(&self, device: &ReferenceDevice) -> impl Iterator<Item = Complaint> {
         let sheet = || self.data_sheet(device).err();
         let in_sheet = self.falsifies_data_sheet().then(sheet).flatten();
@@ -314,7 +315,7 @@ impl Deviation {
     }
 }
 
-/// What is wrong with a decision by its closures, which stand under that key.
+/// Checks a decision by its closures, which stand under that key.
 fn named(name: &str, known: &[Set], key: &str, of: &str) -> Result<(), Misfit> {
     let names = known.iter().flat_map(|set| (set.names)()).collect::<Vec<_>>();
     if names.contains(&name) {

@@ -1,11 +1,11 @@
-//! How decisions are written down, and how a device that takes one otherwise is found: those of
-//! the stack and those of applications.
+//! Notation for decisions, of the stack and of applications, and for devices that take one
+//! otherwise.
 //!
-//! [`decisions!`] makes a method of each decision, with what a document says as its body.
-//! [`Layers`] has these methods. Layers on top decide otherwise: each takes one decision, and the
-//! topmost one of a decision takes it. Rules without a layer go straight to the body. What a layer
-//! decides is a value that data give (`{ decision: boot-up-messages, is: 2 }`), or it is left to a
-//! closure with a name ([`deviations!`]), which gets the rules beneath and the arguments.
+//! [`decisions!`] makes a method of each decision; its body is what a document says. [`Layers`] has
+//! these methods. Layers on top decide otherwise: each takes one decision, and the topmost layer of
+//! a decision wins. Without a layer, the rules go straight to the body. A layer's result is a value
+//! from data (`{ decision: boot-up-messages, is: 2 }`), or comes from a closure with a name
+//! ([`deviations!`]), which gets the rules beneath and the arguments.
 
 mod dissent;
 mod value;
@@ -25,7 +25,7 @@ pub struct Layers<D> {
 #[derive(Debug)]
 pub(crate) struct Layer<D> {
     taken: D,
-    /// What notes where it would make a difference; `None` when it makes it.
+    /// Notes where the layer would make a difference; `None` when it is active.
     muted: Option<Dissent>,
     beneath: Layers<D>,
 }
@@ -80,7 +80,7 @@ impl<D> Layers<D> {
 }
 
 impl<D> Layer<D> {
-    /// What comes of a decision of that name: that of this layer, or if it is muted that of the
+    /// The result of the decision of that name: that of this layer or, if it is muted, that of the
     /// rules beneath.
     pub(crate) fn settle<R: PartialEq>(
         &self,
@@ -97,7 +97,7 @@ impl<D> Layer<D> {
     }
 }
 
-/// What a layer of a set of rules can be.
+/// The kinds of layer of a set of rules.
 pub(crate) trait Deciding: Sized + 'static {
     /// The names of the closures.
     fn names() -> Vec<&'static str>;
@@ -109,8 +109,8 @@ pub(crate) trait Deciding: Sized + 'static {
     /// The decisions that data can set, by the names of their methods.
     fn decisions() -> Vec<&'static str>;
 
-    /// The decision of that name in data, with the value that stands there; `None` when there is
-    /// no such decision that data can set.
+    /// The decision of that name in data, with the given value; `None` when data cannot set a
+    /// decision of that name.
     fn set(decision: &str, value: &str) -> Option<Result<Self, Misvalued>>;
 
     /// All decisions, by the names of their methods.
@@ -122,7 +122,7 @@ pub(crate) trait Deciding: Sized + 'static {
     fn method(&self) -> &'static str;
 }
 
-/// What can stand there instead of a value that cannot.
+/// The values that are possible instead of an impossible one.
 #[derive(Debug)]
 pub(crate) struct Misvalued {
     /// Such as "`true` or `false`".
@@ -132,8 +132,8 @@ pub(crate) struct Misvalued {
 /// A closure of a set of rules, by its name.
 pub(crate) type Named<D> = (&'static str, fn() -> D);
 
-/// A decision of a set of rules: the name of its method, what can be its value in data, `None` for
-/// nothing, and how it is read.
+/// A decision of a set of rules: the name of its method, the values that data can give, `None` for
+/// none, and how they are read.
 pub(crate) struct Method<D> {
     pub(crate) method: &'static str,
     pub(crate) expected: fn() -> Option<String>,
@@ -168,12 +168,12 @@ impl<D> Part<D> for D {
     }
 }
 
-/// A decision that is taken otherwise, as data say it.
+/// A decision with another result, as data give it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Otherwise<'n> {
     /// Which one, and how.
     pub(crate) how: How<'n>,
-    /// What notes where it would make a difference. The device decides as without it.
+    /// Notes where the layer would make a difference. The device decides as without it.
     pub(crate) muted: Option<&'n Dissent>,
 }
 
@@ -222,7 +222,7 @@ impl<D> Layers<D> {
     }
 }
 
-/// What can be taken otherwise in a set of rules, whichever it is.
+/// The decisions that can be overridden in a set of rules of any kind.
 #[derive(Clone, Copy)]
 pub(crate) struct Set {
     /// The names of its closures.
@@ -230,8 +230,8 @@ pub(crate) struct Set {
     /// The decisions that data can set, by the names of their methods.
     pub(crate) decisions: fn() -> Vec<&'static str>,
     check: fn(&str, &str) -> Option<Result<(), Misvalued>>,
-    /// What no device takes otherwise: closures that are none of the names, decisions that are
-    /// none of those that data set and have no closure.
+    /// The unused ones: closures whose name is not given, and decisions that neither data sets nor
+    /// a closure takes.
     #[cfg(test)]
     pub(crate) unused: fn(&[&str], &[&str]) -> Vec<&'static str>,
 }
@@ -248,7 +248,7 @@ impl Set {
         }
     }
 
-    /// What is wrong with a value of a decision; `None` when the decision is none of these.
+    /// Checks a value of a decision; `None` when the decision is not in this set.
     pub(crate) fn check(&self, decision: &str, value: &str) -> Option<Result<(), Misvalued>> {
         (self.check)(decision, value)
     }
@@ -265,8 +265,8 @@ fn unused<D: Deciding>(names: &[&str], set: &[&str]) -> Vec<&'static str> {
 }
 
 /// The decisions of one part of a set of rules, or of all of it. Each is a method of the set, whose
-/// body is the decision of the lowest layer, and a variant of an enumeration: what a layer takes
-/// otherwise.
+/// body is the decision of the lowest layer, and a variant of an enumeration, which a layer uses to
+/// override it.
 macro_rules! decisions {
     (
         $(#[$about:meta])*
@@ -374,7 +374,10 @@ macro_rules! decisions {
 /// The closures that take decisions of one part otherwise, each with its name, the decision, and
 /// what gets the rules beneath and the arguments. A name may have several decisions.
 macro_rules! deviations {
-    ($visibility:vis $deviations:ident of $part:ident; $($name:literal => $decision:ident: $by:expr;)*) => {
+    (
+        $visibility:vis $deviations:ident of $part:ident;
+        $($name:literal => $decision:ident: $by:expr;)*
+    ) => {
         $visibility const $deviations: &[crate::decisions::Named<$part>] = &[$(
             ($name, || $part::$decision(crate::decisions::Taken::By(std::sync::Arc::new($by))))
         ),*];

@@ -1,5 +1,5 @@
-//! A device from its data: `device.yaml` says what the device chose, the catalogue what its
-//! profiles already say, and both together are the electronic data sheet.
+//! A device from its data: `device.yaml` holds the choices of the device, the catalogue holds what
+//! its profiles define, and both together are the electronic data sheet.
 
 mod check;
 mod file;
@@ -48,19 +48,19 @@ pub struct Description {
     pub names: BTreeMap<String, i64>,
     /// Groups of objects that its profiles repeat.
     pub blocks: BTreeMap<String, Block>,
-    /// Node id when nothing else is said.
+    /// The node id, unless another is given.
     pub default_node: u8,
     /// The data sheet.
     pub eds: Eds,
-    /// What the stack has to know beyond it.
+    /// The settings of the stack that the data sheet does not contain.
     pub settings: NodeSettings,
-    /// What the data sheet has no place for, by value.
+    /// Notes that have no place in the data sheet, by value.
     pub notes: Arc<BTreeMap<Mux, Note>>,
     /// The same for arrays and records as a whole.
     pub heads: Arc<BTreeMap<u16, Note>>,
 }
 
-/// What a data sheet has no place for.
+/// Facts that have no place in a data sheet.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Note {
     /// PDOs the value may be mapped into.
@@ -75,16 +75,16 @@ pub struct Note {
     pub clause: Option<String>,
 }
 
-/// What a description may refer to.
+/// The data that a description may refer to.
 #[derive(Clone, Copy, Debug)]
 pub struct Known<'k> {
     /// The profiles.
     pub catalogue: &'k Catalogue,
-    /// The modules that say what a device does.
+    /// The modules with the applications of devices.
     pub behaviours: &'k [&'k str],
 }
 
-/// What a family of devices is, by its `device.yaml`.
+/// The `device.yaml` of a family of devices.
 #[derive(Debug)]
 pub struct Family {
     /// Name.
@@ -96,7 +96,7 @@ pub struct Family {
 /// The files that describe a variant.
 #[derive(Clone, Copy, Debug)]
 pub struct VariantFiles<'f> {
-    /// What it has otherwise than its device.
+    /// The differences of the variant from its device.
     pub variant: &'f Arc<Source>,
     /// The parts that it may name, by their names.
     pub parts: &'f [(String, Arc<Source>)],
@@ -228,7 +228,7 @@ impl Description {
         }
     }
 
-    /// What is wrong with the data sheet although each part of it seemed right.
+    /// A mistake of the data sheet as a whole, although each part of it seemed right.
     fn unreadable(&self, source: &Arc<Source>) -> Option<Complaint> {
         let reading = eds::read(eds::write(&self.eds, &self.generated_by()).as_bytes());
         let error = |found: &&eds::Diagnostic| found.severity == eds::Severity::Error;
@@ -243,7 +243,7 @@ impl Description {
         markdown::write(self)
     }
 
-    /// What generated files say of their origin.
+    /// The note of origin in generated files.
     pub fn generated_by(&self) -> String {
         generated_by(&self.device)
     }
@@ -260,7 +260,7 @@ impl Description {
     }
 }
 
-/// What the profiles of a device have by name; the first one that has a name decides.
+/// The named items of a device's profiles; the first profile that has a name decides.
 fn of_profiles<'k, T: Clone + 'k>(
     profiles: &[At<String>],
     known: Known<'k>,
@@ -274,7 +274,7 @@ fn of_profiles<'k, T: Clone + 'k>(
     found
 }
 
-/// What a `device.yaml` says, with the objects that its `node` names.
+/// The content of a `device.yaml`, with the objects that its `node` names.
 fn draft(
     device: &Arc<Source>,
     known: Known<'_>,

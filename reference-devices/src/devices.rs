@@ -40,8 +40,8 @@ pub struct ReferenceDevice {
     prototype: Prototype,
 }
 
-/// The dictionary of a new device, made when it is first asked for. Each copy makes its own, so
-/// that whoever copies a device to change it gets what the change makes of it.
+/// The dictionary of a new device, made on first use. Each copy makes its own, so that a copied and
+/// changed device gets a dictionary with the change.
 #[derive(Debug, Default)]
 struct Prototype(OnceLock<Dictionary>);
 
@@ -130,7 +130,7 @@ impl DeviceFiles {
         {
             Ok(description) => devices.push((description, Arc::clone(source))),
             Err(mut wrong) => {
-                // What is wrong with the device is wrong with each variant.
+                // A mistake of the device is a mistake of each variant.
                 wrong.retain(|wrong| complaints.iter().all(|told| !wrong.is_about_place_of(told)));
                 complaints.append(&mut wrong);
             }
@@ -236,12 +236,12 @@ impl ReferenceDevice {
         entry.default.as_ref()?.resolve(1).as_int()?.try_into().ok()
     }
 
-    /// What the stack has to know beyond the data sheet.
+    /// The settings of the stack beyond the data sheet.
     pub(crate) fn settings(&self) -> NodeSettings {
         self.description.settings.clone()
     }
 
-    /// What the device does beside communicating.
+    /// The application of the device.
     pub(crate) fn behaviour(&self) -> Box<dyn Behaviour> {
         self.deviating_behaviour(&[])
     }
@@ -251,7 +251,7 @@ impl ReferenceDevice {
         (self.application().build)(&self.description, otherwise)
     }
 
-    /// What [`deviating_behaviour`](Self::deviating_behaviour) knows.
+    /// The decisions that [`deviating_behaviour`](Self::deviating_behaviour) knows.
     pub(crate) fn decisions(&self) -> &'static [Set] {
         self.application().decisions
     }
@@ -300,7 +300,7 @@ impl ReferenceDevice {
     }
 }
 
-/// The device with every service, on which whatever is not of one device is proved.
+/// The device with every service. Statements about devices in general are proved on it.
 pub const WITH_EVERYTHING: &str = "generic";
 
 /// A device in this program: the folder of its data, and its files.
@@ -341,7 +341,7 @@ static BUILT_IN: LazyLock<Families> = LazyLock::new(|| {
     })
 });
 
-/// Reads the devices in this program again, for those who replaced some of their files.
+/// Reads the devices in this program again, for a caller that replaced some of their files.
 ///
 /// # Errors
 /// Everything that is wrong with them.

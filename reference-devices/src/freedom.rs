@@ -1,5 +1,5 @@
 //! Freedoms: reference devices with one named deviation each that a document allows. A case that
-//! one of them fails is unjust.
+//! fails on one of them is unjust.
 
 mod data;
 
@@ -61,8 +61,8 @@ pub fn read(source: &Arc<Source>) -> Result<Vec<Freedom>, Vec<Complaint>> {
     Ok(freedoms)
 }
 
-/// The freedoms of a device or variant. Those that any device can use are of the device with
-/// every service, on which suites for any device are proved.
+/// The freedoms of a device or variant. A freedom for any device belongs to the device with every
+/// service, on which suites for any device are proved.
 ///
 /// # Errors
 /// Everything that is wrong with a file of freedoms: mistakes in the text, a name that is taken, a

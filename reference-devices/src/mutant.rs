@@ -1,4 +1,4 @@
-//! Mutants: reference devices with one named deviation each. A case that no mutant fails proves
+//! Mutants: reference devices with one named deviation each. A case that fails on no mutant proves
 //! nothing.
 
 mod data;

@@ -1,4 +1,4 @@
-//! What devices of one profile do alike, whichever device they are.
+//! The common behaviour of all devices of one profile.
 //!
 //! An application here takes its channels from the dictionary and its decisions from a trait of
 //! rules, so that a device can have it whole or in part and a mutant can take one decision

@@ -1,9 +1,9 @@
-//! Every decision that the specification takes, a file per service.
+//! Every decision of the specification, a file per service.
 //!
 //! The stack asks and holds no deviation of its own. The bodies of the decisions are a summary of
 //! CiA 301 and CiA 305; clauses are those of CiA 301, version 4.2, unless a file names another
-//! document. Below the decisions of a service stand the closures that take one of them otherwise.
-//! What is always the same needs none: data set it.
+//! document. Below the decisions of a service stand the closures that take one of them otherwise. A
+//! result that is always the same needs no closure: data set it.
 
 mod access;
 mod emcy;

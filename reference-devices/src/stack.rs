@@ -1,9 +1,9 @@
 //! One small CANopen stack, a struct and a file per service (CiA 301, CiA 305).
 //!
-//! A service takes frames, deadlines and NMT states and gives frames and its next deadline; none
-//! waits or reads a clock. What the specification decides it asks the [rules](crate::rules), so no
-//! deviation is to be found here. What services share is in `base`, `fault` and `settings`;
-//! `services` drives those that work on the dictionary, and `node` is the whole device.
+//! A service takes frames, deadlines and NMT states and returns frames and its next deadline; none
+//! waits or reads a clock. Each decision of the specification is left to the [rules](crate::rules),
+//! so the stack contains no deviation. Code that services share is in `base`, `fault` and
+//! `settings`; `services` drives those that work on the dictionary, and `node` is the whole device.
 
 mod base;
 mod behaviour;

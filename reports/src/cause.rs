@@ -1,8 +1,9 @@
-//! Causes: what the cases that did not pass have in common.
+//! Causes: the common part of the cases that did not pass.
 //!
 //! One fault of a device shows in many instances. Two of them have one cause when they check the
-//! same requirements, are about the same object, and differ in the same way from what was expected.
-//! Nothing else attributes: terminal, JUnit, journal and waivers all say what stands here.
+//! same requirements, are about the same object, and differ in the same way from the expected
+//! result. No other code attributes: terminal, JUnit, journal and waivers all use the causes found
+//! here.
 
 use std::fmt;
 
@@ -17,15 +18,15 @@ use crate::verdict::{Outcome, Phase, Problem};
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Cause {
-    /// The ids of the requirements that are checked, blanks between them. Empty when it is about
-    /// none: a monitor watches whatever is checked, and an ERROR says nothing about a requirement.
+    /// The ids of the requirements that are checked, separated by blanks. Empty for a monitor,
+    /// which watches in every case, and for an ERROR, which says nothing about a requirement.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub requirement: String,
     /// The object, such as `1017:00`; of one that each PDO has, `18xx:01`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub object: Option<String>,
-    /// What was expected and what came, with `*` for what differs from instance to instance:
-    /// values, times and the data of frames. Of a monitor, its rule.
+    /// The expected and the actual result, with `*` for the parts that differ from instance to
+    /// instance: values, times and the data of frames. For a monitor, its rule.
     pub difference: String,
 }
 

@@ -1,4 +1,4 @@
-//! What a runner reports while it runs: the contract between it and every report.
+//! The events that a runner emits while it runs: the contract between it and every report.
 //!
 //! The order is: run started; then per device, device started and its cases, one after the
 //! other; run ended. A run that was cut off simply stops. Nothing in an event comes from a wall
@@ -36,7 +36,7 @@ pub enum Event {
     Step(Begun),
     /// Something was set on the physical side of the device.
     Stimulus(Stimulus),
-    /// A figure that the case took, whatever came of it.
+    /// A figure that the case measured, whatever its verdict.
     Measured(Measured),
     /// The case is over.
     CaseEnded(CaseEnded),
@@ -44,7 +44,7 @@ pub enum Event {
     RunEnded(RunEnded),
 }
 
-/// What is true of the whole run.
+/// Facts about the whole run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunStarted {
@@ -67,13 +67,13 @@ pub struct RunStarted {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DeviceStarted {
-    /// What reports call it. Two devices of one run differ here.
+    /// The name in reports. It differs between two devices of one run.
     pub device: String,
     /// Its node id.
     pub node: u8,
-    /// What it says of itself.
+    /// The identity that the device reports.
     pub identity: Identity,
-    /// What it says of its versions.
+    /// The versions that the device reports.
     #[serde(default)]
     pub versions: Versions,
     /// The data sheet by which it was tested.
@@ -90,12 +90,13 @@ pub struct DeviceStarted {
     pub bit_rate: Option<u32>,
     /// The command that runs cases against this device again; the name of a case is appended.
     pub rerun: String,
-    /// What readers must know of how it was tested, such as where its data sheet came from.
+    /// A remark for readers on how the device was tested, such as where its data sheet came from.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub remark: Option<String>,
 }
 
-/// What 1000h and 1018h say. `None` is an object that the device does not have or did not give.
+/// The values of 1000h and 1018h. `None` is an object that the device does not have or did not
+/// give.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Identity {
@@ -111,7 +112,8 @@ pub struct Identity {
     pub serial: Option<u32>,
 }
 
-/// What 1008h, 1009h and 100Ah say. `None` is a text that the device does not have or did not give.
+/// The values of 1008h, 1009h and 100Ah. `None` is a text that the device does not have or did not
+/// give.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Versions {
@@ -133,7 +135,7 @@ pub struct SheetUsed {
     pub sha256: String,
 }
 
-/// One instance of a case. What it has in common with the other instances is shared with them,
+/// One instance of a case. The parts in common with the other instances are shared with them,
 /// because a run has thousands.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -145,8 +147,8 @@ pub struct CaseStarted {
     pub suite: Arc<str>,
     /// The id of the case within its suite, such as `heartbeat-period`.
     pub case: Arc<str>,
-    /// What distinguishes this instance from the others of its case, such as `period=20 ms`; `None`
-    /// when the case is its only instance.
+    /// The difference from the other instances of its case, such as `period=20 ms`; `None` when the
+    /// case has one instance only.
     pub instance: Option<String>,
     /// The sentence that is true of a conformant device.
     pub title: Arc<str>,
@@ -173,11 +175,10 @@ pub struct Check {
     /// How binding it is: `must`, `should` or `may`.
     #[serde(default)]
     pub level: Cow<'static, str>,
-    /// The decision of the device's own document by which it is no more than a `should` for this
-    /// device.
+    /// The decision of the device's own document by which it is only a `should` for this device.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relaxed_by: Option<Arc<str>>,
-    /// What the document demands there.
+    /// The demand of the document there.
     pub says: Arc<str>,
 }
 
@@ -188,7 +189,7 @@ pub struct Note {
     /// When.
     #[serde(with = "wire::nanoseconds")]
     pub at: Instant,
-    /// What, in one line, such as `settled by reset node`.
+    /// The remark, in one line, such as `settled by reset node`.
     pub text: String,
 }
 
@@ -203,12 +204,12 @@ pub struct Begun {
     pub phase: Phase,
     /// The line of the suite file, counted from 1.
     pub line: u32,
-    /// What is done or judged, with names, addresses, values and units:
-    /// `write operator-1 (3412:05) = greater (2)`.
+    /// The action or judgement, with names, addresses, values and units: `write operator-1
+    /// (3412:05) = greater (2)`.
     pub text: String,
 }
 
-/// What a case sets on the bench.
+/// A stimulus that a case sets on the bench.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Stimulus {
@@ -227,7 +228,7 @@ pub struct Stimulus {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Measured {
-    /// What was measured, such as `interval of 705h`.
+    /// The measured quantity, such as `interval of 705h`.
     pub what: String,
     /// The unit of the figures, such as `ms`.
     pub unit: String,
@@ -254,7 +255,7 @@ pub struct CaseEnded {
     pub at: Instant,
     /// The verdict and what led to it.
     pub outcome: Outcome,
-    /// What it shares with the other instances that did not pass for the same reason.
+    /// The cause in common with the other instances that did not pass for the same reason.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<Cause>,
 }
@@ -286,8 +287,8 @@ impl CaseEnded {
 }
 
 impl CaseStarted {
-    /// The full name of the instance, such as `cia301/heartbeat/heartbeat-period[period=20 ms]`:
-    /// what reports print and what the command line takes.
+    /// The full name of the instance, such as `cia301/heartbeat/heartbeat-period[period=20 ms]`.
+    /// Reports print it, and the command line takes it.
     pub fn name(&self) -> String {
         format!("{}/{}", self.suite, self.short_name())
     }

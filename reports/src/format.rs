@@ -11,7 +11,7 @@ use crate::run::Run;
 pub struct Format {
     /// The flag of the command line that takes the file, without its dashes.
     pub flag: &'static str,
-    /// What `--help` prints of it.
+    /// The text of `--help` about it.
     pub help: &'static str,
     /// The file in `samples/`.
     pub sample: &'static str,

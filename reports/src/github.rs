@@ -55,12 +55,12 @@ pub fn annotation(
     Some(format!("::{command} {place}title={}::{}\n", property(&title), data(&message)))
 }
 
-/// What the runner of GitHub would take for the end of a line.
+/// Escapes the characters that GitHub's runner takes for the end of a line.
 fn data(text: &str) -> String {
     text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A")
 }
 
-/// What it would take for the end of a property, besides.
+/// Escapes those that it takes for the end of a property, too.
 fn property(text: &str) -> String {
     data(text).replace(':', "%3A").replace(',', "%2C")
 }

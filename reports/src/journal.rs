@@ -13,8 +13,8 @@ pub fn line(event: &Event) -> String {
     String::from_utf8(line).expect("JSON is written as UTF-8")
 }
 
-/// The events of the journal `text`, in order. Empty lines do not count, and a last line that
-/// was cut off while it was written is left out.
+/// The events of the journal `text`, in order. Empty lines are skipped, and so is a last line that
+/// was cut off while it was written.
 ///
 /// Each error has its line; the iterator can go on after it.
 pub fn read(text: &str) -> impl Iterator<Item = (usize, Result<Event, JournalError>)> {
@@ -38,7 +38,7 @@ pub struct JournalError {
     pub line: usize,
     /// The column, counted from 1.
     pub column: usize,
-    /// What is wrong there.
+    /// The mistake there.
     pub why: String,
 }
 

@@ -1,8 +1,8 @@
 //! A run as JUnit XML, which every CI server reads.
 //!
 //! A test suite per device and suite file, a test case per instance. `properties` say what was
-//! tested, with what and how. Durations are bus time. The time stamp that the format demands is
-//! that of the first case on a real bus; in virtual time it is a fixed one, so that equal runs give
+//! tested, with what and how. Durations are bus time. The format demands a time stamp: on a real
+//! bus it is that of the first case; in virtual time it is a fixed one, so that equal runs give
 //! equal files.
 
 use std::io::{self, Write};
@@ -42,7 +42,7 @@ fn moment(unix_time: u64) -> OffsetDateTime {
     OffsetDateTime::from_unix_timestamp(seconds).unwrap_or(OffsetDateTime::UNIX_EPOCH)
 }
 
-/// What was tested, with what and how.
+/// The device under test, the harness and the settings of the run.
 fn properties(run: &Run, device: &DeviceRun) -> String {
     let info = &device.info;
     let number = |number: Option<u32>| number.map(|number| format!("{number:08X}h"));
@@ -153,7 +153,7 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
     test.build()
 }
 
-/// What a case that passed has shown, and of which requirements.
+/// The demonstrated behaviour of a case that passed, and its requirements.
 fn sentence(case: &CaseStarted) -> String {
     let ids: Vec<&str> = case.checks.iter().map(|check| &*check.id).collect();
     format!("{}\nchecks {}\n", case.title, ids.join(", "))

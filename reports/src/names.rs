@@ -1,7 +1,7 @@
 //! The names of objects, which reports put after their addresses.
 //!
-//! Texts of the runner name objects by address alone: a cause is the same on two devices whose data
-//! sheets have other names, and a journal is read by programs.
+//! Texts of the runner name objects by address only, for two reasons: a cause must be the same on
+//! two devices whose data sheets have different names, and programs read the journal.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! A run as data: devices, their suites, their cases. What every report is a function of.
+//! A run as data: devices, their suites, their cases. Every report is a function of a run.
 
 use std::fmt;
 use std::sync::Arc;
@@ -40,7 +40,7 @@ pub struct Run {
     spare: Vec<Stamped>,
 }
 
-/// What ran against one device.
+/// The results of one device.
 #[derive(Clone, Debug)]
 pub struct DeviceRun {
     /// The device.
@@ -60,14 +60,14 @@ pub struct SuiteRun {
     pub cases: Vec<CaseRun>,
 }
 
-/// One instance of a case and what came of it.
+/// One instance of a case and its result.
 #[derive(Clone, Debug)]
 pub struct CaseRun {
     /// The case.
     pub info: CaseStarted,
     /// The verdict and what led to it; an error when the case did not come to its end.
     pub outcome: Outcome,
-    /// What it shares with the other instances that did not pass for the same reason.
+    /// The cause in common with the other instances that did not pass for the same reason.
     pub cause: Option<Box<Cause>>,
     /// When it was over; the last that is known of it when it did not come to its end.
     pub ended: Instant,
@@ -77,11 +77,11 @@ pub struct CaseRun {
     pub notes: Vec<Note>,
     /// Its steps, by time; of a case that passed, empty when they were not [kept](Keep).
     pub steps: Vec<Begun>,
-    /// What it set on the bench, by time; the same.
+    /// The stimuli on the bench, by time; kept in the same way.
     pub stimuli: Vec<Stimulus>,
     /// How many frames were on the bus.
     pub frames: usize,
-    /// Those frames, by time; empty when they were not [kept](Keep).
+    /// The frames, by time; empty when they were not [kept](Keep).
     pub trace: Vec<Stamped>,
 }
 
@@ -217,7 +217,8 @@ impl Run {
         let before = self.suite;
         self.suite =
             suites.iter().position(|suite| suite.name == case.suite).unwrap_or_else(|| {
-                // Most suites have all their cases by now; half of the room that grew would stay.
+                // Most suites have all their cases by now; half of the grown capacity would stay
+                // unused.
                 if let Some(last) = suites.get_mut(before) {
                     last.cases.shrink_to_fit();
                 }
@@ -227,7 +228,7 @@ impl Run {
             });
         suites[self.suite].cases.push(CaseRun {
             info: case.clone(),
-            // Stands if nothing follows: a case that did not end is an error and not forgotten.
+            // Kept if no result follows: a case that did not end is an error and not forgotten.
             outcome: Outcome::Error { reason: INTERRUPTED.into(), problem: None },
             cause: None,
             ended: case.at,

@@ -60,8 +60,8 @@ impl<T: fmt::Display> fmt::Display for Painted<T> {
     }
 }
 
-/// `text` with control characters spelled out, line ends excepted: a device chooses some of what
-/// we print, and must not choose what the terminal does.
+/// `text` with control characters spelled out, except line ends. A device chooses some of the
+/// printed text, and must not control the terminal.
 pub fn printable(text: &str) -> Cow<'_, str> {
     let harmless = |symbol: char| symbol == '\n' || !symbol.is_control();
     if text.chars().all(harmless) {

@@ -21,7 +21,7 @@ pub use summary::summary;
 pub enum Verbosity {
     /// The summary only, without the reasons of skipped cases.
     Quiet,
-    /// What is not PASS; skipped cases are counted by reason in the summary.
+    /// Shows every case that did not pass; skipped cases are counted by reason in the summary.
     #[default]
     Normal,
     /// A line or a block for each case, and the figures that it measured.
@@ -35,12 +35,12 @@ pub struct Printer {
     verbosity: Verbosity,
     /// The causes that were explained.
     causes: BTreeSet<Cause>,
-    /// How to see more of what is LENIENT was said.
+    /// The hint on how to see more of LENIENT cases was printed.
     hinted: bool,
     last: Last,
 }
 
-/// What was printed last: it decides where a blank line belongs.
+/// The kind of the last output: it decides where a blank line belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Last {
     Nothing,
@@ -54,7 +54,7 @@ impl Printer {
         Self { style, verbosity, causes: BTreeSet::new(), hinted: false, last: Last::Nothing }
     }
 
-    /// The text of a case that has ended; empty when nothing is to be printed.
+    /// The text of a case that has ended; empty when nothing must be printed.
     pub fn case(&mut self, run: &Run, device: &DeviceRun, case: &CaseRun) -> String {
         let verdict = case.verdict();
         // The summary counts the cases that were not run.
@@ -64,7 +64,7 @@ impl Printer {
         {
             return String::new();
         }
-        // What is LENIENT has as much to show, and is green.
+        // A LENIENT case has as much to show, and is green.
         let in_full = run.is_red(verdict)
             || verdict == Verdict::Lenient && self.verbosity == Verbosity::Verbose;
         let block = in_full && !self.is_explained(case);
@@ -88,7 +88,7 @@ impl Printer {
         text
     }
 
-    /// The summary, set apart from what was printed before it.
+    /// The summary, separated from the text before it.
     pub fn summary(&mut self, run: &Run) -> String {
         let summary = summary(run, self.style, self.verbosity);
         match std::mem::replace(&mut self.last, Last::Nothing) {

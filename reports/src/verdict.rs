@@ -1,4 +1,4 @@
-//! Verdicts, and what has to be said with each of them.
+//! Verdicts, and the details that belong to each of them.
 
 use std::fmt;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::wire;
 
-/// What a case says of the device, in ascending weight.
+/// The verdict of a case on the device, in ascending weight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Verdict {
     /// Conformant.
@@ -74,7 +74,7 @@ pub enum Grade {
     Lenient,
 }
 
-/// A verdict with what must be said about it: no case fails, errs or is skipped without a reason.
+/// A verdict with its details: no case fails, errs or is skipped without a reason.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Outcome {
@@ -86,9 +86,9 @@ pub enum Outcome {
     Skip(String),
     /// Which requirement the case relies on does not hold, and how that showed.
     Blocked(String),
-    /// What the device did wrong.
+    /// The device's mistake.
     Fail(Box<Problem>),
-    /// What came of the case, and why that is accepted.
+    /// The original verdict, and why it is accepted.
     Waived {
         /// FAIL, ERROR or LENIENT.
         outcome: Box<Self>,
@@ -137,7 +137,7 @@ impl Outcome {
         }
     }
 
-    /// Whether the device did not do what the case says, whatever became of that by its level.
+    /// Whether the device did not do what the case says, even if the level of the case excuses it.
     pub fn holds_against_device(&self) -> bool {
         match self {
             Self::Fail(_) => true,
@@ -177,7 +177,7 @@ pub struct Waiver {
     pub expires: Option<String>,
 }
 
-/// The reason, who answers for it and until when, in one line.
+/// The reason, the responsible person and the date of expiry, in one line.
 impl fmt::Display for Waiver {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.reason)?;
@@ -203,9 +203,9 @@ pub struct Problem {
     pub phase: Phase,
     /// The step in the suite file; for a monitor, the step during which it spoke.
     pub place: Excerpt,
-    /// What should have come.
+    /// The expected behaviour.
     pub expected: String,
-    /// What came instead, decoded.
+    /// The actual behaviour, decoded.
     pub actual: String,
     /// The frame in question, when it is one.
     #[serde(with = "wire::optional_frame")]
@@ -213,7 +213,7 @@ pub struct Problem {
     /// The line of the data sheet in question, when it is about what one says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheet: Option<Excerpt>,
-    /// What else helps: interpretations of the register, later problems of the same case.
+    /// Further help: interpretations of the register, later problems of the same case.
     pub notes: Vec<String>,
     /// Whether the case failed and is LENIENT because no requirement that it checks is a must.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

@@ -1,4 +1,4 @@
-//! How values of `canopen` look in the journal.
+//! The form of `canopen` values in the journal.
 
 use std::str::FromStr;
 

@@ -18,15 +18,15 @@ pub use sheet::{COMPOSED, Sheet};
 /// The device under test as the harness knows it: by name, node id and data sheet.
 #[derive(Clone, Debug)]
 pub struct Dut {
-    /// What reports call it.
+    /// The name in reports.
     pub name: String,
     /// Its node id.
     pub node: u8,
-    /// What it says of itself.
+    /// The device's description of itself.
     pub eds: Arc<Eds>,
-    /// Where it says so.
+    /// The places of its statements.
     pub sheet: Arc<Sheet>,
-    /// What the bench around it can set and observe.
+    /// The names that the bench around it can set and observe.
     pub bench: Vec<String>,
     /// Whether that bench is the user's, not that of a simulation.
     pub own_bench: bool,
@@ -43,15 +43,15 @@ pub struct Dut {
     pub told: Option<String>,
     /// Entries without a default value whose value was longer than four bytes when it was asked.
     pub long: BTreeSet<Mux>,
-    /// What must not be done to it.
+    /// The actions that it is protected from.
     pub protection: Arc<Protection>,
     /// How it takes frames, by its data sheet.
     pub wire: Arc<Wire>,
-    /// What brings it back when it does not answer.
+    /// The ways to bring it back when it does not answer.
     pub hooks: Hooks,
 }
 
-/// What the user gives to bring the device back.
+/// The user's means to bring the device back.
 #[derive(Clone, Debug, Default)]
 pub struct Hooks {
     /// Resets the device.
@@ -62,11 +62,11 @@ pub struct Hooks {
 
 /// Something outside of the bus that can be done to the device, such as a program of the user's.
 pub trait Hook: Debug + Send + Sync {
-    /// What reports call it.
+    /// The name in reports.
     fn name(&self) -> &str;
 
-    /// Does it and returns once it is done; why it failed, if it did. `look` is called several
-    /// times a second meanwhile, and ends it with an error.
+    /// Runs the hook and returns once it is done; the inner error is the reason why it failed.
+    /// `look` is called several times a second in the meantime, and ends the hook with an error.
     ///
     /// # Errors
     /// That of `look`.
@@ -98,8 +98,8 @@ impl Dut {
         }
     }
 
-    /// What may bring it back when it does not answer, the gentlest first; of a simulated device,
-    /// nothing.
+    /// The ways to bring it back when it does not answer, the gentlest first; for a simulated
+    /// device, nothing.
     pub fn ways_back(&self) -> Option<String> {
         let interface = self.interface.as_ref()?;
         let send = |frame: &str| format!("`cansend {interface} {frame}`");
@@ -133,7 +133,7 @@ impl Dut {
         self.default_int(Mux::new(0x1000, 0)).map(|device_type| device_type as u16)
     }
 
-    /// Why layer setting services cannot leave the bit rate as it is: nobody knows it, or it has no
+    /// Why layer setting services cannot leave the bit rate as it is: it is unknown, or it has no
     /// place in their table.
     pub fn unlisted_bit_rate(&self) -> Option<String> {
         match self.bit_rate {

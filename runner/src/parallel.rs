@@ -14,8 +14,8 @@ pub fn processors() -> usize {
     thread::available_parallelism().map_or(1, Into::into)
 }
 
-/// Applies `work` to every item on up to `workers` threads. Items are begun in their order, and the
-/// results are in it. One worker is the thread of the caller.
+/// Applies `work` to every item on up to `workers` threads. Items begin in their order, and the
+/// results have that order. One worker is the thread of the caller.
 pub fn map<T: Send, R: Send>(
     items: Vec<T>,
     workers: usize,
@@ -53,14 +53,14 @@ pub fn try_map<'i, T: Sync, R: Send, E: Send>(
 
 /// Passes on the events of sessions that run side by side as if they ran one after the other.
 ///
-/// The session whose turn it is passes its events on as they happen. Those of the sessions after
-/// it wait, which takes memory, so that sessions far ahead of their turn do not begin.
+/// The session whose turn it is passes its events on as they happen. The events of later sessions
+/// wait. This takes memory, so sessions far ahead of their turn do not begin.
 pub struct InTurn<F> {
     /// The place of the session whose turn it is.
     turn: AtomicUsize,
     inner: Mutex<Inner<F>>,
     moved_on: Condvar,
-    /// How many sessions after the one whose turn it is may have begun.
+    /// How many sessions after the current one may have begun.
     most_ahead: usize,
 }
 

@@ -1,4 +1,4 @@
-//! From suites to instances: a suite meets a device's data sheet.
+//! From suites to instances: binds a suite to a device by its data sheet.
 
 mod bind;
 mod bytes;

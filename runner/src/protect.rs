@@ -1,8 +1,9 @@
-//! What must not be done to a device under test.
+//! Protection of a device under test.
 //!
-//! [`Wire`] knows what a frame does to a device, and [`Protection`] which of that is refused. Both
-//! the planner and the bus ask them: a case that needs something protected is skipped with the name
-//! of what protects it, and [`Guarded`] sends no frame that does it, whoever wants to send it.
+//! [`Wire`] knows what a frame does to a device, and [`Protection`] decides which of that is
+//! refused. Both the planner and the bus ask them. A case that needs something protected is
+//! skipped, and the reason names the protection. [`Guarded`] refuses a frame that does it, from any
+//! sender.
 
 mod deed;
 mod guard;
@@ -50,12 +51,12 @@ impl Budget {
     }
 }
 
-/// What protects a device under test. The default protects nothing.
+/// The protections of a device under test. The default protects nothing.
 #[derive(Clone, Debug, Default)]
 pub struct Protection {
     /// Objects, each with what protects them.
     objects: Vec<(Objects, String)>,
-    /// Those that are protected for what they are by the data sheet.
+    /// The entries that the data sheet protects by their kind.
     entries: BTreeMap<Mux, Arc<str>>,
     /// Other deeds, each with what protects from them.
     deeds: Vec<(Deed, String)>,
@@ -121,7 +122,7 @@ impl Protection {
                 let budget = self.budgets.get(&mux.index)?;
                 (budget.left() == 0).then_some(budget.by.as_str())
             }),
-            // Whatever is protected could be written.
+            // Every protected entry could be the one that is written.
             Deed::WriteAny(_) => {
                 let objects = self.objects.iter().map(|(_, by)| by.as_str());
                 objects.chain(self.entries.values().map(|by| &**by)).next()
@@ -134,7 +135,7 @@ impl Protection {
         by.map(|by| format!("{deed}: protected by {by}"))
     }
 
-    /// What protects an object.
+    /// The protection of an object.
     fn of(&self, mux: Mux) -> Option<&str> {
         let named = self.objects.iter().find(|(objects, _)| objects.contain(mux));
         named.map(|(_, by)| by.as_str()).or_else(|| Some(self.entries.get(&mux)?))

@@ -6,7 +6,7 @@
 //!
 //! [`link`] is the bus with its trace, [`rest`] brings the device to rest and leaves it as it was,
 //! [`steps`] carries out and judges steps, and [`session`] runs case after case and emits events.
-//! Which cases run, and on which device, does not belong here.
+//! The selection of cases and of the device does not belong here.
 
 mod link;
 mod observer;

@@ -1,8 +1,8 @@
-//! The wish of the user that the program ends: Ctrl-C, SIGTERM or SIGHUP.
+//! The user's request to end the program: Ctrl-C, SIGTERM or SIGHUP.
 //!
-//! Where nothing is held, the program ends at once. A run is held: the first signal ends its steps,
-//! and what leaves the device as it was found is done all the same. The second one ends that, too.
-//! The third ends the program wherever it is.
+//! Without a hold, the program ends at once. A run is held. The first signal ends its steps, but
+//! the device is still left as it was found. The second signal ends that, too. The third ends the
+//! program at any point.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -33,14 +33,14 @@ impl Stop {
         self.signals.load(Ordering::Relaxed) > heard
     }
 
-    /// Keeps the program from ending by itself until what is returned is dropped.
+    /// Keeps the program from ending by itself until the returned value is dropped.
     #[must_use]
     pub fn hold(&self) -> Held {
         self.held.fetch_add(1, Ordering::SeqCst);
         Held(Arc::clone(&self.held))
     }
 
-    /// What follows leaves the device as it was found, or does not any more.
+    /// Marks the begin or end of cleaning, which leaves the device as it was found.
     pub fn clean(&self, cleaning: bool) {
         self.cleaning.store(cleaning, Ordering::SeqCst);
     }
@@ -51,7 +51,7 @@ impl Stop {
         Self { cleaning: Arc::default(), ..self.clone() }
     }
 
-    /// Whether the program ends at the last signal wherever it is.
+    /// Whether the program ends at the last signal, at any point.
     pub fn ends_at_once(&self) -> bool {
         const PATIENT_FOR: u32 = 2;
         self.held.load(Ordering::SeqCst) == 0 || self.signals.load(Ordering::SeqCst) > PATIENT_FOR

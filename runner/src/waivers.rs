@@ -1,7 +1,7 @@
 //! Waivers: causes that are known, each with the reason why a run is green all the same.
 //!
-//! What waivers say must stay true: one whose cause is gone, that names no case or that has expired
-//! is reported, and ends the run with an exit code of its own.
+//! Waivers must stay true: one whose cause is gone, that names no case or that has expired is
+//! reported, and ends the run with an exit code of its own.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -137,8 +137,8 @@ impl Waivers {
         }
     }
 
-    /// What the waivers say and `run` does not show, where `names` are the cases that there are,
-    /// selected or not.
+    /// The waivers that `run` does not confirm, where `names` are the existing cases, selected or
+    /// not.
     pub fn out_of_date(&self, run: &Run, names: &[String]) -> Vec<Complaint> {
         let mut complaints = Vec::new();
         for At { value: waiver, place } in &self.entries {
@@ -200,7 +200,7 @@ impl WaiverEntry {
     }
 
     fn has_expired(&self, today: &str) -> bool {
-        // Dates of that form are in the order of their texts.
+        // Dates of that form sort like text.
         self.expires.as_ref().is_some_and(|date| date.value.as_str() < today)
     }
 
@@ -223,8 +223,8 @@ impl WaiverEntry {
             && self.cause.as_ref().is_none_or(|entry| entry.is(cause))
     }
 
-    /// Whether it is about a case that said something about the device, which an ERROR of the
-    /// tester, such as its lateness, does not.
+    /// Whether the case said something about the device, which an ERROR of the tester, such as its
+    /// lateness, does not.
     fn is_about(&self, case: &CaseRun) -> bool {
         let outcome = match &case.outcome {
             Outcome::Waived { outcome, .. } => outcome.as_ref(),

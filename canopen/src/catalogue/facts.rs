@@ -1,4 +1,4 @@
-//! What is known of an object and its values, by a profile or by who describes a device.
+//! Facts about an object and its values, from a profile or from the description of a device.
 
 use std::collections::BTreeMap;
 
@@ -125,9 +125,9 @@ pub enum Category {
 }
 
 impl ObjectFacts {
-    /// What the object says of the value at sub-index `sub` on its own account: for a variable
-    /// everything, for arrays and records what `subs` has, then what holds for all subs. Names and
-    /// texts of the object stay with the object.
+    /// The facts of the object itself about the value at sub-index `sub`. For a variable these are
+    /// all facts; for arrays and records, those in `subs`, then those that hold for all subs. Names
+    /// and texts of the object stay with the object.
     pub fn of_sub(&self, sub: u8) -> Facts {
         match sub {
             0 => self.sub0.clone().unwrap_or_default(),
@@ -135,7 +135,7 @@ impl ObjectFacts {
         }
     }
 
-    /// What the object says of the value of a variable.
+    /// The facts of the object about the value of a variable.
     pub fn of_var(&self) -> Facts {
         Facts { name: self.name.clone(), doc: self.doc.clone(), ..self.of_all() }
     }
@@ -175,8 +175,8 @@ impl ObjectFacts {
         }
     }
 
-    /// Whether it says how its values are accessed, in addition to what the object is called: a
-    /// profile that is not public only names its objects.
+    /// Whether it describes the access to its values, beyond the name of the object: a profile that
+    /// is not public only names its objects.
     pub fn is_described(&self) -> bool {
         self.access.is_some() || self.subs.values().any(|facts| facts.access.is_some())
     }

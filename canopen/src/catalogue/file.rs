@@ -1,4 +1,4 @@
-//! The form of a catalogue file, and what must hold of it.
+//! The form of a catalogue file, and its validity rules.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -77,7 +77,7 @@ pub(super) fn read(
         };
     for known in known {
         let mut before = Profile::clone(known);
-        // What it builds on may be another one now.
+        // The base may have been replaced.
         let base = before.base.as_ref().map(|base| base.name.clone());
         let base = base.and_then(|base| profiles.iter().find(|profile| profile.name == base));
         before.base = base.cloned();
@@ -86,14 +86,14 @@ pub(super) fn read(
             None => profiles.push(Arc::new(before)),
         }
     }
-    // Files wait until the profile they build on is there.
+    // A file must wait until the profile that it builds on has been read.
     while let Some(next) = files.iter().position(|(_, file)| {
         let base = file.based_on.as_ref().map(|base| base.value.as_str());
         base.is_none_or(|base| profiles.iter().any(|known| known.name == base))
     }) {
         take(files.remove(next), None, &mut profiles);
     }
-    // What is left builds on a file that does not load, on itself, or on nothing.
+    // The remaining files build on a file that does not load, on themselves, or on nothing.
     for (source, file) in files {
         let Some(base) = file.based_on else { continue };
         if names.contains(&base.value) && !complaints.is_empty() {
@@ -230,7 +230,7 @@ fn blocks(profile: &Profile, wrong: &mut Wrong<'_>) {
     }
 }
 
-/// What is wrong in one file, by the keys that lead there.
+/// The mistakes in one file, by the keys that lead to them.
 struct Wrong<'s> {
     source: &'s Arc<Source>,
     found: Vec<(bool, Vec<String>, String)>,

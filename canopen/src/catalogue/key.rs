@@ -31,7 +31,7 @@ pub fn keyed(key: &str, object: ObjectFacts) -> Option<Vec<(RangeInclusive<u16>,
     }
 }
 
-/// What is said of a key that means no object.
+/// The message for a key that means no object.
 pub fn no_index(key: &str) -> String {
     let ranges = "nor 1400..15FF, nor 6500..65F0/10, nor 3{01..12}0";
     format!("`{key}` is neither an index such as 1017, {ranges}")

@@ -3,14 +3,15 @@
 use crate::frame::Data;
 use crate::lss::{BIT_RATES, Fastscan, REQUEST_COB_ID, Request, Response};
 
-/// What the master asked last.
+/// The last request of the master.
 #[derive(Debug, Default)]
 pub(super) struct Layer {
     asked: Option<Request>,
 }
 
 impl Layer {
-    /// Takes the next message: what the message before it adds, as the end of a line.
+    /// Takes the next message and returns what the previous message adds to it, as the end of a
+    /// line.
     pub(super) fn see(&mut self, id: u16, data: &Data) -> String {
         if id == REQUEST_COB_ID {
             self.asked = Request::decode(data).ok();

@@ -1,4 +1,4 @@
-//! The process data objects of a device: by the data sheet, and as they were configured since.
+//! The process data objects of a device: as in the data sheet, and as configured since.
 
 use std::collections::BTreeMap;
 
@@ -13,9 +13,9 @@ use crate::pdo::{CobId, Mapping};
 pub(super) struct Process {
     /// By the data sheet.
     factory: BTreeMap<Mux, u32>,
-    /// What counts after the next start.
+    /// The values that are in force after the next start.
     stored: BTreeMap<Mux, u32>,
-    /// What counts now.
+    /// The values in force now.
     now: BTreeMap<Mux, u32>,
 }
 
@@ -24,7 +24,7 @@ pub(super) struct Process {
 pub(super) struct Carried {
     /// Such as `TPDO1`.
     pub(super) name: String,
-    /// What it carries.
+    /// The mapped objects.
     pub(super) mapping: Vec<Mapping>,
 }
 
@@ -50,7 +50,7 @@ impl Process {
         }
     }
 
-    /// The device has started anew.
+    /// The device has restarted.
     pub(super) fn restart(&mut self) {
         self.now = self.stored.clone();
     }

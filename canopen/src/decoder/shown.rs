@@ -1,4 +1,4 @@
-//! Values as a reader wants them.
+//! Values in the form that a reader wants.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use crate::mux::Mux;
 use crate::pdo::Unpacker;
 use crate::value::{DataType, Value};
 
-/// What a value means physically.
+/// The physical meaning of a value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unit {
     /// The physical value of a raw 1.
@@ -18,7 +18,7 @@ pub struct Unit {
     pub name: String,
 }
 
-/// What is known of the values of a device.
+/// The facts known about the values of a device.
 #[derive(Debug)]
 pub(super) struct Shown {
     pub(super) types: BTreeMap<Mux, DataType>,
@@ -49,7 +49,7 @@ impl Shown {
         };
         match (number, self.units.get(&mux)) {
             (Some(number), Some(unit)) => {
-                // Nothing that a scale has is lost with nine digits, and no rounding is shown.
+                // Nine digits lose nothing of a scale, and hide rounding errors.
                 let physical = format!("{:.9}", number * unit.scale);
                 let physical = physical.trim_end_matches('0').trim_end_matches('.');
                 format!("{physical} {}", unit.name)
@@ -71,7 +71,7 @@ impl Shown {
     }
 }
 
-/// What a transfer carried, as the end of a line.
+/// The data of a transfer, as the end of a line.
 pub(super) fn whole(shown: Option<&Shown>, whole: &Whole) -> String {
     let Whole { mux, value, sized, frame, .. } = whole;
     let known = shown.and_then(|shown| shown.value(*mux, value, *sized));
@@ -130,10 +130,10 @@ pub(super) fn bytes(value: &[u8]) -> String {
     }
 }
 
-/// So many bytes.
+/// The number of bytes, in words.
 pub(super) fn count(bytes: usize) -> String {
     if bytes == 1 { "1 byte".to_owned() } else { format!("{bytes} bytes") }
 }
 
-/// More bytes of a value help nobody.
+/// Longer values are cut; more bytes do not help a reader.
 const MOST: usize = 32;

@@ -1,7 +1,7 @@
 use super::*;
 use crate::eds;
 
-/// What the decoder says of frames in candump form, without the node.
+/// The decoder's words for frames in candump form, without the node.
 fn said(decoder: &mut Decoder, frames: &[&str]) -> Vec<String> {
     let said = |text: &&str| {
         let text = decoder.see(&text.parse().expect(text));
@@ -158,7 +158,7 @@ fn a_trace_may_begin_in_the_middle() {
             &format!("block segment 7 = 41 42 43 44 45 46 47 (7 bytes){before}, 14 bytes so far"),
         ),
     ]);
-    // Nobody but who sends blocks speaks twice.
+    // Only the sender of blocks sends twice in a row.
     check(&[
         ("585#E541424344454647", "unknown command specifier 7: E5 41 42 43 44 45 46 47"),
         (

@@ -30,13 +30,13 @@ pub(super) struct Whole {
     pub value: Vec<u8>,
     /// Whether the server has taken it or has given it.
     pub written: bool,
-    /// Whether the number of bytes that count was said.
+    /// Whether the transfer announced its number of bytes.
     pub sized: bool,
     /// How its frame shows it.
     pub frame: InFrame,
 }
 
-/// What the words for the last frame of a transfer show of its value.
+/// The part of the value that the words for the last frame of a transfer show.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum InFrame {
     /// The object and the bytes.
@@ -51,11 +51,11 @@ pub(super) enum InFrame {
 pub(super) struct Said {
     /// The words.
     pub text: String,
-    /// What is complete with it.
+    /// The value that this frame completes.
     pub whole: Option<Whole>,
 }
 
-/// What is known of the transfers of a node.
+/// The state of the transfers of a node.
 #[derive(Debug, Default)]
 pub(super) struct Channel {
     state: State,
@@ -64,7 +64,7 @@ pub(super) struct Channel {
 
 #[derive(Debug, Default)]
 enum State {
-    /// The trace may have begun in the middle of a transfer.
+    /// Unknown: the trace may have begun in the middle of a transfer.
     #[default]
     Unknown,
     /// No transfer is open.
@@ -111,7 +111,7 @@ impl Block {
         Self { open: Some((Vec::new(), size)), first: Some(1), ..self }
     }
 
-    /// The end of the transfer: what does not count of the last segment.
+    /// The end of the transfer: cuts the unused bytes off the last segment.
     fn cut(&mut self, end: BlockEnd) {
         let length = self.value.len().saturating_sub(end.unused.into());
         self.value.truncate(length);
@@ -123,7 +123,7 @@ impl Block {
         last.map_or_else(|| self.first.unwrap_or(1), |last| last.sequence + 1)
     }
 
-    /// The confirmation of a sub-block: what counts of it, and the next one.
+    /// The confirmation of a sub-block: the confirmed part, and the next sub-block.
     fn confirm(&mut self, ack: BlockAck) {
         let (segments, _) = self.open.take().unwrap_or_default();
         let mut over = false;
@@ -140,7 +140,7 @@ impl Block {
 }
 
 impl Channel {
-    /// Whatever was open is over.
+    /// Ends the open transfer, if there is one.
     pub(super) fn end(&mut self) {
         (self.state, self.last) = (State::Idle, None);
     }
@@ -210,7 +210,7 @@ impl Channel {
         let last = if segment.last { ", last" } else { "" };
         let so_far = block.value.len() + 7 * segments.len();
         if segment.last || segment.sequence >= *size {
-            // The other side has the word now.
+            // The other side sends next.
             *size = segments.len() as u8;
         }
         format!(
@@ -305,7 +305,7 @@ impl Channel {
 
     /// The value of the transfer that is over, when all of it was seen.
     fn complete(&mut self) -> Option<Whole> {
-        // What was taken for the end of something that began before the trace may be none.
+        // The apparent end of a transfer that began before the trace may be no end.
         let after = if self.mux().is_some() { State::Idle } else { State::Unknown };
         let (mux, value, sender) = match mem::replace(&mut self.state, after) {
             State::Segments(open) => (open.mux?, open.value, open.sender),
@@ -411,7 +411,7 @@ impl Channel {
     }
 }
 
-/// What is said of a frame that belongs to a transfer, when there is none.
+/// The remark on a frame that belongs to a transfer, when none is open.
 const NONE_OPEN: &str = "; no such transfer is open";
 
 /// A segment with the number that its receiver waits for.

@@ -1,9 +1,9 @@
-//! Where the entry of an address stands among all of them. A device that samples asks for the
-//! same addresses all the time, so the answer is looked up instead of searched.
+//! The place of each address among all entries. A device that samples uses the same addresses all
+//! the time, so the place is looked up instead of searched.
 
 use crate::mux::Mux;
 
-/// The addresses of a data sheet, and what place each has among its entries.
+/// The addresses of a data sheet, and their places among its entries.
 #[derive(Debug)]
 pub(super) struct Addresses {
     /// The addresses as numbers, in ascending order.

@@ -1,4 +1,4 @@
-//! The rules a data sheet is held to, each with its stable name.
+//! The rules for data sheets, each with its stable name.
 
 use std::fmt;
 
@@ -9,7 +9,7 @@ pub struct Code {
     pub name: &'static str,
     /// How much breaking it matters.
     pub severity: Severity,
-    /// The rule, or what the reader does where it is broken.
+    /// The rule, or the reader's treatment of a violation.
     pub meaning: &'static str,
 }
 
@@ -180,7 +180,8 @@ codes! {
         "Sub 0 of a mapping counts entries that map something.";
     MAPPING_SPARE = Note, "eds-mapping-spare",
         "Sub 0 of a mapping counts all entries that map something.";
-    COB_ID_DUPLICATE = Warning, "eds-cob-id-duplicate", "No two services have the same default identifier.";
+    COB_ID_DUPLICATE = Warning, "eds-cob-id-duplicate",
+        "No two services have the same default identifier.";
     COB_ID_RESTRICTED = Warning, "eds-cob-id-restricted",
         "Default identifiers avoid those that CiA 301 reserves for other services.";
     COB_ID_PREDEFINED = Warning, "eds-cob-id-predefined",

@@ -1,4 +1,4 @@
-//! What is wrong or remarkable about a data sheet, and where.
+//! Mistakes and oddities of a data sheet, and where they are.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -18,7 +18,7 @@ pub struct Diagnostic {
     pub line: usize,
     /// Column in characters of the decoded line, counted from 1.
     pub column: usize,
-    /// What was found, in one sentence.
+    /// The finding, in one sentence.
     pub message: String,
 }
 
@@ -54,8 +54,8 @@ impl Findings {
         });
     }
 
-    /// Reports a habit of the whole file where it first shows; what follows with the same message
-    /// is counted.
+    /// Reports a habit of the whole file where it first occurs; further diagnostics with the same
+    /// message are only counted.
     pub(super) fn habit(&mut self, code: &Code, at: Place, message: impl Into<String>) {
         let message = message.into();
         let Some(habit) = self.habits.get_mut(&(code.name, message.clone())) else {

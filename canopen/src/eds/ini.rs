@@ -1,5 +1,5 @@
-//! Sections and keys with their positions. An INI library would keep neither the columns nor the
-//! second of two keys, and both are wanted for diagnostics.
+//! Sections and keys with their positions. Diagnostics need the columns and the second of two equal
+//! keys, and an INI library would keep neither.
 
 use std::collections::HashMap;
 
@@ -10,9 +10,9 @@ use crate::source::Place;
 /// A section and its keys.
 #[derive(Debug)]
 pub(super) struct Section<'a> {
-    /// What the name stands for.
+    /// The meaning of the title.
     pub(super) name: Name,
-    /// What is between the brackets.
+    /// The text between the brackets.
     pub(super) title: &'a str,
     /// Where the bracket opens.
     pub(super) at: Place,
@@ -43,8 +43,8 @@ impl<'a> Section<'a> {
     }
 }
 
-/// What a section is about. The order is the one in which sections are read: what belongs to one
-/// object stands together.
+/// The subject of a section. Sections are read in this order, so that the sections of one object
+/// stand together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Name {
     FileInfo,
@@ -74,7 +74,7 @@ impl List {
     }
 }
 
-/// What a section says of an object.
+/// The part of an object that a section describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Part {
     Head,
@@ -216,7 +216,7 @@ impl LineEnds {
 fn column(line: &str, part: &str) -> usize {
     let offset = part.as_ptr() as usize - line.as_ptr() as usize;
     let before = &line.as_bytes()[..offset];
-    // Bytes that go on a character are not counted.
+    // Continuation bytes of a character are not counted.
     before.iter().filter(|&&byte| byte & 0xC0 != 0x80).count() + 1
 }
 
@@ -247,7 +247,7 @@ fn head<'a>(part: &'a str, at: Place, findings: &mut Findings) -> Section<'a> {
 fn check_spelling(title: &str, name: Name, at: Place, findings: &mut Findings) {
     let usual = match name {
         Name::Object(_, part) => {
-            // `Sub` and `sub` are both common, and so are `NAME` and `Name`: no word on those.
+            // `Sub` and `sub` are both common, and so are `NAME` and `Name`: neither is reported.
             let digits = match part {
                 Part::Sub(sub) => title.len() == if sub < 0x10 { 8 } else { 9 },
                 _ => true,
@@ -334,7 +334,7 @@ fn drop_second_keys(section: &mut Section<'_>, findings: &mut Findings) {
     }
 }
 
-/// What the section of a value has at most, as a rule.
+/// A section of a value rarely has more keys.
 const USUAL_KEYS: usize = 10;
 
 /// Up to this many keys are compared each with each, which is faster than hashing.

@@ -1,4 +1,4 @@
-//! What a description says that cannot be right, or that no device should be.
+//! Statements of a data sheet that cannot be right, or that no device should make.
 
 mod object;
 mod pdo;
@@ -11,8 +11,8 @@ use crate::mux::Mux;
 use crate::source::Place;
 use crate::value::Value;
 
-/// What is wrong with a description, whoever made it. [`read`](super::read) reports the same with
-/// exact columns; here a line is that of the section, and 0 for what comes from no file.
+/// The faults of a data sheet from any source. [`read`](super::read) reports the same with exact
+/// columns; here a line is that of the section, and 0 if the data sheet comes from no file.
 pub fn lint(eds: &Eds) -> Vec<Diagnostic> {
     let mut findings = Findings::default();
     check(eds, &[], &mut findings);

@@ -1,4 +1,4 @@
-//! What an electronic data sheet says of a device (CiA 306).
+//! The content of an electronic data sheet (CiA 306).
 
 use std::fmt;
 
@@ -34,7 +34,7 @@ pub struct FileInfo {
     pub revision: u32,
     /// Version of CiA 306 it follows, such as `4.0`.
     pub eds_version: String,
-    /// What the file is for.
+    /// The purpose of the file.
     pub description: String,
     /// Time of creation, as written.
     pub creation_time: String,

@@ -1,4 +1,4 @@
-//! Numbers as data sheets write them, and as vendors do.
+//! Numbers as CiA 306 and as vendors write them.
 
 /// A whole number and what is unusual about its spelling.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -9,10 +9,10 @@ pub(super) struct Number {
     pub(super) remark: Option<Remark>,
 }
 
-/// What is unusual about a number.
+/// An unusual property of a number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Remark {
-    /// Octal because of a leading zero; what it would be as a decimal number.
+    /// Octal because of a leading zero; the value that it would have as a decimal number.
     Octal(i128),
     /// A leading zero and a digit that octal numbers do not have.
     LeadingZero,

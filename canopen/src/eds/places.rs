@@ -1,4 +1,4 @@
-//! Where a data sheet says what.
+//! The places of the statements of a data sheet.
 
 use std::collections::BTreeMap;
 

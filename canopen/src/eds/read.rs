@@ -16,12 +16,12 @@ use super::value;
 use crate::source::Place;
 use crate::value::DataType;
 
-/// What reading a data sheet gives: always a description, and what is to be said about it.
+/// The result of reading a data sheet: always a description, and the diagnostics.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reading {
     /// The description, as complete as the text allows.
     pub eds: Eds,
-    /// What was found, in the order of the text.
+    /// The findings, in the order of the text.
     pub diagnostics: Vec<Diagnostic>,
 }
 
@@ -32,9 +32,9 @@ impl Reading {
     }
 }
 
-/// Reads a data sheet, in whatever encoding and however far from CiA 306: every deviation is a
-/// diagnostic, what can be understood is understood, and the rest is kept as
-/// [`unknown`](Eds::unknown). The diagnostics of [`lint`](super::lint) are among those returned.
+/// Reads a data sheet in any encoding, however far it is from CiA 306. Every deviation becomes a
+/// diagnostic, and text that is not understood is kept as [`unknown`](Eds::unknown). The
+/// diagnostics of [`lint`](super::lint) are among those returned.
 pub fn read(source: &[u8]) -> Reading {
     let mut findings = Findings::default();
     let text = text::decode_with(source, &mut findings);
@@ -61,7 +61,7 @@ pub fn read(source: &[u8]) -> Reading {
 struct Reader {
     eds: Eds,
     findings: Findings,
-    /// Which subs the PDOs have that are not described, and where it says so.
+    /// The subs that undescribed PDOs have, and the place that says so.
     compact_pdo: Option<(u8, Place)>,
     /// How many subs the short forms have stood for so far.
     expanded: usize,

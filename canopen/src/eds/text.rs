@@ -6,8 +6,8 @@ use super::codes;
 use super::diagnostic::Findings;
 use crate::source::Place;
 
-/// The text of a data sheet, whatever its encoding: the lines and columns of diagnostics count in
-/// this text. Lines end with LF, or CR and LF.
+/// The text of a data sheet in any encoding: the lines and columns of diagnostics count in this
+/// text. Lines end with LF, or CR and LF.
 pub fn decode(source: &[u8]) -> Cow<'_, str> {
     decode_with(source, &mut Findings::default())
 }

@@ -204,7 +204,7 @@ fn real(key: &Key<'_>, data_type: DataType, findings: &mut Findings) -> Option<V
         }
         _ => decimal(text)?,
     };
-    // What the device holds is the nearest number of four bytes.
+    // The device holds the nearest number of four bytes.
     let nearest = if single { f64::from(number as f32) } else { number };
     // A number that is too large for four bytes is none.
     (nearest.is_finite() || !number.is_finite()).then_some(Value::Real(nearest))

@@ -1,4 +1,4 @@
-//! A description as text, the way CiA 306 wants it.
+//! A description as text, in the form that CiA 306 requires.
 
 use std::collections::HashMap;
 use std::fmt::{Display, Write};
@@ -43,7 +43,7 @@ struct Writer<'e> {
     out: String,
     /// Sections and keys without a meaning that are still to be written.
     unknown: HashMap<&'e str, &'e [(String, String)]>,
-    /// Those of the section being written.
+    /// The keys of the section being written.
     keys: &'e [(String, String)],
 }
 

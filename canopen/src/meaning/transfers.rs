@@ -103,7 +103,7 @@ impl fmt::Display for Start {
     }
 }
 
-/// What a segment carries.
+/// The data of a segment.
 struct Part(Segment);
 
 impl fmt::Display for Part {

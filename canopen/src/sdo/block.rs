@@ -1,7 +1,7 @@
 //! Block transfer (CiA 301, 7.2.4.3.9 to 7.2.4.3.16): many segments for one confirmation.
 //!
-//! Inside a sub-block the first byte of a frame is a sequence number, not a command, so only who
-//! knows that a sub-block is under way can read it: see [`BlockSegment`].
+//! Inside a sub-block the first byte of a frame is a sequence number, not a command. Only a reader
+//! that knows that a sub-block is under way can decode it: see [`BlockSegment`].
 
 use crate::malformed::Malformed;
 use crate::mux::Mux;
@@ -9,7 +9,7 @@ use crate::mux::Mux;
 /// The most segments of a sub-block; the fewest is 1.
 pub const LARGEST_BLOCK: u8 = 127;
 
-/// What a client says in a block transfer, outside sub-blocks.
+/// A client's command in a block transfer, outside sub-blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockRequest {
     /// Begins a download.
@@ -31,7 +31,8 @@ pub enum BlockRequest {
         crc: bool,
         /// Segments of a sub-block, 1 to 127.
         size: u8,
-        /// Up to so many bytes the server may change to the usual protocol; 0 forbids it.
+        /// The largest number of bytes for which the server may change to the usual protocol; 0
+        /// forbids it.
         threshold: u8,
     },
     /// Lets the first sub-block come.
@@ -42,7 +43,7 @@ pub enum BlockRequest {
     UploadEnd,
 }
 
-/// What a server says in a block transfer, outside sub-blocks.
+/// A server's command in a block transfer, outside sub-blocks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BlockResponse {
     /// Accepts a download.
@@ -74,7 +75,7 @@ pub enum BlockResponse {
 /// The confirmation of a sub-block.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BlockAck {
-    /// The last segment that was received in order; what follows it is sent again.
+    /// The last segment that was received in order; later segments are sent again.
     pub last_good: u8,
     /// Segments of the next sub-block, 1 to 127.
     pub size: u8,
@@ -181,7 +182,7 @@ impl BlockEnd {
 }
 
 impl BlockSegment {
-    /// What the eight bytes of a frame say inside a sub-block.
+    /// Decodes the eight bytes of a frame inside a sub-block.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.

@@ -39,7 +39,7 @@ pub enum Transfer {
 }
 
 impl Transfer {
-    /// What a client chooses for `len` bytes.
+    /// The protocol that a client chooses for `len` bytes.
     pub const fn usual(len: usize) -> Self {
         match len {
             1..=4 => Self::Expedited,
@@ -48,7 +48,7 @@ impl Transfer {
     }
 }
 
-/// What a transfer does next.
+/// The next action of a transfer.
 #[derive(Clone, Debug)]
 pub enum Next {
     /// Send these in order, if any, and wait for the next answer.
@@ -67,9 +67,9 @@ pub enum Failure {
     Aborted(Abort),
     /// The server did not answer in time.
     Timeout,
-    /// The server broke the protocol: what was expected, and what came.
+    /// The server broke the protocol: the expected and the actual answer.
     Violation {
-        /// What the protocol asks for.
+        /// The answer that the protocol requires.
         expected: String,
         /// What the server sent.
         got: Response,
@@ -91,7 +91,7 @@ impl fmt::Display for Failure {
 }
 
 impl Client {
-    /// What is transferred.
+    /// The address of the transferred object.
     pub const fn mux(&self) -> Mux {
         self.state.mux()
     }
@@ -101,8 +101,8 @@ impl Client {
         (State::UploadInitiated { mux }.client(), Request::Upload(mux))
     }
 
-    /// Begins to read `mux` in sub-blocks of `block` segments, 1 to 127. When it has no more than
-    /// `threshold` bytes, which is not 0, the server may use the usual protocol.
+    /// Begins to read `mux` in sub-blocks of `block` segments, 1 to 127. When the object has at
+    /// most `threshold` bytes, and that is not 0, the server may use the usual protocol.
     pub fn upload_in_blocks(mux: Mux, block: u8, threshold: u8) -> (Self, Request) {
         let (upload, request) = BlockUpload::begin(mux, block, threshold);
         (State::BlockUpload(upload).client(), request)
@@ -123,7 +123,7 @@ impl Client {
         (state.client(), Request::Download(mux, initiate))
     }
 
-    /// What the server's bytes say at this point of the transfer.
+    /// Decodes the server's bytes at this point of the transfer.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.
@@ -369,8 +369,8 @@ mod tests {
         ));
     }
 
-    /// Plays the server of a block upload of `data` that sends `lose` of each sub-block into the
-    /// void while `losses` last; what the client makes of it.
+    /// Plays the server of a block upload of `data` that loses the segments `lose` of each
+    /// sub-block while `losses` last, and returns the client's result.
     fn block_upload(data: &[u8], block: u8, lose: u8, mut losses: u32) -> Next {
         let (client, request) = Client::upload_in_blocks(MUX, block, 0);
         let asked = BlockRequest::Upload { mux: MUX, crc: true, size: block, threshold: 0 };
@@ -418,7 +418,7 @@ mod tests {
         let data: Vec<u8> = (0..=255).cycle().take(889).collect();
         for (len, block) in [(0, 1), (1, 127), (7, 2), (8, 1), (15, 2), (889, 127), (889, 126)] {
             for lose in [0, 1, 2, block] {
-                // A sub-block of which nothing comes at all is a server that is gone.
+                // If no segment of a sub-block arrives, the server is gone.
                 if lose == 1 && (block == 1 || len <= 7) {
                     continue;
                 }

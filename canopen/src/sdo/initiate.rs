@@ -20,7 +20,7 @@ pub struct Segment {
     pub toggle: bool,
     /// Up to seven bytes.
     pub data: Data,
-    /// Whether no more follow.
+    /// Whether this is the last one.
     pub last: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What a client sends.
+//! The requests of a client.
 
 use super::block::{BlockRequest, BlockSegment};
 use super::initiate::{Initiate, Segment};
@@ -29,7 +29,7 @@ pub enum Request {
 }
 
 impl Request {
-    /// What the bytes say. Reserved bits and bytes are not looked at.
+    /// Decodes the bytes. Reserved bits and bytes are ignored.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.
@@ -49,9 +49,8 @@ impl Request {
         })
     }
 
-    /// What the bytes say while the server waits for segments of a block download. Then the
-    /// first byte is a sequence number, and only 80h, which cannot be one, is still a command:
-    /// abort.
+    /// Decodes the bytes while the server waits for segments of a block download. The first byte is
+    /// then a sequence number. Only 80h, which cannot be one, is still a command: abort.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.
@@ -62,7 +61,7 @@ impl Request {
         }
     }
 
-    /// The bytes that say it, everything reserved zero.
+    /// Encodes the request; reserved bits and bytes are zero.
     pub fn encode(self) -> Data {
         let with_mux = |command: u8, mux: Mux, rest: [u8; 4]| {
             let [low, high, sub] = mux.bytes();

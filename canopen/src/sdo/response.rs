@@ -1,4 +1,4 @@
-//! What a server answers.
+//! The responses of a server.
 
 use super::block::{BlockResponse, BlockSegment};
 use super::initiate::{Initiate, Segment};
@@ -29,7 +29,7 @@ pub enum Response {
 }
 
 impl Response {
-    /// What the bytes say. Reserved bits and bytes are not looked at.
+    /// Decodes the bytes. Reserved bits and bytes are ignored.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.
@@ -49,9 +49,8 @@ impl Response {
         })
     }
 
-    /// What the bytes say while the client waits for segments of a block upload. Then the
-    /// first byte is a sequence number, and only 80h, which cannot be one, is still a command:
-    /// abort.
+    /// Decodes the bytes while the client waits for segments of a block upload. The first byte is
+    /// then a sequence number. Only 80h, which cannot be one, is still a command: abort.
     ///
     /// # Errors
     /// [`Malformed`] when there are not exactly eight.
@@ -62,7 +61,7 @@ impl Response {
         }
     }
 
-    /// The bytes that say it, everything reserved zero.
+    /// Encodes the response; reserved bits and bytes are zero.
     pub fn encode(self) -> Data {
         let with_mux = |command: u8, mux: Mux, rest: [u8; 4]| {
             let [low, high, sub] = mux.bytes();

@@ -14,7 +14,7 @@ pub struct Decimal {
     places: u32,
 }
 
-/// Numbers have no more digits behind the point.
+/// The largest number of digits after the point.
 const MOST_PLACES: usize = 12;
 
 impl Decimal {

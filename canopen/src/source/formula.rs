@@ -8,9 +8,9 @@ pub(super) fn has(text: &str, name: &str) -> bool {
     text.split('$').skip(1).any(|rest| after(rest, name).is_some())
 }
 
-/// What follows a name at the start of a text; `None` when another one is there. A name ends
-/// before a `-`, which may be of the text: `alarm-$number-of-$table`. Before a letter or a figure
-/// it stands in braces: `${index}h`.
+/// The rest of a text that starts with the name; `None` when it starts with another one. A name
+/// ends before a `-`, which may belong to the text: `alarm-$number-of-$table`. Before a letter or a
+/// digit the name stands in braces: `${index}h`.
 fn after<'t>(text: &'t str, name: &str) -> Option<&'t str> {
     if let Some(braced) = text.strip_prefix('{') {
         return braced.strip_prefix(name)?.strip_prefix('}');

@@ -1,5 +1,5 @@
-//! Where everything in a YAML text stands: the keys and items by which a value is reached, and
-//! the places of both. It is made only after something was found wrong in a text that reads well.
+//! The places in a YAML text: the keys and items that lead to a value, and the places of both. An
+//! outline is made only after a mistake was found in a text that parses.
 
 use serde::{Deserialize, Deserializer};
 
@@ -20,12 +20,14 @@ impl Outline {
         self.walk(path).and_then(|(_, value)| value.text())
     }
 
-    /// What is reached by these keys, in one line; without the braces of a map that it is.
+    /// The value at these keys, in one line. If it is a map, its braces are left out.
     pub fn in_one_line(&self, path: &[&str]) -> String {
         let Some((_, value)) = self.walk(path) else { return String::new() };
         let text = value.in_one_line();
-        let inner = text.strip_prefix("{ ").and_then(|text| text.strip_suffix(" }"));
-        inner.map_or(text.clone(), str::to_owned)
+        match text.strip_prefix("{ ").and_then(|text| text.strip_suffix(" }")) {
+            Some(inner) => inner.to_owned(),
+            None => text,
+        }
     }
 
     /// Where the text starts.

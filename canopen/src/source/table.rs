@@ -1,4 +1,4 @@
-//! Tables: entries of a list that differ in some values are one entry, with those values in columns
+//! Tables: list entries that differ in some values become one entry, with those values in columns
 //! and rows.
 
 use std::collections::BTreeMap;
@@ -22,8 +22,8 @@ pub struct Table {
 
 impl Table {
     /// Reads `for` and `rows`. All columns are used in `content`; `around` are the values of names
-    /// that stand around the table, and `stand` is where its cells are. What is wrong is
-    /// complained about; `None` when it is no table.
+    /// that stand around the table, and `stand` is where its cells are. Mistakes become complaints;
+    /// `None` when it is no table.
     pub fn read(
         written: &Tree,
         content: &[Tree],

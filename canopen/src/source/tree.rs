@@ -1,5 +1,5 @@
-//! A YAML text as keys, items and values, each with its place: what a notation that is expanded
-//! works on, and a source that everything can be read from as from the text itself.
+//! A YAML text as keys, items and values, each with its place. A notation is expanded on the tree,
+//! and any type can be read from the tree as from the text itself.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -22,7 +22,7 @@ pub struct Tree {
     pub place: Place,
 }
 
-/// What a value can be.
+/// The kinds of value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Node {
     /// Keys and values, in their order.
@@ -56,7 +56,7 @@ impl Tree {
         Ok(tree)
     }
 
-    /// Numbers as they are written: `00 10` and `0x0A` are texts to some who read them.
+    /// Numbers as they are written: `00 10` and `0x0A` are text to some readers.
     fn remember(&mut self, source: &Source) {
         // Places come in the order of the text: its lines are cut once.
         let lines: Vec<&str> = source.lines().collect();
@@ -107,7 +107,7 @@ impl Tree {
         }
     }
 
-    /// The tree as it may be written in one line. Texts with signs stand in quotes.
+    /// The tree in the form of one line. Text with special characters is quoted.
     pub fn in_one_line(&self) -> String {
         match &self.node {
             Node::Map(entries) => {
@@ -165,7 +165,7 @@ impl<'de> Visitor<'de> for NodeVisitor {
 
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Node, A::Error> {
         let mut entries = Vec::new();
-        // As text: as anything, `on` would be `true`.
+        // As text: if read as any type, `on` would be `true`.
         while let Some(entry) = map.next_entry()? {
             entries.push(entry);
         }
@@ -217,10 +217,10 @@ impl<'de> Visitor<'de> for NodeVisitor {
     }
 }
 
-/// What of a tree does not fit what is read from it, in the words of the library.
+/// The mismatch between a tree and the type that is read from it, in the words of the library.
 #[derive(Debug)]
 pub struct Unfit {
-    /// What is wrong.
+    /// The mistake.
     pub message: String,
     /// Where.
     pub place: Option<Place>,
@@ -239,7 +239,7 @@ impl de::Error for Unfit {
         Self { message: message.to_string(), place: None }
     }
 
-    // What the YAML library says of a text, so that there is one translation of both.
+    // The YAML library words its message for text, so that one translation serves both.
 
     fn invalid_type(_: de::Unexpected<'_>, expected: &dyn de::Expected) -> Self {
         Self::custom(format!("invalid {expected}"))
@@ -357,7 +357,7 @@ impl<'de> Deserializer<'de> for &'de Tree {
                 visitor.visit_enum(Variant { name: &entries[0].0, content: Some(&entries[0].1) })
             }
             Node::Map(entries) if entries.len() > 1 => {
-                // The second key is what does not belong here.
+                // The second key is the one that does not belong here.
                 let (key, _) = &entries[1];
                 let message =
                     format!("`{}` does not belong to `{}`", key.value, entries[0].0.value);
@@ -612,9 +612,9 @@ impl From<&str> for Node {
     }
 }
 
-/// What a plain scalar means in YAML, as far as numbers and truth values go.
+/// The YAML meaning of a plain scalar, for numbers and truth values only.
 fn scalar(text: Cow<'_, str>) -> Node {
-    // Most are words, for which a parser is a long way round. What is shorter may be `off`.
+    // Most scalars are words, for which a parser is slow. A shorter one may be `off`.
     let is_word = text.len() > 5
         && text.starts_with(|first: char| first == '$' || first.is_ascii_alphabetic());
     if is_word {

@@ -1,4 +1,4 @@
-//! What ends the wait of a bus from another thread.
+//! A bell that ends the wait of a bus from another thread.
 
 use std::io;
 use std::os::fd::{AsFd, BorrowedFd};
@@ -11,7 +11,7 @@ use nix::sys::eventfd::{EfdFlags, EventFd};
 pub struct Bell(Arc<EventFd>);
 
 impl Bell {
-    /// A bell that nobody has rung.
+    /// A bell that has not rung yet.
     ///
     /// # Errors
     /// When the process has too many files open.
@@ -22,7 +22,7 @@ impl Bell {
 
     /// Ends the wait that goes on, or else the next one.
     pub fn ring(&self) {
-        // Only a bell that was rung 2^64 times without being heard refuses.
+        // Writing fails only after 2^64 rings that were not read.
         _ = self.0.write(1);
     }
 

@@ -1,4 +1,4 @@
-//! The date on the wall: when a run on a real bus began, and which waivers have expired. No verdict
+//! The calendar date: when a run on a real bus began, and which waivers have expired. No verdict
 //! depends on it.
 
 use std::time::{SystemTime, UNIX_EPOCH};

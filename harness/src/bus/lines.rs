@@ -14,7 +14,7 @@ use crate::candump::{self, LONGEST, shortly};
 
 /// The name of the interface in lines.
 const INTERFACE: &str = "can0";
-/// So many lines may wait for a program that does not read them.
+/// The number of lines that may wait for a program that does not read them.
 const MOST_WAITING: usize = 1000;
 /// How long a request to stop may go unseen.
 const STOP_CHECK: Duration = Duration::from_millis(50);
@@ -36,7 +36,7 @@ impl Clock {
     }
 }
 
-/// What came from the other side, with the time when it did.
+/// A frame or an end from the other side, with its time of arrival.
 type Arrived = (Instant, Result<Frame, Ending>);
 
 /// Why nothing more comes from the other side.
@@ -54,7 +54,7 @@ pub(super) struct Lines {
     clock: Clock,
     arrived: Receiver<Arrived>,
     to: SyncSender<String>,
-    /// What is to be received, in order.
+    /// The frames to be received, in order.
     held: VecDeque<Stamped>,
     /// The last time stamp: they never decrease.
     last: Instant,
@@ -129,7 +129,7 @@ impl Lines {
             if self.stop.asked() {
                 return Err(BusError::Interrupted);
             }
-            // The time is taken before looking, so that nothing slips through between the two.
+            // The time is taken before looking, so that no frame slips through between the two.
             let now = self.now();
             self.take_all();
             if let Some(seen) = self.held.front() {
@@ -171,7 +171,7 @@ impl Lines {
     }
 }
 
-/// Reads frames until there are no more.
+/// Reads frames until the input ends.
 fn listen(from: impl Read, clock: Clock, to: &Sender<Arrived>) {
     let (mut from, mut line) = (BufReader::new(from), Vec::new());
     loop {
@@ -204,7 +204,7 @@ fn listen(from: impl Read, clock: Clock, to: &Sender<Arrived>) {
     }
 }
 
-/// Writes lines until the bus is closed, or nobody reads them any more.
+/// Writes lines until the bus is closed or the reader is gone.
 fn speak(mut to: impl Write, lines: &Receiver<String>) {
     for line in lines {
         if to.write_all(line.as_bytes()).and_then(|()| to.flush()).is_err() {
@@ -213,7 +213,7 @@ fn speak(mut to: impl Write, lines: &Receiver<String>) {
     }
 }
 
-/// Standard input and output of this program as a bus, for whoever started it.
+/// Standard input and output of this program as a bus, for the program that started it.
 pub struct Stdio(Lines);
 
 impl Stdio {
@@ -233,7 +233,7 @@ impl Bus for Stdio {
     }
 
     /// # Errors
-    /// [`BusError::Io`] when nobody reads.
+    /// [`BusError::Io`] when the reader is gone.
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
         self.0
             .send(frame)

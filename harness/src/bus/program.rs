@@ -33,7 +33,8 @@ impl Process {
         let whole = Path::new(command).is_file();
         let mut parts = command.split_whitespace().filter(|_| !whole);
         let mut started = Command::new(parts.next().unwrap_or(command));
-        // What it starts ends with it, and Ctrl-C is the harness's to handle.
+        // Its own process group: children of the program end with it, and Ctrl-C reaches only the
+        // harness.
         started.args(parts).process_group(0);
         set_up(&mut started);
         let child = started.spawn().map_err(|error| {
@@ -55,7 +56,7 @@ impl Drop for Process {
                 _ = killpg(group, Signal::SIGKILL);
             }
         }
-        // What it started is stopped, too.
+        // Stops the children of the program, too.
         _ = killpg(group, Signal::SIGKILL);
         _ = self.child.wait();
     }
@@ -70,7 +71,7 @@ const START: Duration = Duration::from_secs(5);
 /// Whether a program ends in that time. Nothing on a bus waits for it.
 fn ends_within(child: &mut Child, patience: Duration) -> bool {
     const TURN: Duration = Duration::from_millis(5);
-    // Nobody sends, so that receiving is waiting.
+    // Nothing is ever sent on this channel, so receiving from it only waits.
     let (_silent, never) = mpsc::channel::<()>();
     for _ in 0..patience.as_millis() / TURN.as_millis() {
         if !matches!(child.try_wait(), Ok(None)) {
@@ -96,7 +97,7 @@ fn said(status: &io::Result<ExitStatus>) -> String {
     }
 }
 
-/// What a program was sent last, for whoever looks for the reason of its end.
+/// The last frame sent to a program, as a clue to why it ended.
 fn after(last: Option<Frame>) -> String {
     last.map_or_else(String::new, |frame| {
         format!(" after it was sent {frame} ({})", canopen::meaning(&frame))

@@ -32,7 +32,7 @@ pub struct SocketCan {
     name: String,
     socket: CanSocket,
     clock: Clock,
-    /// Frames that were taken from the kernel before anybody asked for them, in order.
+    /// Frames taken from the kernel that no caller has received yet, in order.
     held: VecDeque<Stamped>,
     /// The kernel's count of frames that found the receive queue full.
     dropped: u32,
@@ -83,8 +83,8 @@ impl SocketCan {
         Self { bell: Some(bell), ..self }
     }
 
-    /// The bit rate of the interface `name` in bit/s, when the kernel knows it. A virtual one has
-    /// no bits that could be too fast for anybody, and counts as one of `usual`.
+    /// The bit rate of the interface `name` in bit/s, when the kernel knows it. A virtual interface
+    /// has no bit rate that could be too fast, and counts as `usual`.
     pub fn bit_rate(name: &str, usual: u32) -> Option<u32> {
         if ["vcan", "vxcan"].iter().any(|kind| name.starts_with(kind)) {
             return Some(usual);
@@ -173,7 +173,7 @@ impl Bus for SocketCan {
     }
 
     /// Hands the frame to the kernel. While the transmit queue is full this waits, up to 1 s, and
-    /// keeps what is received meanwhile for [`Bus::recv`].
+    /// keeps frames received in that time for [`Bus::recv`].
     ///
     /// # Errors
     /// [`BusError::Io`] when the interface is down or gone or its queue stays full,
@@ -197,8 +197,8 @@ impl Bus for SocketCan {
                     if now >= *give_up.get_or_insert(now + QUEUE_FULL_LIMIT) {
                         return Err(fault::queue_stays_full(&self.name));
                     }
-                    // The echo of an own frame is the sign of a place in the queue, but no frame
-                    // that is received may be lost while looking for it.
+                    // The echo of an own frame shows that the queue has room, but no received frame
+                    // may be lost while waiting for it.
                     self.wait(QUEUE_FULL_RETRY)?;
                     while let Some(seen) = self.read(self.clock.now())? {
                         self.held.push_back(seen);
@@ -222,7 +222,7 @@ impl Bus for SocketCan {
             if self.stop.asked() {
                 return Err(BusError::Interrupted);
             }
-            // The time is taken before looking, so that nothing slips through between the two.
+            // The time is taken before looking, so that no frame slips through between the two.
             let now = self.clock.now();
             if self.held.is_empty()
                 && let Some(seen) = self.read(now)?
@@ -238,7 +238,7 @@ impl Bus for SocketCan {
             }
             match self.wait(until.since(now))? {
                 Waited::Rung => return Err(BusError::Interrupted),
-                // Nothing was there when that time had come.
+                // No frame had arrived by that time.
                 Waited::InVain if until <= now + STOP_CHECK => return Ok(None),
                 Waited::InVain | Waited::Disturbed => {}
             }

@@ -53,7 +53,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
             sound_freedoms(&device, &library.register).map(|sound| freedoms += sound.len()),
         ];
         for mut wrong in sound.into_iter().filter_map(Result::err) {
-            // What is wrong for one device is mostly wrong for its variants, too.
+            // A mistake of one device is mostly a mistake of its variants, too.
             wrong.retain(|wrong| !complaints.iter().any(|told| wrong.is_about_place_of(told)));
             complaints.append(&mut wrong);
         }

@@ -55,7 +55,7 @@ pub(super) fn run(args: &DecodeArgs) -> Result<Exit, Refused> {
             continue;
         }
         if printed.is_journal && !line.ends_with(b"\n") {
-            // The first line was looked at as one of candump.
+            // The first line was examined as a line of candump.
             let rest = (LONGEST << 12) as u64;
             from.by_ref()
                 .take(rest)
@@ -84,10 +84,10 @@ fn skip_line(from: &mut dyn BufRead) -> std::io::Result<()> {
     }
 }
 
-/// What was printed so far.
+/// The state of the output so far.
 struct Printed<'a> {
     catalogue: &'a Catalogue,
-    /// What the user says of the device, which beats a journal.
+    /// The device as the user gave it, which takes precedence over a journal.
     said: Option<(u8, Arc<Eds>)>,
     decoder: Decoder,
     names: Arc<ObjectNames>,
@@ -271,7 +271,8 @@ fn is_variable(object: &Object) -> bool {
     !object.kind.has_subs()
 }
 
-/// `100 us` is a unit of its own in a catalogue: a raw 1 is so many of what follows.
+/// `100 us` is a unit of its own in a catalogue: it counts multiples, here 100, of the unit that
+/// follows.
 fn unit(facts: &Facts) -> Option<Unit> {
     let text = facts.unit.as_deref()?;
     let scale = facts.scale.unwrap_or(1.0);

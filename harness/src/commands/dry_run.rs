@@ -1,4 +1,4 @@
-//! `harness --dry-run`: what a run would do to the device, without a bus.
+//! `harness --dry-run`: lists what a run would do to the device, without a bus.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -52,7 +52,7 @@ fn duts(args: &RunArgs, library: &Library, stop: &Stop) -> Result<Vec<Dut>, Refu
     }
 }
 
-/// What the cases of a run do, all together.
+/// The effects of all cases of a run together.
 #[derive(Default)]
 struct Sum {
     /// In how many cases something is done; objects that are written are counted apart.
@@ -61,7 +61,7 @@ struct Sum {
     written: BTreeMap<Mux, (usize, usize)>,
     /// How often 1010h and 1011h are written.
     stores: BTreeMap<u16, usize>,
-    /// What protects from how many cases, with their names and what each would do.
+    /// For each protection, the cases that it skips, and what each would do.
     protected: BTreeMap<String, Vec<String>>,
     running: usize,
     skipped: usize,

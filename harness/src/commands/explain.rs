@@ -1,4 +1,4 @@
-//! `harness explain`: what a name stands for, wherever one meets it in a report.
+//! `harness explain`: explains any name that appears in a report.
 
 use std::collections::BTreeSet;
 
@@ -78,7 +78,7 @@ fn mutants() -> Result<Vec<(Mutant, Vec<&'static str>)>, Refused> {
 }
 
 impl Book {
-    /// What `harness eds check` finds in a data sheet, and the cases that judge it.
+    /// Explains a finding of `harness eds check`, and lists the cases that judge it.
     fn finding(&self, finding: &Code) -> String {
         let mut page = Page::new(format!("{} {} in a data sheet", finding.severity, finding.name));
         page.field("rule", finding.meaning);
@@ -125,7 +125,7 @@ impl Book {
         }
         let mutants = self.mutants.iter().filter(|(known, _)| known.name == name);
         let mutants = mutants.map(|(mutant, devices)| self.mutant(mutant, devices));
-        // What breaks a `should` is a mutant, and a freedom that may well have the same name.
+        // A deviation from a `should` is a mutant, and a freedom may well have the same name.
         let freedoms = self.freedoms.iter().filter(|(known, _)| known.name == name);
         let freedoms = freedoms.map(|(freedom, device)| self.freedom(freedom, device));
         let texts: Vec<String> = mutants.chain(freedoms).collect();
@@ -370,7 +370,7 @@ fn extended((id, dimension): (&String, &At<Dimension>)) -> String {
     format!("{id}: {}", dimension.value.name())
 }
 
-/// What is known of a requirement in a dimension.
+/// Describes a requirement in a dimension.
 fn extent((dimension, extent): (&Dimension, &Extent)) -> String {
     let name = dimension.name();
     match extent {
@@ -380,7 +380,7 @@ fn extent((dimension, extent): (&Dimension, &Extent)) -> String {
     }
 }
 
-/// What a device of a profile may lack although no object is missing.
+/// Explains an option: something that a device of a profile may lack although no object is missing.
 fn option(name: &str, catalogue: &Catalogue) -> Option<String> {
     let profile = catalogue.profiles().iter().find(|profile| profile.options.contains_key(name))?;
     let mut page = Page::new(format!("option {name} of {}", profile.title()));
@@ -389,7 +389,7 @@ fn option(name: &str, catalogue: &Catalogue) -> Option<String> {
     Some(page.0)
 }
 
-/// What the profiles say about an object, each profile that has its index.
+/// Describes an object, once for each profile that has its index.
 fn object(index: u16, catalogue: &Catalogue) -> Option<String> {
     let mut texts = Vec::new();
     for profile in catalogue.profiles() {
@@ -464,7 +464,7 @@ fn refusal(step: &Step) -> Option<&Refusal> {
     refused.map(|refused| &refused.value)
 }
 
-/// What to look at in a device that gives, or does not give, this code.
+/// Advice on what to check in a device that sends, or does not send, this code.
 const fn advice(abort: Abort) -> Option<&'static str> {
     Some(match abort.0 {
         0x0503_0000 => "how the server tells a repeated segment from the next one",
@@ -481,8 +481,8 @@ const fn advice(abort: Abort) -> Option<&'static str> {
     })
 }
 
-/// What the data sheet of the device that a suite is for calls its objects; of a suite for any
-/// device, that of the device that has them all.
+/// The names of the objects in the data sheet of the device that a suite is for. A suite for any
+/// device takes those of the device that has them all.
 fn names_for(suite: &Suite, catalogue: &Catalogue) -> ObjectNames {
     let device = suite.file.device.as_ref().map_or("generic", |device| device.value.as_str());
     let device = devices::names().find(|name| *name == device || name.starts_with(device));
@@ -523,7 +523,7 @@ impl Page {
         items.for_each(|item| self.more(&item));
     }
 
-    /// What a case does, in words.
+    /// The steps of a case, in words.
     fn steps(&mut self, suite: &Suite, case: &Case, names: &ObjectNames) {
         let wording = Wording { words: &suite.words, scope: None };
         let phases = [("setup", &case.setup), ("steps", &case.steps), ("finally", &case.finally)];

@@ -141,7 +141,7 @@ fn text(args: &InitArgs, found: &Found, sheet: &Sheet, eds: &Eds, bit_rate: Opti
     text
 }
 
-/// What most devices need, commented out.
+/// The settings that most devices need, commented out.
 const USUAL: &str = "
 # Suites of your own beside those in the program, and the suites and cases that run.
 # suites: [my-suites]
@@ -225,7 +225,7 @@ fn identity(found: &Found) -> String {
     what.collect::<Vec<_>>().join(", ") + &follows
 }
 
-/// What a device or a file says, fit for a comment.
+/// Text from a device or a file, made safe for a comment.
 fn printable(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

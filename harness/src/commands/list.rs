@@ -1,4 +1,4 @@
-//! `harness list`: what would run, and why the rest would not.
+//! `harness list`: lists the cases that would run, and why the others would not.
 
 use std::fmt::Write;
 
@@ -79,7 +79,7 @@ pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
     Ok(Exit::Green)
 }
 
-/// The list that a word means; `None` if it is the name of a suite or a case.
+/// The list that a word selects; `None` if it is the name of a suite or a case.
 fn list_of(what: &str, library: &Library, selection: &Selection) -> Option<Result<Exit, Refused>> {
     match what {
         "suites" => Some(suites(library)),
@@ -112,8 +112,8 @@ fn suites(library: &Library) -> Result<Exit, Refused> {
     Ok(Exit::Green)
 }
 
-/// What each reference device has under a name and why, such as its mutants; of a variant, those
-/// that its device does not have.
+/// The named items of each reference device, such as its mutants, each with its reason. A variant
+/// lists only those that its device does not have.
 fn named(
     library: &Library,
     selection: &Selection,

@@ -1,8 +1,8 @@
-//! `harness qualify`: the proofs of the suites, in virtual time. Every case can fail: the kill
-//! matrix of mutants, and the assertions that the kills rest on; what no mutant proves is proved by
-//! slips, deviations that happen once and late in a case. No case is unjust: nothing is red
-//! on a device that uses the freedoms which the documents leave, one at a time, as a personality or
-//! mixed at random.
+//! `harness qualify`: the proofs of the suites, in virtual time. The first proof is that every case
+//! can fail. It rests on the kill matrix of mutants, and on the assertions that the kills rest on.
+//! Slips prove what no mutant proves: they are deviations that happen once and late in a case. The
+//! second proof is that no case is unjust: nothing is red on a device that uses the freedoms which
+//! the documents leave, one at a time, as a personality or mixed at random.
 
 mod assertion;
 mod assertions;
@@ -125,7 +125,7 @@ pub(super) fn assertions_of<'l>(
     Ok(Assertions::of(library, &matrices, &[], &slips).about(case))
 }
 
-/// What slips prove of the cases that fit, beside mutants and freedoms.
+/// The proofs by slips for the selected cases, beside mutants and freedoms.
 fn slips_of(
     cleans: &[Clean],
     matrices: &[Matrix],

@@ -1,4 +1,4 @@
-//! `harness restore`: sets back what a run that was killed left changed in a device.
+//! `harness restore`: sets back the changes that a killed run left in a device.
 
 use std::fmt::Write;
 use std::sync::Arc;
@@ -101,7 +101,7 @@ fn dut(changes: &Changes) -> Result<Dut, Refused> {
     let mut dut = match &changes.eds {
         Some(path) => dut_of_file(&selection, path)?,
         None => {
-            // What a device with a data sheet of ours has is protected by it, too.
+            // A device with a data sheet of ours is protected by it, too.
             let device = devices::device(&changes.device);
             let eds = device.map(|device| eds::read(device.eds_text().as_bytes()).eds);
             let mut dut = Dut::new(&changes.device, changes.node, eds.unwrap_or_default());

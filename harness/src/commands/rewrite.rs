@@ -41,7 +41,7 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     Ok(Exit::Green)
 }
 
-/// What is new about a file.
+/// Describes the changes to a file.
 fn said(changes: Changes) -> String {
     let Changes { steps, into, objects, values, records, refusals, frames, kept } = changes;
     let mut parts = Vec::new();

@@ -1,4 +1,4 @@
-//! `harness run`: suites against devices, and the reports of it.
+//! `harness run`: runs suites against devices, and writes the reports.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -28,10 +28,10 @@ use crate::source::{At, Complaint};
 use crate::target::{self, Connection, Target};
 use crate::undo_log::{self, Changes, UndoLog};
 
-/// Runs what the arguments select. The reports are written whatever happens.
+/// Runs the selection of the arguments. The reports are written even if the run fails.
 ///
 /// # Errors
-/// What kept everything from running.
+/// Anything that kept the run from starting.
 pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
     if args.dry_run {
         return dry_run::run(&args.with_file()?, stop);
@@ -39,7 +39,7 @@ pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
     let with_file = args.with_file();
     let args = with_file.as_ref().unwrap_or(args);
     let mut reporter = Reporter::new(args)?;
-    // What the bench started ends with it.
+    // The children of the bench end with it.
     let held = args.selection.bench.as_ref().map(|_| stop.hold());
     let prepared = match &with_file {
         Ok(args) => Prepared::new(args, stop),
@@ -60,13 +60,13 @@ pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
     Ok(prepared.run(args, stop, &mut reporter))
 }
 
-/// What is to run, and what is known of it before.
+/// The plans to run, and the facts known before they run.
 struct Prepared {
     library: Library,
     waivers: Waivers,
     targets: Vec<Target>,
     plans: Vec<Plan>,
-    /// The cases that there are, whatever is selected.
+    /// All cases, selected or not.
     names: Vec<String>,
 }
 
@@ -118,7 +118,7 @@ impl Prepared {
         let outdated = waivers.out_of_date(reporter.run(), &names);
         let of_waivers = if outdated.is_empty() { Exit::Green } else { Exit::Waivers };
         let worst = stopped.max(of_verdicts(reporter)).max(of_waivers);
-        // That enough failed is what the user asked for.
+        // The user asked to stop after enough failures.
         if let Some(reason) = reason.as_ref().filter(|_| stopped > Exit::Green) {
             complain!("error: {}", harmless(reason));
         }
@@ -131,20 +131,20 @@ impl Prepared {
     }
 }
 
-/// What is waived, by the date of today.
+/// The waivers that are in force today.
 fn waivers_of(args: &RunArgs, register: &Register) -> Result<Waivers, Refused> {
     let Some(path) = &args.waivers else { return Ok(Waivers::default()) };
     let today = args.today.clone().unwrap_or_else(|| reports::date(unix_time()));
     Ok(Waivers::read(read_source(path)?, &today, register)?)
 }
 
-/// The cases that there are, whatever is selected; when anybody asks.
+/// The names of all cases, selected or not; empty unless `asked`.
 fn names_of(plans: &[Plan], asked: bool) -> Vec<String> {
     let instances = plans.iter().filter(|_| asked).flat_map(|plan| &plan.instances);
     instances.map(Instance::name).collect()
 }
 
-/// What every session of a run has in common.
+/// The settings that all sessions of a run share.
 struct Sessions<'r> {
     args: &'r RunArgs,
     library: &'r Library,
@@ -282,7 +282,7 @@ pub(super) fn plan_for(library: &Library, duts: &[&Dut]) -> Result<Vec<Plan>, Re
         match plan {
             Ok(plan) => plans.push(plan),
             Err(mut wrong) => {
-                // What is wrong for one device is mostly wrong for the next one, too.
+                // A mistake of one device is mostly a mistake of the next one, too.
                 wrong.retain(|wrong| !complaints.iter().any(|told| wrong.is_about_place_of(told)));
                 complaints.extend(wrong);
             }

@@ -1,4 +1,4 @@
-//! `harness scan`: shows who is on the bus.
+//! `harness scan`: lists the devices on the bus.
 
 use std::fmt::Write;
 

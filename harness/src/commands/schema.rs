@@ -1,4 +1,4 @@
-//! `harness schema`: what editors complete and check with.
+//! `harness schema`: the JSON schemas for completion and checks in editors.
 
 use canopen::catalogue::CatalogueFile;
 use reference_devices::describe::{DeviceFile, PartFile, VariantFile};

@@ -1,4 +1,4 @@
-//! Which instances the patterns of a command line mean.
+//! The instances that the patterns of a command line select.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -58,7 +58,7 @@ fn nothing_named(pattern: &str, plans: &[Plan]) -> String {
         names.extend(folders.chain([suite]).map(str::to_owned));
     }
     let whole = did_you_mean(pattern, names.iter().map(String::as_str));
-    // `nmt/stp` leaves the folder out: what is near to its end is meant.
+    // `nmt/stp` leaves the folder out, so it is compared with the ends of names.
     let parts = pattern.matches('/').count() + 1;
     let end = |name: &str| {
         let from = name.rmatch_indices('/').nth(parts - 1).map_or(0, |(place, _)| place + 1);

@@ -77,8 +77,12 @@ pub(super) fn run(args: &ServeArgs, stop: &Stop) -> Result<Exit, Refused> {
 }
 
 fn open(name: &str, stop: &Stop) -> Result<SocketCan, Refused> {
-    let Ok(Interface::SocketCan(name)) = name.parse() else {
-        let why = format!("no interface is called `{name}`: write `vcan0` or `can0`");
+    let interface = name.parse();
+    let Ok(Interface::SocketCan(name)) = interface else {
+        let why = match interface {
+            Ok(_) => "`serve` needs a network interface of Linux, such as `vcan0`".to_owned(),
+            Err(_) => format!("no interface is called `{name}`: write `vcan0` or `can0`"),
+        };
         return Err(Refused::usage(why));
     };
     SocketCan::open(&name, stop.clone()).map_err(|error| Refused::bus(error.to_string()))
@@ -106,7 +110,7 @@ impl Bench for Table<'_> {
     }
 }
 
-/// A line that somebody wrote into the socket, and where the answer goes.
+/// A line from the socket, and where the answer goes.
 struct Request {
     line: String,
     answer: Sender<String>,

@@ -20,13 +20,13 @@ struct Row<'r> {
     document: &'r str,
     clause: &'r str,
     level: &'static str,
-    /// The devices for which it is a `should`, each with the decision that says so.
+    /// The devices for which it is a `should`, each with the decision on that.
     relaxed: BTreeMap<&'r str, &'r str>,
     says: &'r str,
     untestable: Option<&'r str>,
     /// The requirements that it extends, each with the dimension.
     extends: BTreeMap<&'r str, &'static str>,
-    /// What is known of it in each dimension, where that was gone through.
+    /// Its state in each dimension, where the document was checked for that.
     dimensions: Option<BTreeMap<Dimension, Extent>>,
     cases: Vec<String>,
     mutants: BTreeSet<String>,
@@ -189,7 +189,7 @@ fn few(names: &[&str]) -> String {
     }
 }
 
-/// So many names have room in a row.
+/// A row has room for this many names.
 const FEW: usize = 3;
 
 fn csv(rows: &[Row]) -> String {

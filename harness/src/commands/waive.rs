@@ -29,7 +29,7 @@ pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
         None => say(&text),
         Some(out) => {
             let name = out.display();
-            // What somebody has written reasons into is not written over.
+            // An existing file may contain reasons that the user wrote, so it is never overwritten.
             let file = File::options().write(true).create_new(true).open(out);
             let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
             written.map_err(|error| refused(format!("error: {name}: {error}")))?;

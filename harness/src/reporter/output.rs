@@ -11,7 +11,7 @@ use nix::errno::Errno;
 pub(super) struct Output {
     /// As the user named it.
     path: PathBuf,
-    /// Where it is; of a link, what it leads to.
+    /// The place of the file; for a link, its target.
     place: PathBuf,
 }
 
@@ -29,8 +29,8 @@ impl Output {
         &self.path
     }
 
-    /// Whether whatever is written there stays apart from what else is: a device such as
-    /// `/dev/null` takes anything.
+    /// Whether both are the same file. A device such as `/dev/null` takes anything and never counts
+    /// as the same.
     pub(super) fn is_same(&self, other: &Path) -> bool {
         self.is_file() && place(other).is_ok_and(|other| other == self.place)
     }
@@ -40,11 +40,11 @@ impl Output {
         fs::metadata(&self.place).map_or(true, |found| found.is_file())
     }
 
-    /// Writes the whole file. A reader of it sees what was there before, or all of this. Where
-    /// nothing can be put beside it, `content` writes a second time.
+    /// Writes the whole file. A reader sees either the old content or all of the new one. Where the
+    /// file cannot be replaced, `content` is called a second time to write in place.
     ///
     /// # Errors
-    /// Whatever keeps it from being written. What was there before is left then.
+    /// The cause that prevents the write. The old content is left then.
     pub(super) fn write(
         &self,
         content: impl Fn(&mut dyn Write) -> io::Result<()>,
@@ -57,7 +57,7 @@ impl Output {
         let beside = self.place.with_file_name(format!(".{name}.{}", std::process::id()));
         let synced = || written(File::create(&beside)?, &content)?.sync_all();
         synced().and_then(|()| fs::rename(&beside, &self.place)).or_else(|error| {
-            // It may not have come into being.
+            // The temporary file may not exist.
             _ = fs::remove_file(&beside);
             if stands_alone(&error) { in_place() } else { Err(error) }
         })
@@ -70,8 +70,8 @@ fn written(file: File, content: impl Fn(&mut dyn Write) -> io::Result<()>) -> io
     Ok(out.into_inner()?)
 }
 
-/// Whether a file can be written where nothing can be put beside it, or in its place: it is in a
-/// folder of somebody else's, or mounted alone.
+/// Whether a file can be written in place but not replaced: its folder belongs to another user, or
+/// the file is mounted alone.
 fn stands_alone(error: &io::Error) -> bool {
     let errno = error.raw_os_error().map(Errno::from_raw);
     matches!(errno, Some(Errno::EACCES | Errno::EPERM | Errno::EROFS | Errno::EBUSY | Errno::EXDEV))

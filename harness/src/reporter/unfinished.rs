@@ -1,5 +1,5 @@
-//! What reports say of a run that did not come to its cases, or not yet to its end: one case, which
-//! is an error. A report that is not written again never looks like a run in which all was well.
+//! The reports of a run that did not reach its cases, or has not ended yet: one case, which is an
+//! error. So a report that is not rewritten never looks like a run that passed.
 
 use std::sync::Arc;
 
@@ -60,7 +60,7 @@ pub(super) fn events(args: &RunArgs, why: &str, exit: u8) -> Vec<Event> {
     ]
 }
 
-/// A run that has begun and not come to its end.
+/// A run that has begun and not ended.
 pub(super) fn run(args: &RunArgs, exit: u8) -> Run {
     let mut run = Run::new(Keep::Unusual);
     let why = "the run did not come to its end: its journal has what ran";
@@ -70,8 +70,8 @@ pub(super) fn run(args: &RunArgs, exit: u8) -> Run {
     run
 }
 
-/// Whether the frames come from hardware. What the target is otherwise wrong with is found when it
-/// is resolved.
+/// Whether the frames come from hardware. Other mistakes of the target are found when it is
+/// resolved.
 pub(super) fn is_on_real_bus(args: &RunArgs) -> bool {
     let address = args.selection.target.as_deref().map(str::parse);
     matches!(address, Some(Ok(Address::Interface(_))))

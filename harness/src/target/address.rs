@@ -6,7 +6,7 @@ use super::reference::Named;
 use crate::bus::Interface;
 use crate::exit::Refused;
 
-/// What `--target` names.
+/// The target that `--target` names.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Address {
     /// `sim:DEVICE`, or with a deviation `sim:DEVICE?mutant=NAME`.

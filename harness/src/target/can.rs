@@ -52,7 +52,7 @@ pub(super) fn target(
         bench,
         own_bench: selection.bench.is_some(),
         bench_needs,
-        interface: (!interface.is_program()).then(|| name.clone()),
+        interface: interface.network().filter(|_| !interface.is_program()).map(str::to_owned),
         bit_rate,
         without: without(selection, own.as_deref()),
         told: found.recognised(),
@@ -89,14 +89,13 @@ fn nobody_beside(load: Option<String>, interface: &str, node: Option<u8>) -> Ref
         || "no node answers".to_owned(),
         |node| format!("node {node} does not answer"),
     );
-    if interface.starts_with("exec:") {
+    let parsed = interface.parse::<Interface>();
+    let Some(interface) = parsed.as_ref().map_or(Some(interface), Interface::network) else {
         return Refused::bus(format!(
             "{who} on {interface}. The program writes each frame that it sends as a line, such as \
              `(0.001000) can0 701#00`, and gets each frame as such a line"
         ));
-    }
-    let interface = interface.strip_prefix("exec@").unwrap_or(interface);
-    let interface = interface.split(':').next().unwrap_or(interface);
+    };
     let load = load.map(|load| format!(", where {load}")).unwrap_or_default();
     Refused::bus(format!(
         "{who} on {interface}{load}. These commands show the frames on it and add a device:\n  \

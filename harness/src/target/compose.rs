@@ -1,4 +1,4 @@
-//! A data sheet for a device that comes without one, composed of what the device answers.
+//! A data sheet for a device that comes without one, composed from the device's answers.
 
 use canopen::catalogue::{Catalogue, Profile};
 use canopen::eds::{self, DeviceInfo, Eds, FileInfo};

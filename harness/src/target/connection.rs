@@ -1,4 +1,4 @@
-//! A device under test and how it is reached.
+//! A device under test and the connection to it.
 
 use std::sync::{Arc, Mutex};
 

@@ -13,7 +13,7 @@ use crate::files::{read_text, words};
 use crate::nearest::did_you_mean;
 use crate::source::{Complaint, Source};
 
-/// Whether a word means a path and not the name of a device in this program.
+/// Whether a word is a path and not the name of a device in this program.
 pub(super) fn is_path(text: &str) -> bool {
     text.contains('/') || text.starts_with('.') || Path::new(text).exists()
 }

@@ -1,4 +1,4 @@
-//! What a data sheet leaves open about the length of values.
+//! The length of values, where a data sheet leaves it open.
 
 use std::collections::BTreeSet;
 
@@ -8,8 +8,8 @@ use canopen::{Bus, BusError, Mux};
 use runner::dut::Dut;
 use runner::run::{Link, Policy, is_long};
 
-/// The entries of variable length without a default value that do not fit into one frame: the
-/// device is asked for each once. Those that the data sheet wants left alone are left alone.
+/// The entries of variable length without a default value that do not fit into one frame. Each is
+/// uploaded once to find out, except those that the data sheet says to leave alone.
 ///
 /// # Errors
 /// Whatever the bus reports.

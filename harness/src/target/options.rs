@@ -56,8 +56,8 @@ pub(super) fn free_to_write(selection: &Selection, dut: &mut Dut) -> Result<(), 
     Ok(())
 }
 
-/// Protects the device from what its file says, and from another bit rate where nobody could set
-/// back the one of the bus.
+/// Protects the device as its file says, and from another bit rate where the bit rate of the bus
+/// could not be set back.
 pub(crate) fn protect(selection: &Selection, dut: &mut Dut) {
     const GENERIC_IO: u16 = 401;
     dut.wire = Arc::new(Wire::of(&dut.eds));
@@ -76,10 +76,10 @@ pub(crate) fn protect(selection: &Selection, dut: &mut Dut) {
     dut.protection = Arc::new(protection);
 }
 
-/// A bench of the user's, what it offers, and how the device must be set up for it.
+/// The user's bench, its names, and how the device must be set up for it.
 pub(super) type OwnBench = (Arc<Mutex<Rig>>, Offer);
 
-/// What a bench offers, and how the device must be set up for it.
+/// The names of a bench, and how the device must be set up for them.
 pub(super) type Offer = (Vec<String>, Needs);
 
 /// The bench the user names.

@@ -29,8 +29,8 @@ pub(crate) fn reference_device(
     }
 }
 
-/// What `reference_device` takes for a device and each of its variants; for a variant its own
-/// name or path alone.
+/// The arguments of `reference_device` for a device and each of its variants; for a variant, only
+/// its own name or path.
 ///
 /// # Errors
 /// When the device is at a path, and its files have mistakes.

@@ -1,4 +1,4 @@
-//! Finding out who is on a bus.
+//! Finds the devices on a bus.
 
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
@@ -23,20 +23,20 @@ type Recognised = (Arc<Profile>, Option<String>);
 pub struct Found {
     /// Its node id.
     pub node: u8,
-    /// What 1000h and 1018h say.
+    /// The values of 1000h and 1018h.
     pub identity: Identity,
-    /// What 1008h says.
+    /// The value of 1008h.
     pub name: Option<String>,
     /// The reference device that it is one of.
     pub device: Option<String>,
     /// The profile of the catalogue by which it is recognised.
     pub profile: Option<Recognised>,
-    /// What is odd about its answers.
+    /// Oddities of its answers.
     pub odd: Vec<String>,
 }
 
 impl Found {
-    /// The name of the profile of the catalogue that it says it follows.
+    /// The name of the catalogue profile that the device claims to follow.
     pub(crate) fn recognised(&self) -> Option<String> {
         self.profile.as_ref().map(|(profile, _)| profile.name.clone())
     }
@@ -46,8 +46,8 @@ impl Found {
         self.identity.device_type.is_some_and(|device_type| device_type as u16 == 401)
     }
 
-    /// What it is, by its profile: `EUROMAP 66 heating/cooling device 1.1` or `CiA 401`; `None`
-    /// when it does not say.
+    /// The device by its profile: `EUROMAP 66 heating/cooling device 1.1` or `CiA 401`; `None` when
+    /// it does not say.
     pub(crate) fn follows(&self) -> Option<String> {
         if let Some((profile, version)) = &self.profile {
             let version = version.as_ref().map(|version| format!(" {version}"));
@@ -89,8 +89,8 @@ const ROUND: Duration = Duration::from_millis(300);
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 const DEVICE_NAME: Mux = Mux::new(0x1008, 0);
 
-/// The nodes that answer. What is no answer to the request shows a node only where no other one
-/// answers: it may be noise.
+/// The nodes that answer. A frame that is no answer to the request counts only for a node without a
+/// proper answer: it may be noise.
 fn nodes(link: &mut Link, asked: RangeInclusive<u8>) -> Result<Vec<u8>, BusError> {
     let mut noise = Vec::new();
     // A device that is just booting hears no request: ask again.
@@ -138,7 +138,7 @@ fn answering(link: &mut Link, nodes: RangeInclusive<u8>) -> Result<(Vec<u8>, Vec
 }
 
 fn ask(link: &mut Link, node: u8, catalogue: &Catalogue) -> Result<Found, BusError> {
-    // Nothing here is judged by its time, so a bit rate that nobody has named yet will do.
+    // Nothing here is judged by its time, so an unknown bit rate does no harm.
     let policy = Policy::at_bit_rate(125_000);
     let dut = Dut::new("", node, Eds::default());
     let identity = identity(link, &policy, &dut)?;

@@ -33,7 +33,7 @@ pub fn models(eds: &Eds) -> BTreeMap<&'static str, &'static Eds> {
     models.filter(own).map(|model| (model.device.as_str(), &model.eds)).collect()
 }
 
-/// Reads a data sheet; says so when it has errors, and goes on with what is left.
+/// Reads a data sheet; reports its errors, and continues with the rest.
 ///
 /// # Errors
 /// When it cannot be read at all.
@@ -70,7 +70,7 @@ pub(crate) fn dut_of_file(selection: &Selection, path: &Path) -> Result<Dut, Ref
     Ok(dut)
 }
 
-/// What reports call the device with the data sheet at `path`.
+/// The name in reports of the device with the data sheet at `path`.
 fn name_of(selection: &Selection, path: &Path) -> String {
     let stem = path.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     selection.device.clone().or(stem).unwrap_or_else(|| "device".to_owned())

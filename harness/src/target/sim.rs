@@ -40,7 +40,8 @@ pub(super) fn target(
     };
     let node = selection.node.unwrap_or_else(|| device.description.default_node);
     if let Some(deviation) = &deviation {
-        // What cannot be built is a mistake in its file, which is reported before anything runs.
+        // A deviation that cannot be built is a mistake in its file. It is reported before anything
+        // runs.
         deviation.build(&device, node)?;
     }
     let mut options = match &deviation {
@@ -110,12 +111,12 @@ impl Target {
     }
 }
 
-/// What the user calls the device. Without a target, `--device` chooses a reference device.
+/// The user's name for the device. Without a target, `--device` chooses a reference device.
 fn own_name(selection: &Selection) -> Option<&str> {
     selection.target.as_ref().and(selection.device.as_deref())
 }
 
-/// A word as a shell takes it: in quotes where it holds more than letters, digits and `:/.-_`.
+/// A word quoted for a shell if it has other characters than letters, digits and `:/.-_`.
 pub(super) fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || ":/.-_".contains(c);
     match word.chars().all(plain) {

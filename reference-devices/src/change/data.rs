@@ -12,7 +12,7 @@ use super::profile::ProfilePatch;
 use super::settings::SettingsPatch;
 use super::sheet::SheetPatch;
 
-/// What is wrong with a change: the keys that lead there, and why.
+/// A mistake in a change: the keys that lead to it, and the reason.
 #[derive(Debug, PartialEq)]
 pub(super) struct Misfit {
     /// Below the change, such as `frame` and `when`; an item of a list by its number.

@@ -1,6 +1,6 @@
-//! Entries of a file of mutants or freedoms, which may be written for short: a table of several, a
-//! name with its sentence, a change by its kind, a decision by its name. What reads them has each
-//! entry in full.
+//! Entries of a file of mutants or freedoms in short notation: a table of several, a name with its
+//! sentence, a change by its kind, a decision by its name. Each entry is expanded in full before it
+//! is read.
 
 use std::sync::Arc;
 
@@ -245,7 +245,7 @@ fn text(name: &At<String>) -> Tree {
     Tree { node: Node::Text(name.value.clone()), place: name.place }
 }
 
-/// A list, of what stands there alone.
+/// A list with a single value that was written without brackets.
 fn as_list(value: &mut Tree) {
     if value.text().is_some() {
         let one = Tree { node: std::mem::replace(&mut value.node, Node::Null), ..*value };

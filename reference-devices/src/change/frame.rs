@@ -1,4 +1,4 @@
-//! A device at a wire that drops, edits, repeats or delays some of its frames.
+//! A device whose frames are partly dropped, edited, repeated or delayed.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -21,9 +21,9 @@ pub struct DeviantWire {
     left: u32,
     scratch: Outbox,
     delayed: VecDeque<(Instant, Frame)>,
-    /// What is lost while a frame is delayed.
+    /// The frames that are lost while a frame is delayed.
     deaf: Option<Pattern>,
-    /// What notes that a frame would not be as it was meant; it is left alone then.
+    /// Notes that a frame would be changed; the frame is then left alone.
     muted: Option<Dissent>,
 }
 
@@ -96,7 +96,7 @@ impl DeviantWire {
         })
     }
 
-    /// The same; where it is muted, frames are left alone.
+    /// The same; if it is muted, frames are left unchanged.
     pub(super) fn muted(self, muted: Option<Dissent>) -> Self {
         Self { muted, ..self }
     }

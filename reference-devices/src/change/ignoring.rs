@@ -5,13 +5,13 @@ use canopen::{Abort, BenchError, Dictionary, Instant, Mux, Value};
 
 use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, SdoJob};
 
-/// The network writes and reads the object as usual, and the application goes on with the value
-/// that the object had at first. What the application itself writes there is kept.
+/// The network writes and reads the object as usual, but the application keeps using the value that
+/// the object had at first. Values that the application itself writes there are kept.
 #[derive(Clone)]
 pub(super) struct Ignoring {
     inner: Box<dyn Behaviour>,
     object: Mux,
-    /// What the application finds in the object.
+    /// The value that the application finds in the object.
     kept: Vec<u8>,
 }
 

@@ -1,4 +1,4 @@
-//! Where a change stands, for complaints.
+//! The place of a change in its file, for complaints.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use super::data::Misfit;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Origin {
     source: Arc<Source>,
-    /// What stands in the file, each entry in full.
+    /// The content of the file, each entry in full.
     outline: Arc<Outline>,
     path: Vec<String>,
 }
@@ -27,7 +27,7 @@ impl Origin {
         &self.source.name
     }
 
-    /// What stands below these keys.
+    /// The part below these keys.
     pub(crate) fn below(&self, keys: &[&str]) -> Self {
         let path = self.path.iter().cloned().chain(keys.iter().map(|&key| key.to_owned()));
         Self { path: path.collect(), ..self.clone() }
@@ -39,17 +39,17 @@ impl Origin {
         format!("{}:{}", self.source.name, self.outline.nearest(&path).line)
     }
 
-    /// What stands here, in one line.
+    /// The text at this place, in one line.
     pub(crate) fn text(&self) -> String {
         let path: Vec<&str> = self.path.iter().map(String::as_str).collect();
         self.outline.in_one_line(&path)
     }
 
-    /// A complaint about what stands here, so many bytes after its start.
+    /// A complaint about the text at this place, at an offset in bytes from its start.
     pub(crate) fn complaint(&self, offset: usize, message: impl Into<String>) -> Complaint {
         let path: Vec<&str> = self.path.iter().map(String::as_str).collect();
         let place = self.outline.nearest(&path);
-        // A text that is filled in stands nowhere: the row is shown.
+        // Filled-in text has no place of its own: the row is shown.
         let is_there = self.outline.text(&path).is_some_and(|text| self.source.has(place, text));
         let place = self.source.inside(place, if is_there { offset } else { 0 });
         Complaint::at(&self.source, place, message)

@@ -1,4 +1,5 @@
-//! A change of what the device takes from its profiles: codes, and where blocks of objects are.
+//! A change of the facts that the device takes from its profiles: codes, and where blocks of
+//! objects are.
 
 use std::collections::BTreeMap;
 

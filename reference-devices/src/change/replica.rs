@@ -1,10 +1,11 @@
-//! Devices that are copied as they are, which costs much less than building one of its data anew.
+//! Copies of devices, which cost much less than building a device from its data again.
 
 use canopen::Device;
 
 /// A device of which there can be another one in the same state.
 pub trait Replica: Device {
-    /// The device as it is now; what happens to one of them does not touch the other.
+    /// The device in its present state. A change of the copy does not affect the original, nor the
+    /// reverse.
     fn replica(&self) -> Box<dyn Replica>;
 }
 

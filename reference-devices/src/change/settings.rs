@@ -1,4 +1,4 @@
-//! A change of what a device is and its data sheet does not state.
+//! A change of properties that the data sheet does not state.
 
 use std::collections::BTreeMap;
 use std::time::Duration;

@@ -1,4 +1,4 @@
-//! A change of the data sheet that the device does not know of: the text that the harness is given.
+//! A change of the data sheet text that the harness is given. The device does not know of it.
 
 use std::borrow::Cow;
 

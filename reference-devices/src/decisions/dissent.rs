@@ -1,4 +1,4 @@
-//! What muted deviations would have made different.
+//! The differences that muted deviations would have made.
 
 use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

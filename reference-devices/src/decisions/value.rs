@@ -1,13 +1,14 @@
-//! Results of decisions as data write them.
+//! Results of decisions, in the form that data use.
 
 use std::time::Duration;
 
 use canopen::emcy::EmcyCode;
 use canopen::{Abort, NmtState};
 
-/// A result of a decision. What data cannot write keeps the methods as they are.
+/// A result of a decision. A type that data cannot write keeps the default methods.
 pub(crate) trait Settable: Sized {
-    /// What can stand in data, such as "`true` or `false`"; `None` when nothing can.
+    /// The values that data can give, such as "`true` or `false`"; `None` when data cannot give
+    /// any.
     fn expected() -> Option<String> {
         None
     }
@@ -18,7 +19,7 @@ pub(crate) trait Settable: Sized {
     }
 }
 
-/// Results that have a word each.
+/// Results with one word each.
 macro_rules! words {
     ($type:ty: $($word:literal => $value:expr),* $(,)?) => {
         impl crate::decisions::Settable for $type {

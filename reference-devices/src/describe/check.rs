@@ -1,4 +1,4 @@
-//! What must hold of a sheet before a device can be made of it.
+//! Conditions that a sheet must meet before a device can be made of it.
 
 use canopen::Mux;
 use canopen::eds::{Direction, Eds, Entry, Object, Term};

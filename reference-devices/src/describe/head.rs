@@ -1,4 +1,4 @@
-//! What must hold of the head of a device file or a variant, whatever the objects are.
+//! Conditions for the head of a device file or a variant, independent of its objects.
 
 use std::sync::Arc;
 
@@ -71,7 +71,7 @@ pub(super) fn check_variant(
     if complaints.is_empty() { Ok(()) } else { Err(complaints) }
 }
 
-/// The module that says what a device does is one of the program.
+/// The application of a device must be a module of the program.
 fn behaviour_of(
     source: &Arc<Source>,
     behaviour: &At<String>,
@@ -103,7 +103,7 @@ fn texts(source: &Arc<Source>, texts: &[&At<String>]) -> Vec<Complaint> {
     wrong.map(complain).collect()
 }
 
-/// What a device goes without is an option of one of its profiles.
+/// An option that the device goes without must be one of its profiles' options.
 fn options(
     source: &Arc<Source>,
     without: &[At<String>],

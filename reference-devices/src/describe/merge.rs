@@ -1,4 +1,4 @@
-//! One object: what the device chose over what a profile says.
+//! One object: the choices of the device on top of a profile's definition.
 
 use std::sync::Arc;
 
@@ -9,8 +9,8 @@ use canopen::eds::{Access, Entry, Object, Term};
 use super::wrong::Wrong;
 use super::{Description, Note};
 
-/// Adds the object at `index`, which must follow those that are there, with its notes. Without the
-/// sub-indices that `is_left_out` names, which is asked for each that it has.
+/// Adds the object at `index`, which must follow the existing ones, with its notes. `is_left_out`
+/// is called for each sub-index, and those that it names are left out.
 pub(super) fn object(
     described: &mut Description,
     catalogue: &Catalogue,

@@ -1,5 +1,5 @@
-//! The form of the files that say what a variant has otherwise than its device, and of the parts
-//! that several variants share.
+//! The form of the files with the differences of a variant from its device, and of the parts that
+//! several variants share.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -64,7 +64,7 @@ pub struct PartFile {
     objects: Objects,
 }
 
-/// A device in the making: what the files that were read so far say of it.
+/// A device in the making: the content of the files that were read so far.
 pub(super) struct Draft {
     /// The head; its objects are those below.
     pub(super) file: DeviceFile,
@@ -81,7 +81,7 @@ impl VariantFile {
         [&self.title, &self.product.name, &self.product.order_code]
     }
 
-    /// What the stack has to know.
+    /// The settings of the stack.
     pub(super) fn node(&self) -> &NodeFacts {
         &self.node
     }
@@ -128,7 +128,7 @@ impl VariantFile {
 }
 
 impl PartFile {
-    /// What the stack has to know.
+    /// The settings of the stack.
     pub(super) fn node(&self) -> &NodeFacts {
         &self.node
     }
@@ -187,8 +187,8 @@ impl Draft {
         complaints
     }
 
-    /// Adds objects, or what objects have otherwise than those that are there. With a smaller
-    /// `count` goes what was said of the sub-indices beyond it.
+    /// Adds objects, or changes existing ones. A smaller `count` drops the facts about the
+    /// sub-indices beyond it.
     fn add(&mut self, objects: ByIndex) {
         for (index, At { value: object, .. }) in objects {
             let mut known = self.objects.remove(&index).unwrap_or_default();

@@ -1,5 +1,5 @@
-//! What is wrong with an object, and where the text that says so stands: in the file of the
-//! variant or of one of its parts, or else in that of the device.
+//! Mistakes of an object, and where the text with the mistake stands: in the file of the variant or
+//! of one of its parts, or else in that of the device.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use canopen::source::{At, Complaint, Outline, Source};
 
 use super::node::NodeFacts;
 
-/// A mistake in what is said of an object.
+/// A mistake in the description of an object.
 #[derive(Debug)]
 pub(super) struct Wrong {
     mux: Mux,
@@ -41,9 +41,9 @@ impl Wrong {
         Self { mux, about: About::Key(key), message }
     }
 
-    /// The complaint with the place: the key, if one of the files has it, or else the entry or the
-    /// object. What is said of an entry counts more than what is said of its object, and the files
-    /// count in their order.
+    /// The complaint with its place: the key, if one of the files has it, or else the entry or the
+    /// object. A key of an entry takes precedence over one of its object, and the files count in
+    /// their order.
     pub(super) fn complaint(self, files: &[&Arc<Source>]) -> Complaint {
         let outlines: Vec<_> =
             files.iter().filter_map(|file| Some((file, Outline::of(file)?))).collect();
@@ -66,7 +66,8 @@ impl Wrong {
                 let Some((list, key)) = object_key(outline, self.mux.index) else { continue };
                 let mut path = vec![list, &key];
                 path.extend(below.iter().map(String::as_str));
-                // A value is pointed at itself, an object or an entry by its key.
+                // The place of a value is the value itself; that of an object or an entry is its
+                // key.
                 let is_value = below
                     .last()
                     .is_some_and(|last| matches!(self.about, About::Key(key) if key == last));
@@ -91,7 +92,7 @@ impl Named {
         self.0.extend(node.objects().map(|at| (Arc::clone(source), at.clone())));
     }
 
-    /// Those in use that the device does not have.
+    /// The addresses in use that the device does not have.
     pub(super) fn unknown(&self, used: &[At<Mux>], eds: &Eds) -> Vec<Complaint> {
         let unknown = self.0.iter().filter(|(_, at)| eds.entry(at.value).is_none());
         let unknown = unknown.filter(|(_, at)| used.contains(at));

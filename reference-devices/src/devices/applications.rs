@@ -1,4 +1,4 @@
-//! What devices do beside communicating, by the name that `behaviour:` in their data gives.
+//! Applications of devices, by the name that `behaviour:` in their data gives.
 
 use crate::decisions::{Otherwise, Set};
 use crate::describe::Description;
@@ -36,7 +36,7 @@ pub(super) fn names() -> Vec<&'static str> {
 
 const OF_IO: Set = Set::of::<Cia401Decision>();
 
-/// Those without a device of their own come first: they serve any data.
+/// The applications without a device of their own come first: they serve any data.
 const APPLICATIONS: &[Application] = &[
     Application { name: "inert", build: |_, _| Box::new(Inert), decisions: &[] },
     Application {

@@ -1,11 +1,11 @@
-//! What the ten-output valve controller AX021211 does (UMAX021211, chapters 1 and 2): function
-//! blocks that the user connects with each other, and ten outputs.
+//! The application of the ten-output valve controller AX021211 (UMAX021211, chapters 1 and 2):
+//! function blocks that the user connects with each other, and ten outputs.
 //!
-//! A control cycle takes 1 ms. It evaluates every block once, each after those that it takes
-//! signals from; in a circle the last cycle counts. A block that would do the same again is left
-//! alone. While nothing moves there is no cycle: the next one comes with a change from outside, or
-//! when a delay, a loop or a profile is due. What comes from outside is evaluated at once, as a
-//! part of the cycle that is going on.
+//! A control cycle takes 1 ms. It evaluates every block once, after the blocks that it takes
+//! signals from; in a circle the signal of the last cycle counts. A block whose result cannot
+//! change is skipped. While nothing moves there is no cycle: the next one comes with a change from
+//! outside, or when a delay, a loop or a profile is due. A change from outside is evaluated at
+//! once, as part of the current cycle.
 //!
 //! Pulses and dither are values, so they cost no event.
 
@@ -47,7 +47,7 @@ use objects::{
 use output::Kind;
 use rules::Ax021211Rules;
 
-/// What can be taken otherwise in the application.
+/// The decisions of the application that deviations can override.
 pub(super) const DECISIONS: Set = Set::of::<rules::Otherwise>();
 
 /// The application of the controller.
@@ -112,6 +112,7 @@ impl Ax021211 {
 
     /// A control cycle.
     fn cycle(&mut self, now: Instant) {
+        // Nothing moved while there were no cycles, so only the last one counts.
         let elapsed = now.since(self.last).min(CYCLE);
         self.network.evaluate(now, elapsed, &self.rules);
         self.last = now;
@@ -132,7 +133,7 @@ impl Ax021211 {
         self.start + Duration::from_nanos((cycles * CYCLE.as_nanos()) as u64)
     }
 
-    /// What one write brings with it in other objects; the address of what changed last.
+    /// Updates the objects that depend on the one at `mux`, which was the last to change.
     fn follow_up(&mut self, mux: Mux, od: &mut Dictionary) {
         let place = usize::from(mux.sub).wrapping_sub(1);
         match mux.index {

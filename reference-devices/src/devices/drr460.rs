@@ -1,4 +1,5 @@
-//! What the DRR460-12A-CAN does: a temperature controller with two alarms on a simulated plant.
+//! The application of the DRR460-12A-CAN: a temperature controller with two alarms on a simulated
+//! plant.
 //!
 //! `model` holds what the manual describes, as types without objects and without a clock. This
 //! module lets them see the objects, the terminals and the time. The controller decides every
@@ -6,7 +7,8 @@
 //! plant have exact times. When nothing moves, nothing is computed.
 //!
 //! Not modelled: USB and RS485 (3000h subs 113 and 114), and the frequency of the mains (sub 90: 1
-//! and 2 are the same). What lasts over a loss of supply without a store command is in `memory`.
+//! and 2 are the same). Values that survive a loss of supply without a store command are in
+//! `memory`.
 
 mod memory;
 mod model;
@@ -46,7 +48,7 @@ use objects::{
 };
 use panel::{Panel, Shown};
 
-/// What can be taken otherwise in the application.
+/// The decisions of the application that deviations can override.
 pub(super) const DECISIONS: Set = Set::of::<model::rules::Decision>();
 
 /// The application of a DRR460.
@@ -63,13 +65,13 @@ pub(crate) struct Drr460 {
     memory: Memory,
     found: Found,
     around: Surroundings,
-    /// When the buffer that ran over is an error no more.
+    /// When the overflow of the buffer ends as an error.
     overflow_ends: Option<Instant>,
     /// Power-on is still to be reported.
     reports_boot: bool,
     /// A bench has set the switches.
     switched: bool,
-    /// The device starts anew because of what a bench did.
+    /// The device restarts because of a bench action.
     restarts: bool,
     load: Load,
     panel: Panel,
@@ -125,7 +127,7 @@ impl Drr460 {
         }
     }
 
-    /// Reads the parameters anew.
+    /// Reads the parameters again.
     fn configure(&mut self, od: &Dictionary) {
         let lasts = self.expansion.enabled && self.rules.expansion_lasts();
         let parameters = Parameters::of(od, &self.rules);
@@ -178,11 +180,12 @@ impl Drr460 {
     fn next_step(&self) -> Option<Instant> {
         let edge = self.controller.next(&self.settings, &self.rules);
         let silence = self.silence.next(&self.expansion);
+        // At least 1 ns later, or `follow` would not advance.
         let after = |seconds: f64| self.at + Duration::from_nanos((seconds * 1e9).max(1.0) as u64);
         [edge.map(after), silence.map(after)].into_iter().fold(self.next_decision, earlier)
     }
 
-    /// Looks at everything and decides anew.
+    /// Looks at all inputs and decides again.
     fn decide(&mut self, od: &mut Dictionary) {
         let elapsed = self.at.since(self.decided).as_secs_f64();
         (self.decided, self.next_decision) = (self.at, None);
@@ -205,7 +208,7 @@ impl Drr460 {
         }
     }
 
-    /// What the network has written.
+    /// Takes the values that the network has written.
     fn hear(&mut self, od: &Dictionary) {
         let number = |mux| value(od, mux);
         let limit = |alarm| number(self.rules.alarm_set_point(alarm));
@@ -221,7 +224,7 @@ impl Drr460 {
         };
     }
 
-    /// What is at the terminals.
+    /// Takes the inputs at the terminals.
     fn look(&mut self) {
         let mut connected = self.around.connected;
         if self.around.in_process {
@@ -289,7 +292,7 @@ impl Drr460 {
             (Mux::new(LATCH_ON, 1), self.controller.latch().is_enabled().into()),
         ];
         shown.into_iter().for_each(|(mux, value)| od.set_int(mux, value));
-        // Without tuning, 400Eh is a value without a meaning.
+        // Without tuning, 400Eh has no meaning.
         if parameter(od, TUNE) != 0 {
             od.set_int(TUNING, self.controller.tuning(&self.settings));
         }
@@ -320,7 +323,7 @@ impl Drr460 {
         }
     }
 
-    /// What is at the terminals of the outputs.
+    /// The states of the output terminals.
     fn terminals(&self) -> Terminals {
         if self.powered { self.controller.terminals() } else { Terminals::default() }
     }
@@ -333,7 +336,7 @@ impl Drr460 {
         }
     }
 
-    /// What is special about an object that the network has written.
+    /// Handles the objects with a special effect that the network has written.
     fn take(&mut self, mux: Mux, od: &mut Dictionary) {
         let written = value(od, mux);
         match mux {
@@ -528,7 +531,7 @@ impl Behaviour for Drr460 {
         self.changed = true;
         self.meet(false);
         self.take(mux, od);
-        // A value for an output ends what a communication error made of it.
+        // A value for an output ends the effect of a communication error on it.
         self.io.written(now, mux, od);
     }
 
@@ -558,7 +561,7 @@ impl Behaviour for Drr460 {
             self.state = state;
             self.meet(false);
         }
-        // Otherwise the outputs are the controller's own, and the network has no part in them.
+        // Otherwise the outputs are the controller's own, and the network does not control them.
         if self.expansion.enabled {
             self.io.event(now, event, od);
         }
@@ -568,7 +571,7 @@ impl Behaviour for Drr460 {
         self.follow(now, od);
         self.teach(od);
         for _ in 0..2 {
-            // What a decision makes of the outputs of the master needs another one.
+            // A decision that changes the outputs of the master needs another decision.
             if self.changed {
                 self.decide(od);
                 self.show_outputs(od);

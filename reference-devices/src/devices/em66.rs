@@ -1,10 +1,10 @@
-//! What the EUROMAP 66-2 heating/cooling device does: it brings a medium to a temperature and pumps
-//! it through a mould.
+//! The application of the EUROMAP 66-2 heating/cooling device: it brings a medium to a temperature
+//! and pumps it through a mould.
 //!
-//! Data flows one way, every 100 ms and after each write and each stimulus: the process, as far as
-//! the bench does not say what sensors see, becomes [`Sensed`]; that and the errors become
-//! [`Duty`], what the device is to do; the controller makes [`Drive`] of it, which acts on the
-//! process; the alarms look at the objects that come of it.
+//! Data flows one way, every 100 ms and after each write and each stimulus. The process becomes
+//! [`Sensed`], unless the bench overrides a sensor. That and the errors become [`Duty`], the task
+//! of the device. The controller turns it into [`Drive`], which acts on the process. The alarms
+//! look at the resulting objects.
 
 mod alarm;
 mod alarm_kinds;
@@ -39,7 +39,7 @@ use process::Process;
 
 use rules::Em66Rules;
 
-/// What can be taken otherwise in the application.
+/// The decisions of the application that deviations can override.
 pub(super) const DECISIONS: Set = Set::of::<rules::Decision>();
 
 /// The application of a heating/cooling device.
@@ -71,7 +71,7 @@ struct Options {
     external_sensor_control: bool,
 }
 
-/// What the sensors measure. Temperatures in tenths of a degree Celsius.
+/// The measurements of the sensors. Temperatures in tenths of a degree Celsius.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Sensed {
     main: i64,
@@ -81,9 +81,9 @@ struct Sensed {
     flow: i64,
     /// Pressure at the intake of the pump, in tenths of a bar.
     intake_pressure: i64,
-    /// What is in the tank, in tenths of a percent.
+    /// The level in the tank, in tenths of a percent.
     medium_level: i64,
-    /// What is in the mould, in tenths of a percent.
+    /// The contents of the mould, in tenths of a percent.
     mould_contents: i64,
     limiter_tripped: bool,
     machine_fault: bool,
@@ -123,7 +123,7 @@ enum External {
     Broken,
 }
 
-/// What the device is to do.
+/// The task of the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Duty {
     /// The controller works (6427h, on): also while it cools down and evacuates before it is off.
@@ -149,7 +149,7 @@ enum Mode {
     ExternalSensor,
 }
 
-/// What the actuators do.
+/// The commands for the actuators.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Drive {
     /// In tenths of a percent: heating is positive, cooling negative.
@@ -159,7 +159,7 @@ struct Drive {
     draining: bool,
 }
 
-/// What the pump does.
+/// The action of the pump.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Pump {
     #[default]

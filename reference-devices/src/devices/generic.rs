@@ -1,9 +1,9 @@
-//! What the generic device does: the small application that lets every service be tried.
+//! The application of the generic device: a small one that lets every service be tried.
 //!
 //! It has the I/O block of CiA 401. The manufacturer area makes visible what no profile has an
 //! object for: a value that is refused because of the state of the device (2F04h), an abort code of
-//! the application (2F05h) and errors that appear and go on demand (2F40h). Everything else in the
-//! data sheet is the business of the stack.
+//! the application (2F05h) and errors that come and go on demand (2F40h). The stack handles
+//! everything else in the data sheet.
 
 mod rules;
 mod sdo_client;
@@ -20,7 +20,7 @@ use crate::stack::{Behaviour, CommunicationEvent, Errors, SdoJob};
 use rules::GenericRules;
 use sdo_client::ClientRecord;
 
-/// What can be taken otherwise in the application.
+/// The decisions of the application that deviations can override.
 pub(super) const DECISIONS: Set = Set::of::<rules::Decision>();
 
 /// The application of the generic device.
@@ -246,11 +246,11 @@ const STATUS: Mux = Mux::new(0x1002, 0);
 const MODE: Mux = Mux::new(0x2F04, 1);
 /// Large data.
 const LARGE_DATA: u16 = 0x2F20;
-/// What does not change then.
+/// The parameter that does not change in that state.
 const PARAMETER: Mux = Mux::new(0x2F04, 2);
 /// Takes an abort code and answers with it.
 const REFUSED_WITH: Mux = Mux::new(0x2F05, 0);
-/// The codes of errors that are to be present.
+/// The codes of the errors to raise.
 const SIMULATED_ERROR: u16 = 0x2F40;
 const SIMULATED: usize = 4;
 /// The first number of broken terminals, above those of simulated errors.

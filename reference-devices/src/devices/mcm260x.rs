@@ -1,13 +1,13 @@
-//! What the MCM260X I/O modules do: inputs and outputs of CiA 401 with what stands before them,
-//! encoders and counters, sensors, error flags and LEDs. What a module has, its data sheet says.
+//! The application of the MCM260X I/O modules: inputs and outputs of CiA 401 with what stands
+//! before them, encoders and counters, sensors, error flags and LEDs. The data sheet says which of
+//! these a module has.
 //!
-//! Between two events nothing is simulated: counts follow from the time, and an
-//! analogue input that has settled takes no samples. While an encoder turns, its counts are looked
-//! at every 20 ms to find out whether a TPDO has news; who reads them, SYNC included, gets those of
-//! the moment.
+//! Between two events nothing is simulated: counts follow from the time, and an analogue input that
+//! has settled takes no samples. While an encoder turns, its counts are looked at every 20 ms to
+//! find out whether a TPDO has news; a reader, SYNC included, gets the counts of the moment.
 //!
 //! Modbus RTU is not built. A module that is set up for it is silent on CAN, and drives its outputs
-//! as a module does that hears nothing.
+//! like a module that hears nothing.
 
 mod bench;
 mod counts;
@@ -41,7 +41,7 @@ use parameters::{COUNTS, DEFAULT_BIT_RATE, Item, Parameters, Table};
 use rules::Mcm260xRules;
 use sampling::AnalogueInput;
 
-/// What can be taken otherwise in the application.
+/// The decisions of the application that deviations can override.
 pub(super) const DECISIONS: Set = Set::of::<rules::Decision>();
 
 /// The application of an MCM260X module.
@@ -51,7 +51,7 @@ pub(crate) struct Mcm260x {
     table: Table,
     io: IoBlock,
     encoders: Vec<Encoder>,
-    /// What the encoders are set up for.
+    /// The settings of the encoders.
     setups: Vec<Setup>,
     /// When the next interval of 100 ms ends.
     next_tenth: Instant,
@@ -74,7 +74,7 @@ pub(crate) struct Mcm260x {
     input_leds: Vec<Led>,
     /// The analogue inputs out of range.
     faults: Vec<Faults>,
-    /// Whether it has said what there is to say at power-on.
+    /// Whether it has sent its announcement after power-on.
     announced: bool,
     /// When the objects were shown last.
     now: Instant,
@@ -316,7 +316,7 @@ impl Behaviour for Mcm260x {
     fn written(&mut self, now: Instant, mux: Mux, od: &mut Dictionary) {
         self.changed = true;
         self.heard = Some(now);
-        // What has been counted shows which commands are done, the new one not yet among them.
+        // `count` overwrites 3003h with the commands still open, so the new one is read first.
         let command = od.int(mux).unwrap_or(0);
         if mux == INTERFACE {
             self.chosen = None;

@@ -1,4 +1,4 @@
-//! What the devices of Pixsys share: their manuals read CiA 401 in the same words and list the
+//! The common part of the Pixsys devices: their manuals read CiA 401 in the same words and list the
 //! same sensors.
 
 pub(crate) mod led;
@@ -75,7 +75,7 @@ pub(super) const SENSOR_RANGES: [(f64, f64); 14] = [
     (-100.0, 600.0),
 ];
 
-/// What a filter parameter counts in.
+/// The unit of a filter parameter.
 const FILTER_STEP: Duration = Duration::from_micros(500);
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use canopen::{BenchError, Value};
 
-/// A name that ends in a number from 1 on: what stands before it, and the place from 0 on.
+/// A name that ends in a number, counted from 1: the part before it, and the place, counted from 0.
 pub(super) fn split(name: &str) -> Option<(&str, usize)> {
     let end = name.rfind('-')? + 1;
     let (prefix, number) = name.split_at(end);

@@ -134,12 +134,12 @@ impl Mutant {
         deviation
     }
 
-    /// Whether the device is in order and its data sheet is not.
+    /// Whether only the data sheet is wrong, and not the device.
     pub const fn is_of_data_sheet(&self) -> bool {
         matches!(self.change, Change::Eds(_))
     }
 
-    /// How the device is made, as a file of mutants says it in full: `frame: { .. }`.
+    /// The change that makes the device, as a file of mutants has it in full: `frame: { .. }`.
     pub fn made(&self) -> String {
         self.origin.below(&["change"]).text()
     }

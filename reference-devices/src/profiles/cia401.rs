@@ -1,10 +1,9 @@
 //! The I/O block of CiA 401: digital and analogue inputs and outputs on terminals, which a bench
-//! can see and turn.
+//! can observe and set.
 //!
-//! The channels are those whose values the dictionary has: an array 6000h of two entries makes two
-//! blocks of eight digital inputs, 6100h blocks of sixteen. Each width has terminals of its own.
-//! Not modelled are the channels in floating point (6403h, 6413h) and of the manufacturer (6404h,
-//! 6414h).
+//! The dictionary determines the channels: an array 6000h of two entries makes two blocks of eight
+//! digital inputs, 6100h blocks of sixteen. Each width has terminals of its own. The channels in
+//! floating point (6403h, 6413h) and of the manufacturer (6404h, 6414h) are not modelled.
 
 mod channel;
 mod inputs;
@@ -140,7 +139,7 @@ impl Behaviour for IoBlock {
             for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {
                 if output.is_at(mux) {
                     output.recover();
-                    // What was written need not be another value than before.
+                    // A write may repeat the old value.
                     self.settled = None;
                 }
             }
@@ -163,7 +162,7 @@ impl Behaviour for IoBlock {
             if std::mem::replace(&mut self.failed, true) && !self.rules.fails_again() {
                 return;
             }
-            // What was written since the last run belongs to the levels that an output keeps.
+            // Values written since the last run are among the levels that an output keeps.
             self.drive(od);
             for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {
                 output.fail(od, &self.rules);

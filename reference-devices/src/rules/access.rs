@@ -1,4 +1,4 @@
-//! Access to objects, whichever service asks for it.
+//! Access to objects, by any service.
 
 use canopen::Mux;
 
@@ -14,7 +14,7 @@ decisions! {
         true
     }
 
-    /// What is refused leaves the object as it was.
+    /// A refused write leaves the object as it was.
     fn refused_write_changes_nothing(&self, _mux: Mux) -> bool {
         true
     }

@@ -1,4 +1,4 @@
-//! Heartbeat, guarding, and what an error does to the NMT state.
+//! Heartbeat, guarding, and the effect of an error on the NMT state.
 
 use std::time::Duration;
 
@@ -26,7 +26,7 @@ decisions! {
         false
     }
 
-    /// Heartbeats come with the period alone; the standard forbids no more of them.
+    /// Heartbeats follow the period alone, although the standard permits further ones.
     fn heartbeat_at_change_of_state(&self) -> bool {
         false
     }
@@ -57,7 +57,7 @@ decisions! {
         true
     }
 
-    /// The loss of a node ends when that node is back, wherever the others are.
+    /// The loss of a node ends when that node is back, regardless of the other nodes.
     fn lost_nodes_end_one_by_one(&self) -> bool {
         true
     }

@@ -1,4 +1,4 @@
-//! What CiA 305, the layer setting services, decides.
+//! The decisions of CiA 305, the layer setting services.
 
 use std::time::Duration;
 
@@ -61,7 +61,8 @@ decisions! {
         pending
     }
 
-    /// Of a slave that restarts when it leaves LSS configuration: what was not stored is no reason.
+    /// For a slave that restarts when it leaves LSS configuration: settings that were not stored
+    /// are no reason to restart.
     fn lss_configuring_renews(&self) -> bool {
         false
     }
@@ -82,17 +83,17 @@ decisions! {
         delay * 2
     }
 
-    /// What was stored is in force after power-on (6.3.4).
+    /// Stored settings are in force after power-on (6.3.4).
     fn lss_stores(&self) -> bool {
         true
     }
 
-    /// What was stored is in force after each further power-on, too (6.3.4).
+    /// Stored settings are in force after each further power-on, too (6.3.4).
     fn lss_stored_kept(&self) -> bool {
         true
     }
 
-    /// What was not stored is forgotten without supply (6.3.4).
+    /// Settings that were not stored are lost without supply (6.3.4).
     fn lss_forgets_without_supply(&self) -> bool {
         true
     }
@@ -147,7 +148,7 @@ decisions! {
         true
     }
 
-    /// What is pending is stored, whatever is in force (6.4.5).
+    /// The pending node id is stored, regardless of the active one (6.4.5).
     fn lss_node_id_stored(&self, _pending: u8, _active: u8) -> bool {
         true
     }

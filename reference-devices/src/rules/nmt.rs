@@ -72,7 +72,7 @@ decisions! {
         reset == Reset::Node
     }
 
-    /// What runs takes the parameters over that reset communication has restored, by the index of
+    /// Reset communication restores parameters, and the running services take them over. `index` is
     /// the first of them (7.3.2.2.1).
     fn reset_takes_over(&self, _index: u16) -> bool {
         true

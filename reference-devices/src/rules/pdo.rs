@@ -35,7 +35,7 @@ decisions! {
         true
     }
 
-    /// An identifier belongs to nobody while the TPDO that has it is not valid (7.5.2.37).
+    /// The identifier of a TPDO is free while that TPDO is not valid (7.5.2.37).
     fn disabled_tpdo_leaves_its_id(&self) -> bool {
         true
     }
@@ -68,7 +68,7 @@ decisions! {
         64
     }
 
-    /// What the device does not offer for this direction cannot be mapped.
+    /// An object that the device does not offer for this direction cannot be mapped.
     fn mappability_checked(&self) -> bool {
         true
     }
@@ -83,7 +83,7 @@ decisions! {
         true
     }
 
-    /// What fills a gap is a data type that the device offers for it, and is in an RPDO (7.4.7).
+    /// A gap is filled by a data type that the device offers for it, in an RPDO only (7.4.7).
     fn gaps_checked(&self) -> bool {
         true
     }
@@ -172,7 +172,7 @@ decisions! {
         state == NmtState::OPERATIONAL
     }
 
-    /// TPDOs end with OPERATIONAL, whatever triggers them.
+    /// TPDOs end with OPERATIONAL, regardless of their trigger.
     fn tpdo_goes_on_in(&self, _state: NmtState, _kind: u8) -> bool {
         false
     }
@@ -212,7 +212,7 @@ decisions! {
         Duration::from_micros(100) * u32::from(configured)
     }
 
-    /// The event timer starts anew with each transmission (7.5.2.37).
+    /// The event timer restarts with each transmission (7.5.2.37).
     fn event_timer_restarts(&self) -> bool {
         true
     }
@@ -242,7 +242,7 @@ decisions! {
         true
     }
 
-    /// A change is an event wherever in the PDO the value lies (7.2.2.3).
+    /// A change is an event at any place in the PDO (7.2.2.3).
     fn tpdo_bytes_compared(&self, mapped: usize) -> usize {
         mapped
     }

@@ -1,4 +1,4 @@
-//! What NMT commands lead to, as far as the rules decide it.
+//! The consequences of NMT commands, as far as the rules decide them.
 
 use std::ops::RangeInclusive;
 
@@ -6,7 +6,7 @@ use canopen::NmtState;
 
 use crate::decisions::in_code_alone;
 
-/// What an NMT command leads to.
+/// The consequence of an NMT command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Change {
     /// Another state.
@@ -15,7 +15,7 @@ pub enum Change {
     Reset(Reset),
 }
 
-/// How much of a device starts anew (CiA 301, 7.3.2.2.1).
+/// The part of a device that restarts (CiA 301, 7.3.2.2.1).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reset {
     /// Everything, as after power-on.

@@ -52,7 +52,7 @@ decisions! {
         None
     }
 
-    /// An upload is of the object that was asked for, whatever was open before.
+    /// An upload returns the requested object, regardless of what was open before.
     fn uploaded(&self, requested: Mux, _open: Option<Mux>) -> Mux {
         requested
     }
@@ -87,7 +87,7 @@ decisions! {
         true
     }
 
-    /// What is open ends without a message, as the client knows that it stops or resets the
+    /// An open transfer ends without a message, as the client knows that it stops or resets the
     /// server.
     fn stop_aborts_sdo_transfers(&self) -> bool {
         false
@@ -103,7 +103,7 @@ decisions! {
         true
     }
 
-    /// The segment with the last byte says so, also when it is full (7.2.4.3.7).
+    /// The segment with the last byte is marked as the last, even when it is full (7.2.4.3.7).
     fn full_segment_ends_upload(&self) -> bool {
         true
     }

@@ -1,4 +1,4 @@
-//! What the specification decides about block transfer (CiA 301, 7.2.4.3.9 to 7.2.4.3.16).
+//! The decisions of the specification about block transfer (CiA 301, 7.2.4.3.9 to 7.2.4.3.16).
 
 use canopen::sdo::block::{self, LARGEST_BLOCK};
 
@@ -8,7 +8,7 @@ decisions! {
     /// The decisions of an SDO server in a block transfer.
     pub SdoBlockDecision of Rules, otherwise [DEVIATIONS];
 
-    /// Inside a sub-block every frame is a segment, whatever command its first byte looks like;
+    /// Inside a sub-block every frame is a segment, even if its first byte looks like a command;
     /// only 80h is an abort (7.2.4.3.10).
     fn command_in_sub_block(&self, first: u8) -> bool {
         first == 0x80
@@ -81,7 +81,7 @@ decisions! {
         asked
     }
 
-    /// What cannot be read is refused in this protocol, too.
+    /// An object that cannot be read is refused in this protocol, too.
     fn missing_object_refused_in_blocks(&self) -> bool {
         true
     }
@@ -102,7 +102,7 @@ decisions! {
         true
     }
 
-    /// What follows the last good segment is sent again (7.2.4.3.14).
+    /// The segments after the last good one are sent again (7.2.4.3.14).
     fn acknowledged(&self, last_good: u8, _sent: u8) -> u8 {
         last_good
     }

@@ -15,7 +15,7 @@ decisions! {
         expected == got
     }
 
-    /// What is stored counts when it is complete, so that a loss of supply does no harm.
+    /// Stored values count once they are complete, so that a loss of supply does no harm.
     fn save_completes_last(&self) -> bool {
         true
     }
@@ -45,7 +45,7 @@ decisions! {
         true
     }
 
-    /// The master resets the device after "load"; it does not start anew by itself.
+    /// The master resets the device after "load"; the device does not restart by itself.
     fn load_restarts(&self) -> bool {
         false
     }

@@ -65,7 +65,7 @@ decisions! {
         matches!(state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL)
     }
 
-    /// The counter begins anew with the production: what it was before the first SYNC (7.2.5.3).
+    /// The counter restarts with the production, at 0, its value before the first SYNC (7.2.5.3).
     fn sync_counter_at_start(&self, _last: u8) -> u8 {
         0
     }
@@ -90,7 +90,7 @@ decisions! {
         true
     }
 
-    /// What was due by the former period is not missed by the new one (7.5.2.6).
+    /// A SYNC that was due by the former period is not missed under the new one (7.5.2.6).
     fn new_sync_period_ends_deadline(&self) -> bool {
         true
     }

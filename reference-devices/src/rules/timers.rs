@@ -27,7 +27,7 @@ decisions! {
     /// The decisions about time (CiA 301, 7.5.2).
     pub TimerDecision of Rules, otherwise [DEVIATIONS];
 
-    /// Each period and each deadline ends when it is over, whatever else ends before.
+    /// Each period and each deadline ends when it is over, regardless of the others.
     fn elapsed(&self, _timer: Timer, due: Instant, now: Instant) -> bool {
         due <= now
     }

@@ -1,4 +1,4 @@
-//! What every service works with.
+//! The state that every service works with.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What a device does beside communicating.
+//! The application of a device.
 
 use canopen::bench::Needs;
 use canopen::emcy::Emcy;
@@ -12,13 +12,14 @@ use crate::stack::sdo_client::SdoJob;
 ///
 /// Objects it changes are noticed by the TPDOs that map them.
 pub(crate) trait Behaviour: Send + Duplicate {
-    /// Starts anew after power-on or reset node; the objects hold their stored or default values.
+    /// Restarts after power-on or reset node; the objects hold their stored or default values.
     fn reset(&mut self, _now: Instant, _od: &mut Dictionary) {}
 
-    /// The supply is gone: whatever the device drove is dark now.
+    /// The supply is gone: all driven outputs are dark now.
     fn supply_lost(&mut self) {}
 
-    /// How the device is on the bus after power-on or reset node, where its own parameters say so.
+    /// The device's attachment to the bus after power-on or reset node, where its own parameters
+    /// define it.
     fn attachment(&self, _od: &Dictionary) -> Attachment {
         Attachment::AsIs
     }
@@ -28,13 +29,13 @@ pub(crate) trait Behaviour: Send + Duplicate {
         false
     }
 
-    /// Whether the device starts anew because of what a bench has just done.
+    /// Whether the device restarts because of a bench action just now.
     fn takes_restart(&mut self) -> bool {
         false
     }
 
-    /// Lets objects show what time alone has made of them, such as a count. Called before
-    /// something looks at the objects; cheap, and no event.
+    /// Updates objects that change with time alone, such as a count. Called before objects are
+    /// read. It must be cheap, and it is no event.
     fn show(&mut self, _now: Instant, _od: &mut Dictionary) {}
 
     /// The application's own refusals, after those of the data sheet and before anything changes.
@@ -48,8 +49,8 @@ pub(crate) trait Behaviour: Send + Duplicate {
     /// The network has written the object at `mux`.
     fn written(&mut self, _now: Instant, _mux: Mux, _od: &mut Dictionary) {}
 
-    /// The network wanted to write `bytes` to the object at `mux`, which was refused; what the
-    /// device then shows there is its own affair.
+    /// A write of `bytes` to the object at `mux` was refused. The application decides what the
+    /// object then shows.
     fn refused(&mut self, _now: Instant, _mux: Mux, _bytes: &[u8], _od: &mut Dictionary) {}
 
     /// The network has begun to read the object at `mux`.
@@ -92,8 +93,8 @@ pub(crate) trait Behaviour: Send + Duplicate {
         Needs::new()
     }
 
-    /// Takes a stimulus; [`run`](Self::run) follows. A stimulus lasts over resets: whoever turned
-    /// a knob finds it turned.
+    /// Takes a stimulus; [`run`](Self::run) follows. A stimulus survives resets, as a knob stays
+    /// turned.
     ///
     /// # Errors
     /// When there is none of that name, or it does not take the value.
@@ -107,7 +108,7 @@ pub(crate) trait Behaviour: Send + Duplicate {
         Err(BenchError::unknown(name))
     }
 
-    /// What is to be seen from outside; of a stimulus, what was set.
+    /// The value seen from outside; for a stimulus, the value that was set.
     fn observe(&self, _name: &str, _od: &Dictionary) -> Option<Value> {
         None
     }
@@ -156,7 +157,7 @@ pub(crate) enum Attachment {
 
 words! { Attachment: "as-is" => Self::AsIs, "off" => Self::Off }
 
-/// What an application may want to know of the communication.
+/// Events of the communication that may concern an application.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum CommunicationEvent {
     /// The node entered this NMT state.

@@ -25,7 +25,7 @@ pub(crate) struct EmcyProducer {
 }
 
 impl EmcyProducer {
-    /// Starts anew: nothing waits, the history is empty.
+    /// Restarts: nothing waits, the history is empty.
     pub(crate) fn reset(&mut self, base: &mut Base) {
         let history = base.od.entries_in(HISTORY..=HISTORY).iter();
         let depth = history.filter(|entry| entry.mux.sub > 0).count();
@@ -185,7 +185,7 @@ fn line(message: Emcy) -> u32 {
     u32::from(message.code.0) | u32::from(a) << 16 | u32::from(b) << 24
 }
 
-/// What 1003h sub 0 and 1014h refuse (CiA 301, 7.5.2.4 and 7.5.2.17).
+/// The refusals of 1003h sub 0 and 1014h (CiA 301, 7.5.2.4 and 7.5.2.17).
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     match (mux, bytes) {
         (Mux { index: HISTORY, sub: 0 }, [count]) if !base.rules.history_count_valid(*count) => {
@@ -199,7 +199,7 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     }
 }
 
-/// What the COB-ID of an emergency message refuses (CiA 301, 7.5.2.17).
+/// The refusals of the COB-ID of an emergency message (CiA 301, 7.5.2.17).
 pub(crate) fn check_cob_id(before: CobId, after: CobId, base: &Base) -> Result<(), Abort> {
     if before == after {
         return Ok(());

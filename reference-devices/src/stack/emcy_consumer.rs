@@ -19,7 +19,7 @@ pub(crate) fn received(id: u16, data: &[u8], base: &Base) -> Option<(u8, Emcy)> 
     Some((producer.sub, Emcy::decode(data).ok()?))
 }
 
-/// What 1028h refuses: the same as 1014h.
+/// The refusals of 1028h: the same as of 1014h.
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     match bytes {
         &[a, b, c, d] => {

@@ -1,4 +1,4 @@
-//! What the device does on an error (CiA 301, 7.5.2.32, object 1029h).
+//! The reaction of the device to an error (CiA 301, 7.5.2.32, object 1029h).
 
 use canopen::{Mux, NmtState};
 

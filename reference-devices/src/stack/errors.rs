@@ -15,11 +15,11 @@ pub(crate) struct Errors {
     active: Vec<Active>,
     news: VecDeque<News>,
     reaction: Option<u8>,
-    /// The state that an error leads to, whatever 1029h says.
+    /// The state that an error leads to, regardless of 1029h.
     order: Option<NmtState>,
 }
 
-/// What happened to an error.
+/// The change of an error.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum News {
     /// It appeared: a message and a line in the history.
@@ -58,12 +58,12 @@ impl Errors {
         self.reaction = Some(sub);
     }
 
-    /// An error that was raised leads to this state, whatever 1029h says.
+    /// A raised error leads to this state, regardless of 1029h.
     pub(crate) fn enter(&mut self, state: NmtState) {
         self.order = Some(state);
     }
 
-    /// The state that an error since the last call leads to, whatever 1029h says.
+    /// The state that an error since the last call leads to, regardless of 1029h.
     pub(crate) fn take_order(&mut self) -> Option<NmtState> {
         self.order.take()
     }
@@ -138,7 +138,7 @@ impl Errors {
         }
     }
 
-    /// An error of the communication is gone, of which nobody is told.
+    /// An error of the communication is gone; no message reports it.
     pub(crate) fn forget(&mut self, kind: FaultKind, subject: u16) {
         self.active.retain(|active| active.fault != Some(kind) || active.subject != subject);
     }

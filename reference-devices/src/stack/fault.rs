@@ -26,7 +26,7 @@ pub enum FaultKind {
     Heartbeat,
     /// An RPDO was too short and was not used.
     RpdoTooShort,
-    /// An RPDO was too long; what is mapped was used.
+    /// An RPDO was too long; its mapped part was used.
     RpdoTooLong,
     /// An RPDO missed its deadline.
     RpdoTimeout,
@@ -39,7 +39,7 @@ impl Fault {
 }
 
 impl FaultKind {
-    /// CiA 301, 7.5.2.32: what 1029h sub 1 reacts to.
+    /// The errors that 1029h sub 1 reacts to (CiA 301, 7.5.2.32).
     pub(crate) const fn is_communication_error(self) -> bool {
         matches!(self, Self::Guarding | Self::Heartbeat)
     }

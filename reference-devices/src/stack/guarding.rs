@@ -18,7 +18,7 @@ pub(crate) struct Guarding {
 }
 
 impl Guarding {
-    /// Starts anew: the next answer has toggle bit 0.
+    /// Restarts: the next answer has toggle bit 0.
     pub(crate) fn reset(&mut self, base: &mut Base) {
         self.supported = base.od.has_object(GUARD_TIME.index);
         self.toggle = base.rules.guarding_toggle_after_reset(self.toggle);

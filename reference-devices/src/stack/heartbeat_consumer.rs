@@ -47,7 +47,7 @@ impl HeartbeatConsumer {
         }
     }
 
-    /// Takes the entry of sub-index `sub`; its watch begins anew.
+    /// Takes the entry of sub-index `sub`; its watch restarts.
     pub(crate) fn configure(&mut self, now: Instant, sub: u8, base: &mut Base) {
         if let Some(watch) = self.watches.iter_mut().find(|watch| watch.sub == sub) {
             watch.configure(now, base);
@@ -129,7 +129,7 @@ impl Watch {
             {
                 return;
             }
-            // A watch that began anew may have been lost before.
+            // A restarted watch may have been lost before.
             State::Lost | State::Waiting if base.rules.lost_nodes_end_one_by_one() => {
                 base.mend(FaultKind::Heartbeat, self.node.into());
             }

@@ -14,16 +14,16 @@ use crate::stack::time::earlier;
 #[derive(Clone, Debug)]
 pub(crate) struct Lss {
     mode: Mode,
-    /// How many parts of its address were sent in order by a selective switch.
+    /// The number of parts of its address that a selective switch has sent in order.
     selected: usize,
-    /// How many bounds around its address were sent in order by an identification.
+    /// The number of bounds around its address that an identification has sent in order.
     identified: usize,
     /// The part of its address that a fastscan asks for.
     scanned: usize,
     node: Setting<u8>,
     /// In bit/s.
     bit_rate: Setting<u32>,
-    /// In bit/s, what the wire itself has.
+    /// The bit rate of the wire itself, in bit/s.
     bus: u32,
     supported: Vec<u32>,
     silence: Option<Silence>,
@@ -35,9 +35,9 @@ pub(crate) struct Lss {
 #[derive(Clone, Copy, Debug)]
 struct Setting<T> {
     active: T,
-    /// What is in force after the next activation.
+    /// The value in force after the next activation.
     pending: T,
-    /// What is in force after power-on.
+    /// The value in force after power-on.
     stored: T,
 }
 
@@ -67,7 +67,7 @@ impl Lss {
         })
     }
 
-    /// Power-on: what was stored is what is taken next.
+    /// Power-on: the stored values become the pending ones.
     pub(crate) fn power_on(&mut self, base: &Base) {
         if base.rules.lss_forgets_without_supply() {
             self.node.pending = self.node.stored;
@@ -97,7 +97,7 @@ impl Lss {
         self.silence.is_some_and(|silence| now < silence.end) || self.bit_rate.active != self.bus
     }
 
-    /// A frame of the master. Returns whether the node is to begin anew with its new node id.
+    /// A frame of the master. Returns whether the node must restart with its new node id.
     pub(crate) fn handle_request(
         &mut self,
         now: Instant,
@@ -135,8 +135,8 @@ impl Lss {
         earlier(silence.change_at, Some(silence.end))
     }
 
-    /// CiA 305, table of the services in the states: some are for those who wait, some for those
-    /// who are configured, and identification is for all.
+    /// CiA 305, table of the services in the states: some services need the waiting state, some the
+    /// configuration state, and identification works in both.
     fn answer(&mut self, now: Instant, request: Request, base: &Base) -> Option<Response> {
         match request {
             Request::SwitchGlobal(mode) => {
@@ -309,7 +309,7 @@ const fn part_of(bound: Bound) -> Part {
     }
 }
 
-/// What 1018h says.
+/// The value of 1018h.
 fn address(base: &Base, part: Part) -> u32 {
     base.od.int(Mux::new(0x1018, part as u8 + 1)).unwrap_or(0) as u32
 }

@@ -11,7 +11,7 @@ use crate::stack::base::Base;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nmt {
     boot_up_at: Option<Instant>,
-    /// What a node that is wrong in this does after boot-up.
+    /// The state to return to after boot-up, for a node with the deviation that remembers it.
     remembered: Option<NmtState>,
 }
 
@@ -87,7 +87,7 @@ fn chosen_state(mux: Mux, base: &Base) -> Option<NmtState> {
     states.into_iter().find(|known| state == i64::from(known.0))
 }
 
-/// What 1F80h refuses: everything but what this device can do.
+/// The refusals of 1F80h: every value that this device does not support.
 pub(crate) fn check_startup(bytes: &[u8], base: &Base) -> Result<(), Abort> {
     let &[a, b, c, d] = bytes else { return Ok(()) };
     match base.rules.startup_valid(u32::from_le_bytes([a, b, c, d])) {

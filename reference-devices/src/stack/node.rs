@@ -60,7 +60,7 @@ impl Node {
         node
     }
 
-    /// Switches the device on; when it was on, it is off for a moment. What was stored is kept.
+    /// Switches the device on; if it was on, it is off for a moment. Stored values are kept.
     pub fn power_on(&mut self, now: Instant) {
         self.power_off(now);
         self.on = true;
@@ -71,7 +71,7 @@ impl Node {
     }
 
     /// Switches the device off: from now on it sends nothing, hears nothing and has no deadline.
-    /// What it was storing is cut short.
+    /// Storing in progress is cut short.
     pub(crate) fn power_off(&mut self, now: Instant) {
         self.on = false;
         self.services.cut(now);
@@ -122,7 +122,7 @@ impl Node {
             match self.nmt.command(&self.services.base, &data) {
                 Some(Change::Enter(state)) => self.enter(now, state, out),
                 Some(Change::Reset(reset)) => {
-                    // A controller that is initialised forgets what it was asked to send.
+                    // An initialised controller forgets the frames it was asked to send.
                     out.clear();
                     if self.services.base.rules.stop_aborts_sdo_transfers() {
                         self.sdo.abort_transfers(out);
@@ -145,7 +145,7 @@ impl Node {
         }
         let busy = self.services.is_storing();
         let taken = self.sdo.handle_data(now, id, data, &mut self.services, &mut self.answers);
-        // What asks to store is answered when it is done.
+        // A request to store is answered when storing is done.
         let waits = !busy && self.services.is_storing();
         move_all(&mut self.answers, if waits { &mut self.held } else { out });
         taken
@@ -162,7 +162,7 @@ impl Node {
     }
 
     fn enter(&mut self, now: Instant, state: NmtState, out: &mut Outbox) {
-        // A repeated command is obeyed by staying: timers and PDOs do not start anew.
+        // A repeated command changes nothing: timers and PDOs do not restart.
         if state == self.state() {
             return;
         }
@@ -381,7 +381,8 @@ mod tests {
                 mutant in 0usize..500,
                 inputs in prop::collection::vec(input(), 0..80),
             ) {
-                let rules = <crate::rules::Decision as crate::decisions::Deciding>::names().get(mutant).copied();
+                let names = <crate::rules::Decision as crate::decisions::Deciding>::names();
+                let rules = names.get(mutant).copied();
                 let rules = rules.map_or_else(Rules::default, Rules::otherwise);
                 let mut entries = full();
                 set(&mut entries, mux(0x1A00, 0), 1);

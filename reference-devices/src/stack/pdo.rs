@@ -1,5 +1,5 @@
-//! What RPDOs and TPDOs share: where their parameters are, and what communication parameters
-//! refuse (CiA 301, 7.5.2.35 and 7.5.2.37).
+//! The common part of RPDOs and TPDOs: where their parameters are, and which communication
+//! parameters are refused (CiA 301, 7.5.2.35 and 7.5.2.37).
 
 use canopen::eds::Direction;
 use canopen::pdo::{CobId, is_restricted};
@@ -66,7 +66,7 @@ pub(crate) fn cob_id(od: &Dictionary, direction: Direction, pdo: u16) -> CobId {
     CobId(od.int(mux).map_or(CobId::INVALID, |cob| cob as u32))
 }
 
-/// What a communication parameter refuses.
+/// The refusals of a communication parameter.
 pub(crate) fn check_communication(
     mux: Mux,
     bytes: &[u8],
@@ -132,7 +132,8 @@ fn maps_nothing(index: u16, base: &Base) -> bool {
 }
 
 /// Whether the PDO exists after power-on although it maps nothing. Such a device can be switched
-/// back to what it was: a master that saves the configuration it has read gets no refusal.
+/// back to its previous configuration: a master that saves the configuration it has read gets no
+/// refusal.
 fn boots_without_mapping(index: u16, base: &Base) -> bool {
     let default = |mux| Some(base.od.entry(mux)?.default.as_ref()?.resolve(base.id));
     let valid = |cob: Value| cob.as_int().is_some_and(|cob| CobId(cob as u32).valid());
@@ -211,7 +212,7 @@ mod tests {
         }
     }
 
-    /// What a master does that saves the configuration it has read.
+    /// A master saves the configuration that it has read.
     #[test]
     fn a_pdo_that_boots_without_a_mapping_can_be_switched_off_and_on() {
         let mut fixture = Fixture::new(&eds(full()));

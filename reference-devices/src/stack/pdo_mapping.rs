@@ -1,5 +1,5 @@
-//! PDO mapping: what a PDO carries, and what its mapping parameter refuses (CiA 301, 7.5.2.36 and
-//! 7.5.2.38).
+//! PDO mapping: the content of a PDO, and the refusals of its mapping parameter (CiA 301, 7.5.2.36
+//! and 7.5.2.38).
 
 use canopen::eds::{Direction, Entry};
 use canopen::pdo::{Mapping, Packer};
@@ -51,7 +51,8 @@ impl PdoMapping {
     }
 }
 
-/// What a mapping parameter refuses: changes out of order, what cannot be mapped, too much.
+/// The refusals of a mapping parameter: changes out of order, objects that cannot be mapped, too
+/// much data.
 pub(crate) fn check(
     mux: Mux,
     bytes: &[u8],
@@ -77,7 +78,7 @@ pub(crate) fn check(
                 return Err(Abort::ACCESS);
             }
             match u32::from_le_bytes([a, b, c, d]) {
-                // 0 takes an entry out of use, whatever it mapped.
+                // 0 takes an entry out of use, regardless of its mapping.
                 0 => Ok(()),
                 word => check_entry(Mapping::decode(word), direction, base),
             }

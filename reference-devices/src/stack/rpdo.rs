@@ -44,7 +44,7 @@ impl Rpdo {
         self.pdo == pdo
     }
 
-    /// Takes the parameters. What was wrong with the PDO before is wrong no more.
+    /// Takes the parameters and clears the errors of the PDO.
     pub(crate) fn configure(&mut self, base: &mut Base) {
         base.mend(FaultKind::RpdoTimeout, self.number());
         for kind in [FaultKind::RpdoTooShort, FaultKind::RpdoTooLong] {

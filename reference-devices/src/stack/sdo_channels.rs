@@ -29,7 +29,7 @@ pub(crate) fn identifiers(index: u16, base: &Base) -> Option<(u16, u16)> {
     on.then(|| (to_server.can_id(), to_client.can_id()))
 }
 
-/// What the parameter of a server or client refuses.
+/// The refusals of the parameter of a server or client.
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     let rules = &base.rules;
     let refused = match (mux.sub, bytes) {
@@ -49,7 +49,7 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
 }
 
 /// Whether the identifier belongs to another service. A client may use those of default servers:
-/// they are what it is there for.
+/// that is its purpose.
 const fn is_kept(index: u16, cob: CobId) -> bool {
     let id = cob.can_id();
     let of_default_server = matches!(id, 0x581..=0x5FF | 0x601..=0x67F);

@@ -1,4 +1,4 @@
-//! The SDO clients of 1280h to 12FFh: what the application wants of other nodes.
+//! The SDO clients of 1280h to 12FFh: the application's transfers with other nodes.
 
 use canopen::sdo::{Client, Failure, Next, Request, Transfer};
 use canopen::{Abort, Data, Dictionary, Frame, Instant, Mux, Outbox};
@@ -13,7 +13,7 @@ pub(crate) struct SdoJob {
     pub(crate) client: u8,
     /// The object of the other node.
     pub(crate) mux: Mux,
-    /// What to write there; `None` to read.
+    /// The data to write; `None` to read.
     pub(crate) data: Option<Vec<u8>>,
 }
 

@@ -30,9 +30,9 @@ pub(crate) struct SdoServer {
     next_segment: Instant,
 }
 
-/// What a block upload leaves of the wire between two segments, in bits. Without it no identifier
-/// above that of the segments would win the wire before the sub-block ends, and the abort of the
-/// client has one.
+/// The gap on the wire between two segments of a block upload, in bits. Without it no identifier
+/// above that of the segments would win the wire before the sub-block ends. The abort of the client
+/// has such an identifier.
 const GAP_BITS: u64 = 2;
 
 impl SdoServer {
@@ -73,7 +73,8 @@ impl SdoServer {
         }
     }
 
-    /// The node leaves the states in which SDOs are served: what is open is dropped in silence.
+    /// The node leaves the states in which SDOs are served: an open transfer is dropped without an
+    /// abort.
     pub(crate) fn drop_transfer(&mut self) {
         *self = Self::default();
     }
@@ -107,7 +108,7 @@ impl SdoServer {
                 if let Some((mux, data)) = self.state.downloaded()
                     && services.stores_as_it_comes(mux)
                 {
-                    // What is refused here is refused at the end.
+                    // A refusal is reported at the end of the transfer.
                     services.write(now, mux, data).ok();
                 }
                 if !in_sub_block {

@@ -69,7 +69,7 @@ impl SdoServers {
         }
     }
 
-    /// Drops what is open, and says so.
+    /// Drops open transfers with an abort.
     pub(crate) fn abort_transfers(&mut self, out: &mut Outbox) {
         self.default.abort_transfer(out);
         self.further.iter_mut().for_each(|(_, server)| server.abort_transfer(out));

@@ -1,4 +1,4 @@
-//! The services that work on the dictionary: what each does with a frame, a deadline, a state.
+//! The services that work on the dictionary: their handling of frames, deadlines and states.
 
 mod access;
 
@@ -51,7 +51,7 @@ pub(crate) struct Services {
     touched: bool,
     /// The TPDOs have.
     changed: bool,
-    /// What the network has just begun to read.
+    /// The object that the network has just begun to read.
     uploaded: Cell<Option<Mux>>,
 }
 
@@ -77,7 +77,7 @@ impl Services {
         }
     }
 
-    /// The node has another id, and with it other defaults. Those that are out of range with it
+    /// The node has a new id, and with it other defaults. Defaults that are out of range with it
     /// stay as they were.
     pub(crate) fn take_node_id(&mut self, id: u8) {
         if id == self.base.id {
@@ -100,7 +100,7 @@ impl Services {
         self.behaviour.supply_lost();
     }
 
-    /// Whether the device starts anew because of what a bench or a master has just done.
+    /// Whether the device restarts because of an action of a bench or a master just now.
     pub(crate) fn takes_restart(&mut self) -> bool {
         self.storage.takes_restart() || self.behaviour.takes_restart()
     }
@@ -110,9 +110,9 @@ impl Services {
         self.behaviour.attachment(&self.base.od)
     }
 
-    /// Gives the objects of a reset their stored or default values and starts the services anew.
+    /// Gives the objects of a reset their stored or default values and restarts the services.
     pub(crate) fn reset(&mut self, now: Instant, reset: Reset) {
-        // A reset leaves the supply on, so a save under way comes to its end.
+        // A reset leaves the supply on, so a save under way completes.
         self.storage.finish();
         if reset == Reset::Node && self.behaviour.loads_defaults() {
             self.storage.forget();
@@ -125,7 +125,7 @@ impl Services {
             let all = base.rules.reset_ends_application_errors(reset);
             base.errors.reset(all);
         }
-        // The producer starts anew with the boot-up message, from which its period counts.
+        // The producer restarts with the boot-up message, from which its period counts.
         self.heartbeat.stop();
         self.emcy.reset(base);
         self.guarding.reset(base);
@@ -297,7 +297,7 @@ impl Services {
 
     /// The state that an error since the last call leads to.
     pub(crate) fn take_reaction(&mut self, now: Instant) -> Option<NmtState> {
-        // A node that starts obeys when it has booted up.
+        // A starting node changes its state only after boot-up.
         if self.base.state != NmtState::INITIALISING
             && let Some(state) = self.base.errors.take_order()
         {
@@ -324,7 +324,7 @@ impl Services {
             self.sdo_clients.poll_at(),
             self.behaviour.poll_at(),
         ];
-        // Asked for after each event, and loops cost less than a chain of iterators.
+        // Called after each event, and loops cost less than a chain of iterators.
         let due = deadlines.into_iter().fold(None, earlier);
         let due = self.rpdos.iter().map(Rpdo::poll_at).fold(due, earlier);
         self.tpdos.iter().map(Tpdo::poll_at).fold(due, earlier)
@@ -365,7 +365,7 @@ impl Services {
         self.behaviour.stimulate(now, name, value, &mut self.base.od)
     }
 
-    /// What is to be seen from outside.
+    /// The value seen from outside.
     pub(crate) fn observe(&self, name: &str) -> Option<Value> {
         self.behaviour.observe(name, &self.base.od)
     }

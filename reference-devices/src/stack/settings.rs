@@ -1,4 +1,4 @@
-//! What a device is and its data sheet cannot say.
+//! Properties of a device that its data sheet cannot express.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -29,7 +29,7 @@ pub struct NodeSettings {
     pub longest_value: usize,
     /// Supervision of SYNC by 1006h; `None` when the device has none.
     pub sync_supervision: Option<SyncSupervision>,
-    /// What the emergency messages look like.
+    /// The format of the emergency messages.
     pub emcy: EmcyTable,
     /// How many emergency messages can wait.
     pub emcy_queue: usize,
@@ -37,7 +37,7 @@ pub struct NodeSettings {
     pub bit_rate: u32,
     /// How storing the LSS configuration ends.
     pub lss_store: Status,
-    /// Whether communication starts anew when LSS configuration state is left after its settings
+    /// Whether communication restarts when the LSS configuration state is left after its settings
     /// were stored.
     pub lss_restarts: bool,
     /// Whether LSS requests may be as short as their data, and are answered alike.
@@ -52,7 +52,7 @@ pub struct NodeSettings {
     pub time_interval_object: Option<Mux>,
     /// Second doors: the network's access to the first address goes to the second one.
     pub aliases: Vec<(Mux, Mux)>,
-    /// What was stored before the device was switched on for the first time.
+    /// The values stored before the device was switched on for the first time.
     pub stored: BTreeMap<Mux, i64>,
 }
 
@@ -75,7 +75,7 @@ pub struct SyncSupervision {
 /// The emergency messages of a device (CiA 301, 7.2.7.1).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EmcyTable {
-    /// What reports communication errors; one that is missing is not reported.
+    /// The form of each communication error; an error that is missing here is not reported.
     pub faults: BTreeMap<FaultKind, EmcyForm>,
     /// Takes the last place of a queue that overflows.
     pub queue_overflow: Option<EmcyForm>,

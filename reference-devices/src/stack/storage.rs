@@ -8,7 +8,7 @@ use canopen::{Abort, Dictionary, Instant, Mux};
 
 use crate::stack::base::Base;
 
-/// The non-volatile memory: what the objects hold after a reset.
+/// The non-volatile memory: the values of the objects after a reset.
 ///
 /// It has two banks, of which the newest that is complete counts, so that a device that loses its
 /// supply while it stores has the old values or the new ones, and no mixture.
@@ -21,11 +21,11 @@ pub(crate) struct Storage {
     save: Option<Save>,
     /// Whether the supply has failed during a save.
     torn: bool,
-    /// Whether the device is to start anew after a "load".
+    /// Whether the device must restart after a "load".
     restart: bool,
 }
 
-/// What differs from the defaults: a default that depends on the node id goes on to follow it.
+/// The differences from the defaults. A default that depends on the node id continues to follow it.
 #[derive(Clone, Debug, Default)]
 struct Bank {
     /// Written last of all; 0 is a bank that is not complete.
@@ -35,21 +35,21 @@ struct Bank {
 
 type Values = BTreeMap<Mux, Vec<u8>>;
 
-/// What is being stored.
+/// A save under way.
 #[derive(Clone)]
 struct Save {
     /// Most have the default, which is `None`.
     values: Vec<(Mux, Option<Vec<u8>>)>,
-    /// What is stored beside them.
+    /// The values stored beside them.
     onto: Values,
     begun: Instant,
     done: Instant,
 }
 
 impl Storage {
-    /// The memory of a new device. What can be written is stored, except for what the data sheet
-    /// keeps out of a configuration (`ObjFlags` bit 0) and what is a command or a record of events.
-    /// `stored` is there from the start.
+    /// The memory of a new device. All writable objects are stored, except for those that the data
+    /// sheet keeps out of a configuration (`ObjFlags` bit 0), commands, and records of events.
+    /// `stored` is present from the start.
     pub(crate) fn new(eds: &Eds, defaults: &Dictionary, stored: &BTreeMap<Mux, i64>) -> Self {
         let configuration = eds.objects.iter().filter(|object| {
             object.flags.unwrap_or_default() & REFUSED_ON_DOWNLOAD == 0
@@ -70,7 +70,7 @@ impl Storage {
         Self { defaults, storable, banks, save: None, torn: false, restart: false }
     }
 
-    /// What a reset does with the objects of these indices: they take what the newest bank has.
+    /// A reset loads the objects of these indices from the newest bank.
     pub(crate) fn load(&self, indices: RangeInclusive<u16>, od: &mut Dictionary) {
         od.restore(&self.defaults, indices.clone());
         let stored = self.newest().values.iter();
@@ -115,7 +115,7 @@ impl Storage {
                 return;
             }
             self.save = Some(Save { values, onto, begun: now, done });
-            // A memory that takes no time has no deadline of which anybody would remind it.
+            // A memory that takes no time has no deadline, so it is completed at once.
             self.handle_timeout(now);
         } else {
             // A save that ended after this would bring back what is forgotten here.
@@ -132,7 +132,7 @@ impl Storage {
         }
     }
 
-    /// Whether "load" has just been executed on a device that starts anew after it.
+    /// Whether "load" was just executed on a device that restarts after it.
     pub(crate) fn takes_restart(&mut self) -> bool {
         std::mem::take(&mut self.restart)
     }

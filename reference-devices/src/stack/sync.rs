@@ -25,8 +25,8 @@ impl SyncConsumer {
         self.configure(base);
     }
 
-    /// Takes identifier, period and counter overflow value. Supervision begins anew with the
-    /// next SYNC.
+    /// Takes identifier, period and counter overflow value. Supervision restarts with the next
+    /// SYNC.
     pub(crate) fn configure(&mut self, base: &mut Base) {
         self.id = base.od.int(COB_ID).map(|cob| cob as u16 & 0x7FF);
         self.counted = base.od.int(COUNTER_OVERFLOW).is_some_and(|last| last != 0);
@@ -93,7 +93,7 @@ impl SyncConsumer {
         }
     }
 
-    /// Supervision belongs to OPERATIONAL. What was missed stays an error until SYNC is back.
+    /// Supervision belongs to OPERATIONAL. A missed SYNC stays an error until SYNC is back.
     pub(crate) fn stop(&mut self) {
         self.deadline = None;
     }
@@ -109,7 +109,7 @@ impl SyncConsumer {
     }
 }
 
-/// What 1005h, 1006h and 1019h refuse (CiA 301, 7.5.2.5, 7.5.2.6 and 7.5.2.22).
+/// The refusals of 1005h, 1006h and 1019h (CiA 301, 7.5.2.5, 7.5.2.6 and 7.5.2.22).
 pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
     match (mux, bytes) {
         (COB_ID, &[a, b, c, d]) => {

@@ -22,13 +22,13 @@ pub(crate) struct SyncProducer {
 }
 
 impl SyncProducer {
-    /// Starts anew; SYNC is produced from the next state on that has it.
+    /// Restarts; SYNC is produced from the next state on that has it.
     pub(crate) fn reset(&mut self, base: &Base) {
         *self = Self::default();
         self.take_parameters(base);
     }
 
-    /// Takes identifier, period and counter overflow value, and begins anew with them.
+    /// Takes identifier, period and counter overflow value, and restarts with them.
     pub(crate) fn configure(&mut self, now: Instant, base: &Base) {
         let before = self.period;
         self.take_parameters(base);

@@ -1,4 +1,4 @@
-//! A device on a table: frames go in, what it sends comes out with its time.
+//! A device for unit tests: frames go in, and the device's frames come out with their times.
 
 use canopen::eds::{Access, Eds, Entry, Object, ObjectKind, Term};
 use canopen::{DataType, Device, Dictionary, Frame, Instant, Mux, Outbox, Value};
@@ -258,7 +258,7 @@ pub(crate) fn set(entries: &mut [Entry], mux: Mux, default: i64) {
     entry.default = Some(Term::fixed(Value::from(default)));
 }
 
-/// What was sent, in a form that is easy to write down.
+/// The sent frames, in a form that is easy to write down.
 pub(crate) fn sent(frames: &[(u64, &str)]) -> Vec<(u64, String)> {
     frames.iter().map(|(at, frame)| (*at, (*frame).to_owned())).collect()
 }

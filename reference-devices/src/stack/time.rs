@@ -1,4 +1,4 @@
-//! Deadlines that advance from themselves.
+//! Deadlines that advance by their period, without drift.
 
 use std::time::Duration;
 

@@ -27,7 +27,7 @@ impl TimeStamp {
         self.take_parameters(base);
     }
 
-    /// A parameter changed; production begins anew.
+    /// A parameter changed; production restarts.
     pub(crate) fn configure(&mut self, now: Instant, base: &Base) {
         self.reset(base);
         self.enter(now, base);
@@ -72,7 +72,7 @@ impl TimeStamp {
         self.next
     }
 
-    /// Shows the time of day in the object that is there for it.
+    /// Shows the time of day in its object.
     pub(crate) fn show(&self, now: Instant, base: &mut Base) {
         if let Some(clock) = base.settings.clock_object {
             base.od.set(clock, &self.at(now).encode());
@@ -95,8 +95,8 @@ impl TimeStamp {
     }
 }
 
-/// What 1012h refuses: an identifier that is not free, or that changes while it is in use
-/// (CiA 301, 7.5.2.15).
+/// The refusals of 1012h: an identifier that is not free, or that changes while it is in use (CiA
+/// 301, 7.5.2.15).
 pub(crate) fn check(bytes: &[u8], base: &Base) -> Result<(), Abort> {
     let &[a, b, c, d] = bytes else { return Ok(()) };
     let (before, after) =

@@ -25,9 +25,9 @@ pub(crate) struct Tpdo {
     sync_start: u8,
     mapping: PdoMapping,
     running: bool,
-    /// What was transmitted last.
+    /// The data that were transmitted last.
     last: Data,
-    /// What the objects had when they were looked at last.
+    /// The data of the objects when they were last looked at.
     seen: Data,
     /// Where the dictionary was when its values were those of the last transmission.
     quiet: Option<u64>,
@@ -39,7 +39,7 @@ pub(crate) struct Tpdo {
     due: Option<Instant>,
     /// SYNC messages since the last transmission; `None` until the start value has come.
     syncs: Option<u8>,
-    /// What type 252 answers with.
+    /// The data that a PDO of type 252 answers with.
     sampled: Option<Data>,
 }
 
@@ -78,7 +78,7 @@ impl Tpdo {
         self.pdo == pdo
     }
 
-    /// Takes the parameters; counting and timing begin anew.
+    /// Takes the parameters; counting and timing restart.
     pub(crate) fn configure(&mut self, now: Instant, base: &Base) {
         let od = &base.od;
         let parameter = |sub| {
@@ -198,7 +198,7 @@ impl Tpdo {
         match (self.kind, self.sampled) {
             (252, Some(sampled)) => out.push(Frame::new(id, sampled)),
             (252 | 253, _) => self.transmit(now, base, out),
-            // The inhibit time binds what a request triggers as well.
+            // The inhibit time applies to requested transmissions as well.
             (254.., _) => self.event(now, base, out),
             _ => {}
         }
@@ -236,7 +236,7 @@ impl Tpdo {
         self.remember(base);
         self.pending = false;
         out.push(Frame::new(self.cob.can_id(), self.last));
-        // The inhibit time does not bind PDOs that SYNC triggers.
+        // The inhibit time does not apply to PDOs that SYNC triggers.
         if self.is_event_driven() {
             self.free_at = now + self.inhibit;
             if base.rules.event_timer_restarts() {

@@ -1,4 +1,4 @@
-//! Why a case did not pass, in the order in which one asks.
+//! The reasons why a case did not pass, in the order in which a reader asks for them.
 
 use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
@@ -14,8 +14,8 @@ use crate::run::{CaseRun, DeviceRun};
 use crate::style::{Style, printable, shell_word};
 use crate::verdict::{Excerpt, Outcome, Phase, Problem, Verdict};
 
-/// The case and its sentence; the requirements; what was expected; what came; where in the suite
-/// file; the last frames; the command that runs the case again.
+/// The case and its sentence; the requirements; the expected and the actual behaviour; the place in
+/// the suite file; the last frames; the command that runs the case again.
 pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     let (verdict, names) = (case.verdict(), &*device.info.objects);
     let mut block = Block { text: String::new(), style, verdict, names };
@@ -38,7 +38,7 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     }
     match problem {
         Some(problem) => block.place(problem),
-        // The one case of a run that did not come to its cases stands in no file.
+        // If a run did not reach its cases, its one case stands in no file.
         None if case.info.file.is_empty() => {}
         None => {
             let info = &case.info;
@@ -247,7 +247,7 @@ fn caret(place: &Excerpt) -> String {
     " ".repeat(before) + &"^".repeat(length)
 }
 
-/// What a case measured, and its limits.
+/// The measurement of a case, and its limits.
 pub(super) fn figures(measured: &Measured) -> String {
     let Measured { what, unit, count, min, mean, max, strict, lenient } = measured;
     let (min, mean, max) = (decimal(*min), decimal(*mean), decimal(*max));

@@ -1,4 +1,4 @@
-//! What a failure shows of what happened before it: what was done, and the frames that say most.
+//! The excerpt before a failure: the actions, and the frames that say most.
 
 use canopen::{Instant, Stamped};
 
@@ -6,8 +6,8 @@ use crate::event::Begun;
 use crate::run::CaseRun;
 use crate::verdict::Phase;
 
-/// How many frames of services are shown: SDO, LSS, NMT, emergency messages, boot-ups and whatever
-/// the tester sends.
+/// The number of frames of services to show: SDO, LSS, NMT, emergency messages, boot-ups and every
+/// frame of the tester.
 const OF_SERVICES: usize = 12;
 
 /// How many of the frames that devices send by themselves, such as heartbeats and PDOs.
@@ -23,13 +23,13 @@ pub(super) enum Line<'c> {
     Frame(usize),
     /// As often the two frames that follow came before.
     Again(usize),
-    /// So many frames are left out here.
+    /// The number of frames left out here.
     Left(usize),
-    /// What was done then, in words.
+    /// The action at that time, in words.
     Done(Instant, Done<'c>),
 }
 
-/// What was done.
+/// An action.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Done<'c> {
     /// A step began.
@@ -47,7 +47,7 @@ pub(super) struct Excerpt<'c> {
 }
 
 impl<'c> Excerpt<'c> {
-    /// What happened until that instant. What came later did not lead to the problem.
+    /// The events until that instant. Later ones did not lead to the problem.
     pub(super) fn until(case: &'c CaseRun, until: Instant) -> Self {
         let trace = &case.trace[..case.trace.partition_point(|seen| seen.at <= until)];
         let (cyclic, services): (Vec<usize>, Vec<usize>) =
@@ -63,7 +63,7 @@ impl<'c> Excerpt<'c> {
         };
         let mut done = done(case, from, until).into_iter().peekable();
         let mut lines = Vec::new();
-        // What stands before the first frame shown is in the heading.
+        // Frames before the first shown one belong to the heading.
         let mut next = shown.first().map_or(0, |first| first.place);
         for Shown { place, again, stands_for } in &shown {
             let left = (place + 1).saturating_sub(next + stands_for);
@@ -84,7 +84,7 @@ impl<'c> Excerpt<'c> {
     }
 }
 
-/// What a device sends without being asked, again and again.
+/// Whether a device sends the frame cyclically, without a request.
 fn is_cyclic(seen: &Stamped) -> bool {
     let Some(id) = seen.frame.id.as_standard() else { return false };
     match id {
@@ -136,9 +136,9 @@ fn fold(trace: &[Stamped], of: &[usize]) -> Vec<Shown> {
     shown
 }
 
-/// What was done by time: every stimulus, and the last steps and remarks from an instant on.
+/// The actions by time: every stimulus, and the last steps and remarks from an instant on.
 fn done(case: &CaseRun, from: Instant, until: Instant) -> Vec<(Instant, Done<'_>)> {
-    // The bench has lines of its own, and what undoes a case comes later.
+    // Stimuli have lines of their own, and the steps that undo a case come later.
     let told = |step: &&Begun| step.phase != Phase::Finally && !step.text.starts_with("bench: ");
     let steps = case.steps.iter().filter(told);
     let steps = steps.map(|step| (step.at, Done::Step(step.text.as_str())));

@@ -1,4 +1,4 @@
-//! What came of the whole run.
+//! The result of the whole run.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -92,7 +92,7 @@ fn skipped(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) {
     let _ = writeln!(text, "{}", style.verdict(Verdict::Skip, "skipped because"));
     let shown = match verbosity {
         Verbosity::Verbose => reasons.len(),
-        // One reason more takes no more place than the line that would stand for it.
+        // One more reason takes no more room than the line that would replace it.
         _ if reasons.len() <= REASONS + 1 => reasons.len(),
         _ => REASONS,
     };
@@ -140,7 +140,7 @@ fn split_reason(reason: &str) -> (&str, &str) {
     }
 }
 
-/// What a reason is about, the most frequent first.
+/// The subjects of a reason, the most frequent first.
 fn counted(about: &BTreeMap<&str, usize>) -> String {
     let mut about: Vec<_> = about.iter().collect();
     about.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
@@ -213,7 +213,8 @@ fn named(cause: &Cause, cases: &[Noticed]) -> String {
 /// An instance with its device, and its place in the run.
 type Noticed<'r> = (usize, &'r DeviceRun, &'r CaseRun);
 
-/// What did not pass, by cause: first what makes the run red, of that the cause of most instances.
+/// The instances that did not pass, by cause. Causes that make the run red come first; among these,
+/// the cause of most instances comes first.
 fn by_cause(run: &Run) -> Vec<(Option<&Cause>, Vec<Noticed<'_>>)> {
     let mut causes = BTreeMap::<_, Vec<Noticed>>::new();
     for (place, (device, case)) in run.cases().enumerate() {
@@ -240,7 +241,7 @@ fn grouped(run: &Run, text: &mut String) {
     }
 }
 
-/// Cases that did not pass and stand in one line.
+/// Cases that did not pass and share one line.
 struct Row<'r> {
     verdict: Verdict,
     devices: Vec<&'r str>,

@@ -1,4 +1,4 @@
-//! Instances of cases: what `requires`, `each` and `matrix` make of a case for one device.
+//! Instances of cases: expands `requires`, `each` and `matrix` of a case for one device.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -91,7 +91,7 @@ fn model_of<'m>(name: &str, dut: &'m Dut, models: &BTreeMap<&str, &'m Eds>) -> O
     models.get(name).copied().or_else(|| (name == dut.name).then_some(&*dut.eds))
 }
 
-/// The requirements that the device's own document relaxes, with the decision that says so.
+/// The requirements that the device's own document relaxes, with the decision on each.
 fn relaxed<'l>(
     library: &'l Library,
     dut: &Dut,
@@ -105,7 +105,7 @@ fn relaxed<'l>(
 /// The names that all instances of a suite have.
 struct Offered<'s> {
     names: Arc<Scope>,
-    /// Those that a case cannot use for something of its own.
+    /// The names that a case must not bind to something of its own.
     reserved: BTreeSet<&'s str>,
 }
 
@@ -198,7 +198,7 @@ fn bind_case(
     if complaints.is_empty() { Ok(bound) } else { Err(dedup(complaints)) }
 }
 
-/// So many take hours on a real bus.
+/// More would take hours on a real bus.
 const MOST_INSTANCES: usize = 20_000;
 
 /// The name that stands for the node id.

@@ -7,7 +7,7 @@ use super::scope::{Binding, Scope};
 use crate::dut::Dut;
 use crate::suite::literal::Literal;
 
-/// So many bytes of text without a period, so that no lost segment or block stays hidden.
+/// Text of the given length without a period, so that no lost segment or block stays hidden.
 pub(crate) fn fill(len: usize) -> Vec<u8> {
     const LETTERS: usize = 73;
     (0..len).map(|place| b'0' + (place % LETTERS) as u8).collect()

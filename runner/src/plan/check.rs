@@ -1,4 +1,4 @@
-//! What can be known to be wrong with a case before anything runs.
+//! Mistakes of a case that can be found before anything runs.
 
 use std::collections::BTreeSet;
 
@@ -71,11 +71,11 @@ fn required_object(
     }
 }
 
-/// What can be said of an instance before it runs.
+/// The result of checking an instance before it runs.
 pub(super) struct Checked {
     /// Names that are not bound or not used, unknown objects, values that do not fit.
     pub complaints: Vec<Complaint>,
-    /// What the case needs and the device, or the bench around it, does not have.
+    /// A need of the case that the device, or the bench around it, does not meet.
     pub lacking: Option<String>,
     /// The names that its steps ask for.
     pub used: BTreeSet<String>,
@@ -102,7 +102,8 @@ pub(super) fn case(instance: &Instance, dut: &Dut, model: Option<&Eds>) -> Check
         checker.no_way_out(step);
     }
     checker.unused();
-    // Without the object, what rests on it (a saved value, say) is wrong for no other reason.
+    // Without the object, anything that rests on it (a saved value, say) is wrong for the same
+    // reason.
     if checker.lacking.is_some() {
         checker.complaints.clear();
     }
@@ -115,7 +116,7 @@ struct Checker<'c> {
     suite: &'c Suite,
     case: &'c Case,
     dut: &'c Dut,
-    /// What the device that the suite is for has; `None` for suites for any device.
+    /// The data sheet of the device that the suite is for; `None` for suites for any device.
     model: Option<&'c Eds>,
     saved: Vec<(String, Place)>,
     complaints: Vec<Complaint>,
@@ -237,8 +238,9 @@ impl Checker<'_> {
         self.note(result.map(|_| ()), literal.place);
     }
 
-    /// A name that suites ask for is skipped where the bench does not offer it. Any other name is
-    /// one of the user's bench: when that is there and does not offer it, the name is a mistake.
+    /// A case about a name of the suites is skipped if the bench does not offer it. Any other name
+    /// belongs to the user's bench: if that bench is connected and does not offer it, the name is a
+    /// mistake.
     fn bench_name(&mut self, name: &str, place: Place) {
         let offered = &self.dut.bench;
         if offered.iter().any(|known| known == name) {
@@ -361,7 +363,7 @@ impl Checker<'_> {
         let entry = self.entry(&write.object, write.refused.as_deref());
         match (&write.value, &write.bytes, &write.fill) {
             (Some(value), None, None) => {
-                // A value that is to be refused need not fit.
+                // A value that must be refused need not fit.
                 match (&entry, &write.refused) {
                     (Some(entry), None) => self.value(value, entry),
                     (Some(entry), Some(_)) => _ = self.scope.bytes(&value.value, entry),
@@ -397,7 +399,7 @@ impl Checker<'_> {
         entry.is_some_and(|entry| entry.access.writable())
     }
 
-    /// What comes last has nothing to leave out.
+    /// A step in `finally` has no later steps to leave out.
     fn no_way_out(&mut self, step: &At<Step>) {
         let (word, place) = match &step.value {
             Step::Write(write) => ("or-refused", write.or_refused.first().map(|code| code.place)),
@@ -492,9 +494,9 @@ impl Checker<'_> {
         self.note(result.map(|_| ()), literal.place);
     }
 
-    /// The entry a step works on. What the profile or the device that the suite is for has, and
-    /// this device lacks, is no reason to complain of the suite; what nobody knows is, unless the
-    /// case is about that.
+    /// The entry a step works on. A missing entry is no mistake of the suite if the profile, or the
+    /// device that the suite is for, has it. An entry that is known to neither is a mistake, unless
+    /// the case is about that.
     fn entry(&mut self, object: &At<ObjectRef>, refused: Option<&At<Refusal>>) -> Option<Entry> {
         let mux = match self.scope.mux(&object.value) {
             Ok(mux) => mux,

@@ -1,5 +1,5 @@
-//! What a case does to a device, known before it runs: the frames that its steps send, as far as
-//! their names are bound, and those that set back what they write.
+//! The effects of a case on a device, known before it runs: the frames that its steps send, as far
+//! as their names are bound, and those that set back what they write.
 
 use std::collections::BTreeSet;
 
@@ -16,7 +16,7 @@ use crate::source::At;
 use crate::suite::literal::FrameText;
 use crate::suite::step::{Ask, Nmt, Produce, Remap, Step, Write};
 
-/// What the case does, in order. Each write of 1010h and 1011h counts, other deeds may stand there
+/// The effects of the case, in order. Each write of 1010h and 1011h counts; other deeds may occur
 /// more than once.
 pub fn deeds(instance: &Instance, dut: &Dut) -> Vec<Deed> {
     let mut taking = Taking { instance, dut, wire: dut.wire.as_ref().clone(), deeds: Vec::new() };
@@ -63,7 +63,7 @@ impl Taking<'_> {
             Step::Write(write) => self.write_step(write),
             Step::Remap(remap) => self.remap(remap),
             Step::Nmt(nmt) => self.sent(&nmt_frame(*nmt, self.dut.node), 1),
-            // None of these sends anything but uploads, SYNC, and questions of LSS.
+            // None of these sends anything but uploads, SYNC, and LSS requests.
             Step::Reply(_)
             | Step::Read(_)
             | Step::Until(_)
@@ -142,8 +142,8 @@ impl Taking<'_> {
         self.write(count, &[remap.objects.len() as u8]);
     }
 
-    /// What a case wrote is written back, with a PDO what it depends on, and what it stored is
-    /// stored again.
+    /// Adds the frames that undo the case: written objects are written back, with a PDO everything
+    /// it depends on, and stored values are stored again.
     fn restoring(&mut self) {
         let written = self.deeds.iter().filter_map(|deed| match deed {
             Deed::Write(mux, _) => Some(*mux),
@@ -153,7 +153,7 @@ impl Taking<'_> {
         let of_pdos = written.iter().filter(|mux| matches!(mux.index, 0x1400..=0x1BFF));
         let of_pdos: BTreeSet<u16> = of_pdos.map(|mux| mux.index).collect();
         for index in of_pdos {
-            // The mapping of a PDO stands 200h above its communication parameter.
+            // The mapping parameter of a PDO is 200h above its communication parameter.
             if index & 0x0200 != 0 {
                 let object = self.dut.eds.object(index);
                 let entries = object.into_iter().flat_map(|object| &object.entries);

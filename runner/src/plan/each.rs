@@ -1,4 +1,5 @@
-//! What `each` makes instances for: entries of the data sheet, alone or with a PDO, and PDOs.
+//! The subjects of `each`, one per instance: entries of the data sheet, alone or with a PDO, and
+//! PDOs.
 
 use std::ops::RangeInclusive;
 

@@ -1,4 +1,4 @@
-//! What is run: cases with their names bound.
+//! Instances: cases with their names bound.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -15,7 +15,7 @@ use crate::suite::model::{Case, Requires};
 use crate::suite::profile::{BlockDirections, Capability, Habits};
 use crate::suite::step::Step;
 
-/// What runs against one device, in order.
+/// The instances for one device, in order.
 #[derive(Clone, Debug)]
 pub struct Plan {
     /// The device.
@@ -34,18 +34,17 @@ pub struct Instance {
     pub suite: Arc<Suite>,
     /// The case's place in the suite.
     pub case: usize,
-    /// What distinguishes it from the other instances of its case.
+    /// The difference from the other instances of its case.
     pub label: Option<String>,
     /// The names.
     pub scope: Scope,
-    /// What is known of its outcome before it runs.
+    /// The outcome, as far as it is known before the run.
     pub fate: Fate,
-    /// The requirements among those it checks that the device's own document relaxes, with the
-    /// decision that says so.
+    /// The checked requirements that the device's own document relaxes, with the decision on each.
     pub relaxed: BTreeMap<String, String>,
 }
 
-/// What is known of the outcome of an instance before it runs.
+/// The outcome of an instance, as far as it is known before the run.
 #[derive(Clone, Debug)]
 pub enum Fate {
     /// Nothing: it runs.
@@ -54,7 +53,7 @@ pub enum Fate {
     Unfit(Box<Complaint>),
     /// It is skipped: the device lacks something, or something is not known.
     Lacking(String),
-    /// It is skipped, since it needs what the device is protected from.
+    /// It is skipped, since it needs something that the device is protected from.
     Protected(String),
     /// It is skipped, since its suite is about a profile that the device does not follow.
     Foreign(String),
@@ -95,7 +94,7 @@ impl Plan {
         let cases = self.by_case().map(|instances| (instances[0].case_name(), &instances[0]));
         let cases: Vec<(String, &Instance)> = cases.collect();
         let (mut names, mut relied) = (names.clone(), BTreeSet::new());
-        // What proves something may rely on something else.
+        // A proving case may itself rely on something else.
         let mut grows = true;
         while grows {
             let known = relied.len();
@@ -113,7 +112,7 @@ impl Plan {
         names
     }
 
-    /// What was left out, in one sentence.
+    /// The parts that were left out, in one sentence.
     pub fn said_left_out(&self) -> Option<String> {
         let each = self.left_out.iter().map(|(about, cases)| format!("{cases} cases ({about})"));
         let each = each.collect::<Vec<_>>().join(", ");
@@ -161,7 +160,7 @@ impl Instance {
         habit.or_else(|| self.idle_command(habits))
     }
 
-    /// The command to store or restore that a device of these habits says it does not have.
+    /// The command to store or restore that, by its own account, a device with these habits lacks.
     fn idle_command(&self, habits: Habits) -> Option<String> {
         self.case().all_steps().find_map(|step| {
             let Step::Write(write) = &step.value else { return None };
@@ -182,7 +181,7 @@ impl Instance {
         !self.case().all_steps().all(|step| matches!(step.value, Step::Eds(_)))
     }
 
-    /// How the device must be set up for what the bench does in its steps.
+    /// How the device must be set up for the bench actions in its steps.
     pub fn bench_needs<'d>(&self, dut: &'d Dut) -> impl Iterator<Item = (Mux, i64)> + use<'_, 'd> {
         let stimuli = self.case().all_steps().filter_map(|step| match &step.value {
             Step::Bench(stimuli) => Some(&stimuli.0),

@@ -1,4 +1,4 @@
-//! What a case is about, in words, for a device that has nothing of that kind.
+//! The subject of a case, in words, for a device that has nothing of that kind.
 
 use crate::source::At;
 use crate::suite::each::{AccessName, DirectionName, Each, Has, Objects, PdoHas, Pdos};

@@ -1,5 +1,5 @@
-//! What suites take from the profile they are about: whether a device follows it, names, blocks of
-//! objects, options.
+//! The parts of a profile that suites use: whether a device follows it, names, blocks of objects,
+//! options.
 
 use canopen::catalogue::{Block, Profile};
 
@@ -101,7 +101,7 @@ pub(super) fn wrong_option(requires: &Requires, dut: &Dut, suite: &Suite) -> Opt
 /// but one, they are those of objects that it lacks.
 ///
 /// # Errors
-/// When the profile of the suite has no such block, or not so many, and where that stands.
+/// When the profile of the suite has no such block, or too few of them, with the place.
 pub(super) fn block_scopes(
     blocks: &Blocks,
     pdo: &Scope,

@@ -1,4 +1,4 @@
-//! Names and what they stand for, and the words of the notation resolved with them.
+//! Names and their values, and the words of the notation resolved with them.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,7 +12,7 @@ use canopen::{DataType, Id, Mux, Pattern, Value};
 use crate::nearest::did_you_mean;
 use crate::suite::literal::{Amount, FrameText, Literal, Name, ObjectRef, Tolerance, show_time};
 
-/// What a name stands for.
+/// The value of a name.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Binding {
     /// An address.
@@ -35,13 +35,13 @@ pub struct Scope {
     /// Sorted by name. Most names are words of the notation, and an instance is offered many of
     /// which it keeps few.
     names: Vec<(Cow<'static, str>, Binding)>,
-    /// What names stand for that this instance does not bind itself.
+    /// The names that this instance does not bind itself.
     shared: Option<Arc<Self>>,
-    /// The names that were asked for, when somebody wants to know.
+    /// The names that were asked for, if they are recorded.
     used: Option<Arc<Mutex<BTreeSet<String>>>>,
 }
 
-/// What reports call one instance, part by part, and its names.
+/// The label of one instance in reports, part by part, and its names.
 pub(super) type Bound = (Vec<String>, Scope);
 
 /// Why something could not be resolved, in one sentence.
@@ -75,7 +75,7 @@ impl Scope {
         }
     }
 
-    /// What a name stands for.
+    /// The value of a name.
     fn find(&self, name: &str) -> Option<&Binding> {
         match self.place(name) {
             Ok(place) => Some(&self.names[place].1),
@@ -99,8 +99,8 @@ impl Scope {
         used.map(|used| used.clone()).unwrap_or_default()
     }
 
-    /// Forgets what no step asks for: of the many names that each instance is offered, a case
-    /// uses few. What the case is about, `$mux`, stays for those who report.
+    /// Forgets the names that no step uses: a case uses few of the many names that each instance is
+    /// offered. The subject of the case, `$mux`, stays for reports.
     pub fn keep(&mut self, used: &BTreeSet<String>) {
         let stays = |name: &str| name == "mux" || used.contains(name);
         let count = self.names.iter().filter(|(name, _)| stays(name)).count();
@@ -111,10 +111,10 @@ impl Scope {
         self.names = kept;
     }
 
-    /// What the name stands for.
+    /// The value of the name.
     ///
     /// # Errors
-    /// When it stands for nothing.
+    /// When it has no value.
     pub fn get(&self, name: &Name) -> Result<&Binding, Wrong> {
         self.bound(&name.0).ok_or_else(|| {
             let shared = self.shared.iter().flat_map(|shared| &shared.names);
@@ -131,7 +131,7 @@ impl Scope {
         })
     }
 
-    /// What the name stands for, if it stands for anything.
+    /// The value of the name, if it has one.
     fn bound(&self, name: &str) -> Option<&Binding> {
         if let Some(mut used) = self.used.as_ref().and_then(|used| used.lock().ok())
             && !used.contains(name)
@@ -209,7 +209,8 @@ impl Scope {
         };
         match literal {
             Literal::Int(number) => encode(&Value::Int(*number)).or_else(|wrong| {
-                // A data sheet may call unsigned what documents count below 0, in the same bytes.
+                // A data sheet may call a value unsigned that documents count below 0, with the
+                // same bytes.
                 let signed = entry.data_type.with_sign().filter(|_| *number < 0);
                 signed.and_then(|signed| signed.encode(&Value::Int(*number)).ok()).ok_or(wrong)
             }),
@@ -368,7 +369,7 @@ fn frame_bytes(name: &str, binding: &Binding) -> Result<Vec<u8>, Wrong> {
     }
 }
 
-/// What one count of the object at `mux` is, when it is a time.
+/// The duration of one count of the object at `mux`, if it is a time.
 fn tick(mux: Mux) -> Option<Duration> {
     let facts = catalogue::lookup(&["cia301"], mux.index)?;
     let unit = if mux.sub == 0 { facts.of_var().unit } else { facts.of_sub(mux.sub).unit };

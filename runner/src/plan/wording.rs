@@ -1,5 +1,5 @@
-//! A step in words: `write logic-1-a2-operator (3412:05) = greater (2)`. What explains a case, and
-//! what reports say was done.
+//! A step in words: `write logic-1-a2-operator (3412:05) = greater (2)`. Used to explain a case,
+//! and to report what was done.
 
 use std::fmt::Display;
 
@@ -17,9 +17,9 @@ use crate::suite::step::{
 /// The words of a suite, and the values of names where they are known.
 #[derive(Clone, Copy)]
 pub struct Wording<'w> {
-    /// What the document calls objects and values.
+    /// The document's words for objects and values.
     pub words: &'w Words,
-    /// What names stand for in an instance; unknown when a case is explained.
+    /// The values of names in an instance; unknown when a case is explained.
     pub scope: Option<&'w Scope>,
 }
 
@@ -279,7 +279,7 @@ impl Wording<'_> {
         }
     }
 
-    /// What is mapped: an address, or a mapping entry.
+    /// The mapped object: an address, or a mapping entry.
     fn mapped(&self, literal: &Literal) -> String {
         match literal {
             Literal::Text(text) => {
@@ -351,7 +351,7 @@ fn list(words: impl Iterator<Item = impl Display>, none: &str) -> String {
     if words.is_empty() { none.to_owned() } else { words.join(", ") }
 }
 
-/// What an NMT command is called.
+/// The name of an NMT command.
 const fn command(nmt: Nmt) -> &'static str {
     match nmt {
         Nmt::Start => "NMT start remote node",

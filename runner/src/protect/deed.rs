@@ -1,4 +1,4 @@
-//! What a frame can do to a device that lasts.
+//! Lasting effects of a frame on a device.
 
 use std::fmt;
 

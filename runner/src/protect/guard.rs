@@ -1,4 +1,4 @@
-//! The place below everything that sends.
+//! The bus below every sender, which refuses protected frames.
 
 use std::sync::Arc;
 

@@ -1,7 +1,8 @@
-//! What a frame does to a device, as far as its data sheet, its answers and what it was sent show.
+//! The effects of a frame on a device, as known from its data sheet, its answers and the frames
+//! sent to it.
 //!
-//! Whatever an RPDO has ever had as identifier or mapping counts from then on: a reset brings back
-//! what was before, and nothing on the bus says when. What the device has refused does not count.
+//! Every identifier and mapping that an RPDO has ever had counts from then on: a reset restores an
+//! earlier one, and nothing on the bus says when. A refused write does not count.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,7 +15,7 @@ use canopen::{Frame, Id, Mux, lss};
 
 use super::deed::{Deed, FIRST_RPDO};
 
-/// What is known of how a device takes frames.
+/// The known ways in which a device takes frames.
 #[derive(Clone, Debug, Default)]
 pub struct Wire {
     /// Identifiers of further SDO servers.
@@ -54,8 +55,8 @@ impl Ids {
 }
 
 impl Wire {
-    /// What the data sheet says of a device. An identifier that depends on the node id is meant
-    /// for each node id, since LSS can change it.
+    /// The ways of a device by its data sheet. An identifier that depends on the node id counts for
+    /// each node id, since LSS can change it.
     pub fn of(eds: &Eds) -> Self {
         let mut wire = Self::default();
         for entry in eds.entries() {
@@ -83,7 +84,7 @@ impl Wire {
         role(mux).is_some()
     }
 
-    /// What the device does when it is sent this.
+    /// The effects of this frame on the device.
     pub fn deeds(&self, frame: &Frame) -> Vec<Deed> {
         if frame.remote {
             return Vec::new();
@@ -151,7 +152,7 @@ impl Wire {
         if let Some(mux) = self.open.get(&frame.id) {
             let value = frame.data.get(1..).unwrap_or_default();
             let of_value = self.mapping(*mux, value).into_iter();
-            // What comes next may as well be the begin of another transfer.
+            // The next frame may also start another transfer.
             return of_value.chain(self.of_download(frame)).collect();
         }
         self.of_download(frame)
@@ -209,7 +210,7 @@ const FIRST_OBJECT: u16 = 0x1000;
 /// The mapping of a PDO stands 200h above its communication parameter.
 const MAPPING: u16 = 0x0200;
 
-/// What an object means for how a device takes frames.
+/// The role of an object in how a device takes frames.
 enum Role {
     /// The identifier of an RPDO.
     Identifier,

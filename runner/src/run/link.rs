@@ -1,6 +1,7 @@
-//! The bus as a runner sees it: a trace with a cursor, transfers, and who else is there.
+//! The bus as a runner sees it: a trace with a cursor, transfers, and the other stations on the
+//! bus.
 //!
-//! Here belongs what goes over the wire. What it means for a verdict does not.
+//! Everything that goes over the wire belongs here. Its meaning for a verdict does not.
 
 mod oddities;
 mod probe;

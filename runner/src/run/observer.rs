@@ -1,4 +1,4 @@
-//! What a runner lets others see of its work: the one way in for `harness qualify`.
+//! The view of a run from outside: the only interface for `harness qualify`.
 
 use std::collections::BTreeSet;
 
@@ -8,11 +8,11 @@ use reports::Event;
 use crate::plan::Scope;
 use crate::suite::constraint::{Allowance, Constraint};
 
-/// Learns what happens in a session, and says what is to be judged otherwise in it. Whatever is not
-/// asked for does nothing, as in a plain run: see [`Unobserved`].
+/// Observes a session, and may change how it judges. By default every method does nothing, as in a
+/// plain run: see [`Unobserved`].
 pub trait Observer {
-    /// Whether the steps of a case go on after the first thing that is wrong, which shows on what
-    /// its verdict rests. What it shows is then in [`shows`](Self::shows).
+    /// Whether the steps of a case continue after the first mistake, which shows the constraints
+    /// that the verdict rests on. The result is then passed to [`shows`](Self::shows).
     fn goes_on(&self) -> bool {
         false
     }
@@ -23,7 +23,7 @@ pub trait Observer {
         None
     }
 
-    /// A frame came, or was sent. Those before the first case and between cases are among them.
+    /// A frame was received or sent. This includes frames before the first case and between cases.
     fn frame(&self, _frame: &Stamped) {}
 
     /// An event is reported: stimuli, the begin and the end of a case, and its frames.
@@ -41,14 +41,14 @@ pub trait Observer {
     /// The steps are over, and what was set up is undone.
     fn steps_over(&self) {}
 
-    /// The case is over, and what it changed is set back.
+    /// The case is over, and its changes are set back.
     fn case_over(&self) {}
 
     /// The case shows this about its assertions.
     fn shows(&self, _shown: Shown) {}
 }
 
-/// What one run of an instance shows.
+/// The result of one run of an instance.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Shown {
     /// The place of the step that the device failed first.
@@ -58,11 +58,11 @@ pub struct Shown {
     /// The constraints of the step without which the case would have passed: one, or those of one
     /// frame.
     pub constraints: BTreeSet<Constraint>,
-    /// What was accepted beside what was expected, with the place of the step.
+    /// The allowances that were used, with the place of the step.
     pub allowed: BTreeSet<(usize, Allowance)>,
 }
 
-/// A plain run, at which nobody looks.
+/// A plain run without an observer.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Unobserved;
 

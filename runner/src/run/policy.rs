@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-/// What is policy and not clause: how long to wait, how exact the bench is.
+/// Settings that no clause gives: how long to wait, how exact the bench is.
 #[derive(Clone, Copy, Debug)]
 pub struct Policy {
     /// How long an SDO server may take to answer.
@@ -29,7 +29,7 @@ pub struct Policy {
     pub slow_wire: Duration,
     /// How many times as long as a suite of a profile says the application of the device may take.
     pub patience: u32,
-    /// What a sample of many is chosen by.
+    /// The seed for choosing a sample of many.
     pub seed: u64,
     /// Whether every index is asked for where otherwise a sample is.
     pub every_index: bool,
@@ -42,7 +42,7 @@ impl Policy {
     pub fn at_bit_rate(bit_rate: u32) -> Self {
         /// The longest classical frame with 11-bit identifier, intermission included.
         const LONGEST_FRAME_BITS: u64 = 135;
-        /// From this bit rate on, what suites say of times leaves room for other frames.
+        /// From this bit rate on, the times in suites leave room for other frames.
         const FAST: u64 = 125_000;
         /// As many frames may be in front of one.
         const IN_FRONT: u32 = 4;

@@ -1,8 +1,8 @@
 //! Rest: a device in a known state, without errors and with nothing in flight, as it was before.
 //!
 //! Before a case, [`settle`] brings the device there or says why it is lost; after a case,
-//! [`Leaving`] sets back what the case changed. What a step demands does not belong here: nothing
-//! in this room is a verdict.
+//! [`Leaving`] sets back what the case changed. Demands of steps do not belong here: nothing in
+//! this room is a verdict.
 //!
 //! ```text
 //! settle, first_look, bring_back ▶ ladder ▶ answer, state ▶ baseline

@@ -1,7 +1,7 @@
 //! A session: one device, its plan, case after case, reported as events.
 //!
-//! Here belongs what a verdict is and what follows from it. What a step does belongs to
-//! [`steps`](super::steps), how the device gets to rest to [`rest`](super::rest).
+//! Verdicts and their consequences belong here. The effect of a step belongs to
+//! [`steps`](super::steps), and how the device gets to rest to [`rest`](super::rest).
 
 mod attempts;
 mod case;
@@ -38,41 +38,41 @@ use starts::Starts;
 pub enum Ending {
     /// Every case ran.
     Complete,
-    /// Nobody answered at all.
+    /// No device answered.
     Nobody,
     /// The device stopped answering; the reason.
     Gone(String),
     /// The bus failed.
     Bus(BusError),
-    /// So many cases failed that the rest was not run, which is so many.
+    /// This many cases failed, so that the rest was not run.
     Enough(usize),
 }
 
-/// What is found out about a device before the first case.
+/// The facts about a device found before the first case.
 struct Known {
     baseline: Baseline,
     versions: Versions,
-    /// What is odd about its answers, and about the bus.
+    /// Oddities of its answers, and of the bus.
     odd: Vec<String>,
 }
 
 /// Runs a plan.
 pub struct Session<'s> {
-    /// What to run.
+    /// The plan to run.
     pub plan: &'s Plan,
-    /// What the cases check.
+    /// The requirements that the cases check.
     pub register: &'s Register,
-    /// What to wait for and how long.
+    /// The expected times and how long to wait.
     pub policy: Policy,
     /// The command that runs a case again, without its name.
     pub rerun: String,
-    /// What is known and accepted.
+    /// The known and accepted deviations.
     pub waivers: &'s Waivers,
-    /// Stop after so many cases that failed.
+    /// Stop after this many failed cases.
     pub max_fail: Option<usize>,
     /// Set when the user wants the run to end.
     pub stop: &'s Stop,
-    /// What the cases change, until it is set back.
+    /// The changes of the cases, until they are set back.
     pub undo: &'s Undo,
     /// Learns what happens, before it is reported.
     pub observer: &'s dyn Observer,
@@ -115,7 +115,7 @@ impl Session<'_> {
         ending
     }
 
-    /// What is to be known of the device before the first case.
+    /// Finds out about the device before the first case.
     fn get_to_know(&self, link: &mut Link) -> Result<(Known, BlockDirections), BusError> {
         let identity = identity(link, &self.policy, &self.plan.dut)?;
         self.undo.identify(identity);
@@ -159,8 +159,8 @@ impl Session<'_> {
         ending
     }
 
-    /// Reports cases that were not run because the session has ended like this. What the user
-    /// stopped is skipped, except for the case at which that happened, `at_first`.
+    /// Reports cases that were not run because the session has ended like this. Cases that the user
+    /// stopped are skipped, except for the case at which that happened, `at_first`.
     fn rest_not_run(
         &self,
         emit: &mut dyn FnMut(Event),
@@ -209,14 +209,14 @@ impl Session<'_> {
         link.clean(true);
         let mut changed = left.values.keys().copied().collect();
         let dut = &self.plan.dut;
-        // What is not set back is named by whoever asked for the session.
+        // The caller of the session names what is not set back.
         _ = pre_operational(link, &self.policy, dut)
             .and_then(|()| left.restore(link, &self.policy, dut.node, &mut changed));
         self.undo.end(&left, &changed);
         link.clean(false);
     }
 
-    /// How the device is from the start. One that no case needs is left alone.
+    /// The state of the device at the start. A baseline that no case needs is not taken.
     fn baseline(&self, link: &mut Link, identity: Identity) -> Result<Baseline, BusError> {
         let needed = |each: &Instance| each.skip().is_none() && each.needs_device();
         match self.plan.instances.iter().any(needed) {
@@ -225,7 +225,7 @@ impl Session<'_> {
         }
     }
 
-    /// What readers of a report must know of how the device was tested.
+    /// A remark for readers of a report on how the device was tested.
     fn remark(&self, known: &Known) -> Option<String> {
         let sheet = &self.plan.dut.sheet;
         let composed = sheet.composed.then(|| {
@@ -337,7 +337,7 @@ impl Session<'_> {
             let rest = &instances[place + 1..];
             match finished.aftermath {
                 Aftermath::Left(how) => left = how,
-                // What is about the data sheet needs no device.
+                // Cases about the data sheet still run: they need no device.
                 Aftermath::Gone(reason) => gone = Some(reason),
                 Aftermath::Stop(error) => {
                     return self.rest_of(link, rest, Ending::Bus(error), false);

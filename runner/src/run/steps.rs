@@ -1,6 +1,6 @@
-//! Steps: what each of them does on the bus or the bench, and what it demands.
+//! Steps: the actions of each on the bus or the bench, and its demands.
 //!
-//! Here belongs the judgement of one step. What it means for the verdict of the case belongs to
+//! The judgement of one step belongs here. Its consequence for the verdict of the case belongs to
 //! [`session`](super::session).
 
 mod ask;

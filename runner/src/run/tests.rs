@@ -21,7 +21,7 @@ use crate::suite::Library;
 const BIT_RATE: u32 = 1_000_000;
 const NODE: u8 = 1;
 
-/// What happens to a frame on its way to the tester, who sent those before it.
+/// Changes a frame on its way to the tester, given the frames that the tester sent before.
 type Way = Box<dyn FnMut(&[Frame], Stamped) -> Option<Stamped>>;
 
 /// A bus with a device, and what is odd about it.

@@ -1,7 +1,7 @@
-//! What a step demands of a device, and what it lets pass: each part that can be loosened alone.
+//! The demands of a step on a device, and its allowances: each part that can be loosened alone.
 //!
-//! The match names every step and has no `_` arm, so that a new step does not compile before it is
-//! known what it judges: `harness qualify` proves each of these.
+//! The match names every step and has no `_` arm, so that a new step does not compile until its
+//! judgement is defined: `harness qualify` proves each constraint.
 
 use std::fmt;
 use std::ops::Range;
@@ -54,7 +54,7 @@ pub enum Constraint {
     Finding(String),
     /// This part of an LSS address.
     Part(&'static str),
-    /// What is accepted, too.
+    /// An accepted alternative.
     Allowance(Allowance),
 }
 
@@ -71,7 +71,7 @@ pub enum Time {
     Latency,
 }
 
-/// What a step accepts beside what it expects. Lists are counted from 1.
+/// An alternative that a step accepts beside the expected one. Lists are counted from 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Allowance {
     /// One of `lenient`.
@@ -80,7 +80,7 @@ pub enum Allowance {
     Bounds(Time),
     /// One of `tolerated`.
     Tolerated(usize),
-    /// What is to be refused is taken.
+    /// The device takes the value instead of refusing it.
     Taken,
     /// One of `or-else`.
     OrElse(usize),
@@ -95,8 +95,8 @@ pub enum Allowance {
 }
 
 impl Step {
-    /// Whether the step finds out something about the device. Others do something to it: that a
-    /// device takes what they write is what the demands of other steps rest on.
+    /// Whether the step finds out something about the device. Other steps act on it: the demands of
+    /// later steps show whether the device took what they wrote.
     pub fn judges(&self) -> bool {
         match self {
             Self::Send(_)
@@ -113,7 +113,8 @@ impl Step {
             Self::Expect(expect) => {
                 !expect.optional || expect.after.is_some() || expect.length.is_some()
             }
-            // What comes instead ends the steps: it only finds out whether they say something.
+            // If it forbids a frame that also ends the steps, it only finds out whether they can
+            // say anything.
             Self::Never(never) => never.or_else.iter().all(|text| text.value != never.frame.value),
             Self::Reply(reply) => {
                 !reply.or_silence || self.constraints().iter().any(Constraint::is_demand)
@@ -146,7 +147,7 @@ impl Step {
             Self::Reply(reply) => of_reply(reply),
             Self::Ask(ask) => of_ask(ask),
             Self::Expect(expect) => of_expect(expect),
-            // A frame with one word less to match is demanded to stay away more often.
+            // A pattern with one word less forbids more frames.
             Self::Never(never) => {
                 [each(&never.lenient, Allowance::Lenient), each(&never.or_else, Allowance::OrElse)]
                     .concat()
@@ -208,7 +209,7 @@ impl Case {
         judging
     }
 
-    /// What can be proved of the case, and excused, with the place of the step.
+    /// The assertions of the case that can be proved or excused, with the place of the step.
     pub fn assertions(&self) -> impl Iterator<Item = (usize, Option<Constraint>)> {
         self.judging_steps().into_iter().flat_map(|(place, step)| {
             let constraints = step.value.constraints().into_iter().map(Some);
@@ -250,7 +251,7 @@ fn of_ask(ask: &Ask) -> Vec<Constraint> {
 fn of_expect(expect: &Expect) -> Vec<Constraint> {
     let words = expect.frame.value.constraints();
     [
-        // Where silence is accepted, so is another frame.
+        // Where silence is accepted, another frame is accepted, too.
         if expect.optional { Vec::new() } else { words },
         each(&expect.lenient, Allowance::Lenient),
         expect.after.as_ref().map(|_| Constraint::After).into_iter().collect(),
@@ -350,7 +351,8 @@ impl FrameText {
             && self.pattern.words() == [Word::Bits { mask: 0xFF, value: 0 }]
     }
 
-    /// What a frame must have to match. Bytes that are one value together are one constraint.
+    /// The constraints that a frame must meet to match. Bytes that form one value together are one
+    /// constraint.
     pub fn constraints(&self) -> Vec<Constraint> {
         self.parts().into_iter().map(|(constraint, _)| constraint).collect()
     }
@@ -474,7 +476,7 @@ impl fmt::Display for Time {
 mod tests {
     use super::*;
 
-    /// What a step is about, as holes name it.
+    /// The subject of a step, as holes name it.
     fn of(step: &str) -> Vec<String> {
         let step: Step = serde_yaml::from_str(step).unwrap();
         let constraints = step.constraints();

@@ -1,4 +1,4 @@
-//! Named steps: the files `steps.yaml` of the folders, and what a suite has under `define`.
+//! Named steps: the files `steps.yaml` of the folders, and the `define` part of a suite.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -93,7 +93,7 @@ impl Definitions {
 /// The keys of named steps.
 pub(super) const KEYS: [&str; 3] = ["says", "takes", "steps"];
 
-/// What is meant instead of a key that is not known, or else all that are.
+/// The known key nearest to an unknown one, or else all known keys.
 pub(super) fn unknown_key(key: &str, known: &[&str]) -> String {
     let meant = did_you_mean(key, known.iter().copied());
     match meant.is_empty() {

@@ -56,7 +56,7 @@ impl Dimension {
     }
 }
 
-/// What is known of a requirement in one dimension.
+/// The state of a requirement in one dimension.
 #[derive(Debug, PartialEq, Eq)]
 pub enum Extent {
     /// It applies. The requirements that extend it, and the cases that try it on every instance.

@@ -1,7 +1,8 @@
-//! What a step does to a device, said once for those who restore it and those who judge it.
+//! The effect of a step on a device, defined once for the code that restores it and the code that
+//! judges it.
 //!
-//! The match names every step and has no `_` arm, so that a new step does not compile before it is
-//! known what it writes: an object that is written and not restored changes the verdicts of later
+//! The match names every step and has no `_` arm, so that a new step does not compile until its
+//! writes are defined: an object that is written and not restored changes the verdicts of later
 //! cases.
 
 use super::literal::{FrameText, Literal, ObjectRef};
@@ -20,7 +21,7 @@ pub enum Written<'s> {
     Frame(&'s At<FrameText>),
 }
 
-/// What a step demands of the object that it accesses.
+/// The demand of a step on the object that it accesses.
 #[derive(Debug)]
 pub struct Access<'s> {
     /// The object.
@@ -31,21 +32,21 @@ pub struct Access<'s> {
     pub refused: Option<&'s At<Refusal>>,
 }
 
-/// What a step does. The default is a step that touches nothing.
+/// The effect of a step. The default is a step that touches nothing.
 #[derive(Debug, Default)]
 pub struct Effect<'s> {
     /// Everything that the step may change in the device's dictionary.
     pub writes: Vec<Written<'s>>,
     /// The one object that the step is about, when it accesses one by SDO.
     pub access: Option<Access<'s>>,
-    /// What is sent while the step watches the bus.
+    /// The frames sent while the step watches the bus.
     pub during: Option<&'s Produce>,
     /// Whether the step needs a data sheet that says more than the device's own answers.
     pub judges_sheet: bool,
 }
 
 impl Step {
-    /// What the step does.
+    /// The effect of the step.
     pub fn effect(&self) -> Effect<'_> {
         match self {
             Self::Send(frame) => Effect::of_frame(frame),
@@ -85,10 +86,10 @@ impl Step {
             Self::Eds(_) | Self::Undeclared(_) => {
                 Effect { judges_sheet: true, ..Effect::default() }
             }
-            // SYNC makes a device take over what RPDOs brought before, and their frames are listed.
-            // A fastscan changes the LSS state only, and a bench has its own memory of what it was.
-            // The defaults of a sheet that was composed of answers are compared with what is
-            // answered now, which is a fair question.
+            // SYNC makes a device take over the values that RPDOs brought before, and their frames
+            // are listed. A fastscan changes the LSS state only, and a bench remembers its own
+            // former state. The defaults of a generated sheet are compared with the present
+            // answers, which is a fair comparison.
             Self::Reply(_)
             | Self::Defaults(_)
             | Self::Nmt(_)

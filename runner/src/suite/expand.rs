@@ -1,6 +1,6 @@
-//! The notation of suites made plain: words become addresses and values, a step on several objects
-//! becomes a step on each, tables and named steps become the steps that they stand for. What the
-//! rest of the harness reads has one step for each thing that is done.
+//! Expands the notation of suites: words become addresses and values, a step on several objects
+//! becomes a step on each, tables and named steps become the steps that they stand for. Afterwards
+//! each action is one step.
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
@@ -46,7 +46,7 @@ pub(super) fn expand(
         let message = format!("the steps `{name}` are never used");
         complaints.push(Complaint::at(source, definition.place, message));
     }
-    // What is wrong in a step of several rows is wrong once.
+    // A mistake in a step of several rows is reported once.
     let mut known = BTreeSet::new();
     complaints.retain(|wrong| known.insert((wrong.place, wrong.message.clone())));
     if complaints.is_empty() { Ok((tree, used)) } else { Err(complaints) }
@@ -114,10 +114,11 @@ pub(super) const TABLE: [&str; 3] = ["for", "rows", "steps"];
 /// The key of a suite for what its cases have in common.
 pub(super) const EVERY_CASE: &str = "every-case";
 
-/// What is common to cases that do not say it themselves.
+/// Settings that all cases share unless a case gives its own.
 pub(super) const INSTEAD: [&str; 4] = ["state", "each", "for", "rows"];
 
-/// What is common to all cases, whatever a case adds. Its steps are inside of the common ones.
+/// Settings that all cases share and a case adds to. The steps of the case are inside the common
+/// ones.
 pub(super) const JOINED: [&str; 5] = ["tolerates", "requires", "relies-on", "setup", "finally"];
 
 impl Expander<'_> {
@@ -341,7 +342,7 @@ impl Expander<'_> {
             }
             return none;
         }
-        // The lines of another file are not those of this one.
+        // Lines of another file are not lines of this one.
         let place = inside.place.or_else(|| (!own).then_some(used.place));
         let inside = Inside { values: &values, depth: inside.depth + 1, place };
         definition.steps.iter().flat_map(|step| self.step(step, inside)).collect()
@@ -416,7 +417,7 @@ impl Expander<'_> {
         each.collect()
     }
 
-    /// Whether what stands in place of an object is a key of the step that is not well written.
+    /// Whether the text in place of an object is a mistyped key of the step.
     fn mistyped(&self, entries: &[(At<String>, Tree)], keys: &[&str]) -> bool {
         let mut any = false;
         for (key, _) in entries {
@@ -457,8 +458,8 @@ impl Expander<'_> {
         given.map(|(member, value)| (At::new(member.clone(), word.place), value.clone())).collect()
     }
 
-    /// What is written for short behind an object: a value, `5 .. 7`, `at least 5`, `6 +/- 1`,
-    /// `6 tolerating +/- 1`, or of bits `has 4` and `lacks 4`.
+    /// Short notation after an object: a value, `5 .. 7`, `at least 5`, `6 +/- 1`, `6 tolerating
+    /// +/- 1`, or for bits `has 4` and `lacks 4`.
     fn short(
         &self,
         step: &str,
@@ -503,7 +504,7 @@ impl Expander<'_> {
         let (tolerated, spread) = (center.strip_suffix(" tolerating"), number(spread));
         let center = Tree { node: number(tolerated.unwrap_or(center)), place: value.place };
         let wrong = match tolerated {
-            // What a name stands for is known later.
+            // The value of a name is known later.
             None if center.text().is_some_and(|center| center.starts_with('$')) => {
                 let (center, spread) = text.split_once(" +/- ").unwrap_or_default();
                 part("min", Node::Text(format!("{center} - {spread}")));
@@ -536,15 +537,15 @@ impl Expander<'_> {
         }
     }
 
-    /// What a count of the object is worth that a word or an address names.
+    /// The scale of the object that a word or an address names.
     fn scale_of(&self, word: &At<String>) -> Option<&Scale> {
         let on_bench = self.words.on_bench(&word.value).scale;
         on_bench.or_else(|| self.words.counted(&word.value).scale)
     }
 
-    /// Address, values and refusals of a step on one object. In a step that is written the long
-    /// way, without a word for its object, numbers are counts: suites that are older than words say
-    /// the same with them.
+    /// Address, values and refusals of a step on one object. In a step in the long notation,
+    /// without a word for its object, numbers are counts: suites from before the words rely on
+    /// that.
     fn of_object(&self, content: &mut Tree, is_long: bool) {
         let Node::Map(entries) = &mut content.node else { return };
         let (mut counted, mut counts) = (Counted::default(), false);
@@ -695,7 +696,7 @@ impl Expander<'_> {
             Node::Text(text) if !["any", "taken"].contains(&text.as_str()) => {
                 match self.words.refusal(text) {
                     Some(known) => {
-                        // The place is here, whatever file names the codes.
+                        // The place is this one, whichever file names the codes.
                         refusal.node = placed(known, refusal.place).node;
                     }
                     None => {
@@ -751,7 +752,8 @@ fn scaled_terms(text: &str, scale: &Scale) -> Result<String, String> {
     Ok(terms)
 }
 
-/// What a case requires, written for short: `set-point`, or `{ set-point: rw }` with its access.
+/// The requirements of a case in short notation: `set-point`, or `{ set-point: rw }` with its
+/// access.
 fn in_full(required: &mut Tree) {
     const KEYS: [&str; 6] = ["object", "access", "absent", "bit-rate", "supports", "lacks"];
     let place = required.place;

@@ -8,7 +8,7 @@ pub(super) fn ends(center: &Node, spread: &Node) -> Option<[Node; 2]> {
     Some([center.minus(spread)?.node(), center.plus(spread)?.node()])
 }
 
-/// So many values are tolerated around one at most: they are accepted one by one.
+/// At most this many values are tolerated around one: they are accepted one by one.
 const MOST_AROUND: i128 = 64;
 
 /// The whole numbers around one.

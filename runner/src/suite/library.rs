@@ -102,8 +102,8 @@ impl Library {
         Self::from_sources(&sources, Catalogue::built_in())
     }
 
-    /// What is known of a requirement in each dimension: the requirements that extend it, and the
-    /// cases that are made for each of something the device has.
+    /// The state of a requirement in each dimension: the requirements that extend it, and the cases
+    /// that are made for each of something the device has.
     pub fn extents(&self, id: &str) -> Option<BTreeMap<Dimension, Extent>> {
         let mut extents = self.register.extents(id)?;
         if let Some(Extent::Applies(by)) = extents.get_mut(&Dimension::Second) {
@@ -168,7 +168,7 @@ impl Library {
             complaints.extend(unknown_relaxations(&register));
             complaints.extend(register.wrong_extensions());
         }
-        // What is missing may stand in a suite that does not load.
+        // A missing item may be in a suite that does not load.
         if register_is_whole && suites_are_whole {
             complaints.extend(unproved(&loaded, &register));
         }
@@ -207,7 +207,7 @@ pub(super) fn trees(sources: Vec<Arc<Source>>) -> (Files, Vec<Complaint>) {
     (trees, wrong)
 }
 
-/// What is read before the suites.
+/// The files that are read before the suites.
 struct Rest {
     test_map: Vec<(Arc<Source>, Vec<At<TestMapEntry>>)>,
     complaints: Vec<Complaint>,
@@ -272,7 +272,7 @@ fn reused_ids(suites: &[Arc<Suite>]) -> Vec<Complaint> {
     complaints
 }
 
-/// What a case excuses is something that it asserts.
+/// An excuse of a case must name one of its assertions.
 fn needless_excuses(suites: &[Arc<Suite>]) -> Vec<Complaint> {
     let mut complaints = Vec::new();
     for suite in suites {
@@ -309,7 +309,7 @@ fn unknown_requirements(suites: &[Arc<Suite>], register: &Register) -> Vec<Compl
     complaints
 }
 
-/// What a document relaxes is a requirement, as far as its document is loaded.
+/// A relaxation must name a requirement, as far as its document is loaded.
 fn unknown_relaxations(register: &Register) -> Vec<Complaint> {
     let unknown = register.relaxations().iter().filter(|relaxation| {
         let id = &relaxation.requirement.value;
@@ -324,7 +324,7 @@ fn unknown_relaxations(register: &Register) -> Vec<Complaint> {
     unknown.map(complain).collect()
 }
 
-/// What cases rely on is a requirement, and something else proves it.
+/// A case must rely on a requirement that another case proves.
 fn unproved(suites: &[Arc<Suite>], register: &Register) -> Vec<Complaint> {
     let cases = || suites.iter().flat_map(|suite| suite.file.cases.iter());
     let checked: BTreeSet<&str> =

@@ -197,7 +197,7 @@ impl FromStr for FrameText {
             Some((name, body)) => (Some(name.trim().parse()?), format!("000#{body}").parse()),
             None => (None, text.parse()),
         };
-        // The name may be longer or shorter than the identifier in its stead.
+        // The name may be longer or shorter than the identifier in its place.
         let head = named.map_or(0, |(name, _)| name.len() as isize - 3);
         let pattern = pattern.map_err(|error: canopen::PatternError| {
             let at = usize::try_from(error.at as isize + head).unwrap_or_default();

@@ -18,9 +18,9 @@ pub struct Suite {
     pub path: Arc<str>,
     /// What is written there.
     pub file: SuiteFile,
-    /// What it takes from profiles.
+    /// The profiles it uses.
     pub catalogue: Arc<Catalogue>,
-    /// What its document calls objects and values.
+    /// Its document's words for objects and values.
     pub words: Arc<Words>,
 }
 
@@ -35,7 +35,7 @@ impl Suite {
         self.file.profile.as_ref()?.value.named(&self.catalogue).ok()?
     }
 
-    /// What it is about as sentences name it; `None` when it is about any device.
+    /// The subject of the suite, as sentences name it; `None` when it is about any device.
     pub fn about(&self) -> Option<String> {
         Some(match &self.file.profile.as_ref()?.value {
             About::Number(number) => format!("CiA {number}"),

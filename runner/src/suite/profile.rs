@@ -21,10 +21,10 @@ pub enum About {
 }
 
 impl About {
-    /// What a catalogue has of it beyond objects.
+    /// The profile of that name in a catalogue, with its parts beyond objects.
     ///
     /// # Errors
-    /// That it has no profile of the name, and which there are.
+    /// That no profile has the name, with the existing names.
     pub fn named<'c>(&self, catalogue: &'c Catalogue) -> Result<Option<&'c Profile>, String> {
         let name = match self {
             Self::Named(name) => name,

@@ -166,8 +166,8 @@ impl Register {
         if complaints.is_empty() { Ok(register) } else { Err(complaints) }
     }
 
-    /// What is known of a requirement in each dimension, as far as the requirements say it: `None`
-    /// of what is untestable or extends another one, and of a document without notes.
+    /// The state of a requirement in each dimension, as far as the requirements say it: `None` if
+    /// it is untestable or extends another one, or if its document has no notes.
     pub(crate) fn extents(&self, id: &str) -> Option<BTreeMap<Dimension, Extent>> {
         let requirement = self.find(id)?;
         let lacks = requirement.lacks.as_ref()?;
@@ -189,8 +189,8 @@ impl Register {
         Some(of_each.into())
     }
 
-    /// What is said to be extended is a requirement, as far as its document is loaded, and the
-    /// dimension applies to it.
+    /// A requirement can only extend an existing one, as far as its document is loaded, and the
+    /// dimension must apply to it.
     pub(super) fn wrong_extensions(&self) -> Vec<Complaint> {
         let mut complaints = Vec::new();
         for (by, requirement) in self.iter() {
@@ -235,7 +235,7 @@ impl Register {
         self.decisions.keys().map(String::as_str)
     }
 
-    /// What documents of devices relax.
+    /// The relaxations by documents of devices.
     pub(crate) fn relaxations(&self) -> &[Relaxation] {
         &self.relaxations
     }

@@ -1,7 +1,7 @@
-//! Suites of the first edition of the notation written in the second one: words for addresses and
-//! values, one step on several objects, lists for records. A text is edited at the places of its
-//! tree, so that comments and whatever is not understood stay as they are, and only where the file
-//! is expanded into the same plain steps afterwards.
+//! Rewrites suites from the first edition of the notation to the second: words for addresses and
+//! values, one step on several objects, lists for records. The text is edited at the places of its
+//! tree, so that comments and text that is not understood stay as they are. A file is edited only
+//! if it still expands into the same plain steps afterwards.
 
 mod layout;
 mod short;
@@ -25,14 +25,14 @@ use super::words::Words;
 use crate::parallel::{self, processors};
 use crate::source::{Complaint, Source, Tree};
 
-/// What became of a file.
+/// The result for a file.
 #[derive(Debug)]
 pub struct Rewritten {
     /// The file as it was.
     pub source: Arc<Source>,
     /// Its new text.
     pub text: String,
-    /// What is new about it.
+    /// The changes.
     pub changes: Changes,
 }
 
@@ -53,7 +53,7 @@ pub struct Changes {
     pub refusals: usize,
     /// Words in place of frames.
     pub frames: usize,
-    /// Steps that would have said something else.
+    /// The steps that would have changed their meaning.
     pub kept: usize,
 }
 

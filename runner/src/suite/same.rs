@@ -8,7 +8,7 @@ use crate::source::Tree;
 const NUMBERS: [&str; 9] =
     ["value", "min", "max", "mask", "tolerated", "code", "refused", "or-refused", "lenient"];
 
-/// Whether both are the same steps, wherever they stand.
+/// Whether both are the same steps, regardless of their places.
 pub(super) fn same(some: &Tree, other: &Tree) -> bool {
     same_under("", some, other)
 }

@@ -3,10 +3,10 @@
 
 use canopen::source::{Decimal, Node};
 
-/// What one count of an object is worth, and in which unit.
+/// The value of one count of an object, and its unit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Scale {
-    /// What one count is worth.
+    /// The value of one count.
     pub count: Decimal,
     /// The unit; empty when it has none.
     pub unit: String,
@@ -54,12 +54,12 @@ impl Scale {
         format!("{value} {}", self.unit).trim_end().to_owned()
     }
 
-    /// The value of so many counts, without its unit.
+    /// The value of this many counts, without its unit.
     pub(super) fn value(&self, counts: i128) -> Option<Decimal> {
         self.count.times(Decimal::from(counts))
     }
 
-    /// The value of so many counts, with its unit.
+    /// The value of this many counts, with its unit.
     pub(super) fn show(&self, counts: i128) -> Option<String> {
         let value = self.value(counts)?;
         Some(match self.unit.as_str() {
@@ -68,7 +68,7 @@ impl Scale {
         })
     }
 
-    /// What one count is worth.
+    /// The value of one count.
     pub(super) fn one(&self) -> String {
         self.show(1).unwrap_or_default()
     }

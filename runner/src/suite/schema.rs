@@ -331,7 +331,7 @@ fn several(definitions: &mut Map<String, Value>, of: (&str, &str, &[&str], &[&st
     }
 }
 
-/// Columns in place of whatever is no text, and in its parts.
+/// Allows columns in place of anything that is not text, and in its parts.
 fn or_column(schema: &mut Value) {
     let is_text = match &schema["type"] {
         Value::Array(types) => types.iter().any(|of| of == "string"),

@@ -27,8 +27,8 @@ pub struct TestMapEntry {
 /// How many checks the tool makes.
 pub const CHECKS: usize = 127;
 
-/// What is wrong with the list: a number that stands twice, a case that is not there, a check
-/// without either case or reason.
+/// The mistakes of the list: a repeated number, a case that does not exist, a check without either
+/// case or reason.
 pub(super) fn wrong_map(
     maps: &[(Arc<Source>, Vec<At<TestMapEntry>>)],
     suites: &[Arc<Suite>],

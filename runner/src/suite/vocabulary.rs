@@ -1,5 +1,5 @@
-//! What the suites of a folder have in common: the words of `words.yaml` and the named steps of
-//! `steps.yaml`, those of the folders above included.
+//! The vocabulary that the suites of a folder share: the words of `words.yaml` and the named steps
+//! of `steps.yaml`, including those of the folders above.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -75,7 +75,7 @@ impl Vocabularies {
         (all, suites, complaints)
     }
 
-    /// What the file of that name may use.
+    /// The vocabulary for the file of that name.
     pub(super) fn at(&self, name: &str) -> &Vocabulary {
         let mut path = name;
         loop {

@@ -1,4 +1,4 @@
-//! The words of suites: what a document calls its objects, its values and the refusals that belong
+//! The words of suites: a document's names for its objects, its values and the refusals that belong
 //! to them, in the files `words.yaml` of the folders.
 
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ use crate::source::{At, Complaint, Place, Source, Tree};
 pub struct Words {
     objects: BTreeMap<String, Mux>,
     values: BTreeMap<String, Arc<Enumeration>>,
-    /// What the values of an object stand for, unless two words say different things of it.
+    /// The meanings of the values of an object, unless two words contradict each other.
     of_objects: BTreeMap<Mux, Facts>,
     /// Words of objects that are set together, in that order.
     records: BTreeMap<String, Vec<String>>,
@@ -30,14 +30,14 @@ pub struct Words {
     shown_frames: BTreeMap<String, Option<String>>,
     /// The same of names of the bench.
     bench: BTreeMap<String, Facts>,
-    /// What an object is called.
+    /// The name of an object.
     names: BTreeMap<Mux, String>,
-    /// What the values of words stand for, and of names that instances bind to addresses, such as
+    /// The meanings of the values of words, and of names that instances bind to addresses, such as
     /// `$type`.
     facts: BTreeMap<String, Facts>,
 }
 
-/// The words for values, and what a count is worth.
+/// The words for values, and the value of a count.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Facts {
     table: Option<Arc<Enumeration>>,
@@ -54,12 +54,12 @@ impl Facts {
     }
 }
 
-/// What the values of an object stand for.
+/// The meanings of the values of an object.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Counted<'w> {
     /// The words for its values.
     pub table: Option<&'w Enumeration>,
-    /// What a count is worth.
+    /// The value of a count.
     pub scale: Option<&'w Scale>,
 }
 
@@ -107,7 +107,7 @@ impl Words {
         self.records.keys().map(String::as_str)
     }
 
-    /// What a word for a refusal stands for.
+    /// The refusal that a word stands for.
     pub(super) fn refusal(&self, word: &str) -> Option<&Tree> {
         self.refusals.get(word)
     }
@@ -132,7 +132,7 @@ impl Words {
         self.frames.keys().map(String::as_str)
     }
 
-    /// What the values stand for of an object that is written as a word, an address or a name.
+    /// The meanings of the values of an object, given as a word, an address or a name.
     pub(super) fn counted(&self, object: &str) -> Counted<'_> {
         let of_word = self.facts.get(object).filter(|facts| !facts.is_empty());
         let of_object = || {
@@ -142,7 +142,7 @@ impl Words {
         of_word.or_else(of_object).map(Facts::counted).unwrap_or_default()
     }
 
-    /// What the values of a name of the bench stand for.
+    /// The meanings of the values of a name of the bench.
     pub(super) fn on_bench(&self, name: &str) -> Counted<'_> {
         self.bench.get(name).map(Facts::counted).unwrap_or_default()
     }
@@ -183,13 +183,12 @@ impl Words {
         only(self.frames.iter().filter(|(_, known)| *known == frame).map(|(word, _)| word))
     }
 
-    /// What the object is called.
+    /// The name of the object.
     pub fn name(&self, mux: Mux) -> Option<&str> {
         self.names.get(&mux).map(String::as_str)
     }
 
-    /// What the value of an object is called that is written as an address or a name, or the value
-    /// in its unit.
+    /// The word for a value of an object, given as an address or a name, or the value in its unit.
     pub(crate) fn value(&self, object: &ObjectRef, value: i128) -> Option<String> {
         let Counted { table, scale } = match object {
             ObjectRef::Fixed(mux) => {
@@ -202,7 +201,7 @@ impl Words {
     }
 }
 
-/// What a value is called.
+/// The word for a value.
 fn word(table: &Enumeration, value: i128) -> Option<String> {
     table.iter().find(|(_, known)| **known == value).map(|(word, _)| word.clone())
 }
@@ -210,7 +209,7 @@ fn word(table: &Enumeration, value: i128) -> Option<String> {
 /// The parts of a file.
 pub(super) const PARTS: [&str; 6] = ["values", "objects", "records", "refusals", "frames", "bench"];
 
-/// What a file says of an object, and of a name of the bench.
+/// The keys of an object in a file, and of a name of the bench.
 pub(super) const OF_OBJECT: [&str; 4] = ["at", "means", "scale", "unit"];
 pub(super) const OF_BENCH: [&str; 3] = ["means", "scale", "unit"];
 
@@ -222,7 +221,7 @@ struct Reader<'w> {
 
 impl Reader<'_> {
     fn file(&mut self, tree: &Tree) {
-        // Objects name tables of values, wherever those stand.
+        // Objects name tables of values, in any file.
         for (part, read) in [
             ("values", Self::values as fn(&mut Self, &At<String>, &Tree)),
             ("objects", Self::object),
@@ -396,7 +395,7 @@ impl Reader<'_> {
         table
     }
 
-    /// What a count is worth: `scale` and `unit`, of which one may be absent.
+    /// The value of a count: `scale` and `unit`, of which one may be absent.
     fn scale(&mut self, tree: &Tree) -> Option<Scale> {
         let unit = tree.get("unit").and_then(Tree::text).unwrap_or_default().to_owned();
         let Some(scale) = tree.get("scale") else {

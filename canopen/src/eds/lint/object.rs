@@ -43,11 +43,11 @@ impl Lint<'_, '_, '_> {
             let message = format!("{} is {} instead of unsigned8", sub0.mux, sub0.data_type);
             self.add_at(&codes::SUB0_TYPE, sub0, "DataType", message);
         }
-        // These count what is in use, which changes.
+        // These count the entries in use, so their value changes.
         if sub0.access.writable() || index == 0x1003 || is_mapping(index) {
             return;
         }
-        // FFh describes the object and is none of its values.
+        // FFh describes the object and is not one of its values.
         let subs = object.entries.iter().map(|entry| entry.mux.sub);
         let highest = subs.filter(|&sub| sub < 0xFF).max().unwrap_or_default();
         match sub0.default.as_ref().map(|term| &term.value) {

@@ -20,7 +20,8 @@ struct Pdos {
     first: u16,
     /// Key of the device's section that counts them.
     count_key: &'static str,
-    /// What is added to the node id for the first PDO; 100h more for each of the next three.
+    /// The offset that is added to the node id for the first PDO; 100h more for each of the next
+    /// three.
     cob_id: i128,
 }
 
@@ -198,7 +199,7 @@ impl<'e> Lint<'e, '_, '_> {
                     continue;
                 };
                 let cob_id = CobId(*value as u32);
-                // In 1005h and 1012h bit 31 says something else.
+                // In 1005h and 1012h bit 31 has another meaning.
                 if object.index > 0x1012 && !cob_id.valid() {
                     continue;
                 }
@@ -218,7 +219,7 @@ impl<'e> Lint<'e, '_, '_> {
     }
 
     fn restricted(&self, index: u16, id: u32, plus_node: bool) -> bool {
-        // The identifiers of SDO are kept for SDO.
+        // The identifiers of SDO are reserved for SDO.
         let nodes = if plus_node { 1..=127 } else { 0..=0 };
         !(0x1200..0x1300).contains(&index) && nodes.into_iter().any(|node| is_restricted(id + node))
     }

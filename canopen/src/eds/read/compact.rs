@@ -65,7 +65,7 @@ impl Reader {
         }
     }
 
-    /// What a section of names or values says for subs 1 to `count`.
+    /// The names or values that a section gives for subs 1 to `count`.
     fn numbered<'a>(&mut self, section: &Section<'a>, count: u8) -> Vec<(u8, Key<'a>)> {
         let mut found = Vec::new();
         for key in &section.keys {

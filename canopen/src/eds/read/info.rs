@@ -63,7 +63,7 @@ impl Reader {
             let mask = value::unsigned(key, 0x3F, &mut self.findings)? as u8;
             (mask != 0).then_some((mask, key.at))
         });
-        // Zero is what the absence of these keys means, and what is written without a word.
+        // Zero means the same as an absent key, so it is not kept.
         kept.retain(|(name, value)| {
             let is = |key: &str| name.eq_ignore_ascii_case(key);
             !(value == "0" && is("DynamicChannelsSupported"))
@@ -259,7 +259,7 @@ const DEVICE_INFO: [&str; 14] = [
     "CompactPDO",
 ];
 
-/// Those of them that are numbers.
+/// The keys among them that are numbers.
 const DEVICE_INFO_NUMBERS: [&str; 6] =
     ["VendorNumber", "ProductNumber", "RevisionNumber", "Granularity", "NrOfRXPDO", "NrOfTXPDO"];
 

@@ -1,4 +1,4 @@
-//! The lists of objects, and whether they are true.
+//! The lists of objects, and whether they are correct.
 
 use super::{Reader, is_one_of};
 use crate::eds::codes;
@@ -14,7 +14,7 @@ pub(super) struct Listed {
 }
 
 impl Reader {
-    /// What the lists name.
+    /// The objects that the lists name.
     pub(super) fn lists(&mut self, sections: &[Section<'_>]) -> Vec<Listed> {
         let mut listed = Vec::new();
         for section in sections {
@@ -101,5 +101,5 @@ fn place_in_list(name: &str) -> Option<u32> {
     digits.then(|| name.parse().ok()).flatten()
 }
 
-/// What every device has.
+/// The objects that every device has.
 const MANDATORY: [u16; 3] = [0x1000, 0x1001, 0x1018];

@@ -9,7 +9,7 @@ use crate::mux::Mux;
 use crate::source::Place;
 use crate::value::DataType;
 
-/// What there is of an object.
+/// The sections of an object.
 pub(super) struct Parts<'s, 'a> {
     pub(super) index: u16,
     pub(super) head: Option<&'s Section<'a>>,
@@ -18,13 +18,13 @@ pub(super) struct Parts<'s, 'a> {
     pub(super) values: Option<&'s Section<'a>>,
 }
 
-/// What the head of an object describes.
+/// The kind of object that a head describes.
 enum Head {
     /// The object as a whole.
     Object,
     /// Also its value, which is sub 0.
     Value,
-    /// Also so many subs, all alike.
+    /// The number of further subs, all alike.
     Subs(u8),
 }
 
@@ -120,7 +120,7 @@ impl Reader {
         (kind, role)
     }
 
-    /// What `ObjectType` says.
+    /// The kind in `ObjectType`.
     fn stated_kind(&mut self, head: &Section<'_>, index: u16) -> Option<ObjectKind> {
         let Some(key) = head.filled("ObjectType") else {
             self.findings.habit(&codes::OBJECT_TYPE_MISSING, head.at, "ObjectType is missing");
@@ -276,7 +276,7 @@ impl Reader {
                     self.findings.add(&codes::DATA_TYPE_MISSING, section.at, message);
                     DataType::UNSIGNED8
                 }
-                // The lint has a word on that.
+                // The lint reports that.
                 _ => DataType(0),
             };
         };

@@ -131,11 +131,11 @@ pub(super) struct BlockUpload {
     /// As announced.
     announced: Option<u32>,
     data: Vec<u8>,
-    /// The last segment of this sub-block that came in order.
+    /// The last segment of this sub-block that arrived in order.
     good: u8,
     /// Whether something came since the last confirmation.
     heard: bool,
-    /// Sub-blocks in a row of which nothing came in order.
+    /// The number of sub-blocks in a row without a segment in order.
     lost: u32,
     phase: Phase,
 }
@@ -221,7 +221,7 @@ impl BlockUpload {
         })
     }
 
-    /// Tells what came in order and asks for the rest.
+    /// Confirms the segments that arrived in order and asks for the rest.
     ///
     /// # Errors
     /// The object, when sub-block after sub-block brings nothing in order.
@@ -269,7 +269,7 @@ impl BlockUpload {
     }
 }
 
-/// So many sub-blocks in a row may get lost.
+/// The number of sub-blocks in a row that may get lost.
 const MOST_LOST: u32 = 3;
 
 fn failed(mux: Mux, code: Abort, expected: String, got: Response) -> Next {

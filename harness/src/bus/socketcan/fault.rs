@@ -1,4 +1,4 @@
-//! What can go wrong with an interface, in sentences that say what to do.
+//! Faults of an interface, in sentences that say what to do.
 
 use std::io;
 
@@ -56,8 +56,8 @@ pub(super) fn lost(name: &str, count: u32) -> BusError {
     ))
 }
 
-/// What an error frame reports, or `None` if that does not matter: arbitration was lost, the
-/// controller recovered, error counters as such.
+/// The fault that an error frame reports. `None` if it does not matter: arbitration was lost, the
+/// controller recovered, or only the error counters changed.
 pub(super) fn controller(error: &CanError) -> Option<String> {
     let mut parts: Vec<String> = error.causes().filter_map(concern).collect();
     if parts.is_empty() {

@@ -15,7 +15,7 @@ use canopen::Instant;
 /// less than [`JUMP`] goes unseen and shifts stamps by that little; one of less than the time that
 /// a frame waited to be read may misplace that frame by as much.
 ///
-/// Whatever happens, stamps never decrease and never lie in the future.
+/// In every case, stamps never decrease and never lie in the future.
 #[derive(Debug)]
 pub(super) struct Clock {
     opened: Monotonic,

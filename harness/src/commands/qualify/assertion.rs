@@ -1,4 +1,4 @@
-//! What can be proved of a case, and what one run proves.
+//! The assertions of a case that can be proved, and those that one run proves.
 
 use std::collections::BTreeSet;
 
@@ -33,7 +33,7 @@ impl Assertion {
         Some(Self { case: trial.case.clone(), step, constraint: None })
     }
 
-    /// What was accepted beside what was expected.
+    /// The allowances that the run used beside what was expected.
     pub(super) fn used_by(case: &str, shown: &Shown) -> impl Iterator<Item = Self> {
         shown.allowed.iter().map(|(step, allowance)| Self {
             case: case.to_owned(),

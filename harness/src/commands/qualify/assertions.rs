@@ -1,5 +1,6 @@
-//! The proof by assertion: on each step that judges, and on each constraint in it, the verdict on
-//! some mutant rests; of each thing that is accepted, too, some device in order makes use.
+//! The proof by assertion. For each step that judges, and each constraint in it, the verdict on
+//! some mutant rests on it. For each allowance, some device without deviation, or with a freedom,
+//! uses it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -35,7 +36,7 @@ pub(crate) struct Judged<'l> {
 }
 
 impl<'l> Assertions<'l> {
-    /// Those of the cases that are proved on the devices of these matrices.
+    /// The assertions of the cases that are proved on the devices of these matrices.
     pub(super) fn of(
         library: &'l Library,
         matrices: &[Matrix],
@@ -162,7 +163,7 @@ impl Judged<'_> {
         }
     }
 
-    /// Whether mutants can prove it; what is accepted, too, is proved by freedoms.
+    /// Whether mutants can prove it; freedoms prove an allowance.
     pub(crate) fn is_demand(&self) -> bool {
         self.constraint.as_ref().is_none_or(Constraint::is_demand)
     }

@@ -21,8 +21,8 @@ use crate::exit::Refused;
 /// How many freedoms a mixture has at most.
 const LARGEST_MIXTURE: usize = 6;
 
-/// How many freedoms are tried together at first. Wherever one of them changes something, each is
-/// tried alone again.
+/// How many freedoms are tried together at first. If one of them changes anything, each is tried
+/// again alone.
 const LARGEST_GROUP: usize = 8;
 
 /// The same for freedoms of which it is known where they make a difference: those are tried alone
@@ -36,7 +36,7 @@ const SAMPLE: usize = 8;
 pub(super) struct Freedoms<'c, 'l> {
     compared: Compared<'c, 'l>,
     single: Vec<Tried>,
-    /// What was tried together on the way to them.
+    /// The groups that were tried first.
     groups: Vec<Tried>,
     personalities: Vec<Tried>,
     mixtures: usize,
@@ -47,17 +47,18 @@ pub(super) struct Freedoms<'c, 'l> {
 struct Tried {
     /// How a target has it, such as `freedom=slow-answers`.
     query: String,
-    /// What was red: the instance, its verdict and the problem.
+    /// The red instances: name, verdict and problem.
     red: Vec<(String, Verdict, String)>,
     /// The instances whose frames it changed.
     affected: BTreeSet<String>,
     /// Whether it changed a frame, or when one came, or the data sheet, which cases read as well.
     noticed: bool,
-    /// What the cases accepted beside what they expect.
+    /// The allowances of the cases that were used.
     allowed: BTreeSet<Assertion>,
 }
 
-/// What went as on the device without deviation, by frames and verdict, and what did not.
+/// The instances with the same frames and verdict as on the device without deviation, and the
+/// others.
 #[derive(Default)]
 struct Went {
     /// The instances that did.
@@ -66,7 +67,7 @@ struct Went {
     otherwise: BTreeSet<String>,
 }
 
-/// The device without deviation, and what came of its plan by instance, to compare with.
+/// The device without deviation, and the results of its plan by instance, to compare with.
 struct Compared<'c, 'l> {
     clean: &'c Clean<'l>,
     trials: HashMap<&'c str, &'c Trial>,
@@ -79,19 +80,19 @@ struct Member<'f> {
     reach: &'f Reach,
 }
 
-/// What is tried of a device at once.
+/// The unit of work: what is tried on a device at once.
 enum Task<'f> {
     Group(Vec<Member<'f>>),
     Personality(&'f Personality),
 }
 
-/// What came of it.
+/// The result of it.
 enum Done {
     Group(Apart),
     Personality(Tried),
 }
 
-/// What came of freedoms that were tried together and apart.
+/// The results of freedoms that were tried together and apart.
 struct Apart {
     /// Each alone, in their order.
     single: Vec<Tried>,
@@ -117,7 +118,7 @@ impl<'c, 'l> Freedoms<'c, 'l> {
             .collect();
         let loud = try_map(&each, |(of, member)| of.is_loud(member))?;
         let mut each = each.into_iter().zip(loud).map(|((_, member), loud)| (member, loud));
-        // One that changes everything would leave nothing alike in its group.
+        // A freedom that changes everything would leave nothing equal in its group.
         let apart: Vec<(Vec<_>, Vec<_>)> = all
             .iter()
             .map(|of| each.by_ref().take(of.freedoms().len()).partition(|(_, loud)| *loud))
@@ -193,7 +194,7 @@ impl<'c, 'l> Freedoms<'c, 'l> {
         if self.freedoms().len() < 2 { 0 } else { self.freedoms().len() }
     }
 
-    /// What is red on a mixture, the smallest part of it on which it is.
+    /// The red instances of a mixture, on the smallest part of it that is red.
     fn mixture(&self, (mixture, order): &(Vec<usize>, u64)) -> Result<Option<Tried>, Refused> {
         let members = mixture.iter().map(|&place| &self.freedoms()[place]).collect();
         let affected = touched(mixture.iter().map(|&place| &self.single[place]));
@@ -223,13 +224,13 @@ impl<'c, 'l> Freedoms<'c, 'l> {
         }
     }
 
-    /// What cases accept beside what they expect, with what makes use of it.
+    /// The allowances of the cases, each with the freedom that uses it.
     pub(super) fn proofs(&self) -> impl Iterator<Item = (&Assertion, &str)> {
         let tried = self.single.iter().chain(&self.personalities).chain(&self.groups);
         tried.flat_map(|tried| tried.allowed.iter().map(|allowed| (allowed, tried.query.as_str())))
     }
 
-    /// What is unjust, and what proves nothing.
+    /// Unjust cases, and freedoms that prove nothing.
     pub(super) fn holes(&self) -> impl Iterator<Item = String> {
         let device = self.compared.clean.name();
         let all =
@@ -268,9 +269,9 @@ impl Compared<'_, '_> {
         Ok(2 * tried.affected.len() > names.len())
     }
 
-    /// Tries freedoms that a device can use together, then each alone. What goes as without
-    /// deviation on a device that uses them all goes so with each of them, since none takes back
-    /// what another one changes, and is not tried again.
+    /// Tries freedoms that a device can use together, then each alone. If an instance goes as
+    /// without deviation on the device that uses them all, it does so with each of them and is not
+    /// tried again, since no freedom undoes the change of another.
     fn apart(&self, members: &[Member]) -> Result<Apart, Refused> {
         let freedoms: Vec<&Freedom> = members.iter().map(|member| member.freedom).collect();
         let together = freedom::mixture(freedoms.iter().copied());
@@ -299,7 +300,7 @@ impl Compared<'_, '_> {
                 tried = alone(&Wanted::Instances(&self.clean.plan.with_proofs(reached)))?;
             }
             if !tried.noticed {
-                // What shifts frames without changing one is seen in a whole run.
+                // A freedom that only shifts frames is noticed in a whole run.
                 tried = self.everywhere(&freedom.deviation())?;
             }
             known.extend(tried.red.iter().map(|(instance, ..)| instance.clone()));
@@ -320,7 +321,7 @@ impl Compared<'_, '_> {
         let tried = self.tried(deviation.clone(), &Wanted::All)?;
         match tried.noticed {
             true => Ok(tried),
-            // What somebody has stored is gone with the first case that loads the defaults.
+            // Stored values are lost with the first case that loads the defaults.
             false => self.tried(deviation.clone(), &Wanted::Each),
         }
     }
@@ -377,7 +378,7 @@ impl Compared<'_, '_> {
         let red = |tried: &Tried| tried.red.iter().any(|(instance, ..)| *instance == first);
         let alone = self.clean.plan.with_proofs(&BTreeSet::from([first.clone()]));
         let tried = run(&members, &alone)?;
-        // What comes before a case may be what makes it red.
+        // An earlier case may be what makes this one red.
         let mut kept = of.clone();
         if red(&tried) {
             (kept, smallest) = (alone.clone(), tried);
@@ -449,9 +450,9 @@ fn fits<'f>(device: &ReferenceDevice, freedoms: impl Iterator<Item = &'f Freedom
     freedom::mixture(freedoms).complaints(device).next().is_none()
 }
 
-/// Sets of freedoms that a device can use together, with each freedom in one of them. Those that
-/// change the data sheet, and with it the plan, come first, and those last of which it is known
-/// where they can make a difference.
+/// Sets of freedoms that a device can use together, with each freedom in one of them. Freedoms that
+/// change the data sheet, and with it the plan, come first. Freedoms for which the instances they
+/// can affect are known come last.
 fn groups<'f>(device: &ReferenceDevice, members: &[Member<'f>]) -> Vec<Vec<Member<'f>>> {
     let (known, rest): (Vec<Member>, Vec<_>) =
         members.iter().partition(|member| member.reach.instances.is_some());
@@ -517,7 +518,7 @@ fn mixtures(
             mixture.push(place);
             // Changes are made in the order of the freedoms.
             mixture.sort_unstable();
-            // What one freedom removes, another cannot change.
+            // One freedom may remove what another one changes.
             if !fits(device, mixture.iter().map(|&place| &freedoms[place])) {
                 mixture.retain(|&member| member != place);
             }

@@ -20,19 +20,19 @@ use crate::commands::check::mutants_proved_on;
 use crate::commands::counted::counted;
 use crate::exit::Refused;
 
-/// What each case makes of each mutant of one device.
+/// The results of each case on each mutant of one device.
 pub(super) struct Matrix {
     device: String,
     /// Whether it is a variant of another one.
     is_variant: bool,
-    /// What the clean device gets, by case.
+    /// The verdicts of the clean device, by case.
     clean: BTreeMap<String, BTreeSet<Verdict>>,
-    /// What it makes use of that the cases accept beside what they expect.
+    /// The allowances of the cases that the clean device uses.
     allowed: BTreeSet<Assertion>,
     rows: Vec<Row>,
 }
 
-/// What happens to one mutant.
+/// The results of one mutant.
 struct Row {
     mutant: Mutant,
     /// The cases that fail.
@@ -47,7 +47,7 @@ struct Row {
 }
 
 impl Matrix {
-    /// What the cases that fit make of the mutants of these devices.
+    /// The results of the selected cases on the mutants of these devices.
     ///
     /// # Errors
     /// When the data of a mutant do not load.
@@ -68,7 +68,7 @@ impl Matrix {
             matrices[*place].rows.push(row);
         }
         for (matrix, clean) in matrices.iter_mut().zip(cleans) {
-            // What holds against the device without deviation says nothing about a mutant.
+            // A case that fails on the device without deviation says nothing about a mutant.
             let held: BTreeSet<&String> =
                 clean.trials.iter().filter(|trial| trial.kills).map(|trial| &trial.case).collect();
             matrix.rows.iter_mut().for_each(|row| row.kills.retain(|case| !held.contains(case)));
@@ -180,7 +180,7 @@ fn broken<'m>(mutant: &'m Mutant, case: &Case) -> impl Iterator<Item = &'m Strin
     mutant.breaks.iter().filter(move |id| checks.contains(id))
 }
 
-/// What the matrices leave unproved; `again` is the command that explains a mutant.
+/// The gaps that the matrices leave; `again` is the command that explains a mutant.
 pub(super) fn holes(library: &Library, matrices: &[Matrix], again: &str) -> Vec<String> {
     let mut holes = Vec::new();
     let (mut ran, mut proved) = (BTreeSet::new(), BTreeSet::new());

@@ -1,5 +1,5 @@
-//! Slips: what a device in order does wrong once, late in a case, and what becomes of its frames
-//! then.
+//! Slips: single mistakes of a device that is otherwise in order, late in a case, and their effect
+//! on its frames.
 
 mod candidates;
 mod edits;

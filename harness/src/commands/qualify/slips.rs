@@ -1,5 +1,6 @@
-//! The proof by slips: what no catalogued mutant proves. A device in order goes through a case and
-//! slips once, late, so that the step in question is the first that can notice.
+//! The proof by slips of everything that no catalogued mutant proves. A device that is otherwise in
+//! order goes through a case and slips once, late, so that the step in question is the first that
+//! can notice.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::rc::Rc;
@@ -39,10 +40,10 @@ const AT_ONCE: usize = 32;
 /// How many slips there are for a case at most, for each of its assertions.
 const SLIPS: usize = 30;
 
-/// How many of them are tried once more while later steps see a device in order.
+/// How many of them are tried once more with later steps that see a device without deviation.
 const HEALED: usize = 6;
 
-/// What slips prove.
+/// The proofs by slips.
 #[derive(Default)]
 pub(super) struct Slips {
     proofs: BTreeMap<Assertion, String>,
@@ -139,7 +140,8 @@ impl Search {
         Ok(search)
     }
 
-    /// Runs one instance with one slip after the other; whether a device in order passes it.
+    /// Runs one instance with one slip after the other. Returns whether a device without deviation
+    /// passes it.
     fn instance(&mut self, clean: &Clean, instance: &Instance) -> Result<bool, Refused> {
         let mut left = 1 + RUNS * self.open.len();
         // Most searches are over long before.
@@ -197,8 +199,8 @@ impl Search {
         Ok(queue.is_some())
     }
 
-    /// The slips that may prove what is open, by what was heard on a device in order, or on one
-    /// with the slip `base` that may be so.
+    /// The slips that may prove open assertions. They are based on the frames heard on a device
+    /// without deviation, or on one with the permitted slip `base`.
     fn queue(&self, instance: &Instance, scenes: Scenes, base: Option<Slip>) -> Vec<Trial> {
         let Scenes { heard, moments, dut } = scenes;
         let Some(begin) = moments.first().map(|first| first.from) else { return Vec::new() };
@@ -224,7 +226,8 @@ impl Search {
                 open: None,
             }));
         }
-        // What a device in order refuses may end the steps; another one goes on.
+        // A refusal by a device without deviation may end the steps early; another device would go
+        // on.
         let last = moments.last().filter(|last| last.step + 1 < case.steps.len());
         if let Some(last) = last.filter(|_| base.is_none())
             && let Some(first) = self.open.iter().find(|one| one.step > last.step)
@@ -238,7 +241,7 @@ impl Search {
         trials
     }
 
-    /// What one run proves; what is to be run next, if it is not clear.
+    /// Records the proofs of one run. Returns the next trial if the result is unclear.
     fn learn(&mut self, shown: &Shown, outcome: &Outcome, tried: &Trial) -> Option<Trial> {
         let Trial { target, slip, open } = tried;
         let target = target.as_ref()?;
@@ -283,7 +286,7 @@ impl Search {
     }
 }
 
-/// What is run: a slip, for what it may prove, and the part of a step that does not count.
+/// One trial: a slip, the assertion that it may prove, and the part of a step that does not count.
 #[derive(Clone, Default)]
 struct Trial {
     target: Option<Assertion>,
@@ -305,7 +308,7 @@ fn answers(node: u8, heard: &[Heard], moments: &[Moment]) -> Answers {
     all
 }
 
-/// What was heard on a device, step by step.
+/// The frames heard on a device, step by step.
 #[derive(Clone, Copy)]
 struct Scenes<'s> {
     heard: &'s [Heard],
@@ -313,7 +316,7 @@ struct Scenes<'s> {
     dut: &'s Dut,
 }
 
-/// What is still to be run, in its order.
+/// The trials still to run, in order.
 type Queue = VecDeque<Trial>;
 
 /// The next run for something that is still open.
@@ -326,7 +329,7 @@ fn next_of(queue: &mut Queue, open: &BTreeSet<Assertion>) -> Option<Trial> {
     }
 }
 
-/// Whether a device in order gets that.
+/// Whether a device without deviation gets that outcome.
 const fn passes(outcome: &Outcome) -> bool {
     matches!(outcome, Outcome::Pass | Outcome::Lenient(_))
 }

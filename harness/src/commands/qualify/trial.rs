@@ -1,4 +1,4 @@
-//! Plans on devices in virtual time, and what came of each instance.
+//! Plans on devices in virtual time, and the result of each instance.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -28,7 +28,7 @@ use crate::commands::run::plan_all;
 use crate::exit::Refused;
 use crate::target::{self, Target, reference_device};
 
-/// What came of one instance.
+/// The result of one instance.
 #[derive(Clone, Debug)]
 pub(super) struct Trial {
     /// Suite and case.
@@ -40,19 +40,19 @@ pub(super) struct Trial {
     /// Whether it held something against the device: FAIL, or what the level of the requirements
     /// made LENIENT of it.
     pub kills: bool,
-    /// What is wrong, if anything is.
+    /// The problem, if there is one.
     pub problem: Option<String>,
     /// The frames and stimuli from its setup to its last step, as a hash of identifiers and data,
     /// names and values. Those before and after depend on which cases ran before.
     pub frames: u64,
     /// Their times since the first of them, as a hash.
     pub timing: u64,
-    /// What it shows about the assertions of the case.
+    /// The results for the assertions of the case.
     pub shown: Shown,
 }
 
-/// A device without deviation, its plan and what came of it: what deviating devices are made of
-/// and compared with.
+/// A device without deviation, its plan and the results. Deviating devices are made from it and
+/// compared with it.
 pub(super) struct Clean<'l> {
     pub library: &'l Library,
     pub device: Arc<ReferenceDevice>,
@@ -67,7 +67,7 @@ pub(super) struct Clean<'l> {
 /// Which cases are looked at.
 pub(super) type Fits<'f> = dyn Fn(&Case) -> bool + Sync + 'f;
 
-/// What runs on a deviating device.
+/// The selection of cases to run on a deviating device.
 pub(super) enum Wanted<'w> {
     /// Everything that is for the device.
     All,
@@ -85,25 +85,25 @@ pub(super) enum Wanted<'w> {
 
 /// Where a deviation would make a difference.
 pub(super) struct Reach {
-    /// The instances; `None` where that cannot be told: it changes more than decisions and frames,
-    /// or is there before the first case begins.
+    /// The instances; `None` where they are unknown: the deviation changes more than decisions and
+    /// frames, or is active before the first case begins.
     pub instances: Option<BTreeSet<String>>,
     /// The decisions in which it does.
     pub decisions: BTreeSet<&'static str>,
 }
 
-/// What ran on a deviating device, and how that ended.
+/// The results on a deviating device, and how the run ended.
 pub(super) struct Ran {
-    /// What was to run.
+    /// The instances to run.
     pub instances: Vec<Instance>,
-    /// What came of it, as far as it went.
+    /// The results, as far as the run went.
     pub trials: Vec<Trial>,
     /// Whether it went to its end.
     pub ending: Ending,
 }
 
 impl<'l> Clean<'l> {
-    /// The simulated device of that name, and what comes of the cases that fit.
+    /// The simulated device of that name, and the results of the selected cases.
     ///
     /// # Errors
     /// When the data of the device do not load, or it cannot be built.
@@ -117,7 +117,7 @@ impl<'l> Clean<'l> {
     }
 
     /// The same for all cases, and where each of the freedoms that are tried on the device would
-    /// make a difference: all of them are there, muted.
+    /// make a difference: all of them are active, but muted.
     ///
     /// # Errors
     /// The same, and when the data of a freedom do not load.
@@ -147,7 +147,7 @@ impl<'l> Clean<'l> {
         &self.device.description.device
     }
 
-    /// What comes of all cases on the device with these deviations muted, and where each of them
+    /// The results of all cases on the device with these deviations muted, and where each of them
     /// would make a difference.
     fn muted(
         &self,
@@ -256,7 +256,7 @@ impl<'l> Clean<'l> {
         Ok(trials)
     }
 
-    /// What comes of each instance on a device of its own, so that it does not depend on others.
+    /// The result of each instance on a device of its own, so that it does not depend on others.
     ///
     /// # Errors
     /// When the device cannot be built.
@@ -306,8 +306,8 @@ impl Wanted<'_> {
         }
     }
 
-    /// Whether instances are wanted. Those of one case come one after the other, and whether the
-    /// case fits is asked once.
+    /// Whether an instance is wanted. The instances of a case follow each other, so the case is
+    /// checked once.
     fn holds(&self) -> impl FnMut(&Instance) -> bool {
         let fits = self.cases();
         let mut last: Option<(*const Case, bool)> = None;
@@ -327,7 +327,7 @@ impl Wanted<'_> {
     }
 }
 
-/// What is seen of the cases that run.
+/// Observes the cases that run.
 #[derive(Default)]
 struct Seen(RefCell<Seeing>);
 
@@ -469,7 +469,7 @@ mod tests {
             let went = |of: &Trial| (of.frames, of.timing);
             others.extend((went(without) != went(muted)).then_some(&without.name));
         }
-        // What a wire has taken from the device, a reset of the device does not take back.
+        // A reset of the device does not undo what the wire has taken from it.
         assert_eq!(others, ["cia301/store/reset-during-a-save"]);
         let known = muted.reaches.iter().filter_map(|reach| reach.instances.as_ref());
         let (some, all) = (known.clone().filter(|reached| !reached.is_empty()), known.clone());

@@ -1,4 +1,5 @@
-//! `harness qualify --why`: how a mutant is made, what it changes on the bus, and what noticed.
+//! `harness qualify --why`: how a mutant is made, its changes on the bus, and the step that
+//! noticed.
 
 mod compared;
 mod recording;
@@ -38,8 +39,8 @@ const MOST_SKIPPED: usize = 6;
 /// How many frames are shown that led to the first difference.
 const BEFORE: usize = 3;
 
-/// Prints how the mutant is made, what it changes, the cases that were tried on it in their order,
-/// and the first that noticed. Green when one did.
+/// Prints how the mutant is made, its changes, the cases that were tried on it in their order, and
+/// the first that noticed. Green if one did.
 ///
 /// # Errors
 /// When there is no such mutant, or the data of the device do not load.
@@ -104,7 +105,7 @@ impl Why<'_> {
         self.line(&format!("  {label:<13}{said}"));
     }
 
-    /// What is wrong with the device, and how it is made.
+    /// Describes the mutant and how it is made.
     fn head(&mut self, device: &str) {
         let Self { clean, mutant, .. } = *self;
         self.line(&format!("mutant {} on {device}", mutant.name));
@@ -118,7 +119,7 @@ impl Why<'_> {
         self.field("in", &mutant.stands_in());
     }
 
-    /// What a mutant of frames leaves alone first. Until then both sessions are the same.
+    /// The frames that a mutant skips first. Until then both sessions are the same.
     fn skips(&mut self) {
         let node = self.clean.target.dut.node;
         for (when, received, skip) in self.mutant.deviation().frames(node) {
@@ -181,7 +182,7 @@ impl Why<'_> {
         self.field("", "- without the mutant, + with it; in seconds since the case began");
     }
 
-    /// What the mutant changes before the first case is in no report of a run.
+    /// The changes before the first case, which no report of a run contains.
     fn changes_before(&mut self) {
         if difference(&self.with.parts[0], &self.without.parts[0]).is_some() {
             self.field("", "and what the device answers before the first case");

@@ -43,7 +43,7 @@ pub(super) fn set(outside: &mut Outside, name: &str, value: &Value) -> Result<()
     Ok(())
 }
 
-/// What a bench sees of an output while it has its supply.
+/// The bench's view of an output while it has its supply.
 pub(super) struct Sight<'a> {
     pub(super) outside: &'a Outside,
     pub(super) network: &'a Network,
@@ -55,7 +55,7 @@ pub(super) struct Sight<'a> {
 }
 
 impl Sight<'_> {
-    /// What is there; `None` when nothing has that name.
+    /// The present value; `None` when the name does not exist.
     pub(super) fn observe(&self, name: &str) -> Option<Value> {
         match name {
             SUPPLY => return Some(Value::Real(self.outside.supply)),
@@ -97,7 +97,7 @@ impl Sight<'_> {
         Some(seen.round() as i64)
     }
 
-    /// What a block of eight digital outputs drives.
+    /// The driven states of a block of eight digital outputs.
     fn states(&self, block: usize) -> i64 {
         let drives = |place: &usize| {
             self.powered && self.network.view(*place).is_some_and(|view| view.drives_digital)
@@ -119,7 +119,7 @@ const FREQUENCIES: &str = "output-frequency-";
 const DITHERS: &str = "dither-amplitude-";
 const DITHER_FREQUENCIES: &str = "dither-frequency-";
 const STATES: &str = "digital-outputs-";
-/// What can be seen of each output.
+/// The observable values of each output.
 const SEEN: [&str; 6] = [CURRENTS, VOLTAGES, DUTIES, FREQUENCIES, DITHERS, DITHER_FREQUENCIES];
 
 const WIRES: [(&str, Wiring); 3] =

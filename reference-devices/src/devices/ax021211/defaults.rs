@@ -1,4 +1,4 @@
-//! What a change of the output type brings with it (1.3, 1.8, 5550h).
+//! The consequences of a change of the output type (1.3, 1.8, 5550h).
 
 use canopen::{Dictionary, Mux};
 

@@ -6,7 +6,7 @@ use canopen::Instant;
 
 use super::rules::Ax021211Rules;
 
-/// What the error detection of an output remembers.
+/// The memory of the error detection of an output.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Detector {
     since: Option<Instant>,

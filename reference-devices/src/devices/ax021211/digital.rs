@@ -10,7 +10,7 @@ use super::objects::{
 };
 use super::rules::Ax021211Rules;
 
-/// What a digital output is set up for.
+/// The settings of a digital output.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct DigitalSettings {
     /// The drive state is the opposite of the logic state (table 1).
@@ -57,7 +57,7 @@ impl DigitalSettings {
 /// A digital output at work.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Digital {
-    /// What the control input, or what takes its place, commands.
+    /// The command of the control input, or of what replaces it.
     pub(super) logic: bool,
     pub(super) drive: bool,
     /// Since when the control input has commanded a state that is reached late.
@@ -82,6 +82,7 @@ impl Digital {
         self.logic = on;
         self.due = None;
         if let Some(rate) = settings.blinking.filter(|_| !is_hotshot) {
+            // `blink` divides by the rate, which may be 0.
             return self.blink(now, on, rate.max(Duration::from_millis(1)));
         }
         self.blinking_since = None;

@@ -1,7 +1,7 @@
-//! Which block is evaluated when. A block comes after those that it takes signals from. Where
-//! blocks take from each other in a circle, there is no such order: then the one that the walk
-//! through the blocks meets first comes last, and what it takes from blocks that come later is
-//! their signal of the last control cycle.
+//! The order in which blocks are evaluated. A block comes after the blocks that it takes signals
+//! from. Where blocks form a circle, there is no such order. Then the block that the walk meets
+//! first comes last, and a block takes the signal of the last control cycle from any block that
+//! comes later.
 
 use super::signal::{COMMANDED, FEEDBACKS, LOGICS, Link, MATHS, PIDS, SIGNALS, SUPPLY, TABLES};
 
@@ -38,7 +38,7 @@ pub(super) const BLOCKS: usize = 36;
 /// link names none.
 pub(super) type Taken = [u8; LINKS];
 
-/// What the blocks take, by their numbers.
+/// The inputs of the blocks, by the blocks' numbers.
 pub(super) type Wiring = [Taken; BLOCKS];
 
 /// The most links of a block: a logic block has 18 arguments and 3 tables.
@@ -164,12 +164,12 @@ impl Order {
         self.takers[signal]
     }
 
-    /// The blocks that take what a signal was in the last control cycle.
+    /// The blocks that take the signal of the last control cycle.
     pub(super) const fn late_takers(&self, signal: usize) -> Blocks {
         self.late_takers[signal]
     }
 
-    /// Whether a signal is there when it is a block's turn, counted from 1 on.
+    /// Whether a signal is computed before a block's turn, counted from 1 on.
     pub(super) fn is_before(&self, signal: usize, turn: usize) -> bool {
         usize::from(self.turns[signal]) < turn
     }

@@ -1,4 +1,4 @@
-//! What the controller refuses beyond its data sheet: ranges that depend on other objects.
+//! Refusals beyond the data sheet: ranges that depend on other objects.
 
 use canopen::{Abort, Dictionary, Mux};
 

@@ -1,4 +1,4 @@
-//! What is connected to an output, and what flows through it.
+//! The load at an output, and the current through it.
 
 /// A coil at the terminals of an output.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,7 +16,7 @@ pub(super) enum Wiring {
     Shorted,
 }
 
-/// What the output stage is to bring about.
+/// The target of the output stage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) enum Stage {
     #[default]
@@ -31,7 +31,7 @@ pub(super) enum Stage {
     On,
 }
 
-/// What is to be measured at an output, averaged over the pulses.
+/// The measurements at an output, averaged over the pulses.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Driven {
     /// From 0 to 1.
@@ -50,7 +50,7 @@ impl Default for Load {
 }
 
 impl Load {
-    /// What comes of driving the load from a supply in volts.
+    /// The result of driving the load from a supply in volts.
     pub(super) fn driven(&self, stage: Stage, supply: f64) -> Driven {
         let wanted = match stage {
             Stage::Off => 0.0,
@@ -78,7 +78,7 @@ impl Load {
         }
     }
 
-    /// What is left of the amplitude of a dither in this coil: its inductance opposes the change
+    /// The amplitude of a dither that remains in this coil: its inductance opposes the change
     /// (2.4.12).
     pub(super) fn dither(&self, milliamperes: f64, hertz: f64) -> f64 {
         let reactance = std::f64::consts::TAU * hertz * self.millihenries / 1000.0;

@@ -5,7 +5,7 @@ use super::objects::{LOGIC_ENABLE, Parameters, digits, logic, power};
 use super::rules::Ax021211Rules;
 use super::signal::{Link, PERCENT, Signal, TABLES};
 
-/// What a logic block is set up for.
+/// The settings of a logic block.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct LogicSettings {
     enabled: bool,
@@ -22,7 +22,7 @@ pub(super) struct Condition {
     operator: u8,
 }
 
-/// What a condition results in (table 15).
+/// The result of a condition (table 15).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verdict {
     False,
@@ -53,7 +53,7 @@ impl LogicSettings {
         }
     }
 
-    /// What it takes: the arguments of its conditions, and the tables it selects among.
+    /// Its inputs: the arguments of its conditions, and the tables it selects among.
     pub(super) fn links(&self) -> ([[[Link; 2]; 3]; 3], [Link; 3]) {
         let arguments = self.conditions.map(|three| three.map(|condition| condition.arguments));
         (arguments, self.tables.map(|number| Link::new(TABLE_SOURCE, number)))

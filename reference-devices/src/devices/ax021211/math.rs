@@ -6,7 +6,7 @@ use super::objects::{
 use super::rules::Ax021211Rules;
 use super::signal::{Link, Signal};
 
-/// What a math block is set up for.
+/// The settings of a math block.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct MathSettings {
     enabled: bool,
@@ -63,7 +63,7 @@ pub(super) struct Math {
 }
 
 impl Math {
-    /// What the block at `place` shows in 4030h and hands on. `read` gives the signal of a link.
+    /// The output of the block at `place`, which 4030h shows. `read` gives the signal of a link.
     pub(super) fn evaluate(
         &mut self,
         place: usize,
@@ -116,7 +116,7 @@ impl Math {
 }
 
 impl MathInput {
-    /// The input as a part of its scaling, with its gain; what is in error counts as 0.
+    /// The input as a part of its scaling, with its gain; a signal in error counts as 0.
     fn value(&self, signal: Signal, rules: &Ax021211Rules) -> f64 {
         if !signal.is_valid() {
             return rules.math_input_in_error(signal.value);

@@ -1,12 +1,12 @@
-//! The blocks once more, for tests: whoever needs a signal asks for it, and who is asked while the
-//! answer is being made gives that of the last cycle.
+//! A second implementation of the blocks, for tests. Each signal is computed on demand; a block
+//! that is asked while its own result is being computed gives that of the last cycle.
 
 use std::collections::BTreeMap;
 
 use canopen::{Dictionary, Mux};
 use proptest::prelude::*;
 
-/// What a graph is made of: for each object what is written there.
+/// The data of a graph: the value written to each object.
 #[derive(Clone, Debug)]
 pub(super) struct Plan {
     pub(super) writes: Vec<(Mux, i64)>,
@@ -190,7 +190,7 @@ pub(super) struct Model<'a> {
     held: BTreeMap<Block, f64>,
     /// Sum and last error of the loops, and their output.
     loops: BTreeMap<i64, (f64, f64, f64)>,
-    /// What 3310h shows.
+    /// The values of 3310h.
     pub(super) selected: BTreeMap<i64, i64>,
 }
 
@@ -220,7 +220,7 @@ impl<'a> Model<'a> {
         }
     }
 
-    /// What a block shows, in its digits.
+    /// The value that a block shows, in its digits.
     pub(super) fn shown(&self, block: Block) -> i64 {
         let value = self.done[&block].map_or(0.0, |(value, _)| value);
         let digits = match block.0 {

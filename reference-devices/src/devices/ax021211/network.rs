@@ -25,7 +25,7 @@ use super::table::Table;
 /// How many outputs there are.
 pub(super) const OUTPUTS: usize = 10;
 
-/// What the blocks see of the world.
+/// The blocks' view of the outside.
 #[derive(Clone, Debug)]
 pub(super) struct Outside {
     pub(super) loads: [Load; OUTPUTS],
@@ -44,18 +44,17 @@ pub(super) struct Outside {
 pub(super) struct Network {
     settings: Settings,
     order: Order,
-    /// What each source hands on, by the places of [`signal`].
+    /// The signal of each source, by the places of [`signal`].
     signals: [Signal; SIGNALS],
     /// The same at the end of the last control cycle.
     last: [Signal; SIGNALS],
     outputs: [Output; OUTPUTS],
     views: [Option<OutputView>; OUTPUTS],
-    /// The blocks that do not go on as they are: time alone may change them, or what they take has
-    /// changed.
+    /// The blocks that must be evaluated: time alone may change them, or their inputs have changed.
     awake: Blocks,
     /// The signals that have changed in this control cycle.
     moved: Signals,
-    /// What the outputs saw last of the world.
+    /// The outputs' last view of the outside.
     around: Around,
     /// The messages that were missing when they were looked at last; `None` after new values.
     timed_out: Option<[bool; 24]>,
@@ -64,11 +63,11 @@ pub(super) struct Network {
     tables: [Table; 12],
     maths: [Math; 6],
     pids: [Pid; 4],
-    /// What the objects of the signals of blocks show.
+    /// The values of the objects that show the signals of blocks.
     shown: [i64; SIGNALS],
     /// The signals of which the objects do not show it yet.
     untold: Signals,
-    /// What 3310h shows, and whether it does so yet.
+    /// The values of 3310h, and whether it shows them yet.
     selected: [u8; 4],
     selection_told: bool,
 }
@@ -76,13 +75,13 @@ pub(super) struct Network {
 /// A set of signals, each with the bit of its place.
 type Signals = u128;
 
-/// What the outputs see of the world.
+/// The outputs' view of the outside.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Around {
     loads: [Load; OUTPUTS],
     /// In volts.
     supply: f64,
-    /// The outputs are off, whatever they are set up for.
+    /// The outputs are off, regardless of their settings.
     off: bool,
 }
 
@@ -205,7 +204,7 @@ impl Network {
         }
     }
 
-    /// Takes what is to be seen of the world.
+    /// Takes the state of the outside.
     pub(super) fn look(&mut self, outside: &Outside, rules: &Ax021211Rules) {
         if self.timed_out.replace(outside.timed_out) != Some(outside.timed_out) {
             for (place, timed_out) in outside.timed_out.iter().enumerate() {
@@ -317,12 +316,12 @@ impl Network {
         }
     }
 
-    /// What an input of the block whose turn it is takes.
+    /// The signal at an input of the block whose turn it is.
     fn take(&self, block: Block, input: usize, turn: usize) -> Signal {
         self.settings.source(block, input).map_or(Signal::ABSENT, |place| self.see(place, turn))
     }
 
-    /// What a link gives to the block whose turn it is.
+    /// The signal of a link, for the block whose turn it is.
     fn read(&self, link: Link, turn: usize, rules: &Ax021211Rules) -> Signal {
         rules.link(link).place().map_or(Signal::ABSENT, |place| self.see(place, turn))
     }
@@ -382,12 +381,12 @@ impl Network {
         self.settings.pass_over(od);
     }
 
-    /// What the last control cycle made of an output.
+    /// The result of the last control cycle for an output.
     pub(super) const fn view(&self, place: usize) -> Option<&OutputView> {
         self.views[place].as_ref()
     }
 
-    /// What an output is set up for.
+    /// The settings of an output.
     pub(super) const fn output(&self, place: usize) -> &OutputSettings {
         &self.settings.outputs[place]
     }

@@ -1,4 +1,4 @@
-//! Where the controller keeps what its function blocks work with (chapters 2.3 and 2.4).
+//! The objects with the data of the function blocks (chapters 2.3 and 2.4).
 
 use std::time::Duration;
 
@@ -170,7 +170,7 @@ impl Parameters<'_> {
         self.rules.parameter(mux, self.od.int(mux).unwrap_or(0))
     }
 
-    /// What is chosen at a source and a number.
+    /// The link that a source and a number select.
     pub(super) fn link(self, source: u16, number: u16, place: usize) -> Link {
         Link::new(self.byte(source, place), self.byte(number, place))
     }
@@ -190,7 +190,7 @@ pub(super) fn digits(value: f64, digits: u8) -> i64 {
     whole + i64::from(rest >= 0.5) - i64::from(rest <= -0.5)
 }
 
-/// Those of all decimal digits that an object takes.
+/// The powers for all decimal digits that an object accepts.
 const POWERS: [f64; 5] = [1.0, 10.0, 100.0, 1000.0, 10_000.0];
 
 /// Shows a number where it is another one.

@@ -1,4 +1,4 @@
-//! The output (1.2, 1.3): what it is to drive, in the order of figure 6.
+//! The output (1.2, 1.3): its target, computed in the order of figure 6.
 
 use std::time::Duration;
 
@@ -65,11 +65,11 @@ impl Kind {
     }
 }
 
-/// What an output is set up for. Values in the units of their axes, decimal digits resolved.
+/// The settings of an output. Values in the units of their axes, decimal digits resolved.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct OutputSettings {
     pub(super) kind: Kind,
-    /// What controls, enables and overrides.
+    /// The control, enable and override inputs.
     pub(super) links: [Link; 3],
     /// The ends of the PV axis of figure 5.
     pub(super) pv: (f64, f64),
@@ -152,7 +152,7 @@ impl OutputSettings {
     }
 }
 
-/// What decides about an output.
+/// The inputs of a decision about an output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Command {
     /// An input is in an error state.
@@ -200,7 +200,7 @@ pub(super) fn disabled(response: u8, on: bool) -> Option<Disabled> {
     }
 }
 
-/// What a control cycle made of an output.
+/// The result of a control cycle for an output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct OutputView {
     /// 7330h.
@@ -221,7 +221,7 @@ pub(super) struct Output {
     level: f64,
     /// The field value that the ramps lead to.
     target: f64,
-    /// The field value that the control input asked for last, whatever decided.
+    /// The field value that the control input last asked for, whichever input decided.
     asked: f64,
     digital: Digital,
     detector: Detector,
@@ -325,7 +325,7 @@ impl Output {
         }
     }
 
-    /// What 7330h and 2370h show: of a digital output its logic state and its drive state.
+    /// The values of 7330h and 2370h; for a digital output, its logic state and its drive state.
     fn view(&self, settings: &OutputSettings, driven: Driven, rules: &Ax021211Rules) -> OutputView {
         let is_digital = self.kind.is_digital();
         let (commanded, feedback) = match self.kind {

@@ -12,7 +12,7 @@ use super::objects::{
 use super::rules::Ax021211Rules;
 use super::signal::{Link, PERCENT, Signal};
 
-/// What a PID control is set up for. Times in seconds.
+/// The settings of a PID control. Times in seconds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct PidSettings {
     pub(super) target: Link,
@@ -24,7 +24,7 @@ pub(super) struct PidSettings {
     response: u8,
 }
 
-/// What makes the output of figure 8.
+/// The gains and times behind the output of figure 8.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Gains {
     pub(super) proportional: f64,
@@ -82,12 +82,12 @@ pub(super) struct Pid {
     error: f64,
     /// In per cent.
     output: f64,
-    /// What the last call was set up for.
+    /// The settings of the last call.
     settings: PidSettings,
 }
 
 impl Pid {
-    /// What the control shows in 2460h and hands on.
+    /// The output of the control, which 2460h shows.
     pub(super) fn evaluate(
         &mut self,
         now: Instant,

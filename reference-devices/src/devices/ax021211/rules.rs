@@ -94,7 +94,8 @@ decisions! {
         true
     }
 
-    /// Fault mode 0 keeps what the output has, not what it is on its way to (1.3, table 10).
+    /// Fault mode 0 keeps the present level of the output, not the level it is moving to (1.3,
+    /// table 10).
     fn kept_on_fault(&self, level: f64, _target: f64, _asked: f64) -> f64 {
         level
     }
@@ -111,7 +112,7 @@ decisions! {
         link
     }
 
-    /// What is written is in force at once.
+    /// A written value is in force at once.
     fn takes_over(&self, _index: u16) -> bool {
         true
     }
@@ -191,7 +192,7 @@ decisions! {
         place / 4
     }
 
-    /// What is written for one output of a bank is shown for each of them (1.3).
+    /// A value that is written for one output of a bank is shown for each of them (1.3).
     fn frequency_is_shared(&self) -> bool {
         true
     }
@@ -211,7 +212,7 @@ decisions! {
         false
     }
 
-    /// What an object of the output has by default for its new type (1.3, 1.8).
+    /// The default of an object of the output for its new type (1.3, 1.8).
     fn type_default(&self, mux: Mux, value: i64) -> (Mux, i64) {
         (mux, value)
     }
@@ -408,7 +409,7 @@ decisions! {
 
     // Math
 
-    /// A block that is not enabled is at 0, wherever its scaling begins (2.4.65).
+    /// A block that is not enabled is at 0, even if its scaling begins elsewhere (2.4.65).
     fn math_off(&self, _low: f64) -> f64 {
         0.0
     }
@@ -607,7 +608,7 @@ decisions! {
         matches!(command, Command::Control(_) | Command::Disabled(Disabled::RampOff))
     }
 
-    /// What the output stage does is what was commanded; a dither leaves the mean as it is.
+    /// The output stage does what was commanded; a dither leaves the mean unchanged.
     fn stage(&self, stage: Stage, _dither: f64) -> Stage {
         stage
     }
@@ -642,7 +643,7 @@ decisions! {
         configured
     }
 
-    /// A fault that was gone begins its reaction delay anew (2.4.10).
+    /// A fault that was gone restarts its reaction delay (2.4.10).
     fn detection_begins_anew(&self) -> bool {
         true
     }

@@ -1,4 +1,4 @@
-//! What the blocks are set up for. A write concerns few of them, and only those read it.
+//! The settings of the blocks. A write concerns few blocks, and only those read it.
 
 use canopen::{Dictionary, Mux};
 
@@ -15,7 +15,7 @@ use super::pid::PidSettings;
 use super::rules::Ax021211Rules;
 use super::table::TableSettings;
 
-/// What the blocks are set up for, and what of it they have not read.
+/// The settings of the blocks, and the part that they have not read.
 #[derive(Clone, Debug)]
 pub(super) struct Settings {
     pub(super) outputs: [OutputSettings; OUTPUTS],
@@ -23,7 +23,7 @@ pub(super) struct Settings {
     pub(super) maths: [MathSettings; 6],
     pub(super) logics: [LogicSettings; 4],
     pub(super) pids: [PidSettings; 4],
-    /// What comes of the links.
+    /// The graph that the links define.
     wiring: Wiring,
     /// The readers that have not yet seen a change of the dictionary.
     unread: Readers,
@@ -31,7 +31,7 @@ pub(super) struct Settings {
     noticed: u64,
 }
 
-/// A set of those who read objects: blocks, and the values that come from outside.
+/// A set of readers of objects: blocks, and the values from outside.
 pub(super) type Readers = Blocks;
 
 /// Messages 1 to 10, extra received values, constants.
@@ -41,7 +41,7 @@ pub(super) const OF_CONSTANTS: Readers = 4 << BLOCKS;
 pub(super) const OF_VALUES: Readers = OF_MESSAGES | OF_EXTRAS | OF_CONSTANTS;
 const EVERYONE: Readers = graph::ALL | OF_VALUES;
 
-/// What came of reading settings anew.
+/// The result of reading settings again.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Renewed {
     /// The blocks that are set up for something else than before.
@@ -51,7 +51,7 @@ pub(super) struct Renewed {
 }
 
 impl Settings {
-    /// Those of blocks that have read nothing yet.
+    /// The settings of blocks that have read nothing yet.
     pub(super) fn unread(rules: &Ax021211Rules) -> Self {
         let mut settings = Self {
             outputs: [OutputSettings::default(); OUTPUTS],
@@ -69,16 +69,16 @@ impl Settings {
         settings
     }
 
-    /// All of them and all values are read anew where something has changed.
+    /// Reads all settings and values again where something has changed.
     pub(super) fn restart(&mut self, od: Parameters<'_>) -> Renewed {
         self.notice(od);
         let renewed = self.renew(graph::ALL, od);
-        // A reader that starts anew has no values yet.
+        // A reader that restarts has no values yet.
         self.unread |= OF_VALUES;
         renewed
     }
 
-    /// Notes who reads what has changed in the dictionary.
+    /// Notes which blocks read the changed entries of the dictionary.
     pub(super) fn notice(&mut self, od: Parameters<'_>) {
         match od.od.changed_since(self.noticed) {
             Some(changed) => {
@@ -90,12 +90,13 @@ impl Settings {
         self.noticed = od.od.changes();
     }
 
-    /// The blocks have shown what they make, which nobody reads.
+    /// Skips the changes that come from the blocks' own results, which no block reads.
     pub(super) const fn pass_over(&mut self, od: &Dictionary) {
         self.noticed = od.changes();
     }
 
-    /// Those of `readers` that have something to read; from now on they have read it.
+    /// The readers among `readers` with something to read; they count as having read it from now
+    /// on.
     pub(super) fn take_unread(&mut self, readers: Readers) -> Readers {
         let due = self.unread & readers;
         self.unread &= !readers;

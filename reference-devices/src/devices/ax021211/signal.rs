@@ -1,6 +1,6 @@
-//! What one function block hands to another (tables 4 to 6).
+//! The signal between two function blocks (tables 4 to 6).
 
-/// The value of a source with what is to be known about it.
+/// The value of a source with its status.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Signal {
     /// In the unit of the source, decimal digits resolved.
@@ -48,7 +48,7 @@ impl Signal {
         self.quality == Quality::Failed
     }
 
-    /// What it is between limits, in per cent.
+    /// Its position between limits, in per cent.
     pub(super) fn percent(self, (low, high): (f64, f64)) -> f64 {
         100.0 * share(self.value, low, high)
     }

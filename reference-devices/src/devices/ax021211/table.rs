@@ -11,7 +11,7 @@ use super::signal::{Link, PERCENT, Signal};
 /// The points of a table.
 pub(super) const POINTS: usize = 11;
 
-/// What a table is set up for.
+/// The settings of a table.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct TableSettings {
     pub(super) x: Link,
@@ -147,7 +147,7 @@ impl TableSettings {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Next {
     AtOnce,
-    /// So many milliseconds after its start.
+    /// Milliseconds after its start.
     After(f64),
     Never,
 }
@@ -162,7 +162,7 @@ pub(super) struct Table {
 }
 
 impl Table {
-    /// What the table shows in 3yz8h and hands on.
+    /// The output of the table, which 3yz8h shows.
     pub(super) fn evaluate(
         &mut self,
         now: Instant,

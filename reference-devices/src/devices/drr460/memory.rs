@@ -1,4 +1,4 @@
-//! What the DRR460 keeps when it is switched off, without a store command.
+//! Values that the DRR460 keeps when it is switched off, without a store command.
 
 use canopen::Dictionary;
 
@@ -14,7 +14,7 @@ pub(super) struct Memory {
     manual: bool,
     /// In hundredths of a per cent.
     output: i64,
-    /// What the tuning at one start found, so that the next start does not tune again.
+    /// The result of the tuning at one start, so that the next start does not tune again.
     once: Option<Found>,
     /// The board inside at the last store command.
     pub(super) module: Module,

@@ -1,5 +1,5 @@
-//! What a DRR460 does, as small types that know neither objects nor a clock: each has settings,
-//! looks at inputs, and is given the time that went by.
+//! The functions of a DRR460, as small types that know neither objects nor a clock: each has
+//! settings, looks at inputs, and is given the elapsed time.
 
 pub(crate) mod parameters;
 pub(crate) mod rules;

@@ -1,4 +1,4 @@
-//! Where the DRR460 keeps what its application works with (manual, 11.3 and 11.4).
+//! The objects with the data of the application (manual, 11.3 and 11.4).
 
 use canopen::{Dictionary, Mux};
 

@@ -8,7 +8,7 @@ use super::model::rules::Rules;
 use crate::devices::pixsys::led::{Led, Pattern};
 use crate::stack::earlier;
 
-/// What the LEDs show.
+/// The state that the LEDs show.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shown {
     /// The NMT state, and whether an error is present.

@@ -6,7 +6,7 @@ use super::Drr460;
 use super::model::bench::{BusFault, Surroundings};
 
 impl Drr460 {
-    /// What can be set and seen.
+    /// The names that can be set and observed.
     pub(super) fn names() -> impl Iterator<Item = &'static str> {
         Surroundings::names().chain(SEEN)
     }
@@ -38,7 +38,8 @@ impl Drr460 {
         Ok(())
     }
 
-    /// What is to be seen: of a stimulus what was set, of a terminal or an LED what is there.
+    /// The value seen on the bench: of a stimulus, the value that was set; of a terminal or an LED,
+    /// its present state.
     pub(super) fn see(&self, name: &str) -> Option<Value> {
         let int = |number: i64| Some(Value::Int(number.into()));
         let terminals = self.terminals();

@@ -126,7 +126,7 @@ fn a_power_failure_keeps_what_is_to_be_remembered() {
     let mut fixture = Fixture::new();
     fixture.parameter(17, 2).parameter(25, 2).set(START, 0).set(MANUAL, 1).set(OUTPUT, 1234);
     fixture.after(20, OUTPUT);
-    // What a reset loads, before the application gives anything back.
+    // The values that a reset loads, before the application restores any.
     let load = |fixture: &mut Fixture| {
         for (mux, at) in [(START, 1), (MANUAL, 0), (OUTPUT, 0)] {
             fixture.od.set_int(mux, at);
@@ -361,7 +361,7 @@ fn faults_are_reported_and_end() {
 /// The parameters whose change nothing shows; `device.md` has the reason of each.
 const WITHOUT_EFFECT: [u8; 2] = [113, 114];
 
-/// Those whose mutants take another decision than that about the value itself.
+/// The subs whose mutants override another decision than that about the value itself.
 const DECIDED_OTHERWISE: [(u8, &str); 2] =
     [(41, "fluid-presets-no-cycle"), (121, "expansion-ignored")];
 

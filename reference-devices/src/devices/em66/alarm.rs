@@ -1,9 +1,9 @@
 //! The alarm block: sixteen alarms, each of which compares an object with a level or with another
 //! object (EUROMAP 66-2, 3.3).
 //!
-//! What a write would make of an alarm must be an alarm that the device can watch; else the write
-//! is refused. So the order of the document leads through, and most others do, too. What is left
-//! of an earlier use does not stand in the way of it: a link takes what it has no use for away.
+//! A write is refused if the resulting alarm is one that the device cannot watch. So the order of
+//! the document works, and so do most others. Leftovers of an earlier use do not block a new one: a
+//! link clears the settings that it has no use for.
 
 use canopen::catalogue::Block;
 use canopen::{Abort, Dictionary, Mux};
@@ -29,7 +29,7 @@ pub(super) struct Alarms {
 struct Alarm {
     objects: Objects,
     setup: Setup,
-    /// The type in force at the last sample: another one begins anew.
+    /// The type in force at the last sample; a new type restarts the alarm.
     kind: AlarmType,
     /// The state it reports.
     on: bool,
@@ -47,7 +47,7 @@ struct Objects {
     action: Mux,
 }
 
-/// What an alarm is set up to do.
+/// The settings of an alarm.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Setup {
     link: u32,
@@ -58,7 +58,7 @@ struct Setup {
     action: u8,
 }
 
-/// The start condition: what alarms with one wait for.
+/// The start condition that some alarms wait for.
 #[derive(Clone, Debug)]
 struct Start {
     on: bool,
@@ -75,7 +75,7 @@ impl Alarms {
         Self { alarms: objects.map(Alarm::new).collect(), start: Start::new(codes) }
     }
 
-    /// Starts anew with what the objects hold.
+    /// Restarts with the values of the objects.
     pub(super) fn reset(&mut self, od: &mut Dictionary, rules: &Em66Rules) {
         self.start = Start::new(self.start.codes);
         for alarm in &mut self.alarms {
@@ -246,7 +246,8 @@ impl Setup {
         }
     }
 
-    /// The same without what its link has no use for, which nobody misses while it is off.
+    /// The same without the settings that its link has no use for. Losing them does no harm while
+    /// the alarm is off.
     fn fitted(self, od: &Dictionary, rules: &Em66Rules) -> Self {
         let input = quantity(self.link, PROCESS_VALUES, od, rules);
         let alternate = quantity(self.alternate, COMPARABLE, od, rules);
@@ -291,7 +292,7 @@ impl Setup {
     }
 }
 
-/// What an alarm compares.
+/// The two sides of a comparison.
 struct Sides {
     input: i64,
     alternate: Option<i64>,
@@ -351,7 +352,7 @@ fn takes_hysteresis(input: Option<Quantity>) -> bool {
     input != Some(Quantity::Flow)
 }
 
-/// What kind of value a link names: one of `objects` that the device has.
+/// The kind of value that a link names: one of `objects` that the device has.
 fn quantity(
     link: u32,
     objects: &[(Mux, Quantity)],
@@ -382,10 +383,10 @@ const NONE: u32 = 0;
 /// The flow must come back by half a litre a minute.
 const FLOW_HYSTERESIS: i64 = 5;
 
-/// What can be monitored.
+/// The values that can be monitored.
 const PROCESS_VALUES: &[(Mux, Quantity)] = COMPARABLE.split_at(7).0;
 
-/// What an input can be compared with: the process values, then the set points.
+/// The values that an input can be compared with: the process values, then the set points.
 const COMPARABLE: &[(Mux, Quantity)] = &[
     (EFFECTIVE_VALUE, Quantity::Temperature),
     (MAIN_LINE, Quantity::Temperature),

@@ -1,8 +1,8 @@
-//! What alarms are about: types, quantities, and why they wait.
+//! The kinds of alarms: types, quantities, and reasons to wait.
 
 use std::fmt;
 
-/// What kind of value an object holds; only like can be compared with like.
+/// The kind of value that an object holds; only values of one kind can be compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Quantity {
     /// Tenths of a degree Celsius.
@@ -13,7 +13,7 @@ pub(crate) enum Quantity {
     Pressure,
 }
 
-/// What an alarm looks for, as AL n type has it.
+/// The type of an alarm, as in AL n type.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct AlarmType(pub(crate) u8);
 

@@ -1,4 +1,4 @@
-//! The physical side: what a bench sets there instead of the process, and what it sees.
+//! The physical side: what a bench overrides in the process, and what it observes.
 
 use canopen::{BenchError, Dictionary, Mux, Value};
 
@@ -6,10 +6,10 @@ use super::objects::{EXTERNAL_SENSOR, FLOW, INTAKE_PRESSURE, RETURN_LINE};
 use super::process::Process;
 use super::{Drive, External, Pump, Sensed};
 
-/// What the bench has set. Everything else comes from the process.
+/// The values that the bench has set. All others come from the process.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Stimuli {
-    /// What a sensor is made to see, in the order of [`SENSORS`].
+    /// The values that sensors are made to see, in the order of [`SENSORS`].
     seen: [Option<f64>; SENSORS.len()],
     external: Plug,
     limiter_tripped: bool,
@@ -27,7 +27,7 @@ enum Plug {
     Broken,
 }
 
-/// What can be set as a number, or as `process`.
+/// A value that can be set as a number, or as `process`.
 struct Sensor {
     name: &'static str,
     /// The object without which the device has no such sensor.
@@ -45,7 +45,7 @@ impl Stimuli {
         self.has = objects.filter(|mux| od.entry(*mux).is_some()).collect();
     }
 
-    /// What the sensors measure, in tenths.
+    /// The measurements of the sensors, in tenths.
     pub(super) fn sense(&self, process: &Process) -> Sensed {
         let tenths = |place: usize| {
             let value = self.seen[place].unwrap_or_else(|| (SENSORS[place].process)(process));
@@ -68,7 +68,7 @@ impl Stimuli {
         }
     }
 
-    /// What this device has on its physical side.
+    /// The physical side of this device.
     pub(super) fn names(&self) -> Vec<String> {
         let sensors = SENSORS.iter().filter(|sensor| self.has_sensor(sensor));
         let sensors = sensors.map(|sensor| sensor.name);
@@ -106,7 +106,8 @@ impl Stimuli {
         Ok(())
     }
 
-    /// What is to be seen: of a stimulus what was set, of the actuators what they do.
+    /// The value seen from outside: of a stimulus, the value that was set; of an actuator, what it
+    /// does.
     pub(super) fn observe(&self, name: &str, drive: Drive) -> Option<Value> {
         let percent = |output: i64| Value::Real(output.max(0) as f64 / 10.0);
         let text = |text: &str| Value::Text(text.to_owned());
@@ -142,7 +143,7 @@ impl Stimuli {
 }
 
 impl Sensor {
-    /// What the sensor is made to see; `None` leaves it to the process.
+    /// The value that the sensor is made to see; `None` leaves it to the process.
     fn take(&self, value: &Value) -> Result<Option<f64>, BenchError> {
         if *value == Value::Text(PROCESS.to_owned()) {
             return Ok(None);
@@ -220,7 +221,7 @@ const SENSORS: [Sensor; 7] = [
     percentage("mould-contents", Process::contents),
 ];
 
-/// What a sensor sees when nothing else was set.
+/// The value of a sensor that was not set.
 const PROCESS: &str = "process";
 const PLUG: &str = "external-sensor";
 const LIMITER: &str = "safety-limiter";

@@ -21,7 +21,7 @@ use pid::Pid;
 use ramp::{Ramp, Rates};
 use relay::{Relay, Step};
 
-/// What the controller remembers.
+/// The memory of the controller.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Controller {
     codes: Codes,
@@ -37,7 +37,7 @@ pub(super) struct Controller {
     output: i64,
 }
 
-/// What a decision about the output looks at.
+/// The inputs of a decision about the output.
 struct Sight<'a> {
     duty: &'a Duty,
     /// Time went by since the last decision.
@@ -65,7 +65,7 @@ impl Controller {
         }
     }
 
-    /// Begins anew after a reset. The parameters stay: they are stored in the device (3.2).
+    /// Restarts after a reset. The parameters stay: they are stored in the device (3.2).
     pub(super) const fn restart(&mut self) {
         let gains = self.pid.gains;
         *self = Self::new(self.codes);
@@ -84,7 +84,7 @@ impl Controller {
         if fixed && other { Err(Abort::VALUE) } else { Ok(()) }
     }
 
-    /// What the actuators are to do; shows 6410h, 6427h, 7400h and 7401h.
+    /// The commands for the actuators; shows 6410h, 6427h, 7400h and 7401h.
     pub(super) fn drive(
         &mut self,
         elapsed: Duration,
@@ -235,7 +235,7 @@ fn rates(second: bool, od: &Dictionary, rules: &Em66Rules) -> Rates {
     Rates { heating, cooling }
 }
 
-/// What 6413h and 6414h leave of the output. A device without 6413h cannot cool.
+/// The limits that 6413h and 6414h set for the output. A device without 6413h cannot cool.
 fn limits(od: &Dictionary, rules: &Em66Rules) -> (i64, i64) {
     let (low, high) = (value(od, LOWER_LIMIT), od.int(UPPER_LIMIT).unwrap_or(FULL_OUTPUT));
     let (low, high) = rules.output_limits(low, high);
@@ -255,7 +255,7 @@ const fn pump(duty: &Duty) -> Pump {
 const FULL_OUTPUT: i64 = 1000;
 /// The cooler is stronger than the heater, so less of it does the same.
 const COOLING_SHARE: f64 = 0.4;
-/// What can be written and holds one value only: units and digits.
+/// Objects that can be written but accept one value only: units and digits.
 const FIXED: [u16; 4] = [0x6406, 0x6407, 0x6415, 0x6416];
 
 #[cfg(test)]

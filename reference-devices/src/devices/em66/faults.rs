@@ -24,7 +24,7 @@ pub(super) struct Faults {
 }
 
 impl Faults {
-    /// Begins anew after a reset.
+    /// Restarts after a reset.
     pub(super) fn restart(&mut self, rules: &Em66Rules) {
         *self = Self { causes: rules.causes_after_reset(self.causes), ..Self::default() };
     }

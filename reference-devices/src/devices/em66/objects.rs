@@ -1,4 +1,4 @@
-//! Where the device keeps what its application works with (EUROMAP 66-2, 3.2 and 3.4).
+//! The objects with the data of the application (EUROMAP 66-2, 3.2 and 3.4).
 
 use canopen::{Dictionary, Mux};
 
@@ -30,7 +30,7 @@ pub(super) const EFFECTIVE_SET_POINT: Mux = Mux::new(0x7401, 1);
 pub(super) const SET_POINT: Mux = Mux::new(0x7402, 1);
 pub(super) const SECOND_SET_POINT: Mux = Mux::new(0x7403, 1);
 
-/// What 3040h reads while no sensor is connected (3.4.12).
+/// The value of 3040h while no sensor is connected (3.4.12).
 pub(super) const NO_SENSOR: i64 = 9999;
 
 /// Bit 7 of 2001h (3.4.2).

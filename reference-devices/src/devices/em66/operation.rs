@@ -1,4 +1,4 @@
-//! What the device is to do: on or off, by which sensor, in suction or not (3.4.2 to 3.4.6).
+//! The task of the device: on or off, by which sensor, in suction or not (3.4.2 to 3.4.6).
 
 use canopen::{Abort, Dictionary, Mux};
 
@@ -13,7 +13,7 @@ use super::suction::{Situation, Suction};
 use super::switch_off::SwitchOff;
 use super::{Duty, External, Mode, Options, Sensed};
 
-/// What was asked for and what became of it.
+/// The requests and their state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Operation {
     codes: Codes,
@@ -70,7 +70,7 @@ impl Operation {
         }
     }
 
-    /// The device has refused what was to be written at `mux`.
+    /// The device has refused a write at `mux`.
     pub(super) fn refused(&mut self, mux: Mux, rules: &Em66Rules) {
         if mux == CONTROLLER_MODE {
             self.mode = Mode::of(rules.mode_after_refusal(self.mode.code()));
@@ -82,7 +82,7 @@ impl Operation {
         self.mode
     }
 
-    /// What the device is to do now; shows it in 2002h, 2004h, 2006h, 2007h and 2009h.
+    /// The present task of the device; shows it in 2002h, 2004h, 2006h, 2007h and 2009h.
     pub(super) fn decide(
         &mut self,
         sensed: &Sensed,

@@ -1,8 +1,9 @@
-//! What the device heats and cools: its own medium, the lines to the mould, and the mould.
+//! The bodies that the device heats and cools: its own medium, the lines to the mould, and the
+//! mould.
 //!
 //! Three bodies store heat. The pump carries it around: from the unit through the main line into
 //! the mould, and back through the return line. Each step moves the same energy out of one body
-//! that it moves into another, so that nothing is lost but to the surroundings. The steps are short
+//! that it moves into another, so heat is lost only to the surroundings. The steps are short
 //! against every time constant (the fastest is 2 s), so the explicit form is stable.
 
 use std::time::Duration;
@@ -18,7 +19,7 @@ pub(super) struct Process {
     back: f64,
     /// The mould, in degrees Celsius.
     mould: f64,
-    /// What the pump moves in l/min, negative while it draws.
+    /// The flow of the pump in l/min, negative while it runs backward.
     flow: f64,
     /// How much of the mould's channels the medium fills, 0 to 1.
     contents: f64,
@@ -30,12 +31,13 @@ impl Process {
         Self { main: AMBIENT, back: AMBIENT, mould: AMBIENT, flow: 0.0, contents: 1.0 }
     }
 
-    /// Time goes by while the actuators stay as they are; short against two seconds.
+    /// Advances by a time short against two seconds, while the actuators stay as they are.
     pub(super) fn advance(&mut self, elapsed: Duration, drive: Drive) {
         let seconds = elapsed.as_secs_f64();
         let carried = self.flow() / 60.0 * LITRE;
         let exchanged = self.exchange(carried) * (self.main - self.mould);
-        // What leaves the mould, so that the energy is the same before and after it.
+        // The temperature of the medium that leaves the mould, so that the energy is the same
+        // before and after it.
         let leaving = if carried > 0.0 { self.main - exchanged / carried } else { self.back };
         let returned = carried * (leaving - self.back);
         let into_unit = carried * (self.back - self.main);
@@ -55,7 +57,7 @@ impl Process {
             Pump::Backward => (-BACKWARD_FLOW, 0.0),
             Pump::Off => (0.0, 0.0),
         };
-        // What no pump moves stands still at once: the circuit brakes it.
+        // Without the pump the flow stops at once: the circuit brakes it.
         self.flow = match wanted {
             0.0 => 0.0,
             _ => self.flow + (wanted - self.flow) * (seconds / FLOW_TIME).min(1.0),
@@ -73,7 +75,8 @@ impl Process {
         }
     }
 
-    /// What the cooling water takes away, in kW. It cannot cool below its own temperature.
+    /// The power that the cooling water takes away, in kW. It cannot cool below its own
+    /// temperature.
     fn cooling(&self, drive: Drive) -> f64 {
         COOLER_EXCHANGE * share(-drive.output) * (self.main - COOLING_WATER).max(0.0)
     }
@@ -106,7 +109,7 @@ impl Process {
         STATIC_PRESSURE - PRESSED_DROP * pressed - DRAWN_DROP * drawn
     }
 
-    /// Filling of the tank in percent; what leaves the mould comes here.
+    /// Filling of the tank in percent; the medium that leaves the mould flows into it.
     pub(super) fn level(&self) -> f64 {
         LEVEL_WITH_FULL_MOULD + LEVEL_FROM_MOULD * (1.0 - self.contents)
     }
@@ -125,7 +128,7 @@ impl Process {
     }
 }
 
-/// The part of full power that an output of so many tenths of a percent is; none of a negative one.
+/// The share of full power for an output in tenths of a percent; none for a negative one.
 fn share(output: i64) -> f64 {
     output.clamp(0, 1000) as f64 / 1000.0
 }

@@ -1,5 +1,5 @@
 //! Every decision of the application that a test can observe, by chapter of EUROMAP 66-2, and the
-//! devices that take one of them otherwise.
+//! deviations that override one of them.
 
 mod alarm;
 mod control;

@@ -2,7 +2,7 @@
 
 use super::rules::Em66Rules;
 
-/// What is remembered of the request.
+/// The state of the request.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Suction {
     active: bool,
@@ -14,7 +14,7 @@ pub(super) struct Suction {
     given_up: bool,
 }
 
-/// What the request meets. Temperatures in tenths of a degree.
+/// The conditions that the request meets. Temperatures in tenths of a degree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Situation {
     pub(super) requested: bool,

@@ -11,7 +11,7 @@ pub(super) struct SwitchOff {
     chosen: u8,
     /// The mode of the last change from on to off.
     present: u8,
-    /// What the control byte asked for at the last decision.
+    /// The request of the control byte at the last decision.
     asked: bool,
 }
 
@@ -35,7 +35,7 @@ impl SwitchOff {
         }
     }
 
-    /// What is done now that the control byte asks for this.
+    /// Decides for the present request of the control byte.
     pub(super) fn decide(&mut self, asked: bool, sensed: &Sensed, rules: &Em66Rules) {
         let rises = !std::mem::replace(&mut self.asked, asked) && asked;
         match self.state {
@@ -83,7 +83,7 @@ impl SwitchOff {
         [self.state, _] = order(rules);
     }
 
-    /// Leaves what is done, or what this mode does not do.
+    /// Goes on to the next state that this mode has and that is not complete.
     fn go_on(&mut self, sensed: &Sensed, rules: &Em66Rules) {
         let (cools, evacuates) = rules.switch_off_actions(self.present);
         let is_left = |state: &State| match state {
@@ -95,7 +95,7 @@ impl SwitchOff {
     }
 }
 
-/// What comes first.
+/// The order of the states.
 fn order(rules: &Em66Rules) -> [State; 2] {
     match rules.evacuates_first() {
         false => [State::CoolingDown, State::Evacuating],

@@ -1,5 +1,5 @@
-//! Every decision of the application that a test can observe, and the devices that take one of
-//! them otherwise.
+//! Every decision of the application that a test can observe, and the deviations that override one
+//! of them.
 
 use crate::decisions::Layers;
 

@@ -5,7 +5,7 @@ use canopen::{Abort, Dictionary, Mux};
 use super::value;
 use crate::stack::SdoJob;
 
-/// What the network asked for and was not begun.
+/// The requests of the network that have not begun.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ClientRecord {
     wanted: Option<SdoJob>,

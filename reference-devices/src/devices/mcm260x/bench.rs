@@ -5,7 +5,7 @@ use canopen::{BenchError, Value};
 use super::sensor::{Connected, Wiring};
 use crate::devices::terminal::{flag, number, place, said, split, word};
 
-/// What a bench sets for the module as a whole.
+/// The bench's settings for the module as a whole.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Surroundings {
     /// Volts at the terminals of the supply.
@@ -14,7 +14,7 @@ pub(super) struct Surroundings {
     pub(super) terminals: f64,
     /// Whether the groups of outputs have their supply.
     pub(super) groups: [bool; 2],
-    /// What a person chose for the communication interface last: 0 is CAN, 1 is RS485.
+    /// The last manual choice of the communication interface: 0 is CAN, 1 is RS485.
     pub(super) interface: i64,
 }
 
@@ -43,7 +43,7 @@ impl Surroundings {
         Ok(())
     }
 
-    /// What was set.
+    /// The value that was set.
     pub(super) fn observe(&self, name: &str) -> Option<Value> {
         Some(match name {
             SUPPLY => Value::Real(self.supply),
@@ -75,7 +75,7 @@ impl Connected {
         Some(outcome)
     }
 
-    /// What was set.
+    /// The value that was set.
     pub(super) fn observe(&self, name: &str) -> Option<Value> {
         let (prefix, _) = split(name)?;
         Some(match prefix {

@@ -1,7 +1,7 @@
 //! Encoders and counters: from edges at the terminals to counts (manual, 11.3.3 to 11.3.7).
 //!
-//! An encoder that turns steadily needs no event per edge: where it is follows from the time, and
-//! how many edges lie between two places follows from the places.
+//! An encoder that turns steadily needs no event per edge: its place follows from the time, and the
+//! number of edges between two places follows from the places.
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use canopen::Instant;
 
 use super::rules::Mcm260xRules;
 
-/// What a shaft does: it stands, or turns at the same speed until further notice.
+/// The motion of a shaft: it stands, or turns at the same speed until further notice.
 ///
 /// A place is a number of quarter periods: phase A rises at the first, B at the second, A falls at
 /// the third and B at the fourth.
@@ -59,7 +59,7 @@ impl Motion {
     }
 }
 
-/// What is connected to the inputs of an encoder, and what has been counted.
+/// The inputs of an encoder, and its counts.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Encoder {
     pub(super) motion: Motion,
@@ -69,7 +69,7 @@ pub(super) struct Encoder {
     seen: i64,
     /// 3001h.
     pub(super) count: i32,
-    /// Every count since the start, whatever was loaded.
+    /// Every count since the start; loading does not change it.
     total: i64,
     /// Waits for phase Z to load the preset.
     waits_for_index: bool,
@@ -84,12 +84,12 @@ struct Window {
     counted: i64,
 }
 
-/// What an encoder input is set up for: the code of its parameter.
+/// The function of an encoder input: the code of its parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Setup {
     /// The code.
     pub(super) mode: i64,
-    /// What is loaded on command.
+    /// The value to load on command.
     pub(super) preset: i32,
 }
 
@@ -101,7 +101,7 @@ impl Setup {
 }
 
 impl Encoder {
-    /// Begins anew with nothing counted. The shaft stays where it is.
+    /// Restarts with nothing counted. The shaft stays where it is.
     pub(super) fn restart(&mut self, now: Instant, rules: &Mcm260xRules) {
         let (motion, without_b) = (self.motion, self.without_b);
         let waits_for_index = self.waits_for_index && rules.waits_over_a_start();
@@ -131,6 +131,7 @@ impl Encoder {
         let sees = rules.sees_index(setup.mode);
         match self.motion.index(from, to).filter(|_| sees) {
             Some(index) => {
+                // A load at phase Z lies between edges: count those before and after apart.
                 let index = rules.loaded_at(index, to);
                 self.count = rules.count(self.count, counts(from, index));
                 self.see_index(setup, rules);
@@ -157,7 +158,7 @@ impl Encoder {
         self.count = rules.count_in_new_setup(self.count);
     }
 
-    /// A command of 3003h. Returns what is to be read there: the bits that are not done.
+    /// A command of 3003h. Returns the value to be read there: the bits that are not done.
     pub(super) fn command(&mut self, command: i64, setup: Setup, rules: &Mcm260xRules) -> i64 {
         if rules.loads_now(command) {
             self.load(setup.preset, rules);
@@ -229,7 +230,7 @@ pub(super) const fn counts(mode: i64, from: i64, to: i64) -> i64 {
     }
 }
 
-/// Without phase B, what A does looks like a step forward and a step back.
+/// Without phase B, the edges of A look like a step forward and a step back.
 const fn without_b(from: i64, to: i64) -> i64 {
     const fn a(place: i64) -> i64 {
         matches!(place.rem_euclid(4), 1 | 2) as i64

@@ -82,5 +82,5 @@ const OUT_OF_BOUNDS: i64 = 1 << 7;
 const LOW_SUPPLY: i64 = 1 << 11;
 /// The errors of the analogue inputs are numbered from here on.
 const OUT_OF_RANGE: u16 = 12;
-/// The number of what is said at power-on.
+/// The number of the announcement at power-on.
 const ANNOUNCEMENT: u16 = 1;

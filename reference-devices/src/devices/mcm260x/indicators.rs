@@ -4,7 +4,7 @@ use canopen::NmtState;
 
 pub(super) use crate::devices::pixsys::led::{Led, Pattern};
 
-/// What makes the RUN LED flash.
+/// The reasons for the RUN LED to flash.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum Phase {
     /// It shows nothing, which a module with supply never does.

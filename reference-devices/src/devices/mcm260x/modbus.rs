@@ -1,5 +1,5 @@
-//! What a module does that works with Modbus RTU, where nothing is ever heard: it is off-line after
-//! a while (manual, chapters 6 to 8, parameters 8, 12 and 66 to 69).
+//! The behaviour of a module that is set up for Modbus RTU. It never hears anything there, so it is
+//! off-line after a while (manual, chapters 6 to 8, parameters 8, 12 and 66 to 69).
 
 use std::time::Duration;
 
@@ -9,7 +9,7 @@ use super::Mcm260x;
 use super::parameters::Item;
 
 impl Mcm260x {
-    /// What Modbus would have the outputs do when nothing comes there.
+    /// Drives the outputs as Modbus demands when nothing is received there.
     pub(super) fn work_with_modbus(&mut self, now: Instant, od: &mut Dictionary) {
         if self.changed {
             self.next_offline = self.offline_at(od).filter(|_| !self.offline);
@@ -31,6 +31,7 @@ impl Mcm260x {
 
     /// When the silence on Modbus has lasted too long. Nothing ever comes there.
     fn offline_at(&self, od: &Dictionary) -> Option<Instant> {
+        // Times up to 60000 ms need an unsigned 16-bit value; parameters are signed.
         let milliseconds = self.parameters(od).common(Item::OfflineTime) & 0xFFFF;
         let start = self.modbus.filter(|_| milliseconds != 0)?;
         let since = self.rules.silent_since(start, self.heard);

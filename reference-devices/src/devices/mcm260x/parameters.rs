@@ -1,4 +1,4 @@
-//! The parameters of 3000h by what they mean: each table of the manual has them at other places
+//! The parameters of 3000h by their meaning: each table of the manual has them at other places
 //! (chapters 6, 7 and 8).
 
 #[cfg(test)]
@@ -8,7 +8,7 @@ use canopen::{Dictionary, Mux};
 
 use super::rules::Mcm260xRules;
 
-/// What a parameter sets, for the whole module or channel by channel.
+/// The function of a parameter, for the whole module or channel by channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Item {
     /// 0 is CANopen, 1 is Modbus RTU.
@@ -23,15 +23,15 @@ pub(crate) enum Item {
     OfflineOutputs,
     /// How long a digital input has to hold, in units of 0.5 ms.
     InputFilter,
-    /// What an encoder input counts.
+    /// The function of an encoder input.
     EncoderSetup,
     /// The sensor at a universal input.
     SensorType,
     /// The unit of temperatures.
     Degree,
-    /// What an analogue input reads at the low end of a linear signal.
+    /// The value of an analogue input at the low end of a linear signal.
     LowerLimit,
-    /// What it reads at the high end.
+    /// Its value at the high end.
     UpperLimit,
     /// The resistance of a potentiometer, in kilohms.
     Potentiometer,
@@ -51,9 +51,9 @@ pub(crate) enum Item {
     MaximumRejection,
     /// 0 is 0 to 10 V, 1 is 4 to 20 mA.
     OutputType,
-    /// What stands for the low end of an analogue output.
+    /// The value for the low end of an analogue output.
     OutputLower,
-    /// What stands for its high end.
+    /// The value for its high end.
     OutputUpper,
     /// The value that an analogue output takes in an error.
     ErrorValue,
@@ -162,7 +162,7 @@ impl Parameters<'_> {
     }
 }
 
-/// What a model does that has no parameter for it.
+/// The fixed behaviour of a model that has no parameter for it.
 const fn without(item: Item) -> i64 {
     match item {
         Item::BitRate => DEFAULT_BIT_RATE,

@@ -14,7 +14,7 @@ use crate::decisions::{Layers, in_code_alone};
 /// All decisions of a module; clauses are those of its manual.
 pub(crate) type Mcm260xRules = Layers<Decision>;
 
-/// What an emergency message says.
+/// The content of an emergency message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Diagnosis {
     pub(super) code: EmcyCode,
@@ -61,12 +61,12 @@ decisions! {
         count
     }
 
-    /// Phase Z does nothing unless a load is pending; what it makes of the count.
+    /// Phase Z leaves the count unchanged unless a load is pending.
     fn count_at_index(&self, count: i32) -> i32 {
         count
     }
 
-    /// What is loaded was not counted in an interval (11.3.6).
+    /// A loaded value is not part of the count in an interval (11.3.6).
     fn counted_by_loading(&self, _step: i64) -> i64 {
         0
     }
@@ -86,7 +86,7 @@ decisions! {
         matches!(state, 0 | 4 | 5 | 127)
     }
 
-    /// The off-line time goes to 60000 ms (6.a), whatever its sign.
+    /// The off-line time goes to 60000 ms (6.a), regardless of its sign.
     fn longest_offline_time(&self) -> u16 {
         60_000
     }
@@ -261,7 +261,7 @@ decisions! {
         false
     }
 
-    /// What passes after phase Z is counted from the preset on (11.3.5).
+    /// Counts after phase Z start from the preset (11.3.5).
     fn loaded_at(&self, index: i64, _to: i64) -> i64 {
         index
     }
@@ -286,7 +286,7 @@ decisions! {
         difference.abs() <= near
     }
 
-    /// The time of rejection begins anew after a sample that counts (7.b, 8.b).
+    /// The time of rejection restarts after a sample that counts (7.b, 8.b).
     fn rejection_begins_anew(&self) -> bool {
         true
     }
@@ -311,7 +311,7 @@ decisions! {
         true
     }
 
-    /// What a person chooses is in force with a restart (3.3).
+    /// A manual choice is in force after a restart (3.3).
     fn choice_restarts(&self) -> bool {
         true
     }

@@ -13,7 +13,7 @@ use super::sensor::{self, Connected, Sample};
 #[derive(Clone, Debug, Default)]
 pub(super) struct AnalogueInput {
     pub(super) connected: Connected,
-    /// What the average is of, the newest last.
+    /// The samples of the average, the newest last.
     samples: VecDeque<f64>,
     /// Samples are discarded since then.
     discarding: Option<Instant>,
@@ -27,7 +27,7 @@ pub(super) struct AnalogueInput {
 }
 
 impl AnalogueInput {
-    /// Begins anew; the next sample is taken at once.
+    /// Restarts; the next sample is taken at once.
     pub(super) fn restart(&mut self) {
         *self = Self { connected: self.connected, ..Self::default() };
     }
@@ -56,7 +56,7 @@ impl AnalogueInput {
             self.next = (!self.is_settled(sample)).then(|| after(due, period));
         }
         if changed {
-            // Whatever is new is seen by the next sample.
+            // The next sample sees any change.
             self.next = (!self.is_settled(sample)).then(|| after(now, period));
         }
     }
@@ -97,7 +97,7 @@ impl AnalogueInput {
             return;
         }
         self.samples.push_back(digits);
-        // The first sample fills the average, so that no time is spent on the way from zero.
+        // The first sample fills the average, so that it need not climb from zero.
         let wanted = parameters.value(Item::Filter, place).max(1) as usize;
         while self.samples.len() < wanted {
             self.samples.push_front(self.samples[0]);
@@ -109,8 +109,8 @@ impl AnalogueInput {
         self.value = shown(parameters.rules.average(sum, self.samples.len()));
     }
 
-    /// Whether a sample counts: it is near the value, or samples were discarded for too long. Then
-    /// the average begins anew.
+    /// Whether a sample counts: it is near the value, or samples were discarded for too long. In
+    /// the latter case the average restarts.
     fn accepts(&mut self, now: Instant, digits: f64, place: usize, parameters: Parameters) -> bool {
         let near = parameters.value(Item::MaximumDifference, place) as f64;
         let difference = digits - self.value as f64;
@@ -188,7 +188,7 @@ mod tests {
             bench
         }
 
-        /// So many volts from this millisecond on; the value then.
+        /// Applies `volts` from this millisecond on; returns the value then.
         fn at(&mut self, millisecond: u64, volts: f64) -> i64 {
             self.run(millisecond);
             self.input.connected.millivolts = volts * 1000.0;

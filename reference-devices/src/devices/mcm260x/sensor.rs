@@ -1,11 +1,11 @@
-//! From what is at the terminals of an analogue input to digits (manual, chapters 6 to 8).
+//! From the signal at the terminals of an analogue input to digits (manual, chapters 6 to 8).
 
 use super::parameters::{Item, Parameters, TEN_VOLTS};
 
 pub(super) use crate::devices::pixsys::sensor::{Connected, Wiring};
 use crate::devices::pixsys::sensor::{Seen, Sensor};
 
-/// What a sample says.
+/// The result of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Sample {
     /// The input is switched off.

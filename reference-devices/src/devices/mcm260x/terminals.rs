@@ -12,7 +12,7 @@ use super::parameters::{FASTEST, Item, TEN_VOLTS, Table};
 use super::{FLAGS, Mcm260x};
 
 impl Mcm260x {
-    /// What this module has.
+    /// The names on this module.
     pub(super) fn names(&self) -> Vec<String> {
         let numbered = self
             .numbered()
@@ -52,7 +52,7 @@ impl Mcm260x {
         }
     }
 
-    /// What there is several times, and how often.
+    /// The numbered names, and how many there are of each.
     fn numbered(&self) -> [(&'static str, usize); 20] {
         let counts = self.io.counts();
         let universal = if self.is_universal() { counts.analogue_inputs } else { 0 };
@@ -82,7 +82,7 @@ impl Mcm260x {
         ]
     }
 
-    /// What there is once.
+    /// The names without a number.
     fn single(&self) -> impl Iterator<Item = &'static str> {
         let all = [bench::SUPPLY, bench::INTERFACE, bench::RUN_LED, bench::COM_LED, bench::DISPLAY];
         all.into_iter().chain(self.is_universal().then_some(bench::TERMINALS))
@@ -137,7 +137,8 @@ impl Mcm260x {
         Ok(())
     }
 
-    /// What is to be seen: of a stimulus what was set, of a terminal or an LED what is there.
+    /// The value seen on the bench: of a stimulus, the value that was set; of a terminal or an LED,
+    /// its present state.
     pub(super) fn see(&self, name: &str, od: &Dictionary) -> Option<Value> {
         let int = |number: i64| Some(Value::Int(number.into()));
         let (prefix, place) = terminal::split(name).unwrap_or((name, 0));
@@ -184,7 +185,7 @@ impl Mcm260x {
         }
     }
 
-    /// Moves the shaft of an encoder. What it was until now has been counted.
+    /// Moves the shaft of an encoder. Its motion until now has already been counted.
     fn turn(&mut self, now: Instant, name: &str, value: &Value) -> Result<(), BenchError> {
         let (prefix, place) = terminal::split(name).ok_or_else(|| BenchError::unknown(name))?;
         let unknown = || BenchError::unknown(name);
@@ -270,7 +271,7 @@ impl Mcm260x {
         self.rules.share(digits, lower, upper).clamp(0.0, 1.0)
     }
 
-    /// What an analogue output gives, in digits.
+    /// The value that an analogue output gives, in digits.
     fn given(&self, place: usize, od: &Dictionary) -> i64 {
         let (lower, upper) = self.limits(place, od);
         (lower as f64 + self.share(place, od) * (upper - lower) as f64).round() as i64

@@ -115,7 +115,7 @@ fn digital_inputs_hold_for_the_time_of_the_filter() {
     assert_eq!(fixture.read(mux(0x6000, 2)), Ok(vec![0]));
     after(&mut fixture, 1);
     assert_eq!(fixture.read(mux(0x6000, 2)), Ok(vec![0x81]));
-    // One terminal does not begin anew because another one moves.
+    // A terminal does not restart because another one moves.
     parameter(&mut fixture, 35, 200);
     level(&mut fixture, "digital-inputs-2", 0x80);
     after(&mut fixture, 60_000);

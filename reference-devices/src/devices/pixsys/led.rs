@@ -1,5 +1,5 @@
-//! The LEDs of the Pixsys devices: how they are on and off in turns (DRR460 chapter 10, MCM260X
-//! chapters 9 and 10).
+//! The LEDs of the Pixsys devices and their patterns (DRR460 chapter 10, MCM260X chapters 9 and
+//! 10).
 
 use std::time::Duration;
 
@@ -105,7 +105,7 @@ impl Pattern {
     }
 }
 
-/// An LED. It begins each pattern anew.
+/// An LED. Each pattern starts from its beginning.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Led {
     pattern: Pattern,

@@ -1,13 +1,13 @@
-//! What the inputs of the Pixsys devices see of a sensor, before they make digits of it.
+//! The inputs of the Pixsys devices: the sensor signal before it becomes digits.
 
 use super::SENSOR_RANGES;
 
-/// What is connected to an analogue input. A sensor sees only what it measures.
+/// The connection of an analogue input. A sensor sees only what it measures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Connected {
     pub(crate) millivolts: f64,
     pub(crate) microamperes: f64,
-    /// Of whatever temperature sensor is selected.
+    /// For any selected temperature sensor.
     pub(crate) celsius: f64,
     /// The wiper of a potentiometer.
     pub(crate) percent: f64,
@@ -43,15 +43,15 @@ impl Default for Connected {
 pub(crate) enum Sensor {
     /// A temperature sensor, by its place in [`SENSOR_RANGES`].
     Temperature(usize),
-    /// From 0 to so many millivolts.
+    /// From 0 to this many millivolts.
     Voltage(f64),
-    /// From so many microamperes to 20 mA.
+    /// From this many microamperes to 20 mA.
     Current(f64),
-    /// A potentiometer of so many kilohms.
+    /// A potentiometer of this many kilohms.
     Potentiometer(f64),
 }
 
-/// What an input sees, in the unit of the sensor: degrees Celsius, or the share of a linear
+/// The signal of an input, in the unit of the sensor: degrees Celsius, or the share of a linear
 /// signal's range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Seen {
@@ -72,8 +72,8 @@ impl Sensor {
         !matches!(self, Self::Temperature(_))
     }
 
-    /// What is seen of what is connected. `terminals` are the degrees Celsius of the terminals, and
-    /// `lag` is what the compensation of the cold junction misses of them.
+    /// The signal of the connected sensor. `terminals` are the degrees Celsius of the terminals,
+    /// and `lag` is the part of them that the compensation of the cold junction misses.
     pub(crate) fn see(self, connected: Connected, terminals: f64, lag: f64) -> Seen {
         match self {
             Self::Temperature(place) => {
@@ -93,7 +93,7 @@ impl Sensor {
         }
     }
 
-    /// What an input makes of it that is off by a share of its full scale.
+    /// The signal of an input that is off by a share of its full scale.
     pub(crate) fn off_by(self, seen: Seen, share: f64) -> Seen {
         let (low, high) = match self {
             Self::Temperature(place) => SENSOR_RANGES.get(place).copied().unwrap_or_default(),
@@ -115,11 +115,11 @@ impl Sensor {
                 return too_much;
             }
             (Wiring::Connected, _) | (Wiring::Broken, Self::Current(_)) => share,
-            // No voltage is a value like others.
+            // No voltage reads as 0, a value like any other.
             _ => 0.0,
         };
         match share {
-            // What rounding adds to the margin is no error.
+            // Rounding beyond the margin is no error.
             _ if share < -MARGIN - ROUNDING => Seen::Outside(-MARGIN),
             _ if share > 1.0 + MARGIN + ROUNDING => too_much,
             _ => Seen::Value(share),
@@ -150,7 +150,7 @@ fn temperature(
     }
 }
 
-/// So many of the temperature sensors, the first ones, are thermocouples.
+/// The first temperature sensors, this many, are thermocouples.
 const THERMOCOUPLES: usize = 8;
 /// The place of the NTC of 10 kilohms at 25 degrees.
 const NTC: usize = 10;

@@ -47,7 +47,7 @@ impl Channel {
         Some(Self { kind, value: mux, bits })
     }
 
-    /// What the channel is set up with; a neutral value where the device has no object for it.
+    /// The setting of the channel; a neutral value where the device has no object for it.
     pub(super) fn setting(self, setting: Setting, od: &Dictionary, rules: &Cia401Rules) -> i64 {
         let at = setting.of(rules.set_up_at(self.value));
         let configured = od.int(at).unwrap_or_else(|| setting.without_object());

@@ -28,7 +28,7 @@ impl DigitalInput {
         Self { channel, terminals: 0, driven: 0, levels: 0, due, next: None }
     }
 
-    /// Begins anew: what is there now is not a change.
+    /// Restarts: the present levels are not a change.
     pub(super) fn restart(&mut self) {
         self.levels = self.present();
         self.due.fill(None);

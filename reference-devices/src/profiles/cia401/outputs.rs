@@ -1,4 +1,4 @@
-//! From the object to the terminal, and what a failure does to it.
+//! From the object to the terminal, and the effect of a failure on it.
 
 use canopen::{Dictionary, Mux};
 
@@ -6,7 +6,7 @@ use super::channel::{Channel, Kind};
 use super::rules::Cia401Rules;
 use super::setting::Setting;
 
-/// A block of digital outputs, or an analogue output: what is at the terminals.
+/// A block of digital outputs, or an analogue output: the state of its terminals.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Output {
     channel: Channel,
@@ -20,7 +20,7 @@ impl Output {
         Self { channel, terminal: 0, failed: false }
     }
 
-    /// Begins anew with everything off.
+    /// Restarts with everything off.
     pub(super) fn restart(&mut self) {
         *self = Self::new(self.channel);
     }
@@ -51,7 +51,7 @@ impl Output {
         };
     }
 
-    /// Lets the terminals take their error values, as far as the error mode says so.
+    /// Sets the terminals to their error values, where the error mode requires it.
     pub(super) fn fail(&mut self, od: &mut Dictionary, rules: &Cia401Rules) {
         let setting = |setting| self.channel.setting(setting, od, rules);
         if self.channel.kind == Kind::AnalogueOutput {

@@ -1,5 +1,5 @@
-//! Every decision of the profile that a test can observe, and the devices that take one of them
-//! otherwise.
+//! Every decision of the profile that a test can observe, and the deviations that override one of
+//! them.
 
 use std::time::Duration;
 
@@ -17,7 +17,7 @@ decisions! {
     /// The decisions of CiA 401.
     pub(crate) Cia401Decision of Cia401Rules, otherwise [FIXED, DEVIATIONS];
 
-    /// What the profile has an object for is as that object says.
+    /// A setting that the profile has an object for has the value of that object.
     fn setting(&self, _setting: Setting, configured: i64) -> i64 {
         configured
     }
@@ -38,7 +38,7 @@ decisions! {
         value < limit
     }
 
-    /// Analogue inputs are transmitted when 6423h says so, whatever 6005h says.
+    /// Analogue inputs are transmitted when 6423h says so, regardless of 6005h.
     fn analogue_interrupts(&self, enabled: bool, _digital: bool) -> bool {
         enabled
     }
@@ -63,12 +63,12 @@ decisions! {
         false
     }
 
-    /// What ends a failure: in OPERATIONAL the outputs follow their objects.
+    /// The events that end a failure: in OPERATIONAL the outputs follow their objects.
     fn recovers(&self, event: CommunicationEvent) -> bool {
         event == CommunicationEvent::Entered(NmtState::OPERATIONAL)
     }
 
-    /// Each failure sets the outputs anew.
+    /// Each failure sets the outputs again.
     fn fails_again(&self) -> bool {
         true
     }
@@ -79,7 +79,7 @@ decisions! {
     }
 }
 
-/// A setting is always the same, whatever its object says.
+/// A setting has a fixed value, regardless of its object.
 fn fixed(fixed: Setting, value: i64) -> impl Fn(&Cia401Rules, Setting, i64) -> i64 {
     as_said(move |setting, configured| if setting == fixed { value } else { configured })
 }

@@ -1,9 +1,9 @@
-//! What channels are set up with, and the objects of CiA 401 that do it.
+//! The settings of channels, and the objects of CiA 401 that hold them.
 
 use canopen::Mux;
 
-/// What a channel can be set up with, named with the object that does it for blocks of eight, or
-/// for every analogue channel.
+/// A setting of a channel, named with its object for blocks of eight, or for every analogue
+/// channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Setting {
     /// 6002h: the levels that are inverted.
@@ -22,7 +22,7 @@ pub(crate) enum Setting {
     OutputPolarity,
     /// 6206h: the levels that change on a failure.
     OutputErrorMode,
-    /// 6207h: what they change to.
+    /// 6207h: the value in case of an error.
     OutputErrorValue,
     /// 6208h: the levels that follow the network.
     OutputFilter,
@@ -46,7 +46,7 @@ pub(crate) enum Setting {
     InputScaling,
     /// 6443h: whether the output changes on a failure.
     AnalogueErrorMode,
-    /// 6444h: what it changes to.
+    /// 6444h: the value in case of an error.
     AnalogueErrorValue,
     /// 6446h: is added to the scaled output value.
     OutputOffset,
@@ -85,8 +85,8 @@ impl Setting {
         Mux::new(value.index + if is_bit { bit } else { block }, value.sub)
     }
 
-    /// What a device does that has no object for it: each change of an input is an event, and
-    /// outputs follow the network and are switched off by a failure.
+    /// The setting of a device without the object: each change of an input is an event, and outputs
+    /// follow the network and are switched off by a failure.
     pub(super) const fn without_object(self) -> i64 {
         match self {
             Self::InputPolarity
@@ -114,7 +114,7 @@ impl Setting {
     }
 }
 
-/// A mask of all levels, whatever the width of the block.
+/// A mask of all levels, for a block of any width.
 pub(crate) const EVERY_LEVEL: i64 = -1;
 /// The bit of 6421h for the difference to the last value that was transmitted.
 const ANY_DELTA: i64 = 1 << 2;

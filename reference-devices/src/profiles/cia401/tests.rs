@@ -241,7 +241,7 @@ fn without_settings_each_change_is_an_event_and_a_failure_switches_off() {
     assert_eq!((seen(&fixture, "digital-outputs-1"), seen(&fixture, "analogue-output-1")), (0, 0));
 }
 
-/// What can happen to a block.
+/// The events of a block.
 #[derive(Clone, Debug)]
 enum Happening {
     Written(Mux, i64),
@@ -287,7 +287,8 @@ proptest! {
         ),
     ) {
         let sheet = &devices::device("generic").unwrap().description.eds;
-        let new = || (IoBlock::new(sheet, Cia401Rules::default()), Dictionary::new(sheet, 1).unwrap());
+        let block = || IoBlock::new(sheet, Cia401Rules::default());
+        let new = || (block(), Dictionary::new(sheet, 1).unwrap());
         let (mut both, mut now) = ([new(), new()], Instant::ZERO);
         for happening in happenings {
             for (place, (io, od)) in both.iter_mut().enumerate() {

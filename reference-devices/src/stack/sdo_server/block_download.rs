@@ -21,9 +21,9 @@ pub(super) struct BlockDownload {
     crc: bool,
     /// Segments of a sub-block.
     block: u8,
-    /// The last segment of this sub-block that came in order.
+    /// The last segment of this sub-block that arrived in order.
     good: u8,
-    /// Whether the last segment of the transfer is there.
+    /// Whether the last segment of the transfer has arrived.
     whole: bool,
     /// The client was asked to go on.
     asked: bool,
@@ -57,8 +57,8 @@ impl BlockDownload {
         !self.whole
     }
 
-    /// Takes a segment that comes in order; the end of a sub-block is answered with the last one
-    /// that did.
+    /// Takes a segment that arrives in order. The end of a sub-block is answered with the last
+    /// segment that did.
     pub(super) fn segment(mut self, segment: BlockSegment, services: &Services) -> Step<Self> {
         let rules = &services.base.rules;
         let BlockSegment { sequence, last, data } = segment;
@@ -79,7 +79,7 @@ impl BlockDownload {
                 self.data.truncate(room);
             }
         }
-        // One that comes before the first, or twice, is left alone.
+        // A segment before the first, or a repeated one, is ignored.
         let lost = !taken && self.good != 0 && sequence != self.good;
         let ends = match rules.lost_segment_ends_block() {
             true => lost || taken && (last || sequence >= self.block),
@@ -90,7 +90,7 @@ impl BlockDownload {
         }
         self.whole = taken && last;
         let mut ack = BlockAck { last_good: self.good, size: self.block };
-        // What is missing comes again in a new sub-block, which counts from 1.
+        // The missing segments come again in a new sub-block, which counts from 1.
         if ends {
             self.good = 0;
             self.block = rules.block_size_after(self.block);
@@ -108,7 +108,7 @@ impl BlockDownload {
         !self.whole && !self.asked && services.base.rules.silent_block_confirmed()
     }
 
-    /// Confirms what came of the sub-block, although its end did not.
+    /// Confirms the received part of the sub-block, although its end did not arrive.
     pub(super) fn ask(mut self) -> Step<Self> {
         let ack = BlockAck { last_good: self.good, size: self.block };
         (self.good, self.asked) = (0, true);

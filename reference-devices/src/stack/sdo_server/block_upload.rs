@@ -25,7 +25,7 @@ pub(super) struct BlockUpload {
     phase: Phase,
 }
 
-/// What a block upload waits for.
+/// The event that a block upload waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     /// The client's start.
@@ -38,7 +38,7 @@ enum Phase {
     End,
 }
 
-/// What a client asks for when it begins.
+/// The client's request at the start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Wanted {
     pub(super) mux: Mux,
@@ -85,7 +85,7 @@ impl BlockUpload {
         Ok(Some((open, Response::Block(answer))))
     }
 
-    /// Whether the next segment is to be sent.
+    /// Whether the next segment is due.
     pub(super) fn in_sub_block(&self) -> bool {
         self.phase == Phase::Segment
     }

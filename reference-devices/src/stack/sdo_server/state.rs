@@ -1,4 +1,4 @@
-//! What the server is in the middle of, and the step from one state to the next.
+//! The state of the server, and the step from one state to the next.
 
 use canopen::sdo::Request;
 use canopen::sdo::block::BlockRequest;
@@ -23,11 +23,11 @@ pub(super) enum State {
     Download(Download),
     /// The next segment of a sub-block, or the end of a block download.
     BlockDownload(BlockDownload),
-    /// What a block upload waits for: the client, or the wire for its next segment.
+    /// The event that a block upload waits for: the client, or the wire for its next segment.
     BlockUpload(BlockUpload),
 }
 
-/// What can happen to a transfer.
+/// The events of a transfer.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Input {
     Request(Request),
@@ -144,7 +144,7 @@ impl State {
         }
     }
 
-    /// Whether the next segment of a block upload is to be sent.
+    /// Whether the next segment of a block upload is due.
     pub(super) fn in_upload_sub_block(&self) -> bool {
         matches!(self, Self::BlockUpload(upload) if upload.in_sub_block())
     }
@@ -185,5 +185,5 @@ const fn begins(request: Request) -> bool {
     )
 }
 
-/// What an abort names when no object is in question.
+/// The address in an abort when no object is in question.
 const NOTHING: Mux = Mux::new(0, 0);

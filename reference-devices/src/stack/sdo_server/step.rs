@@ -1,4 +1,4 @@
-//! What a request, a deadline or a lost client makes of a transfer.
+//! The effect of a request, a deadline or a lost client on a transfer.
 
 use canopen::sdo::Response;
 use canopen::{Abort, Mux};

@@ -1,5 +1,5 @@
-//! The one place where the network's access to an object is judged and takes effect, whether it
-//! comes by SDO or by RPDO.
+//! The one place where the network's access to an object is judged and takes effect, for SDO and
+//! RPDO alike.
 
 use std::borrow::Cow;
 
@@ -27,7 +27,7 @@ impl Services {
         Ok(bytes)
     }
 
-    /// Judges a write and lets it take effect; what is refused changes nothing.
+    /// Judges a write and lets it take effect; a refused write changes nothing.
     pub(crate) fn write(&mut self, now: Instant, mux: Mux, bytes: &[u8]) -> Result<(), Abort> {
         let asked = mux;
         let mux = self.base.settings.resolve(mux);
@@ -46,7 +46,8 @@ impl Services {
         Ok(())
     }
 
-    /// What a write leaves in the object: just what was written, unless a rule is broken.
+    /// The bytes that a write leaves in the object: exactly the written ones, unless a rule is
+    /// broken.
     fn stored<'b>(&self, mux: Mux, bytes: &'b [u8]) -> Cow<'b, [u8]> {
         let before = self.base.od.get(mux).unwrap_or_default();
         if self.base.rules.shorter_text_ends_earlier() || before.len() <= bytes.len() {
@@ -55,7 +56,7 @@ impl Services {
         bytes.iter().chain(&before[bytes.len()..]).copied().collect()
     }
 
-    /// Judges a download before its data are there. Returns the longest value the object takes.
+    /// Judges a download before its data arrive. Returns the longest value the object takes.
     pub(crate) fn check_download(&self, mux: Mux, size: Option<usize>) -> Result<usize, Abort> {
         self.check_access(mux)?;
         let mux = self.base.settings.resolve(mux);
@@ -88,7 +89,7 @@ impl Services {
         }
     }
 
-    /// Whether the object has what came of a download before the download is at its end.
+    /// Whether the object takes received data before the download has ended.
     pub(crate) fn stores_as_it_comes(&self, mux: Mux) -> bool {
         let entry = self.base.od.entry(self.base.settings.resolve(mux));
         entry.is_some_and(|entry| self.base.rules.stored_as_it_comes(entry.data_type))
@@ -133,8 +134,7 @@ impl Services {
         self.behaviour.check(mux, bytes, &base.od)
     }
 
-    /// What a refused write leaves behind, which is nothing unless the application has it otherwise
-    /// or a rule is broken.
+    /// The effect of a refused write: none, unless the application has one or a rule is broken.
     fn refused(&mut self, now: Instant, mux: Mux, bytes: &[u8]) {
         let base = &mut self.base;
         if base.rules.refused_write_is_an_error(mux) {

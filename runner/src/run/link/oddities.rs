@@ -1,5 +1,5 @@
-//! Answers with the node id of the device that are not as they must be: what makes
-//! every verdict about another thing than the user thinks.
+//! Wrong answers with the node id of the device. With them, every verdict would be about something
+//! else than the user thinks.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ pub fn oddities(trace: &[Seen], node: u8) -> Vec<String> {
 }
 
 /// That two devices have the node id, where that is certain: answers to one upload contradict each
-/// other. What is written would go to both, and one of them could not be asked what it was before.
+/// other. A write would go to both, and the original value of one of them could not be read.
 pub(in crate::run) fn contradiction(trace: &[Seen], node: u8) -> Option<String> {
     let uploads = uploads(trace, node);
     let mut several = uploads.iter().filter(|(_, upload)| upload.answers.len() > upload.requests);
@@ -173,11 +173,11 @@ mod tests {
         let segment = ["585#4108100009000000", ">605#6000000000000000", "585#0161626300000000"];
         let upload = [ASKED, ANSWER, ">605#4008100000000000"];
         assert_eq!(said(&[&upload[..], &segment].concat()), [""; 0]);
-        // One that was slow to start answers each request once.
+        // A device that was slow to start answers each request once.
         assert_eq!(said(&[ASKED, ASKED, "705#00", ANSWER, ANSWER]), [""; 0]);
         assert_eq!(said(&["705#00", ">000#8105", "705#00", ">000#8205", "705#00"]), [""; 0]);
         assert_eq!(said(&[ASKED, "585#8000100000000206", "586#FFFF"]), [""; 0]);
-        // A transfer of somebody else's, before anything was asked.
+        // A transfer of another client, before the tester sent a request.
         assert_eq!(said(&["585#6000200000000000", ASKED, ANSWER]), [""; 0]);
     }
 

@@ -1,6 +1,7 @@
-//! Asking a device without data sheet which of the objects of its profiles it has.
+//! Asks a device without data sheet which objects of its profiles it has.
 //!
-//! Nothing is changed: what is written, to find out whether it can be, is what was read there.
+//! Nothing is changed: to find out whether an object can be written, the value read from it is
+//! written back.
 
 use std::ops::RangeInclusive;
 use std::time::Duration;
@@ -30,9 +31,9 @@ impl From<BusError> for Lost {
 }
 
 /// The objects of the profiles that the device answers for, by ascending index, with type and
-/// access as the profiles have them. What the communication profile says to be writable, and is
-/// not, is ro. The defaults are those of the communication area, of texts that cannot be written,
-/// and of `constants`: what is there now. All others are unknown.
+/// access as the profiles have them. An object that the communication profile says is writable, but
+/// is not, becomes ro. Defaults are the present values, and only of the communication area, of
+/// texts that cannot be written, and of `constants`. All others are unknown.
 ///
 /// # Errors
 /// When the device falls silent or the bus fails.
@@ -59,9 +60,9 @@ pub fn objects(
 
 /// How long an answer may take: devices that have an object answer in a few milliseconds.
 const PATIENCE: Duration = Duration::from_millis(300);
-/// After so many indices in a row that are absent, a range of equal objects has ended.
+/// After this many absent indices in a row, a range of equal objects has ended.
 const GAP: usize = 16;
-/// After so many requests in a row without an answer, the device is gone.
+/// After this many requests in a row without an answer, the device is gone.
 const SILENCE: u32 = 4;
 /// An index that no device can have: it is reserved (CiA 301, 7.4.1).
 const IMPOSSIBLE: Mux = Mux::new(0x0FFF, 0);
@@ -73,16 +74,16 @@ struct Probe<'p, 'b> {
     policy: Policy,
     node: u8,
     constants: &'p [Mux],
-    /// What the device says of objects that it does not have.
+    /// The device's abort codes for objects that it does not have.
     absent: Vec<Abort>,
     /// Requests in a row that were not answered.
     silent: u32,
 }
 
-/// What a device says of an address.
+/// The device's answer for an address.
 enum Answer {
     Value(Vec<u8>),
-    /// It is there, and cannot be read, or not now.
+    /// It exists, and cannot be read, or not now.
     Refused,
     Absent,
 }
@@ -143,7 +144,7 @@ impl Probe<'_, '_> {
                     ..Facts::default()
                 };
                 let facts = known.of_sub(0).or(&highest);
-                // What can be written there says how many are in use, not how many there are.
+                // A writable number of entries says how many are in use, not how many exist.
                 let in_use = facts.access.is_some_and(Access::writable);
                 entries.extend(self.entry(first, &facts, answer, None)?);
                 if let (false, Some(entry)) = (in_use, entries.first_mut()) {
@@ -182,7 +183,7 @@ impl Probe<'_, '_> {
             Answer::Refused => None,
             Answer::Absent => return Ok(None),
         };
-        // A sub that the profile does not have there is as long as the answer.
+        // A sub that the profile does not define has the length of the answer.
         let data_type = facts.data_type.unwrap_or_else(|| match bytes.as_ref().map(Vec::len) {
             Some(1) => DataType::UNSIGNED8,
             Some(2) => DataType::UNSIGNED16,
@@ -195,7 +196,7 @@ impl Probe<'_, '_> {
         }
         let mapping = facts.pdo.unwrap_or(Mapping::No);
         let mapped = mapping.access(access);
-        // Settings of communication, and texts that say who the device is.
+        // Settings of communication, and texts that identify the device.
         let changing = matches!(mux.index, 0x1001..=HISTORY);
         let is_default = matches!(mux.index, 0x1000..=0x1FFF) && !changing
             || data_type == DataType::VISIBLE_STRING && !access.writable()

@@ -1,4 +1,4 @@
-//! What a device says of itself, read with patience.
+//! Reads a device's identity and versions, with patience.
 
 use canopen::sdo::Failure;
 use canopen::{Abort, BusError, DataType, Mux, Value};
@@ -9,7 +9,7 @@ use super::trace::Link;
 use crate::dut::Dut;
 use crate::run::policy::Policy;
 
-/// What 1000h and 1018h say.
+/// The values of 1000h and 1018h.
 pub fn identity(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Identity, BusError> {
     let mut read = |mux| read_number(link, policy, dut.node, mux);
     Ok(Identity {
@@ -21,7 +21,7 @@ pub fn identity(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Identity,
     })
 }
 
-/// What 1008h, 1009h and 100Ah say, as far as the data sheet has them.
+/// The values of 1008h, 1009h and 100Ah, as far as the data sheet has them.
 pub(in crate::run) fn versions(
     link: &mut Link,
     policy: &Policy,

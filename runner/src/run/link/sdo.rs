@@ -75,8 +75,8 @@ pub(in crate::run) fn reads(
     Ok(transfer.finish(link, policy, node)?.result.is_ok_and(|now| now == value))
 }
 
-/// Reads an object of a device whose answers frames of others, or a busy host, may keep back: what
-/// is not answered, or with an answer to another request, is asked again.
+/// Reads an object although frames of other stations, or a busy host, may delay the answers of the
+/// device. A request without an answer, or with the answer to another request, is repeated.
 ///
 /// # Errors
 /// Whatever the bus reports; what the device does is in the result.
@@ -98,8 +98,8 @@ pub(in crate::run) fn upload_patiently(
     Ok(ended)
 }
 
-/// Waits until the server has answered everything that it was asked before, and says whether it
-/// has. A server answers in order, so what follows its answer to one more upload is not late.
+/// Waits until the server has answered all earlier requests, and returns whether it has. A server
+/// answers in order, so nothing that follows its answer to one more upload is late.
 ///
 /// # Errors
 /// Whatever the bus reports.
@@ -122,7 +122,7 @@ pub(in crate::run) fn catches_up(
     Ok(link.find(until, is_answer)?.is_some())
 }
 
-/// The object that every device has and nobody changes.
+/// Every device has this object, and its value never changes.
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 
 /// Whether the value of an object does not fit into one frame. Nothing but its begin is uploaded.
@@ -151,14 +151,15 @@ pub(in crate::run) fn knows_blocks(
     node: u8,
     asked: BlockDirections,
 ) -> Result<BlockDirections, BusError> {
-    // What is wrong after it has begun is for the cases to find.
+    // Mistakes after the beginning are for the cases to find.
     let known = |ended: Ended| {
         ended.protocol == Transfer::Block || ended.result != Err(Failure::Aborted(Abort::COMMAND))
     };
     let mut blocks = BlockDirections { upload: true, download: true };
     if asked.upload {
         blocks.upload = known(upload_in_blocks(link, policy, node, DEVICE_TYPE, LARGEST_BLOCK)?);
-        // A server that answers the abort of the client does not answer the next request by that.
+        // Discard an answer to the client's abort: it must not pass for the answer to the next
+        // request.
         link.drain(policy.quiet)?;
     }
     if asked.download {
@@ -210,9 +211,9 @@ pub fn transfer(
 /// A transfer under way.
 struct Running {
     client: Client,
-    /// What is transferred.
+    /// The address of the transferred object.
     mux: Mux,
-    /// What is to be sent before the next answer.
+    /// The requests to send before the next answer.
     requests: Vec<Request>,
     /// An answer that was received and not looked at.
     answer: Option<Option<Frame>>,
@@ -233,7 +234,7 @@ impl Running {
         Self { client, mux, requests, answer: None, protocol, unsized_data: false, left }
     }
 
-    /// Sends what is to be sent and waits for the answer.
+    /// Sends the pending requests and waits for the answer.
     fn exchange(
         &mut self,
         link: &mut Link,
@@ -246,7 +247,7 @@ impl Running {
         link.send_all(self.requests.drain(..).map(|request| request.frame(node)))?;
         let until = link.mark() + policy.sdo_timeout;
         if many {
-            // A server may break off before it has heard everything.
+            // A server may abort before it has received everything.
             link.look_from(first_sent);
         }
         let fits = |seen: &Stamped| !seen.own && seen.frame.data_id() == Some(answers);

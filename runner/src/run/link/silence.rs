@@ -1,4 +1,5 @@
-//! A device that has fallen silent: what it heard last, and what state that may have left it in.
+//! A device that has fallen silent: the last frame it heard, and the state that this may have left
+//! it in.
 
 use canopen::lss::{self, Request as LssRequest};
 use canopen::nmt::{self, Command, Service};
@@ -40,7 +41,7 @@ impl Silence {
         })
     }
 
-    /// What it heard last and what that may mean, as the end of a sentence.
+    /// The last frame it heard and what that may mean, as the end of a sentence.
     pub(in crate::run) fn said(&self) -> Option<String> {
         let first = self.first.first()?;
         let frames: Vec<String> =

@@ -22,7 +22,7 @@ const MOST_AHEAD: usize = 8;
 /// A tester that is less late than this is in time.
 const IN_TIME: Duration = Duration::from_millis(5);
 
-/// A bus, what was seen on it since the case began, and how far the steps have looked.
+/// A bus, the frames seen on it since the case began, and how far the steps have looked.
 pub struct Link<'b> {
     bus: &'b mut dyn Bus,
     trace: Vec<Seen>,
@@ -110,7 +110,7 @@ impl<'b> Link<'b> {
         self.traffic.forget(self.mark);
     }
 
-    /// Begins to measure anew how much of the bus others take.
+    /// Restarts the measurement of how much of the bus other stations take.
     pub(in crate::run) fn forget_traffic(&mut self) {
         self.traffic.forget(self.mark);
     }
@@ -120,13 +120,13 @@ impl<'b> Link<'b> {
         &self.traffic
     }
 
-    /// What the device heard last, when it has sent nothing since.
+    /// The last frame to the device, if it has sent nothing since.
     pub(in crate::run) const fn silence(&self) -> &Silence {
         &self.silence
     }
 
-    /// What follows leaves the device as it was found, or does not any more: one signal is
-    /// remembered until then.
+    /// Marks the begin or end of cleaning, which leaves the device as it was found: one signal is
+    /// remembered until the end.
     pub(in crate::run) fn clean(&self, cleaning: bool) {
         self.stop.clean(cleaning);
     }
@@ -209,13 +209,13 @@ impl<'b> Link<'b> {
         self.lateness
     }
 
-    /// Begins to look anew at how late the tester is.
+    /// Restarts the measurement of how late the tester is.
     pub fn forget_lateness(&mut self) {
         self.lateness = Lateness::default();
     }
 
-    /// Lets time pass until the tester has been in time for a while, at most for two seconds: what
-    /// stalls a host often lasts.
+    /// Waits until the tester has been in time for a while, at most two seconds: a stall of the
+    /// host often lasts.
     ///
     /// # Errors
     /// Whatever the bus reports.
@@ -256,7 +256,7 @@ impl<'b> Link<'b> {
     /// Waits until an own frame is complete on the wire.
     fn complete(&mut self, frame: &Frame) -> Result<(), BusError> {
         const PATIENCE: Duration = Duration::from_secs(2);
-        /// So many in that time leave no room for another one.
+        /// This many in that time leave no room for another one.
         const MANY: usize = 200;
         let (give_up, before) = (self.bus.now() + PATIENCE, self.trace.len());
         while let Some(place) = self.pull(give_up)? {
@@ -304,8 +304,8 @@ impl<'b> Link<'b> {
         }
     }
 
-    /// The answer to what was sent last, as [`find`](Self::find) finds a frame. What the request
-    /// causes may come before the answer does: [`find_beside`](Self::find_beside) finds it.
+    /// The answer to the last request, as [`find`](Self::find) finds a frame. A frame that the
+    /// request causes may arrive before the answer: [`find_beside`](Self::find_beside) finds it.
     ///
     /// # Errors
     /// Whatever the bus reports.
@@ -362,7 +362,7 @@ impl<'b> Link<'b> {
         self.bus.bench()
     }
 
-    /// Whatever came until now has been looked at.
+    /// All frames received so far count as seen.
     ///
     /// # Errors
     /// Whatever the bus reports.
@@ -371,7 +371,8 @@ impl<'b> Link<'b> {
         self.wait(now)
     }
 
-    /// Time may have passed beside the bus. The next step starts now, and sees what came meanwhile.
+    /// Time may have passed outside the bus. The next step starts now, and sees the frames that
+    /// arrived in the meantime.
     pub fn moved(&mut self) {
         self.mark = self.now();
     }
@@ -398,7 +399,7 @@ impl<'b> Link<'b> {
             let turn = until.min(asked + TURN);
             let got = self.bus.recv(turn)?;
             let due = got.map_or(turn, |stamped| stamped.at);
-            // What lay there before was not waited for.
+            // A frame that was already there was not waited for.
             if asked <= due {
                 asked = self.bus.now();
                 self.lateness.notice(asked.since(due));
@@ -435,7 +436,7 @@ impl<'b> Link<'b> {
 mod tests {
     use super::*;
 
-    /// An interface whose transmit queue is as long as `most` says it must be.
+    /// An interface that notes in `most` the longest transmit queue that was needed.
     #[derive(Default)]
     struct Queue {
         waiting: VecDeque<Frame>,

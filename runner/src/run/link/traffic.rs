@@ -1,4 +1,4 @@
-//! What others than the device send, and how much of the bus it takes.
+//! Frames of stations other than the device, and how much of the bus they take.
 
 use std::time::Duration;
 
@@ -11,7 +11,7 @@ use crate::dut::Dut;
 /// stretches, since a burst disturbs as much as a load that lasts.
 #[derive(Clone, Debug, Default)]
 pub struct Traffic {
-    /// In bit/s; `None` when nobody knows it, and then no load either.
+    /// In bit/s; `None` when it is unknown, and then the load is unknown, too.
     bit_rate: Option<u32>,
     node: u8,
     /// The identifiers that the device has by its data sheet.
@@ -26,9 +26,9 @@ pub struct Traffic {
 impl Traffic {
     /// Stretches are that long.
     const STRETCH: Duration = Duration::from_millis(50);
-    /// Above this load, what a device does late or not at all may be the doing of others.
+    /// Above this load, other stations may be the reason why the device is late or silent.
     pub(in crate::run) const FULL: f64 = 0.8;
-    /// Below this load, nobody needs to know of it.
+    /// A load below this is not worth a remark.
     pub(in crate::run) const WORTH_A_WORD: f64 = 0.05;
 
     /// Beside this device, whose data sheet gives it these identifiers.
@@ -67,7 +67,8 @@ impl Traffic {
         (load >= least).then(|| format!("frames of others take {percent:.0} % of the bus"))
     }
 
-    /// What others take of a bus on which nobody answers, as a sentence, when it is worth a word.
+    /// The share of other stations on a bus on which no device answers, as a sentence, if it is
+    /// worth a remark.
     pub fn heard(bus: &mut dyn Bus, bit_rate: Option<u32>) -> Option<String> {
         let now = bus.now();
         let mut traffic = Self { bit_rate, stretch: now, ..Self::default() };

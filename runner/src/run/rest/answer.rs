@@ -40,8 +40,9 @@ pub(in crate::run) fn first_answer(
     Ok(refused)
 }
 
-/// Waits until a device that starts is back and at rest; whether it is back. A device without a
-/// boot-up message is still usable for what else there is to find out, and is waited for once.
+/// Waits until a device that starts is back and at rest; returns whether it is back. A device
+/// without a boot-up message is still usable for finding out more, and the wait for it happens
+/// once.
 ///
 /// # Errors
 /// Whatever the bus reports.
@@ -77,7 +78,7 @@ pub(in crate::run) fn booted(
     Ok(back)
 }
 
-/// Whether the device answers an upload of 1000h, whatever it answers.
+/// Whether the device answers an upload of 1000h in any way.
 pub(super) fn answers(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
     let ended = sdo::upload(link, policy, dut.node, DEVICE_TYPE)?;
     Ok(!matches!(ended.result, Err(Failure::Timeout)))

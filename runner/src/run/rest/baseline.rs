@@ -1,4 +1,4 @@
-//! What stands from the start: a device with errors that no case caused is tested all the same.
+//! Errors from the start: a device with errors that no case caused is tested all the same.
 
 use std::cell::{Cell, RefCell};
 use std::time::Duration;
@@ -13,19 +13,19 @@ use crate::plan::show_bytes;
 use crate::run::policy::Policy;
 use crate::suite::profile::Habits;
 
-/// What bits of it stand from the start is no error of a case.
+/// Bits of it that are set from the start are no error of a case.
 pub(super) const ERROR_REGISTER: Mux = Mux::new(0x1001, 0);
 
 /// The device as it was before the first case, freshly started.
 #[derive(Clone, Debug)]
 pub(in crate::run) struct Baseline {
-    /// What 1000h and 1018h say.
+    /// The values of 1000h and 1018h.
     pub identity: Identity,
     /// The bits of the error register; why there are none to compare with.
     register: RefCell<Result<Vec<u8>, Failure>>,
     /// Whether a boot-up message follows a reset.
     boots_up: Cell<bool>,
-    /// What it does by itself.
+    /// The device's behaviour without requests.
     pub habits: Habits,
     /// The error codes of the emergencies that it sent, without 0000h.
     pub(super) emergencies: Vec<EmcyCode>,
@@ -33,13 +33,13 @@ pub(in crate::run) struct Baseline {
     pub(super) hidden: Standing,
     /// The nodes whose heartbeat it monitors.
     pub monitored: Vec<u8>,
-    /// What the starts for cases showed.
+    /// The behaviour seen at the starts before cases.
     starts: Cell<Starts>,
     /// How long it was waited for altogether while it was busy.
     waited: Cell<Duration>,
 }
 
-/// What the device sent when it was started.
+/// The frames that the device sent when it was started.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Starts {
     /// How many starts were looked at.
@@ -49,9 +49,9 @@ struct Starts {
 }
 
 impl Starts {
-    /// So many show what the next ones bring, whatever the phase of a cycle of the application.
+    /// This many starts predict the next ones, at any phase of an application cycle.
     const ENOUGH: u32 = 8;
-    /// What a start may take longer than twice the longest so far.
+    /// The time that a start may take beyond twice the longest so far.
     const MARGIN: Duration = Duration::from_millis(10);
 
     fn quiet(self, most: Duration) -> Duration {
@@ -63,8 +63,8 @@ impl Starts {
 }
 
 impl Baseline {
-    /// Whether a device that is busy is waited for once more, for `time`. One that never ends costs
-    /// a run no more than that.
+    /// Whether to wait once more, for `time`, for a device that is busy. A device that stays busy
+    /// costs a run no more than that.
     pub(super) fn bears_with(&self, time: Duration) -> bool {
         const ALTOGETHER: Duration = Duration::from_secs(600);
         let waited = self.waited.get() + time;
@@ -117,7 +117,7 @@ impl Baseline {
         self.boots_up.set(false);
     }
 
-    /// What the error register shows that did not stand from the start.
+    /// The bits of the error register that were not set from the start.
     pub(in crate::run) fn new_errors(&self, now: &Result<Vec<u8>, Failure>) -> Option<String> {
         let standing = self.register.borrow();
         match (now, &*standing) {
@@ -137,7 +137,7 @@ impl Baseline {
         *self.register.borrow_mut() = now;
     }
 
-    /// What readers of a report must know.
+    /// Remarks that readers of a report need.
     pub(in crate::run) fn remarks(&self) -> Vec<String> {
         let mut remarks = Vec::new();
         match &*self.register.borrow() {

@@ -1,4 +1,4 @@
-//! Setting back what a run that was killed left changed.
+//! Sets back the changes of a run that was killed.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -15,7 +15,7 @@ use crate::run::observer::Unobserved;
 use crate::run::policy::Policy;
 use crate::stop::Stop;
 
-/// What came of it.
+/// The result.
 pub enum BroughtBack {
     /// The device does not answer; why it was given up.
     Lost(String),
@@ -29,7 +29,7 @@ pub enum BroughtBack {
 pub struct Abandoned<'d> {
     /// The device.
     pub dut: &'d Dut,
-    /// What it said of itself before.
+    /// The identity that it reported before.
     pub identity: Identity,
     /// The objects with their values from before the run.
     pub values: BTreeMap<Mux, Vec<u8>>,

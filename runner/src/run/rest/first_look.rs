@@ -1,4 +1,4 @@
-//! What is found out about a device before the first case: how it is, freshly started.
+//! The state of a device, freshly started, before the first case.
 
 use std::time::Duration;
 
@@ -19,7 +19,7 @@ use crate::suite::profile::Habits;
 
 const EMCY_ID: Mux = Mux::new(0x1014, 0);
 const ERROR_FIELD: u16 = 0x1003;
-/// So many errors stand at the same time at most.
+/// At most this many errors stand at the same time.
 const NEWEST_ERRORS: u8 = 8;
 const START_UP: Mux = Mux::new(0x1F80, 0);
 const STORE: Mux = Mux::new(0x1010, 1);
@@ -50,7 +50,7 @@ pub(in crate::run) fn first_look(
     link.drain(policy.quiet.max(FIRST_EMERGENCIES))?;
     let sent: Vec<Stamped> = link.trace().iter().map(|seen| seen.stamped).collect();
     let sent = sent.iter().filter(|seen| !seen.own);
-    // The identifier may be another one that was stored.
+    // Another identifier may have been stored.
     let usual = emcy::COB_ID + u16::from(dut.node);
     let stored = sdo::upload_patiently(link, policy, dut.node, EMCY_ID)?.result.ok();
     let stored = stored.and_then(|value| Some(u32::from_le_bytes(*value.first_chunk()?)));
@@ -96,7 +96,7 @@ fn hidden(link: &mut Link, policy: &Policy, dut: &Dut, bits: u8) -> Result<Stand
     let mut codes = Vec::new();
     for sub in 1..=NEWEST_ERRORS {
         let error = sdo::upload(link, policy, dut.node, Mux::new(ERROR_FIELD, sub))?.result;
-        // An entry that is not in use is not there, and neither is one behind it.
+        // An entry that is not in use does not exist, and neither does any entry after it.
         let Some([low, high]) = error.ok().and_then(|error| error.first_chunk().copied()) else {
             break;
         };
@@ -108,7 +108,8 @@ fn hidden(link: &mut Link, policy: &Policy, dut: &Dut, bits: u8) -> Result<Stand
     Ok(Standing { codes, untold })
 }
 
-/// What the device does by itself, as its objects say; those that it lacks say nothing.
+/// The device's behaviour without requests, according to its objects; a missing object says
+/// nothing.
 fn habits(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Habits, BusError> {
     let mut low = |mux| -> Result<Option<u8>, BusError> {
         if dut.eds.entry(mux).is_none() {
@@ -117,7 +118,7 @@ fn habits(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Habits, BusErro
         let value = sdo::upload(link, policy, dut.node, mux)?.result;
         Ok(value.ok().and_then(|bytes| bytes.first().copied()))
     };
-    // What the data sheet promises is expected.
+    // A device is expected to keep the promises of its data sheet.
     let promises =
         |mux| dut.default_int(mux).is_some_and(|bits| bits & i128::from(ON_COMMAND) != 0);
     let (start, store) = (low(START_UP)?, low(STORE)?);

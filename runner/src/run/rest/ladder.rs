@@ -1,4 +1,4 @@
-//! The ways to get a device back that does not answer as it should, the gentlest first.
+//! The ways to recover a device that does not answer as it should, the gentlest first.
 
 use std::time::Duration;
 
@@ -56,7 +56,7 @@ pub(super) const LADDER: [Rung; 10] = [
 pub(super) const RESET_NODE: usize = 4;
 
 impl Rung {
-    /// What reports call it.
+    /// The name in reports.
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Patience => "waiting",
@@ -71,11 +71,11 @@ impl Rung {
         }
     }
 
-    /// What it does to the device, from which it may be protected.
+    /// The effects on the device, from which it may be protected.
     pub(super) const fn deeds(self) -> &'static [Deed] {
         match self {
             Self::Patience | Self::Abort | Self::PreOperational => &[],
-            // What the user names for it may be done.
+            // The user's own hooks are always permitted.
             Self::ResetHook | Self::PowerHook => &[],
             Self::ResetCommunication => &[Deed::ResetCommunication],
             Self::ResetNode => &[Deed::ResetNode],
@@ -218,7 +218,7 @@ fn select(link: &mut Link, identity: &Identity) -> Result<bool, BusError> {
     Ok(answers(link, Request::SwitchSelective(Part::Serial, serial))?.contains(&Response::Selected))
 }
 
-/// What comes as an answer to a request, until nothing more does.
+/// The answers to a request, until no more arrive.
 fn answers(link: &mut Link, request: Request) -> Result<Vec<Response>, BusError> {
     link.send(&request.frame())?;
     let until = link.mark() + PATIENCE;
@@ -232,7 +232,7 @@ fn answers(link: &mut Link, request: Request) -> Result<Vec<Response>, BusError>
     Ok(answers)
 }
 
-/// How long a slave may take to change its state, which nobody confirms.
+/// How long a slave may take to change its state, which it does not confirm.
 const SWITCH: Duration = Duration::from_millis(20);
 /// How long answers are waited for.
 const PATIENCE: Duration = Duration::from_millis(200);

@@ -27,7 +27,7 @@ pub(in crate::run) struct Restored {
 pub(in crate::run) struct Leaving<'l, 'b> {
     /// The bus.
     pub link: &'l mut Link<'b>,
-    /// What to wait for and how long.
+    /// The expected times and how long to wait.
     pub policy: &'l Policy,
     /// The device.
     pub dut: &'l Dut,
@@ -41,7 +41,7 @@ pub(in crate::run) struct Leaving<'l, 'b> {
 
 impl Leaving<'_, '_> {
     /// Sets stimuli and objects back. `still`: nothing can be in flight; `passed`: the device needs
-    /// no reset before the next case. What is not set back is in `changed` afterwards.
+    /// no reset before the next case. Afterwards `changed` holds what was not set back.
     ///
     /// # Errors
     /// Whatever the bus reports.
@@ -54,7 +54,7 @@ impl Leaving<'_, '_> {
     ) -> Result<Restored, BusError> {
         let without_supply = self.bench_snapshot.off;
         match self.bench_snapshot.undo_silence(self.link) {
-            // Whether it is back, the next case finds out when it settles the device.
+            // The next case finds out whether it is back when it settles the device.
             Ok(()) if without_supply => {
                 _ = booted(self.link, self.policy, self.dut, self.baseline)?;
             }
@@ -79,8 +79,8 @@ impl Leaving<'_, '_> {
             pre_operational(self.link, self.policy, self.dut)?;
         }
         let whole = snapshot.restore(self.link, self.policy, self.dut.node, changed)?;
-        // What the stimuli cause then, such as the end of an error or of a slow filter, takes as
-        // long as with the parameters from before the case.
+        // Stimuli are set back first. Their consequences, such as the end of an error or of a slow
+        // filter, then take as long as with the parameters from before the case.
         self.undo_stimuli()?;
         self.rest_after_emergencies()?;
         Ok(Restored { whole, still: is_still(self.link, self.dut, from) })

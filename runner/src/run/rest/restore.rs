@@ -1,5 +1,5 @@
-//! Leaving the device as it was: what a case will write is read before it begins, and written
-//! back after it.
+//! Leaves the device as it was: the objects that a case will write are read before it begins, and
+//! written back after it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -75,8 +75,8 @@ impl Snapshot {
         self.values.keys().copied().filter(touched).collect()
     }
 
-    /// Writes everything back that reads differently now. What the device did not take, and what
-    /// was not reached when the bus failed, is in `changed` afterwards, and nothing else.
+    /// Writes back every value that reads differently now. Afterwards `changed` holds exactly the
+    /// values that the device did not accept, and those that were not reached when the bus failed.
     ///
     /// # Errors
     /// Whatever the bus reports.
@@ -88,7 +88,7 @@ impl Snapshot {
         changed: &mut BTreeSet<Mux>,
     ) -> Result<bool, BusError> {
         let behind = is_behind(link.trace(), node);
-        // A device may load what it has stored at once.
+        // A device may load its stored values at once.
         let has_booted = has_booted(link.trace(), node) || stored(link, node);
         let to = &mut Restoring { link, policy, node, silent: 0, behind, has_booted };
         for record in self.changed_records(to, changed)? {
@@ -110,8 +110,8 @@ impl Snapshot {
         Ok(whole)
     }
 
-    /// What one value may be can depend on others, so those that are refused are written again
-    /// once others are back.
+    /// The valid range of one value can depend on others, so refused values are written again once
+    /// others are back.
     fn restore_values(
         &self,
         to: &mut Restoring,
@@ -171,7 +171,7 @@ impl Snapshot {
         let (cob_id, mapping) = (Mux::new(record, 1), record | 0x0200);
         let mut whole = true;
         let mut write = |mux: Mux, value: &[u8]| -> Result<(), BusError> {
-            // What cannot be written is not among them.
+            // Objects that cannot be written are not among them.
             if self.values.contains_key(&mux) {
                 whole &= to.writes(mux, value)?;
             }
@@ -229,7 +229,7 @@ struct Restoring<'r, 'b> {
     /// Whether an answer may come that is older than the next request, and would be taken for the
     /// proof that an object is back.
     behind: bool,
-    /// Whether the device may have begun anew since its objects were read.
+    /// Whether the device may have restarted since its objects were read.
     has_booted: bool,
 }
 
@@ -243,7 +243,7 @@ impl Restoring<'_, '_> {
         self.unless_silent(|to| {
             match sdo::download(to.link, to.policy, to.node, mux, value, flow) {
                 Ok(ended) => Ok(ended.result.is_ok()),
-                // The others are written back all the same.
+                // The other values are still written back.
                 Err(BusError::Withheld(_)) => Ok(false),
                 Err(error) => Err(error),
             }
@@ -274,8 +274,8 @@ impl Restoring<'_, '_> {
     }
 }
 
-/// Whether the trace leaves open that the server still owes an answer. Segments of a block look
-/// like requests that nobody answered, and cost one more upload.
+/// Whether, by the trace, the server may still owe an answer. Segments of a block look like
+/// unanswered requests, and cost one more upload.
 fn is_behind(trace: &[Seen], node: u8) -> bool {
     let requests = Some(REQUEST_COB_ID + u16::from(node));
     let answers = Some(RESPONSE_COB_ID + u16::from(node));
@@ -289,7 +289,7 @@ fn is_behind(trace: &[Seen], node: u8) -> bool {
             open = false;
         }
     }
-    // Before the trace began, anything may have been asked.
+    // Anything may have been requested before the trace began.
     behind || open || !asked
 }
 
@@ -327,7 +327,7 @@ fn with_record(mux: Mux, eds: &Eds) -> Vec<Mux> {
     if !in_pdo_record(mux.index) {
         return vec![mux];
     }
-    // The mapping of a PDO stands 200h above its communication parameter.
+    // The mapping parameter of a PDO is 200h above its communication parameter.
     let cob_id = Mux::new(record_of(mux.index), 1);
     if mux.index & 0x0200 == 0 {
         return vec![mux, cob_id];
@@ -369,7 +369,7 @@ fn changed_by_frame(text: &At<FrameText>, scope: &Scope, dut: &Dut) -> Vec<Mux> 
     mapped_into(&frame, dut)
 }
 
-/// What the RPDOs with this identifier map by default.
+/// The objects that the RPDOs with this identifier map by default.
 fn mapped_into(frame: &Frame, dut: &Dut) -> Vec<Mux> {
     let has_identifier = |index| {
         let cob_id = dut.default_int(Mux::new(index, 1))?;

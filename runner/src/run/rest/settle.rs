@@ -26,11 +26,11 @@ pub(in crate::run) enum Left {
     Dirty,
 }
 
-/// What became of a device that was to be brought to rest.
+/// The result of bringing a device to rest.
 pub(in crate::run) enum Settled {
     /// It is at rest; a remark when more was needed than a command.
     AtRest(Option<String>),
-    /// It does not answer, or not as a node in order would; why it was given up.
+    /// It does not answer, or not as a node in order would; the reason for giving it up.
     Lost(String),
 }
 
@@ -55,7 +55,8 @@ pub(in crate::run) fn settle(
             unrest => unrest,
         },
     };
-    // What answers, and has errors, needs no gentler way than the one that clears them.
+    // A device that answers with errors needs the way that clears them; a gentler one does not
+    // help.
     let may_reset = dut.protection.refuses(Deed::ResetNode).is_none();
     let first = match &unrest {
         Some(Unrest::Errors(..)) | None if may_reset => RESET_NODE,
@@ -83,7 +84,7 @@ pub(in crate::run) fn settle(
         }
     }
     let what = match unrest {
-        // A device that answers is there; what it answers is for the case to judge.
+        // A device that answers in any way is present; the case judges its answer.
         Some(Unrest::Odd(what) | Unrest::Errors(what, _)) => {
             return Ok(Settled::AtRest(Some(what)));
         }
@@ -121,7 +122,7 @@ pub(in crate::run) fn application(
     Ok(())
 }
 
-/// Makes the device answer, as gently as possible, whatever errors it shows.
+/// Makes the device answer, as gently as possible, regardless of its errors.
 ///
 /// # Errors
 /// Whatever the bus reports.
@@ -152,17 +153,17 @@ fn lost(what: &str, link: &Link, dut: &Dut) -> String {
     format!("{what}{silence}; resets, one of all nodes included, did not help{lss}")
 }
 
-/// What keeps a device from being ready for a case.
+/// The reason why a device is not ready for a case.
 enum Unrest {
     /// It does not answer.
     Silent(String),
-    /// What it answers belongs to another request, or to none.
+    /// Its answer belongs to another request, or to none.
     Odd(String),
     /// It shows errors: which, and what 1001h says.
     Errors(String, Result<Vec<u8>, Failure>),
 }
 
-/// What keeps the device from being ready for a case.
+/// Looks for a reason why the device is not ready for a case.
 fn look(
     link: &mut Link,
     policy: &Policy,
@@ -174,7 +175,7 @@ fn look(
         match failure {
             Failure::Timeout => Some(Unrest::Silent(what)),
             Failure::Violation { .. } => Some(Unrest::Odd(what)),
-            // A refusal is an answer in order.
+            // A refusal is a proper answer.
             Failure::Aborted(_) => None,
         }
     };

@@ -1,4 +1,4 @@
-//! The bench as it was before a case, and its way back.
+//! The state of the bench before a case, and its restoration.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -38,7 +38,7 @@ impl BenchSnapshot {
             return Ok(Err(none));
         }
         for name in [Some(name.to_owned()), moved_by(name)].into_iter().flatten() {
-            // What cannot be read is left as the case leaves it.
+            // A stimulus that cannot be read is left as the case leaves it.
             if let Entry::Vacant(slot) = self.before.entry(name)
                 && let Ok(before) = bench(link).and_then(|bench| bench.get(slot.key()))
             {
@@ -71,7 +71,7 @@ impl BenchSnapshot {
         if std::mem::take(&mut self.off) {
             set_back(link, POWER, &Value::Text("on".to_owned()))?;
         }
-        // A device is tested with its supply on, whatever a case found.
+        // A device is tested with its supply on, even if a case found it off.
         self.before.remove(POWER);
         let interface = self.before.remove(INTERFACE);
         interface.map_or(Ok(false), |interface| set_back(link, INTERFACE, &interface))?;

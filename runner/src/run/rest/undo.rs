@@ -1,5 +1,5 @@
-//! What a run changed in the device and has not set back yet; on a real bus also on disk, since a
-//! run that is killed sets nothing back.
+//! Changes of a run in the device that are not set back yet. On a real bus they are also on disk,
+//! since a run that is killed sets nothing back.
 
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
@@ -16,7 +16,7 @@ pub trait KeepChanges: Debug {
     /// Its name, when it holds something.
     fn name_if_written(&self) -> Option<String>;
 
-    /// Says what the device is, which is found out before anything is changed.
+    /// Records the identity of the device, which is found out before anything is changed.
     fn identify(&mut self, identity: Identity);
 
     /// Replaces what it holds. Without objects, there is no log.
@@ -32,7 +32,7 @@ pub trait KeepChanges: Debug {
 pub struct Undo {
     left: RefCell<Snapshot>,
     log: Option<RefCell<Box<dyn KeepChanges>>>,
-    /// Why the log could not be written, which is said once.
+    /// Why the log could not be written, which is reported once.
     failure: RefCell<Option<String>>,
     failed: Cell<bool>,
 }
@@ -43,12 +43,12 @@ impl Undo {
         Self { log: Some(RefCell::new(Box::new(log))), ..Self::default() }
     }
 
-    /// What is not set back.
+    /// The values that are not set back.
     pub fn left(&self) -> BTreeMap<Mux, Vec<u8>> {
         self.left.borrow().values.clone()
     }
 
-    /// What is not set back, in a sentence; `None` when everything is.
+    /// The objects that are not set back, in a sentence; `None` when there are none.
     pub fn said(&self) -> Option<String> {
         let left = self.left();
         let value = |(mux, value): (&Mux, &Vec<u8>)| format!("{mux} (was {})", show_bytes(value));
@@ -69,15 +69,15 @@ impl Undo {
         self.failure.take()
     }
 
-    /// Says what the device is, which is found out before anything is changed.
+    /// Records the identity of the device, which is found out before anything is changed.
     pub(in crate::run) fn identify(&self, identity: Identity) {
         if let Some(log) = &self.log {
             log.borrow_mut().identify(identity);
         }
     }
 
-    /// A case begins that may change what is in the snapshot. What an earlier case left changed is
-    /// set back to the value from before that. Returns whether that took time.
+    /// A case begins that may change the objects in the snapshot. A change left by an earlier case
+    /// is set back to the value from before that case. Returns whether that took time.
     pub(in crate::run) fn begin(&self, snapshot: &mut Snapshot) -> bool {
         let left = self.left.borrow();
         for (mux, value) in &left.values {

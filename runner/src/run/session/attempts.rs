@@ -1,4 +1,4 @@
-//! A case is repeated while the tester is late.
+//! Repeats a case while the tester is late.
 
 use std::time::Duration;
 
@@ -13,13 +13,13 @@ use crate::run::rest::Left;
 use crate::run::steps::Proof;
 use crate::suite::literal::show_time;
 
-/// What came of a case.
+/// The result of a case.
 pub(super) struct Finished {
     /// The verdict and what led to it.
     pub outcome: Outcome,
-    /// What the case means for those that follow.
+    /// The consequence for the next cases.
     pub aftermath: Aftermath,
-    /// What it shows about its assertions, where the observer wants to know.
+    /// The results for its assertions, if the observer asks for them.
     pub shown: Option<Shown>,
 }
 

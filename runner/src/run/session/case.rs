@@ -18,7 +18,7 @@ use crate::run::rest::{
 };
 use crate::run::steps::{Difference, Proof, Steps, bench, promise};
 
-/// What a case means for those that follow.
+/// The consequence of a case for the next ones.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Aftermath {
     /// The device answers.
@@ -29,10 +29,10 @@ pub(super) enum Aftermath {
     Stop(BusError),
 }
 
-/// What the cases of a session have in common.
+/// The common part of the cases of a session.
 #[derive(Clone, Copy)]
 pub(super) struct Common<'r> {
-    /// What to wait for and how long.
+    /// The expected times and how long to wait.
     pub policy: &'r Policy,
     /// The device.
     pub dut: &'r Dut,
@@ -40,13 +40,13 @@ pub(super) struct Common<'r> {
     pub baseline: &'r Baseline,
     /// The identifiers that its data sheet gives to TPDOs, SYNC and TIME.
     pub known: &'r [u16],
-    /// What was changed in it.
+    /// The changes in the device.
     pub undo: &'r Undo,
     /// Learns what happens.
     pub observer: &'r dyn Observer,
 }
 
-/// What became of the device before its steps.
+/// The state of the device before the steps.
 enum Ready {
     /// It is at rest, and these are the values of what the case may change.
     With(Snapshot),
@@ -62,7 +62,7 @@ pub(super) struct CaseRun<'r, 'b> {
     pub bench_snapshot: BenchSnapshot,
     /// How late the tester was, when that may be the reason of the outcome.
     pub late: Option<Duration>,
-    /// What the run shows about the assertions, where the observer wants to know.
+    /// The results for the assertions, if the observer asks for them.
     pub proof: Option<Proof>,
 }
 
@@ -99,7 +99,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         };
         let bench_alone = !self.bench_snapshot.any();
         let still = bench_alone && is_still(self.link, dut, 0);
-        // A bus that failed may still carry what leaves the device as it was found.
+        // A failed bus may still carry the frames that leave the device as it was found.
         let passed = match &outcome {
             Outcome::Blocked(_) => false,
             Outcome::Lenient(_) => true,
@@ -209,7 +209,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             other => other,
         };
         observer.steps_over();
-        // Whatever ended the steps, what they set up is undone.
+        // The setup is undone, regardless of how the steps ended.
         steps.link.clean(true);
         let undone = run_phase(&mut steps, &case.finally, Phase::Finally, &mut result, &Unobserved);
         if !matches!(result.outcome, Outcome::Pass | Outcome::Skip(_)) {
@@ -239,7 +239,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
         self.proof.iter_mut().for_each(Proof::spoil);
         result.fail(Phase::Monitor, last, difference);
-        // A device on the same host is delayed as much.
+        // A device on the same host is delayed equally.
         let noticed = self.link.lateness().noticed;
         let late = (noticed > self.common.policy.bears(Duration::ZERO)).then_some(noticed);
         result.late = result.late.max(late);
@@ -264,7 +264,8 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         if of_profile { self.common.policy.patience } else { 1 }
     }
 
-    /// An option that the device may lack, which only its user knows: how to say so.
+    /// If the case is about an option that the device may lack, adds how to declare it: only the
+    /// user knows.
     fn with_way_out(&self, mut outcome: Outcome) -> Outcome {
         if let Outcome::Fail(problem) = &mut outcome {
             problem.notes.extend(self.instance.options().map(|option| {
@@ -286,7 +287,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             other => format!("the bus failed: {other}"),
         };
         let aftermath = match failure {
-            // What ended was started again.
+            // A program that ended was started again.
             BusError::Ended(_) => Aftermath::Left(Left::Dirty),
             failure => Aftermath::Stop(failure),
         };

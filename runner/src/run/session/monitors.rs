@@ -1,4 +1,4 @@
-//! What holds in each case, whatever its steps are.
+//! Rules that hold in each case, regardless of its steps.
 
 use canopen::monitor::{self, Breach, Seen};
 use canopen::pdo::CobId;

@@ -1,4 +1,4 @@
-//! The outcome of a case as it takes shape.
+//! The outcome of a case while it runs.
 
 use std::time::Duration;
 
@@ -16,7 +16,7 @@ pub(super) struct CaseOutcome<'r> {
     pub outcome: Outcome,
     /// The first requirement without which the case says nothing.
     pub relies_on: Option<&'r str>,
-    /// What the device refused, as it may, so that the rest of the steps was left out.
+    /// A permitted refusal of the device, because of which the remaining steps were left out.
     pub declined: Option<String>,
     /// How late the tester was, when that may be the reason of the outcome.
     pub late: Option<Duration>,
@@ -82,7 +82,7 @@ impl CaseOutcome<'_> {
     }
 }
 
-/// What else is wrong, as far as anybody reads.
+/// Adds a further problem, up to the number that a reader will look at.
 fn note(notes: &mut Vec<String>, text: String) {
     const MOST: usize = 100;
     match notes.len() {

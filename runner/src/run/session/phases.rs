@@ -1,4 +1,4 @@
-//! The phases of a case: lists of steps, and what becomes of one that does not succeed.
+//! The phases of a case: lists of steps, and the consequence of a step that does not succeed.
 
 use canopen::sdo::Response;
 use canopen::{Abort, BusError};
@@ -48,7 +48,7 @@ pub(super) fn run_phase<'s>(
             Ok(None) => {}
             Ok(Some(difference)) => result.lenient(phase, step.place, difference),
             Err(Trouble::Unjudged(why)) => {
-                // What else is set back in the end does not depend on it.
+                // Other objects that are set back in the end do not depend on it.
                 result.withheld(why);
                 if phase != Phase::Finally {
                     return Ok(false);
@@ -96,8 +96,8 @@ fn promised(steps: &mut Steps, step: &Step) -> Judgement {
     }
 }
 
-/// What the application prevents now by local control or its state, as CiA 301 lets it, before
-/// anything was judged.
+/// The application's reason to refuse now, by local control or its state, as CiA 301 permits,
+/// before anything was judged.
 fn prevented(difference: &Difference) -> Option<String> {
     let answer = difference.raw.as_ref()?;
     match Response::decode(&answer.data) {

@@ -1,4 +1,5 @@
-//! What cases rely on: in which order they run, and what is known to be broken.
+//! Reliance of cases on each other: the order in which they run, and the requirements known to be
+//! broken.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -47,7 +48,7 @@ impl<'p> Reliance<'p> {
         Some(format!("{id} {why}"))
     }
 
-    /// Takes what came of a case into account.
+    /// Takes the result of a case into account.
     pub(super) fn learn(&mut self, instance: &'p Instance, outcome: &Outcome) {
         if !self.proves(instance) {
             return;

@@ -33,7 +33,7 @@ impl<'s> Starts<'s> {
         started
     }
 
-    /// What is the same for every instance.
+    /// The common part of all instances.
     fn of_case(&self, instance: &Instance) -> CaseStarted {
         let case = instance.case();
         let checks = case.checks.iter().filter_map(|id| {

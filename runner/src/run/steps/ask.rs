@@ -1,4 +1,4 @@
-//! The step that asks: a request and its answer, again and again.
+//! The step that polls: a request and its answer, again and again.
 
 use std::time::Duration;
 

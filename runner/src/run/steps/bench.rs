@@ -1,4 +1,4 @@
-//! The steps on the physical side, and how it is found again after a case.
+//! The steps on the physical side, and its state after a case.
 
 use std::time::Duration;
 
@@ -69,7 +69,8 @@ fn failed(error: BenchError) -> Trouble {
     Trouble::Impossible(error.0)
 }
 
-/// Sets the device up for what the bench does in this case. Why it does not take that, if so.
+/// Sets the device up for the bench actions of this case. Returns why the device does not accept
+/// that, if so.
 ///
 /// # Errors
 /// Whatever the bus reports.
@@ -104,7 +105,7 @@ fn worded(name: &str, value: Value) -> Value {
     }
 }
 
-/// What of it is not as wanted.
+/// The observations that are not as wanted.
 fn misfits(
     seen: &Value,
     [value, min, max]: &[Option<Value>; 3],

@@ -1,4 +1,4 @@
-//! Differences between what was expected and what came.
+//! Differences between the expected and the actual behaviour.
 
 use std::cmp::Ordering;
 
@@ -14,12 +14,12 @@ use crate::suite::constraint::{Allowance, Constraint};
 use crate::suite::literal::ObjectRef;
 use crate::suite::refusal::Refusal;
 
-/// What was expected, and what came instead.
+/// The expected and the actual behaviour.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::run) struct Difference {
-    /// What a conformant device does.
+    /// The behaviour of a conformant device.
     pub expected: String,
-    /// What this one did.
+    /// The actual behaviour of this device.
     pub actual: String,
     /// The frame in question.
     pub raw: Option<Frame>,
@@ -50,12 +50,12 @@ pub(in crate::run) enum Trouble {
     Unjudged(String),
     /// The bus failed.
     Bus(BusError),
-    /// The device refused, as it may, so that there is nothing left to judge: what it refused.
+    /// The device made a permitted refusal, so that nothing is left to judge: what it refused.
     Declined(String),
 }
 
 impl Trouble {
-    /// What the device did otherwise than expected.
+    /// The device's difference from the expected behaviour.
     pub(in crate::run) const fn of_device(&self) -> Option<&Difference> {
         match self {
             Self::Device(difference) => Some(difference),
@@ -76,17 +76,17 @@ impl From<BusError> for Trouble {
 /// How a step succeeded: as a conformant device does, or in a way that is accepted, too.
 pub(in crate::run) type Judgement = Result<Option<Difference>, Trouble>;
 
-/// How the end of a transfer fits a refusal that was to be.
+/// How the end of a transfer fits the expected refusal.
 pub(super) enum Answer {
     /// As demanded.
     Demanded,
     /// In a way that is accepted, too.
     Allowed(Allowance, Difference),
-    /// Otherwise: what of the demand it breaks, the whole when that is nothing.
+    /// Otherwise: the broken parts of the demand; none means the whole demand.
     Wrong(Vec<Constraint>, Difference),
 }
 
-/// Judges the end of a transfer that was to be refused.
+/// Judges the end of a transfer that must be refused.
 pub(super) fn refusal(
     result: &Result<Vec<u8>, Failure>,
     refusal: &Refusal,
@@ -136,12 +136,12 @@ pub(super) fn show(entry: Option<&Entry>, bytes: &[u8]) -> String {
 /// More bytes than a person compares.
 const LONG: usize = 64;
 
-/// What a value must be, in bytes of the entry's type.
+/// The required value, in bytes of the entry's type.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Condition<'w> {
     /// The value.
     pub value: Option<Vec<u8>>,
-    /// What is accepted instead of it.
+    /// The values accepted instead of it.
     pub tolerated: Vec<Vec<u8>>,
     /// The bits of it that count.
     pub mask: Option<Vec<u8>>,
@@ -151,9 +151,9 @@ pub(super) struct Condition<'w> {
     pub max: Option<Vec<u8>>,
     /// The length in bytes.
     pub length: Option<usize>,
-    /// It is readable ASCII, one character at least and so many at most.
+    /// It is readable ASCII, with at least one character and at most this many.
     pub characters: Option<usize>,
-    /// What the suite calls its values, and the object as the step has it.
+    /// The suite's words for its values, and the object as the step has it.
     pub words: Option<(&'w Words, &'w ObjectRef)>,
 }
 
@@ -164,13 +164,13 @@ pub(super) enum Judged {
     Right,
     /// The value in that place of those that are tolerated, counted from 1.
     Tolerated(usize, Difference),
-    /// Otherwise: what of the condition it breaks, and the first difference. Nothing when it has
-    /// not even the length of its type.
+    /// Otherwise: the broken parts of the condition, and the first difference. No parts when the
+    /// value does not even have the length of its type.
     Wrong(Vec<Constraint>, Difference),
 }
 
 impl Condition<'_> {
-    /// A value for people: `greater (2)` where the suite has a word for it.
+    /// A value for people: `greater (2)` if the suite has a word for it.
     fn show(&self, entry: Option<&Entry>, bytes: &[u8]) -> String {
         let number = || entry?.data_type.decode(bytes).ok()?.as_int();
         let worded = self.words.and_then(|(words, object)| {
@@ -210,7 +210,7 @@ impl Condition<'_> {
             let lengths = (format!("{length} bytes"), format!("{} bytes", got.len()));
             wrong.push((Constraint::Length, Difference::new(lengths.0, lengths.1)));
         }
-        // Where the step demands a length, that of the type is not judged as well.
+        // Where the step demands a length, the length of the type is not judged.
         if let Some(size) = entry.and_then(|entry| entry.data_type.size())
             && size != got.len()
             && self.length.is_none()
@@ -218,7 +218,7 @@ impl Condition<'_> {
             let data_type = entry.map_or(DataType::DOMAIN, |entry| entry.data_type);
             return Judged::Wrong(Vec::new(), differs(format!("{size} bytes of {data_type}")));
         }
-        // Of another length than demanded, it may still be the same value.
+        // With another length than demanded, it may still be the same value.
         let mut sized = got.to_vec();
         if !wrong.is_empty()
             && let Some(length) = self.length

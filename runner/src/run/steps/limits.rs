@@ -11,7 +11,7 @@ use crate::suite::step::Bounds;
 
 type Span = (Duration, Duration);
 
-/// What a time must be, with what the bus may add to it.
+/// The limits of a time, with the allowance for the bus.
 #[derive(Clone, Debug)]
 pub(super) struct Limits {
     strict: Span,
@@ -51,7 +51,7 @@ impl Limits {
         self.lenient.unwrap_or(self.strict)
     }
 
-    /// What is wrong with a time outside the strict limits.
+    /// The difference of a time outside the strict limits.
     pub(super) fn difference(&self, value: Duration, what: &str) -> Option<Difference> {
         let (low, high) = self.strict;
         let lies_within = (low..=high).contains(&value);

@@ -12,7 +12,7 @@ use crate::suite::constraint::{Constraint, PARTS};
 use crate::suite::literal::show_time;
 use crate::suite::step::{FastscanStep, LssStep};
 
-/// How long a question waits that a slave in order does not answer.
+/// How long to wait for the answer to a request that a slave in order does not answer.
 const DEFAULT_SLOT: Duration = Duration::from_millis(10);
 /// How long one waits that it does: a busy host must not look like a silent slave.
 const PATIENCE: Duration = Duration::from_millis(200);

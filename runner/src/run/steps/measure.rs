@@ -53,7 +53,7 @@ impl Steps<'_, '_> {
             let what = format!("time from {} to {}", asked.id, pattern.id());
             latencies = (what, self.latencies(&asked, start, &stamps));
         }
-        // What is limited, how it is called, what was taken, and what of that is judged.
+        // The limit, its name, the measured values, and those of them that are judged.
         let table = [
             (each, Time::Interval, what.clone(), &intervals, &intervals),
             (average, Time::Mean, format!("mean {what}"), &intervals, &mean),

@@ -22,7 +22,7 @@ use crate::suite::step::{Read, Remap, Until, Write};
 /// COB-ID EMCY.
 const EMCY_ID: Mux = Mux::new(0x1014, 0);
 const DEFAULT_POLL: Duration = Duration::from_millis(20);
-/// Of a longer value to be written, a difference shows the first bytes: so many.
+/// Of a longer value to write, a difference shows this many bytes.
 const LONGEST_SHOWN: usize = 64;
 
 impl Steps<'_, '_> {
@@ -156,7 +156,7 @@ impl Steps<'_, '_> {
 
     pub(super) fn remap(&mut self, remap: &Remap) -> Judgement {
         let count = self.mux(&remap.pdo)?;
-        // The mapping of a PDO stands 200h above its communication parameter.
+        // The mapping parameter of a PDO is 200h above its communication parameter.
         let cob_id = Mux::new(count.index & !0x0200, 1);
         let mut words = Vec::new();
         for object in &remap.objects {
@@ -246,7 +246,7 @@ impl Steps<'_, '_> {
         loop {
             let mut ended = sdo::upload(self.link, self.policy, self.dut.node, mux)?;
             trim_unsized(&mut ended, entry.as_ref());
-            // What is tolerated may be on its way to what is expected: it counts at the end.
+            // A tolerated value may still change to the expected one: it counts at the end.
             let judged = match ended.result {
                 Ok(data) => condition.judge(entry.as_ref(), &data),
                 Err(failure) => {
@@ -279,7 +279,7 @@ impl Steps<'_, '_> {
                     }
                 };
             }
-            // What takes long is looked at less often, where the suite does not say how often.
+            // The longer the wait, the rarer the poll, unless the suite gives an interval.
             let waited = self.link.mark().since(start);
             let seldom = if until.every.is_none() { waited / 8 } else { Duration::ZERO };
             let next = self.link.mark() + every.max(seldom);
@@ -287,7 +287,7 @@ impl Steps<'_, '_> {
         }
     }
 
-    /// Judges the end of a transfer that was to be refused.
+    /// Judges the end of a transfer that must be refused.
     fn refused(&mut self, ended: &Ended, expected: &Refusal) -> Judgement {
         match refusal(&ended.result, expected, ended.raw) {
             Answer::Demanded => Ok(None),

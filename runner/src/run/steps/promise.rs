@@ -1,4 +1,4 @@
-//! The data sheet in a finding: the line that promised what the device does not keep, and the
+//! The data sheet in a finding: the line with the promise that the device does not keep, and the
 //! steps that are about the data sheet alone.
 
 use canopen::eds::{CODES, Diagnostic, Object};
@@ -75,7 +75,7 @@ fn claim(
     }
 }
 
-/// What an answer says of the entry: that there is none, or which key it contradicts.
+/// The answer's statement about the entry: that it does not exist, or which key it contradicts.
 fn answered(raw: Option<Frame>, mux: Mux, dut: &Dut) -> Option<Option<&'static str>> {
     match Response::decode(&raw?.data).ok()? {
         Response::Abort(of, Abort::NO_OBJECT | Abort::NO_SUB_INDEX) if of == mux => Some(None),

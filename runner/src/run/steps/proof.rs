@@ -1,6 +1,6 @@
-//! What a run shows about the assertions of a case, for `harness qualify`.
+//! Proofs of the assertions of a case by a run, for `harness qualify`.
 //!
-//! Where the device breaks a constraint, the steps go on as if the constraint were not there. When
+//! Where the device breaks a constraint, the steps continue as if the constraint did not exist. If
 //! nothing else is wrong, the verdict rests on that constraint alone: without it, the case would
 //! have passed, and so it is proved.
 
@@ -23,19 +23,19 @@ pub(in crate::run) struct Proof {
     broken: Option<Broken>,
     /// Something else is wrong, too.
     spoilt: bool,
-    /// What does not count.
+    /// The part that does not count.
     open: Option<(usize, Option<Constraint>)>,
     allowed: BTreeSet<(usize, Allowance)>,
 }
 
-/// What the device did wrong first.
+/// The device's first mistake.
 #[derive(Debug)]
 struct Broken {
     step: usize,
     constraints: BTreeSet<Constraint>,
     /// It broke the step in a way that no constraint is about.
     whole: bool,
-    /// What is reported, until it is.
+    /// The difference, until it is reported.
     difference: Option<Difference>,
 }
 
@@ -90,7 +90,7 @@ impl Proof {
         self.step.is_some_and(|step| broken.is_none_or(|broken| broken == step))
     }
 
-    /// What the run shows in the end.
+    /// The result at the end of the run.
     pub(in crate::run) fn end(self) -> Shown {
         let Self { broken, spoilt, allowed, .. } = self;
         let Some(broken) = broken else { return Shown { allowed, ..Shown::default() } };
@@ -161,8 +161,8 @@ impl Steps<'_, '_> {
         Ok(if another { Vec::new() } else { misfits })
     }
 
-    /// The fewest parts of the pattern without which so many frames would have fitted that came
-    /// after `start` and until `until`.
+    /// The fewest parts of the pattern without which enough of the frames from `start` to `until`
+    /// would have fitted.
     pub(super) fn nearly(
         &self,
         text: &At<FrameText>,

@@ -26,7 +26,7 @@ pub(in crate::run) struct Steps<'s, 'b> {
     pub link: &'s mut Link<'b>,
     /// The device.
     pub dut: &'s Dut,
-    /// What to wait for and how long.
+    /// The expected times and how long to wait.
     pub policy: &'s Policy,
     /// The profiles.
     pub catalogue: &'s Catalogue,
@@ -34,11 +34,11 @@ pub(in crate::run) struct Steps<'s, 'b> {
     pub scope: Scope,
     /// How many times as long as it says a step waits for the application of the device.
     pub patience: u32,
-    /// What was done to the device's physical side.
+    /// The stimuli on the device's physical side.
     pub bench_snapshot: &'s mut BenchSnapshot,
-    /// What the run shows about the assertions, where somebody wants to know.
+    /// The results for the assertions, if an observer asks for them.
     pub proof: Option<Proof>,
-    /// What the suite calls objects and values.
+    /// The suite's words for objects and values.
     pub words: &'s Words,
     /// The steps that began and are not reported.
     pub begun: Vec<(Instant, Phase, &'s At<Step>)>,
@@ -117,7 +117,8 @@ impl Steps<'_, '_> {
     fn reply(&mut self, reply: &Reply) -> Judgement {
         let strict = self.pattern(&reply.frame)?;
         let within = self.optional_time(&reply.within, DEFAULT_REPLY)? + self.policy.slow_wire;
-        let until = self.link.mark() + within;
+        let start = self.link.mark();
+        let until = start + within;
         let id = strict.id();
         let answer = self.link.find_answer(until, |seen| !seen.own && seen.frame.id == id)?;
         let Some(answer) = answer else {
@@ -129,7 +130,17 @@ impl Steps<'_, '_> {
             return self.broken(&[], Difference::new(strict.to_string(), actual));
         };
         self.may_decline(&strict, &reply.or_else, &answer)?;
-        self.accept(&reply.frame, &reply.lenient, &answer)
+        let accepted = self.accept(&reply.frame, &reply.lenient, &answer);
+        match accepted {
+            Err(Trouble::Device(mut difference)) => {
+                if let Some(elsewhere) = self.elsewhere(&strict, start) {
+                    let frame = elsewhere.frame;
+                    difference.actual += &format!("; the expected data came as {frame}");
+                }
+                Err(Trouble::Device(difference))
+            }
+            other => other,
+        }
     }
 
     /// Ends the steps when the answer is one that a device may give instead.
@@ -186,7 +197,7 @@ impl Steps<'_, '_> {
         let fits = |seen: &Stamped| {
             !seen.own && patterns.iter().any(|pattern| pattern.matches(&seen.frame))
         };
-        // A device may do what it was told before it says so.
+        // A device may act on a command before it confirms it.
         let at_once = expect.during.is_none() && expect.after.is_none();
         let beside = if at_once { self.link.find_beside(fits) } else { None };
         self.stimulate(expect.during.as_ref())?;
@@ -235,7 +246,7 @@ impl Steps<'_, '_> {
         self.accept(&expect.frame, &expect.lenient, &got)
     }
 
-    /// What came on the identifier instead, if anything did.
+    /// The difference, with the frame that came on the identifier instead, if there was one.
     fn missing(&self, strict: &Pattern, start: Instant, within: Duration) -> Difference {
         let id = strict.id();
         let others = self
@@ -249,7 +260,7 @@ impl Steps<'_, '_> {
         let mut nothing = format!("no matching frame within {}", show_time(within));
         if let Some(elsewhere) = self.elsewhere(strict, start) {
             let frame = elsewhere.frame;
-            nothing = format!("{nothing}, but its data on another identifier, as {frame}");
+            nothing = format!("{nothing}; the expected data came as {frame}");
         }
         let Some(last) = last else { return Difference::new(strict.to_string(), nothing) };
         let meaning = canopen::meaning(&last);
@@ -280,7 +291,7 @@ impl Steps<'_, '_> {
         let until = self.link.mark() + time;
         self.link_rewind(never.during.is_some(), start);
         let mut lenient = None;
-        // What was on its way on a slow wire comes all the same.
+        // A frame that was under way on a slow wire still arrives.
         let from = start + self.policy.slow_wire;
         let fits = |seen: &Stamped| {
             !seen.own && (from == start || seen.at > from) && pattern.matches(&seen.frame)
@@ -333,7 +344,7 @@ impl Steps<'_, '_> {
     }
 
     fn repeat(&mut self, frame: &Frame, count: usize, every: Duration) -> Result<(), Trouble> {
-        /// So many take a quarter of an hour where the wire is idle between none of them.
+        /// This many frames take a quarter of an hour even if the wire is never idle.
         const MOST: usize = 1_000_000;
         if count > MOST {
             let text = format!("a step may send {MOST} frames, and this one sends {count}");
@@ -344,7 +355,7 @@ impl Steps<'_, '_> {
             if place > 0 {
                 self.link.wait(next)?;
             }
-            // The wire may be slower than frames are meant to follow each other.
+            // The wire may be too slow for the demanded distance between frames.
             let meant = next.max(self.link.mark());
             self.link.send_at(frame, meant, self.policy.bears(every))?;
             next += every;
@@ -372,7 +383,7 @@ impl Steps<'_, '_> {
         failed: Option<&Difference>,
     ) -> Option<Duration> {
         let Lateness { missed, overslept, noticed, .. } = self.link.lateness();
-        // A pause that was longer is no reason why a device kept silent.
+        // A longer pause is no reason for a device to stay silent.
         let late = if failed.is_some() { missed.max(overslept) } else { missed };
         if late > Duration::ZERO && (failed.is_some() || matches!(step, Step::Never(_))) {
             return Some(late);
@@ -428,7 +439,7 @@ impl Steps<'_, '_> {
     }
 
     pub(super) fn frame(&self, text: &At<FrameText>) -> Result<Frame, Trouble> {
-        // What the tester sends is not judged.
+        // The tester's own frames are not judged.
         let pattern =
             self.scope.pattern(&text.value, self.dut.node).map_err(Trouble::Impossible)?;
         pattern

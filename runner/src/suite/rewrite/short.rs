@@ -9,7 +9,7 @@ use crate::source::{At, Tree};
 use crate::suite::expand::OF_OBJECTS;
 use crate::suite::words::{Counted, Words};
 
-/// A step as it is to be written.
+/// A step in the new notation.
 pub(super) struct Short<'t> {
     /// Which step.
     pub key: &'t str,
@@ -19,7 +19,7 @@ pub(super) struct Short<'t> {
     pub shared: Vec<String>,
     /// It is written in the first edition of the notation.
     pub is_of_one_object: bool,
-    /// What is new about it, but for the steps.
+    /// The changes, except for the steps.
     pub changes: Changes,
 }
 
@@ -141,7 +141,8 @@ impl Shortener<'_> {
         Some(Entry { name, key, value })
     }
 
-    /// The word for an object, or its address, the same as it is written, and what its numbers are.
+    /// The word for an object, or its address, the same as it is written, and the kind of its
+    /// numbers.
     fn named(
         &self,
         of: &OfObjects,
@@ -222,7 +223,7 @@ struct Numbers<'s> {
 }
 
 impl Numbers<'_> {
-    /// What stands behind the object.
+    /// The value after the object.
     fn value(&self, step: &str, own: &[(&str, &Tree)], changes: &mut Changes) -> Option<String> {
         let get = |name: &str| own.iter().find(|(key, _)| *key == name).map(|(_, value)| *value);
         if own.is_empty() {
@@ -320,7 +321,7 @@ impl Numbers<'_> {
                 Some(format!("{value} tolerating +/- {}", scale.show(spread)?))
             }
             Some(_) => None,
-            // A word has none around it.
+            // A word has no values around it.
             None => Some(format!("{} tolerating +/- {spread}", self.text.copied(value)?)),
         }
     }

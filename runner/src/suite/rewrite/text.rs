@@ -1,4 +1,4 @@
-//! The text of a file, and where the values of its tree stand in it.
+//! The text of a file, and the places of the values of its tree.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -27,7 +27,7 @@ pub(super) struct Item<'t> {
     pub indent: usize,
     /// A comment behind it.
     pub comment: Option<&'t str>,
-    /// Nothing but the step and that comment stands in its lines.
+    /// Only the step and that comment are on its lines.
     pub is_whole: bool,
 }
 
@@ -60,7 +60,7 @@ impl<'s> Text<'s> {
         edited
     }
 
-    /// What stands there, with plain ends of lines.
+    /// The text in this range, with plain line ends.
     pub(super) fn slice(&self, bytes: &Range<usize>) -> String {
         self.text[bytes.clone()].replace("\r\n", "\n")
     }
@@ -84,7 +84,7 @@ impl<'s> Text<'s> {
         let length = match rest.chars().next()? {
             quote @ ('"' | '\'') => {
                 let inside = rest[1..].find(quote)?;
-                // What is escaped is not understood.
+                // Escaped text is not understood.
                 (rest[1..].starts_with(text) && inside == text.len()).then_some(inside + 2)?
             }
             _ => {

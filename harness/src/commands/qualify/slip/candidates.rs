@@ -1,5 +1,5 @@
-//! Which slips may break, or make use of, a part of a step: found from what was heard while a
-//! device in order went through the case.
+//! The slips that may break, or make use of, a part of a step. They are found from the frames heard
+//! while a device without deviation went through the case.
 
 use canopen::Instant;
 use canopen::eds::Eds;
@@ -10,7 +10,7 @@ use super::model::{Change, Fate, Slip};
 use super::scene::{Heard, Moment, Scene};
 use super::{frames, objects, times, values};
 
-/// What may break the step, or this part of it, those first that do so most likely.
+/// The slips that may break the step, or this part of it, the likeliest first.
 pub(crate) fn candidates(
     step: &Step,
     constraint: Option<&Constraint>,
@@ -22,7 +22,7 @@ pub(crate) fn candidates(
     constraint.map_or_else(|| of_whole(&scene), |constraint| of_part(&scene, constraint))
 }
 
-/// What may break this part of the step.
+/// The slips that may break this part of the step.
 fn of_part(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
     match scene.step {
         Step::Reply(_)
@@ -54,7 +54,8 @@ fn of_part(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
     }
 }
 
-/// How a device goes on where one in order ended the steps by what it may refuse.
+/// The slip with which a device continues where one without deviation ended the steps by a
+/// permitted refusal.
 pub(crate) fn not_declining(
     step: &Step,
     (moment, begin): (&Moment, Instant),
@@ -64,7 +65,7 @@ pub(crate) fn not_declining(
     objects::not_declining(&Scene { step, moment, begin, all, node, eds })
 }
 
-/// What may break the step as a whole.
+/// The slips that may break the step as a whole.
 fn of_whole(scene: &Scene) -> Vec<Slip> {
     if let Step::Never(never) = scene.step {
         return frames::coming(scene, &never.frame);

@@ -1,9 +1,9 @@
-//! What a frame becomes.
+//! Edits of a frame.
 
 use canopen::sdo::Request;
 use canopen::{Data, Frame, Mux};
 
-/// What a frame becomes.
+/// The new content of a frame.
 #[derive(Clone, Debug)]
 pub(super) enum Edit {
     /// This one.
@@ -142,7 +142,7 @@ fn expedited(bytes: &mut [u8]) -> Option<&mut [u8]> {
     bytes.get_mut(4..).filter(|_| is_expedited)
 }
 
-/// What a server answers that takes everything.
+/// The answer of a server that accepts everything.
 fn confirmation(request: &[u8]) -> Data {
     let mux = [1, 2, 3].map(|place| request.get(place).copied().unwrap_or(0));
     let [low, high, sub] = mux;
@@ -158,7 +158,7 @@ fn confirmation(request: &[u8]) -> Data {
     }
 }
 
-/// The object that a request is about, as far as it says so.
+/// The object of a request, if the request names one.
 fn mux_of(request: &[u8]) -> Option<Mux> {
     match Request::decode(request).ok()? {
         Request::Upload(mux) | Request::Download(mux, _) | Request::Abort(mux, _) => Some(mux),

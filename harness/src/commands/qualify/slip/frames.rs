@@ -54,7 +54,7 @@ pub(super) fn taken<'s>(scene: &'s Scene) -> Vec<&'s Heard> {
     }
 }
 
-/// What breaks a part of the frame, its length or how many come.
+/// The slips that break a part of the frame, its length, or the number of frames.
 pub(super) fn breaking(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
     let taken = taken(scene);
     let Some(&first) = taken.first() else { return coming_instead(scene, constraint) };
@@ -138,7 +138,7 @@ fn bytes<'s>(
     })
 }
 
-/// A frame that comes of its own accord while the step runs.
+/// An unrequested frame while the step runs.
 pub(super) fn coming(scene: &Scene, text: &At<FrameText>) -> Vec<Slip> {
     let Some(pattern) = scene.pattern(text) else { return Vec::new() };
     let moment = scene.moment;
@@ -164,7 +164,7 @@ fn blanks() -> impl Iterator<Item = Frame> {
     (0..=8).rev().map(|length| Frame::new(0, canopen::Data::new(&[0; 8][..length])))
 }
 
-/// What makes use of something that the step accepts, too.
+/// The slips that use an allowance of the step.
 pub(super) fn taking(scene: &Scene, allowance: Allowance) -> Vec<Slip> {
     let Some(texts) = Texts::of(scene.step) else { return Vec::new() };
     match allowance {

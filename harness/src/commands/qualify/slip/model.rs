@@ -1,4 +1,4 @@
-//! What goes wrong, and what becomes of frames then.
+//! What goes wrong, and how that changes the frames.
 
 use std::time::Duration;
 
@@ -8,21 +8,21 @@ use super::edits::Edit;
 use super::scene::Heard;
 use super::values::Odd;
 
-/// What goes wrong, and with which frames.
+/// A slip: what goes wrong, and with which frames.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Slip {
-    /// What such firmware does, for people.
+    /// A description of such firmware, for people.
     pub what: String,
     pub(super) changes: Vec<Change>,
-    /// Frames that come of their own accord, so long after the steps began.
+    /// Unrequested frames, each with its time after the steps began.
     pub(super) unasked: Vec<(Duration, Frame)>,
-    /// What is seen on the physical side instead, while this step runs.
+    /// The wrong observation on the physical side instead, while this step runs.
     pub(super) observed: Option<(usize, Odd)>,
     /// The step after which the answers are those of a device that did not slip.
     pub(super) healed: Option<usize>,
 }
 
-/// What happens to frames of one identifier.
+/// A change to frames of one identifier.
 #[derive(Clone, Debug)]
 pub(super) struct Change {
     pub(super) id: Id,
@@ -33,7 +33,7 @@ pub(super) struct Change {
     pub(super) fate: Fate,
 }
 
-/// What happens to a frame.
+/// A change to one frame.
 #[derive(Clone, Debug)]
 pub(super) enum Fate {
     /// It is not sent.
@@ -51,7 +51,7 @@ impl Slip {
         Self { what: what.into(), ..Self::default() }
     }
 
-    /// The same, while the steps after this one see answers of a device in order.
+    /// The same slip, but steps after this one see answers of a device without deviation.
     pub(crate) fn healed_after(self, step: usize) -> Self {
         Self { healed: Some(step), ..self }
     }

@@ -28,7 +28,7 @@ const CODES: [u32; 9] = [
     0x0800_0022,
 ];
 
-/// What breaks a part of a step about objects, or makes use of what it accepts, too.
+/// The slips that break a part of a step about objects, or use one of its allowances.
 pub(super) fn candidates(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
     match constraint {
         Constraint::Refused => taken(scene),
@@ -43,7 +43,7 @@ pub(super) fn candidates(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
     }
 }
 
-/// What the step must be refused with.
+/// The refusal that the step requires.
 fn refusal(step: &Step) -> Option<&Refusal> {
     match step {
         Step::Read(read) => read.refused.as_deref().map(|refusal| &refusal.value),
@@ -92,7 +92,7 @@ fn with_code(aborted: &Heard, code: u32) -> Slip {
     Slip::new(format!("refuses with {code:08X}h")).with(Change::once(aborted, edit))
 }
 
-/// What is to be given is refused.
+/// The slip that refuses a transfer of a step about objects.
 pub(super) fn refusing(scene: &Scene) -> Vec<Slip> {
     let about_objects = matches!(
         scene.step,
@@ -239,8 +239,8 @@ impl Scene<'_> {
     }
 }
 
-/// Another value of the same length. What breaks a bound most likely comes first: the values in the
-/// neighbourhood lie within most bounds.
+/// Another value of the same length. The likeliest to break a bound come first: values nearby lie
+/// within most bounds.
 fn values(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
     let Some(uploaded) = Uploaded::of(scene) else { return Vec::new() };
     let data = &uploaded.data;
@@ -369,7 +369,7 @@ fn in_segments(first: &Heard, data: &[u8]) -> Slip {
     Slip::new("the value comes in segments").with(Change::once(first, with(initiate))).with(next)
 }
 
-/// What makes use of something that the step accepts, too.
+/// The slips that use an allowance of the step.
 fn taking(scene: &Scene, allowance: Allowance) -> Vec<Slip> {
     match (scene.step, allowance) {
         (Step::Read(read), Allowance::Tolerated(place)) => {

@@ -1,4 +1,4 @@
-//! A step of a case on a device in order, and what was heard while it ran.
+//! A step of a case on a device without deviation, and the frames heard while it ran.
 
 use std::time::Duration;
 
@@ -35,7 +35,7 @@ pub(crate) struct Moment {
     pub scope: Scope,
 }
 
-/// A step of a case on a device in order, and what was heard then.
+/// A step of a case on a device without deviation, and the frames heard then.
 pub(super) struct Scene<'s> {
     pub step: &'s Step,
     pub moment: &'s Moment,
@@ -47,13 +47,13 @@ pub(super) struct Scene<'s> {
 }
 
 impl Scene<'_> {
-    /// What came while the step ran.
+    /// The frames that arrived while the step ran.
     pub(super) fn heard(&self) -> impl DoubleEndedIterator<Item = &Heard> {
         let Moment { from, to, .. } = self.moment;
         self.all.iter().filter(move |heard| heard.at > *from && heard.at <= *to)
     }
 
-    /// What the device sent then.
+    /// The frames that the device sent then.
     pub(super) fn sent(&self) -> impl DoubleEndedIterator<Item = &Heard> {
         self.heard().filter(|heard| !heard.own)
     }

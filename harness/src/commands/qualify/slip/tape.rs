@@ -20,7 +20,7 @@ pub(crate) struct SlippingBus {
     tape: Rc<Tape>,
 }
 
-/// What goes wrong in the case that runs, and what was heard in it since its steps began.
+/// The slip in the case that runs, and the frames heard since its steps began.
 #[derive(Default)]
 pub(crate) struct Tape(RefCell<Recording>);
 
@@ -32,7 +32,7 @@ struct Recording {
     step: usize,
     /// How many frames the device sent in the step, by identifier.
     counts: BTreeMap<Id, u32>,
-    /// What is on its way, with the time at which it comes.
+    /// The delayed frames, each with the time at which it arrives.
     under_way: Vec<(Instant, Frame)>,
     heard: Vec<Heard>,
     moments: Vec<Moment>,
@@ -54,8 +54,8 @@ pub(crate) type Answers = BTreeMap<usize, Vec<Frame>>;
 pub(crate) type Part = (usize, Option<Constraint>);
 
 impl Tape {
-    /// Begins a case, with what goes wrong in it, what does not count in it, and how a device in
-    /// order answers.
+    /// Begins a case, with its slip, the part that does not count, and the answers of a device
+    /// without deviation.
     pub(crate) fn begin(
         &self,
         slip: Slip,
@@ -66,7 +66,7 @@ impl Tape {
         *self.0.borrow_mut() = Recording { slip, open, in_order, answers, ..Recording::default() };
     }
 
-    /// What the case shows, what was heard in it, and its steps.
+    /// The results of the case, the frames heard in it, and its steps.
     pub(crate) fn end(&self) -> (Shown, Vec<Heard>, Vec<Moment>) {
         let recording = self.0.take();
         (recording.shown, recording.heard, recording.moments)
@@ -113,7 +113,7 @@ impl Observer for Tape {
 }
 
 impl Recording {
-    /// What becomes of a frame of the bus; `None` when it does not come now.
+    /// Passes a frame of the bus through the slip; `None` when it does not arrive now.
     fn pass(&mut self, stamped: Stamped) -> Option<Stamped> {
         let Some(begin) = self.begin else { return Some(stamped) };
         let Stamped { at, frame, own } = stamped;
@@ -269,7 +269,7 @@ mod tests {
 
     const ID: u16 = 0x185;
 
-    /// What is heard of frames 1, 2 and 3, and when, in milliseconds.
+    /// How frames 1, 2 and 3 are heard, with times in milliseconds.
     fn heard(slip: Slip) -> Vec<(u64, u8)> {
         let frames = [1, 2, 3].map(|byte| Frame::new(ID, [byte])).to_vec();
         let tape = Rc::new(Tape::default());

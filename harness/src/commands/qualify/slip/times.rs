@@ -17,7 +17,7 @@ const PARTS: [f64; 12] = [1.0, 0.5, 0.3, 0.2, 0.15, 0.1, 0.05, 0.03, 0.02, 0.01,
 const LATER_MS: [f64; 14] =
     [600.0, 200.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0, 0.5, 1500.0, 6000.0, 15_000.0, 300.0];
 
-/// What breaks a bound of a time.
+/// The slips that break a bound of a time.
 pub(super) fn candidates(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
     match constraint {
         Constraint::After => early(scene),
@@ -29,7 +29,7 @@ pub(super) fn candidates(scene: &Scene, constraint: &Constraint) -> Vec<Slip> {
     }
 }
 
-/// What makes use of bounds that are accepted, too.
+/// The slips that use accepted bounds.
 pub(super) fn accepted(scene: &Scene, time: Time) -> Vec<Slip> {
     match time {
         Time::Latency => [late(scene), early(scene)].concat(),

@@ -7,7 +7,7 @@ use runner::suite::step::Step;
 use super::model::Slip;
 use super::scene::Scene;
 
-/// How what is seen is wrong.
+/// How an observed value is wrong.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Odd {
     /// Nothing, and where there is nothing, something.
@@ -23,7 +23,7 @@ pub(super) enum Odd {
 }
 
 impl Odd {
-    /// What is seen instead.
+    /// The wrong value that is observed instead.
     pub(super) fn of(self, seen: &Value) -> Value {
         match (self, seen) {
             (Self::Off, Value::Bool(on)) => Value::Bool(!on),
@@ -45,7 +45,8 @@ impl Odd {
     }
 }
 
-/// Another value where the step looks at the physical side, what breaks a bound most likely first.
+/// Another value where the step looks at the physical side. The likeliest to break a bound come
+/// first.
 pub(super) fn observed(scene: &Scene, constraint: Option<&Constraint>) -> Vec<Slip> {
     let Step::Observe(observe) = scene.step else { return Vec::new() };
     let name = &observe.bench.value;

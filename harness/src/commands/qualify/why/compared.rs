@@ -11,7 +11,7 @@ pub(super) struct Difference<'r> {
     pub without: &'r Recorded,
     /// The place of the first frame that differs, which one of them may not have.
     pub place: usize,
-    /// What differs in it.
+    /// The kind of difference.
     pub kind: Kind,
 }
 
@@ -52,8 +52,8 @@ fn apart(with: Option<Duration>, without: Option<Duration>) -> bool {
 }
 
 impl Difference<'_> {
-    /// Whether the frame is only there without the mutant, or only with it; both are there when
-    /// another one came in its place.
+    /// Whether the frame exists only without the mutant, or only with it; both are set if another
+    /// frame came in its place.
     pub(super) fn sides(&self) -> (bool, bool) {
         let (with, without) = (self.with.sent(self.place), self.without.sent(self.place));
         let lost = without.is_some() && self.without.sent(self.place + 1) == with;

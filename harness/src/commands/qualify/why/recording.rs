@@ -1,4 +1,4 @@
-//! Everything that was on the bus of a session, and what ran meanwhile.
+//! All frames of a session, and the phase of each.
 
 use std::cell::RefCell;
 use std::time::Duration;
@@ -14,7 +14,7 @@ use runner::run::{Ending, Observer, Shown};
 
 /// A session from power-on to its end.
 pub(super) struct Recording {
-    /// What was to run.
+    /// The instances to run.
     pub instances: Vec<Instance>,
     /// The frames before the first case, then those of each instance in the order in which they
     /// ran.
@@ -34,10 +34,10 @@ pub(super) struct Recorded {
     pub shown: Shown,
 }
 
-/// What ran when a frame came.
+/// The phase in which a frame arrived.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Moment {
-    /// What settles the device before the setup, or identifies it before the first case.
+    /// Before the setup or the first case, while the device is settled or identified.
     #[default]
     Settling,
     Setup,
@@ -51,7 +51,7 @@ pub(super) enum Moment {
 struct Recorder(RefCell<(Moment, Vec<Recorded>)>);
 
 impl Recording {
-    /// What happens on the device with a deviation while what is wanted runs.
+    /// Records a deviating device while the selected cases run.
     ///
     /// # Errors
     /// When the device cannot be built, or a case contradicts its data sheet.
@@ -85,7 +85,7 @@ impl Recorded {
         self.outcome.as_ref().is_some_and(Outcome::holds_against_device)
     }
 
-    /// The frame at that place: who sent it, and what.
+    /// The frame at that place, and whether the tester sent it.
     pub(super) fn sent(&self, place: usize) -> Option<(bool, Frame)> {
         self.frames.get(place).map(|(_, seen)| (seen.own, seen.frame))
     }

@@ -37,7 +37,7 @@ impl Bench {
         Self { output: Output::default(), settings, load: Load::default(), now: Instant::ZERO }
     }
 
-    /// Lets so many milliseconds go by.
+    /// Advances by the given milliseconds.
     fn after(&mut self, millis: u64, inputs: [Signal; 3]) -> OutputView {
         let elapsed = Duration::from_millis(millis);
         self.now += elapsed;

@@ -1,4 +1,4 @@
-//! The controllers that take what comes from elsewhere otherwise: signals, settings, measurements.
+//! Deviations of the controller in its inputs: signals, settings, measurements.
 
 use super::super::objects::table_of;
 use super::super::signal::Link;
@@ -121,7 +121,7 @@ fn up_to(link: Link, source: u8, last: u8) -> Link {
     if link.source == source && link.number > last { Link::default() } else { link }
 }
 
-/// The place of a block of a kind of which there are only so many.
+/// The place of a block of a kind, wrapped to the number of its blocks.
 fn wrapped(kind: u16, place: usize, of: u16, count: usize) -> usize {
     if kind == of { place % count } else { place }
 }

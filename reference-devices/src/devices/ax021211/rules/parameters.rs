@@ -1,4 +1,4 @@
-//! The controllers that take a parameter for another one.
+//! Deviations of the controller that confuse one parameter with another.
 
 use canopen::Mux;
 

@@ -1,4 +1,4 @@
-//! The controllers that make something else of what they take.
+//! Deviations of the controller in its results.
 
 use canopen::Mux;
 
@@ -178,7 +178,7 @@ deviations! {
     "supply-limits-narrow" => supply_errors: |_, volts| (volts < 20.0, volts > 30.0);
 }
 
-/// A signal in per cent; what is absent is the whole.
+/// A signal in per cent; an absent signal counts as 100.
 fn whole(signal: Signal, limits: (f64, f64)) -> f64 {
     if signal.is_valid() { signal.percent(limits) } else { 100.0 }
 }

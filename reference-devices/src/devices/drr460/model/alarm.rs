@@ -20,7 +20,7 @@ pub(super) struct Settings {
 }
 
 impl Settings {
-    /// Those of an alarm, counted from 0.
+    /// The settings of an alarm; alarms are counted from 0.
     pub(super) fn of(number: usize, parameters: &Parameters) -> Self {
         let get = |offset| parameters.get(parameters.rules.alarm_parameter(number, offset));
         Self {
@@ -41,7 +41,7 @@ impl Settings {
     }
 }
 
-/// What an alarm looks at.
+/// The inputs of an alarm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Sight {
     /// In digits.
@@ -58,11 +58,11 @@ pub(super) struct Sight {
     pub(super) running: bool,
     /// The network asks for the alarm.
     pub(super) remote: bool,
-    /// What 4000h has; `set_point` is in force.
+    /// The value of 4000h; `set_point` is in force.
     pub(super) wanted: i64,
     /// Too little or too much current flows.
     pub(super) current_error: bool,
-    /// What double loop wants of cooling.
+    /// The cooling demand of double loop.
     pub(super) cooling: f64,
 }
 
@@ -80,7 +80,7 @@ pub(super) struct Alarm {
 }
 
 impl Alarm {
-    /// What the alarm wants of its output.
+    /// The alarm's demand for its output.
     pub(super) fn step(&mut self, sight: &Sight, settings: &Settings, rules: &Rules) -> Wanted {
         if settings.kind != self.kind {
             let was_absent = !rules.selection_disarms();
@@ -116,7 +116,7 @@ impl Alarm {
         *self = Self { kind, latched, ..Self::default() };
     }
 
-    /// Time goes by.
+    /// Advances the time.
     pub(super) fn advance(&mut self, elapsed: f64) {
         self.active.advance(elapsed);
     }

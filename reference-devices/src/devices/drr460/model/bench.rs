@@ -7,7 +7,7 @@ use super::switches::Switches;
 use crate::devices::pixsys::sensor::{Connected, Wiring};
 use crate::devices::terminal::{flag, number, said, word};
 
-/// What stands around the device.
+/// The surroundings of the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Surroundings {
     pub(crate) connected: Connected,
@@ -24,7 +24,7 @@ pub(crate) struct Surroundings {
     pub(crate) module: Module,
 }
 
-/// What is wrong with the CAN controller.
+/// The fault of the CAN controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum BusFault {
     #[default]
@@ -102,7 +102,7 @@ impl Surroundings {
         Ok(())
     }
 
-    /// What was set.
+    /// The value that was set.
     pub(crate) fn observe(&self, name: &str) -> Option<Value> {
         Some(match name {
             TEMPERATURE if self.in_process => Value::Text(PROCESS.to_owned()),

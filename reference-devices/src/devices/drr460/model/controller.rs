@@ -82,7 +82,7 @@ impl Settings {
     }
 }
 
-/// What there is to be seen.
+/// The measured values.
 #[derive(Clone, Copy, Debug)]
 struct Measured {
     process: i64,
@@ -127,7 +127,7 @@ struct Cycles {
 }
 
 impl Controller {
-    /// Decides anew; `elapsed` are the seconds since the last decision.
+    /// Decides again; `elapsed` are the seconds since the last decision.
     pub(crate) fn decide(
         &mut self,
         inputs: &Inputs,
@@ -167,7 +167,7 @@ impl Controller {
         Outcome { process, flags, set_point, output, cooling, manual, found, error, offline }
     }
 
-    /// What there is to be seen, whoever has the outputs.
+    /// The measured values, whether controller or master has the outputs.
     fn measure(
         &mut self,
         inputs: &Inputs,
@@ -248,7 +248,7 @@ impl Controller {
         })
     }
 
-    /// So many seconds go by without a decision: cycles and the valve move, and delays run.
+    /// Advances the time without a decision: cycles and the valve move, and delays run.
     pub(crate) fn advance(&mut self, elapsed: f64, settings: &Settings, rules: &Rules) {
         self.cycles.command.advance(elapsed, settings.cycle);
         self.cycles.alarms.advance(elapsed, settings.cooling_cycle);
@@ -272,7 +272,7 @@ impl Controller {
         self.input.is_settled(rules) && !waits && !is_under_way && !watches && !moves
     }
 
-    /// What is at the terminals.
+    /// The states of the terminals.
     pub(crate) const fn terminals(&self) -> Terminals {
         self.terminals
     }
@@ -303,7 +303,7 @@ impl Controller {
         command.into_iter().chain(cooling).reduce(f64::min)
     }
 
-    /// What the outputs do to the load.
+    /// The effect of the outputs on the load.
     pub(crate) fn drive(&self, settings: &Settings) -> Drive {
         let share = |current: f64| {
             let zero = settings.wiring.lowest();
@@ -323,7 +323,7 @@ impl Controller {
         Drive { heating: command, cooling: cooling.map(|(share, _)| *share).fold(0.0, f64::max) }
     }
 
-    /// The device was switched on; what it keeps is given back by its parts.
+    /// The device was switched on; its parts restore the values that it keeps.
     pub(crate) fn restart(&mut self, settings: &Settings, faults: Faults, rules: &Rules) {
         let mut input = std::mem::take(&mut self.input);
         input.restart();
@@ -364,7 +364,7 @@ impl Controller {
         self.soft_start.set_point(wanted, process, &settings.soft_start, rules)
     }
 
-    /// What is wanted of the command, whether the mode is manual, and what a tuning found.
+    /// The demand for the command, whether the mode is manual, and the result of a tuning.
     fn command(
         &mut self,
         inputs: &Inputs,
@@ -391,7 +391,7 @@ impl Controller {
         }
         let (command, found) = if manual {
             self.tuning.abandon();
-            // The network may have written the output; what a broken sensor leaves stays.
+            // The network may have written the output; the output left by a broken sensor stays.
             self.output = if asked { inputs.output } else { self.output };
             self.was_manual = true;
             (Wanted::Share(self.output), None)
@@ -462,13 +462,13 @@ impl Controller {
         }
     }
 
-    /// What 400Ah and 400Bh show.
+    /// The values of 400Ah and 400Bh.
     pub(crate) fn resettable(&self, rules: &Rules) -> (i64, i64) {
         let [first, second] = self.alarms.map(|alarm| i64::from(alarm.resettable(rules)));
         (self.on_off.resettable(rules).into(), first | second << 1)
     }
 
-    /// What 400Eh shows.
+    /// The value of 400Eh.
     pub(crate) const fn tuning(&self, settings: &Settings) -> i64 {
         self.tuning.shown(&settings.tuning)
     }
@@ -494,7 +494,7 @@ impl Controller {
         self.input.latch.command(sub, value, share);
     }
 
-    /// What latch-on learned is forgotten.
+    /// Forgets what latch-on learned.
     pub(crate) fn forget(&mut self) {
         self.input.latch = Latch::default();
     }
@@ -525,7 +525,7 @@ impl Controller {
     }
 }
 
-/// What the command looks at.
+/// The inputs of the command.
 struct Sight {
     process: i64,
     set_point: i64,
@@ -573,7 +573,7 @@ mod tests {
             self.controller.decide(&self.inputs, &self.settings, 0.1, &Rules::plain())
         }
 
-        /// So many tenths of a second on the plant; the last outcome.
+        /// Advances the plant by tenths of a second; returns the last outcome.
         fn tenths(&mut self, tenths: u32) -> Outcome {
             self.on_plant = true;
             let mut outcome = Outcome::default();

@@ -29,8 +29,8 @@ impl Settings {
     }
 }
 
-/// What is watched, in the order of bits 7 to 10 of 4007h: the switch in short circuit, switch or
-/// load open, the load broken in part, too much current.
+/// The watched faults, in the order of bits 7 to 10 of 4007h: the switch in short circuit, switch
+/// or load open, the load broken in part, too much current.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Transformer {
     watched: [Watched; 4],
@@ -41,7 +41,7 @@ pub(super) struct Transformer {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Watched {
     is_error: bool,
-    /// What 4007h has.
+    /// Whether 4007h shows it.
     is_shown: bool,
     /// Seconds for which the condition has been met.
     waited: f64,
@@ -49,7 +49,7 @@ struct Watched {
 }
 
 impl Watched {
-    /// `condition` is `None` while nothing can be said, in which the time stands still.
+    /// `condition` is `None` while it is unknown; the delay then stands still.
     fn follow(&mut self, condition: Option<bool>, delay: f64, rules: &Rules) {
         let goes_on = self.waited > 0.0 && !rules.current_delay_starts_over();
         let condition = condition.map(|met| met || goes_on);
@@ -74,7 +74,7 @@ impl Watched {
 }
 
 impl Transformer {
-    /// The transformer gives so many milliamperes, while its output is on or off.
+    /// The transformer gives this many milliamperes, while its output is on or off.
     pub(super) fn step(
         &mut self,
         (milliamperes, on): (f64, bool),
@@ -91,6 +91,7 @@ impl Transformer {
         let watches = threshold > 0.0;
         let weak = amperes < threshold;
         let over = settings.over_threshold;
+        // `None` while the output is in a state in which the fault cannot show.
         let conditions = [
             (!on).then_some(watches && !nothing),
             on.then_some(watches && nothing),
@@ -107,7 +108,7 @@ impl Transformer {
         self.watched = Default::default();
     }
 
-    /// Time goes by.
+    /// Advances the time.
     pub(super) fn advance(&mut self, elapsed: f64) {
         self.watched.iter_mut().for_each(|watched| watched.advance(elapsed));
     }

@@ -3,7 +3,7 @@
 use super::rules::Rules;
 use super::state::State;
 
-/// What is wanted of an output.
+/// The demand for an output.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Wanted {
     /// A share of the power, from 0 to 1.
@@ -15,7 +15,7 @@ pub(super) enum Wanted {
 }
 
 impl Wanted {
-    /// What the analogue output gives for it.
+    /// The current of the analogue output for it.
     pub(super) fn microamperes(self, live_zero: bool, rules: &Rules) -> f64 {
         match self {
             Self::Share(share) => rules.microamperes(share, live_zero),
@@ -35,10 +35,10 @@ pub(super) struct Cycle {
 }
 
 impl Cycle {
-    /// Time goes by.
+    /// Advances the time.
     pub(super) fn advance(&mut self, elapsed: f64, period: f64) {
         self.at = (self.at + elapsed) % period.max(SHORTEST);
-        // What rounding leaves of a cycle is the beginning of the next one.
+        // A remainder due to rounding is the start of the next cycle.
         if period - self.at < ROUNDING {
             self.at = 0.0;
         }
@@ -51,7 +51,7 @@ impl Cycle {
     pub(super) fn hold(&mut self, wanted: Wanted, rules: &Rules) -> Wanted {
         match wanted {
             Wanted::Share(share) if !rules.share_counts_at_once() => {
-                // What is off or on all the time has no cycle to wait for.
+                // An output that is always off or always on has no cycle to wait for.
                 let is_part = |share: f64| share > 0.0 && share < 1.0;
                 let held = self.share.filter(|held| is_part(*held) && is_part(share));
                 Wanted::Share(*self.share.insert(held.unwrap_or(share)))
@@ -60,7 +60,7 @@ impl Cycle {
         }
     }
 
-    /// What the output has until the cycle ends.
+    /// The demand that the output keeps until the cycle ends.
     pub(super) fn held(&self, wanted: Wanted) -> Wanted {
         match (wanted, self.share) {
             (Wanted::Share(_), Some(share)) => Wanted::Share(share),

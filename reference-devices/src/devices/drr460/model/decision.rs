@@ -1,11 +1,11 @@
-//! What the controller decides by, and what it decides.
+//! The inputs and results of a decision of the controller.
 
 use super::flags::Faults;
 use super::tuning::Found;
 use super::wiring::Terminals;
 use crate::devices::pixsys::sensor::Connected;
 
-/// What the controller sees when it decides.
+/// The inputs of a decision.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Inputs {
     pub(crate) connected: Connected,
@@ -19,10 +19,10 @@ pub(crate) struct Inputs {
     pub(crate) running: bool,
     /// The master asks for manual mode.
     pub(crate) manual: bool,
-    /// What 4004h holds, as a share of full output.
+    /// The value of 4004h, as a share of full output.
     pub(crate) output: f64,
     pub(crate) remote: [bool; 2],
-    /// What 4010h holds.
+    /// The value of 4010h.
     pub(crate) retransmitted: i64,
     pub(crate) offline: bool,
     /// The key enables the command.
@@ -31,7 +31,7 @@ pub(crate) struct Inputs {
     pub(crate) master: Option<Terminals>,
 }
 
-/// What a decision says, for the objects.
+/// The result of a decision, for the objects.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Outcome {
     pub(crate) process: i64,

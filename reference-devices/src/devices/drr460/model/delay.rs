@@ -12,8 +12,8 @@ pub(super) struct Delayed {
 }
 
 impl Delayed {
-    /// This is the condition now: `delay` above 0 is the delay on the way to on, below 0 on the way
-    /// to off. A condition that goes meanwhile starts over.
+    /// Takes the present condition. A `delay` above 0 delays the way to on, one below 0 the way to
+    /// off. A condition that ends during the delay starts over.
     pub(super) fn follow(&mut self, condition: bool, delay: f64, rules: &Rules) -> bool {
         if condition == self.on {
             self.waited = self.waited.filter(|_| !rules.delay_starts_over());
@@ -26,7 +26,7 @@ impl Delayed {
         self.on
     }
 
-    /// Time goes by.
+    /// Advances the time.
     pub(super) fn advance(&mut self, elapsed: f64) {
         if let Some(waited) = &mut self.waited {
             *waited += elapsed;

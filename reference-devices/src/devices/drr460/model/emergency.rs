@@ -19,7 +19,7 @@ pub(crate) struct Report {
     pub(crate) stops: bool,
 }
 
-/// What the device found out when it started or stored, which lasts.
+/// The findings at start or while storing, which last.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Found {
     /// The hardware is another one than at the last store command.

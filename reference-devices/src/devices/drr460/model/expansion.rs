@@ -1,4 +1,4 @@
-//! The outputs as those of an expansion module, and silence on the network (manual, 7.12 and
+//! The outputs used as those of an expansion module, and silence on the network (manual, 7.12 and
 //! 11.3.2, parameters 115 and 121 to 130).
 
 use super::parameters::Parameters;
@@ -40,8 +40,8 @@ impl Settings {
         }
     }
 
-    /// What an error makes of the values of the master: 6200h and 6411h. They stay so until the
-    /// master writes anew.
+    /// The effect of an error on the values of the master: 6200h and 6411h. They stay so until the
+    /// master writes again.
     pub(crate) fn in_error(&self, (outputs, analogue): (i64, i64), rules: &Rules) -> (i64, i64) {
         let outputs = rules.commutes(outputs, self.commutes, self.error_outputs);
         (outputs, if self.analogue_commutes { self.error_analogue } else { analogue })
@@ -69,7 +69,7 @@ impl Silence {
         self.since = 0.0;
     }
 
-    /// Time goes by. Returns whether the device has just become off-line.
+    /// Advances the time. Returns whether the device has just become off-line.
     pub(crate) fn advance(&mut self, elapsed: f64, settings: &Settings) -> bool {
         let before = self.is_offline(settings);
         self.since += elapsed;

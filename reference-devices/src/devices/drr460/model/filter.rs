@@ -14,9 +14,9 @@ pub(super) struct Filter {
 }
 
 impl Filter {
-    /// A sample, so many seconds after the last one, and how many are averaged. The first one fills
-    /// the average, so that no time is spent on the way from zero; one that comes early takes the
-    /// place of the last.
+    /// Takes a sample, `elapsed` seconds after the last one, and the number of samples to average.
+    /// The first sample fills the average, so that it need not climb from zero; an early sample
+    /// replaces the last one.
     pub(super) fn take(&mut self, sample: f64, wanted: i64, elapsed: f64, rules: &Rules) -> f64 {
         if !rules.filters_by_mean() {
             return self.follow(sample, wanted, elapsed);
@@ -38,7 +38,7 @@ impl Filter {
         self.samples.iter().sum::<f64>() / self.samples.len() as f64
     }
 
-    /// Follows the samples with a time constant of so many periods; 1 does not filter.
+    /// Follows the samples with a time constant given in periods; 1 does not filter.
     fn follow(&mut self, sample: f64, wanted: i64, elapsed: f64) -> f64 {
         let last = self.samples.pop_back().filter(|_| wanted > 1).unwrap_or(sample);
         let time = wanted as f64 * PERIOD;
@@ -48,7 +48,7 @@ impl Filter {
         value
     }
 
-    /// Begins anew.
+    /// Restarts.
     pub(super) fn clear(&mut self) {
         *self = Self::default();
     }

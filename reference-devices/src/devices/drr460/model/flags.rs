@@ -2,7 +2,7 @@
 
 use super::rules::Rules;
 
-/// What fails, beside sensor and load.
+/// Faults beside sensor and load.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Faults {
     pub(crate) memory: MemoryFault,
@@ -40,7 +40,7 @@ impl MemoryFault {
     ];
 }
 
-/// What the device has found of its faults.
+/// The faults that the device has found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Flags {
     memory: i64,

@@ -3,7 +3,7 @@
 
 use super::parameters::Parameters;
 
-/// What was learned, and the procedure under way.
+/// The learned values, and the procedure under way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Latch {
     pub(super) learned: Learned,
@@ -11,7 +11,7 @@ pub(crate) struct Latch {
     since: Option<f64>,
 }
 
-/// What the device keeps when it is switched off: shares of the signal's range.
+/// The values that the device keeps when it is switched off: shares of the signal's range.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Learned {
     low: f64,
@@ -46,7 +46,7 @@ impl Settings {
         }
     }
 
-    /// What parameters 3 and 4 say.
+    /// The limits that parameters 3 and 4 set.
     pub(super) const fn limits(&self) -> (f64, f64) {
         (self.low, self.high)
     }
@@ -91,7 +91,7 @@ impl Latch {
         }
     }
 
-    /// Time goes by; the standard procedure has its end.
+    /// Advances the time; the standard procedure ends after a while.
     pub(super) fn advance(&mut self, elapsed: f64, settings: &Settings) {
         if let Some(since) = &mut self.since {
             *since += elapsed;

@@ -9,7 +9,7 @@ pub(crate) struct Load {
     sensor: f64,
 }
 
-/// What drives the load, as shares of the power of heater and cooler.
+/// The drive of the load, as shares of the power of heater and cooler.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Drive {
     pub(crate) heating: f64,
@@ -23,7 +23,7 @@ impl Default for Load {
 }
 
 impl Load {
-    /// So many seconds go by with this drive: the exact solution for a constant one.
+    /// Advances by `elapsed` seconds with this drive: the exact solution for a constant one.
     pub(crate) fn advance(&mut self, drive: Drive, elapsed: f64) {
         let end = Self::end(drive);
         let (load_rate, sensor_rate) = (LOSS / CAPACITY, 1.0 / SENSOR_LAG);

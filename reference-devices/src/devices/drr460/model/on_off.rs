@@ -1,4 +1,4 @@
-//! On/off control with hysteresis, delay and reset by hand (manual, 11.3.2, parameters 19, 22 and
+//! On/off control with hysteresis, delay and manual reset (manual, 11.3.2, parameters 19, 22 and
 //! 23).
 
 use super::delay::Delayed;
@@ -39,8 +39,9 @@ pub(super) struct OnOff {
 }
 
 impl OnOff {
-    /// Whether the command is on, with so many digits missing to the set point. It goes off at the
-    /// set point and on where the hysteresis is missing; a negative one lies beyond the set point.
+    /// Whether the command is on, with `missing` digits to the set point. It goes off at the set
+    /// point, and on when `missing` reaches the hysteresis; a negative hysteresis lies beyond the
+    /// set point.
     pub(super) fn step(&mut self, missing: i64, settings: &Settings, rules: &Rules) -> bool {
         let (off, on) = rules.on_off(settings.hysteresis);
         if missing <= off {
@@ -58,7 +59,7 @@ impl OnOff {
         on && !self.held_off
     }
 
-    /// Time goes by.
+    /// Advances the time.
     pub(super) fn advance(&mut self, elapsed: f64) {
         self.switched.advance(elapsed);
     }

@@ -31,17 +31,17 @@ impl<'a> Parameters<'a> {
         Self { source: Source::Objects(od), rules, stored: false }
     }
 
-    /// Those of a device that was just switched on.
+    /// The parameters of a device that was just switched on.
     pub(crate) const fn stored(self) -> Self {
         Self { stored: true, ..self }
     }
 
-    /// Those of a device that was never switched on: all are 0.
+    /// The parameters of a device that was never switched on: all are 0.
     pub(crate) const fn none(rules: &'a Rules) -> Self {
         Self { source: Source::Nothing, rules, stored: false }
     }
 
-    /// Those that are listed; the others are 0.
+    /// The listed parameters; the others are 0.
     #[cfg(test)]
     pub(super) const fn listed(list: List<'a>, rules: &'a Rules) -> Self {
         Self { source: Source::Listed(list), rules, stored: false }

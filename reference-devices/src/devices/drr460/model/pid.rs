@@ -57,7 +57,8 @@ impl Settings {
 pub(super) struct Pid {
     /// A share of the full output.
     integral: f64,
-    /// What was missing, as a filter of the first order with a time constant of `SECOND` sees it.
+    /// The deviation from the set point, through a filter of the first order with a time constant
+    /// of `SECOND`.
     slow: Option<f64>,
     /// Digits in a second.
     rate: f64,
@@ -71,9 +72,9 @@ pub(super) struct Outputs {
 }
 
 impl Pid {
-    /// The outputs with so many digits missing to the set point, in the direction of the command.
-    /// The derivative looks at the process alone, so `moved` is by how much the set point moved in
-    /// that direction since the last step.
+    /// The outputs with `missing` digits to the set point, in the direction of the command. The
+    /// derivative looks at the process alone, so `moved` is the movement of the set point in that
+    /// direction since the last step.
     pub(super) fn step(
         &mut self,
         (missing, moved): (i64, i64),
@@ -97,7 +98,7 @@ impl Pid {
             0.0 => 0.0,
             time => {
                 let grown = self.integral + deviation * elapsed / time;
-                // What the output cannot give is not saved up.
+                // Demand beyond the limits of the output is not integrated.
                 grown.clamp((lowest - rest).min(0.0), (1.0 - rest).max(0.0))
             }
         };
@@ -135,7 +136,7 @@ impl Pid {
         (beyond * settings.band / band).clamp(0.0, 1.0)
     }
 
-    /// Begins anew, with this output where there is an integral action.
+    /// Restarts. With an integral action, the output continues from `output`.
     pub(super) fn restart(&mut self, output: f64, settings: &Settings) {
         let integral = if settings.integral_time > 0.0 { output } else { 0.0 };
         *self = Self { integral, ..Self::default() };

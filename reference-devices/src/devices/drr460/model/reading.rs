@@ -35,7 +35,7 @@ impl Settings {
     }
 }
 
-/// The sensor of a code, which for a potentiometer has so many kilohms.
+/// The sensor of a code; `kilohms` is the resistance of a potentiometer.
 fn sensor(code: i64, kilohms: i64) -> Sensor {
     match code {
         14 => Sensor::Voltage(10_000.0),
@@ -56,12 +56,12 @@ pub(super) struct Input {
     sensor: Option<Sensor>,
     /// The share of its range that a linear signal has, for latch-on.
     pub(super) share: f64,
-    /// What was connected at the last sample, and how long ago it was.
+    /// The connection at the last sample, and its age.
     held: Option<Connected>,
     since: f64,
 }
 
-/// What a sample says.
+/// The result of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Reading {
     /// Digits: the process value, or the end of the range that the signal lies beyond.
@@ -71,7 +71,8 @@ pub(super) struct Reading {
 }
 
 impl Input {
-    /// Takes a sample of what is connected, with so many degrees Celsius at the terminals.
+    /// Takes a sample of the connection; `terminals` is the temperature of the terminals in degrees
+    /// Celsius.
     pub(super) fn sample(
         &mut self,
         (connected, terminals): (Connected, f64),
@@ -102,7 +103,7 @@ impl Input {
         }
     }
 
-    /// What is connected, or was when the last period began.
+    /// The present connection, or that at the start of the last period.
     fn hold(&mut self, connected: Connected, elapsed: f64, rules: &Rules) -> Connected {
         self.since += elapsed;
         let held = self.held.filter(|_| !rules.samples_at_once() && self.since + ROUNDING < PERIOD);
@@ -123,7 +124,7 @@ impl Input {
         rules.linear(self.latch.digits(within, &settings.latch), settings.unit)
     }
 
-    /// The device was switched on: only what was learned is left.
+    /// The device was switched on: only the learned values remain.
     pub(super) fn restart(&mut self) {
         let mut latch = self.latch;
         latch.restart();

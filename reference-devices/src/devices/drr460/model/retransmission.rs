@@ -1,5 +1,5 @@
-//! What the analogue output gives when it neither is the command nor belongs to an alarm (manual,
-//! 7.10 and 11.3.2, parameters 100 to 105).
+//! The analogue output when it neither is the command nor belongs to an alarm (manual, 7.10 and
+//! 11.3.2, parameters 100 to 105).
 
 use super::parameters::Parameters;
 use super::rules::Rules;
@@ -32,7 +32,7 @@ impl Settings {
     }
 }
 
-/// What can be retransmitted, in digits or tenths of an ampere.
+/// The values that can be retransmitted, in digits or tenths of an ampere.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Sources {
     pub(super) process: i64,

@@ -57,7 +57,7 @@ decisions! {
         0.0
     }
 
-    /// The wires of a temperature sensor add so many degrees to it: nothing (3.2).
+    /// The degrees that the wires of a temperature sensor add: none (3.2).
     fn wires(&self, _terminals: f64) -> f64 {
         0.0
     }
@@ -77,7 +77,7 @@ decisions! {
         digits
     }
 
-    /// A potentiometer is measured by its resistance: so many kilohms, whatever sub 5 has (5.1.b).
+    /// A potentiometer is measured by its resistance in kilohms, regardless of sub 5 (5.1.b).
     fn track(&self, connected: f64, _configured: f64) -> f64 {
         connected
     }
@@ -87,7 +87,7 @@ decisions! {
         true
     }
 
-    /// The filter is a mean of so many samples, and no lag of the first order (11.3.2, sub 10).
+    /// The filter is a mean over samples, not a lag of the first order (11.3.2, sub 10).
     fn filters_by_mean(&self) -> bool {
         true
     }
@@ -127,7 +127,7 @@ decisions! {
         true
     }
 
-    /// What latch-on learned lasts over power-off (7.11).
+    /// The values that latch-on learned survive power-off (7.11).
     fn latch_lasts(&self) -> bool {
         true
     }
@@ -171,12 +171,12 @@ decisions! {
         }
     }
 
-    /// On/off control switches so many digits before the set point (11.3.2, sub 19).
+    /// The digits before the set point at which on/off control switches (11.3.2, sub 19).
     fn on_off(&self, hysteresis: i64) -> (i64, i64) {
         (hysteresis.min(0), hysteresis.max(0))
     }
 
-    /// What is reset by hand, with sub 22, is held on and not held off (11.3.13).
+    /// An alarm with manual reset, by sub 22, is held on and not held off (11.3.13).
     fn reset_holds_on(&self) -> bool {
         true
     }
@@ -186,17 +186,17 @@ decisions! {
         if to_on { delay } else { -delay }
     }
 
-    /// What goes before its delay is over has its whole delay again.
+    /// A delay that is interrupted starts over in full.
     fn delay_starts_over(&self) -> bool {
         true
     }
 
-    /// Subs 22, 61 and 73: what is reset by hand stays after its condition went (11.3.2).
+    /// Subs 22, 61 and 73: a state with manual reset stays after its condition ended (11.3.2).
     fn latches(&self, reset: i64) -> bool {
         reset != 0
     }
 
-    /// What waits for a reset by hand is kept over a power failure (11.3.2, subs 22, 61, 73).
+    /// An alarm that waits for a manual reset survives a power failure (11.3.2, subs 22, 61, 73).
     fn kept_over_power_off(&self, reset: i64) -> bool {
         reset == 2
     }
@@ -251,7 +251,7 @@ decisions! {
         band == 0 && integral_time == 0
     }
 
-    /// STOP ends what PID control has saved up.
+    /// STOP clears the integral of PID control.
     fn stop_ends_integral(&self) -> bool {
         true
     }
@@ -261,7 +261,7 @@ decisions! {
         missing.abs() <= dead_band
     }
 
-    /// What is missing beyond the dead band counts as a whole (11.3.2, sub 36).
+    /// Beyond the dead band, the whole deviation counts (11.3.2, sub 36).
     fn beyond_dead_band(&self, missing: i64, _dead_band: i64) -> i64 {
         missing
     }
@@ -315,7 +315,7 @@ decisions! {
         share
     }
 
-    /// Whether a contact is closed so many seconds after its cycle began (11.3.2, subs 40, 44).
+    /// Whether a contact is closed `at` seconds after its cycle began (11.3.2, subs 40, 44).
     fn in_share(&self, at: f64, share: f64, period: f64) -> bool {
         at < share * period
     }
@@ -406,7 +406,7 @@ decisions! {
         true
     }
 
-    /// What a tuning found is in subs 33 to 35 (7.3).
+    /// The results of a tuning go to subs 33 to 35 (7.3).
     fn takes_found(&self) -> bool {
         true
     }
@@ -460,7 +460,7 @@ decisions! {
         true
     }
 
-    /// The gradient moves the set point by so many digits in a second (7.9).
+    /// The digits per second by which the gradient moves the set point (7.9).
     fn gradient(&self, digits_per_hour: i64) -> f64 {
         digits_per_hour as f64 / 3600.0
     }
@@ -585,7 +585,7 @@ decisions! {
         configured as f64 / 10.0
     }
 
-    /// What the network does ends the silence, reading included (11.3.2, sub 115).
+    /// Any access by the network ends the silence, reading included (11.3.2, sub 115).
     fn ends_silence(&self, _reads: bool) -> bool {
         true
     }
@@ -595,7 +595,8 @@ decisions! {
         bit
     }
 
-    /// Which flags are an error (11.3.2, subs 20, 59, 71 and 104): what leaves no process value.
+    /// The flags that are an error: those that leave no process value (11.3.2, subs 20, 59, 71 and
+    /// 104).
     fn errors(&self, without_process: i64) -> i64 {
         without_process
     }
@@ -639,7 +640,7 @@ decisions! {
         switches.loads_defaults()
     }
 
-    /// What RUN shows (chapter 10).
+    /// The pattern of RUN (chapter 10).
     fn run_led(&self, pattern: Pattern) -> Pattern {
         pattern
     }
@@ -649,12 +650,12 @@ decisions! {
         outputs
     }
 
-    /// What the LED of the command shows while the key is pressed (6.1).
+    /// The pattern of the command's LED while the key is pressed (6.1).
     fn key_led(&self, pattern: Pattern) -> Pattern {
         pattern
     }
 
-    /// What OUT1 and OUT2 show, counted from 0: an error in turns (6.1).
+    /// The patterns of OUT1 and OUT2 in an error, counted from 0: they alternate (6.1).
     fn error_leds(&self, alternate: [Pattern; 2]) -> [Pattern; 2] {
         alternate
     }

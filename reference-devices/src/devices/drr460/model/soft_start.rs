@@ -95,7 +95,7 @@ impl SoftStart {
         }
     }
 
-    /// Time goes by.
+    /// Advances the time.
     pub(super) fn advance(&mut self, elapsed: f64) {
         self.since += elapsed;
         self.not_moved += elapsed;

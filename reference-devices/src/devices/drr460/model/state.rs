@@ -1,4 +1,4 @@
-//! What an output is while it has no decision of its own: in STOP, and in case of an error (manual,
+//! The state of an output without a decision of its own: in STOP, and in case of an error (manual,
 //! 11.3.2, parameters 20, 21, 59, 60, 71, 72, 104 and 105).
 
 use super::rules::Rules;
@@ -13,7 +13,7 @@ impl State {
         rules.closed(self.0)
     }
 
-    /// What the analogue output gives.
+    /// The current of the analogue output.
     pub(super) fn microamperes(self, rules: &Rules) -> f64 {
         rules.milliamperes(self.0) * 1000.0
     }

@@ -11,7 +11,7 @@ impl Switches {
     /// The node-ID: that of the contacts or, with all of them off, of parameter 111. `None` when
     /// there is no such node-ID, with which the device keeps off the bus.
     pub(crate) fn node(self, configured: i64) -> Option<u8> {
-        // Contact 8 is to be kept off, so nothing is read from it.
+        // Contact 8 must be kept off, so it is ignored.
         let set = self.address & 0x7F;
         let node = if set == 0 { u8::try_from(configured).ok()? } else { set };
         (1..=127).contains(&node).then_some(node)

@@ -1,5 +1,5 @@
-//! Tuning: the controller switches its output to and fro at a threshold, and takes the parameters
-//! of PID control from how the process swings (manual, 7.2 to 7.5 and 11.3.17).
+//! Tuning: the controller switches its output on and off at a threshold, and derives the parameters
+//! of PID control from the swing of the process (manual, 7.2 to 7.5 and 11.3.17).
 
 use super::parameters::Parameters;
 use super::rules::Rules;
@@ -41,7 +41,7 @@ impl Settings {
     }
 }
 
-/// What 400Eh shows and takes.
+/// The values that 400Eh shows and accepts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Status {
     #[default]
@@ -63,7 +63,7 @@ pub(super) struct Tuning {
     kind: i64,
     status: Status,
     swing: Option<Swing>,
-    /// Seconds since the master showed that it is there.
+    /// Seconds since the last sign of the master.
     silence: f64,
 }
 
@@ -90,7 +90,7 @@ pub(crate) struct Found {
     pub(crate) derivative_time: i64,
 }
 
-/// What a step of a tuning says.
+/// The result of a step of a tuning.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Step {
     /// The output that it wants; `None` when the controller decides.
@@ -115,7 +115,7 @@ impl Tuning {
     pub(super) fn command(&mut self, value: i64, sight: (i64, i64), settings: &Settings) {
         self.silence = 0.0;
         let status = match (settings.kind, value) {
-            // Where it tunes by itself, nobody gets here but with a device that takes anything.
+            // With automatic tuning, only a device that accepts any value gets here.
             (AUTOMATIC | MANUAL | ONCE, 1) | (SYNCHRONISED, 3) => {
                 return self.begin(sight, settings);
             }
@@ -131,7 +131,7 @@ impl Tuning {
         self.silence = 0.0;
     }
 
-    /// The controller starts, or its set point has changed: what tunes by itself may begin.
+    /// The controller starts, or its set point has changed: an automatic tuning may begin.
     pub(super) fn started(
         &mut self,
         at_start: bool,
@@ -153,6 +153,7 @@ impl Tuning {
     }
 
     fn begin(&mut self, (process, set_point): (i64, i64), settings: &Settings) {
+        // Cooling mirrors the process, so that one swing serves both directions.
         let direction = settings.direction;
         let threshold = match settings.kind {
             MANUAL => set_point * direction - settings.deviation,
@@ -178,7 +179,7 @@ impl Tuning {
         }
     }
 
-    /// Time goes by without the master.
+    /// Advances the time without the master.
     pub(super) fn advance(&mut self, elapsed: f64) {
         self.silence += elapsed;
     }

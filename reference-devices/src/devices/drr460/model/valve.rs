@@ -1,6 +1,6 @@
 //! A valve with a motor: Q1 opens it, and Q2 closes it (manual, 11.3.2, parameters 16 and 24).
 
-/// What the controller knows of the valve, which has no feedback.
+/// The controller's knowledge of the valve, which has no feedback.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Valve {
     /// Where it is, from closed at 0 to open at 1.
@@ -8,7 +8,7 @@ pub(super) struct Valve {
     motion: Motion,
 }
 
-/// What drives the valve.
+/// The motion of the valve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Motion {
     #[default]
@@ -18,7 +18,7 @@ pub(super) enum Motion {
 }
 
 impl Valve {
-    /// So many seconds go by with the motion that there is, for a valve that travels from end to
+    /// Advances by `elapsed` seconds in the present motion, for a valve that travels from end to
     /// end in `travel` seconds.
     pub(super) fn advance(&mut self, elapsed: f64, travel: f64) {
         let way = elapsed / travel.max(1.0);

@@ -1,4 +1,4 @@
-//! Which function is on which output (manual, 11.3.2, parameter 16).
+//! The function of each output (manual, 11.3.2, parameter 16).
 
 use super::cycle::Wanted;
 use super::parameters::Parameters;
@@ -24,7 +24,7 @@ pub(super) enum Command {
     Analogue,
 }
 
-/// What is wanted of the outputs.
+/// The demands for the outputs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Functions {
     pub(super) command: Wanted,
@@ -34,11 +34,11 @@ pub(super) struct Functions {
     pub(super) alarms: [Wanted; 2],
     /// Whether the alarms are on now; cooling has a cycle.
     pub(super) alarms_closed: [bool; 2],
-    /// What is retransmitted, in microamperes.
+    /// The retransmitted value, in microamperes.
     pub(super) retransmitted: Option<f64>,
 }
 
-/// What is at the terminals.
+/// The states of the terminals.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Terminals {
     /// Q1 and Q2.
@@ -71,8 +71,8 @@ impl Wiring {
         }
     }
 
-    /// Puts the functions on the terminals. What is retransmitted comes before an alarm, not before
-    /// the command (7.10).
+    /// Assigns the functions to the terminals. Retransmission takes precedence over an alarm, but
+    /// not over the command (7.10).
     pub(super) fn connect(self, functions: &Functions, rules: &Rules) -> Terminals {
         let contacts = match self.command {
             Command::Contact => [functions.command_closed, functions.alarms_closed[0]],

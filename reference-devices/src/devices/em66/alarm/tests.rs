@@ -5,7 +5,7 @@ use super::*;
 use crate::devices;
 use crate::devices::em66::rules::Em66Rules;
 
-/// What is compared: input, alternate input, level, hysteresis, whether there was an alarm.
+/// A comparison: input, alternate input, level, hysteresis, whether there was an alarm.
 type Given = (i64, Option<i64>, i64, i64, bool);
 
 fn compared(kind: AlarmType, (input, alternate, level, hysteresis, before): Given) -> bool {
@@ -14,7 +14,7 @@ fn compared(kind: AlarmType, (input, alternate, level, hysteresis, before): Give
 
 #[test]
 fn every_type_has_its_side_of_the_level() {
-    // Type, level, hysteresis, and inputs with what comes of them.
+    // Type, level, hysteresis, and inputs with the result of each.
     type Row = (u8, i64, i64, &'static [(i64, bool)]);
     let table: [Row; 4] = [
         (2, 600, 0, &[(599, false), (600, true), (601, true), (-600, false)]),
@@ -59,8 +59,8 @@ fn differences_have_a_sign_and_both_exclude_the_level() {
 
 #[test]
 fn an_alarm_outlasts_the_way_back_by_the_hysteresis() {
-    // Type, input, alternate, and what comes of it without and with an alarm before; the level is
-    // 600 or, for differences, 100, the hysteresis 50.
+    // Type, input, alternate, and the result without and with an alarm before; the level is 600 or,
+    // for differences, 100, the hysteresis 50.
     let table = [
         (2, 549, None, [false, false]),
         (2, 550, None, [false, true]),
@@ -157,7 +157,7 @@ fn what_would_be_no_alarm_is_refused() {
     }
 }
 
-/// Alarms of a device, their objects, and what the controller does.
+/// Alarms of a device, their objects, and the activity of the controller.
 struct Fixture {
     od: Dictionary,
     alarms: Alarms,
@@ -227,7 +227,7 @@ fn the_order_of_the_document_leads_to_an_alarm() {
 
 #[test]
 fn a_refused_type_gives_way_to_a_supported_one() {
-    // Link, refused type, what the type then reads.
+    // Link, refused type, the value of the type afterwards.
     let table = [
         (PRESSURE_LINK, 0x12, 0x02),
         (PRESSURE_LINK, 0x17, 0x07),
@@ -338,7 +338,7 @@ fn what_is_left_of_an_earlier_use_does_not_stand_in_the_way() {
     assert!(fixture.write(0x6508, 3));
 }
 
-/// An offset in the alarm block and a number that somebody writes there, mostly a sensible one.
+/// An offset in the alarm block and a number to write there, mostly a sensible one.
 fn writes() -> impl Strategy<Value = (u16, i64)> {
     const LINKS: [u32; 7] =
         [0, MAIN, EFFECTIVE, SET_POINT_IN_FORCE, FLOW_LINK, PRESSURE_LINK, 0x5FFF_0110];
@@ -362,7 +362,8 @@ proptest! {
             prop_assert!(matches!(fixture.at(effective), 0 | 1));
             let alarm = &fixture.alarms.alarms[0];
             prop_assert_eq!(alarm.setup, Setup::of(&alarm.objects, &fixture.od));
-            prop_assert!(alarm.setup.is_possible(&fixture.od, &Em66Rules::plain()), "{:?}", alarm.setup);
+            let possible = alarm.setup.is_possible(&fixture.od, &Em66Rules::plain());
+            prop_assert!(possible, "{:?}", alarm.setup);
         }
     }
 }

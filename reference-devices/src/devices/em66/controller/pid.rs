@@ -1,4 +1,4 @@
-//! From what is missing to the output: proportional and integral action, within limits.
+//! From the deviation to the output: proportional and integral action, within limits.
 
 use crate::devices::em66::PERIOD;
 

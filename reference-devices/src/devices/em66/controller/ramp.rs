@@ -1,4 +1,4 @@
-//! The set point in force (7401h), which follows the chosen one as fast as the ramps let it.
+//! The set point in force (7401h), which follows the chosen one as fast as the ramps permit.
 
 use std::time::Duration;
 
@@ -42,7 +42,7 @@ impl Ramp {
         }
     }
 
-    /// Time goes by.
+    /// Advances the time.
     pub(super) fn advance(
         &mut self,
         elapsed: Duration,
@@ -57,7 +57,7 @@ impl Ramp {
         }
     }
 
-    /// What is in force.
+    /// The set point in force.
     pub(super) const fn present(&self) -> f64 {
         self.present
     }

@@ -22,7 +22,7 @@ pub(super) struct Relay {
     swings: u32,
 }
 
-/// What a sample of the test leads to.
+/// The result of a sample of the test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Step {
     /// The output in tenths of a percent.

@@ -176,7 +176,7 @@ fn self_optimisation_ends_with_parameters_that_control() {
         assert!(seconds < 1800, "it does not end");
     }
     assert_ne!(plant.controller.pid.gains, pid::Gains::COMMISSIONED);
-    // The bit is still set, and nothing begins anew.
+    // The bit is still set, and nothing restarts.
     plant.after(300, |plant| assert_eq!(plant.get(STATUS), codes().status_on));
     plant.after(60, |plant| assert!((plant.get(EFFECTIVE_VALUE) - 500).abs() <= 5));
     let gains = plant.controller.pid.gains;

@@ -4,7 +4,7 @@ use crate::devices::em66::rules::Em66Rules;
 
 type Cause = fn(&mut Table);
 
-/// What is judged, with a device that is in order and its dictionary.
+/// The judge under test, with a device that is in order and its dictionary.
 struct Table {
     faults: Faults,
     sensed: Sensed,

@@ -1,4 +1,4 @@
-//! What the alarm block decides (EUROMAP 66-2, 3.3).
+//! The decisions of the alarm block (EUROMAP 66-2, 3.3).
 
 use canopen::Mux;
 use canopen::pdo::Mapping;
@@ -15,7 +15,7 @@ decisions! {
     /// of the order in which an alarm is parameterised (3.3).
     pub(crate) AlarmDecision of Em66Rules, otherwise [DEVIATIONS];
 
-    /// Step 1: what measures something can be monitored.
+    /// Step 1: any measured value can be monitored.
     fn alarm_monitors(&self, value: Option<Quantity>) -> bool {
         value.is_some()
     }
@@ -41,8 +41,8 @@ decisions! {
         true
     }
 
-    /// Step 4: what the type reads after a refusal; `plain` states whether the refused type without
-    /// start condition is supported. `None`: as before.
+    /// Step 4: the value of the type after a refusal; `plain` states whether the refused type
+    /// without start condition is supported. `None`: unchanged.
     fn alarm_type_after_refusal(&self, refused: AlarmType, plain: bool) -> Option<AlarmType> {
         Some(if plain { refused.plain() } else { AlarmType::OFF })
     }

@@ -5,7 +5,7 @@ use canopen::Mux;
 use super::Em66Rules;
 use crate::devices::em66::codes::Codes;
 
-/// What the controller is doing while the limits of the output hold.
+/// The activity of the controller while the limits of the output hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Activity {
     /// Manual mode holds the output.
@@ -42,7 +42,7 @@ decisions! {
         in_force.round() as i64
     }
 
-    /// What is missing is heated, what is too much is cooled (3.2).
+    /// A positive deviation is heated, a negative one is cooled (3.2).
     fn missing(&self, missing: f64) -> f64 {
         missing
     }
@@ -67,7 +67,7 @@ decisions! {
         true
     }
 
-    /// The limits are the same whatever the controller is doing (3.2, 6413h, 6414h).
+    /// The limits are the same in every activity of the controller (3.2, 6413h, 6414h).
     fn limits_while(&self, _activity: Activity, low: i64, high: i64) -> (i64, i64) {
         (low, high)
     }

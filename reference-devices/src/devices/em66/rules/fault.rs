@@ -45,7 +45,7 @@ decisions! {
         now & !before & FAILURE_RESET != 0
     }
 
-    /// What a failure reset leaves of the errors that were reported (3.4.7).
+    /// The reported errors that remain after a failure reset (3.4.7).
     fn after_failure_reset(&self, told: u8, causes: u8) -> u8 {
         told & causes
     }
@@ -55,7 +55,7 @@ decisions! {
         told
     }
 
-    /// What 3040h reads without a sensor (3.4.12).
+    /// The value of 3040h without a sensor (3.4.12).
     fn no_sensor(&self) -> i64 {
         NO_SENSOR
     }

@@ -56,7 +56,7 @@ decisions! {
         true
     }
 
-    /// What the actuators do of it (3.4.2).
+    /// Whether the actuators carry suction out (3.4.2).
     fn suction_acts(&self, active: bool) -> bool {
         active
     }
@@ -66,7 +66,7 @@ decisions! {
         active.into()
     }
 
-    /// The other bits of 2002h are reserved (3.4.3), whatever 3.4.5 says of switching off.
+    /// The other bits of 2002h are reserved (3.4.3), despite what 3.4.5 says of switching off.
     fn status_information(&self, suction: i64, _switching_off: bool) -> i64 {
         suction
     }

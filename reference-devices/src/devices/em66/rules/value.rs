@@ -9,7 +9,7 @@ decisions! {
     /// The decisions of the process values (2.3, 3.4.9 to 3.4.15).
     pub(crate) ValueDecision of Em66Rules, otherwise [DEVIATIONS];
 
-    /// What is written counts at once, not in the next cycle.
+    /// A written value counts at once, not in the next cycle.
     fn evaluates_at_once(&self) -> bool {
         true
     }

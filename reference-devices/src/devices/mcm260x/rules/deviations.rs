@@ -1,4 +1,4 @@
-//! The modules that take one decision otherwise.
+//! Deviations of the module that override one decision.
 
 use canopen::emcy::EmcyCode;
 use canopen::{Mux, NmtState};
@@ -200,7 +200,9 @@ deviations! {
         if share < 0.0 { 1.0 } else { share }
     };
     "output-without-falling-scale" =>
-        share: |rules, digits, lower, upper| rules.share(digits, lower.min(upper), lower.max(upper));
+        share: |rules, digits, lower, upper| {
+            rules.share(digits, lower.min(upper), lower.max(upper))
+        };
     "preset-words-shown-swapped" =>
         preset_words: |_, preset| (i64::from(preset as i16), preset >> 16);
     "preset-high-word-without-sign" =>
@@ -243,7 +245,7 @@ deviations! {
     };
     "counts-up-to-50-kilohertz" => counts: |_, mode, from, to| {
         let edges = encoder::counts(mode, from, to);
-        // At 50 kHz, four counts a line, so many pass between two looks.
+        // This many counts pass between two looks at 50 kHz, with four counts a line.
         if (4000..20_000).contains(&edges.abs()) { 4000 * edges.signum() } else { edges }
     };
     "counts-of-16-bits-on-the-way" =>

@@ -1,4 +1,4 @@
-//! The controllers that take one decision otherwise.
+//! Deviations of the controller that override one decision.
 
 pub(super) mod tables;
 

@@ -16,7 +16,7 @@ fn taken_for(sub: u8, from: i64, to: i64) -> impl Fn(&Rules, u8, i64) -> i64 {
     }
 }
 
-/// A parameter counts so many times.
+/// A parameter counts `factor` times.
 fn scaled(sub: u8, factor: i64) -> impl Fn(&Rules, u8, i64) -> i64 {
     move |rules, of, configured| {
         rules.parameter(of, configured) * if of == sub { factor } else { 1 }
