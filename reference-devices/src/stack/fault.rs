@@ -26,7 +26,7 @@ pub enum FaultKind {
     Heartbeat,
     /// An RPDO was too short and was not used.
     RpdoTooShort,
-    /// An RPDO was too long; what is mapped was used.
+    /// An RPDO was too long; its mapped part was used.
     RpdoTooLong,
     /// An RPDO missed its deadline.
     RpdoTimeout,
