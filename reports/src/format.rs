@@ -15,7 +15,8 @@ pub struct Format {
     pub help: &'static str,
     /// The file in `samples/`.
     pub sample: &'static str,
-    /// Writes the whole file, which need not be a text.
+    /// Writes the whole file, which need not be a text. A run that could not start has one case,
+    /// with the verdict ERROR, and a run that was cut off has no end: neither may look green.
     ///
     /// # Errors
     /// Those of the stream alone.

@@ -55,7 +55,7 @@ pub(super) fn run(args: &QualifyArgs, library: &Library, name: &str) -> Result<E
     let mut why =
         Why { clean: &clean, mutant: &mutant, with: &with, without: &without, text: String::new() };
     why.head(&device);
-    why.skips();
+    why.skips(&differences);
     why.changes(&differences);
     why.tried(&differences, args.verbose);
     let killed = why.noticed(&differences);
@@ -120,7 +120,10 @@ impl Why<'_> {
     }
 
     /// The frames that a mutant skips first. Until then both sessions are the same.
-    fn skips(&mut self) {
+    fn skips(&mut self, differences: &[Difference]) {
+        if self.with.cases().is_empty() {
+            return;
+        }
         let node = self.clean.target.dut.node;
         for (when, received, skip) in self.mutant.deviation().frames(node) {
             let skip = skip as usize;
@@ -133,8 +136,12 @@ impl Why<'_> {
                     }
                 }
             }
+            let all = counted(fitting.len(), "frame");
+            if let (Some((_, frame, meaning)), []) = (fitting.get(skip), differences) {
+                let meaning = self.named(meaning);
+                self.field("fits", &format!("{all}, and leaves it as it is: {frame}  {meaning}"));
+            }
             if fitting.len() <= skip {
-                let all = counted(fitting.len(), "frame");
                 let than = if skip == 0 { String::new() } else { format!(", and skips {skip}") };
                 self.field("fits", &format!("{all} of the whole session{than}: it changes none"));
             }
