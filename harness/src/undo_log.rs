@@ -235,6 +235,13 @@ mod tests {
         other.write(&values, false).unwrap();
         assert_eq!(other.name_if_written().as_deref(), Some("can0-node5-4294967295-2"));
 
+        let target = "slcan:/dev/ttyACM0".to_owned();
+        let mut path = UndoLog::new(folder.clone(), Changes { target, ..changes() });
+        path.write(&values, false).unwrap();
+        let name = path.name_if_written().unwrap();
+        assert_eq!(name, "slcan--dev-ttyACM0-node5-4294967295");
+        remove(&folder, &name).unwrap();
+
         log.write(&BTreeMap::new(), false).unwrap();
         assert_eq!(log.name_if_written(), None);
         assert_eq!(all(&folder).len(), 1);

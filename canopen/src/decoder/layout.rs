@@ -68,3 +68,29 @@ fn parameter(entry: &Entry) -> Option<Parameter> {
 pub(super) const fn is_parameter(mux: Mux) -> bool {
     matches!(mux.index, 0x1400..=0x1BFF)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::eds;
+
+    #[test]
+    fn a_layout_in_a_journal_is_that_of_the_data_sheet() {
+        let sheet = "\
+            [1800sub1]\nParameterName=COB-ID\nDataType=0x7\nAccessType=rw\n\
+            DefaultValue=$NODEID+0x180\n\
+            [2000]\nParameterName=Value\nDataType=0x3\nAccessType=ro\nPDOMapping=1\n\
+            [2001]\nParameterName=Other\nDataType=0x3\nAccessType=ro\n";
+        let sheet = format!(
+            "[MandatoryObjects]\nSupportedObjects=0\n[OptionalObjects]\nSupportedObjects=1\n\
+             1=0x1800\n[ManufacturerObjects]\nSupportedObjects=2\n1=0x2000\n2=0x2001\n\
+             [1800]\nParameterName=TPDO\nObjectType=0x9\nSubNumber=1\n{sheet}"
+        );
+        let layout = PdoLayout::of(&eds::read(sheet.as_bytes()).eds);
+        let cob_id = layout.parameters[&Mux::new(0x1800, 1)];
+        assert_eq!((cob_id.value, cob_id.resolve(5)), (0x180, 0x185));
+        assert_eq!(layout.types, [(Mux::new(0x2000, 0), DataType::INTEGER16)].into());
+        let text = serde_json::to_string(&layout).unwrap();
+        assert_eq!(serde_json::from_str::<PdoLayout>(&text).unwrap(), layout, "{text}");
+    }
+}

@@ -139,7 +139,8 @@ impl Why<'_> {
             let all = counted(fitting.len(), "frame");
             if let (Some((_, frame, meaning)), []) = (fitting.get(skip), differences) {
                 let meaning = self.named(meaning);
-                self.field("fits", &format!("{all}, and leaves it as it is: {frame}  {meaning}"));
+                let left = format!("{all}, but the change alters none of them, such as");
+                self.field("fits", &format!("{left} {frame}  {meaning}"));
             }
             if fitting.len() <= skip {
                 let than = if skip == 0 { String::new() } else { format!(", and skips {skip}") };

@@ -6,11 +6,11 @@ use std::time::Duration;
 use canopen::{Frame, Instant, Stamped};
 use reference_devices::change::Deviation;
 use reports::{Event, Outcome};
+use runner::plan::Instance;
+use runner::run::{Ending, Observer, Shown};
 
 use super::super::trial::{Clean, Wanted, observed};
 use crate::exit::Refused;
-use runner::plan::Instance;
-use runner::run::{Ending, Observer, Shown};
 
 /// A session from power-on to its end.
 pub(super) struct Recording {
