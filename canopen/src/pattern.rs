@@ -101,17 +101,22 @@ impl Pattern {
         let body = match &self.body {
             Body::Remote(length) => Body::Remote(*length),
             Body::Data { bytes, any_rest } => {
-                let bytes = bytes.iter().enumerate().flat_map(|(place, byte)| {
-                    let bound = match byte {
-                        Byte::Name(name) => lookup(name).map_or_else(
-                            || vec![byte.clone()],
-                            |bytes| bytes.into_iter().map(Byte::exact).collect(),
-                        ),
-                        other => vec![other.clone()],
+                let mut bound = Vec::with_capacity(8);
+                for (place, byte) in bytes.iter().enumerate() {
+                    let first = bound.len();
+                    let known = match byte {
+                        Byte::Name(name) => lookup(name),
+                        Byte::Bits { .. } | Byte::Keep => None,
                     };
-                    if open(place) { vec![Byte::Keep; bound.len()] } else { bound }
-                });
-                Body::Data { bytes: bytes.collect(), any_rest: *any_rest }
+                    match known {
+                        Some(bytes) => bound.extend(bytes.into_iter().map(Byte::exact)),
+                        None => bound.push(byte.clone()),
+                    }
+                    if open(place) {
+                        bound[first..].fill(Byte::Keep);
+                    }
+                }
+                Body::Data { bytes: bound, any_rest: *any_rest }
             }
         };
         Self { id, extended: self.extended, plus_node: false, body }

@@ -20,7 +20,7 @@ use runner::suite::model::Case;
 use runner::suite::step::Step;
 use runner::suite::{Library, Suite};
 use runner::waivers::Waivers;
-use rustc_hash::FxHasher;
+use rustc_hash::{FxHashSet, FxHasher};
 
 use super::freedoms;
 use crate::cli::{DEFAULT_BIT_RATE, Selection};
@@ -279,22 +279,26 @@ impl<'l> Clean<'l> {
     }
 }
 
-impl Wanted<'_> {
+impl<'w> Wanted<'w> {
     /// Which cases have instances that may be wanted.
     fn cases(&self) -> impl Fn(&Suite, &Case) -> bool {
-        let of_instance = |name: &String| name.split('[').next().unwrap_or_default().to_owned();
-        let names: BTreeSet<String> = match self {
-            Self::Instances(names) | Self::Shuffled { of: names, .. } => {
-                names.iter().map(of_instance).collect()
-            }
-            Self::All | Self::Each | Self::Cases(_) | Self::Except { .. } => BTreeSet::new(),
+        let of_instance = |name: &'w String| {
+            let case = name.split('[').next().unwrap_or_default();
+            case.rsplit_once('/').unwrap_or_default()
         };
-        let name = |suite: &Suite, case: &Case| format!("{}/{}", suite.name(), case.id.value);
+        let names = match self {
+            Self::Instances(names) | Self::Shuffled { of: names, .. } => *names,
+            Self::Except { cases, .. } => *cases,
+            Self::All | Self::Each | Self::Cases(_) => const { &BTreeSet::new() },
+        };
+        let names: FxHashSet<(&str, &str)> = names.iter().map(of_instance).collect();
+        let named =
+            move |suite: &Suite, case: &Case| names.contains(&(suite.name(), &*case.id.value));
         move |suite, case| match self {
             Self::All | Self::Each => true,
             Self::Cases(fit) => fit(case),
-            Self::Instances(_) | Self::Shuffled { .. } => names.contains(&name(suite, case)),
-            Self::Except { cases, .. } => !cases.contains(&name(suite, case)),
+            Self::Instances(_) | Self::Shuffled { .. } => named(suite, case),
+            Self::Except { .. } => !named(suite, case),
         }
     }
 

@@ -5,6 +5,7 @@ use std::time::Duration;
 use canopen::sdo::block::{BlockResponse, LARGEST_BLOCK};
 use canopen::sdo::{Client, Failure, Initiate, Next, RESPONSE_COB_ID, Request, Response, Transfer};
 use canopen::{Abort, BusError, Frame, Mux, Stamped};
+use smallvec::{SmallVec, smallvec};
 
 use super::trace::Link;
 use crate::run::policy::Policy;
@@ -214,7 +215,7 @@ struct Running {
     /// The address of the transferred object.
     mux: Mux,
     /// The requests to send before the next answer.
-    requests: Vec<Request>,
+    requests: SmallVec<[Request; 1]>,
     /// An answer that was received and not looked at.
     answer: Option<Option<Frame>>,
     protocol: Transfer,
@@ -230,7 +231,7 @@ impl Running {
     fn new(client: Client, request: Request) -> Self {
         let mux = client.mux();
         let (protocol, left) = (Transfer::Expedited, Self::MOST_ANSWERS);
-        let requests = vec![request];
+        let requests = smallvec![request];
         Self { client, mux, requests, answer: None, protocol, unsized_data: false, left }
     }
 
@@ -300,7 +301,7 @@ impl Running {
             };
             let (result, tell) = match next {
                 Next::Send(client, requests) => {
-                    (self.client, self.requests) = (client, requests);
+                    (self.client, self.requests) = (client, requests.into());
                     continue;
                 }
                 Next::Done(data, tell) => (Ok(data), tell),

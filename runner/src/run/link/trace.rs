@@ -3,12 +3,12 @@
 //! Windows are measured in trace time. A step starts where the last one ended, at the stamp of the
 //! last frame that was matched or sent, so the latency of the host never enters a judgement.
 
-use std::collections::VecDeque;
 use std::time::Duration;
 
 use canopen::monitor::Seen;
 use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped};
 use reports::Event;
+use smallvec::SmallVec;
 
 use super::silence::Silence;
 use super::traffic::Traffic;
@@ -240,16 +240,18 @@ impl<'b> Link<'b> {
     /// As [`send`](Self::send).
     pub fn send_all(&mut self, frames: impl IntoIterator<Item = Frame>) -> Result<(), BusError> {
         let mut frames = frames.into_iter();
-        let mut ahead = VecDeque::new();
+        let mut ahead = SmallVec::<[Frame; MOST_AHEAD]>::new();
         loop {
             // A frame that waits in the queue of the interface follows at once, however late the
             // host hears of the end of the frame before it.
             for frame in frames.by_ref().take(MOST_AHEAD - ahead.len()) {
                 self.bus.send(&frame)?;
-                ahead.push_back(frame);
+                ahead.push(frame);
             }
-            let Some(frame) = ahead.pop_front() else { return Ok(()) };
-            self.complete(&frame)?;
+            if ahead.is_empty() {
+                return Ok(());
+            }
+            self.complete(&ahead.remove(0))?;
         }
     }
 

@@ -360,7 +360,8 @@ fn changed_by(instance: &Instance, dut: &Dut) -> Vec<Mux> {
 }
 
 fn changed_by_frame(text: &At<FrameText>, scope: &Scope, dut: &Dut) -> Vec<Mux> {
-    let pattern = scope.pattern(&text.value, dut.node).ok();
+    // What only the run knows, such as bytes of an earlier answer, is no address.
+    let pattern = scope.known_pattern(&text.value, dut.node);
     let Some(frame) = pattern.and_then(|pattern| pattern.frame()) else { return Vec::new() };
     if frame.data_id() == Some(REQUEST_COB_ID + u16::from(dut.node)) {
         let request = Request::decode(&frame.data).ok();
