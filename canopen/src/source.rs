@@ -198,7 +198,15 @@ fn around(line: &str, column: usize) -> (String, usize) {
 }
 
 /// Reads YAML, and turns any error into a complaint.
+///
+/// The text becomes a tree first: the types that are read from files, of which there are hundreds,
+/// are compiled for the tree alone, and not for the YAML library as well.
 pub fn read_yaml<T: for<'de> Deserialize<'de>>(source: &Arc<Source>) -> Result<T, Complaint> {
+    read_tree(source, &Tree::of(source)?)
+}
+
+/// The text as the YAML library reads it.
+fn parse(source: &Arc<Source>) -> Result<Tree, Complaint> {
     serde_yaml::from_str(&source.text).map_err(|error| {
         // In text that is not YAML, such as with a missing `}`, a value that does not fit may be
         // found before the real mistake.

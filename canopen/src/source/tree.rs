@@ -47,7 +47,7 @@ impl Tree {
     /// # Errors
     /// What is wrong with the YAML.
     pub fn of(source: &std::sync::Arc<Source>) -> Result<Self, super::Complaint> {
-        let mut tree: Self = super::read_yaml(source)?;
+        let mut tree = super::parse(source)?;
         if tree.node == Node::Null {
             let message = super::in_our_words("unexpected end of input");
             return Err(super::Complaint::at(source, tree.place, message));
