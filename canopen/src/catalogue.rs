@@ -3,6 +3,9 @@
 //! A description of a device states only what the device chose and takes name, type and access
 //! rights from here. Both sides use the same types, [`ObjectFacts`] and [`Facts`], in which every
 //! part is optional.
+//!
+//! What a profile says of an object belongs here. What a device chose belongs to its description,
+//! and what a suite demands to the requirement register.
 
 mod facts;
 mod file;

@@ -1,4 +1,7 @@
 //! The object dictionary at work: the values of one device, and the rules of network access.
+//!
+//! The effect of a value on a service does not belong here: whoever holds the dictionary asks for
+//! what changed.
 
 mod addresses;
 

@@ -4,6 +4,9 @@
 //! [`read`] accepts what vendors really ship and reports every deviation with its place;
 //! [`write()`] gives the strict form. Text that has no place in an [`Eds`] survives both as
 //! [`unknown`](Eds::unknown).
+//!
+//! Conclusions from a data sheet, such as the PDOs that a device has or what may be written, belong
+//! to those who draw them.
 
 mod codes;
 mod diagnostic;

@@ -1,4 +1,6 @@
 //! The meaning of a frame, in words, under the pre-defined connection set (CiA 301, 7.3.3).
+//!
+//! What takes more than one frame to understand belongs to the [`decoder`](crate::decoder).
 
 mod transfers;
 

@@ -1,4 +1,7 @@
 //! Service data objects: expedited, segmented and in blocks (CiA 301, 7.2.4).
+//!
+//! Requests and answers as types, and a client. A server decides, so it belongs to the stack of the
+//! reference devices.
 
 pub mod block;
 mod client;

@@ -1,4 +1,7 @@
 //! Source files, places in them, and errors that point at the place.
+//!
+//! What the files say does not belong here: types that are read from a text stand where they are
+//! used.
 
 mod decimal;
 mod formula;

@@ -1,4 +1,7 @@
 //! Bus backends: the only places that touch hardware, and the only ones that read a clock.
+//!
+//! What an adapter does with frames and times belongs here. Where a device is found on it belongs
+//! to [`target`](crate::target).
 
 mod bell;
 mod calendar;

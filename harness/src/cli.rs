@@ -1,4 +1,7 @@
 //! The command line.
+//!
+//! Options, their help and their defaults belong here. What a command does belongs to
+//! [`commands`](crate::commands).
 
 mod device_file;
 

@@ -1,4 +1,7 @@
 //! The commands, a file each.
+//!
+//! A command asks the other modules and prints what they answer. Options and their help belong to
+//! [`cli`](crate::cli).
 
 mod check;
 mod counted;

@@ -1,4 +1,6 @@
 //! Takes the events of a run to where the user wants them: terminal, journal and reports.
+//!
+//! Files, flushing and progress belong here. The text of a report is made by [`reports`].
 
 mod journal;
 mod output;

@@ -1,4 +1,7 @@
 //! Targets: from the user's name for one to the device and its bus.
+//!
+//! What is known of the device before the first case belongs here: its data sheet, node id and
+//! bench, with what the user said about them. What a case finds out belongs to the [`runner`].
 
 mod address;
 mod can;

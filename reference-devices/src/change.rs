@@ -1,6 +1,9 @@
 //! The seams at which a device can deviate: frames on its wire, its dictionary, its data sheet, its
 //! settings, the decisions of the stack and those of its application. Mutants and freedoms are made
 //! of them.
+//!
+//! Which change is a mistake and which is allowed does not belong here: mutants and freedoms say
+//! it.
 
 mod data;
 mod entry;

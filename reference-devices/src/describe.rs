@@ -1,5 +1,7 @@
 //! A device from its data: `device.yaml` holds the choices of the device, the catalogue holds what
 //! its profiles define, and both together are the electronic data sheet.
+//!
+//! What a device does with its objects belongs to its module in [`devices`](crate::devices).
 
 mod check;
 mod file;

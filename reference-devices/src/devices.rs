@@ -1,4 +1,7 @@
 //! The reference devices, each put together from its data, its behaviour and the stack.
+//!
+//! A device has a folder of data and a module for its application. What devices of a profile share
+//! belongs to [`profiles`](crate::profiles), and what all share to [`stack`](crate::stack).
 
 mod applications;
 pub mod ax021211;

@@ -1,5 +1,7 @@
 //! Freedoms: reference devices with one named deviation each that a document allows. A case that
 //! fails on one of them is unjust.
+//!
+//! Data state what a freedom is; only reading, combining and naming them belong here.
 
 mod data;
 

@@ -1,5 +1,8 @@
 //! Mutants: reference devices with one named deviation each. A case that fails on no mutant proves
 //! nothing.
+//!
+//! Data state what a mutant is; only reading them and finding those of a device belong here. Which
+//! case notices one is found by `harness qualify`.
 
 mod data;
 

@@ -1,4 +1,7 @@
 //! A run as text for a terminal: a line or a block per case, and a summary.
+//!
+//! Colours, columns and the choice of what to show belong here. What several reports say in the
+//! same words belongs to the modules beside this one.
 
 mod details;
 mod excerpt;

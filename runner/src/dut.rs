@@ -1,4 +1,6 @@
 //! The device under test, as far as the harness knows it.
+//!
+//! What the data sheet, the user and a first look say. Nothing here sends a frame.
 
 mod sheet;
 

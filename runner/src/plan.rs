@@ -1,4 +1,7 @@
 //! From suites to instances: binds a suite to a device by its data sheet.
+//!
+//! What can be known of a case without the device belongs here: its instances, and why one is
+//! skipped. What the device answers belongs to [`run`](crate::run).
 
 mod bind;
 mod bytes;

@@ -1,4 +1,7 @@
 //! Suites: the notation, the requirement register, and loading both.
+//!
+//! The meaning of a word of the notation belongs here, and what is wrong in a file whatever the
+//! device is. What a suite says that a data sheet contradicts belongs to [`plan`](crate::plan).
 
 mod built_in;
 pub mod constraint;

@@ -1,4 +1,7 @@
 //! Statements of a data sheet that cannot be right, or that no device should make.
+//!
+//! A finding needs the data sheet alone. What can only be read in one way although it is badly
+//! written is found by [`read`](super::read) on the way.
 
 mod object;
 mod pdo;

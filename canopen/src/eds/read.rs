@@ -1,4 +1,7 @@
 //! From sections and keys to the description of a device.
+//!
+//! Mistakes of form belong here, such as a number that is none. Whether the values make sense
+//! together belongs to [`lint`](super::lint).
 
 mod compact;
 mod info;
