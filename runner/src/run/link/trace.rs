@@ -436,6 +436,8 @@ impl<'b> Link<'b> {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::VecDeque;
+
     use super::*;
 
     /// An interface that notes in `most` the longest transmit queue that was needed.
