@@ -315,6 +315,15 @@ pub struct CheckArgs {
     /// same: those that are named by --suites, --only-suites or as files, else those of ./suites
     #[arg(long)]
     pub rewrite: bool,
+    /// Device file of a device to check the suites with as well
+    #[arg(long, value_name = "FILE")]
+    pub dut: Option<PathBuf>,
+    /// Data sheet of a device to check the suites with as well
+    #[arg(long, value_name = "FILE")]
+    pub eds: Option<PathBuf>,
+    /// Its name for the `device` key of suites
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
     /// Which suites.
     #[command(flatten)]
     pub folders: Folders,

@@ -154,10 +154,11 @@ fn open(args: &RunArgs) -> Result<(Option<JournalFile>, Reports), Refused> {
         exit: Exit::File,
         message: format!("error: {}: {}", path.display(), words(error)),
     };
-    let paths = args.reports.0.iter().map(|(format, path)| (format.flag, path));
-    let paths = args.journal.iter().map(|path| ("journal", path)).chain(paths);
+    let paths = args.reports.0.iter().map(|(format, path)| (format.flag, format.begins, path));
+    let paths =
+        args.journal.iter().map(|path| ("journal", reports::journal::BEGINS, path)).chain(paths);
     let mut outputs: Vec<(&str, Output)> = Vec::new();
-    for (flag, path) in paths {
+    for (flag, begins, path) in paths {
         let output = Output::new(path).map_err(|error| refused(path, &error))?;
         let selection = &args.selection;
         let files = [("dut", &selection.dut), ("eds", &selection.eds), ("waivers", &args.waivers)];
@@ -166,6 +167,12 @@ fn open(args: &RunArgs) -> Result<(Option<JournalFile>, Reports), Refused> {
         if let Some((other, _)) = files.chain(others).find(|(_, path)| output.is_same(path)) {
             return Err(Refused::usage(format!(
                 "--{flag} and --{other} are one file, {}: each needs one of its own",
+                path.display()
+            )));
+        }
+        if output.holds_other_than(begins) {
+            return Err(Refused::usage(format!(
+                "--{flag} {}: this file holds something else, and is not overwritten",
                 path.display()
             )));
         }

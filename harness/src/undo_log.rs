@@ -151,11 +151,17 @@ pub(crate) fn folder() -> PathBuf {
 
 /// The existing logs, by name.
 pub(crate) fn all(folder: &Path) -> Vec<(String, Changes)> {
+    let readable = |(name, log): (String, Result<Changes, String>)| Some((name, log.ok()?));
+    each(folder).into_iter().filter_map(readable).collect()
+}
+
+/// The files of the folder, by name; of those that cannot be read, why.
+pub(crate) fn each(folder: &Path) -> Vec<(String, Result<Changes, String>)> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let name = |path: &Path| Some(path.file_name()?.to_str()?.strip_suffix(".json")?.to_owned());
     let names = entries.filter_map(|entry| name(&entry.path()));
-    let log = |name: String| read(folder, &name).ok().map(|changes| (name, changes));
-    let mut logs: Vec<_> = names.filter_map(log).collect();
+    let log = |name: String| (name.clone(), read(folder, &name));
+    let mut logs: Vec<_> = names.map(log).collect();
     logs.sort_by(|one, other| one.0.cmp(&other.0));
     logs
 }

@@ -13,6 +13,8 @@ pub struct Format {
     pub flag: &'static str,
     /// The text of `--help` about it.
     pub help: &'static str,
+    /// The beginning of such a file. A file that is there and begins otherwise is not overwritten.
+    pub begins: &'static [u8],
     /// The file in `samples/`.
     pub sample: &'static str,
     /// Writes the whole file, which need not be a text. A run that could not start has one case,
@@ -27,6 +29,7 @@ pub struct Format {
 pub const FORMATS: &[Format] = &[Format {
     flag: "junit",
     help: "Write a JUnit report",
+    begins: b"<?xml",
     sample: "junit.xml",
     write: junit::write,
 }];

@@ -4,6 +4,9 @@ use std::fmt;
 
 use crate::event::Event;
 
+/// The beginning of a journal.
+pub const BEGINS: &[u8] = b"{\"run-started\"";
+
 /// The line of `event`, its end included, so that one write never leaves half a line.
 pub fn line(event: &Event) -> String {
     // Nearly every line is a frame, and most frames fit.

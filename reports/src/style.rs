@@ -60,10 +60,15 @@ impl<T: fmt::Display> fmt::Display for Painted<T> {
     }
 }
 
-/// `text` with control characters spelled out, except line ends. A device chooses some of the
-/// printed text, and must not control the terminal.
+/// `text` with control characters spelled out, except line ends, and those that turn the direction
+/// of writing or are not seen. A device chooses some of the printed text, and must neither control
+/// the terminal nor make a line read otherwise than it is.
 pub fn printable(text: &str) -> Cow<'_, str> {
-    let harmless = |symbol: char| symbol == '\n' || !symbol.is_control();
+    let unseen = |symbol: char| {
+        matches!(symbol, '\u{61c}' | '\u{200b}'..='\u{200f}' | '\u{2028}'..='\u{202e}'
+            | '\u{2060}'..='\u{206f}' | '\u{feff}')
+    };
+    let harmless = |symbol: char| symbol == '\n' || !symbol.is_control() && !unseen(symbol);
     if text.chars().all(harmless) {
         return Cow::Borrowed(text);
     }
@@ -102,6 +107,7 @@ mod tests {
     fn a_device_does_not_command_the_terminal() {
         assert_eq!(printable("plain\ntext"), "plain\ntext");
         assert_eq!(printable("\x1b[2J\u{9b}\t"), "\\u{1b}[2J\\u{9b}\\t");
+        assert_eq!(printable("a\u{202e}b\u{2066}c\u{200b}"), "a\\u{202e}b\\u{2066}c\\u{200b}");
     }
 
     #[test]

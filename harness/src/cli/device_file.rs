@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{ListArgs, RunArgs, Selection};
+use super::{CheckArgs, ListArgs, RunArgs, Selection};
 use crate::device_file::DeviceFile;
 use crate::exit::Refused;
 
@@ -40,6 +40,24 @@ impl ListArgs {
         let Some(file) = self.selection.load()? else { return Ok(self.clone()) };
         let typed = self.selection.typed();
         Ok(Self { selection: self.selection.with(file, typed), ..self.clone() })
+    }
+}
+
+impl CheckArgs {
+    /// The device to check suites with, with what the device file says of it; without a target.
+    ///
+    /// # Errors
+    /// What is wrong with the file.
+    pub(crate) fn selection(&self) -> Result<Selection, Refused> {
+        let selection = Selection {
+            dut: self.dut.clone(),
+            eds: self.eds.clone(),
+            device: self.device.clone(),
+            folders: self.folders.clone(),
+            ..Selection::of_target(None)
+        };
+        let Some(file) = selection.load()? else { return Ok(selection) };
+        Ok(selection.with(file, String::new()))
     }
 }
 

@@ -7,11 +7,12 @@ use std::sync::Arc;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::freedom::{self, Freedom};
 use reference_devices::mutant::{self, Mutant};
+use runner::dut::Dut;
 use runner::suite::{self, Library, Register};
 
 use super::counted::counted;
 use super::rewrite;
-use super::run::plan_all;
+use super::run::plan_for;
 use crate::cli::{CheckArgs, Selection};
 use crate::exit::{Exit, Refused};
 use crate::files::read_source;
@@ -30,11 +31,14 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     if args.rewrite {
         return rewrite::run(args);
     }
+    let selection = args.selection()?;
+    let folders = &selection.folders;
+    let own = own_dut(args, &selection)?;
     let (devices, files): (Vec<_>, Vec<_>) =
         args.files.iter().cloned().partition(|path| target::holds_device(path));
     let library = match files.as_slice() {
-        [] => args.folders.load()?,
-        files => with_register(&args.folders, files)?,
+        [] => folders.load()?,
+        files => with_register(folders, files)?,
     };
     let names = match devices.as_slice() {
         [] => devices::names().map(str::to_owned).collect(),
@@ -63,7 +67,8 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     if !complaints.is_empty() {
         return Err(complaints.into());
     }
-    let plans = plan_all(&library, &targets)?;
+    let duts: Vec<&Dut> = targets.iter().map(|target| &target.dut).chain(&own).collect();
+    let plans = plan_for(&library, &duts)?;
     let cases: usize = library.suites.iter().map(|suite| suite.file.cases.len()).sum();
     let instances: usize = plans.iter().map(|plan| plan.instances.len()).sum();
     let counts = [
@@ -76,8 +81,8 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
         (freedoms, "freedom"),
     ];
     let counts = counts.map(|(count, noun)| counted(count, noun));
-    let own = args.folders.catalogue.folder.as_ref();
-    let profiles = own.map(|_| counted(library.catalogue.profiles().len(), "profile") + ", ");
+    let amended = folders.catalogue.folder.is_some();
+    let profiles = amended.then(|| counted(library.catalogue.profiles().len(), "profile") + ", ");
     let profiles = profiles.unwrap_or_default();
     let [suites, cases, instances, devices, requirements, mutants, freedoms] = counts;
     say(&format!(
@@ -85,6 +90,25 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
          {freedoms}: no errors\n"
     ));
     Ok(Exit::Green)
+}
+
+/// The user's device, to check suites with, by its data sheet.
+///
+/// # Errors
+/// When the data sheet cannot be read, or nothing names one.
+fn own_dut(args: &CheckArgs, selection: &Selection) -> Result<Option<Dut>, Refused> {
+    match (&selection.eds, &args.dut, &args.device) {
+        (Some(eds), ..) => target::dut_of_file(selection, eds).map(Some),
+        (None, Some(file), _) => Err(Refused::usage(format!(
+            "{}: suites are checked with a data sheet, and this device file has no `eds`: --eds \
+             FILE",
+            file.display()
+        ))),
+        (None, None, Some(_)) => {
+            Err(Refused::usage("--device NAME is the name of a data sheet: --eds FILE".to_owned()))
+        }
+        (None, None, None) => Ok(None),
+    }
 }
 
 /// The mutants that are proved on a device, each of which it can be.

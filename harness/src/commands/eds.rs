@@ -147,10 +147,19 @@ fn write(name: &str, out: Option<PathBuf>, catalogue: &Catalogue) -> Result<Exit
     }
     for (file, text) in device.generated_files() {
         let path = match &out {
-            Some(folder) => folder.join(Path::new(&file).file_name().unwrap_or_default()),
-            None => PathBuf::from(&file),
+            Some(folder) => {
+                let path = folder.join(Path::new(&file).file_name().unwrap_or_default());
+                if fs::read(&path).ok().as_deref() != Some(text.as_bytes()) {
+                    create(&path, &text)?;
+                }
+                path
+            }
+            None => {
+                let path = PathBuf::from(&file);
+                fs::write(&path, text).map_err(|error| file_error(&path, &error))?;
+                path
+            }
         };
-        fs::write(&path, text).map_err(|error| file_error(&path, &error))?;
         say(&format!("{}\n", path.display()));
     }
     Ok(Exit::Green)

@@ -28,8 +28,12 @@ pub(super) fn run(args: &RestoreArgs, stop: &Stop) -> Result<Exit, Refused> {
     let folder = undo_log::folder();
     let file_error = |why| Refused { exit: Exit::File, message: format!("error: {why}") };
     let Some(name) = &args.run else {
-        say(&list(&undo_log::all(&folder)));
-        return Ok(Exit::Green);
+        let logs = undo_log::each(&folder);
+        say(&list(&logs));
+        return match logs.iter().all(|(_, log)| log.is_ok()) {
+            true => Ok(Exit::Green),
+            false => Err(file_error("a log cannot be read".to_owned())),
+        };
     };
     let changes = undo_log::read(&folder, name).map_err(file_error)?;
     if changes.is_running() {
@@ -116,11 +120,15 @@ fn dut(changes: &Changes) -> Result<Dut, Refused> {
 }
 
 /// A line for each run that left something changed.
-fn list(logs: &[(String, Changes)]) -> String {
+fn list(logs: &[(String, Result<Changes, String>)]) -> String {
     if logs.is_empty() {
         return "no run has left anything changed\n".to_owned();
     }
-    let line = |(name, changes): &(String, Changes)| {
+    let line = |(name, log): &(String, Result<Changes, String>)| {
+        let changes = match log {
+            Ok(changes) => changes,
+            Err(why) => return format!("{name}  cannot be read: {why}\n"),
+        };
         let objects: Vec<&str> = changes.objects.keys().map(String::as_str).collect();
         let running = if changes.is_running() { " (still running)" } else { "" };
         let Changes { target, node, device, .. } = changes;

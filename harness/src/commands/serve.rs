@@ -1,6 +1,7 @@
 //! `harness serve`: a reference device on a real bus, and its physical side on a socket.
 
 use std::io::{BufRead, BufReader, Write};
+use std::os::unix::fs::FileTypeExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Receiver, Sender};
@@ -16,6 +17,7 @@ use crate::bus::socketcan::SocketCan;
 use crate::bus::{Bell, Interface, Stdio};
 use crate::cli::ServeArgs;
 use crate::exit::{Exit, Refused};
+use crate::files::words;
 use crate::rig;
 use crate::target::{Named, reference_device};
 
@@ -124,14 +126,17 @@ struct Socket {
 
 impl Socket {
     fn open(path: &Path, bell: &Bell) -> Result<Self, Refused> {
+        let refused = |error: &str| Refused::bus(format!("{}: {error}", path.display()));
+        if path.exists() && !is_socket(path) {
+            return Err(refused("this file is not a socket, and is left as it is"));
+        }
         // The socket of a server that was killed belongs to no process.
         if UnixStream::connect(path)
             .is_err_and(|e| e.kind() == std::io::ErrorKind::ConnectionRefused)
         {
             _ = std::fs::remove_file(path);
         }
-        let listener = UnixListener::bind(path)
-            .map_err(|error| Refused::bus(format!("{}: {error}", path.display())))?;
+        let listener = UnixListener::bind(path).map_err(|error| refused(&words(&error)))?;
         let (sender, requests) = mpsc::channel();
         let bell = bell.clone();
         thread::spawn(move || {
@@ -146,8 +151,15 @@ impl Socket {
 
 impl Drop for Socket {
     fn drop(&mut self) {
-        _ = std::fs::remove_file(&self.path);
+        // Another file may have taken its place.
+        if is_socket(&self.path) {
+            _ = std::fs::remove_file(&self.path);
+        }
     }
+}
+
+fn is_socket(path: &Path) -> bool {
+    std::fs::symlink_metadata(path).is_ok_and(|found| found.file_type().is_socket())
 }
 
 /// Serves one client until it goes away.

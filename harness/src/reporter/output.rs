@@ -1,7 +1,7 @@
 //! Files that reports go to: written at once, or not at all.
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
 use nix::errno::Errno;
@@ -38,6 +38,17 @@ impl Output {
     /// Whether it is a file, or will be one.
     pub(super) fn is_file(&self) -> bool {
         fs::metadata(&self.place).map_or(true, |found| found.is_file())
+    }
+
+    /// Whether there is a file of something else: it neither is empty nor begins so.
+    pub(super) fn holds_other_than(&self, begins: &[u8]) -> bool {
+        if !self.is_file() {
+            return false;
+        }
+        let mut first = Vec::new();
+        let file = File::open(&self.place);
+        let read = file.and_then(|file| file.take(begins.len() as u64).read_to_end(&mut first));
+        read.is_ok() && !first.is_empty() && first != begins
     }
 
     /// Writes the whole file. A reader sees either the old content or all of the new one. Where the

@@ -267,11 +267,10 @@ impl Checker<'_> {
     }
 
     /// A code that CiA 301 does not have is a mistake, unless the suite is for one device, which
-    /// may have codes of its own.
+    /// may have codes of its own in the classes of CiA 301.
     fn abort_codes(&mut self, step: &At<Step>) {
-        if self.suite.file.device.is_some() {
-            return;
-        }
+        const CLASSES: [u32; 3] = [5, 6, 8];
+        let may_have_own = self.suite.file.device.is_some();
         let refused = |refused: Option<&At<Refusal>>| {
             refused
                 .into_iter()
@@ -297,8 +296,10 @@ impl Checker<'_> {
             Step::Remap(remap) => refused(remap.refused.as_ref()),
             _ => Vec::new(),
         };
-        for (code, place) in codes.into_iter().filter(|(code, _)| Abort(*code).meaning().is_none())
-        {
+        let is_wrong = |code: u32| {
+            Abort(code).meaning().is_none() && !(may_have_own && CLASSES.contains(&(code >> 24)))
+        };
+        for (code, place) in codes.into_iter().filter(|(code, _)| is_wrong(*code)) {
             let known: Vec<String> =
                 Abort::ALL.iter().map(|known| format!("0x{:08X}", known.0)).collect();
             let code = format!("0x{code:08X}");
@@ -362,14 +363,11 @@ impl Checker<'_> {
         }
         let entry = self.entry(&write.object, write.refused.as_deref());
         match (&write.value, &write.bytes, &write.fill) {
-            (Some(value), None, None) => {
-                // A value that must be refused need not fit.
-                match (&entry, &write.refused) {
-                    (Some(entry), None) => self.value(value, entry),
-                    (Some(entry), Some(_)) => _ = self.scope.bytes(&value.value, entry),
-                    (None, _) => {}
-                }
-            }
+            (Some(value), None, None) => match (&entry, &write.refused) {
+                (Some(entry), None) => self.value(value, entry),
+                (Some(entry), Some(_)) => self.refused_value(value, entry),
+                (None, _) => {}
+            },
             (None, Some(bytes), None) => {
                 if parse_bytes(&bytes.value).is_none() {
                     self.complain(bytes.place, "bytes are pairs of hex digits: `01 02`");
@@ -389,6 +387,21 @@ impl Checker<'_> {
         if let Some(At { value: name, place }) = write.save.as_deref() {
             self.scope.bind(name.0.clone(), Binding::Bytes(Vec::new()));
             self.saved.push((name.0.clone(), *place));
+        }
+    }
+
+    /// A value that must be refused need not be one of the object, but has to have its length:
+    /// another length is refused for the length.
+    fn refused_value(&mut self, literal: &At<Literal>, entry: &Entry) {
+        let Err(wrong) = self.scope.bytes(&literal.value, entry) else { return };
+        let (Ok(number), Some(size)) = (self.scope.int(&literal.value), entry.data_type.size())
+        else {
+            return;
+        };
+        let bits = 8 * size.min(8) as u32;
+        if !(-(1 << (bits - 1))..1 << bits).contains(&number) {
+            let message = format!("{wrong}; `bytes` writes another length");
+            self.complain(literal.place, message);
         }
     }
 

@@ -256,9 +256,11 @@ fn download(frame: &Frame) -> Option<(Mux, Option<[u8; 4]>)> {
     }
 }
 
-/// A command that is too long may be taken as well.
+/// A command that is too long may be taken as well, and one that is too short as if zeros followed.
 fn of_command(frame: &Frame) -> Vec<Deed> {
-    let Some(Ok(command)) = frame.data.get(..2).map(Command::decode) else { return Vec::new() };
+    let padded = frame.data.padded();
+    let command = frame.data.first().and_then(|_| Command::decode(&padded[..2]).ok());
+    let Some(command) = command else { return Vec::new() };
     let all = (command.node == 0).then_some(Deed::AllNodes);
     Deed::of_service(command.service).into_iter().chain(all).collect()
 }
@@ -313,6 +315,8 @@ mod tests {
             ("000#8102", vec![Deed::ResetNode]),
             ("000#8200", vec![Deed::ResetCommunication, Deed::AllNodes]),
             ("000#0102", vec![]),
+            ("000#81", vec![Deed::ResetNode, Deed::AllNodes]),
+            ("000#", vec![]),
             ("7E5#1300020000000000", vec![Deed::BitTiming]),
             ("7E5#1564000000000000", vec![Deed::BitTiming]),
             ("7E5#1103000000000000", vec![Deed::NodeId]),

@@ -22,6 +22,12 @@ pub(super) fn standard(path: &str) -> Option<Arc<Source>> {
     Some(source::built_in(&format!("suites/{path}"), text))
 }
 
+/// Whether it is one of the files, with the same text.
+pub(super) fn is_built_in(source: &Source) -> bool {
+    let path = source.name.strip_prefix("suites/");
+    path.and_then(standard).is_some_and(|known| known.text == source.text)
+}
+
 fn read(folder: &Dir<'_>, sources: &mut Vec<Source>) {
     for file in folder.files() {
         if let (Some("yaml"), Some(text)) =

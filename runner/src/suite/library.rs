@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use canopen::catalogue::Catalogue;
 
-use super::built_in::built_in;
+use super::built_in::{built_in, is_built_in};
 use super::constraint::assertion_name;
 use super::dimension::{Dimension, Extent};
 use super::expand::expand;
@@ -147,7 +147,8 @@ impl Library {
                     let words = Arc::clone(&vocabularies.at(&source.name).words);
                     let catalogue = Arc::clone(catalogue);
                     let path = source.name.as_str().into();
-                    let suite = Suite { source, path, file, catalogue, words };
+                    let is_built_in = is_built_in(&source);
+                    let suite = Suite { source, path, file, catalogue, words, is_built_in };
                     complaints.extend(unknown_profiles(&suite));
                     used.extend(names);
                     loaded.push(Arc::new(suite));
