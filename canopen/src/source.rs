@@ -286,7 +286,9 @@ fn in_our_words(message: &str) -> String {
         Some("u32" | "u64" | "usize") => return "a whole number from 0 on belongs here".to_owned(),
         Some(word) if integer(word) => return "a whole number belongs here".to_owned(),
         Some("f64" | "f32") => return "a number belongs here".to_owned(),
-        Some("bool" | "boolean" | "a boolean") => return "`true` or `false` belongs here".to_owned(),
+        Some("bool" | "boolean" | "a boolean") => {
+            return "`true` or `false` belongs here".to_owned();
+        }
         // What a type of ours expects, in words.
         Some(expected) => return format!("{expected} belongs here"),
         None => {}

@@ -42,7 +42,7 @@ impl Cause {
             ..Self::of_problem(problem)
         };
         match outcome {
-            Outcome::Pass | Outcome::Skip(_) | Outcome::Blocked(_) => None,
+            Outcome::Pass | Outcome::Skip(_) | Outcome::Blocked(_) | Outcome::Undecided(_) => None,
             Outcome::Waived { outcome, .. } => Self::of(requirement, outcome),
             Outcome::Lenient(problem) | Outcome::Fail(problem) => {
                 Some(match problem.phase == Phase::Monitor {

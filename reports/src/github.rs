@@ -35,7 +35,7 @@ pub fn annotation(
     let place = place
         .map(|(file, line, column)| format!("file={},line={line},col={column},", property(&file)));
     let mut message = info.title.to_string();
-    if let Outcome::Error { reason, .. } = &case.outcome {
+    if let Outcome::Error { reason, .. } | Outcome::Undecided(reason) = &case.outcome {
         let _ = write!(message, "\nno verdict: {reason}");
     }
     if let Some(problem) = problem {

@@ -147,6 +147,11 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
             test.set_trace(&text());
             test
         }
+        Outcome::Undecided(reason) => {
+            let mut test = TestCaseBuilder::error(&name, time, "undecided", &attribute(reason));
+            test.set_trace(&text());
+            test
+        }
     };
     test.set_classname(&attribute(&format!("{}.{}", device.info.device, info.suite)));
     test.set_filepath(&attribute(&info.file));

@@ -226,7 +226,16 @@ impl Run {
                 suites.push(SuiteRun { name, file, cases: Vec::new() });
                 suites.len() - 1
             });
-        suites[self.suite].cases.push(CaseRun {
+        // What was undecided is tried again at the end of a run, and that counts.
+        let cases = &mut suites[self.suite].cases;
+        let is_tried_again = |known: &CaseRun| {
+            matches!(known.outcome, Outcome::Undecided(_))
+                && (&known.info.case, &known.info.instance) == (&case.case, &case.instance)
+        };
+        if let Some(place) = cases.iter().position(is_tried_again) {
+            cases.remove(place);
+        }
+        cases.push(CaseRun {
             info: case.clone(),
             // Kept if no result follows: a case that did not end is an error and not forgotten.
             outcome: Outcome::Error { reason: INTERRUPTED.into(), problem: None },

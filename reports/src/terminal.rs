@@ -130,9 +130,10 @@ pub fn case_line(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
         Outcome::Pass => time(case.duration()),
         Outcome::Lenient(problem) | Outcome::Fail(problem) => came_instead(problem),
         Outcome::Error { problem: Some(problem), .. } => came_instead(problem),
-        Outcome::Skip(reason) | Outcome::Blocked(reason) | Outcome::Error { reason, .. } => {
-            reason.clone()
-        }
+        Outcome::Skip(reason)
+        | Outcome::Blocked(reason)
+        | Outcome::Undecided(reason)
+        | Outcome::Error { reason, .. } => reason.clone(),
         Outcome::Waived { waiver, .. } => waiver.to_string(),
     };
     let _ = writeln!(line, "{}", style.dim(one_line(&info.objects.in_text(&rest))));

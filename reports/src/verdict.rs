@@ -102,6 +102,9 @@ pub enum Outcome {
         /// Where it came up, when it was in a step.
         problem: Option<Box<Problem>>,
     },
+    /// Why there is no statement about the device, when the tester itself was late. It is tried
+    /// again at the end of the run.
+    Undecided(String),
 }
 
 impl Outcome {
@@ -114,7 +117,7 @@ impl Outcome {
             Self::Blocked(_) => Verdict::Blocked,
             Self::Waived { .. } => Verdict::Waived,
             Self::Fail(_) => Verdict::Fail,
-            Self::Error { .. } => Verdict::Error,
+            Self::Error { .. } | Self::Undecided(_) => Verdict::Error,
         }
     }
 
@@ -143,7 +146,11 @@ impl Outcome {
             Self::Fail(_) => true,
             Self::Lenient(problem) => problem.capped,
             Self::Waived { outcome, .. } => outcome.holds_against_device(),
-            Self::Pass | Self::Skip(_) | Self::Blocked(_) | Self::Error { .. } => false,
+            Self::Pass
+            | Self::Skip(_)
+            | Self::Blocked(_)
+            | Self::Error { .. }
+            | Self::Undecided(_) => false,
         }
     }
 
@@ -158,7 +165,7 @@ impl Outcome {
             Self::Lenient(problem) | Self::Fail(problem) => Some(problem),
             Self::Error { problem, .. } => problem.as_deref(),
             Self::Waived { outcome, .. } => outcome.problem(),
-            Self::Pass | Self::Skip(_) | Self::Blocked(_) => None,
+            Self::Pass | Self::Skip(_) | Self::Blocked(_) | Self::Undecided(_) => None,
         }
     }
 }

@@ -77,7 +77,9 @@ fn texts_of_a_device_break_neither_xml_nor_terminal() {
             Event::CaseStarted(case) => case.title = nasty.into(),
             Event::CaseEnded(end) => match &mut end.outcome {
                 Outcome::Fail(problem) => nasty.clone_into(&mut problem.actual),
-                Outcome::Error { reason, .. } | Outcome::Skip(reason) => nasty.clone_into(reason),
+                Outcome::Error { reason, .. }
+                | Outcome::Skip(reason)
+                | Outcome::Undecided(reason) => nasty.clone_into(reason),
                 Outcome::Blocked(reason) => nasty.clone_into(reason),
                 Outcome::Waived { waiver, .. } => nasty.clone_into(&mut waiver.reason),
                 Outcome::Pass | Outcome::Lenient(_) => {}
@@ -193,6 +195,33 @@ fn every_order_that_cannot_be_is_refused() {
     for (order, why) in table {
         assert_eq!(refused(&order).to_string(), why);
     }
+}
+
+#[test]
+fn a_case_that_was_undecided_counts_as_it_comes_out_at_last() {
+    let events = fixture::events(Grade::Lenient);
+    let [start, device, case] = [&events[0], &events[1], &events[2]];
+    let ended = |outcome: Outcome| {
+        let at = canopen::Instant::ZERO;
+        Event::CaseEnded(CaseEnded { at, outcome, cause: None })
+    };
+    let late = || ended(Outcome::Undecided("the tester was late by 42 ms".to_owned()));
+    let run = |ends: &[Event]| {
+        let mut run = Run::new(Keep::All);
+        [start, device].into_iter().for_each(|event| run.apply(event).unwrap());
+        for end in ends {
+            run.apply(case).unwrap();
+            run.apply(end).unwrap();
+        }
+        run
+    };
+    let decided = run(&[late(), ended(Outcome::Pass)]);
+    assert_eq!((decided.counts().total(), decided.is_green()), (1, true));
+    let undecided = run(&[late(), late()]);
+    assert_eq!((undecided.counts().total(), undecided.is_green()), (1, false));
+    let summary = terminal::summary(&undecided, Style { color: false }, terminal::Verbosity::Quiet);
+    let again = "undecided, run again: harness --device drr460 'cia301/";
+    assert!(summary.contains(again), "{summary}");
 }
 
 #[test]

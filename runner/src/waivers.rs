@@ -231,7 +231,7 @@ impl WaiverEntry {
             other => other,
         };
         let said = match outcome {
-            Outcome::Skip(_) | Outcome::Blocked(_) => false,
+            Outcome::Skip(_) | Outcome::Blocked(_) | Outcome::Undecided(_) => false,
             Outcome::Error { problem: None, .. } => self.verdict == Some(WaivedVerdict::Error),
             _ => true,
         };

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::fs::File;
 use std::io::Write as _;
 
-use reports::{CaseRun, Cause, Keep, Run, Verdict};
+use reports::{CaseRun, Cause, Keep, Outcome, Run, Verdict};
 
 use super::counted::counted;
 use crate::cli::WaiveArgs;
@@ -25,6 +25,14 @@ pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
     let run = Run::fold(&journal, Keep::Unusual)
         .map_err(|error| refused(format!("error: {path}: {error}")))?;
     let text = waivers(&run);
+    let undecided = run.cases().filter(|(_, case)| matches!(case.outcome, Outcome::Undecided(_)));
+    match undecided.count() {
+        0 => {}
+        count => complain!(
+            "note: {} left out, in which the tester was late: run them again",
+            counted(count, "undecided instance")
+        ),
+    }
     match &args.out {
         None => say(&text),
         Some(out) => {

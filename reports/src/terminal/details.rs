@@ -24,6 +24,7 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
     block.requirements(case);
     match &case.outcome {
         Outcome::Error { reason, .. } => block.named("no verdict", reason),
+        Outcome::Undecided(reason) => block.field("undecided", reason),
         Outcome::Skip(reason) => block.field("skipped", reason),
         Outcome::Blocked(reason) => block.field("blocked", reason),
         Outcome::Waived { waiver, .. } => block.field("waived", &waiver.to_string()),

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use super::{Verbosity, one_line, plural};
 use crate::cause::Cause;
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
-use crate::style::Style;
+use crate::style::{Style, shell_word};
 use crate::verdict::{Outcome, Verdict};
 
 /// Counts per device, why cases were skipped, which did not pass, and one closing line.
@@ -26,6 +26,7 @@ pub fn summary(run: &Run, style: Style, verbosity: Verbosity) -> String {
         let _ = writeln!(text, "stopped: {}\n", one_line(reason));
     }
     grouped(run, &mut text);
+    undecided(run, &mut text);
     let counts = run.counts();
     let _ = match run.worst() {
         Some(worst) => writeln!(text, "{}", style.verdict(worst, counts)),
@@ -238,6 +239,19 @@ fn grouped(run: &Run, text: &mut String) {
     if instances > 1 {
         let (cause, instance) = (plural(causes, "cause"), plural(instances, "instance"));
         let _ = writeln!(text, "{causes} {cause}, {instances} {instance}");
+    }
+}
+
+/// The commands that run again what is undecided, one for each device.
+fn undecided(run: &Run, text: &mut String) {
+    for device in &run.devices {
+        let cases = device.cases().filter(|case| matches!(case.outcome, Outcome::Undecided(_)));
+        let names: Vec<String> =
+            cases.map(|case| shell_word(&case.info.name()).into_owned()).collect();
+        if !names.is_empty() {
+            let again = format!("{} {}", device.info.rerun, names.join(" "));
+            let _ = writeln!(text, "undecided, run again: {}", one_line(&again));
+        }
     }
 }
 

@@ -294,12 +294,15 @@ impl Session<'_> {
             undo: self.undo,
             observer: self.observer,
         };
-        let instances = reliance.order(self.plan);
-        for (place, &instance) in instances.iter().enumerate() {
+        let mut instances = reliance.order(self.plan);
+        let (planned, mut place) = (instances.len(), 0);
+        while let Some(&instance) = instances.get(place) {
             if self.stop.asked() {
                 let ending = Ending::Bus(BusError::Interrupted);
-                return self.rest_of(link, &instances[place..], ending, true);
+                let rest = instances.get(place..planned).unwrap_or_default();
+                return self.rest_of(link, rest, ending, true);
             }
+            place += 1;
             let started = starts.of(instance, link.mark());
             link.emit(Event::CaseStarted(started.clone()));
             let needed = instance.blocks();
@@ -333,8 +336,12 @@ impl Session<'_> {
             }
             let outcome = self.waivers.apply(&self.plan.dut.name, &started, outcome);
             failed += usize::from(matches!(outcome, Outcome::Fail(_)));
+            // The host may be quieter later; what is undecided then stays so.
+            if matches!(outcome, Outcome::Undecided(_)) && place <= planned {
+                instances.push(instance);
+            }
             link.emit(ended(link, &started, outcome));
-            let rest = &instances[place + 1..];
+            let rest = instances.get(place..planned).unwrap_or_default();
             match finished.aftermath {
                 Aftermath::Left(how) => left = how,
                 // Cases about the data sheet still run: they need no device.

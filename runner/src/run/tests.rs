@@ -210,9 +210,26 @@ fn a_case_in_which_the_tester_was_late_is_repeated() {
 fn a_tester_that_is_always_late_neither_passes_nor_fails_a_case() {
     for steps in [WAITS, EXPECTS] {
         let ran = run(&mut stalled(u32::MAX), 1, steps);
-        let Outcome::Error { reason, .. } = &ran.outcomes[0] else { panic!("{:?}", ran.outcomes) };
-        assert_eq!(reason, "the tester was late by 42 ms, and in 4 attempts");
+        // And again at the end of the run.
+        let undecided = "the tester was late by 42 ms, and in 4 attempts".to_owned();
+        let undecided = Outcome::Undecided(undecided);
+        assert_eq!(ran.outcomes, [undecided.clone(), undecided]);
         assert_eq!(ran.ending, Ending::Complete);
+    }
+}
+
+#[test]
+fn what_is_undecided_is_tried_again_at_the_end() {
+    let ran = run(&mut stalled(5), 2, WAITS);
+    assert_eq!(verdicts(&ran), [Verdict::Error, Verdict::Pass, Verdict::Pass]);
+}
+
+#[test]
+fn silence_proves_nothing_where_the_host_stalled_for_half_of_it() {
+    let never = |window: &str| format!("[ never: {{ frame: '080+n#...', for: {window} }} ]");
+    for (window, notes) in [("77 ms", 1), ("300 ms", 0)] {
+        let ran = run(&mut stalled(1), 1, &never(window));
+        assert_eq!((verdicts(&ran), ran.notes.len()), (vec![Verdict::Pass], notes), "{window}");
     }
 }
 

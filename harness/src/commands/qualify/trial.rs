@@ -450,7 +450,7 @@ fn problem(outcome: &Outcome) -> Option<String> {
         )
     });
     match outcome {
-        Outcome::Error { reason, .. } => Some(reason.clone()),
+        Outcome::Error { reason, .. } | Outcome::Undecided(reason) => Some(reason.clone()),
         _ => what,
     }
 }

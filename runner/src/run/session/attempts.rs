@@ -5,7 +5,6 @@ use std::time::Duration;
 use reports::Outcome;
 
 use super::case::{Aftermath, CaseRun, Common};
-use super::outcome::error;
 use crate::plan::Instance;
 use crate::run::link::{Link, Traffic};
 use crate::run::observer::Shown;
@@ -51,7 +50,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
                 Some(_) => format!("{why}, and in {attempt} attempts"),
                 None => format!("the tester was late in {} attempts, and one failed", attempt - 1),
             };
-            return Finished { outcome: error(reason), aftermath, shown };
+            return Finished { outcome: Outcome::Undecided(reason), aftermath, shown };
         }
         (left, stalled, failed) = (how, stalled || late.is_some(), failed || doubtful);
         run.note(format!("{why}: the case is repeated"));

@@ -48,7 +48,8 @@ impl<'p> Reliance<'p> {
         Some(format!("{id} {why}"))
     }
 
-    /// Takes the result of a case into account.
+    /// Takes the result of a case into account. One that is undecided says nothing, and those that
+    /// rely on it are tried.
     pub(super) fn learn(&mut self, instance: &'p Instance, outcome: &Outcome) {
         if !self.proves(instance) {
             return;

@@ -383,17 +383,34 @@ impl Steps<'_, '_> {
         failed: Option<&Difference>,
     ) -> Option<Duration> {
         let Lateness { missed, overslept, noticed, .. } = self.link.lateness();
-        // A longer pause is no reason for a device to stay silent.
-        let late = if failed.is_some() { missed.max(overslept) } else { missed };
-        if late > Duration::ZERO && (failed.is_some() || matches!(step, Step::Never(_))) {
+        let waits_in_vain = matches!(step, Step::Never(_) | Step::Collect(_));
+        let late = missed.max(overslept);
+        if late > Duration::ZERO && (failed.is_some() || waits_in_vain) {
             return Some(late);
+        }
+        // A device on the same host had as little of the window as the tester.
+        if failed.is_none() && waits_in_vain {
+            let window = self.window(step)?;
+            return (noticed > self.policy.bears(window).max(window / 2)).then_some(noticed);
         }
         // The client may have been too slow for a server. A device on the same host is delayed as
         // much.
         let timed_out = failed?.raw.is_some_and(|raw| {
             matches!(sdo::Response::decode(&raw.data), Ok(sdo::Response::Abort(_, Abort::TIMEOUT)))
         });
-        let window = self.window(step).or_else(|| timed_out.then_some(Duration::ZERO))?;
+        let asks = matches!(
+            step,
+            Step::Read(_)
+                | Step::Write(_)
+                | Step::Remap(_)
+                | Step::Defaults(_)
+                | Step::Undeclared(_)
+        );
+        let window = match asks && failed?.raw.is_none() {
+            true => Some(self.policy.sdo_timeout),
+            false => self.window(step),
+        };
+        let window = window.or_else(|| timed_out.then_some(Duration::ZERO))?;
         (noticed > self.policy.bears(window)).then_some(noticed)
     }
 
