@@ -289,8 +289,13 @@ impl<'b> Link<'b> {
         mut fits: impl FnMut(&Stamped) -> bool,
     ) -> Result<Option<Stamped>, BusError> {
         let mut place = self.cursor;
+        let first_look = self.bus.now();
         loop {
             if place == self.trace.len() && self.pull(until)?.is_none() {
+                // All of the time had passed before the tester looked for the first time.
+                if self.bus.is_real() && first_look > until {
+                    self.lateness.notice(first_look.since(self.mark));
+                }
                 return Ok(None);
             }
             let seen = &mut self.trace[place];
