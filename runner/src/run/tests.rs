@@ -32,6 +32,8 @@ struct Odd {
     stalls: u32,
     /// When it was, when nothing came since.
     last: Instant,
+    /// After which time the tester learns of a frame of the device.
+    lag: Duration,
     held: VecDeque<Stamped>,
     sent: Vec<Frame>,
     way: Way,
@@ -65,8 +67,12 @@ impl Bus for Odd {
                     let settled = is_error_register(&seen.frame);
                     self.last = if settled { seen.at } else { Instant::NEVER };
                     let seen = if seen.own { Some(seen) } else { (self.way)(&self.sent, seen) };
-                    if seen.is_some() {
-                        return Ok(seen);
+                    if let Some(seen) = seen {
+                        let noticed = if seen.own { seen.at } else { seen.at + self.lag };
+                        while let Some(next) = self.bus.recv(noticed)? {
+                            self.held.push_back(next);
+                        }
+                        return Ok(Some(seen));
                     }
                 }
                 None => {
@@ -89,7 +95,8 @@ fn odd(way: Way) -> Odd {
     let mut bus = VirtualBus::new(BIT_RATE);
     bus.attach(devices::device("drr460").unwrap().node(NODE, Rules::default()));
     let (held, sent) = (VecDeque::new(), Vec::new());
-    Odd { bus, real: true, stalls: 0, last: Instant::NEVER, held, sent, way }
+    let (last, lag) = (Instant::NEVER, Duration::ZERO);
+    Odd { bus, real: true, stalls: 0, last, lag, held, sent, way }
 }
 
 fn stalled(stalls: u32) -> Odd {
@@ -255,6 +262,26 @@ fn what_fails_after_the_host_stalled_fails_twice_or_not_at_all() {
                  expect: { frame: '580+n#80FF5F07...', within: 50 ms } ]";
     let bus = Odd { stalls: 1, ..odd(Box::new(way)) };
     assert_eq!(judged(bus, steps), (Verdict::Pass, notes));
+}
+
+#[test]
+fn a_deviation_within_the_lateness_of_the_tester_is_none_of_the_device() {
+    const MEASURES: &str = "[ write: { object: '1017:00', value: 100 ms }, \
+                            measure: { frame: '700+n#...', count: 3, interval: 100 ms +/- 2 ms } ]";
+    let judged = |lag| {
+        let mut heartbeats = 0;
+        // The second heartbeat comes 3 ms late.
+        let way = move |_: &[Frame], seen: Stamped| {
+            let is_heartbeat = seen.frame.to_string().starts_with("701#7F");
+            heartbeats += u32::from(is_heartbeat);
+            let late = Duration::from_millis(if is_heartbeat && heartbeats == 2 { 3 } else { 0 });
+            Some(Stamped { at: seen.at + late, ..seen })
+        };
+        let lag = Duration::from_millis(lag);
+        verdicts(&run(&mut Odd { lag, ..odd(Box::new(way)) }, 1, MEASURES))
+    };
+    assert_eq!(judged(0), [Verdict::Fail]);
+    assert_eq!(judged(4), [Verdict::Pass]);
 }
 
 #[test]

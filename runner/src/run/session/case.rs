@@ -201,6 +201,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             bench_snapshot: &mut self.bench_snapshot,
             proof: self.proof.take(),
             words: &self.instance.suite.words,
+            outside: Duration::ZERO,
             begun: Vec::new(),
         };
         let observer = self.common.observer;

@@ -114,6 +114,7 @@ impl Steps<'_, '_> {
     ) -> Judgement {
         let Some(difference) = limits.difference(took, what) else { return Ok(None) };
         let (low, high) = limits.accepted();
+        self.outside = low.saturating_sub(took).max(took.saturating_sub(high));
         if took < low {
             return self.broken(&[Constraint::Low(time)], difference);
         }
