@@ -52,7 +52,7 @@ decisions! {
         true
     }
 
-    /// With bit 2 of 1F80h clear a node starts itself; without 1F80h it is up to the node (7.5.2.34).
+    /// With bit 2 of 1F80h clear a node starts itself (7.5.2.34); without 1F80h it may.
     fn starts_itself(&self, startup: Option<u32>) -> bool {
         startup.is_some_and(|startup| startup & 1 << 2 == 0)
     }

@@ -297,8 +297,7 @@ impl Session<'_> {
 
     fn cases(&self, link: &mut Link, baseline: &Baseline, blocks: BlockDirections) -> Ending {
         let mut starts = Starts::new(self.register);
-        let (mut left, mut failed) = (Left::Calm, 0);
-        let mut gone: Option<String> = None;
+        let (mut left, mut failed, mut gone) = (Left::Calm, 0, None::<String>);
         let mut reliance = Reliance::of(self.plan);
         let known = data_sheet_identifiers(&self.plan.dut);
         let common = Common {

@@ -32,7 +32,7 @@ pub(in crate::run) struct Baseline {
     pub(super) emergencies: Vec<EmcyCode>,
     /// Errors of which it sends no emergency, since 1014h disables them.
     pub(super) hidden: Standing,
-    /// Why it does not stay in OPERATIONAL when it is started, if errors from the start keep it out.
+    /// Why it does not stay in OPERATIONAL, if errors from the start keep it out.
     pub kept_out: Option<String>,
     /// The nodes whose heartbeat it monitors.
     pub monitored: Vec<u8>,
