@@ -50,6 +50,12 @@ impl Interface {
         }
     }
 
+    /// The bit rate that it is set to, in bit/s; `None` also where there is none.
+    pub fn own_bit_rate(&self) -> Option<u32> {
+        let name = self.network()?;
+        if SocketCan::is_virtual(name) { None } else { SocketCan::bit_rate(name, 0) }
+    }
+
     /// Whether the device ends with the harness, since it is a program that the harness starts.
     pub const fn is_program(&self) -> bool {
         match self {

@@ -83,10 +83,15 @@ impl SocketCan {
         Self { bell: Some(bell), ..self }
     }
 
+    /// Whether the interface `name` has no wire, and no bit rate.
+    pub fn is_virtual(name: &str) -> bool {
+        ["vcan", "vxcan"].iter().any(|kind| name.starts_with(kind))
+    }
+
     /// The bit rate of the interface `name` in bit/s, when the kernel knows it. A virtual interface
     /// has no bit rate that could be too fast, and counts as `usual`.
     pub fn bit_rate(name: &str, usual: u32) -> Option<u32> {
-        if ["vcan", "vxcan"].iter().any(|kind| name.starts_with(kind)) {
+        if Self::is_virtual(name) {
             return Some(usual);
         }
         let known = CanInterface::open(name).and_then(|interface| interface.bit_rate());

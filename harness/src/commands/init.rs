@@ -59,7 +59,7 @@ fn open(
             Ok((target.open(stop)?, Some(target.dut.node), target.dut.bit_rate))
         }
         Address::Interface(interface) => {
-            let bit_rate = args.bitrate.or_else(|| interface.bit_rate(DEFAULT_BIT_RATE));
+            let bit_rate = args.bitrate.or_else(|| interface.own_bit_rate());
             Ok((target::open_interface(&interface, stop)?, args.node, bit_rate))
         }
     }

@@ -67,6 +67,11 @@ decisions! {
         true
     }
 
+    /// An entry that is not used any more ends its watch (7.5.2.19).
+    fn unused_entry_ends_watch(&self) -> bool {
+        true
+    }
+
     /// An entry that no longer watches a node that was lost ends the error.
     fn end_of_watch_ends_error(&self) -> bool {
         true

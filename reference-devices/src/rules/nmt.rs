@@ -52,9 +52,9 @@ decisions! {
         true
     }
 
-    /// With bit 2 of 1F80h clear a node starts itself (7.5.2.34).
-    fn starts_itself(&self, startup: u32) -> bool {
-        startup & 1 << 2 == 0
+    /// With bit 2 of 1F80h clear a node starts itself (7.5.2.34); without 1F80h it may.
+    fn starts_itself(&self, startup: Option<u32>) -> bool {
+        startup.is_some_and(|startup| startup & 1 << 2 == 0)
     }
 
     /// This node is not an NMT master, so the other bits are not for it.

@@ -104,11 +104,15 @@ impl HeartbeatConsumer {
 
 impl Watch {
     fn configure(&mut self, now: Instant, base: &mut Base) {
+        let (node, time) = entry(base.od.int(Mux::new(TIMES, self.sub)).unwrap_or(0) as u32);
+        let goes_on = matches!(self.state, State::Alive(_)) && !is_used(node, time);
+        if goes_on && !base.rules.unused_entry_ends_watch() {
+            return;
+        }
         // The loss was about the node and the time of the old entry.
         if self.state == State::Lost && base.rules.end_of_watch_ends_error() {
             base.mend(FaultKind::Heartbeat, self.node.into());
         }
-        let (node, time) = entry(base.od.int(Mux::new(TIMES, self.sub)).unwrap_or(0) as u32);
         self.node = node;
         self.time = base.rules.heartbeat_consumer_time(time);
         self.state = if !is_used(node, time) {

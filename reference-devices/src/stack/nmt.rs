@@ -66,7 +66,7 @@ impl Nmt {
         }
         let chosen = base.settings.boot_up_state_object.and_then(|mux| chosen_state(mux, base));
         let startup = base.od.int(STARTUP).map(|startup| startup as u32);
-        let alone = startup.is_some_and(|startup| base.rules.starts_itself(startup));
+        let alone = base.rules.starts_itself(startup);
         let first = if alone { NmtState::OPERATIONAL } else { NmtState::PRE_OPERATIONAL };
         Some(self.remembered.take().or(chosen).unwrap_or(first))
     }

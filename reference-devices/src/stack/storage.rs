@@ -137,10 +137,17 @@ impl Storage {
         std::mem::take(&mut self.restart)
     }
 
-    /// A parameter has changed, which a device that stores autonomously keeps.
+    /// A parameter has changed, which a device that stores autonomously keeps: by the sub-index of
+    /// its group, or of all parameters.
     pub(crate) fn changed(&mut self, mux: Mux, base: &Base) {
         const AUTONOMOUS: i64 = 1 << 1;
-        let capability = base.od.int(Mux::new(STORE, 1)).unwrap_or(0);
+        let group = match mux.index {
+            0x1000..=0x1FFF => 2,
+            0x6000..=0x9FFF => 3,
+            _ => 1,
+        };
+        let capability = [group, 1].into_iter().find_map(|sub| base.od.int(Mux::new(STORE, sub)));
+        let capability = capability.unwrap_or(0);
         let process_data = base.od.entry(mux).is_some_and(|entry| entry.mappable);
         if capability & AUTONOMOUS == 0 || process_data || !self.keeps(mux) {
             return;

@@ -187,7 +187,8 @@ impl Checker<'_> {
     }
 
     fn ask(&mut self, ask: &Ask) {
-        self.sendable(&ask.send);
+        ask.first.iter().chain([&ask.send]).for_each(|frame| self.sendable(frame));
+        self.times(&ask.pause);
         self.patterns(&ask.reply, &ask.lenient);
         self.patterns(&ask.reply, &ask.or_else);
         self.times(&ask.within);

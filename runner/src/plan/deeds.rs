@@ -52,8 +52,9 @@ impl Taking<'_> {
         match step {
             Step::Send(frame) => self.frame(frame, 1),
             Step::Ask(ask) => {
-                let Ask { send, count, tries, .. } = &**ask;
-                self.frame(send, count.unwrap_or(1) * tries.unwrap_or(1));
+                let Ask { first, send, count, tries, .. } = &**ask;
+                let times = count.unwrap_or(1) * tries.unwrap_or(1);
+                first.iter().chain([send]).for_each(|frame| self.frame(frame, times));
             }
             Step::Produce(produce) => self.produce(produce),
             Step::Expect(expect) => self.during(expect.during.as_ref()),

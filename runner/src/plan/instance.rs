@@ -3,17 +3,19 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use canopen::Mux;
+use canopen::nmt::{self, Command, Service};
+use canopen::{Frame, Mux};
 use wildmatch::WildMatch;
 
 use super::scope::Scope;
 use crate::dut::Dut;
 use crate::source::{At, Complaint};
 use crate::suite::Suite;
-use crate::suite::literal::{Literal, ObjectRef};
-use crate::suite::model::{Case, Requires};
+use crate::suite::effect::Written;
+use crate::suite::literal::{FrameText, Literal, ObjectRef};
+use crate::suite::model::{Case, Requires, State};
 use crate::suite::profile::{BlockDirections, Capability, Habits};
-use crate::suite::step::Step;
+use crate::suite::step::{Nmt, Step};
 
 /// The instances for one device, in order.
 #[derive(Clone, Debug)]
@@ -149,8 +151,10 @@ impl Instance {
 
     /// Why it says nothing about a device of these habits.
     pub fn unfit_for(&self, habits: Habits) -> Option<String> {
+        let written = self.written();
         let habit = self.case().requires.iter().find_map(|requires| {
-            let habit = |named: &Option<At<Capability>>| habits.of(&named.as_ref()?.value);
+            let habit =
+                |named: &Option<At<Capability>>| habits.of(&named.as_ref()?.value, &written);
             let lacking = habit(&requires.value.supports).filter(|(has, ..)| !has);
             let having = habit(&requires.value.lacks).filter(|(has, ..)| *has);
             let lacking = lacking.map(|(_, _, lacks)| lacks);
@@ -158,6 +162,51 @@ impl Instance {
             lacking.or(having).map(str::to_owned)
         });
         habit.or_else(|| self.idle_command(habits))
+    }
+
+    /// The indices of the objects that its steps write, or that a case without such a step is
+    /// about: those of the communication.
+    fn written(&self) -> Vec<u16> {
+        const COMMUNICATION: u16 = 0x1000;
+        let writes = self.case().all_steps().flat_map(|step| step.value.effect().writes);
+        let written: Vec<u16> = writes
+            .filter_map(|written| match written {
+                Written::Object(object) => Some(self.scope.mux(&object.value).ok()?.index),
+                Written::Mapped(_) | Written::Frame(_) => None,
+            })
+            // Commands, and no parameters.
+            .filter(|index| !matches!(index, 0x1010 | 0x1011))
+            .collect();
+        if written.is_empty() { vec![COMMUNICATION] } else { written }
+    }
+
+    /// Whether its verdict depends on whether the device is capable of it.
+    pub fn asks_for(&self, capability: &Capability) -> bool {
+        let named = self.case().requires.iter();
+        let mut named = named.flat_map(|it| [&it.value.supports, &it.value.lacks]);
+        named.any(|named| named.as_ref().is_some_and(|named| named.value == *capability))
+    }
+
+    /// Whether the device must be in OPERATIONAL for it: it begins there, or a step starts it.
+    pub fn needs_operational(&self, node: u8) -> bool {
+        let starts = |frame: Frame| {
+            frame.data_id() == Some(nmt::COB_ID)
+                && Command::decode(&frame.data).is_ok_and(|command| {
+                    command.service == Service::START && [0, node].contains(&command.node)
+                })
+        };
+        let sent = |text: &At<FrameText>| {
+            let pattern = self.scope.known_pattern(&text.value, node);
+            pattern.and_then(|pattern| pattern.frame()).is_some_and(starts)
+        };
+        self.case().state == Some(State::Operational)
+            || self.case().all_steps().any(|step| match &step.value {
+                Step::Nmt(command) => *command == Nmt::Start,
+                Step::Send(frame) => sent(frame),
+                Step::Ask(ask) => sent(&ask.send),
+                Step::Produce(produce) => sent(&produce.frame),
+                _ => false,
+            })
     }
 
     /// The command to store or restore that, by its own account, a device with these habits lacks.

@@ -79,7 +79,9 @@ impl Wording<'_> {
     fn ask(&self, ask: &Ask) -> String {
         let times = ask.count.map_or_else(String::new, |count| format!(" {count} times"));
         let (request, answer) = (self.frame(&ask.send), self.frame(&ask.reply));
-        format!("ask {request}{times}, the answer is {answer}")
+        let first = ask.first.as_ref();
+        let first = first.map_or_else(String::new, |first| format!("send {}, ", self.frame(first)));
+        format!("{first}ask {request}{times}, the answer is {answer}")
     }
 
     fn expect(&self, expect: &Expect) -> String {

@@ -5,8 +5,9 @@
 //! this room is a verdict.
 //!
 //! ```text
-//! settle, first_look, bring_back ▶ ladder ▶ answer, state ▶ baseline
-//! leave ▶ restore, stimuli, answer, state           undo ▶ restore
+//! settle, first_look, bring_back ▶ ladder ▶ answer, state, lss ▶ baseline ▶ rung
+//! leave ▶ restore, stimuli, answer, state, lss
+//! first_look ▶ shown ▶ undo ▶ restore
 //! ```
 
 mod answer;
@@ -15,8 +16,11 @@ mod bring_back;
 mod first_look;
 mod ladder;
 mod leave;
+mod lss;
 mod restore;
+mod rung;
 mod settle;
+mod shown;
 mod state;
 mod stimuli;
 mod undo;
@@ -24,10 +28,10 @@ mod undo;
 pub(super) use answer::first_answer;
 pub(super) use baseline::Baseline;
 pub use bring_back::{Abandoned, BroughtBack};
-pub(super) use first_look::first_look;
+pub(super) use first_look::{Wanted, first_look};
 pub(super) use leave::Leaving;
 pub(super) use restore::Snapshot;
 pub(super) use settle::{Left, Settled, application, settle};
-pub(super) use state::{enter, is_still, pre_operational};
+pub(super) use state::{enter, is_still, owes_a_sign, pre_operational};
 pub(super) use stimuli::{BenchSnapshot, bench};
 pub use undo::{KeepChanges, Undo};

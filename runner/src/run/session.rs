@@ -19,12 +19,13 @@ use reports::{CaseEnded, CaseStarted, DeviceStarted, Event, Identity, Note, Outc
 use super::link::{Link, Traffic, contradiction, identity, oddities, sdo, versions};
 use super::observer::Observer;
 use super::policy::Policy;
-use super::rest::{Baseline, Left, Undo, first_answer, first_look, pre_operational};
+use super::rest::{Baseline, Left, Undo, Wanted, first_answer, first_look, pre_operational};
 use crate::plan::{Instance, Plan, deeds};
 use crate::protect::Wire;
 use crate::source::At;
 use crate::stop::Stop;
-use crate::suite::profile::BlockDirections;
+use crate::suite::model::Tolerated;
+use crate::suite::profile::{BlockDirections, Capability};
 use crate::suite::{Level, Register};
 use crate::waivers::Waivers;
 
@@ -219,10 +220,16 @@ impl Session<'_> {
     /// The state of the device at the start. A baseline that no case needs is not taken.
     fn baseline(&self, link: &mut Link, identity: Identity) -> Result<Baseline, BusError> {
         let needed = |each: &Instance| each.skip().is_none() && each.needs_device();
-        match self.plan.instances.iter().any(needed) {
-            true => first_look(link, &self.policy, &self.plan.dut, identity),
-            false => Ok(Baseline::of(identity)),
+        let dut = &self.plan.dut;
+        let mut runs = self.plan.instances.iter().filter(|each| needed(each)).peekable();
+        if runs.peek().is_none() {
+            return Ok(Baseline::of(identity));
         }
+        let wanted = runs.fold(Wanted::default(), |wanted, each| Wanted {
+            self_start: wanted.self_start || each.asks_for(&Capability::SelfStart),
+            operational: wanted.operational || each.needs_operational(dut.node),
+        });
+        first_look(link, &self.policy, dut, identity, wanted, self.undo)
     }
 
     /// A remark for readers of a report on how the device was tested.
@@ -280,10 +287,17 @@ impl Session<'_> {
         limited.then(|| protection.exceeded(&deeds(instance, &self.plan.dut)))?
     }
 
+    /// Why the device cannot show in OPERATIONAL what the case is about.
+    fn kept_out(&self, baseline: &Baseline, instance: &Instance) -> Option<String> {
+        let why = baseline.kept_out.as_ref()?;
+        let tolerated = instance.case().tolerates.contains(&Tolerated::LeavingOperational);
+        let needs = !tolerated && instance.needs_operational(self.plan.dut.node);
+        needs.then(|| why.clone())
+    }
+
     fn cases(&self, link: &mut Link, baseline: &Baseline, blocks: BlockDirections) -> Ending {
         let mut starts = Starts::new(self.register);
-        let (mut left, mut failed) = (Left::Calm, 0);
-        let mut gone: Option<String> = None;
+        let (mut left, mut failed, mut gone) = (Left::Calm, 0, None::<String>);
         let mut reliance = Reliance::of(self.plan);
         let known = data_sheet_identifiers(&self.plan.dut);
         let common = Common {
@@ -317,7 +331,9 @@ impl Session<'_> {
                 link.emit(ended(link, &started, Outcome::Skip(reason)));
                 continue;
             }
-            if let Some(reason) = reliance.blocks(instance) {
+            if let Some(reason) =
+                reliance.blocks(instance).or_else(|| self.kept_out(baseline, instance))
+            {
                 let outcome = Outcome::Blocked(reason);
                 reliance.learn(instance, &outcome);
                 link.emit(ended(link, &started, outcome));

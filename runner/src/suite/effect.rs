@@ -50,7 +50,10 @@ impl Step {
     pub fn effect(&self) -> Effect<'_> {
         match self {
             Self::Send(frame) => Effect::of_frame(frame),
-            Self::Ask(ask) => Effect::of_frame(&ask.send),
+            Self::Ask(ask) => {
+                let frames = ask.first.iter().chain([&ask.send]);
+                Effect { writes: frames.map(Written::Frame).collect(), ..Effect::default() }
+            }
             Self::Produce(produce) => Effect::of_frame(&produce.frame),
             Self::Expect(expect) => Effect::of_watching(expect.during.as_ref()),
             Self::Never(never) => Effect::of_watching(never.during.as_ref()),

@@ -105,7 +105,7 @@ pub(super) const OF_OBJECTS: [(&str, &str, &[&str], &[&str]); 4] = [
 /// Steps about frames, and the keys under which frames stand.
 pub(super) const OF_FRAMES: [&str; 8] =
     ["send", "reply", "ask", "expect", "never", "collect", "measure", "produce"];
-pub(super) const FRAMES: [&str; 5] = ["send", "reply", "frame", "lenient", "or-else"];
+pub(super) const FRAMES: [&str; 6] = ["first", "send", "reply", "frame", "lenient", "or-else"];
 pub(super) const BOUNDS: [&str; 4] = ["interval", "mean", "median", "latency"];
 
 /// The keys of a table of steps.

@@ -95,6 +95,8 @@ impl Case {
 pub enum Tolerated {
     /// Emergency messages: the case makes errors that a device may report in its own way.
     Emergency,
+    /// A device that an error keeps out of OPERATIONAL: the case is about that.
+    LeavingOperational,
 }
 
 /// An NMT state a case can start in.

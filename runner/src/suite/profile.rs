@@ -108,7 +108,8 @@ pub enum Capability {
     SelfStart,
     /// It stores parameters on command: bit 0 of 1010h sub 1, asked at the start of a run.
     SaveOnCommand,
-    /// It stores parameters by itself: bit 1 of 1010h sub 1, asked likewise.
+    /// It stores the parameters that the case writes by itself: bit 1 of 1010h, of the sub-index of
+    /// their group, asked likewise.
     AutonomousStorage,
     /// An option of the profile that the suite is about. No EDS expresses it: a device has it
     /// unless `--without` says otherwise.
@@ -135,12 +136,35 @@ pub struct Habits {
     pub self_start: bool,
     /// It stores parameters on command.
     pub save_on_command: bool,
-    /// It stores parameters without one.
-    pub autonomous_storage: bool,
+    /// Which parameters it stores without one.
+    pub autonomous_storage: Autonomous,
     /// The sub-indices of 1010h whose bit 0 says that "save" stores nothing there, a bit for each.
     pub no_save: u128,
     /// The sub-indices of 1011h whose bit 0 says that "load" restores nothing there.
     pub no_load: u128,
+}
+
+/// The parameters that a device stores by itself, by bit 1 of the sub-indices of 1010h. A group
+/// without a sub-index of its own goes with all parameters.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Autonomous {
+    /// By sub-index 1.
+    pub all: bool,
+    /// Those of the communication, 1000h to 1FFFh, by sub-index 2.
+    pub communication: bool,
+    /// Those of the standardised application, 6000h to 9FFFh, by sub-index 3.
+    pub application: bool,
+}
+
+impl Autonomous {
+    /// Whether the group of an object is one of them.
+    pub const fn stores(self, index: u16) -> bool {
+        match index {
+            0x1000..=0x1FFF => self.communication,
+            0x6000..=0x9FFF => self.application,
+            _ => self.all,
+        }
+    }
 }
 
 impl Default for Habits {
@@ -149,7 +173,7 @@ impl Default for Habits {
         Self {
             self_start: false,
             save_on_command: true,
-            autonomous_storage: false,
+            autonomous_storage: Autonomous::default(),
             no_save,
             no_load,
         }
@@ -167,9 +191,13 @@ impl Habits {
         idle.checked_shr(mux.sub.into()).is_some_and(|idle| idle & 1 != 0)
     }
 
-    /// Whether a device of these habits is capable of it, and the words for one that is and one
-    /// that is not; `None` for what is no habit.
-    pub fn of(self, capability: &Capability) -> Option<(bool, &'static str, &'static str)> {
+    /// Whether a device of these habits is capable of it where a case writes the objects with these
+    /// indices, and the words for one that is and one that is not; `None` for what is no habit.
+    pub fn of(
+        self,
+        capability: &Capability,
+        written: &[u16],
+    ) -> Option<(bool, &'static str, &'static str)> {
         match capability {
             Capability::SelfStart => Some((
                 self.self_start,
@@ -182,8 +210,8 @@ impl Habits {
                 "the device stores no parameters on command (1010h sub 1, bit 0)",
             )),
             Capability::AutonomousStorage => Some((
-                self.autonomous_storage,
-                "the device stores parameters by itself (1010h sub 1, bit 1)",
+                written.iter().any(|index| self.autonomous_storage.stores(*index)),
+                "the device stores parameters by itself (1010h, bit 1)",
                 "the device stores parameters on command only",
             )),
             _ => None,

@@ -178,6 +178,12 @@ pub struct Reply {
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Ask {
+    /// A frame that is sent before each request.
+    #[serde(default)]
+    pub first: Option<At<FrameText>>,
+    /// How long the device gets for the first frame.
+    #[serde(default)]
+    pub pause: Option<At<Amount>>,
     /// The request.
     pub send: At<FrameText>,
     /// The answer of a conformant device; the next frame with its identifier is judged.

@@ -52,6 +52,7 @@ pub(in crate::run) fn booted(
     dut: &Dut,
     baseline: &Baseline,
 ) -> Result<bool, BusError> {
+    baseline.monitors(false);
     let boot_up = ErrorControl::BOOT_UP.frame(dut.node);
     debug_assert_eq!(boot_up.id.raw(), u32::from(heartbeat::COB_ID) + u32::from(dut.node));
     let back = match baseline.boots_up() {

@@ -9,6 +9,7 @@ use canopen::monitor::Standing;
 use canopen::sdo::Failure;
 use reports::Identity;
 
+use super::rung::Rung;
 use crate::plan::show_bytes;
 use crate::run::policy::Policy;
 use crate::suite::profile::Habits;
@@ -31,12 +32,18 @@ pub(in crate::run) struct Baseline {
     pub(super) emergencies: Vec<EmcyCode>,
     /// Errors of which it sends no emergency, since 1014h disables them.
     pub(super) hidden: Standing,
+    /// Why it does not stay in OPERATIONAL, if errors from the start keep it out.
+    pub kept_out: Option<String>,
     /// The nodes whose heartbeat it monitors.
     pub monitored: Vec<u8>,
     /// The behaviour seen at the starts before cases.
     starts: Cell<Starts>,
     /// How long it was waited for altogether while it was busy.
     waited: Cell<Duration>,
+    /// What brought it back the last time that it was silent.
+    helped: Cell<Option<Rung>>,
+    /// Whether a case has had it monitor another node since it was started the last time.
+    monitors: Cell<bool>,
 }
 
 /// The frames that the device sent when it was started.
@@ -82,9 +89,33 @@ impl Baseline {
             emergencies: Vec::new(),
             waited: Cell::default(),
             hidden: Standing::default(),
+            kept_out: None,
             monitored: Vec::new(),
             starts: Cell::default(),
+            helped: Cell::default(),
+            monitors: Cell::default(),
         }
+    }
+
+    /// Whether it may go on to monitor a node that a case had it monitor, although the entry was
+    /// set back.
+    pub(in crate::run) fn may_monitor(&self) -> bool {
+        self.monitors.get()
+    }
+
+    /// A case had it monitor another node, or it was started, which ends that.
+    pub(in crate::run) fn monitors(&self, monitors: bool) {
+        self.monitors.set(monitors);
+    }
+
+    /// What brought the device back the last time.
+    pub(super) fn helped(&self) -> Option<Rung> {
+        self.helped.get()
+    }
+
+    /// The device was not in order, and that brought it back.
+    pub(super) fn help_came_by(&self, rung: Rung) {
+        self.helped.set(Some(rung));
     }
 
     /// Whether the device sends a boot-up message.
@@ -165,6 +196,7 @@ impl Baseline {
         if !self.boots_up() {
             remarks.push("it sends no boot-up message after a reset".to_owned());
         }
+        remarks.extend(self.kept_out.clone());
         if self.habits.self_start {
             remarks.push("it enters OPERATIONAL without a command".to_owned());
         }

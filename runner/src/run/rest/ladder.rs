@@ -2,90 +2,22 @@
 
 use std::time::Duration;
 
-use canopen::lss::{self, Mode, Part, Request, Response, Status};
 use canopen::nmt::{Command, Service};
 use canopen::{Abort, BusError, Mux, sdo};
-use reports::{Event, Identity, Note};
+use reports::{Event, Note};
 
 use super::answer::{booted, first_answer};
 use super::baseline::Baseline;
+use super::lss;
+use super::rung::Rung;
 use super::state::pre_operational;
 use crate::dut::{Dut, Hook};
 use crate::protect::Deed;
 use crate::run::link::Link;
 use crate::run::policy::Policy;
 
-/// One way to get a device back.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rung {
-    /// Time.
-    Patience,
-    /// An SDO abort, which ends an open transfer.
-    Abort,
-    /// NMT enter pre-operational.
-    PreOperational,
-    /// NMT reset communication.
-    ResetCommunication,
-    /// NMT reset node.
-    ResetNode,
-    /// The same to every node.
-    ResetAll,
-    /// Its node id, given by layer setting services.
-    NodeId,
-    /// A program of the user's that resets it.
-    ResetHook,
-    /// A program of the user's that switches its supply off and on.
-    PowerHook,
-}
-
-/// All of them, in order. A server may keep a transfer through a reset, hence the second abort.
-pub(super) const LADDER: [Rung; 10] = [
-    Rung::Patience,
-    Rung::Abort,
-    Rung::PreOperational,
-    Rung::ResetCommunication,
-    Rung::ResetNode,
-    Rung::Abort,
-    Rung::ResetAll,
-    Rung::NodeId,
-    Rung::ResetHook,
-    Rung::PowerHook,
-];
-
-/// The place of [`Rung::ResetNode`] in [`LADDER`].
-pub(super) const RESET_NODE: usize = 4;
-
 impl Rung {
-    /// The name in reports.
-    pub(super) const fn name(self) -> &'static str {
-        match self {
-            Self::Patience => "waiting",
-            Self::Abort => "an SDO abort",
-            Self::PreOperational => "NMT enter pre-operational",
-            Self::ResetCommunication => "reset communication",
-            Self::ResetNode => "reset node",
-            Self::ResetAll => "reset of all nodes",
-            Self::NodeId => "LSS, which configured its node id",
-            Self::ResetHook => "the program `reset`",
-            Self::PowerHook => "the program `power`",
-        }
-    }
-
-    /// The effects on the device, from which it may be protected.
-    pub(super) const fn deeds(self) -> &'static [Deed] {
-        match self {
-            Self::Patience | Self::Abort | Self::PreOperational => &[],
-            // The user's own hooks are always permitted.
-            Self::ResetHook | Self::PowerHook => &[],
-            Self::ResetCommunication => &[Deed::ResetCommunication],
-            Self::ResetNode => &[Deed::ResetNode],
-            Self::ResetAll => &[Deed::ResetNode, Deed::AllNodes],
-            Self::NodeId => &[Deed::NodeId, Deed::ResetCommunication, Deed::AllNodes],
-        }
-    }
-
-    /// Tries it, unless the device is protected from it; `false` when there is no use in looking at
-    /// the device.
+    /// Tries it, unless the device is protected from it.
     ///
     /// # Errors
     /// Whatever the bus reports.
@@ -95,50 +27,97 @@ impl Rung {
         policy: &Policy,
         dut: &Dut,
         baseline: &Baseline,
-    ) -> Result<bool, BusError> {
-        if self.deeds().iter().any(|deed| dut.protection.refuses(*deed).is_some()) {
-            return Ok(false);
+    ) -> Result<Climbed, BusError> {
+        if let Some(why) = self.deeds().iter().find_map(|deed| dut.protection.refuses(*deed)) {
+            return Ok(Climbed::Withheld(why));
         }
-        let reset = match self {
+        let back = match self {
             Self::Patience => {
                 let until = link.mark() + policy.sdo_timeout;
                 link.wait(until)?;
-                return Ok(true);
+                true
             }
             Self::Abort => {
                 let abort = sdo::Request::Abort(Mux::new(0x1000, 0), Abort::GENERAL);
                 link.send(&abort.frame(dut.node))?;
                 link.drain(policy.quiet)?;
-                return Ok(true);
+                true
             }
             Self::PreOperational => {
                 pre_operational(link, policy, dut)?;
-                return Ok(true);
+                true
             }
-            Self::ResetCommunication => (Service::RESET_COMMUNICATION, dut.node),
-            Self::ResetNode => (Service::RESET_NODE, dut.node),
-            Self::ResetAll => (Service::RESET_NODE, ALL_NODES),
+            Self::ResetCommunication => {
+                restart(link, policy, dut, baseline, (Service::RESET_COMMUNICATION, dut.node))?
+            }
+            Self::ResetNode => {
+                restart(link, policy, dut, baseline, (Service::RESET_NODE, dut.node))?
+            }
+            Self::ResetAll => {
+                restart(link, policy, dut, baseline, (Service::RESET_NODE, ALL_NODES))?
+            }
             Self::ResetHook => {
-                let Some(hook) = &dut.hooks.reset else { return Ok(false) };
-                let done = call(link, &**hook, None)?;
-                return Ok(done && first_answer(link, policy, dut)?);
+                let Some(hook) = &dut.hooks.reset else { return Ok(Climbed::Absent) };
+                call(link, &**hook, None)? && first_answer(link, policy, dut)?
             }
             Self::PowerHook => {
-                let Some(hook) = &dut.hooks.power else { return Ok(false) };
+                let Some(hook) = &dut.hooks.power else { return Ok(Climbed::Absent) };
                 let off = call(link, &**hook, Some("off"))?;
                 let until = link.mark() + WITHOUT_SUPPLY;
                 link.wait(until)?;
                 let on = call(link, &**hook, Some("on"))?;
-                return Ok(off && on && first_answer(link, policy, dut)?);
+                off && on && first_answer(link, policy, dut)?
             }
-            Self::NodeId => {
-                if !dut.eds.device.lss || !node_id(link, dut, &baseline.identity)? {
-                    return Ok(false);
-                }
-                (Service::RESET_COMMUNICATION, ALL_NODES)
-            }
+            Self::NodeId if !dut.eds.device.lss => return Ok(Climbed::Absent),
+            Self::NodeId => node_id(link, policy, dut, baseline)?,
         };
-        restart(link, policy, dut, baseline, reset)
+        Ok(if back { Climbed::Up } else { Climbed::InVain })
+    }
+}
+
+/// What became of a rung.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Climbed {
+    /// It was tried, and the device may be back.
+    Up,
+    /// It was tried, and there is no use in looking at the device.
+    InVain,
+    /// The device is protected from it; by what.
+    Withheld(String),
+    /// There is no such way to this device.
+    Absent,
+}
+
+/// The rungs that were tried for a device, and those that were not.
+#[derive(Debug, Default)]
+pub(super) struct Tried {
+    /// By their names.
+    tried: Vec<&'static str>,
+    /// With their protection.
+    withheld: Vec<String>,
+}
+
+impl Tried {
+    pub(super) fn add(&mut self, rung: Rung, climbed: &Climbed) {
+        match climbed {
+            Climbed::Up | Climbed::InVain if self.tried.contains(&rung.name()) => {}
+            Climbed::Up | Climbed::InVain => self.tried.push(rung.name()),
+            Climbed::Withheld(why) => {
+                self.withheld.push(format!("{} was not tried: {why}", rung.name()));
+            }
+            Climbed::Absent => {}
+        }
+    }
+
+    /// Why a device is given up, as the end of a sentence.
+    pub(super) fn said(&self) -> String {
+        let tried = match self.tried.split_last() {
+            None => "nothing could be tried".to_owned(),
+            Some((last, [])) => format!("{last} did not help"),
+            Some((last, others)) => format!("{} and {last} did not help", others.join(", ")),
+        };
+        let withheld = self.withheld.iter().map(|why| format!("; {why}"));
+        withheld.fold(tried, |said, why| said + &why)
     }
 }
 
@@ -172,69 +151,48 @@ fn restart(
     Ok(true)
 }
 
-/// Gives the device its node id again. It is switched to configuration state by its address, or
-/// with all others where it alone answers and has no node id.
-fn node_id(link: &mut Link, dut: &Dut, identity: &Identity) -> Result<bool, BusError> {
-    let selected = select(link, identity)?;
-    if !selected {
-        link.send(&Request::SwitchGlobal(Mode::CONFIGURATION).frame())?;
-        link.drain(SWITCH)?;
-        let ids = answers(link, Request::InquireNodeId)?;
-        if ids != [Response::NodeId(lss::UNCONFIGURED)] {
-            link.send(&Request::SwitchGlobal(Mode::WAITING).frame())?;
-            return Ok(false);
-        }
-    }
-    let configured = Response::ConfiguredNodeId(Status::DONE);
-    let mut done = false;
-    for _ in 0..TRIES {
-        done = answers(link, Request::ConfigureNodeId(dut.node))?.contains(&configured);
-        if done {
-            break;
-        }
-    }
-    link.send(&Request::SwitchGlobal(Mode::WAITING).frame())?;
-    // A slave that has none takes the new one when it leaves the configuration state.
-    link.drain(SWITCH)?;
-    Ok(done)
-}
-
-/// Switches the device with that address to configuration state, when it is known and answers.
-fn select(link: &mut Link, identity: &Identity) -> Result<bool, BusError> {
-    let Identity { vendor, product, revision, serial, .. } = *identity;
-    let (Some(vendor), Some(product), Some(revision), Some(serial)) =
-        (vendor, product, revision, serial)
-    else {
+/// Gives the device its node id again by layer setting services, and has it start with it; whether
+/// it came back.
+fn node_id(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    baseline: &Baseline,
+) -> Result<bool, BusError> {
+    let Some(before) = lss::give_node_id(link, &baseline.identity, dut.node)? else {
         return Ok(false);
     };
-    link.send(&Request::SwitchGlobal(Mode::WAITING).frame())?;
-    link.drain(SWITCH)?;
-    for (part, number) in
-        [(Part::Vendor, vendor), (Part::Product, product), (Part::Revision, revision)]
-    {
-        link.send(&Request::SwitchSelective(part, number).frame())?;
-        link.drain(SWITCH)?;
+    // A slave without node id takes the new one when it leaves the configuration state, and may not
+    // have heard that it is to leave.
+    let shortly = Policy { boot_timeout: policy.boot_timeout / LEAVING, ..*policy };
+    if before == canopen::lss::UNCONFIGURED {
+        for _ in 0..LEAVING {
+            lss::leave(link)?;
+            if booted(link, &shortly, dut, baseline)? {
+                pre_operational(link, policy, dut)?;
+                return Ok(true);
+            }
+        }
+    } else {
+        lss::leave_for_sure(link)?;
     }
-    Ok(answers(link, Request::SwitchSelective(Part::Serial, serial))?.contains(&Response::Selected))
+    let resets = [
+        (Service::RESET_COMMUNICATION, before),
+        (Service::RESET_NODE, before),
+        (Service::RESET_NODE, dut.node),
+        (Service::RESET_NODE, ALL_NODES),
+    ];
+    for (service, node) in resets {
+        let deeds = [Deed::of_service(service), (node == ALL_NODES).then_some(Deed::AllNodes)];
+        let withheld =
+            deeds.into_iter().flatten().any(|deed| dut.protection.refuses(deed).is_some());
+        let sent = node != canopen::lss::UNCONFIGURED && !withheld;
+        if sent && restart(link, policy, dut, baseline, (service, node))? {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
-/// The answers to a request, until no more arrive.
-fn answers(link: &mut Link, request: Request) -> Result<Vec<Response>, BusError> {
-    link.send(&request.frame())?;
-    let until = link.mark() + PATIENCE;
-    let mut answers = Vec::new();
-    while let Some(seen) =
-        link.find(until, |seen| !seen.own && seen.frame.data_id() == Some(lss::RESPONSE_COB_ID))?
-    {
-        answers.extend(Response::decode(&seen.frame.data));
-    }
-    link.skip_to(until);
-    Ok(answers)
-}
-
-/// How long a slave may take to change its state, which it does not confirm.
-const SWITCH: Duration = Duration::from_millis(20);
-/// How long answers are waited for.
-const PATIENCE: Duration = Duration::from_millis(200);
-/// How often a request is sent that is not answered.
-const TRIES: usize = 3;
+/// How often a slave is asked to leave LSS configuration, at most.
+const LEAVING: u32 = 4;

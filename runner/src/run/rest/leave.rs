@@ -8,6 +8,7 @@ use reports::{Event, Note};
 
 use super::answer::booted;
 use super::baseline::Baseline;
+use super::lss;
 use super::restore::Snapshot;
 use super::state::{is_still, pre_operational};
 use super::stimuli::BenchSnapshot;
@@ -64,6 +65,9 @@ impl Leaving<'_, '_> {
                 return Err(BusError::Io(what));
             }
             Err(error) => self.not_set_back(&error),
+        }
+        if lss::may_configure(self.link.trace()) {
+            lss::leave_for_sure(self.link)?;
         }
         // One that failed is reset before the next case.
         if snapshot.is_empty() && (still || !passed) {

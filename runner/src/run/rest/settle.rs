@@ -8,7 +8,9 @@ use canopen::{BusError, Mux};
 
 use super::answer::{DEVICE_TYPE, answers};
 use super::baseline::{Baseline, ERROR_REGISTER};
-use super::ladder::{LADDER, RESET_NODE};
+use super::ladder::{Climbed, Tried};
+use super::lss;
+use super::rung::{LADDER, RESET_NODE, Rung};
 use super::state::pre_operational;
 use crate::dut::Dut;
 use crate::protect::Deed;
@@ -49,30 +51,33 @@ pub(in crate::run) fn settle(
         pre_operational(link, policy, dut)?;
     }
     let mut unrest = match left {
-        Left::Dirty => None,
-        Left::Still | Left::Calm => match look(link, policy, dut, baseline)? {
-            None => return Ok(Settled::AtRest(None)),
-            unrest => unrest,
-        },
+        // A device is reset in any case, unless something else helped the last time.
+        Left::Dirty if baseline.helped().is_none() => None,
+        Left::Still | Left::Calm | Left::Dirty => look(link, policy, dut, baseline)?,
     };
-    // A device that answers with errors needs the way that clears them; a gentler one does not
-    // help.
-    let may_reset = dut.protection.refuses(Deed::ResetNode).is_none();
-    let first = match &unrest {
-        Some(Unrest::Errors(..)) | None if may_reset => RESET_NODE,
-        _ => 0,
-    };
-    for (place, rung) in LADDER.into_iter().enumerate().skip(first) {
-        if !rung.climb(link, policy, dut, baseline)? {
+    if unrest.is_none() && left != Left::Dirty {
+        return Ok(Settled::AtRest(None));
+    }
+    let mut silent = matches!(unrest, Some(Unrest::Silent(_)));
+    let mut tried = Tried::default();
+    for rung in rungs(link, dut, baseline, unrest.as_ref()) {
+        let climbed = rung.climb(link, policy, dut, baseline)?;
+        tried.add(rung, &climbed);
+        silent |= climbed == Climbed::InVain;
+        if climbed != Climbed::Up {
             continue;
         }
         unrest = look(link, policy, dut, baseline)?;
+        silent |= matches!(unrest, Some(Unrest::Silent(_)));
+        if silent && !matches!(unrest, Some(Unrest::Silent(_))) {
+            baseline.help_came_by(rung);
+        }
         match &unrest {
             None => {
                 let remark = format!("settled by {}", rung.name());
                 return Ok(Settled::AtRest(Some(remark)));
             }
-            Some(Unrest::Errors(what, register)) if place >= RESET_NODE => {
+            Some(Unrest::Errors(what, register)) if rung.clears_errors() => {
                 baseline.accept(register.clone());
                 let remark = format!(
                     "{what}, which {} does not clear; it counts as no error from now on",
@@ -91,7 +96,25 @@ pub(in crate::run) fn settle(
         Some(Unrest::Silent(what)) => what,
         None => "nothing after a reset".to_owned(),
     };
-    Ok(Settled::Lost(lost(&what, link, dut)))
+    Ok(Settled::Lost(lost(&what, link, &tried)))
+}
+
+/// The rungs to climb, in order: for a silent device first what helped the last time, or what the
+/// case suggests; for one with errors, or that is to be reset, none that clears no error.
+fn rungs(link: &Link, dut: &Dut, baseline: &Baseline, unrest: Option<&Unrest>) -> Vec<Rung> {
+    let ladder = LADDER.into_iter();
+    match unrest {
+        Some(Unrest::Silent(_)) => {
+            let lss = lss::may_change_node_id(link.trace()).then_some(Rung::NodeId);
+            let mut first: Vec<Rung> = baseline.helped().into_iter().chain(lss).collect();
+            first.dedup();
+            first.into_iter().chain(ladder).collect()
+        }
+        Some(Unrest::Errors(..)) | None if dut.protection.refuses(Deed::ResetNode).is_none() => {
+            ladder.skip(RESET_NODE).collect()
+        }
+        _ => ladder.collect(),
+    }
 }
 
 /// Lets the application see what was set back, and bring to an end what cases began.
@@ -137,20 +160,22 @@ pub(super) fn wake(
     if answers(link, policy, dut)? {
         return Ok(Settled::AtRest(None));
     }
+    let mut tried = Tried::default();
     for rung in LADDER.into_iter().filter(|rung| may_reset || rung.deeds().is_empty()) {
-        if rung.climb(link, policy, dut, baseline)? && answers(link, policy, dut)? {
+        let climbed = rung.climb(link, policy, dut, baseline)?;
+        tried.add(rung, &climbed);
+        if climbed == Climbed::Up && answers(link, policy, dut)? {
             pre_operational(link, policy, dut)?;
             return Ok(Settled::AtRest(None));
         }
     }
-    Ok(Settled::Lost(lost("it does not answer", link, dut)))
+    Ok(Settled::Lost(lost("it does not answer", link, &tried)))
 }
 
 /// Why a device is given up.
-fn lost(what: &str, link: &Link, dut: &Dut) -> String {
+fn lost(what: &str, link: &Link, tried: &Tried) -> String {
     let silence = link.silence().said().map(|said| format!("; {said}")).unwrap_or_default();
-    let lss = if dut.eds.device.lss { ", nor did LSS" } else { "" };
-    format!("{what}{silence}; resets, one of all nodes included, did not help{lss}")
+    format!("{what}{silence}; {}", tried.said())
 }
 
 /// The reason why a device is not ready for a case.

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use canopen::nmt::{self, Command, Service};
 use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID};
-use canopen::{BusError, Frame, Stamped, heartbeat};
+use canopen::{BusError, Frame, Stamped, heartbeat, lss};
 
 use super::baseline::Baseline;
 use crate::dut::Dut;
@@ -100,6 +100,26 @@ pub(in crate::run) fn is_still(link: &Link, dut: &Dut, from: usize) -> bool {
         }
         false => seen.frame.data_id() == Some(RESPONSE_COB_ID + node),
     })
+}
+
+/// Whether nothing in the trace shows that the device is still there: it was reset, spoken to by
+/// layer setting services or asked by SDO, and has sent neither an answer nor a message of error
+/// control since.
+pub(in crate::run) fn owes_a_sign(link: &Link, dut: &Dut) -> bool {
+    let node = u16::from(dut.node);
+    let mut owes = false;
+    for Stamped { frame, own, .. } in link.trace().iter().map(|seen| seen.stamped) {
+        let is_reset = || matches!(frame.data.first(), Some(0x81 | 0x82));
+        match (own, frame.data_id()) {
+            (true, Some(nmt::COB_ID)) => owes |= is_reset(),
+            (true, Some(lss::REQUEST_COB_ID)) => owes = true,
+            (true, id) => owes |= id == Some(REQUEST_COB_ID + node),
+            (false, id) => {
+                owes &= id != Some(RESPONSE_COB_ID + node) && id != Some(heartbeat::COB_ID + node);
+            }
+        }
+    }
+    owes
 }
 
 fn enter_pre_operational(dut: &Dut) -> Frame {

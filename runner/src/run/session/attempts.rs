@@ -25,7 +25,7 @@ pub(super) struct Finished {
 /// Runs one instance.
 pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Left) -> Finished {
     let mut left = left;
-    let (mut attempt, mut stalled, mut failed) = (0, false, false);
+    let (mut attempt, mut stalled, mut failed, mut cleared) = (0, false, false, false);
     loop {
         attempt += 1;
         let mut run = CaseRun::new(link, common, instance);
@@ -38,7 +38,16 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         let shown = run.proof.take().map(Proof::end);
         let Aftermath::Left(how) = aftermath else { return Finished { outcome, aftermath, shown } };
         // After a stall, a failure counts only if it repeats: the next stall may go unnoticed.
-        let doubtful = stalled && !failed && matches!(outcome, Outcome::Fail(_));
+        let is_fail = matches!(outcome, Outcome::Fail(_));
+        let doubtful = stalled && !failed && is_fail;
+        if is_fail && run.earlier_cause && !cleared {
+            (left, cleared) = (Left::Dirty, true);
+            run.note(
+                "an emergency of an earlier case came: the case is repeated after a reset"
+                    .to_owned(),
+            );
+            continue;
+        }
         let why = match &late {
             // The case says nothing about the device.
             Some(late) => format!("the tester was late by {late}"),

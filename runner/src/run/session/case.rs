@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use canopen::emcy::{self, EmcyCode};
 use canopen::{BusError, Mux};
 use reports::{Event, Note, Outcome, Phase};
 
@@ -14,7 +15,7 @@ use crate::run::observer::{Observer, Unobserved};
 use crate::run::policy::Policy;
 use crate::run::rest::{
     Baseline, BenchSnapshot, Leaving, Left, Settled, Snapshot, Undo, application, enter, is_still,
-    settle,
+    owes_a_sign, settle,
 };
 use crate::run::steps::{Difference, Proof, Steps, bench, promise};
 
@@ -54,6 +55,14 @@ enum Ready {
     Lost(String),
 }
 
+const CONSUMER_HEARTBEAT_TIME: u16 = 0x1016;
+
+/// Whether a failure of the bus is the end of the run: bad frames on the wire spoil one case, not
+/// those that follow.
+const fn lasts(error: &BusError) -> bool {
+    !matches!(error, BusError::Controller(_) | BusError::Withheld(_) | BusError::Ended(_))
+}
+
 /// One attempt at a case.
 pub(super) struct CaseRun<'r, 'b> {
     pub link: &'r mut Link<'b>,
@@ -62,6 +71,8 @@ pub(super) struct CaseRun<'r, 'b> {
     pub bench_snapshot: BenchSnapshot,
     /// How late the tester was, when that may be the reason of the outcome.
     pub late: Option<Duration>,
+    /// Whether an emergency came whose cause an earlier case may have left.
+    pub earlier_cause: bool,
     /// The results for the assertions, if the observer asks for them.
     pub proof: Option<Proof>,
 }
@@ -69,7 +80,7 @@ pub(super) struct CaseRun<'r, 'b> {
 impl<'r, 'b> CaseRun<'r, 'b> {
     pub(super) fn new(link: &'r mut Link<'b>, common: Common<'r>, instance: &'r Instance) -> Self {
         let (bench_snapshot, proof) = (BenchSnapshot::default(), Proof::of(common.observer));
-        Self { link, common, instance, bench_snapshot, late: None, proof }
+        Self { link, common, instance, bench_snapshot, late: None, earlier_cause: false, proof }
     }
 
     /// One attempt: brings the device to rest, runs the steps, and leaves it as it was.
@@ -88,10 +99,6 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             Ok(Ready::With(snapshot)) => snapshot,
             Err(error) => return self.bus_failed(error),
         };
-        // Bad frames on the wire spoil this case, not those that follow.
-        let lasts = |error: &BusError| {
-            !matches!(error, BusError::Controller(_) | BusError::Withheld(_) | BusError::Ended(_))
-        };
         let (outcome, stop) = match self.watched_steps() {
             Ok(outcome) => (self.with_way_out(outcome), None),
             Err(BusError::Withheld(why)) => (Outcome::Skip(why), None),
@@ -106,6 +113,11 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             other => other.problem().is_none(),
         };
         let mut changed = snapshot.touched(self.link, self.common.dut.node);
+        self.earlier_cause = baseline.may_monitor() && self.reports_a_lost_node();
+        if changed.iter().any(|mux| mux.index == CONSUMER_HEARTBEAT_TIME) {
+            self.earlier_cause = false;
+            baseline.monitors(true);
+        }
         self.link.clean(true);
         let patience = self.patience();
         let (link, bench_snapshot) = (&mut *self.link, &mut self.bench_snapshot);
@@ -116,20 +128,57 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             let changed: Vec<String> = changed.iter().map(Mux::to_string).collect();
             self.note(format!("not every object could be restored: {}", changed.join(", ")));
         }
-        match (restored, stop) {
-            (_, Some(error)) | (Err(error), None) if lasts(&error) => {
-                (outcome, Aftermath::Stop(error))
-            }
-            (Err(_), _) | (_, Some(_)) => (outcome, Aftermath::Left(Left::Dirty)),
+        let aftermath = match (restored, stop) {
+            (_, Some(error)) | (Err(error), None) if lasts(&error) => Aftermath::Stop(error),
+            (Err(_), _) | (_, Some(_)) => Aftermath::Left(Left::Dirty),
             (Ok(restored), None) => {
                 let still = bench_alone && restored.still;
-                let left = match (restored.whole && passed, still) {
+                Aftermath::Left(match (restored.whole && passed, still) {
                     (false, _) => Left::Dirty,
                     (true, false) => Left::Calm,
                     (true, true) => Left::Still,
-                };
-                (outcome, Aftermath::Left(left))
+                })
             }
+        };
+        self.still_there(outcome, aftermath)
+    }
+
+    /// Whether the device reported in this attempt that a node it monitors is lost.
+    fn reports_a_lost_node(&self) -> bool {
+        let emergency = Some(emcy::COB_ID + u16::from(self.common.dut.node));
+        let sent = self.link.trace().iter().map(|seen| seen.stamped);
+        let mut sent = sent.filter(|seen| !seen.own && seen.frame.data_id() == emergency);
+        let code = EmcyCode::HEARTBEAT.0.to_le_bytes();
+        sent.any(|seen| seen.frame.data.starts_with(&code))
+    }
+
+    /// A device of which the case has left no sign is brought to rest at once: the case in which it
+    /// is lost is the one that says so.
+    fn still_there(&mut self, outcome: Outcome, aftermath: Aftermath) -> (Outcome, Aftermath) {
+        let Common { policy, dut, baseline, .. } = self.common;
+        let Aftermath::Left(left) = aftermath else { return (outcome, aftermath) };
+        if !owes_a_sign(self.link, dut) {
+            return (outcome, aftermath);
+        }
+        match settle(self.link, policy, dut, baseline, left) {
+            Ok(Settled::AtRest(remark)) => {
+                remark.into_iter().for_each(|text| self.note(text));
+                (outcome, Aftermath::Left(Left::Still))
+            }
+            Ok(Settled::Lost(why)) => {
+                let case = self.instance.name();
+                let reason = format!("the device did not come back after {case}: {why}");
+                let outcome = match outcome {
+                    Outcome::Fail(mut problem) => {
+                        problem.notes.push(reason.clone());
+                        Outcome::Fail(problem)
+                    }
+                    _ => error(reason.clone()),
+                };
+                (outcome, Aftermath::Gone(reason))
+            }
+            Err(failure) if lasts(&failure) => (outcome, Aftermath::Stop(failure)),
+            Err(_) => (outcome, Aftermath::Left(Left::Dirty)),
         }
     }
 

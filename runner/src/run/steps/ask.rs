@@ -34,12 +34,18 @@ impl Steps<'_, '_> {
 
     /// One exchange; a request without an answer is repeated.
     fn exchange(&mut self, ask: &Ask, taken: &mut Vec<Duration>) -> Judgement {
+        let first = ask.first.as_ref().map(|first| self.frame(first)).transpose()?;
+        let pause = self.optional_time(&ask.pause, Duration::ZERO)?;
         let request = self.frame(&ask.send)?;
         let strict = self.pattern(&ask.reply)?;
         let within = self.optional_time(&ask.within, DEFAULT_REPLY)? + self.policy.slow_wire;
         let tries = ask.tries.unwrap_or(1);
         let id = strict.id();
         for _ in 0..tries {
+            if let Some(first) = &first {
+                self.link.send(first)?;
+                self.link.wait(self.link.mark() + pause)?;
+            }
             self.link.send(&request)?;
             let sent = self.link.mark();
             let answer = self.link.find(sent + within, |seen| !seen.own && seen.frame.id == id)?;

@@ -1,0 +1,298 @@
+//! Whole runs against devices that are alive, and peculiar: nobody is lost and no case is red,
+//! neither with the device file that `harness init` writes nor with everything allowed, in whatever
+//! order the cases run.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+
+use canopen::bench::Needs;
+use canopen::lss::{self, Mode, Request};
+use canopen::{BenchError, Bus, Device, Frame, Instant, Outbox, Value, VirtualBus, nmt};
+use clap::Parser;
+use harness::cli::{Cli, DEFAULT_BIT_RATE};
+use harness::target::{self, Target};
+use reference_devices::devices;
+use reference_devices::rules::Rules;
+use reference_devices::stack::Node;
+use reports::{Event, Verdict};
+use runner::plan;
+use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::stop::Stop;
+use runner::waivers::Waivers;
+
+const NODE: u8 = 2;
+
+/// With everything allowed.
+const FULL: &str = "allow: { outputs: true }\n";
+
+#[test]
+fn an_error_keeps_the_device_out_of_operational() {
+    let runs = of("sim:generic?personality=scarred-and-kept-out");
+    for run in &runs {
+        assert!(run.blocked > 100, "{} cases are blocked", run.blocked);
+        assert_eq!(run.lenient("cia301/nmt/"), ["cia301/nmt/stays-operational"]);
+    }
+    let verdicts = |place: usize| &runs[place].verdicts;
+    assert_eq!(verdicts(0), verdicts(1), "the order makes a difference");
+    assert_eq!(verdicts(2), verdicts(3), "the order makes a difference");
+}
+
+#[test]
+fn a_device_starts_itself_and_does_not_say_so() {
+    for run in of("sim:generic?personality=unannounced-self-starter") {
+        assert!(run.skipped.contains(&"cia301/nmt/pre-operational-after-boot-up".to_owned()));
+        // What is stored on command is tried, although the application stores by itself.
+        let restored = "cia301/nmt/reset-communication-restores".to_owned();
+        assert!(!run.skipped.iter().any(|name| name.starts_with(&restored)));
+    }
+}
+
+#[test]
+fn layer_setting_services_are_slow_and_nothing_is_restored() {
+    of("sim:generic?personality=slow-configurator");
+}
+
+#[test]
+fn a_node_is_monitored_on_after_its_entry_was_set_back() {
+    for file in [initial().as_str(), FULL] {
+        for seed in 1..=4 {
+            let target = target("sim:generic?mutant=unused-entry-watched-on", file);
+            let bus = target.open(&Stop::default()).map_err(|refused| refused.message);
+            let run = run(&target, bus.expect("it is simulated"), seed);
+            // This is wrong, and nothing else is.
+            let red = ["FAIL cia301/heartbeat-consumer/unused-from-now-on"];
+            assert_eq!(run.red, red, "seed {seed}\n{file}");
+        }
+    }
+}
+
+#[test]
+fn requests_are_lost_while_the_device_starts() {
+    for file in [initial(), FULL.to_owned()] {
+        let run = peculiar(&file, Peculiar { deaf_at_start: true, ..Peculiar::default() });
+        assert_eq!(run.red, Vec::<String>::new(), "{file}");
+    }
+}
+
+#[test]
+fn a_node_id_is_used_from_reset_node_on() {
+    for file in [initial(), FULL.to_owned()] {
+        let run = peculiar(&file, Peculiar { starts_at_reset: true, ..Peculiar::default() });
+        assert_eq!(run.red, ["FAIL cia305/unconfigured/starts"], "{file}");
+    }
+}
+
+/// The outcome of a run.
+#[derive(Debug, Default)]
+struct Came {
+    red: Vec<String>,
+    skipped: Vec<String>,
+    blocked: usize,
+    /// By name, in the order of names.
+    verdicts: std::collections::BTreeMap<String, Verdict>,
+}
+
+impl Came {
+    fn lenient(&self, prefix: &str) -> Vec<&str> {
+        let lenient = self.verdicts.iter().filter(|(_, verdict)| **verdict == Verdict::Lenient);
+        lenient.map(|(name, _)| name.as_str()).filter(|name| name.starts_with(prefix)).collect()
+    }
+}
+
+/// Runs with both files, in two orders each, of which none is red.
+fn of(address: &str) -> Vec<Came> {
+    let (mut all, initial) = (Vec::new(), initial());
+    for file in [initial.as_str(), FULL] {
+        for seed in [1, 2] {
+            let target = target(address, file);
+            let bus = target.open(&Stop::default()).map_err(|refused| refused.message);
+            let run = run(&target, bus.expect("it is simulated"), seed);
+            assert_eq!(run.red, Vec::<String>::new(), "{address}, seed {seed}\n{file}");
+            all.push(run);
+        }
+    }
+    all
+}
+
+fn peculiar(file: &str, peculiar: Peculiar) -> Came {
+    let target = target("sim:generic", file);
+    let described = devices::device("generic").expect("it is part of the program");
+    let node = described.node(NODE, Rules::default());
+    let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);
+    bus.attach(Wrapped { node, peculiar, since_reset: None, held: false, given: None });
+    run(&target, target.guard(Box::new(bus)), 1)
+}
+
+/// What `harness init` protects.
+fn initial() -> String {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("device-under-test.yaml");
+    let mut command = common::harness();
+    command.args(["init", "--target", "sim:generic", "--node", "2", "--out"]).arg(&path);
+    assert!(command.output().expect("it runs").status.success());
+    let text = fs::read_to_string(&path).expect("it is written");
+    text[text.find("protect:").expect("it protects something")..].to_owned()
+}
+
+fn target(address: &str, file: &str) -> Target {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("device-under-test.yaml");
+    let text = format!("target: \"{address}\"\nnode: {NODE}\n{file}");
+    fs::write(&path, text).expect("it can be written");
+    let args = args(&path);
+    let library = args.selection.folders.load().expect("the suites load");
+    let targets = target::resolve(&args.selection, &library.catalogue, &Stop::default());
+    targets.map_err(|refused| refused.message).expect("a target").remove(0)
+}
+
+fn args(path: &Path) -> harness::cli::RunArgs {
+    let cli = Cli::try_parse_from(["harness", "--dut", path.to_str().expect("a path")]);
+    let args = cli.expect("a command line").run.with_file();
+    args.map_err(|refused| refused.message).expect("a device file")
+}
+
+fn run(target: &Target, mut bus: Box<dyn Bus>, seed: u64) -> Came {
+    let cli = Cli::try_parse_from(["harness"]).expect("a command line");
+    let library = cli.run.selection.folders.load().expect("the suites load");
+    let models = target::models(&target.dut.eds);
+    let mut plan = plan::plan(&library, &target.dut, &models).expect("the suites fit");
+    plan.leave_out_foreign();
+    fastrand::Rng::with_seed(seed).shuffle(&mut plan.instances);
+    let stop = Stop::default();
+    let session = Session {
+        plan: &plan,
+        register: &library.register,
+        policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
+        rerun: String::new(),
+        waivers: &Waivers::default(),
+        max_fail: None,
+        observer: &Unobserved,
+        stop: &stop,
+        undo: &Undo::default(),
+    };
+    let (mut came, mut case) = (Came::default(), String::new());
+    let ending = session.run(&mut *bus, &mut |event| match event {
+        Event::CaseStarted(started) => case = started.name(),
+        Event::CaseEnded(ended) => {
+            let (name, verdict) = (std::mem::take(&mut case), ended.outcome.verdict());
+            match verdict {
+                Verdict::Fail | Verdict::Error => {
+                    eprintln!("{name}: {:?}", ended.outcome);
+                    came.red.push(format!("{verdict} {name}"));
+                }
+                Verdict::Skip => came.skipped.push(name.clone()),
+                Verdict::Blocked => came.blocked += 1,
+                _ => {}
+            }
+            came.verdicts.insert(name, verdict);
+        }
+        _ => {}
+    });
+    assert_eq!(ending, Ending::Complete);
+    came
+}
+
+/// How a device differs.
+#[derive(Clone, Copy, Debug, Default)]
+struct Peculiar {
+    /// LSS requests in the first 100 ms after a reset are lost.
+    deaf_at_start: bool,
+    /// A device without node id that was given one starts at reset node, and not when it leaves LSS
+    /// configuration.
+    starts_at_reset: bool,
+}
+
+struct Wrapped {
+    node: Node,
+    peculiar: Peculiar,
+    since_reset: Option<Instant>,
+    /// Whether it has a node id, but was not started with it.
+    held: bool,
+    /// The node id that it was given last, and whether it has none in use.
+    given: Option<(u8, bool)>,
+}
+
+impl Wrapped {
+    /// Whether the frame reaches the node.
+    fn hears(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) -> bool {
+        let is_reset = frame.data_id() == Some(nmt::COB_ID)
+            && matches!(frame.data.first(), Some(0x81 | 0x82))
+            && [0, NODE].contains(frame.data.get(1).unwrap_or(&1));
+        if is_reset {
+            self.since_reset = Some(now);
+            if let Some((lss::UNCONFIGURED, without)) = &mut self.given {
+                *without = true;
+            }
+            if self.held && frame.data[0] == 0x81 {
+                (self.held, self.given) = (false, None);
+                let leave = Request::SwitchGlobal(Mode::WAITING).frame();
+                self.node.handle_frame(now, &leave, out);
+                return false;
+            }
+        }
+        if frame.data_id() != Some(lss::REQUEST_COB_ID) {
+            return true;
+        }
+        const STARTING: std::time::Duration = std::time::Duration::from_millis(100);
+        let starting = self.since_reset.is_some_and(|reset| now.since(reset) < STARTING);
+        if self.peculiar.deaf_at_start && starting || self.held {
+            return false;
+        }
+        match Request::decode(&frame.data) {
+            Ok(Request::ConfigureNodeId(node)) => {
+                let without = self.given.is_some_and(|(_, without)| without);
+                self.given = Some((node, without));
+            }
+            Ok(Request::SwitchGlobal(Mode::WAITING)) if self.peculiar.starts_at_reset => {
+                let has_one = |(node, without): (u8, bool)| without && node != lss::UNCONFIGURED;
+                self.held = self.given.is_some_and(has_one);
+                return !self.held;
+            }
+            _ => {}
+        }
+        true
+    }
+}
+
+impl Device for Wrapped {
+    fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
+        if self.hears(now, frame, out) {
+            self.node.handle_frame(now, frame, out);
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
+        self.node.handle_timeout(now, out);
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        self.node.poll_at()
+    }
+
+    fn bench_names(&self) -> Vec<String> {
+        self.node.bench_names()
+    }
+
+    fn bench_needs(&self) -> Needs {
+        self.node.bench_needs()
+    }
+
+    fn stimulate(
+        &mut self,
+        now: Instant,
+        name: &str,
+        value: &Value,
+        out: &mut Outbox,
+    ) -> Result<(), BenchError> {
+        if name == canopen::bench::POWER {
+            (self.held, self.given) = (false, None);
+        }
+        self.node.stimulate(now, name, value, out)
+    }
+
+    fn observe(&self, name: &str) -> Option<Value> {
+        self.node.observe(name)
+    }
+}
