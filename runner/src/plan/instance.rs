@@ -149,6 +149,16 @@ impl Instance {
         })
     }
 
+    /// Which of these directions a device lacks that has `blocks`.
+    pub fn lacks_blocks(&self, blocks: BlockDirections) -> Option<String> {
+        let needed = self.blocks();
+        match (needed.upload && !blocks.upload, needed.download && !blocks.download) {
+            (true, _) => Some("the device has no SDO block upload".to_owned()),
+            (_, true) => Some("the device has no SDO block download".to_owned()),
+            _ => None,
+        }
+    }
+
     /// Why it says nothing about a device of these habits.
     pub fn unfit_for(&self, habits: Habits) -> Option<String> {
         let written = self.written();

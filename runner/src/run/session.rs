@@ -319,15 +319,9 @@ impl Session<'_> {
             place += 1;
             let started = starts.of(instance, link.mark());
             link.emit(Event::CaseStarted(started.clone()));
-            let needed = instance.blocks();
-            let no_blocks =
-                match (needed.upload && !blocks.upload, needed.download && !blocks.download) {
-                    (true, _) => Some("the device has no SDO block upload".to_owned()),
-                    (_, true) => Some("the device has no SDO block download".to_owned()),
-                    _ => None,
-                };
+            let no_blocks = || instance.lacks_blocks(blocks);
             let unfit = || instance.unfit_for(baseline.habits).or_else(|| self.exceeds(instance));
-            if let Some(reason) = instance.skip().cloned().or(no_blocks).or_else(unfit) {
+            if let Some(reason) = instance.skip().cloned().or_else(no_blocks).or_else(unfit) {
                 link.emit(ended(link, &started, Outcome::Skip(reason)));
                 continue;
             }
