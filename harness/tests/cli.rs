@@ -76,8 +76,9 @@ fn the_committed_schemas_are_those_of_the_program() {
 
 #[test]
 fn the_committed_data_sheets_are_those_of_the_program() {
-    let folder = tempfile::tempdir().unwrap();
     for device in reference_devices::devices::names() {
+        // A file of another device is not overwritten.
+        let folder = tempfile::tempdir().unwrap();
         let output =
             harness().args(["eds", "write", device, "--out"]).arg(folder.path()).output().unwrap();
         assert_eq!(output.status.code(), Some(0), "{}", text(&output.stderr));
@@ -383,7 +384,7 @@ fn beside_note(said: &[u8]) -> &str {
 fn a_run_that_cannot_start_says_so_in_its_reports() {
     let folder = tempfile::tempdir().unwrap();
     let [junit, journal] = ["junit.xml", "journal"].map(|name| folder.path().join(name));
-    fs::write(&junit, "what an earlier run left").unwrap();
+    fs::write(&junit, "<?xml version=\"1.0\"?> of an earlier run").unwrap();
     let output = demo("run/green")
         .args(["no/such-case", "--junit"])
         .arg(&junit)
