@@ -81,6 +81,17 @@ impl Words {
         reader.complaints
     }
 
+    /// The words with the names by which a suite calls its objects. Two devices of a family may
+    /// have different objects at one address, and each suite has the word of its own.
+    pub(super) fn named_as(words: &Arc<Self>, named: BTreeMap<Mux, Option<String>>) -> Arc<Self> {
+        let named = named.into_iter().filter_map(|(mux, word)| Some((mux, word?)));
+        let (mut words, named) = (Arc::clone(words), named.collect::<Vec<_>>());
+        if named.iter().any(|(mux, word)| words.name(*mux) != Some(word)) {
+            Arc::make_mut(&mut words).names.extend(named);
+        }
+        words
+    }
+
     /// The address of a word.
     ///
     /// # Errors
