@@ -69,7 +69,8 @@ impl<'s> Steps<'s, '_> {
     }
 
     fn tell(&mut self, at: Instant, phase: Phase, step: &At<Step>) {
-        let wording = Wording { words: self.words, scope: Some(&self.scope) };
+        let (words, scope, node) = (self.words, Some(&self.scope), Some(self.dut.node));
+        let wording = Wording { words, scope, node };
         let (line, text) = (step.place.line as u32, wording.step(&step.value));
         self.link.emit(Event::Step(Begun { at, phase, line, text }));
     }
