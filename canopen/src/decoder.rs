@@ -14,10 +14,11 @@ mod transfer;
 use std::collections::BTreeMap;
 
 use crate::eds::Eds;
-use crate::frame::Frame;
+use crate::frame::{Frame, Id};
 use crate::meaning::meaning;
 use crate::mux::Mux;
 use crate::nmt::{self, Command, Service};
+use crate::value::Value;
 use crate::{heartbeat, lss, sdo};
 
 use layer::Layer;
@@ -26,6 +27,7 @@ use shown::Shown;
 use transfer::{Channel, Side};
 
 pub use layout::{Parameter, PdoLayout};
+pub use process::Pdo;
 pub use shown::Unit;
 
 /// The state of a bus as seen so far. A trace may start in the middle of anything.
@@ -38,6 +40,28 @@ pub struct Decoder {
     device: Option<Device>,
 }
 
+/// A frame of a trace.
+#[derive(Clone, Debug, Default)]
+pub struct Seen {
+    /// Its meaning, in one line.
+    pub text: String,
+    /// The process data object that it is.
+    pub pdo: Option<Pdo>,
+    /// The value of which it ends the transfer.
+    pub given: Option<Given>,
+}
+
+/// A value that was transferred as a whole.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Given {
+    /// The object.
+    pub mux: Mux,
+    /// Whether it was written; else it was read.
+    pub written: bool,
+    /// The value, where its type is known and fits.
+    pub value: Option<Value>,
+}
+
 #[derive(Debug)]
 struct Device {
     node: u8,
@@ -48,8 +72,7 @@ struct Device {
 impl Decoder {
     /// A decoder that knows the data sheet of one node, and the units of its values.
     pub fn of_device(node: u8, eds: &Eds, units: BTreeMap<Mux, Unit>) -> Self {
-        let types = eds.entries().map(|entry| (entry.mux, entry.data_type)).collect();
-        Self::of_layout(node, PdoLayout { types, ..PdoLayout::of(eds) }, units)
+        Self::of_layout(node, PdoLayout::of(eds), units)
     }
 
     /// A decoder that knows of one node what its process data objects carry, and the units of its
@@ -62,16 +85,25 @@ impl Decoder {
 
     /// Takes the next frame of the trace and returns its meaning, in one line.
     pub fn see(&mut self, frame: &Frame) -> String {
-        if let Some(said) = self.device.as_ref().and_then(|device| device.said_of_pdo(frame)) {
-            return said;
+        self.read(frame).text
+    }
+
+    /// Takes the next frame of the trace and returns its meaning.
+    pub fn read(&mut self, frame: &Frame) -> Seen {
+        if let Some(pdo) = self.pdo(frame.id)
+            && let Some(device) = &self.device
+        {
+            let text = shown::process(&device.shown, device.node, &pdo, frame);
+            return Seen { text, pdo: Some(pdo), ..Seen::default() };
         }
-        let plain = || meaning(frame).to_string();
+        let plain = || Seen { text: meaning(frame).to_string(), ..Seen::default() };
         let Some(id) = frame.data_id() else { return plain() };
         match (id, id & 0x780, (id & 0x7F) as u8) {
             (nmt::COB_ID, ..) => self.command(frame),
             (_, heartbeat::COB_ID, node @ 1..) if *frame.data == [0] => self.restarted(node),
             (lss::REQUEST_COB_ID | lss::RESPONSE_COB_ID, ..) => {
-                return plain() + &self.layer.see(id, &frame.data);
+                let said = meaning(frame).to_string() + &self.layer.see(id, &frame.data);
+                return Seen { text: said, ..Seen::default() };
             }
             (_, sdo::REQUEST_COB_ID, node @ 1..) => {
                 return self.transfer(node, Side::Client, frame);
@@ -84,18 +116,25 @@ impl Decoder {
         plain()
     }
 
-    fn transfer(&mut self, node: u8, side: Side, frame: &Frame) -> String {
-        let seen = self.channels.entry(node).or_default().see(side, frame, node);
-        let mut text = seen.text;
+    /// The process data object of the device that has this identifier now.
+    pub fn pdo(&self, id: Id) -> Option<Pdo> {
+        self.device.as_ref()?.process.carried(id)
+    }
+
+    fn transfer(&mut self, node: u8, side: Side, frame: &Frame) -> Seen {
+        let said = self.channels.entry(node).or_default().see(side, frame, node);
+        let mut seen = Seen { text: said.text, ..Seen::default() };
         let device = self.device.as_mut().filter(|device| device.node == node);
-        if let Some(whole) = seen.whole {
+        if let Some(whole) = said.whole {
             let shown = device.as_ref().map(|device| &device.shown);
-            text.push_str(&shown::whole(shown, &whole));
+            seen.text.push_str(&shown::whole(shown, &whole));
+            let value = shown.and_then(|shown| shown.decoded(&whole));
+            seen.given = Some(Given { mux: whole.mux, written: whole.written, value });
             if let Some(device) = device {
                 device.process.learn(&whole);
             }
         }
-        text
+        seen
     }
 
     /// A command of the NMT that ends transfers of a node, or of all.
@@ -115,14 +154,6 @@ impl Decoder {
         if let Some(device) = self.device.as_mut().filter(|device| device.node == node) {
             device.process.restart();
         }
-    }
-}
-
-impl Device {
-    /// A process data object of the device, by its mapping.
-    fn said_of_pdo(&self, frame: &Frame) -> Option<String> {
-        let carried = self.process.carried(frame)?;
-        Some(shown::process(&self.shown, self.node, &carried, frame))
     }
 }
 

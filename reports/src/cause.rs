@@ -248,6 +248,7 @@ mod tests {
             expected: expected.into(),
             actual: actual.into(),
             raw: raw.map(|text| text.parse().expect("a frame")),
+            apart: None,
             sheet: None,
             notes: Vec::new(),
             capped: false,

@@ -82,7 +82,7 @@ pub struct DeviceStarted {
     /// The names that the data sheet gives to its objects.
     #[serde(default, skip_serializing_if = "no_names")]
     pub objects: Arc<ObjectNames>,
-    /// What its process data objects carry, by the data sheet.
+    /// Its process data objects and the types of its objects, by the data sheet.
     #[serde(default, skip_serializing_if = "no_pdos")]
     pub pdos: Arc<PdoLayout>,
     /// The bit rate of its bus in bit/s, when it is known.

@@ -57,6 +57,21 @@ impl ObjectNames {
     }
 }
 
+/// The objects that `text` names by address, each with the word before it: `math-2-output` of
+/// `math-2-output (4030:02)`.
+pub(crate) fn addresses(text: &str) -> impl Iterator<Item = (Mux, Option<&str>)> {
+    text.match_indices(':').filter_map(|(colon, _)| {
+        let (start, end) = (colon.checked_sub(4)?, colon + 3);
+        let mux = text.get(start..end)?.parse().ok()?;
+        let (before, after) = (&text[..start], &text[end..]);
+        let alone = !before.ends_with(|before: char| before.is_alphanumeric())
+            && !after.starts_with(|after: char| after.is_alphanumeric());
+        let word = before.strip_suffix(" (").filter(|_| after.starts_with(')'));
+        let word = word.map(|word| word.rsplit([' ', ',']).next().unwrap_or(word));
+        alone.then_some((mux, word))
+    })
+}
+
 impl FromIterator<(Mux, String)> for ObjectNames {
     fn from_iter<T: IntoIterator<Item = (Mux, String)>>(named: T) -> Self {
         Self(named.into_iter().map(|(mux, name)| (mux.to_string(), name)).collect())
@@ -86,5 +101,13 @@ mod tests {
             assert_eq!(names.in_text(text), expected);
         }
         assert_eq!(ObjectNames::default().in_text("1017:00"), "1017:00");
+    }
+
+    #[test]
+    fn words_stand_before_their_addresses() {
+        let text = "until math-2-output (4030:02) = 2000, then 1017:00, 11017:00 and 0.1:23";
+        let named: Vec<_> = addresses(text).collect();
+        let words = [(Mux::new(0x4030, 2), Some("math-2-output")), (Mux::new(0x1017, 0), None)];
+        assert_eq!(named, words);
     }
 }

@@ -5,7 +5,10 @@
 
 mod details;
 mod excerpt;
+mod state;
+mod subject;
 mod summary;
+mod trace;
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;

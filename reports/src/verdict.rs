@@ -217,6 +217,9 @@ pub struct Problem {
     /// The frame in question, when it is one.
     #[serde(with = "wire::optional_frame")]
     pub raw: Option<Frame>,
+    /// How far both are apart: the amount in its unit, the bits or the bytes that differ.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub apart: Option<String>,
     /// The line of the data sheet in question, when it is about what one says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheet: Option<Excerpt>,

@@ -90,9 +90,35 @@ fn texts_of_a_device_break_neither_xml_nor_terminal() {
     let run = fold(&events, Keep::Unusual);
     let report = terminal::report(&run, PLAIN);
     assert!(report.chars().all(|symbol| symbol == '\n' || !symbol.is_control()));
-    let xml = whole(junit::write, &run);
-    let nasty: Vec<_> = xml.lines().filter(|line| line.contains("2J")).collect();
-    insta::assert_snapshot!(nasty.join("\n"));
+    for format in FORMATS {
+        let text = whole(format.write, &run);
+        let wrong = |symbol: char| symbol != '\n' && symbol.is_control() || symbol == '\u{FFFF}';
+        assert!(!text.contains(wrong), "{} passes on what its readers refuse", format.flag);
+        let nasty: Vec<_> = text.lines().filter(|line| line.contains("2J")).collect();
+        insta::assert_snapshot!(format!("nasty-{}", format.flag), nasty.join("\n"));
+    }
+}
+
+/// A run that did not reach its cases has one, which stands in no file.
+#[test]
+fn a_run_that_could_not_start_looks_green_in_no_format() {
+    let not_started = fixture::not_started();
+    let run = fold(&not_started, Keep::Unusual);
+    assert_eq!((run.worst(), run.is_green()), (Some(Verdict::Error), false));
+    for format in FORMATS {
+        let text = whole(format.write, &run);
+        assert!(text.contains(fixture::NOT_STARTED), "{} does not say why", format.flag);
+        let mut passed = not_started.clone();
+        for event in &mut passed {
+            if let Event::CaseEnded(end) = event {
+                *end = CaseEnded { at: end.at, outcome: Outcome::Pass, cause: None };
+            }
+        }
+        let passed = whole(format.write, &fold(&passed, Keep::Unusual));
+        assert!(text != passed, "{} shows an ERROR as a PASS", format.flag);
+        insta::assert_snapshot!(format!("not-started-{}", format.flag), text);
+    }
+    assert!(terminal::report(&run, PLAIN).contains(fixture::NOT_STARTED));
 }
 
 #[test]
@@ -125,6 +151,21 @@ fn annotations_name_only_files_that_are_there() {
     assert!(!named.is_empty() && !others.is_empty(), "{text}");
     assert!(named.iter().all(|line| line.contains("nmt.yaml,line=")), "{text}");
     assert!(others.iter().all(|line| line.contains(" title=")), "{text}");
+}
+
+/// The configuration of the failing block stays when cyclic frames and other writes do not.
+#[test]
+fn an_excerpt_has_what_the_failure_is_about() {
+    let run = fold(&fixture::configured(), Keep::Unusual);
+    let (device, case) = run.cases().next().expect("a case");
+    let text = terminal::details(device, case, PLAIN);
+    assert!(text.lines().count() <= 60, "{text}");
+    for input in 1..=20 {
+        assert!(text.contains(&format!("write math-2-input-{input} (")), "{text}");
+    }
+    let left: Vec<_> = text.lines().filter(|line| line.contains("left out")).collect();
+    insta::assert_snapshot!(left.join("\n"));
+    assert!(text.contains("9 times the two that follow"), "{text}");
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! What the process data objects of a device carry by its data sheet.
+//! The process data objects of a device and the types of its objects by its data sheet.
 
 use std::collections::BTreeMap;
 
@@ -8,13 +8,13 @@ use crate::eds::{Eds, Entry};
 use crate::mux::Mux;
 use crate::value::{DataType, Value};
 
-/// The parameters of the process data objects of a device, and the types of what they can carry.
+/// The parameters of the process data objects of a device, and the types of its objects.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PdoLayout {
     /// The default of each entry of a communication or mapping parameter.
     pub parameters: BTreeMap<Mux, Parameter>,
-    /// The types of the objects that can be mapped; those without a name are left out.
+    /// The types of the objects; those without a name are left out.
     pub types: BTreeMap<Mux, DataType>,
 }
 
@@ -33,13 +33,12 @@ impl PdoLayout {
     /// The layout in a data sheet.
     pub fn of(eds: &Eds) -> Self {
         let parameters = eds.entries().filter(|entry| is_parameter(entry.mux));
-        let mappable =
-            eds.entries().filter(|entry| entry.mappable && entry.data_type.name().is_some());
+        let typed = eds.entries().filter(|entry| entry.data_type.name().is_some());
         Self {
             parameters: parameters
                 .filter_map(|entry| Some((entry.mux, parameter(entry)?)))
                 .collect(),
-            types: mappable.map(|entry| (entry.mux, entry.data_type)).collect(),
+            types: typed.map(|entry| (entry.mux, entry.data_type)).collect(),
         }
     }
 
@@ -89,7 +88,7 @@ mod tests {
         let layout = PdoLayout::of(&eds::read(sheet.as_bytes()).eds);
         let cob_id = layout.parameters[&Mux::new(0x1800, 1)];
         assert_eq!((cob_id.value, cob_id.resolve(5)), (0x180, 0x185));
-        assert_eq!(layout.types, [(Mux::new(0x2000, 0), DataType::INTEGER16)].into());
+        assert_eq!(layout.types.get(&Mux::new(0x2001, 0)), Some(&DataType::INTEGER16));
         let text = serde_json::to_string(&layout).unwrap();
         assert_eq!(serde_json::from_str::<PdoLayout>(&text).unwrap(), layout, "{text}");
     }

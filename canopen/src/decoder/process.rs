@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::layout::{PdoLayout, is_parameter};
 use super::transfer::Whole;
-use crate::frame::{Frame, Id};
+use crate::frame::Id;
 use crate::mux::Mux;
 use crate::pdo::{CobId, Mapping};
 
@@ -20,12 +20,14 @@ pub(super) struct Process {
 }
 
 /// A process data object.
-#[derive(Debug, PartialEq, Eq)]
-pub(super) struct Carried {
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Pdo {
     /// Such as `TPDO1`.
-    pub(super) name: String,
+    pub name: String,
+    /// The index of its communication parameter.
+    pub parameter: u16,
     /// The mapped objects.
-    pub(super) mapping: Vec<Mapping>,
+    pub mapping: Vec<Mapping>,
 }
 
 impl Process {
@@ -55,25 +57,26 @@ impl Process {
         self.now = self.stored.clone();
     }
 
-    /// The object that a frame is, when the device has it now.
-    pub(super) fn carried(&self, frame: &Frame) -> Option<Carried> {
+    /// The object with an identifier, when the device has it now.
+    pub(super) fn carried(&self, wanted: Id) -> Option<Pdo> {
         let of_frame = |(mux, cob_id): &(&Mux, &u32)| {
             let cob_id = CobId(**cob_id);
             let id = match cob_id.extended() {
                 true => Id::extended(cob_id.0 & 0x1FFF_FFFF),
                 false => Id::standard(cob_id.can_id()),
             };
-            is_communication(mux.index) && mux.sub == 1 && cob_id.valid() && id == frame.id
+            is_communication(mux.index) && mux.sub == 1 && cob_id.valid() && id == wanted
         };
         let (mux, _) = self.now.iter().find(of_frame)?;
         let name = match mux.index {
             0x1800.. => format!("TPDO{}", mux.index - 0x17FF),
             _ => format!("RPDO{}", mux.index - 0x13FF),
         };
-        let mapping = mux.index + 0x200;
-        let count = self.now.get(&Mux::new(mapping, 0)).copied().unwrap_or(0).min(64) as u8;
-        let words = (1..=count).filter_map(|sub| self.now.get(&Mux::new(mapping, sub)));
-        Some(Carried { name, mapping: words.map(|word| Mapping::decode(*word)).collect() })
+        let words = |sub| self.now.get(&Mux::new(mux.index + 0x200, sub)).copied();
+        let count = words(0).unwrap_or(0).min(64) as u8;
+        let words = (1..=count).filter_map(words);
+        let mapping = words.map(Mapping::decode).collect();
+        Some(Pdo { name, parameter: mux.index, mapping })
     }
 }
 

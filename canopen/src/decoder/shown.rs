@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::process::Carried;
+use super::process::Pdo;
 use super::transfer::{InFrame, Whole};
 use crate::frame::Frame;
 use crate::mux::Mux;
@@ -27,18 +27,13 @@ pub(super) struct Shown {
 
 impl Shown {
     /// A value as the data sheet has it; `None` where the sheet does not fit the bytes.
-    fn value(&self, mux: Mux, raw: &[u8], sized: bool) -> Option<String> {
-        let data_type = self.types.get(&mux)?;
-        let size = data_type.size();
-        let raw = match size {
-            Some(size) if !sized => raw.get(..size)?,
-            _ => raw,
+    pub(super) fn decoded(&self, whole: &Whole) -> Option<Value> {
+        let data_type = self.types.get(&whole.mux)?;
+        let raw = match data_type.size() {
+            Some(size) if !whole.sized => whole.value.get(..size)?,
+            _ => &whole.value,
         };
-        let value = data_type.decode(raw).ok()?;
-        match value {
-            Value::Bytes(_) => None,
-            value => Some(self.with_unit(mux, &value)),
-        }
+        data_type.decode(raw).ok()
     }
 
     fn with_unit(&self, mux: Mux, value: &Value) -> String {
@@ -73,8 +68,11 @@ impl Shown {
 
 /// The data of a transfer, as the end of a line.
 pub(super) fn whole(shown: Option<&Shown>, whole: &Whole) -> String {
-    let Whole { mux, value, sized, frame, .. } = whole;
-    let known = shown.and_then(|shown| shown.value(*mux, value, *sized));
+    let Whole { mux, value, frame, .. } = whole;
+    let known = shown.and_then(|shown| match shown.decoded(whole)? {
+        Value::Bytes(_) => None,
+        value => Some(shown.with_unit(*mux, &value)),
+    });
     match frame {
         InFrame::Bytes => known.map_or_else(String::new, |value| format!(", {value}")),
         InFrame::Object => format!(" = {}", known.unwrap_or_else(|| bytes(value))),
@@ -86,7 +84,7 @@ pub(super) fn whole(shown: Option<&Shown>, whole: &Whole) -> String {
 }
 
 /// The values of a process data object.
-pub(super) fn process(shown: &Shown, node: u8, carried: &Carried, frame: &Frame) -> String {
+pub(super) fn process(shown: &Shown, node: u8, carried: &Pdo, frame: &Frame) -> String {
     let name = &carried.name;
     if frame.remote {
         return format!("request for {name} node {node}");

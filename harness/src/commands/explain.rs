@@ -313,7 +313,7 @@ impl Book {
                 let bytes = format!("{:02X} {:02X}", code & 0xFF, code >> 8);
                 let frame = format!("080+n#{bytes}");
                 let waits = |suite: &Suite, case: &At<Case>| {
-                    let wording = Wording { words: &suite.words, scope: None };
+                    let wording = Wording { words: &suite.words, scope: None, node: None };
                     let mut steps = case.value.all_steps();
                     steps.any(|step| wording.step(&step.value).contains(&frame))
                 };
@@ -525,7 +525,7 @@ impl Page {
 
     /// The steps of a case, in words.
     fn steps(&mut self, suite: &Suite, case: &Case, names: &ObjectNames) {
-        let wording = Wording { words: &suite.words, scope: None };
+        let wording = Wording { words: &suite.words, scope: None, node: None };
         let phases = [("setup", &case.setup), ("steps", &case.steps), ("finally", &case.finally)];
         for (label, steps) in phases.into_iter().filter(|(_, steps)| !steps.is_empty()) {
             self.field(label, "");

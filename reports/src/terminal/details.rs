@@ -6,8 +6,10 @@ use std::fmt::{self, Write as _};
 use canopen::decoder::PdoLayout;
 use canopen::{Decoder, Frame, Instant, Stamped, meaning};
 
-use super::excerpt::{Done, Excerpt as Happened, Line};
-use super::{one_line, plural};
+use super::excerpt::{Done, Excerpt as Happened, Line, steps_until};
+use super::subject::Subject;
+use super::trace::Trace;
+use super::{one_line, plural, state};
 use crate::event::Measured;
 use crate::names::ObjectNames;
 use crate::run::{CaseRun, DeviceRun};
@@ -46,8 +48,7 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
             block.field("in", &format!("{}:{}:{}", info.file, info.line, info.column));
         }
     }
-    let pdos = PdoLayout::clone(&device.info.pdos);
-    block.trace(case, Decoder::of_layout(device.info.node, pdos, BTreeMap::new()));
+    block.trace(device, case);
     if !device.info.rerun.is_empty() {
         let again = format!("{} {}", device.info.rerun, shell_word(&case.info.name()));
         block.field("run again", &again);
@@ -112,6 +113,9 @@ impl Block<'_> {
         if let Some(frame) = &problem.raw {
             self.named("", &format!("{frame}  {}", meaning(frame)));
         }
+        if let Some(apart) = &problem.apart {
+            self.field("apart", apart);
+        }
         if problem.capped {
             self.field(
                 "level",
@@ -168,43 +172,59 @@ impl Block<'_> {
         self.line(lines);
     }
 
-    fn trace(&mut self, case: &CaseRun, mut decoder: Decoder) {
-        let until = case.outcome.problem().map_or(Instant::NEVER, |problem| problem.at);
-        let excerpt = Happened::until(case, until);
+    /// The excerpt, and what it leaves out.
+    fn trace(&mut self, device: &DeviceRun, case: &CaseRun) {
+        let problem = case.outcome.problem();
+        let until = problem.map_or(Instant::NEVER, |problem| problem.at);
+        let steps = steps_until(case, until);
+        let (node, pdos) = (device.info.node, PdoLayout::clone(&device.info.pdos));
+        let mut decoder = Decoder::of_layout(node, pdos, BTreeMap::new());
+        let settled = problem.is_none_or(|problem| problem.phase != Phase::Settle);
+        let first = steps.first().filter(|_| settled).map_or(Instant::ZERO, |step| step.at);
+        let trace = Trace::read(&case.trace, node, &mut decoder, (first, until));
+        let subject = problem.map(|problem| Subject::of(problem, &steps, &decoder));
+        let subject = subject.unwrap_or_default();
+        let room = SCREEN.saturating_sub(self.text.lines().count()).max(LEAST);
+        let excerpt = Happened::of(case, &trace, &steps, (&subject, until), room);
+        let (reads, pdos) = state::known(&trace, &excerpt, &subject, &steps);
+        if let Some(reads) = reads {
+            self.named("reads", &reads);
+        }
+        let mut label = "last PDOs";
+        for place in pdos {
+            let (at, text) =
+                (relative(case.info.at, trace.frames[place].at), &trace.seen[place].text);
+            self.named(std::mem::take(&mut label), &one_line(&format!("{at} {text}")));
+        }
         let before = case.trace.last().is_some_and(|last| last.at > until);
+        let since = "in seconds since the case began";
         let heading = match (case.frames, excerpt.frames) {
             (0, _) => "none".to_owned(),
-            (all, 0) => format!("{all}, not kept"),
-            (all, some) if all == some => format!("{all}, in seconds since the case began"),
-            (all, some) if before => {
-                format!("{some} of {all}, up to the failure, in seconds since the case began")
-            }
-            (all, some) => format!("{some} of {all}, in seconds since the case began"),
+            (all, _) if case.trace.is_empty() => format!("{all}, not kept"),
+            (all, some) if all == some => format!("{all}, {since}"),
+            (all, some) if before => format!("{some} of {all}, up to the failure, {since}"),
+            (all, some) => format!("{some} of {all}, {since}"),
         };
         self.field("frames", &heading);
-        let place = |line: &Line| match line {
-            Line::Frame(place) => Some(length(&case.trace[*place].frame)),
-            _ => None,
-        };
-        let width = excerpt.lines.iter().filter_map(place).max().unwrap_or_default();
-        let meanings: Vec<String> =
-            case.trace.iter().map(|seen| decoder.see(&seen.frame)).collect();
-        for line in excerpt.lines {
+        self.lines(case.info.at, &trace, &excerpt);
+        if !trace.frames.is_empty() {
+            self.field("left out", &state::left_out(&trace, &excerpt));
+        }
+    }
+
+    fn lines(&mut self, start: Instant, trace: &Trace, excerpt: &Happened) {
+        let width = excerpt.shown.iter().map(|place| length(&trace.frames[*place].frame)).max();
+        let width = width.unwrap_or_default();
+        for (at, line) in &excerpt.lines {
             match line {
-                Line::Again(times) => {
-                    self.aside(&format!("{times} times the two that follow"));
-                }
-                Line::Left(1) => self.aside("1 frame left out"),
-                Line::Left(count) => self.aside(&format!("{count} frames left out")),
+                Line::Again(times, frames) => self.aside(&again(*times, *frames)),
+                Line::Left(count) => self.aside(&format!("{count} frames of this transfer")),
                 Line::Frame(place) => {
-                    self.frame(case.info.at, &case.trace[place], &meanings[place], width);
+                    self.frame(start, &trace.frames[*place], &trace.seen[*place].text, width);
                 }
-                Line::Done(at, done) => {
-                    let text = match done {
-                        Done::Step(text) | Done::Note(text) => text.to_owned(),
-                        Done::Bench(name, value) => format!("bench: {name} = {value}"),
-                    };
-                    self.done(case.info.at, at, &text);
+                Line::Done(Done::Step(text) | Done::Note(text)) => self.done(start, *at, text),
+                Line::Done(Done::Bench(name, value)) => {
+                    self.done(start, *at, &format!("bench: {name} = {value}"));
                 }
             }
         }
@@ -232,6 +252,16 @@ impl Block<'_> {
         let line =
             format!("    {}  --  {}", self.style.dim(time), one_line(&self.names.in_text(text)));
         self.line(line);
+    }
+}
+
+/// `24 times the two that follow`.
+fn again(times: usize, frames: usize) -> String {
+    let times = if times == 1 { "once".to_owned() } else { format!("{times} times") };
+    match frames {
+        1 => format!("{times} the one that follows"),
+        2 => format!("{times} the two that follow"),
+        many => format!("{times} the {many} that follow"),
     }
 }
 
@@ -278,6 +308,9 @@ fn length(frame: &Frame) -> usize {
 const LABEL: usize = 12;
 const STAMP: usize = 11;
 const INDENT: usize = 2 + LABEL;
+/// How many lines a failure has, up to the end of its excerpt, and the excerpt at least.
+const SCREEN: usize = 53;
+const LEAST: usize = 24;
 
 #[cfg(test)]
 mod tests {

@@ -1,32 +1,28 @@
-//! The excerpt before a failure: the actions, and the frames that say most.
+//! The excerpt before a failure: the actions and the frames that say most about its subject.
 
-use canopen::{Instant, Stamped};
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet};
 
+use canopen::{Instant, Mux};
+
+use super::subject::Subject;
+use super::trace::{Group, Kind, Trace};
 use crate::event::Begun;
+use crate::names::addresses;
 use crate::run::CaseRun;
 use crate::verdict::Phase;
-
-/// The number of frames of services to show: SDO, LSS, NMT, emergency messages, boot-ups and every
-/// frame of the tester.
-const OF_SERVICES: usize = 12;
-
-/// How many of the frames that devices send by themselves, such as heartbeats and PDOs.
-const CYCLIC: usize = 6;
-
-/// How many steps and remarks; stimuli are all shown.
-const WORDS: usize = 16;
 
 /// One line of the excerpt.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Line<'c> {
     /// The frame in this place of the trace.
     Frame(usize),
-    /// As often the two frames that follow came before.
-    Again(usize),
-    /// The number of frames left out here.
+    /// As often the frames that follow, of which there are so many, came before.
+    Again(usize, usize),
+    /// The number of frames of a long transfer left out here.
     Left(usize),
-    /// The action at that time, in words.
-    Done(Instant, Done<'c>),
+    /// The action, in words.
+    Done(Done<'c>),
 }
 
 /// An action.
@@ -40,162 +36,198 @@ pub(super) enum Done<'c> {
     Note(&'c str),
 }
 
-/// The excerpt of a case, and how many frames it shows.
+/// The excerpt of a case.
+#[derive(Debug, Default)]
 pub(super) struct Excerpt<'c> {
-    pub lines: Vec<Line<'c>>,
+    /// By time.
+    pub lines: Vec<(Instant, Line<'c>)>,
+    /// How many frames they show or stand for.
     pub frames: usize,
+    /// The groups that are left out, by kind, and the places of all that are shown.
+    pub left: BTreeMap<Kind, usize>,
+    pub shown: BTreeSet<usize>,
+    /// How many actions are left out.
+    pub actions: usize,
 }
+
+/// How much a line says about the failure, from most to least.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Rank {
+    /// The step that was judged and its last transfer, emergency messages.
+    Failure,
+    /// Stimuli, remarks, and writes that are about the subject.
+    Setting,
+    /// Any other step.
+    Step,
+    /// Frames about the subject, or of the step that was judged.
+    Subject,
+    /// Frames of services.
+    Service,
+    /// What a step says as well: the device has taken a value.
+    Told,
+    /// Never shown: frames that settled the device, and those that come by themselves and say
+    /// nothing new.
+    Rest,
+}
+
+/// Lines that are shown together or not at all.
+struct Candidate<'c> {
+    rank: Rank,
+    lines: Vec<(Order, Line<'c>)>,
+    /// The place of the group; `None` of an action.
+    group: Option<usize>,
+}
+
+/// Time; at one instant frames, remarks, stimuli, steps; the place among these.
+type Order = (Instant, u8, usize);
 
 impl<'c> Excerpt<'c> {
-    /// The events until that instant. Later ones did not lead to the problem.
-    pub(super) fn until(case: &'c CaseRun, until: Instant) -> Self {
-        let trace = &case.trace[..case.trace.partition_point(|seen| seen.at <= until)];
-        let (cyclic, services): (Vec<usize>, Vec<usize>) =
-            (0..trace.len()).partition(|place| is_cyclic(&trace[*place]));
-        let mut shown = fold(trace, &services);
-        let by_themselves = cyclic.iter().rev().take(CYCLIC);
-        shown.extend(by_themselves.map(|place| Shown { place: *place, again: 0, stands_for: 1 }));
-        shown.sort_unstable_by_key(|shown| shown.place);
-        let told: usize = shown.iter().map(|shown| shown.stands_for).sum();
-        let from = match shown.first() {
-            Some(first) if told < trace.len() => trace[first.place].at,
-            _ => Instant::ZERO,
+    /// The lines that say most, at most `room` of them.
+    pub(super) fn of(
+        case: &'c CaseRun,
+        trace: &Trace,
+        steps: &[&'c Begun],
+        (subject, until): (&Subject, Instant),
+        room: usize,
+    ) -> Self {
+        let mut candidates = actions(case, steps, subject, until);
+        candidates.extend(frames(trace, steps, subject));
+        candidates.sort_by_key(|one| (one.rank, Reverse(one.lines.last().map(|line| line.0))));
+        let (mut excerpt, mut lines) = (Self::default(), Vec::new());
+        for Candidate { rank, lines: more, group } in candidates {
+            let fits = rank < Rank::Rest && lines.len() + more.len() <= room;
+            match group.map(|place| &trace.groups[place]) {
+                Some(group) if fits => {
+                    excerpt.frames += group.frames.len() * (1 + group.again);
+                    excerpt.shown.extend(&group.frames);
+                }
+                Some(group) => excerpt.leave(group),
+                None => excerpt.actions += usize::from(!fits),
+            }
+            if fits {
+                lines.extend(more);
+            }
+        }
+        lines.sort_by_key(|(order, _)| *order);
+        excerpt.lines = lines.into_iter().map(|((at, ..), line)| (at, line)).collect();
+        excerpt
+    }
+
+    fn leave(&mut self, group: &Group) {
+        let kind = match group.kind {
+            // A reader counts transfers, whatever they were about.
+            Kind::Read(_) | Kind::Written(_) => Kind::Transfer,
+            other => other,
         };
-        let mut done = done(case, from, until).into_iter().peekable();
+        let frames = if kind == Kind::Settling { group.frames.len() } else { 1 };
+        *self.left.entry(kind).or_default() += frames * (1 + group.again);
+    }
+}
+
+/// The groups that may be shown.
+fn frames<'c>(trace: &Trace, steps: &[&Begun], subject: &Subject) -> Vec<Candidate<'c>> {
+    let mut candidates = Vec::new();
+    let mut cyclic = 0;
+    for (place, group) in trace.groups.iter().enumerate().rev() {
+        let mut rank = rank(group, trace, steps, subject);
+        if group.kind.is_cyclic() && rank < Rank::Rest {
+            cyclic += 1;
+            // A few are enough to see that nothing else came.
+            rank = if cyclic > CYCLIC { Rank::Rest } else { rank };
+        }
+        let at = |place: usize| (trace.frames[place].at, 0, place);
+        let first = group.frames[0];
         let mut lines = Vec::new();
-        // Frames before the first shown one belong to the heading.
-        let mut next = shown.first().map_or(0, |first| first.place);
-        for Shown { place, again, stands_for } in &shown {
-            let left = (place + 1).saturating_sub(next + stands_for);
-            if left > 0 {
-                lines.push(Line::Left(left));
-            }
-            next = place + 1;
-            while let Some(done) = done.next_if(|(at, _)| *at < trace[*place].at) {
-                lines.push(Line::Done(done.0, done.1));
-            }
-            if *again > 0 {
-                lines.push(Line::Again(*again));
-            }
-            lines.push(Line::Frame(*place));
+        if group.again > 0 {
+            lines.push((at(first), Line::Again(group.again, group.frames.len())));
         }
-        lines.extend(done.map(|(at, done)| Line::Done(at, done)));
-        Self { lines, frames: told }
-    }
-}
-
-/// Whether a device sends the frame cyclically, without a request.
-fn is_cyclic(seen: &Stamped) -> bool {
-    let Some(id) = seen.frame.id.as_standard() else { return false };
-    match id {
-        0x080 | 0x100 => true,
-        0x181..=0x57F => !seen.own,
-        // A boot-up is no heartbeat.
-        0x701..=0x77F => *seen.frame.data != [0],
-        _ => false,
-    }
-}
-
-/// A frame that is shown.
-struct Shown {
-    place: usize,
-    /// How often it and the next one were seen before them.
-    again: usize,
-    /// How many frames of the trace it stands for.
-    stands_for: usize,
-}
-
-/// The last of these frames, each with the number of times that it and the next one were seen
-/// before them. A question that is asked until its answer changes would else hide what led to it.
-fn fold(trace: &[Stamped], of: &[usize]) -> Vec<Shown> {
-    let same = |one: usize, other: usize| {
-        let (one, other) = (&trace[one], &trace[other]);
-        one.own == other.own && one.frame == other.frame
-    };
-    let (mut shown, mut rest) = (Vec::new(), of);
-    while shown.len() < OF_SERVICES {
-        let Some((&last, mut before)) = rest.split_last() else { break };
-        shown.push(Shown { place: last, again: 0, stands_for: 1 });
-        if let Some((&first, earlier)) = before.split_last()
-            && (trace[first].own, trace[last].own) == (true, false)
-        {
-            let (mut again, mut earlier) = (0, earlier);
-            while let Some((start, &[one, two])) = earlier.split_last_chunk::<2>()
-                && same(one, first)
-                && same(two, last)
-            {
-                (again, earlier) = (again + 1, start);
-            }
-            if again > 1 {
-                shown.push(Shown { place: first, again, stands_for: 1 + 2 * again });
-                before = earlier;
-            }
+        let (begin, end) = ends(&group.frames);
+        lines.extend(begin.iter().map(|place| (at(*place), Line::Frame(*place))));
+        if let left @ 1.. = group.frames.len() - begin.len() - end.len() {
+            lines.push((at(end[0]), Line::Left(left)));
         }
-        rest = before;
+        lines.extend(end.iter().map(|place| (at(*place), Line::Frame(*place))));
+        candidates.push(Candidate { rank, lines, group: Some(place) });
     }
-    shown
+    candidates
 }
 
-/// The actions by time: every stimulus, and the last steps and remarks from an instant on.
-fn done(case: &CaseRun, from: Instant, until: Instant) -> Vec<(Instant, Done<'_>)> {
-    // Stimuli have lines of their own, and the steps that undo a case come later.
-    let told = |step: &&Begun| step.phase != Phase::Finally && !step.text.starts_with("bench: ");
-    let steps = case.steps.iter().filter(told);
-    let steps = steps.map(|step| (step.at, Done::Step(step.text.as_str())));
-    let notes = case.notes.iter().map(|note| (note.at, Done::Note(note.text.as_str())));
-    let mut words: Vec<_> = steps.chain(notes).filter(|(at, _)| *at >= from).collect();
-    words.sort_by_key(|(at, _)| *at);
-    words.retain(|(at, _)| *at <= until);
-    words.drain(..words.len().saturating_sub(WORDS));
-    let stimuli = case.stimuli.iter().filter(|stimulus| stimulus.at < until);
-    let stimuli =
-        stimuli.map(|stimulus| (stimulus.at, Done::Bench(&stimulus.name, &stimulus.says)));
-    // The step after a stimulus begins at the same instant.
-    let mut words: Vec<_> = stimuli.chain(words).collect();
-    words.sort_by_key(|(at, _)| *at);
-    words
+/// The begin and the end of a long transfer; a short one has no end.
+fn ends(frames: &[usize]) -> (&[usize], &[usize]) {
+    match frames.len() {
+        ..=LONG => (frames, &[]),
+        many => (&frames[..2], &frames[many - 4..]),
+    }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn seen(own: bool, text: &str) -> Stamped {
-        let frame = text.parse().expect("a frame in candump form");
-        Stamped { at: Instant::ZERO, frame, own }
-    }
-
-    #[test]
-    fn a_question_that_is_asked_again_and_again_takes_one_place() {
-        let (ask, answer) =
-            (seen(true, "605#4002200100000000"), seen(false, "585#4F02200100000000"));
-        let mut trace =
-            vec![seen(true, "605#2F01200101000000"), seen(false, "585#6001200100000000")];
-        for _ in 0..100 {
-            trace.extend([ask, answer]);
-        }
-        let all: Vec<usize> = (0..trace.len()).collect();
-        let shown = fold(&trace, &all);
-        let again: Vec<usize> = shown.iter().rev().map(|shown| shown.again).collect();
-        assert_eq!(again, [0, 0, 99, 0]);
-        assert_eq!(shown.iter().map(|shown| shown.stands_for).sum::<usize>(), trace.len());
-        assert!(fold(&[], &[]).is_empty());
-    }
-
-    #[test]
-    fn what_comes_by_itself_is_told_from_services() {
-        for (own, text, cyclic) in [
-            (false, "705#05", true),
-            (false, "705#00", false),
-            (false, "185#0102", true),
-            (true, "205#0102", false),
-            (true, "080#", true),
-            (false, "085#0010010000000000", false),
-            (false, "585#6017100000000000", false),
-            (true, "7E5#0401000000000000", false),
-            (true, "000#0105", false),
-        ] {
-            assert_eq!(is_cyclic(&seen(own, text)), cyclic, "{text}");
+/// How much a group says.
+fn rank(group: &Group, trace: &Trace, steps: &[&Begun], subject: &Subject) -> Rank {
+    let judged = steps.last().map_or(Instant::ZERO, |step| step.at);
+    let in_step = trace.end(group) > judged;
+    let last = trace.groups.iter().rfind(|group| !group.kind.is_cyclic());
+    let of_subject = subject.id == Some(trace.frames[group.frames[0]].frame.id);
+    match group.kind {
+        Kind::Emergency => Rank::Failure,
+        Kind::SamePdo | Kind::SameState | Kind::Clock if of_subject => Rank::Subject,
+        Kind::SamePdo | Kind::SameState | Kind::Clock | Kind::Settling => Rank::Rest,
+        _ if in_step && last == Some(group) => Rank::Failure,
+        _ if in_step || of_subject => Rank::Subject,
+        Kind::Written(mux) if is_told(mux, group, trace, steps) => Rank::Told,
+        Kind::Read(mux) | Kind::Written(mux) if subject.has_object(mux) => Rank::Subject,
+        Kind::Read(_) | Kind::Written(_) | Kind::Transfer | Kind::NewPdo | Kind::Other => {
+            Rank::Service
         }
     }
 }
+
+/// Whether the step before the transfer says that this object is written.
+fn is_told(mux: Mux, group: &Group, trace: &Trace, steps: &[&Begun]) -> bool {
+    let at = trace.frames[group.frames[0]].at;
+    let step = steps[..steps.partition_point(|step| step.at <= at)].last();
+    let writes = step.filter(|step| step.text.starts_with("write "));
+    writes.is_some_and(|step| addresses(&step.text).next().is_some_and(|(of, _)| of == mux))
+}
+
+/// The actions: the steps, stimuli and remarks until then.
+fn actions<'c>(
+    case: &'c CaseRun,
+    steps: &[&'c Begun],
+    subject: &Subject,
+    until: Instant,
+) -> Vec<Candidate<'c>> {
+    let one =
+        |rank, order, done| Candidate { rank, lines: vec![(order, Line::Done(done))], group: None };
+    let last = steps.len().saturating_sub(1);
+    let worded = steps.iter().enumerate().filter_map(|(place, step)| {
+        // Stimuli have lines of their own.
+        let rank = match () {
+            () if step.text.starts_with("bench: ") => return None,
+            () if place == last => Rank::Failure,
+            () if step.text.starts_with("write ") && subject.has_step(&step.text) => Rank::Setting,
+            () => Rank::Step,
+        };
+        Some(one(rank, (step.at, 3, place), Done::Step(&step.text)))
+    });
+    let stimuli = case.stimuli.iter().filter(|stimulus| stimulus.at < until).enumerate();
+    let stimuli = stimuli.map(|(place, stimulus)| {
+        let done = Done::Bench(&stimulus.name, &stimulus.says);
+        one(Rank::Setting, (stimulus.at, 2, place), done)
+    });
+    let notes = case.notes.iter().filter(|note| note.at <= until).enumerate();
+    let notes =
+        notes.map(|(place, note)| one(Rank::Setting, (note.at, 1, place), Done::Note(&note.text)));
+    worded.chain(stimuli).chain(notes).collect()
+}
+
+/// The steps that began until then, by time. Those that undo a case come later, unless one of them
+/// failed.
+pub(super) fn steps_until(case: &CaseRun, until: Instant) -> Vec<&Begun> {
+    let undoing = case.outcome.problem().is_some_and(|problem| problem.phase == Phase::Finally);
+    let led_to = |step: &&Begun| undoing || step.phase != Phase::Finally;
+    case.steps.iter().filter(|step| step.at <= until).filter(led_to).collect()
+}
+
+/// How many frames that come by themselves are shown.
+const CYCLIC: usize = 6;
+/// A transfer of more frames is cut.
+const LONG: usize = 8;

@@ -183,17 +183,13 @@ fn not_passed(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) 
     for (cause, cases) in &shared {
         let cause = cause.map(|cause| named(cause, cases)).unwrap_or_default();
         let _ = writeln!(text, "{:>6}  {}", cases.len(), wrapped(&one_line(&cause)));
-        for row in rows(cases, verbosity) {
-            let _ = writeln!(text, "        {}", row.line(style));
-        }
+        rows(cases, verbosity).write(run, style, "        ", text);
         text.push('\n');
     }
     let before = text.len();
     let mut alone: Vec<_> = alone.into_iter().flat_map(|(_, cases)| cases).collect();
     alone.sort_by_key(|(place, ..)| *place);
-    for row in rows(&alone, verbosity) {
-        let _ = writeln!(text, "{}", row.line(style));
-    }
+    rows(&alone, verbosity).write(run, style, "", text);
     let not_run = run.cases().filter(|(_, case)| case.outcome.is_not_run()).count() as u64;
     if not_run > 0 {
         let _ = writeln!(text, "{not_run} {} not run", plural(not_run, "case"));
@@ -257,6 +253,8 @@ fn undecided(run: &Run, text: &mut String) {
 
 /// Cases that did not pass and share one line.
 struct Row<'r> {
+    /// The first of them.
+    first: (&'r DeviceRun, &'r CaseRun),
     verdict: Verdict,
     devices: Vec<&'r str>,
     name: String,
@@ -281,7 +279,7 @@ impl Row<'_> {
 
 /// Many instances of a case share a line, and so do the devices on which the same case came out the
 /// same way.
-fn rows<'r>(cases: &[Noticed<'r>], verbosity: Verbosity) -> Vec<Row<'r>> {
+fn rows<'r>(cases: &[Noticed<'r>], verbosity: Verbosity) -> Rows<'r> {
     let case_of = |device: &'r DeviceRun, case: &'r CaseRun| {
         let info = &case.info;
         (&device.info.device, case.verdict(), &info.suite, &info.case)
@@ -292,6 +290,7 @@ fn rows<'r>(cases: &[Noticed<'r>], verbosity: Verbosity) -> Vec<Row<'r>> {
     }
     let mut rows: Vec<Row> = Vec::new();
     for (_, device, case) in cases {
+        let first = (*device, *case);
         let (instances, name) = match instances.get_mut(&case_of(device, case)) {
             Some(many) if *many > ALIKE && verbosity < Verbosity::Verbose => {
                 (std::mem::take(many), format!("{}/{}", case.info.suite, case.info.case))
@@ -307,14 +306,75 @@ fn rows<'r>(cases: &[Noticed<'r>], verbosity: Verbosity) -> Vec<Row<'r>> {
         });
         match same.filter(|_| verbosity < Verbosity::Verbose) {
             Some(known) => known.devices.push(device),
-            None => rows.push(Row { verdict, devices: vec![device], name, instances }),
+            None => rows.push(Row { first, verdict, devices: vec![device], name, instances }),
         }
     }
-    rows
+    Rows(rows)
+}
+
+/// Lines of cases that did not pass.
+struct Rows<'r>(Vec<Row<'r>>);
+
+impl Rows<'_> {
+    /// The lines; after those of one case, for which of its instances the device passes.
+    fn write(&self, run: &Run, style: Style, indent: &str, text: &mut String) {
+        let mut rows = self.0.iter().peekable();
+        while let Some(row) = rows.next() {
+            let _ = writeln!(text, "{indent}{}", row.line(style));
+            let ends = rows.peek().is_none_or(|next| !same_case(next.first, row.first));
+            if let Some(neighbours) = neighbours(run, row).filter(|_| ends) {
+                let _ = writeln!(text, "{indent}         {}", one_line(&neighbours));
+            }
+        }
+    }
+}
+
+/// `does not pass for 2 of 6: [3], [4]; passes for [1], [2], [5], [6]`, of a case with instances on
+/// one device of which some passed.
+fn neighbours(run: &Run, row: &Row) -> Option<String> {
+    if row.devices.len() > 1 {
+        return None;
+    }
+    let instances = run.cases().filter(|(device, case)| same_case((device, case), row.first));
+    let instances = instances.filter(|(_, case)| !case.outcome.is_not_run());
+    let label = |case: &CaseRun| Some(format!("[{}]", case.info.instance.as_ref()?));
+    let (mut passed, mut others) = (Vec::new(), Vec::new());
+    for (_, case) in instances {
+        match case.verdict() {
+            Verdict::Pass => passed.push(label(case)?),
+            Verdict::Skip | Verdict::Blocked => {}
+            Verdict::Lenient | Verdict::Waived | Verdict::Fail | Verdict::Error => {
+                others.push(label(case)?);
+            }
+        }
+    }
+    let (count, all) = (others.len(), passed.len() + others.len());
+    let (others, passes) = (listed(&others), listed(&passed));
+    let text = format!("does not pass for {count} of {all}: {others}; passes for {passes}");
+    (!passed.is_empty()).then_some(text)
+}
+
+/// The first labels, and how many more there are.
+fn listed(labels: &[String]) -> String {
+    match labels.len() {
+        many if many > LABELS + 1 => {
+            format!("{} and {} more", labels[..LABELS].join(", "), many - LABELS)
+        }
+        _ => labels.join(", "),
+    }
+}
+
+fn same_case(one: (&DeviceRun, &CaseRun), other: (&DeviceRun, &CaseRun)) -> bool {
+    let of = |(device, case): (&DeviceRun, &CaseRun)| {
+        (device.info.device.clone(), case.info.suite.clone(), case.info.case.clone())
+    };
+    of(one) == of(other)
 }
 
 /// From more instances than these on, a case has one line.
 const ALIKE: usize = 3;
+/// How many labels of instances are named.
+const LABELS: usize = 8;
 /// How many reasons are named.
 const REASONS: usize = 20;
 /// The width of a text beside its count.

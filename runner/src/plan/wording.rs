@@ -21,6 +21,8 @@ pub struct Wording<'w> {
     pub words: &'w Words,
     /// The values of names in an instance; unknown when a case is explained.
     pub scope: Option<&'w Scope>,
+    /// The node id of the device; unknown in the same way.
+    pub node: Option<u8>,
 }
 
 impl Wording<'_> {
@@ -252,9 +254,13 @@ impl Wording<'_> {
     /// no word for it.
     fn frame(&self, frame: &At<FrameText>) -> String {
         let text = frame.value.to_string();
-        match self.words.shown_frame(&text) {
-            Some(word) => format!("{word} ({text})"),
-            None => text,
+        let word = self.words.shown_frame(&text);
+        let known = self.scope.zip(self.node);
+        let known = known.and_then(|(scope, node)| scope.known_pattern(&frame.value, node));
+        let shown = known.map_or(text, |pattern| pattern.to_string());
+        match word {
+            Some(word) => format!("{word} ({shown})"),
+            None => shown,
         }
     }
 

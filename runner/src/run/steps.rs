@@ -3,6 +3,7 @@
 //! The judgement of one step belongs here. Its consequence for the verdict of the case belongs to
 //! [`session`](super::session).
 
+mod apart;
 mod ask;
 pub(super) mod bench;
 mod judge;

@@ -3,7 +3,7 @@
 //! each action is one step.
 
 use std::cell::RefCell;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use canopen::Mux;
@@ -18,12 +18,22 @@ use super::words::{Counted, Words};
 use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Place, Source, Tree};
 
-/// The suite in plain steps, and which named steps of its folder it uses.
+/// A suite in plain steps.
+pub(super) struct Expanded {
+    /// Its text.
+    pub tree: Tree,
+    /// The named steps of its folder that it uses.
+    pub used: BTreeSet<String>,
+    /// The word by which it calls an object; `None` where it has several.
+    pub named: BTreeMap<Mux, Option<String>>,
+}
+
+/// The suite in plain steps.
 pub(super) fn expand(
     source: &Arc<Source>,
     mut tree: Tree,
     shared: &Vocabulary,
-) -> Result<(Tree, BTreeSet<String>), Vec<Complaint>> {
+) -> Result<Expanded, Vec<Complaint>> {
     let mut complaints = Vec::new();
     let mut own = Definitions::default();
     if let Node::Map(entries) = &mut tree.node
@@ -38,10 +48,12 @@ pub(super) fn expand(
         own: &own,
         shared: &shared.steps,
         used: RefCell::default(),
+        named: RefCell::default(),
         complaints: RefCell::new(complaints),
     };
     expander.suite(&mut tree);
     let (used, mut complaints) = (expander.used.take(), expander.complaints.take());
+    let named = expander.named.take();
     for (name, definition) in own.iter().filter(|(name, _)| !used.contains(*name)) {
         let message = format!("the steps `{name}` are never used");
         complaints.push(Complaint::at(source, definition.place, message));
@@ -49,7 +61,7 @@ pub(super) fn expand(
     // A mistake in a step of several rows is reported once.
     let mut known = BTreeSet::new();
     complaints.retain(|wrong| known.insert((wrong.place, wrong.message.clone())));
-    if complaints.is_empty() { Ok((tree, used)) } else { Err(complaints) }
+    if complaints.is_empty() { Ok(Expanded { tree, used, named }) } else { Err(complaints) }
 }
 
 struct Expander<'s> {
@@ -58,6 +70,7 @@ struct Expander<'s> {
     own: &'s Definitions,
     shared: &'s Definitions,
     used: RefCell<BTreeSet<String>>,
+    named: RefCell<BTreeMap<Mux, Option<String>>>,
     complaints: RefCell<Vec<Complaint>>,
 }
 
@@ -632,7 +645,14 @@ impl Expander<'_> {
             return;
         }
         match self.words.object(text) {
-            Ok(mux) => *text = format!("{:04X}:{:02X}", mux.index, mux.sub),
+            Ok(mux) => {
+                let word = std::mem::replace(text, mux.to_string());
+                let mut named = self.named.borrow_mut();
+                let known = named.entry(mux).or_insert_with(|| Some(word.clone()));
+                if known.as_ref().is_some_and(|known| *known != word) {
+                    *known = None;
+                }
+            }
             Err(wrong) => self.complain(object.place, wrong),
         }
     }

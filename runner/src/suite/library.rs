@@ -8,13 +8,14 @@ use canopen::catalogue::Catalogue;
 use super::built_in::{built_in, is_built_in};
 use super::constraint::assertion_name;
 use super::dimension::{Dimension, Extent};
-use super::expand::expand;
+use super::expand::{Expanded, expand};
 use super::loaded::Suite;
 use super::model::{Case, SuiteFile};
 use super::register::{Register, Relaxation};
 use super::step::Step;
 use super::test_map::{TestMapEntry, wrong_map};
 use super::vocabulary::{Files, Vocabularies, Vocabulary, may_be_shared};
+use super::words::Words;
 use crate::nearest::did_you_mean;
 use crate::parallel::{self, processors};
 use crate::source::{At, Complaint, Source, Tree, read_tree, read_yaml};
@@ -143,8 +144,7 @@ impl Library {
         let mut used = BTreeSet::new();
         for (file, source) in files {
             match file {
-                Ok((file, names)) => {
-                    let words = Arc::clone(&vocabularies.at(&source.name).words);
+                Ok((file, names, words)) => {
                     let catalogue = Arc::clone(catalogue);
                     let path = source.name.as_str().into();
                     let is_built_in = is_built_in(&source);
@@ -184,15 +184,15 @@ impl Library {
     }
 }
 
-/// A suite, with the names of the steps that it uses.
+/// A suite, with the names of the steps that it uses and the words for its objects.
 fn read_suite(
     source: &Arc<Source>,
     vocabulary: &Vocabulary,
-) -> Result<(SuiteFile, BTreeSet<String>), Vec<Complaint>> {
+) -> Result<(SuiteFile, BTreeSet<String>, Arc<Words>), Vec<Complaint>> {
     let tree = Tree::of(source).map_err(|complaint| vec![complaint])?;
-    let (tree, used) = expand(source, tree, vocabulary)?;
+    let Expanded { tree, used, named } = expand(source, tree, vocabulary)?;
     let file = read_tree::<SuiteFile>(source, &tree).map_err(|complaint| vec![complaint])?;
-    Ok((file, used))
+    Ok((file, used, Words::named_as(&vocabulary.words, named)))
 }
 
 /// The files as trees, and what is wrong with those that are no YAML.

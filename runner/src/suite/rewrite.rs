@@ -128,7 +128,7 @@ fn rewrite(
         let edited = Arc::new(Source { name: source.name.clone(), text: text.edited(edits) });
         let tree = Tree::of(&edited).ok();
         let after = tree.and_then(|tree| expand(&edited, tree, shared).ok());
-        after.is_some_and(|(tree, used)| used == before.1 && same(&tree, &before.0))
+        after.is_some_and(|after| after.used == before.used && same(&after.tree, &before.tree))
     };
     let mut kept = sound(&found, &means_the_same);
     if !means_the_same(&kept) {

@@ -81,6 +81,17 @@ impl Words {
         reader.complaints
     }
 
+    /// The words with the names by which a suite calls its objects. Two devices of a family may
+    /// have different objects at one address, and each suite has the word of its own.
+    pub(super) fn named_as(words: &Arc<Self>, named: BTreeMap<Mux, Option<String>>) -> Arc<Self> {
+        let named = named.into_iter().filter_map(|(mux, word)| Some((mux, word?)));
+        let (mut words, named) = (Arc::clone(words), named.collect::<Vec<_>>());
+        if named.iter().any(|(mux, word)| words.name(*mux) != Some(word)) {
+            Arc::make_mut(&mut words).names.extend(named);
+        }
+        words
+    }
+
     /// The address of a word.
     ///
     /// # Errors
@@ -188,14 +199,28 @@ impl Words {
         self.names.get(&mux).map(String::as_str)
     }
 
-    /// The word for a value of an object, given as an address or a name, or the value in its unit.
-    pub(crate) fn value(&self, object: &ObjectRef, value: i128) -> Option<String> {
-        let Counted { table, scale } = match object {
+    /// An amount of an object in its unit; `None` where its values are words.
+    pub(crate) fn amount(&self, object: &ObjectRef, counts: i128) -> Option<String> {
+        let Counted { table, scale } = self.of(object);
+        match table {
+            Some(_) => None,
+            None => scale.map_or_else(|| Some(counts.to_string()), |scale| scale.show(counts)),
+        }
+    }
+
+    /// The meanings of the values of an object, given as an address or a name.
+    fn of(&self, object: &ObjectRef) -> Counted<'_> {
+        match object {
             ObjectRef::Fixed(mux) => {
                 self.of_objects.get(mux).map(Facts::counted).unwrap_or_default()
             }
             ObjectRef::Named(name) => self.counted(&name.to_string()),
-        };
+        }
+    }
+
+    /// The word for a value of an object, given as an address or a name, or the value in its unit.
+    pub(crate) fn value(&self, object: &ObjectRef, value: i128) -> Option<String> {
+        let Counted { table, scale } = self.of(object);
         let known = table.and_then(|table| word(table, value));
         known.or_else(|| scale?.show(value))
     }

@@ -213,7 +213,8 @@ impl Why<'_> {
     fn step(&self, instance: &str, step: usize) -> String {
         let Some(instance) = self.with.instance(instance) else { return String::new() };
         let Some(at) = instance.case().steps.get(step) else { return String::new() };
-        let wording = Wording { words: &instance.suite.words, scope: Some(&instance.scope) };
+        let (words, scope) = (&instance.suite.words, Some(&instance.scope));
+        let wording = Wording { words, scope, node: Some(self.clean.target.dut.node) };
         format!("line {}: {}", at.place.line, self.named(&wording.step(&at.value)))
     }
 

@@ -65,7 +65,7 @@ impl CaseOutcome<'_> {
     }
 
     fn problem(&self, phase: Phase, place: Place, difference: Difference) -> Box<Problem> {
-        let Difference { expected, actual, raw, sheet } = difference;
+        let Difference { expected, actual, raw, apart, sheet } = difference;
         let place = excerpt(self.source, place);
         let notes = Vec::new();
         Box::new(Problem {
@@ -75,6 +75,7 @@ impl CaseOutcome<'_> {
             expected,
             actual,
             raw,
+            apart,
             sheet: sheet.map(|sheet| *sheet),
             notes,
             capped: false,

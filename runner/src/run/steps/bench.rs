@@ -6,6 +6,7 @@ use canopen::bench::POWER;
 use canopen::sdo::Transfer;
 use canopen::{BenchError, BusError, Value};
 
+use super::apart;
 use super::judge::{Difference, Judgement, Trouble};
 use super::run::Steps;
 use crate::dut::Dut;
@@ -57,10 +58,28 @@ impl Steps<'_, '_> {
                 let wanted_words = show(&wanted, &shown);
                 let expected = format!("{name} = {wanted_words} within {}", show_time(within));
                 let wrong: Vec<Constraint> = misfits(&seen, &wanted).collect();
-                return self.broken(&wrong, Difference::new(expected, shown(&seen)));
+                let apart = self.off_bounds(name, &seen, &wanted);
+                let difference = Difference { apart, ..Difference::new(expected, shown(&seen)) };
+                return self.broken(&wrong, difference);
             }
             self.link.wait(next)?;
         }
+    }
+}
+
+impl Steps<'_, '_> {
+    /// How far a number is from what was wanted, in its unit.
+    fn off_bounds(&self, name: &str, seen: &Value, wanted: &[Option<Value>; 3]) -> Option<String> {
+        let seen = seen.as_real()?;
+        let [value, min, max] = wanted.each_ref().map(|wanted| wanted.as_ref()?.as_real());
+        let by = match (value, min, max) {
+            (Some(value), ..) => seen - value,
+            (None, Some(min), _) if seen < min => seen - min,
+            (None, _, Some(max)) if seen > max => seen - max,
+            _ => return None,
+        };
+        let amount = self.words.bench_value(name, &Value::Real(by.abs()));
+        Some(apart::too_much(by > 0.0, &amount))
     }
 }
 

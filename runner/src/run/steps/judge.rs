@@ -7,6 +7,7 @@ use canopen::sdo::Failure;
 use canopen::{BusError, DataType, Frame};
 use reports::Excerpt;
 
+use super::apart;
 use crate::plan::show_bytes;
 use crate::source::{Place, Source};
 use crate::suite::Words;
@@ -23,6 +24,8 @@ pub(in crate::run) struct Difference {
     pub actual: String,
     /// The frame in question.
     pub raw: Option<Frame>,
+    /// How far both are apart.
+    pub apart: Option<String>,
     /// The line of the data sheet in question.
     pub sheet: Option<Box<Excerpt>>,
 }
@@ -30,7 +33,8 @@ pub(in crate::run) struct Difference {
 impl Difference {
     /// A difference without a frame of its own.
     pub(in crate::run) fn new(expected: impl Into<String>, actual: impl Into<String>) -> Self {
-        Self { expected: expected.into(), actual: actual.into(), raw: None, sheet: None }
+        let (expected, actual) = (expected.into(), actual.into());
+        Self { expected, actual, raw: None, apart: None, sheet: None }
     }
 
     /// The same, about a frame.
@@ -239,7 +243,9 @@ impl Condition<'_> {
                 None => shown,
                 Some(mask) => format!("{shown} in the bits {}", self.show(entry, mask)),
             };
-            let difference = Difference::new(expected, actual);
+            let apart =
+                apart::values(entry, self.words, self.mask.as_deref(), [value.as_slice(), got]);
+            let difference = Difference { apart, ..Difference::new(expected, actual) };
             match self.tolerated.iter().position(|value| self.same(value, got)) {
                 Some(place) => tolerated = Some((place + 1, difference)),
                 None => wrong.push((Constraint::Value, difference)),
@@ -265,16 +271,20 @@ impl Condition<'_> {
         let order = |bound: &Vec<u8>| {
             number(got).zip(number(bound)).map(|(got, bound)| got.total_cmp(&bound))
         };
+        let broken = |what: &str, bound: &Vec<u8>| Difference {
+            apart: apart::values(entry, self.words, None, [bound.as_slice(), got]),
+            ..differs(format!("{what} {}", self.show(entry, bound)))
+        };
         let mut wrong = Vec::new();
         if let Some(min) = &self.min
             && order(min).is_none_or(Ordering::is_lt)
         {
-            wrong.push((Constraint::Min, differs(format!("at least {}", self.show(entry, min)))));
+            wrong.push((Constraint::Min, broken("at least", min)));
         }
         if let Some(max) = &self.max
             && order(max).is_none_or(Ordering::is_gt)
         {
-            wrong.push((Constraint::Max, differs(format!("at most {}", self.show(entry, max)))));
+            wrong.push((Constraint::Max, broken("at most", max)));
         }
         wrong
     }

@@ -2,7 +2,7 @@
 //! steps that are about the data sheet alone.
 
 use canopen::eds::{CODES, Diagnostic, Object};
-use canopen::sdo::{Failure, Initiate, Response};
+use canopen::sdo::{Failure, Initiate, RESPONSE_COB_ID, Response};
 use canopen::{Abort, Frame, Mux};
 use reports::Excerpt;
 
@@ -57,7 +57,8 @@ fn claim(
     let access = step.effect().access;
     let mux = match &access {
         Some(access) => scope.mux(&access.object.value).ok()?,
-        None => of_sheet?,
+        // Without an access, what failed is about the object only where an SDO answer was judged.
+        None => of_sheet.filter(|_| judges_answer(step))?,
     };
     let (literals, refused) =
         access.map_or((Vec::new(), None), |access| (access.literals, access.refused));
@@ -73,6 +74,19 @@ fn claim(
         // A value that the case itself states is not a promise of the sheet.
         None => (of_sheet == Some(mux)).then_some((mux, named)),
     }
+}
+
+/// Whether the step judges frames of the SDO server.
+fn judges_answer(step: &Step) -> bool {
+    let frame = match step {
+        Step::Reply(reply) => &reply.frame,
+        Step::Ask(ask) => &ask.reply,
+        Step::Expect(expect) => &expect.frame,
+        Step::Never(never) => &never.frame,
+        Step::Collect(collect) => &collect.frame,
+        _ => return false,
+    };
+    frame.value.pattern.function() == Some(RESPONSE_COB_ID.into())
 }
 
 /// The answer's statement about the entry: that it does not exist, or which key it contradicts.

@@ -7,6 +7,7 @@ use canopen::pdo::CobId;
 use canopen::{Abort, BusError, Frame, Instant, Mux, Pattern, Stamped, lss, sdo, sync};
 use reports::{Begun, Event, Phase};
 
+use super::apart;
 use super::judge::{Difference, Judgement, Trouble};
 use super::proof::Proof;
 use crate::dut::Dut;
@@ -70,7 +71,8 @@ impl<'s> Steps<'s, '_> {
     }
 
     fn tell(&mut self, at: Instant, phase: Phase, step: &At<Step>) {
-        let wording = Wording { words: self.words, scope: Some(&self.scope) };
+        let (words, scope, node) = (self.words, Some(&self.scope), Some(self.dut.node));
+        let wording = Wording { words, scope, node };
         let (line, text) = (step.place.line as u32, wording.step(&step.value));
         self.link.emit(Event::Step(Begun { at, phase, line, text }));
     }
@@ -178,7 +180,9 @@ impl Steps<'_, '_> {
             return Ok(None);
         }
         let actual = canopen::meaning(&got.frame).to_string();
-        let difference = Difference::new(strict.to_string(), actual).about(got.frame);
+        let apart = apart::frames(&strict, &got.frame);
+        let difference =
+            Difference { apart, ..Difference::new(strict.to_string(), actual) }.about(got.frame);
         for (text, place) in lenient.iter().zip(1..) {
             if self.pattern(text)?.matches(&got.frame) {
                 self.allows(Allowance::Lenient(place));
@@ -271,7 +275,8 @@ impl Steps<'_, '_> {
             1 => format!("{nothing}; 1 other frame with identifier {id}: {meaning}"),
             _ => format!("{nothing}; other frames with identifier {id}, the last: {meaning}"),
         };
-        Difference::new(strict.to_string(), actual).about(last)
+        let apart = apart::frames(strict, &last);
+        Difference { apart, ..Difference::new(strict.to_string(), actual) }.about(last)
     }
 
     /// The first frame with the data that were expected and another identifier. A byte or two may
