@@ -197,7 +197,7 @@ fn run(target: &Target, mut bus: Box<dyn Bus>, seed: u64) -> Came {
 /// How a device differs.
 #[derive(Clone, Copy, Debug, Default)]
 struct Peculiar {
-    /// LSS requests in the first 100 ms after a reset are lost.
+    /// Without a node id, it hears no LSS in the first 100 ms after a reset.
     deaf_at_start: bool,
     /// A device without node id that was given one starts at reset node, and not when it leaves LSS
     /// configuration.
@@ -236,13 +236,14 @@ impl Wrapped {
             return true;
         }
         const STARTING: std::time::Duration = std::time::Duration::from_millis(100);
-        let starting = self.since_reset.is_some_and(|reset| now.since(reset) < STARTING);
+        // One with a node id has started with its boot-up message.
+        let without = self.given.is_some_and(|(_, without)| without);
+        let starting = without && self.since_reset.is_some_and(|reset| now.since(reset) < STARTING);
         if self.peculiar.deaf_at_start && starting || self.held {
             return false;
         }
         match Request::decode(&frame.data) {
             Ok(Request::ConfigureNodeId(node)) => {
-                let without = self.given.is_some_and(|(_, without)| without);
                 self.given = Some((node, without));
             }
             Ok(Request::SwitchGlobal(Mode::WAITING)) if self.peculiar.starts_at_reset => {

@@ -10,7 +10,7 @@ use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response};
 use canopen::{Frame, Mux};
 
 /// Sentences about it, each with the frames that show it. In the trace, the tester has done nothing
-/// but reset the device and upload objects.
+/// but reset and start the device, upload objects, and give it a heartbeat for a moment.
 pub fn oddities(trace: &[Seen], node: u8) -> Vec<String> {
     let said = [several(trace, node), short(trace, node), garbage(trace, node)];
     said.into_iter().flatten().collect()
@@ -104,16 +104,20 @@ fn short(trace: &[Seen], node: u8) -> Option<String> {
     Some(format!("it answers SDO with {bytes} bytes where 8 are required: {frame}"))
 }
 
-/// Answers that belong to no upload.
+/// Answers that belong to no upload, nor to a download.
 fn garbage(trace: &[Seen], node: u8) -> Option<String> {
-    let mut asked = Vec::new();
+    let (mut asked, mut written) = (Vec::new(), Vec::new());
     for seen in trace {
-        if let Some(Request::Upload(mux)) = request(seen, node) {
-            asked.push(mux);
+        match request(seen, node) {
+            Some(Request::Upload(mux)) => asked.push(mux),
+            Some(Request::Download(mux, _)) => written.push(mux),
+            _ => {}
         }
         let fits = match answer(seen, node) {
             None | Some(Response::UploadSegment(_)) => true,
-            Some(Response::Upload(mux, _) | Response::Abort(mux, _)) => asked.contains(&mux),
+            Some(Response::Upload(mux, _)) => asked.contains(&mux),
+            Some(Response::Download(mux)) => written.contains(&mux),
+            Some(Response::Abort(mux, _)) => asked.contains(&mux) || written.contains(&mux),
             Some(_) => false,
         };
         if !fits && !asked.is_empty() {
