@@ -40,7 +40,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         // After a stall, a failure counts only if it repeats: the next stall may go unnoticed.
         let is_fail = matches!(outcome, Outcome::Fail(_));
         let doubtful = stalled && !failed && is_fail;
-        if outcome.holds_against_device() && run.earlier_cause && !cleared {
+        if is_fail && run.earlier_cause && !cleared {
             (left, cleared) = (Left::Dirty, true);
             run.note(
                 "an emergency of an earlier case came: the case is repeated after a reset"

@@ -115,6 +115,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         let mut changed = snapshot.touched(self.link, self.common.dut.node);
         self.earlier_cause = baseline.may_monitor() && self.reports_a_lost_node();
         if changed.iter().any(|mux| mux.index == CONSUMER_HEARTBEAT_TIME) {
+            self.earlier_cause = false;
             baseline.monitors(true);
         }
         self.link.clean(true);
