@@ -358,7 +358,8 @@ fn a_device_that_no_reset_brings_back_is_given_up() {
     let mut bus =
         odd(Box::new(|sent, seen| (!sent.contains(&Frame::new(0, [2, NODE]))).then_some(seen)));
     let ran = run(&mut bus, 3, "[ nmt: stop, wait: 100 ms ]");
-    assert!(matches!(&ran.ending, Ending::Gone(why) if why.contains("reset of all nodes")), "{:?}", ran.ending);
+    let all = "reset of all nodes";
+    assert!(matches!(&ran.ending, Ending::Gone(why) if why.contains(all)), "{:?}", ran.ending);
     assert_eq!(verdicts(&ran), [Verdict::Pass, Verdict::Error, Verdict::Error]);
 }
 
