@@ -391,17 +391,21 @@ impl Steps<'_, '_> {
         failed: Option<&Difference>,
     ) -> Option<Duration> {
         let Lateness { missed, overslept, noticed, .. } = self.link.lateness();
-        let waits_in_vain = matches!(step, Step::Never(_) | Step::Collect(_));
         // What is less than the tester's own lateness may be the host's.
         let doubtful = Duration::ZERO < self.outside && self.outside <= noticed;
-        let late = missed.max(overslept).max(if doubtful { noticed } else { Duration::ZERO });
-        if late > Duration::ZERO && (failed.is_some() || waits_in_vain) {
+        let late = match failed {
+            Some(_) if doubtful => missed.max(overslept).max(noticed),
+            Some(_) => missed.max(overslept),
+            // A longer pause is no reason for a device to stay silent.
+            None => missed,
+        };
+        if late > Duration::ZERO && (failed.is_some() || matches!(step, Step::Never(_))) {
             return Some(late);
         }
-        // A device on the same host had as little of the window as the tester.
-        if failed.is_none() && waits_in_vain {
-            let window = self.window(step)?;
-            return (noticed > self.policy.bears(window).max(window / 2)).then_some(noticed);
+        // A device on the same host had as little of the time as the tester.
+        if failed.is_none() && matches!(step, Step::Never(_) | Step::Collect(_)) {
+            let (window, lost) = (self.window(step)?, noticed.max(overslept));
+            return (lost > self.policy.bears(window).max(window / 2)).then_some(lost);
         }
         // The client may have been too slow for a server. A device on the same host is delayed as
         // much.
