@@ -251,6 +251,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             proof: self.proof.take(),
             words: &self.instance.suite.words,
             outside: Duration::ZERO,
+            awaited: Duration::ZERO,
             begun: Vec::new(),
         };
         let observer = self.common.observer;

@@ -88,6 +88,7 @@ impl Steps<'_, '_> {
                 stamps.push(got.at);
                 continue;
             }
+            self.awaited = wait;
             let expected = format!("{} frames {pattern}", measure.count);
             let actual = format!("{}, then none for {}", stamps.len(), show_time(wait));
             let difference = Difference::new(expected, actual);

@@ -43,6 +43,8 @@ pub(in crate::run) struct Steps<'s, 'b> {
     pub words: &'s Words,
     /// How far the time that the step judged last is outside what is accepted.
     pub outside: Duration,
+    /// How long a measurement waited for a frame that did not come.
+    pub awaited: Duration,
     /// The steps that began and are not reported.
     pub begun: Vec<(Instant, Phase, &'s At<Step>)>,
 }
@@ -84,7 +86,7 @@ impl Steps<'_, '_> {
     /// # Errors
     /// What went wrong.
     pub(in crate::run) fn run(&mut self, step: &Step) -> Judgement {
-        self.outside = Duration::ZERO;
+        (self.outside, self.awaited) = (Duration::ZERO, Duration::ZERO);
         match step {
             Step::Send(frame) => {
                 let frame = self.frame(frame)?;
@@ -440,7 +442,8 @@ impl Steps<'_, '_> {
             }
             // A value that has not come within seconds was not missed in a moment without a look.
             Step::Until(until) => self.time(&until.within).map(|within| within.min(LOOKS)),
-            Step::Ask(_) | Step::Measure(_) | Step::Lss(_) => Ok(Duration::ZERO),
+            Step::Measure(_) => Ok(self.awaited.min(LOOKS)),
+            Step::Ask(_) | Step::Lss(_) => Ok(Duration::ZERO),
             Step::Send(_)
             | Step::Read(_)
             | Step::Write(_)
