@@ -1,5 +1,8 @@
 //! Runs against a device that somebody has set up before, as that of a user is.
 
+#[path = "common/session.rs"]
+mod session;
+
 use canopen::eds::Term;
 use canopen::{Mux, Value, VirtualBus};
 use harness::cli::{DEFAULT_BIT_RATE, Selection};
@@ -9,9 +12,9 @@ use reference_devices::devices;
 use reference_devices::rules::Rules;
 use reports::{Event, Verdict};
 use runner::plan::{self, Plan};
-use runner::run::{Policy, Session, Undo, Unobserved};
 use runner::stop::Stop;
-use runner::waivers::Waivers;
+
+use session::run_session;
 
 #[test]
 fn cases_about_alarms_leave_them_as_they_were_set_up() {
@@ -51,22 +54,10 @@ fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
         plan.instances.into_iter().filter(|instance| instance.suite.name().starts_with(suites));
     let plan = Plan { instances: instances.collect(), ..plan };
     assert!(plan.instances.len() > 100);
-    let stop = Stop::default();
-    let session = Session {
-        plan: &plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
-        observer: &Unobserved,
-        stop: &stop,
-        undo: &Undo::default(),
-    };
     let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);
     bus.attach(device.node(dut.node, Rules::default()));
     let (mut remarks, mut case) = (Vec::new(), String::new());
-    _ = session.run(&mut bus, &mut |event| match event {
+    _ = run_session(&library, &plan, &mut bus, &mut |event| match event {
         Event::CaseStarted(started) => case = format!("{}/{}", started.suite, started.case),
         Event::Note(note) if !note.text.contains("which is allowed") => {
             remarks.push(format!("{case}: {}", note.text));

@@ -3,6 +3,8 @@
 //! order the cases run.
 
 mod common;
+#[path = "common/session.rs"]
+mod session;
 
 use std::fs;
 use std::path::Path;
@@ -18,9 +20,10 @@ use reference_devices::rules::Rules;
 use reference_devices::stack::Node;
 use reports::{Event, Verdict};
 use runner::plan;
-use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::run::Ending;
 use runner::stop::Stop;
-use runner::waivers::Waivers;
+
+use session::run_session;
 
 const NODE: u8 = 2;
 
@@ -166,20 +169,8 @@ fn run(target: &Target, mut bus: Box<dyn Bus>, seed: u64) -> Came {
     let mut plan = plan::plan(&library, &target.dut, &models).expect("the suites fit");
     plan.leave_out_foreign();
     fastrand::Rng::with_seed(seed).shuffle(&mut plan.instances);
-    let stop = Stop::default();
-    let session = Session {
-        plan: &plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
-        observer: &Unobserved,
-        stop: &stop,
-        undo: &Undo::default(),
-    };
     let (mut came, mut case) = (Came::default(), String::new());
-    let ending = session.run(&mut *bus, &mut |event| match event {
+    let ending = run_session(&library, &plan, &mut *bus, &mut |event| match event {
         Event::CaseStarted(started) => case = started.name(),
         Event::CaseEnded(ended) => {
             let (name, verdict) = (std::mem::take(&mut case), ended.outcome.verdict());

@@ -1,6 +1,9 @@
 //! Whole runs on a bus that others use, too: a load that leaves room changes no verdict, and one
 //! that leaves none makes no case FAIL.
 
+#[path = "common/session.rs"]
+mod session;
+
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -12,9 +15,10 @@ use harness::target::{self, Connection};
 use reference_devices::rules::Rules;
 use reports::{Event, Outcome, Verdict};
 use runner::plan;
-use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::run::Ending;
 use runner::stop::Stop;
-use runner::waivers::Waivers;
+
+use session::run_session;
 
 /// Before and behind everything else on the wire but NMT and SYNC: an emergency message of one node
 /// and a heartbeat of another.
@@ -154,20 +158,9 @@ fn run_with(target: &str, crowds: &[Crowd]) -> Came {
     for Crowd { frame, period, next } in crowds {
         bus.attach(Crowd { frame: *frame, period: *period, next: *next });
     }
-    let session = Session {
-        plan: &plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
-        observer: &Unobserved,
-        stop: &Stop::default(),
-        undo: &Undo::default(),
-    };
     let (mut remark, mut name) = (String::new(), String::new());
     let mut outcomes = BTreeMap::new();
-    let ending = session.run(&mut bus, &mut |event| match event {
+    let ending = run_session(&library, &plan, &mut bus, &mut |event| match event {
         Event::DeviceStarted(device) => remark = device.remark.unwrap_or_default(),
         Event::CaseStarted(case) => name = case.name(),
         Event::CaseEnded(end) => _ = outcomes.insert(name.clone(), end.outcome),

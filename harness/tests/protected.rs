@@ -2,6 +2,9 @@
 //! the device decodes each frame that reaches it by the values that its dictionary has at that
 //! moment, and shares no code with what keeps such frames from being sent.
 
+#[path = "common/session.rs"]
+mod session;
+
 use std::fs;
 use std::sync::{Arc, Mutex};
 
@@ -17,9 +20,10 @@ use reference_devices::rules::Rules;
 use reference_devices::stack::Node;
 use reports::{Event, Verdict};
 use runner::plan;
-use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::run::Ending;
 use runner::stop::Stop;
-use runner::waivers::Waivers;
+
+use session::run_session;
 
 #[test]
 fn nothing_protected_is_done_to_generic() {
@@ -149,20 +153,9 @@ fn run(device: &str, drawn: &Drawn, file: &str) -> Came {
     let writes = [0; 2];
     let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);
     bus.attach(Watched { node, drawn, breaches: Arc::clone(&breaches), writes });
-    let stop = Stop::default();
-    let session = Session {
-        plan: &plan,
-        register: &library.register,
-        policy: Policy::at_bit_rate(DEFAULT_BIT_RATE),
-        rerun: String::new(),
-        waivers: &Waivers::default(),
-        max_fail: None,
-        observer: &Unobserved,
-        stop: &stop,
-        undo: &Undo::default(),
-    };
     let (mut came, mut case) = (Came::default(), String::new());
-    let ending = session.run(&mut *target.guard(Box::new(bus)), &mut |event| match event {
+    let mut bus = target.guard(Box::new(bus));
+    let ending = run_session(&library, &plan, &mut *bus, &mut |event| match event {
         Event::CaseStarted(started) => case = started.name(),
         Event::CaseEnded(ended) => match ended.outcome.verdict() {
             Verdict::Pass | Verdict::Lenient => came.passed += 1,
