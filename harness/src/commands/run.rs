@@ -19,13 +19,13 @@ use runner::waivers::Waivers;
 use super::dry_run;
 use super::select::{known_device, select};
 use crate::bus::unix_time;
-use crate::cli::{DEFAULT_BIT_RATE, RunArgs, Selection};
+use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};
 use crate::files::read_source;
 use crate::nearest::did_you_mean;
 use crate::reporter::{Reporter, harmless, started};
 use crate::source::{At, Complaint};
-use crate::target::{self, Connection, Target};
+use crate::target::{self, Connection, DEFAULT_BIT_RATE, Selection, Target};
 use crate::undo_log::{self, Changes, UndoLog};
 
 /// Runs the selection of the arguments. The reports are written even if the run fails.

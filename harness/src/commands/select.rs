@@ -7,10 +7,11 @@ use reference_devices::devices;
 use runner::plan::{Instance, Plan, is_named};
 use runner::suite::Library;
 
-use crate::cli::{Cli, Selection};
+use crate::cli::Cli;
 use crate::exit::Refused;
 use crate::nearest::{did_you_mean, nearest};
 use crate::source::Complaint;
+use crate::target::Selection;
 
 /// Keeps the instances that a pattern names: a glob over the full name, or the name of a suite, of
 /// a folder of suites or of a case. Without patterns everything is kept but the suites of profiles
