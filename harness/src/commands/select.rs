@@ -44,6 +44,12 @@ pub(super) fn select(plans: &mut [Plan], selection: &Selection) -> Result<(), Re
     Ok(())
 }
 
+/// Whether each pattern names something.
+pub(super) fn all_named(plans: &[Plan], selection: &Selection) -> bool {
+    let all = || plans.iter().flat_map(|plan| &plan.instances);
+    selection.patterns.iter().all(|pattern| all().any(|instance| names(pattern, instance)))
+}
+
 /// The sentence for a pattern that matches nothing.
 fn nothing_named(pattern: &str, plans: &[Plan]) -> String {
     if Cli::command().find_subcommand(pattern).is_some() {
