@@ -7,14 +7,14 @@ mod device_file;
 
 use std::num::NonZero;
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use reports::{FORMATS, Format, Grade};
 use runner::waivers::check_date;
 
-use crate::device_file::{DeviceFile, GradeWord};
+use crate::device_file::GradeWord;
 use crate::folders::{CatalogueFolder, Folders};
+use crate::target::{DEFAULT_BIT_RATE, Selection};
 
 /// Conformance tests for CANopen devices.
 ///
@@ -73,104 +73,6 @@ pub enum Command {
     Schema(SchemaArgs),
 }
 
-/// What to run, against what.
-#[derive(Debug, Clone, Args)]
-pub struct Selection {
-    /// Suites and cases: names or globs, such as `cia301/nmt` or `'*/heartbeat-*'`
-    #[arg(value_name = "SUITE|CASE")]
-    pub patterns: Vec<String>,
-    /// Device file: target, data sheet, suites, and what must not be done to the device; the other
-    /// options beat it
-    #[arg(long, value_name = "FILE")]
-    pub dut: Option<PathBuf>,
-    /// `vcan0`, `can0`, `sim:drr460`, `sim:drr460?mutant=NAME`, or `sim:PATH` for a device that is
-    /// described in a folder; `exec:COMMAND` for a program that is the device and speaks lines of
-    /// candump on its standard input and output, `exec@vcan0:COMMAND` for one on an interface;
-    /// every reference device when absent
-    #[arg(long)]
-    pub target: Option<String>,
-    /// Node id of the device; a bus is scanned when absent
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
-    pub node: Option<u8>,
-    /// Data sheet of the device; without it, one in this program that matches its identity
-    #[arg(long, value_name = "FILE")]
-    pub eds: Option<PathBuf>,
-    /// Name of the device in reports and for the `device` key of suites
-    #[arg(long, value_name = "NAME")]
-    pub device: Option<String>,
-    /// Which suites.
-    #[command(flatten)]
-    pub folders: Folders,
-    /// Bit rate of the bus in bit/s, on which the tolerances of times depend; that of the interface
-    /// when absent
-    #[arg(long, value_name = "BITS")]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    pub bitrate: Option<u32>,
-    /// The bench around the device: `unix:PATH`, or a program with its arguments that answers lines
-    /// of JSON
-    #[arg(long, value_name = "RIG")]
-    pub bench: Option<String>,
-    /// Option of the profile that the device does not have, such as `suction`; may be repeated
-    #[arg(long, value_name = "OPTION")]
-    pub without: Vec<String>,
-    /// Object, such as `2F20`, that may be written with any data although the data sheet does not
-    /// say so by `ObjFlags=0`; may be repeated
-    #[arg(long, value_name = "INDEX", value_parser = hex_index)]
-    pub free_to_write: Vec<u16>,
-    /// What was read from `dut`.
-    #[arg(skip)]
-    pub(crate) file: Option<Arc<DeviceFile>>,
-    /// The options that name the same again, beside a device file.
-    #[arg(skip)]
-    pub(crate) typed: Option<String>,
-}
-
-impl Selection {
-    /// Everything that can run against `target`, as if nothing else had been said.
-    pub fn of_target(target: Option<&str>) -> Self {
-        Self {
-            patterns: Vec::new(),
-            dut: None,
-            target: target.map(str::to_owned),
-            node: None,
-            eds: None,
-            device: None,
-            folders: Folders::default(),
-            bitrate: None,
-            bench: None,
-            without: Vec::new(),
-            free_to_write: Vec::new(),
-            file: None,
-            typed: None,
-        }
-    }
-
-    /// Adds what else a verdict depends on to the options that repeat a run.
-    pub(crate) fn say_the_rest(&self, options: &mut String) {
-        if let Some(path) = &self.eds {
-            options.push_str(&format!(" --eds {}", path.display()));
-        }
-        if let (Some(_), Some(name)) = (&self.target, &self.device) {
-            options.push_str(&format!(" --device {name}"));
-        }
-        if let Some(bit_rate) = self.bitrate {
-            options.push_str(&format!(" --bitrate {bit_rate}"));
-        }
-        for option in &self.without {
-            options.push_str(&format!(" --without {option}"));
-        }
-        for index in &self.free_to_write {
-            options.push_str(&format!(" --free-to-write {index:04X}"));
-        }
-    }
-}
-
-/// An index as data sheets write it, in hexadecimal.
-fn hex_index(text: &str) -> Result<u16, String> {
-    let digits = text.trim_start_matches("0x");
-    u16::from_str_radix(digits, 16).map_err(|_| "an index has up to four hex digits".to_owned())
-}
-
 /// After how many failures to stop. A run that stops before the first one tests nothing.
 fn failures(text: &str) -> Result<usize, String> {
     match text.parse() {
@@ -197,10 +99,6 @@ fn shard(text: &str) -> Result<Shard, String> {
     });
     parsed.ok_or_else(|| "expected I/N, such as 2/3".to_owned())
 }
-
-/// Bit rate of the virtual bus, and of one that nobody knows, unless something else is said, in
-/// bit/s.
-pub const DEFAULT_BIT_RATE: u32 = 1_000_000;
 
 /// Arguments of `run`.
 #[derive(Debug, Clone, Args)]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use canopen::catalogue::Catalogue;
 use clap::Args;
-use runner::suite::{Library, built_in, is_register};
+use runner::suite::{Library, built_in, is_register, is_suite};
 
 use crate::data;
 use crate::files::{read_folder, shown};
@@ -77,6 +77,29 @@ impl Folders {
         Library::from_sources(&self.sources()?, &self.catalogue.load()?)
     }
 
+    /// Loads the suites that the patterns name and those of the user, which are checked whenever
+    /// they are read, or `None` where that cannot be told from the names of files.
+    ///
+    /// # Errors
+    /// Every complaint about these files.
+    pub(crate) fn load_named(
+        &self,
+        patterns: &[String],
+    ) -> Result<Option<Library>, Vec<Complaint>> {
+        let (mut sources, own) = self.with_own()?;
+        let others = |source: &Arc<Source>| is_suite(source) && !own.contains(&source.name);
+        let are_named = |pattern: &String| {
+            sources.iter().any(|source| others(source) && may_name(pattern, source))
+        };
+        if patterns.is_empty() || !patterns.iter().all(are_named) {
+            return Ok(None);
+        }
+        sources.retain(|source| {
+            !others(source) || patterns.iter().any(|pattern| may_name(pattern, source))
+        });
+        Library::from_part(&sources, &self.catalogue.load()?).map(Some)
+    }
+
     /// The register files alone.
     ///
     /// # Errors
@@ -143,6 +166,17 @@ impl Folders {
         sources.sort_by(|a, b| a.name.cmp(&b.name));
         Ok(sources)
     }
+}
+
+/// Whether the pattern, which is no glob, is the name of this suite, of a folder around it or of a
+/// case in it.
+fn may_name(pattern: &str, source: &Source) -> bool {
+    let name = source.name.strip_prefix("suites/").unwrap_or(&source.name);
+    let name = name.trim_end_matches(".yaml");
+    let below = |whole: &str, part: &str| {
+        whole.strip_prefix(part).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
+    };
+    below(name, pattern.trim_end_matches('/')) || below(pattern, name)
 }
 
 /// Whether these are other files, or say something else.

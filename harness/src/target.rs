@@ -12,6 +12,7 @@ mod long;
 mod options;
 mod reference;
 mod scan;
+mod selection;
 mod sheet;
 mod sim;
 
@@ -19,7 +20,6 @@ use canopen::catalogue::Catalogue;
 use reference_devices::devices;
 use runner::stop::Stop;
 
-use crate::cli::Selection;
 use crate::exit::Refused;
 
 pub(crate) use address::Address;
@@ -30,6 +30,7 @@ pub use connection::{Connection, Target};
 pub(crate) use options::protect;
 pub(crate) use reference::{Named, holds_device, reference_device, with_variants};
 pub use scan::{Found, scan};
+pub use selection::{DEFAULT_BIT_RATE, Selection};
 pub use sheet::models;
 pub(crate) use sheet::{dut_of_file, read_eds};
 

@@ -5,9 +5,9 @@ mod session;
 
 use canopen::eds::Term;
 use canopen::{Mux, Value, VirtualBus};
-use harness::cli::{DEFAULT_BIT_RATE, Selection};
 use harness::folders::Folders;
 use harness::target;
+use harness::target::{DEFAULT_BIT_RATE, Selection};
 use reference_devices::devices;
 use reference_devices::rules::Rules;
 use reports::{Event, Verdict};

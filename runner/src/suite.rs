@@ -29,7 +29,7 @@ mod words;
 
 pub use built_in::built_in;
 pub use dimension::{Dimension, Extent};
-pub use library::{Library, is_register};
+pub use library::{Library, is_register, is_suite};
 pub use loaded::Suite;
 pub(crate) use register::Level;
 pub use register::{Register, RegisterFile, Requirement};

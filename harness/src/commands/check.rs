@@ -13,7 +13,7 @@ use runner::suite::{self, Library, Register};
 use super::counted::counted;
 use super::rewrite;
 use super::run::plan_for;
-use crate::cli::{CheckArgs, Selection};
+use crate::cli::CheckArgs;
 use crate::exit::{Exit, Refused};
 use crate::files::read_source;
 use crate::folders::Folders;
@@ -21,6 +21,7 @@ use crate::nearest::did_you_mean;
 use crate::reporter::say;
 use crate::source::{Complaint, Source};
 use crate::target;
+use crate::target::Selection;
 
 /// Checks what the arguments name: suites for every reference device, or devices against all
 /// suites, and the catalogue with them.

@@ -12,12 +12,12 @@ use runner::stop::Stop;
 use runner::suite::step::Step;
 
 use super::counted::counted;
-use crate::cli::{EdsCommand, ProbeArgs, Selection};
+use crate::cli::{EdsCommand, ProbeArgs};
 use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST, read, words};
 use crate::folders::Folders;
 use crate::reporter::say;
-use crate::target::{self, Address, compose, reference_device, scan};
+use crate::target::{self, Address, Selection, compose, reference_device, scan};
 
 /// Carries out a command about data sheets.
 ///

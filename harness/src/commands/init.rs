@@ -12,11 +12,13 @@ use reports::Identity;
 use runner::protect::Protection;
 use runner::stop::Stop;
 
-use crate::cli::{DEFAULT_BIT_RATE, InitArgs, Selection};
+use crate::cli::InitArgs;
 use crate::exit::{Exit, Refused};
 use crate::files::words;
 use crate::reporter::say;
-use crate::target::{self, Address, Found, compose, reference_device, scan};
+use crate::target::{
+    self, Address, DEFAULT_BIT_RATE, Found, Selection, compose, reference_device, scan,
+};
 
 /// Writes the device file, and a data sheet if there is none.
 ///

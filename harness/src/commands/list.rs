@@ -10,10 +10,10 @@ use runner::suite::Library;
 use super::counted::counted;
 use super::run::{plan_all, plan_for};
 use super::select::{known_device, select};
-use crate::cli::{ListArgs, Selection};
+use crate::cli::ListArgs;
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::target::{self, reference_device};
+use crate::target::{self, Selection, reference_device};
 
 /// Lists what the arguments select.
 ///

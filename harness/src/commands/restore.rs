@@ -13,11 +13,11 @@ use runner::stop::Stop;
 
 use super::counted::counted;
 use crate::bus::Interface;
-use crate::cli::{DEFAULT_BIT_RATE, RestoreArgs, Selection};
+use crate::cli::RestoreArgs;
 use crate::device_file::DeviceFile;
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::target::{dut_of_file, open_interface, protect};
+use crate::target::{DEFAULT_BIT_RATE, Selection, dut_of_file, open_interface, protect};
 use crate::undo_log::{self, Changes};
 
 /// Sets back what the run changed; without a run, lists those that left something changed.

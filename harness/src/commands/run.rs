@@ -17,15 +17,15 @@ use runner::suite::{Library, Register};
 use runner::waivers::Waivers;
 
 use super::dry_run;
-use super::select::{known_device, select};
+use super::select::{all_named, known_device, select};
 use crate::bus::unix_time;
-use crate::cli::{DEFAULT_BIT_RATE, RunArgs, Selection};
+use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};
 use crate::files::read_source;
 use crate::nearest::did_you_mean;
 use crate::reporter::{Reporter, harmless, started};
 use crate::source::{At, Complaint};
-use crate::target::{self, Connection, Target};
+use crate::target::{self, Connection, DEFAULT_BIT_RATE, Selection, Target};
 use crate::undo_log::{self, Changes, UndoLog};
 
 /// Runs the selection of the arguments. The reports are written even if the run fails.
@@ -72,15 +72,21 @@ struct Prepared {
 
 impl Prepared {
     fn new(args: &RunArgs, stop: &Stop) -> Result<Self, Refused> {
-        let library = thread::scope(|scope| {
+        let library = thread::scope(|scope| -> Result<_, Vec<Complaint>> {
             // The reference devices are read once, which need not wait for the suites.
             scope.spawn(|| devices::all().count());
-            args.selection.folders.load()
+            load(args)
         })?;
+        let (mut library, is_part) = library;
         known_device(&args.selection, &library)?;
         let targets = target::resolve(&args.selection, &library.catalogue, stop)?;
         let waivers = waivers_of(args, &library.register)?;
         let mut plans = plan_all(&library, &targets)?;
+        if is_part && !all_named(&plans, &args.selection) {
+            // What is near may be anywhere.
+            library = args.selection.folders.load()?;
+            plans = plan_all(&library, &targets)?;
+        }
         let names = names_of(&plans, args.waivers.is_some());
         select(&mut plans, &args.selection)?;
         if let Some(shard) = args.shard {
@@ -129,6 +135,19 @@ impl Prepared {
         }
         worst.max(finished)
     }
+}
+
+/// The suites, and whether they are those alone that the patterns name. Waivers and the name of a
+/// device are held against all of them.
+fn load(args: &RunArgs) -> Result<(Library, bool), Vec<Complaint>> {
+    let Selection { folders, patterns, device, .. } = &args.selection;
+    if args.waivers.is_none()
+        && device.is_none()
+        && let Some(part) = folders.load_named(patterns)?
+    {
+        return Ok((part, true));
+    }
+    Ok((folders.load()?, false))
 }
 
 /// The waivers that are in force today.

@@ -5,10 +5,10 @@ use std::fmt::Write;
 use reports::Identity;
 use runner::stop::Stop;
 
-use crate::cli::{ScanArgs, Selection};
+use crate::cli::ScanArgs;
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::target::{self, Address, Found, scan};
+use crate::target::{self, Address, Found, Selection, scan};
 
 /// Prints the nodes on a bus.
 ///

@@ -7,10 +7,11 @@ use reference_devices::devices;
 use runner::plan::{Instance, Plan, is_named};
 use runner::suite::Library;
 
-use crate::cli::{Cli, Selection};
+use crate::cli::Cli;
 use crate::exit::Refused;
 use crate::nearest::{did_you_mean, nearest};
 use crate::source::Complaint;
+use crate::target::Selection;
 
 /// Keeps the instances that a pattern names: a glob over the full name, or the name of a suite, of
 /// a folder of suites or of a case. Without patterns everything is kept but the suites of profiles
@@ -41,6 +42,12 @@ pub(super) fn select(plans: &mut [Plan], selection: &Selection) -> Result<(), Re
         }
     }
     Ok(())
+}
+
+/// Whether each pattern names something.
+pub(super) fn all_named(plans: &[Plan], selection: &Selection) -> bool {
+    let all = || plans.iter().flat_map(|plan| &plan.instances);
+    selection.patterns.iter().all(|pattern| all().any(|instance| names(pattern, instance)))
 }
 
 /// The sentence for a pattern that matches nothing.

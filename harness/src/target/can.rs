@@ -14,8 +14,8 @@ use super::reference::reference_device;
 use super::scan::{Found, scan};
 use super::sheet;
 use super::sim::quoted;
+use super::{DEFAULT_BIT_RATE, Selection};
 use crate::bus::Interface;
-use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::exit::Refused;
 
 /// The device that answers on an interface.

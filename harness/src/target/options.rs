@@ -1,5 +1,6 @@
 //! Options of the command line that a verdict depends on.
 
+use super::Selection;
 use std::sync::{Arc, Mutex};
 
 use canopen::Bench;
@@ -9,7 +10,6 @@ use reference_devices::devices::ReferenceDevice;
 use runner::dut::Dut;
 use runner::protect::{Deed, Protection, Wire};
 
-use crate::cli::Selection;
 use crate::exit::Refused;
 use crate::nearest::did_you_mean;
 use crate::rig::Rig;

@@ -17,7 +17,7 @@ use super::compose::compose;
 use super::options;
 use super::reference::reference_device;
 use super::scan::Found;
-use crate::cli::{DEFAULT_BIT_RATE, Selection};
+use super::{DEFAULT_BIT_RATE, Selection};
 use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST, read, words};
 

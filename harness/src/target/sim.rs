@@ -16,7 +16,7 @@ use super::options::{rig, without};
 use super::reference::{Named, reference_device};
 use super::scan::{Found, scan};
 use super::sheet::{own_sheet, read_eds};
-use crate::cli::{DEFAULT_BIT_RATE, Selection};
+use super::{DEFAULT_BIT_RATE, Selection};
 use crate::exit::Refused;
 
 /// The reference device of that name, with that deviation.

@@ -1,7 +1,7 @@
 //! A session without waivers and limits, as tests of the runner on odd buses have it.
 
 use canopen::Bus;
-use harness::cli::DEFAULT_BIT_RATE;
+use harness::target::DEFAULT_BIT_RATE;
 use reports::Event;
 use runner::plan::Plan;
 use runner::run::{Ending, Policy, Session, Undo, Unobserved};

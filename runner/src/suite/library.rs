@@ -45,7 +45,8 @@ impl Library {
         Self::of_sources(sources, catalogue, false)
     }
 
-    /// The same of some suites of folders. Others there may use the rest of the named steps.
+    /// The same of some suites of folders. Others there may use the rest of the named steps, and
+    /// prove what these rely on.
     ///
     /// # Errors
     /// As [`from_sources`](Self::from_sources).
@@ -169,7 +170,8 @@ impl Library {
             complaints.extend(unknown_relaxations(&register));
             complaints.extend(register.wrong_extensions());
         }
-        // A missing item may be in a suite that does not load.
+        // A missing item may be in a suite that is not read, or does not load.
+        let suites_are_whole = suites_are_whole && !is_part;
         if register_is_whole && suites_are_whole {
             complaints.extend(unproved(&loaded, &register));
         }
@@ -220,6 +222,11 @@ struct Rest {
 /// Whether this is a file of the register.
 pub fn is_register(source: &Arc<Source>) -> bool {
     source.name.contains("requirements/") && !is_test_map(source)
+}
+
+/// Whether this is a suite, by its name: no file of the register, of words or of named steps.
+pub fn is_suite(source: &Arc<Source>) -> bool {
+    !source.name.contains("requirements/") && !may_be_shared(source)
 }
 
 /// The list of checks that the conformance test of CiA makes, and what makes them here.

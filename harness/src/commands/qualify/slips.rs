@@ -22,8 +22,8 @@ use super::slip::{
     Answers, Heard, Moment, Part, Slip, SlippingBus, Tape, candidates, not_declining,
 };
 use super::trial::{Clean, Fits};
-use crate::cli::DEFAULT_BIT_RATE;
 use crate::exit::Refused;
+use crate::target::DEFAULT_BIT_RATE;
 
 /// How many instances of a case are tried until all of it is proved.
 const INSTANCES: usize = 4;

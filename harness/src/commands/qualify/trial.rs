@@ -23,10 +23,10 @@ use runner::waivers::Waivers;
 use rustc_hash::{FxHashSet, FxHasher};
 
 use super::freedoms;
-use crate::cli::{DEFAULT_BIT_RATE, Selection};
 use crate::commands::run::plan_all;
 use crate::exit::Refused;
 use crate::target::{self, Target, reference_device};
+use crate::target::{DEFAULT_BIT_RATE, Selection};
 
 /// The result of one instance.
 #[derive(Clone, Debug)]

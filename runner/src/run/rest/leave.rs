@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use canopen::{BenchError, BusError, Frame, Mux, emcy};
+use canopen::monitor::Seen;
+use canopen::sdo::{Initiate, REQUEST_COB_ID, Request};
+use canopen::{BenchError, BusError, Frame, Instant, Mux, emcy};
 use reports::{Event, Note};
 
 use super::answer::booted;
@@ -86,6 +88,7 @@ impl Leaving<'_, '_> {
         // Stimuli are set back first. Their consequences, such as the end of an error or of a slow
         // filter, then take as long as with the parameters from before the case.
         self.undo_stimuli()?;
+        self.rest_after_monitoring()?;
         self.rest_after_emergencies()?;
         Ok(Restored { whole, still: is_still(self.link, self.dut, from) })
     }
@@ -106,6 +109,15 @@ impl Leaving<'_, '_> {
     fn not_set_back(&mut self, error: &BenchError) {
         let text = format!("the bench does not set back what the case set: {error}");
         self.link.emit(Event::Note(Note { at: self.link.mark(), text }));
+    }
+
+    /// A device that goes on monitoring a node although its entry is set back misses that node now,
+    /// and not in the next case.
+    fn rest_after_monitoring(&mut self) -> Result<(), BusError> {
+        /// No case waits longer for a heartbeat to be missed. A longer time is one that is only read.
+        const LONGEST: Duration = Duration::from_secs(1);
+        let missed = missed_at(self.link.trace(), self.dut.node, LONGEST);
+        missed.map_or(Ok(()), |missed| self.link.wait(missed.max(self.link.mark())))
     }
 
     /// The end of an error is of this case, and not one without a cause in the next. Messages that
@@ -144,6 +156,25 @@ impl Leaving<'_, '_> {
             _ => false,
         }
     }
+}
+
+/// When the device misses the node whose heartbeat it received last, by the longest time that it was
+/// told to wait (1016h: the lower 16 bits in ms), of those up to `most`.
+fn missed_at(trace: &[Seen], node: u8, most: Duration) -> Option<Instant> {
+    let own = || trace.iter().map(|seen| seen.stamped).filter(|seen| seen.own);
+    let is_heartbeat = |id: u16| (0x701..0x780).contains(&id);
+    let last = own().filter(|seen| seen.frame.data_id().is_some_and(is_heartbeat)).next_back()?;
+    let requests = Some(REQUEST_COB_ID + u16::from(node));
+    let told = own().filter(|seen| seen.frame.data_id() == requests).filter_map(|seen| {
+        match Request::decode(&seen.frame.data).ok()? {
+            Request::Download(Mux { index: 0x1016, .. }, Initiate::Expedited(entry)) => {
+                let time = u16::from_le_bytes(*entry.first_chunk()?);
+                Some(Duration::from_millis(time.into()))
+            }
+            _ => None,
+        }
+    });
+    Some(last.at + told.filter(|time| *time <= most).max()?)
 }
 
 const INHIBIT_TIME_EMCY: Mux = Mux::new(0x1015, 0);

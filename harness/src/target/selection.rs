@@ -1,0 +1,161 @@
+//! What a user says about a device: with options, and in a device file where no option beats it.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use clap::Args;
+
+use crate::device_file::DeviceFile;
+use crate::exit::Refused;
+use crate::folders::Folders;
+
+/// Bit rate of the virtual bus, and of one that nobody knows, unless something else is said, in
+/// bit/s.
+pub const DEFAULT_BIT_RATE: u32 = 1_000_000;
+
+/// What to run, against what.
+#[derive(Debug, Clone, Args)]
+pub struct Selection {
+    /// Suites and cases: names or globs, such as `cia301/nmt` or `'*/heartbeat-*'`
+    #[arg(value_name = "SUITE|CASE")]
+    pub patterns: Vec<String>,
+    /// Device file: target, data sheet, suites, and what must not be done to the device; the other
+    /// options beat it
+    #[arg(long, value_name = "FILE")]
+    pub dut: Option<PathBuf>,
+    /// `vcan0`, `can0`, `sim:drr460`, `sim:drr460?mutant=NAME`, or `sim:PATH` for a device that is
+    /// described in a folder; `exec:COMMAND` for a program that is the device and speaks lines of
+    /// candump on its standard input and output, `exec@vcan0:COMMAND` for one on an interface;
+    /// every reference device when absent
+    #[arg(long)]
+    pub target: Option<String>,
+    /// Node id of the device; a bus is scanned when absent
+    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    pub node: Option<u8>,
+    /// Data sheet of the device; without it, one in this program that matches its identity
+    #[arg(long, value_name = "FILE")]
+    pub eds: Option<PathBuf>,
+    /// Name of the device in reports and for the `device` key of suites
+    #[arg(long, value_name = "NAME")]
+    pub device: Option<String>,
+    /// Which suites.
+    #[command(flatten)]
+    pub folders: Folders,
+    /// Bit rate of the bus in bit/s, on which the tolerances of times depend; that of the interface
+    /// when absent
+    #[arg(long, value_name = "BITS")]
+    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub bitrate: Option<u32>,
+    /// The bench around the device: `unix:PATH`, or a program with its arguments that answers lines
+    /// of JSON
+    #[arg(long, value_name = "RIG")]
+    pub bench: Option<String>,
+    /// Option of the profile that the device does not have, such as `suction`; may be repeated
+    #[arg(long, value_name = "OPTION")]
+    pub without: Vec<String>,
+    /// Object, such as `2F20`, that may be written with any data although the data sheet does not
+    /// say so by `ObjFlags=0`; may be repeated
+    #[arg(long, value_name = "INDEX", value_parser = hex_index)]
+    pub free_to_write: Vec<u16>,
+    /// What was read from `dut`.
+    #[arg(skip)]
+    pub(crate) file: Option<Arc<DeviceFile>>,
+    /// The options that name the same again, beside a device file.
+    #[arg(skip)]
+    pub(crate) typed: Option<String>,
+}
+
+impl Selection {
+    /// Everything that can run against `target`, as if nothing else had been said.
+    pub fn of_target(target: Option<&str>) -> Self {
+        Self {
+            patterns: Vec::new(),
+            dut: None,
+            target: target.map(str::to_owned),
+            node: None,
+            eds: None,
+            device: None,
+            folders: Folders::default(),
+            bitrate: None,
+            bench: None,
+            without: Vec::new(),
+            free_to_write: Vec::new(),
+            file: None,
+            typed: None,
+        }
+    }
+
+    /// Adds what else a verdict depends on to the options that repeat a run.
+    pub(crate) fn say_the_rest(&self, options: &mut String) {
+        if let Some(path) = &self.eds {
+            options.push_str(&format!(" --eds {}", path.display()));
+        }
+        if let (Some(_), Some(name)) = (&self.target, &self.device) {
+            options.push_str(&format!(" --device {name}"));
+        }
+        if let Some(bit_rate) = self.bitrate {
+            options.push_str(&format!(" --bitrate {bit_rate}"));
+        }
+        for option in &self.without {
+            options.push_str(&format!(" --without {option}"));
+        }
+        for index in &self.free_to_write {
+            options.push_str(&format!(" --free-to-write {index:04X}"));
+        }
+    }
+
+    /// The device file, where one is named.
+    ///
+    /// # Errors
+    /// What is wrong with the file.
+    pub(crate) fn load(&self) -> Result<Option<DeviceFile>, Refused> {
+        Ok(self.dut.as_deref().map(DeviceFile::load).transpose()?)
+    }
+
+    /// The options as they were typed, without patterns.
+    pub(crate) fn typed(&self) -> String {
+        let mut typed = Vec::new();
+        typed.extend(self.dut.as_ref().map(|path| format!("--dut {}", path.display())));
+        typed.extend(self.target.as_ref().map(|target| format!("--target '{target}'")));
+        typed.extend(self.node.map(|node| format!("--node {node}")));
+        typed.extend(self.bench.as_ref().map(|bench| format!("--bench '{bench}'")));
+        let mut typed = typed.join(" ");
+        self.say_the_rest(&mut typed);
+        typed + &self.folders.options()
+    }
+
+    /// The same with what a device file says where nothing was typed.
+    pub(crate) fn with(&self, file: DeviceFile, typed: String) -> Self {
+        let said = &file.said;
+        let mut all = self.clone();
+        all.target = self.target.clone().or_else(|| file.target());
+        all.node = self.node.or_else(|| said.node.as_ref().map(|node| node.value));
+        all.eds = self.eds.clone().or_else(|| said.eds.as_ref().map(|path| file.path(path)));
+        all.device = self.device.clone().or_else(|| said.device.clone());
+        all.bitrate = self.bitrate.or_else(|| said.bit_rate.as_ref().map(|rate| rate.value));
+        all.bench = self.bench.clone().or_else(|| file.bench());
+        if all.patterns.is_empty() {
+            all.patterns = said.select.iter().map(|pattern| pattern.value.clone()).collect();
+        }
+        all.without.extend(said.without.iter().cloned());
+        let free = said.free_to_write.iter().flat_map(|range| range.objects.indices.clone());
+        all.free_to_write.extend(free);
+        let folders = &mut all.folders;
+        if folders.only.is_empty() {
+            folders.only = said.only_suites.iter().map(|path| file.path(path)).collect();
+        }
+        let own = said.suites.iter().map(|path| file.path(path));
+        folders.more = own.chain(folders.more.drain(..)).collect();
+        let catalogue = said.catalogue.as_ref().map(|path| file.path(path));
+        folders.catalogue.folder = folders.catalogue.folder.take().or(catalogue);
+        all.typed = Some(typed);
+        all.file = Some(Arc::new(file));
+        all
+    }
+}
+
+/// An index as data sheets write it, in hexadecimal.
+fn hex_index(text: &str) -> Result<u16, String> {
+    let digits = text.trim_start_matches("0x");
+    u16::from_str_radix(digits, 16).map_err(|_| "an index has up to four hex digits".to_owned())
+}
