@@ -258,8 +258,9 @@ pub struct CaseEnded {
     /// The cause in common with the other instances that did not pass for the same reason.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<Cause>,
-    /// The requirements on which the result rests beside those that the case checks. Where one of
-    /// them does not hold, the result may follow from that. Of a case that passed, none.
+    /// The requirements on which the result rests: those that the case relies on, and the effects
+    /// of its NMT commands. Where one of them does not hold, the result follows from that. Of a
+    /// case that passed, none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub relies_on: Vec<Arc<str>>,
 }

@@ -110,12 +110,16 @@ pub(crate) fn facts(run: &Run) -> Vec<Fact<'_>> {
     let mut members = BTreeMap::<usize, Vec<usize>>::new();
     (0..cases.len()).for_each(|at| members.entry(joined.root(at)).or_default().push(at));
     let fact = |members: &Vec<usize>| {
-        let of_cause = |at: usize| {
-            let cause = |at: usize| cases[at].2.cause.as_deref();
-            members.iter().filter(|other| cause(**other) == cause(at)).count()
+        let alike = |at: usize| {
+            let (suite, cause) = (&cases[at].2.info.suite, &cases[at].2.cause);
+            let others = || members.iter().map(|other| cases[*other].2);
+            let of_suite = others().filter(|case| case.info.suite == *suite).count();
+            (of_suite, others().filter(|case| case.cause == *cause).count())
         };
         let weight = |at: usize| {
-            (explains[at], run.is_red(cases[at].2.verdict()), of_cause(at), Reverse(at))
+            let outcome = &cases[at].2.outcome;
+            let holds = outcome.holds_against_device();
+            (explains[at], run.is_red(outcome.verdict()), holds, alike(at), Reverse(at))
         };
         let first = members.iter().copied().max_by_key(|at| weight(*at)).unwrap_or_default();
         let members = members.iter().map(|at| cases[*at]).collect();

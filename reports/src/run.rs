@@ -69,7 +69,7 @@ pub struct CaseRun {
     pub outcome: Outcome,
     /// The cause in common with the other instances that did not pass for the same reason.
     pub cause: Option<Box<Cause>>,
-    /// The requirements on which the result rests beside those that the case checks.
+    /// The requirements on which the result rests.
     pub relies_on: Vec<Arc<str>>,
     /// When it was over; the last that is known of it when it did not come to its end.
     pub ended: Instant,

@@ -21,13 +21,13 @@ pub(crate) enum Seen {
 
 /// What a problem says about the device, as far as that does not depend on the case.
 pub(crate) fn seen(problem: &Problem) -> Vec<Seen> {
-    if problem.phase == Phase::Monitor {
-        return Vec::new();
-    }
     let (expected, actual) = (first_line(&problem.expected), first_line(&problem.actual));
     let mut all: Vec<Seen> = bits(problem).collect();
     if error_control(expected) && (is_missing(actual) || is_late(expected, actual)) {
         all.push(Seen::NoErrorControl);
+    }
+    if problem.phase == Phase::Monitor {
+        return all;
     }
     let Some(mux) = object(problem) else { return all };
     let object = of_its_kind(mux);

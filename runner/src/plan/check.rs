@@ -480,15 +480,21 @@ impl Checker<'_> {
         let Ok(count) = self.scope.mux(&remap.pdo.value) else { return };
         let last = Mux::new(count.index, remap.objects.len() as u8);
         let eds = &self.dut.eds;
-        let no_room = eds.entry(count).is_some() && eds.entry(last).is_none();
-        let words = remap.objects.iter();
-        let words =
-            words.filter_map(|object| mapping_word(&object.value, &self.scope, self.dut).ok());
-        let mapped = words.map(|word| Mux::new((word >> 16) as u16, (word >> 8) as u8));
-        let fixed = |mux: &Mux| eds.entry(*mux).is_some_and(|entry| !entry.mappable);
-        let lacking = no_room.then(|| no_object(last));
-        let unmapped = || mapped.filter(fixed).map(|mux| format!("no PDO can map {mux}")).next();
-        self.lacking = self.lacking.take().or(lacking).or_else(unmapped);
+        let Some(known) = eds.entry(count) else { return };
+        let reason = match eds.entry(last) {
+            _ if !known.access.writable() => Some(format!("object {count} cannot be written")),
+            None => Some(no_object(last)),
+            Some(_) => {
+                let words = remap.objects.iter();
+                let words = words
+                    .filter_map(|object| mapping_word(&object.value, &self.scope, self.dut).ok());
+                let mapped = words.map(|word| Mux::new((word >> 16) as u16, (word >> 8) as u8));
+                let mut fixed =
+                    mapped.filter(|mux| eds.entry(*mux).is_some_and(|entry| !entry.mappable));
+                fixed.next().map(|mux| format!("no PDO can map object {mux}"))
+            }
+        };
+        self.lacking = self.lacking.take().or(reason);
     }
 
     fn produce(&mut self, produce: Option<&Produce>) {

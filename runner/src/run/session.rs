@@ -372,7 +372,7 @@ impl Session<'_> {
             if matches!(outcome, Outcome::Undecided(_)) && place <= planned {
                 instances.push(instance);
             }
-            let relies_on = self.rests_on(instance, &outcome, finished.commanded);
+            let relies_on = self.rests_on(instance, &outcome, &finished.commanded);
             let end = CaseEnded { relies_on, ..CaseEnded::of(&started, link.mark(), outcome) };
             link.emit(Event::CaseEnded(end));
             let rest = instances.get(place..planned).unwrap_or_default();
@@ -391,22 +391,15 @@ impl Session<'_> {
         gone.map_or(Ending::Complete, Ending::Gone)
     }
 
-    /// The requirements on which a result rests beside those that the case checks: those that it
-    /// relies on, and the effect of the last NMT command before what went wrong.
-    fn rests_on(
-        &self,
-        instance: &Instance,
-        outcome: &Outcome,
-        commanded: Option<Service>,
-    ) -> Vec<Arc<str>> {
+    /// The requirements on which a result rests: those that the case relies on, and the effects of
+    /// the NMT commands before what went wrong.
+    fn rests_on(&self, instance: &Instance, outcome: &Outcome, by: &[Service]) -> Vec<Arc<str>> {
         if outcome.problem().is_none() {
             return Vec::new();
         }
         let named = instance.relies_on().map(Arc::from);
-        let effects = self.register.effects().filter(|(nmt, _)| Some(nmt.service()) == commanded);
-        let checked = |id: &Arc<str>| instance.case().checks.iter().any(|own| *own.value == **id);
-        let effects = effects.map(|(_, id)| Arc::clone(id)).filter(|id| !checked(id));
-        named.chain(effects).collect()
+        let effects = self.register.effects().filter(|(nmt, _)| by.contains(&nmt.service()));
+        named.chain(effects.map(|(_, id)| Arc::clone(id))).collect()
     }
 
     fn say_ways_back(&self, link: &mut Link) {

@@ -19,8 +19,8 @@ pub(super) struct Finished {
     pub outcome: Outcome,
     /// The consequence for the next cases.
     pub aftermath: Aftermath,
-    /// The last NMT command before its problem.
-    pub commanded: Option<Service>,
+    /// The NMT commands in effect when its problem came up.
+    pub commanded: Vec<Service>,
     /// The results for its assertions, if the observer asks for them.
     pub shown: Option<Shown>,
 }
@@ -39,7 +39,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         let late = run.late.map(|late| show_time(Duration::from_millis(late.as_millis() as u64)));
         run.link.take_trace();
         let shown = run.proof.take().map(Proof::end);
-        let commanded = run.commanded;
+        let commanded = std::mem::take(&mut run.commanded);
         let finished = |outcome, aftermath| Finished { outcome, aftermath, commanded, shown };
         let Aftermath::Left(how) = aftermath else { return finished(outcome, aftermath) };
         // After a stall, a failure counts only if it repeats: the next stall may go unnoticed.

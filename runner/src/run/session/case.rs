@@ -56,6 +56,10 @@ enum Ready {
     Lost(String),
 }
 
+const fn is_reset(service: Service) -> bool {
+    matches!(service, Service::RESET_NODE | Service::RESET_COMMUNICATION)
+}
+
 const CONSUMER_HEARTBEAT_TIME: u16 = 0x1016;
 
 /// Whether a failure of the bus is the end of the run: bad frames on the wire spoil one case, not
@@ -74,8 +78,8 @@ pub(super) struct CaseRun<'r, 'b> {
     pub late: Option<Duration>,
     /// Whether an emergency came whose cause an earlier case may have left.
     pub earlier_cause: bool,
-    /// The last NMT command before the problem.
-    pub commanded: Option<Service>,
+    /// The NMT commands in effect when the problem came up.
+    pub commanded: Vec<Service>,
     /// The results for the assertions, if the observer asks for them.
     pub proof: Option<Proof>,
 }
@@ -90,7 +94,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             bench_snapshot,
             late: None,
             earlier_cause: false,
-            commanded: None,
+            commanded: Vec::new(),
             proof,
         }
     }
@@ -290,7 +294,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             self.judge_monitors(watched_from, &mut result);
         }
         self.late = result.late;
-        self.commanded = self.last_command(commanded_from, &result.outcome);
+        self.commanded = self.in_effect(commanded_from, &result.outcome);
         Ok(result.outcome)
     }
 
@@ -309,15 +313,24 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         result.late = result.late.max(late);
     }
 
-    /// The last NMT command of the case before its problem.
-    fn last_command(&self, from: usize, outcome: &Outcome) -> Option<Service> {
-        let problem = outcome.problem()?;
+    /// The NMT commands whose effects should be there when the problem came up: the last reset of
+    /// the case, and the last command after it.
+    fn in_effect(&self, from: usize, outcome: &Outcome) -> Vec<Service> {
+        let Some(problem) = outcome.problem() else { return Vec::new() };
         let sent = self.link.trace()[from..].iter().map(|seen| seen.stamped);
         let sent = sent.filter(|seen| seen.own && seen.at <= problem.at);
         let commands = sent.filter(|seen| seen.frame.data_id() == Some(nmt::COB_ID));
         let commands = commands.filter_map(|seen| Command::decode(&seen.frame.data).ok());
         let of_device = |command: &Command| [0, self.common.dut.node].contains(&command.node);
-        commands.filter(of_device).last().map(|command| command.service)
+        let mut in_effect = Vec::new();
+        for Command { service, .. } in commands.filter(of_device) {
+            match service {
+                service if is_reset(service) => in_effect.clear(),
+                _ => in_effect.retain(|before| is_reset(*before)),
+            }
+            in_effect.push(service);
+        }
+        in_effect
     }
 
     /// The names of the instance; nodes that the device monitors from the start are not `$other`.
