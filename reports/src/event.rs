@@ -258,6 +258,10 @@ pub struct CaseEnded {
     /// The cause in common with the other instances that did not pass for the same reason.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<Cause>,
+    /// The requirements on which the result rests beside those that the case checks. Where one of
+    /// them does not hold, the result may follow from that. Of a case that passed, none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub relies_on: Vec<Arc<str>>,
 }
 
 /// How the run came out.
@@ -282,7 +286,7 @@ impl CaseEnded {
     /// The end of `case`, with its cause.
     pub fn of(case: &CaseStarted, at: Instant, outcome: Outcome) -> Self {
         let cause = Cause::of(&case.requirement_ids(), &outcome);
-        Self { at, outcome, cause }
+        Self { at, outcome, cause, relies_on: Vec::new() }
     }
 }
 

@@ -102,5 +102,6 @@ deviations! {
     "last-waiting-emcy-follows-at-once" => emcy_inhibits: |_, waiting| waiting != 1;
     "emcy-inhibit-in-milliseconds" =>
         emcy_inhibit: |_, configured| Duration::from_millis(configured.into());
+    "generic-error-never-set" => error_register: |_, _, present| present & !1;
     "error-register-never-cleared" => error_register: |_, before, present| before | present;
 }

@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use canopen::nmt::{Command, Service};
+use canopen::nmt::Command;
 use canopen::sdo::{Initiate, Request};
 use canopen::{Data, Frame, Mux};
 
@@ -171,12 +171,5 @@ impl Taking<'_> {
 
 /// The command that a step sends.
 pub(crate) fn nmt_frame(nmt: Nmt, node: u8) -> Frame {
-    let service = match nmt {
-        Nmt::Start => Service::START,
-        Nmt::Stop => Service::STOP,
-        Nmt::PreOperational => Service::ENTER_PRE_OPERATIONAL,
-        Nmt::ResetNode => Service::RESET_NODE,
-        Nmt::ResetCommunication => Service::RESET_COMMUNICATION,
-    };
-    Command { service, node }.frame()
+    Command { service: nmt.service(), node }.frame()
 }

@@ -13,11 +13,12 @@ mod starts;
 
 use std::sync::Arc;
 
+use canopen::nmt::Service;
 use canopen::{Bus, BusError, Instant};
 use reports::{CaseEnded, CaseStarted, DeviceStarted, Event, Identity, Note, Outcome, Versions};
 
 use super::link::{Link, Traffic, contradiction, identity, oddities, sdo, versions};
-use super::observer::Observer;
+use super::observer::{Observer, Unobserved};
 use super::policy::Policy;
 use super::rest::{Baseline, Left, Undo, Wanted, first_answer, first_look, pre_operational};
 use crate::plan::{Instance, Plan, deeds};
@@ -295,10 +296,24 @@ impl Session<'_> {
         needs.then(|| why.clone())
     }
 
+    /// Why a case is not run on the device, whatever other cases showed.
+    fn excused(
+        &self,
+        instance: &Instance,
+        baseline: &Baseline,
+        blocks: BlockDirections,
+    ) -> Option<Outcome> {
+        let no_blocks = || instance.lacks_blocks(blocks);
+        let unfit = || instance.unfit_for(baseline.habits).or_else(|| self.exceeds(instance));
+        let skip = instance.skip().cloned().or_else(no_blocks).or_else(unfit);
+        let kept_out = || self.kept_out(baseline, instance).map(Outcome::Blocked);
+        skip.map(Outcome::Skip).or_else(kept_out)
+    }
+
     fn cases(&self, link: &mut Link, baseline: &Baseline, blocks: BlockDirections) -> Ending {
         let mut starts = Starts::new(self.register);
         let (mut left, mut failed, mut gone) = (Left::Calm, 0, None::<String>);
-        let mut reliance = Reliance::of(self.plan);
+        let mut reliance = Reliance::of(self.plan, self.register);
         let known = data_sheet_identifiers(&self.plan.dut);
         let common = Common {
             known: &known,
@@ -319,27 +334,34 @@ impl Session<'_> {
             place += 1;
             let started = starts.of(instance, link.mark());
             link.emit(Event::CaseStarted(started.clone()));
-            let no_blocks = || instance.lacks_blocks(blocks);
-            let unfit = || instance.unfit_for(baseline.habits).or_else(|| self.exceeds(instance));
-            if let Some(reason) = instance.skip().cloned().or_else(no_blocks).or_else(unfit) {
-                link.emit(ended(link, &started, Outcome::Skip(reason)));
-                continue;
+            let excused = self.excused(instance, baseline, blocks);
+            let doubts = excused.is_none() && gone.is_none();
+            if let Some(shown_by) = reliance.doubted(instance).filter(|_| doubts) {
+                let unobserved = Common { observer: &Unobserved, ..common };
+                let again = attempts::run(link, unobserved, shown_by, left);
+                reliance.look_again(shown_by, &self.at_its_level(shown_by, again.outcome));
+                match again.aftermath {
+                    Aftermath::Left(how) => left = how,
+                    Aftermath::Gone(reason) => gone = Some(reason),
+                    Aftermath::Stop(error) => {
+                        let rest = instances.get(place..planned).unwrap_or_default();
+                        link.emit(ended(link, &started, Outcome::not_run(&error.to_string())));
+                        return self.rest_of(link, rest, Ending::Bus(error), false);
+                    }
+                }
             }
-            if let Some(reason) =
-                reliance.blocks(instance).or_else(|| self.kept_out(baseline, instance))
-            {
-                let outcome = Outcome::Blocked(reason);
+            let blocked = || reliance.blocks(instance).map(Outcome::Blocked);
+            let lost = || gone.as_deref().filter(|_| instance.needs_device());
+            let lost = || lost().map(|why| Outcome::not_run(shortly(why)));
+            if let Some(outcome) = excused.or_else(blocked).or_else(lost) {
                 reliance.learn(instance, &outcome);
                 link.emit(ended(link, &started, outcome));
                 continue;
             }
-            if let Some(reason) = gone.as_ref().filter(|_| instance.needs_device()) {
-                link.emit(ended(link, &started, Outcome::not_run(shortly(reason))));
-                continue;
-            }
             let finished = attempts::run(link, common, instance, left);
             self.observer.shows(finished.shown.unwrap_or_default());
-            let outcome = self.at_its_level(instance, finished.outcome);
+            let outcome = reliance.judged(instance, finished.outcome);
+            let outcome = self.at_its_level(instance, outcome);
             reliance.learn(instance, &outcome);
             if matches!(finished.aftermath, Aftermath::Gone(_)) {
                 self.say_ways_back(link);
@@ -350,7 +372,9 @@ impl Session<'_> {
             if matches!(outcome, Outcome::Undecided(_)) && place <= planned {
                 instances.push(instance);
             }
-            link.emit(ended(link, &started, outcome));
+            let relies_on = self.rests_on(instance, &outcome, finished.commanded);
+            let end = CaseEnded { relies_on, ..CaseEnded::of(&started, link.mark(), outcome) };
+            link.emit(Event::CaseEnded(end));
             let rest = instances.get(place..planned).unwrap_or_default();
             match finished.aftermath {
                 Aftermath::Left(how) => left = how,
@@ -365,6 +389,24 @@ impl Session<'_> {
             }
         }
         gone.map_or(Ending::Complete, Ending::Gone)
+    }
+
+    /// The requirements on which a result rests beside those that the case checks: those that it
+    /// relies on, and the effect of the last NMT command before what went wrong.
+    fn rests_on(
+        &self,
+        instance: &Instance,
+        outcome: &Outcome,
+        commanded: Option<Service>,
+    ) -> Vec<Arc<str>> {
+        if outcome.problem().is_none() {
+            return Vec::new();
+        }
+        let named = instance.relies_on().map(Arc::from);
+        let effects = self.register.effects().filter(|(nmt, _)| Some(nmt.service()) == commanded);
+        let checked = |id: &Arc<str>| instance.case().checks.iter().any(|own| *own.value == **id);
+        let effects = effects.map(|(_, id)| Arc::clone(id)).filter(|id| !checked(id));
+        named.chain(effects).collect()
     }
 
     fn say_ways_back(&self, link: &mut Link) {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use canopen::nmt::Service;
 use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, MapAccess, Visitor};
@@ -362,6 +363,19 @@ pub enum Nmt {
     ResetNode,
     /// Reset communication.
     ResetCommunication,
+}
+
+impl Nmt {
+    /// The command specifier.
+    pub const fn service(self) -> Service {
+        match self {
+            Self::Start => Service::START,
+            Self::Stop => Service::STOP,
+            Self::PreOperational => Service::ENTER_PRE_OPERATIONAL,
+            Self::ResetNode => Service::RESET_NODE,
+            Self::ResetCommunication => Service::RESET_COMMUNICATION,
+        }
+    }
 }
 
 /// See [`Step::Until`].

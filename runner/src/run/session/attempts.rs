@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use canopen::nmt::Service;
 use reports::Outcome;
 
 use super::case::{Aftermath, CaseRun, Common};
@@ -18,6 +19,8 @@ pub(super) struct Finished {
     pub outcome: Outcome,
     /// The consequence for the next cases.
     pub aftermath: Aftermath,
+    /// The last NMT command before its problem.
+    pub commanded: Option<Service>,
     /// The results for its assertions, if the observer asks for them.
     pub shown: Option<Shown>,
 }
@@ -36,7 +39,9 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         let late = run.late.map(|late| show_time(Duration::from_millis(late.as_millis() as u64)));
         run.link.take_trace();
         let shown = run.proof.take().map(Proof::end);
-        let Aftermath::Left(how) = aftermath else { return Finished { outcome, aftermath, shown } };
+        let commanded = run.commanded;
+        let finished = |outcome, aftermath| Finished { outcome, aftermath, commanded, shown };
+        let Aftermath::Left(how) = aftermath else { return finished(outcome, aftermath) };
         // After a stall, a failure counts only if it repeats: the next stall may go unnoticed.
         let is_fail = matches!(outcome, Outcome::Fail(_));
         let doubtful = stalled && !failed && is_fail;
@@ -52,20 +57,20 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             // The case says nothing about the device.
             Some(late) => format!("the tester was late by {late}"),
             None if doubtful => "the tester was late in the attempt before".to_owned(),
-            None => return Finished { outcome, aftermath, shown },
+            None => return finished(outcome, aftermath),
         };
         if attempt == ATTEMPTS {
             let reason = match &late {
                 Some(_) => format!("{why}, and in {attempt} attempts"),
                 None => format!("the tester was late in {} attempts, and one failed", attempt - 1),
             };
-            return Finished { outcome: Outcome::Undecided(reason), aftermath, shown };
+            return finished(Outcome::Undecided(reason), aftermath);
         }
         (left, stalled, failed) = (how, stalled || late.is_some(), failed || doubtful);
         run.note(format!("{why}: the case is repeated"));
         if let Err(error) = run.link.calm() {
             let (outcome, aftermath) = run.bus_failed(error);
-            return Finished { outcome, aftermath, shown };
+            return finished(outcome, aftermath);
         }
     }
 }

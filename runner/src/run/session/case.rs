@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use canopen::emcy::{self, EmcyCode};
+use canopen::nmt::{self, Command, Service};
 use canopen::{BusError, Mux};
 use reports::{Event, Note, Outcome, Phase};
 
@@ -73,6 +74,8 @@ pub(super) struct CaseRun<'r, 'b> {
     pub late: Option<Duration>,
     /// Whether an emergency came whose cause an earlier case may have left.
     pub earlier_cause: bool,
+    /// The last NMT command before the problem.
+    pub commanded: Option<Service>,
     /// The results for the assertions, if the observer asks for them.
     pub proof: Option<Proof>,
 }
@@ -80,7 +83,16 @@ pub(super) struct CaseRun<'r, 'b> {
 impl<'r, 'b> CaseRun<'r, 'b> {
     pub(super) fn new(link: &'r mut Link<'b>, common: Common<'r>, instance: &'r Instance) -> Self {
         let (bench_snapshot, proof) = (BenchSnapshot::default(), Proof::of(common.observer));
-        Self { link, common, instance, bench_snapshot, late: None, earlier_cause: false, proof }
+        Self {
+            link,
+            common,
+            instance,
+            bench_snapshot,
+            late: None,
+            earlier_cause: false,
+            commanded: None,
+            proof,
+        }
     }
 
     /// One attempt: brings the device to rest, runs the steps, and leaves it as it was.
@@ -218,7 +230,6 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             outcome: Outcome::Pass,
             declined: None,
             late: None,
-            relies_on: self.instance.relies_on().next(),
         };
         if let Fate::Unfit(complaint) = &self.instance.fate {
             let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
@@ -232,6 +243,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             result.error(unmet);
             return Ok(result.outcome);
         }
+        let commanded_from = self.link.trace().len();
         if self.instance.needs_device() {
             let state = self.instance.case().state;
             enter(self.link, self.common.policy, self.common.dut, self.common.baseline, state)?;
@@ -278,6 +290,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             self.judge_monitors(watched_from, &mut result);
         }
         self.late = result.late;
+        self.commanded = self.last_command(commanded_from, &result.outcome);
         Ok(result.outcome)
     }
 
@@ -294,6 +307,17 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         let noticed = self.link.lateness().noticed;
         let late = (noticed > self.common.policy.bears(Duration::ZERO)).then_some(noticed);
         result.late = result.late.max(late);
+    }
+
+    /// The last NMT command of the case before its problem.
+    fn last_command(&self, from: usize, outcome: &Outcome) -> Option<Service> {
+        let problem = outcome.problem()?;
+        let sent = self.link.trace()[from..].iter().map(|seen| seen.stamped);
+        let sent = sent.filter(|seen| seen.own && seen.at <= problem.at);
+        let commands = sent.filter(|seen| seen.frame.data_id() == Some(nmt::COB_ID));
+        let commands = commands.filter_map(|seen| Command::decode(&seen.frame.data).ok());
+        let of_device = |command: &Command| [0, self.common.dut.node].contains(&command.node);
+        commands.filter(of_device).last().map(|command| command.service)
     }
 
     /// The names of the instance; nodes that the device monitors from the start are not `$other`.
