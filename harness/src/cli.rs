@@ -12,6 +12,7 @@ use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum}
 use reports::{FORMATS, Format, Grade};
 use runner::waivers::check_date;
 
+use crate::argument::whole;
 use crate::device_file::GradeWord;
 use crate::folders::{CatalogueFolder, Folders};
 use crate::target::{DEFAULT_BIT_RATE, Selection};
@@ -132,7 +133,7 @@ pub struct RunArgs {
     #[arg(long)]
     pub shuffle: bool,
     /// Seed of the random order and of samples
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<u64>(0..=u64::MAX))]
     pub seed: Option<u64>,
     /// Test every index that the data sheet does not have, instead of a sample
     #[arg(long)]
@@ -140,7 +141,7 @@ pub struct RunArgs {
     /// Multiplies `within` of `until` and `observe` in suites of a profile, for a unit that fills
     /// and vents before it heats; the documents of profiles limit no such time
     #[arg(long, value_name = "FACTOR")]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(value_parser = whole::<u32>(1..=100))]
     pub patience: Option<u32>,
     /// Stop after this number of failures
     #[arg(long, value_name = "N", value_parser = failures)]
@@ -240,7 +241,7 @@ pub struct ServeArgs {
     #[arg(long)]
     pub stdio: bool,
     /// Its node id; the device's usual one when absent
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
     /// A mutant: the device with one deviation; `list mutants` names them
     #[arg(long, value_name = "NAME", group = "deviation")]
@@ -279,7 +280,7 @@ pub struct InitArgs {
     #[arg(long)]
     pub target: String,
     /// Node id of the device; a bus is scanned when absent
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
     /// Data sheet of the device; without it and without one in this program, one is generated from
     /// the answers of the device
@@ -290,7 +291,7 @@ pub struct InitArgs {
     pub out: PathBuf,
     /// Bit rate of the bus in bit/s; that of the interface when absent
     #[arg(long, value_name = "BITS")]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(value_parser = whole::<u32>(1..=1_000_000))]
     pub bitrate: Option<u32>,
     /// Which profiles.
     #[command(flatten)]
@@ -392,7 +393,7 @@ pub struct ProbeArgs {
     #[arg(long)]
     pub target: String,
     /// Node id of the device; a bus is scanned when absent
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
     /// File to write, which must not exist; printed when absent
     #[arg(long, value_name = "FILE")]
@@ -402,7 +403,7 @@ pub struct ProbeArgs {
     pub catalogue: CatalogueFolder,
     /// Bit rate of the bus in bit/s, for the data sheet
     #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(value_parser = whole::<u32>(1..=1_000_000))]
     pub bitrate: u32,
 }
 
@@ -416,7 +417,7 @@ pub struct DecodeArgs {
     #[arg(long, value_name = "FILE")]
     pub eds: Option<PathBuf>,
     /// Node id of the device with the data sheet
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
     /// The reference device whose data sheet it is, instead of --eds
     #[arg(long, value_name = "NAME", conflicts_with = "eds")]
@@ -444,6 +445,9 @@ pub struct RestoreArgs {
     /// The interface, when the device is now on another one
     #[arg(long)]
     pub target: Option<String>,
+    /// Only remove the undo log: nothing is sent to the device, which stays as it is
+    #[arg(long, requires = "run")]
+    pub forget: bool,
 }
 
 /// Arguments of `schema`.

@@ -120,7 +120,8 @@ pub struct Protect {
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Allow {
     /// Whether outputs may be driven: objects that can be mapped into an RPDO, and with CiA 401
-    /// also what outputs do on errors. They may not unless this is `true`.
+    /// also what outputs do on errors. Unless this is `true` they may not, and while one is on,
+    /// nothing is sent that may move it.
     #[serde(default)]
     pub outputs: Option<At<bool>>,
 }

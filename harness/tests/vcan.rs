@@ -289,7 +289,7 @@ fn what_is_protected_is_not_set_back_either() {
     let name = listed.split_whitespace().next().unwrap();
     protect("1017");
     let refused = "error: node 1 on vcan0 refuses 1017:00, or does not answer\n".to_owned();
-    assert_eq!(restore(&[name]), (refused, Some(1)));
+    assert_eq!(restore(&[name]), (refused, Some(7)));
     assert_eq!(restore(&[]).0, listed, "it is still named");
     protect("4000");
     let back = "1017:00 = 00 00\n1 object of node 1 on vcan0 set back\n".to_owned();

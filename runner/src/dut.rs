@@ -36,6 +36,9 @@ pub struct Dut {
     pub bench_needs: Needs,
     /// The interface that it is on, when it is not simulated.
     pub interface: Option<String>,
+    /// Whether other stations can be on its bus: it is neither in this process nor at the end of
+    /// pipes. What comes there with another identifier than its own may be theirs.
+    pub shares_its_bus: bool,
     /// Bit rate of its bus in bit/s, when it is known.
     pub bit_rate: Option<u32>,
     /// Options of its profile that it does not have.
@@ -90,6 +93,7 @@ impl Dut {
             own_bench: false,
             bench_needs: Needs::new(),
             interface: None,
+            shares_its_bus: false,
             bit_rate: None,
             without: Vec::new(),
             told: None,

@@ -23,5 +23,5 @@ pub use link::{
 };
 pub use observer::{Observer, Shown, Unobserved};
 pub use policy::Policy;
-pub use rest::{Abandoned, BroughtBack, KeepChanges, Undo};
+pub use rest::{Abandoned, Address, BroughtBack, KeepChanges, Snapshot, Undo, differs};
 pub use session::{Ending, Session};

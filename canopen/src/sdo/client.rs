@@ -91,6 +91,9 @@ impl fmt::Display for Failure {
 }
 
 impl Client {
+    /// More bytes than any object of a device holds: a server that never ends is broken off.
+    pub const LONGEST: u32 = 1 << 20;
+
     /// The address of the transferred object.
     pub const fn mux(&self) -> Mux {
         self.state.mux()
@@ -198,9 +201,6 @@ impl State {
     }
 }
 
-/// More than any object of a device holds: a server that never ends is broken off.
-const LONGEST: usize = 1 << 20;
-
 fn upload_initiated(mux: Mux, answer: Response) -> Next {
     match answer {
         Response::Upload(echo, Initiate::Expedited(data)) if echo == mux => {
@@ -233,8 +233,8 @@ fn uploading(
         }
     };
     data.extend_from_slice(&segment.data);
-    if data.len() > LONGEST {
-        return violation(mux, format!("an end before {LONGEST} bytes"), answer);
+    if data.len() > Client::LONGEST as usize {
+        return violation(mux, format!("an end before {} bytes", Client::LONGEST), answer);
     }
     let too_long = size.is_some_and(|size| data.len() > size as usize);
     let too_short = segment.last && size.is_some_and(|size| data.len() < size as usize);

@@ -11,7 +11,7 @@ use runner::dut::Dut;
 use runner::parallel::{self, InTurn, processors};
 use runner::plan::{self, Instance, Plan};
 use runner::protect::Deed;
-use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::run::{Address, Ending, Policy, Session, Undo, Unobserved};
 use runner::stop::Stop;
 use runner::suite::{Library, Register};
 use runner::waivers::Waivers;
@@ -53,11 +53,26 @@ pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
         Ok(prepared) => prepared,
         Err(refused) => {
             reporter.refused(args, &refused);
+            if refused.exit == Exit::Bus {
+                name_lost_devices(args);
+            }
             return Err(refused);
         }
     };
     let _held = (stop.hold(), held);
     Ok(prepared.run(args, stop, &mut reporter))
+}
+
+/// Names the logs of devices on the same interface that may not answer because a killed run left
+/// them with another node id.
+fn name_lost_devices(args: &RunArgs) {
+    let target = args.selection.target.as_deref().unwrap_or_default();
+    let folder = undo_log::folder();
+    for (name, left) in folder.iter().flat_map(|folder| undo_log::all(folder)) {
+        if left.target == target && left.address > Address::AsBefore && !left.is_running() {
+            complain!("note: {}", undo_log::offer(&name, &left));
+        }
+    }
 }
 
 /// The plans to run, and the facts known before they run.
@@ -212,7 +227,21 @@ impl Sessions<'_> {
             undo: &undo,
         };
         let ending = match target.open(&stop) {
-            Ok(mut bus) => session.run(&mut *bus, &mut tell),
+            Ok(mut bus) => {
+                let mut in_case = false;
+                session.run(&mut *bus, &mut |event| {
+                    match &event {
+                        Event::CaseStarted(_) => in_case = true,
+                        Event::CaseEnded(_) => in_case = false,
+                        // No report has a place for it but the journal.
+                        Event::Note(note) if !in_case => {
+                            complain!("note: {}", harmless(&note.text));
+                        }
+                        _ => {}
+                    }
+                    tell(event);
+                })
+            }
             Err(refused) => {
                 let ending = Ending::Bus(BusError::Open(refused.message));
                 session.not_run(&mut tell, &ending);
@@ -221,7 +250,7 @@ impl Sessions<'_> {
         };
         if let Some(changed) = undo.said() {
             let log = undo.log_name();
-            let log = log.map(|name| format!("; `harness restore {name}` sets them back"));
+            let log = log.map(|name| format!("; `harness restore {name}` sets this back"));
             let (name, node) = (&target.dut.name, target.dut.node);
             let why = format!("{name}, node {node}: {changed}{}", log.unwrap_or_default());
             tell(Event::Note(Note { at: Instant::ZERO, text: why.clone() }));
@@ -231,14 +260,18 @@ impl Sessions<'_> {
     }
 }
 
-/// Where a session notes what it changes: on disk, when the device outlives this process. Says what
-/// another run left changed in the same device.
+/// Where a session notes what it changes: on disk, when the device outlives this process.
 fn undo(target: &Target, selection: &Selection) -> Undo {
     let Connection::Interface(interface) = &target.connection else { return Undo::default() };
     if interface.is_program() {
         return Undo::default();
     }
-    let (folder, dut) = (undo_log::folder(), &target.dut);
+    let dut = &target.dut;
+    let Some(folder) = undo_log::folder() else {
+        let why = undo_log::NO_PLACE;
+        complain!("warning: {why}; what a run changes that is killed stays changed");
+        return Undo::default();
+    };
     let changes = Changes {
         target: interface.to_string(),
         node: dut.node,
@@ -254,19 +287,8 @@ fn undo(target: &Target, selection: &Selection) -> Undo {
         process: std::process::id(),
         stores: false,
         objects: BTreeMap::new(),
+        address: Address::AsBefore,
     };
-    let same = |other: &Changes| (&other.target, other.node) == (&changes.target, changes.node);
-    for (name, left) in undo_log::all(&folder) {
-        if same(&left) && !left.is_running() {
-            let objects: Vec<&str> = left.objects.keys().map(String::as_str).collect();
-            complain!(
-                "note: a run that was killed may have left changed in node {}: {}; `harness \
-                 restore {name}` sets them back",
-                left.node,
-                objects.join(", ")
-            );
-        }
-    }
     Undo::kept_by(UndoLog::new(folder, changes))
 }
 

@@ -53,6 +53,7 @@ pub(super) fn target(
         own_bench: selection.bench.is_some(),
         bench_needs,
         interface: interface.network().filter(|_| !interface.is_program()).map(str::to_owned),
+        shares_its_bus: interface.network().is_some(),
         bit_rate,
         without: without(selection, own.as_deref()),
         told: found.recognised(),

@@ -10,6 +10,7 @@ pub(super) mod sdo;
 mod silence;
 mod trace;
 mod traffic;
+mod twins;
 
 pub(in crate::run) use oddities::contradiction;
 pub use oddities::oddities;

@@ -205,8 +205,8 @@ impl BlockUpload {
         if taken {
             self.good = sequence;
             self.data.extend_from_slice(&data);
-            if self.data.len() > super::LONGEST + 7 {
-                let expected = format!("an end before {} bytes", super::LONGEST);
+            if self.data.len() > super::Client::LONGEST as usize + 7 {
+                let expected = format!("an end before {} bytes", super::Client::LONGEST);
                 return failed(self.mux, Abort::MEMORY, expected, answer);
             }
         }
