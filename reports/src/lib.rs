@@ -9,6 +9,7 @@ pub mod github;
 pub mod journal;
 pub mod junit;
 mod names;
+pub mod reason;
 mod run;
 mod style;
 pub mod terminal;
