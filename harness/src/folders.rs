@@ -100,6 +100,19 @@ impl Folders {
         Library::from_part(&sources, &self.catalogue.load()?).map(Some)
     }
 
+    /// Loads of these folders the wanted suites, with what they may share and the register.
+    ///
+    /// # Errors
+    /// Every complaint about every file.
+    pub(crate) fn load_part(
+        &self,
+        wanted: impl Fn(&Source) -> bool,
+    ) -> Result<Library, Vec<Complaint>> {
+        let mut sources = self.sources()?;
+        sources.retain(|source| !is_suite(source) || wanted(source));
+        Library::from_part(&sources, &self.catalogue.load()?)
+    }
+
     /// The register files alone.
     ///
     /// # Errors
