@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use reports::{FORMATS, Format, Grade};
-use runner::waivers::check_date;
+use runner::waivers::{UNEXPLAINED, check_date};
 
 use crate::argument::whole;
 use crate::device_file::GradeWord;
@@ -53,7 +53,8 @@ pub enum Command {
     Serve(ServeArgs),
     /// List the nodes on a bus and the data sheets that match
     Scan(ScanArgs),
-    /// Look at a device and write a first device file about it
+    /// Look at a device and write a first device file about it; without --eds a data sheet, too, as
+    /// `eds probe` does
     Init(InitArgs),
     /// Prove that every case can fail: the kill matrix of mutants and cases
     Qualify(QualifyArgs),
@@ -125,6 +126,9 @@ pub struct RunArgs {
     /// Print what a run would write, reset and store, and what is protected, and send nothing
     #[arg(long)]
     pub dry_run: bool,
+    /// Run only the cases that made the run of this journal red, and those that they rely on
+    #[arg(long, value_name = "JOURNAL")]
+    pub last_failed: Option<PathBuf>,
     /// Run every Nth case, from the Ith on: N devices of a kind, each on a bus of its own, share
     /// the cases and the time
     #[arg(long, value_name = "I/N", value_parser = shard)]
@@ -333,8 +337,9 @@ pub struct QualifyArgs {
 #[derive(Debug, Args)]
 pub struct ExplainArgs {
     /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, a finding in
-    /// a data sheet such as eds-octal, an SDO abort code such as 0x06020000, or an emergency error
-    /// code such as 8130h
+    /// a data sheet such as eds-octal, an SDO abort code such as 0x06020000, an emergency error
+    /// code such as 8130h, a verdict, a step such as nmt, a name of the bench, or a number of
+    /// CiA's conformance test such as 2.19
     pub name: String,
     /// Which suites.
     #[command(flatten)]
@@ -366,12 +371,14 @@ pub enum TraceFormat {
 /// Commands about data sheets.
 #[derive(Debug, Subcommand)]
 pub enum EdsCommand {
-    /// Check a data sheet; findings have line numbers
+    /// Check data sheets; findings have line numbers
     Check {
-        /// The data sheet
-        file: PathBuf,
+        /// The data sheets
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
     },
-    /// Generate a data sheet from the answers of a device
+    /// Generate a data sheet from the answers of a device; settings of its communication are
+    /// written with the values that they have, to find out whether they can be
     Probe(ProbeArgs),
     /// Generate `device.eds` and `device.md` of a reference device
     Write {
@@ -422,6 +429,9 @@ pub struct DecodeArgs {
     /// The reference device whose data sheet it is, instead of --eds
     #[arg(long, value_name = "NAME", conflicts_with = "eds")]
     pub device: Option<String>,
+    /// Of a journal, only this case: its name, or a glob
+    #[arg(long, value_name = "CASE")]
+    pub case: Option<String>,
     /// Which profiles.
     #[command(flatten)]
     pub catalogue: CatalogueFolder,
@@ -435,6 +445,15 @@ pub struct WaiveArgs {
     /// File to write, which must not exist; printed when absent
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// The reason of all waivers; without one, each needs its own before a run with them is green
+    #[arg(long, value_name = "TEXT", default_value = UNEXPLAINED)]
+    pub reason: String,
+    /// The person or team that answers for them
+    #[arg(long, value_name = "NAME")]
+    pub owner: Option<String>,
+    /// The last day on which they hold, such as 2026-12-31
+    #[arg(long, value_name = "DATE", value_parser = date)]
+    pub expires: Option<String>,
 }
 
 /// Arguments of `restore`.

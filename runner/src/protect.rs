@@ -16,6 +16,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use canopen::Mux;
 use canopen::eds::{Direction, Eds, Entry, ObjectKind};
+use reports::reason::PROTECTED_BY;
 
 pub use deed::Deed;
 pub use guard::Guarded;
@@ -204,7 +205,7 @@ impl Protection {
                 deeds.find(|(deed, _)| *deed == other).map(|(_, by)| by.as_str())
             }
         };
-        by.map(|by| format!("{deed}: protected by {by}"))
+        by.map(|by| format!("{deed}{PROTECTED_BY}{by}"))
     }
 
     /// The protection of an object.
@@ -232,7 +233,7 @@ impl Protection {
             (count as u32 > left).then(|| {
                 let times =
                     if count == 1 { "1 write".to_owned() } else { format!("{count} writes") };
-                format!("{times} of {index:04X}h, {left} left: protected by {}", budget.by)
+                format!("{times} of {index:04X}h, {left} left{PROTECTED_BY}{}", budget.by)
             })
         })
     }

@@ -18,8 +18,8 @@ mod steps;
 mod tests;
 
 pub use link::{
-    Ended, Link, Lost, Traffic, exists, identity, is_long, oddities, probe, read_number, read_text,
-    transfer,
+    Ended, Link, Lost, Traffic, exists, identity, oddities, probe, read_number, read_text,
+    transfer, value_length,
 };
 pub use observer::{Observer, Shown, Unobserved};
 pub use policy::Policy;

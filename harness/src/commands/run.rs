@@ -1,12 +1,12 @@
 //! `harness run`: runs suites against devices, and writes the reports.
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::thread;
 
 use canopen::{BusError, Instant};
 use reference_devices::devices;
-use reports::{Event, Identity, Note, RunEnded, Verdict};
+use reports::{Event, Identity, Keep, Note, Run, RunEnded, Verdict};
 use runner::dut::Dut;
 use runner::parallel::{self, InTurn, processors};
 use runner::plan::{self, Instance, Plan};
@@ -21,7 +21,7 @@ use super::select::{all_named, known_device, select};
 use crate::bus::unix_time;
 use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};
-use crate::files::read_source;
+use crate::files::{LARGEST_JOURNAL, read, read_source, text, words};
 use crate::nearest::did_you_mean;
 use crate::reporter::{Reporter, harmless, started};
 use crate::source::{At, Complaint};
@@ -38,11 +38,13 @@ pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
     }
     let with_file = args.with_file();
     let args = with_file.as_ref().unwrap_or(args);
+    // Before the journal of this run, which may be the same file.
+    let last_failed = args.last_failed.as_deref().map(last_failed).transpose()?;
     let mut reporter = Reporter::new(args)?;
     // The children of the bench end with it.
     let held = args.selection.bench.as_ref().map(|_| stop.hold());
     let prepared = match &with_file {
-        Ok(args) => Prepared::new(args, stop),
+        Ok(args) => Prepared::new(args, last_failed, stop),
         Err(refused) => Err(refused.clone()),
     };
     let prepared = match prepared {
@@ -86,7 +88,11 @@ struct Prepared {
 }
 
 impl Prepared {
-    fn new(args: &RunArgs, stop: &Stop) -> Result<Self, Refused> {
+    fn new(
+        args: &RunArgs,
+        last_failed: Option<BTreeSet<String>>,
+        stop: &Stop,
+    ) -> Result<Self, Refused> {
         let library = thread::scope(|scope| -> Result<_, Vec<Complaint>> {
             // The reference devices are read once, which need not wait for the suites.
             scope.spawn(|| devices::all().count());
@@ -104,6 +110,9 @@ impl Prepared {
         }
         let names = names_of(&plans, args.waivers.is_some());
         select(&mut plans, &args.selection)?;
+        if let Some(failed) = &last_failed {
+            plans.iter_mut().for_each(|plan| plan.keep(failed));
+        }
         if let Some(shard) = args.shard {
             plans.iter_mut().for_each(|plan| plan.keep_every(shard.of, shard.place));
         }
@@ -159,6 +168,26 @@ fn load(args: &RunArgs) -> Result<(Library, bool), Vec<Complaint>> {
     match args.waivers.is_none() && device.is_none() {
         true => folders.load_named(patterns),
         false => Ok((folders.load()?, false)),
+    }
+}
+
+/// The names of the cases that made the run of a journal red.
+fn last_failed(path: &Path) -> Result<BTreeSet<String>, Refused> {
+    let name = path.display();
+    let refused = |why: String| {
+        let message = format!("error: {name}: {why}");
+        Refused { exit: Exit::File, message }
+    };
+    let journal = read(path, LARGEST_JOURNAL).and_then(text).map_err(|why| refused(words(&why)))?;
+    let run = Run::fold(&journal, Keep::Unusual).map_err(|why| refused(why.to_string()))?;
+    let red = run.cases().filter(|(_, case)| run.is_red(case.verdict()));
+    let names: BTreeSet<String> = red.map(|(_, case)| case.info.name()).collect();
+    match names.is_empty() {
+        false => Ok(names),
+        true => {
+            let message = format!("error: there is nothing to run: nothing in {name} is red");
+            Err(Refused { exit: Exit::NothingRan, message })
+        }
     }
 }
 

@@ -131,7 +131,7 @@ impl Selection {
         let mut all = self.clone();
         all.target = self.target.clone().or_else(|| file.target());
         all.node = self.node.or_else(|| said.node.as_ref().map(|node| node.value));
-        all.eds = self.eds.clone().or_else(|| said.eds.as_ref().map(|path| file.path(path)));
+        all.eds = self.eds.clone().or_else(|| said.eds.as_ref().map(|path| file.path(&path.value)));
         all.device = self.device.clone().or_else(|| said.device.clone());
         all.bitrate = self.bitrate.or_else(|| said.bit_rate.as_ref().map(|rate| rate.value));
         all.bench = self.bench.clone().or_else(|| file.bench());

@@ -3,7 +3,9 @@
 use std::time::Duration;
 
 use canopen::sdo::block::{BlockResponse, LARGEST_BLOCK};
-use canopen::sdo::{Client, Failure, Initiate, Next, RESPONSE_COB_ID, Request, Response, Transfer};
+use canopen::sdo::{
+    Client, Failure, Initiate, Mistake, Next, RESPONSE_COB_ID, Request, Response, Transfer,
+};
 use canopen::{Abort, BusError, Frame, Instant, Mux, Stamped};
 use smallvec::{SmallVec, smallvec};
 
@@ -132,18 +134,30 @@ pub(in crate::run) fn catches_up(
 /// Every device has this object, and its value never changes.
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 
-/// Whether the value of an object does not fit into one frame. Nothing but its begin is uploaded.
+/// How many bytes the value of an object has; `None` when the device does not say. Nothing but its
+/// begin is uploaded, so of a value in segments whose size is not indicated it is known that it has
+/// more bytes than fit into one frame.
 ///
 /// # Errors
 /// Whatever the bus reports.
-pub fn is_long(link: &mut Link, policy: &Policy, node: u8, mux: Mux) -> Result<bool, BusError> {
+pub fn value_length(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+) -> Result<Option<usize>, BusError> {
+    const MORE_THAN_A_FRAME: u32 = 5;
     let (client, request) = Client::upload(mux);
     let answer = Running::new(client, request).exchange(link, policy, node)?;
     let answer = answer.and_then(|answer| Response::decode(&answer.data).ok());
-    let Some(Response::Upload(_, Initiate::Segmented(size))) = answer else { return Ok(false) };
+    let size = match answer {
+        Some(Response::Upload(_, Initiate::Expedited(data))) => return Ok(Some(data.len())),
+        Some(Response::Upload(_, Initiate::Segmented(size))) => size,
+        _ => return Ok(None),
+    };
     link.send(&Request::Abort(mux, Abort::GENERAL).frame(node))?;
     link.drain(policy.quiet)?;
-    Ok(size.is_none_or(|size| size > 4))
+    Ok(Some(size.unwrap_or(MORE_THAN_A_FRAME) as usize))
 }
 
 /// Which directions of block transfer the device has, of those that are asked for: it has those
@@ -195,6 +209,22 @@ pub(in crate::run) fn download(
     // CiA 301 limits neither the time of a save nor that of a load.
     let patient = Policy { sdo_timeout: policy.sdo_timeout.max(STORE_TIMEOUT), ..*policy };
     let policy = if matches!(mux.index, 0x1010 | 0x1011) { &patient } else { policy };
+    transfer(link, policy, node, client, request)
+}
+
+/// Writes an object in blocks, with a mistake.
+///
+/// # Errors
+/// As [`download`].
+pub(in crate::run) fn download_with(
+    mistake: Mistake,
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+    data: &[u8],
+) -> Result<Ended, BusError> {
+    let (client, request) = Client::download_in_blocks(mux, data, Some(mistake));
     transfer(link, policy, node, client, request)
 }
 
