@@ -141,13 +141,10 @@ impl Prepared {
 /// device are held against all of them.
 fn load(args: &RunArgs) -> Result<(Library, bool), Vec<Complaint>> {
     let Selection { folders, patterns, device, .. } = &args.selection;
-    if args.waivers.is_none()
-        && device.is_none()
-        && let Some(part) = folders.load_named(patterns)?
-    {
-        return Ok((part, true));
+    match args.waivers.is_none() && device.is_none() {
+        true => folders.load_named(patterns),
+        false => Ok((folders.load()?, false)),
     }
-    Ok((folders.load()?, false))
 }
 
 /// The waivers that are in force today.
