@@ -159,6 +159,11 @@ impl Outcome {
         }
     }
 
+    /// Whether the device did what a step of the case accepts beside what it expects.
+    pub fn is_accepted(&self) -> bool {
+        matches!(self, Self::Lenient(problem) if !problem.capped)
+    }
+
     /// Whether the device did not do what the case says, even if the level of the case excuses it.
     pub fn holds_against_device(&self) -> bool {
         match self {
