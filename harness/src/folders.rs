@@ -78,26 +78,41 @@ impl Folders {
     }
 
     /// Loads the suites that the patterns name and those of the user, which are checked whenever
-    /// they are read, or `None` where that cannot be told from the names of files.
+    /// they are read, and says whether these are not all. All are loaded where the names of files do
+    /// not tell which suites a pattern names.
     ///
     /// # Errors
     /// Every complaint about these files.
     pub(crate) fn load_named(
         &self,
         patterns: &[String],
-    ) -> Result<Option<Library>, Vec<Complaint>> {
+    ) -> Result<(Library, bool), Vec<Complaint>> {
         let (mut sources, own) = self.with_own()?;
+        let catalogue = self.catalogue.load()?;
         let others = |source: &Arc<Source>| is_suite(source) && !own.contains(&source.name);
         let are_named = |pattern: &String| {
             sources.iter().any(|source| others(source) && may_name(pattern, source))
         };
         if patterns.is_empty() || !patterns.iter().all(are_named) {
-            return Ok(None);
+            return Ok((Library::from_sources(&sources, &catalogue)?, false));
         }
         sources.retain(|source| {
             !others(source) || patterns.iter().any(|pattern| may_name(pattern, source))
         });
-        Library::from_part(&sources, &self.catalogue.load()?).map(Some)
+        Ok((Library::from_part(&sources, &catalogue)?, true))
+    }
+
+    /// Loads of these folders the wanted suites, with what they may share and the register.
+    ///
+    /// # Errors
+    /// Every complaint about every file.
+    pub(crate) fn load_part(
+        &self,
+        wanted: impl Fn(&Source) -> bool,
+    ) -> Result<Library, Vec<Complaint>> {
+        let mut sources = self.sources()?;
+        sources.retain(|source| !is_suite(source) || wanted(source));
+        Library::from_part(&sources, &self.catalogue.load()?)
     }
 
     /// The register files alone.

@@ -10,6 +10,7 @@ pub mod github;
 pub mod journal;
 pub mod junit;
 mod names;
+pub mod reason;
 mod run;
 mod seen;
 mod style;

@@ -22,6 +22,8 @@ struct Row<'r> {
     level: &'static str,
     /// The devices for which it is a `should`, each with the decision on that.
     relaxed: BTreeMap<&'r str, &'r str>,
+    /// What is wrong with the level.
+    wrong_level: Option<&'static str>,
     says: &'r str,
     untestable: Option<&'r str>,
     /// The requirements that it extends, each with the dimension.
@@ -50,6 +52,7 @@ pub(super) fn run(args: &TraceArgs) -> Result<Exit, Refused> {
         if row.untestable.is_some() {
             continue;
         }
+        holes.extend(row.wrong_level.map(|wrong| format!("{}: {wrong}", row.id)));
         if row.cases.is_empty() {
             holes.push(format!("{}: no case checks it", row.id));
         }
@@ -114,6 +117,7 @@ fn rows<'l>(library: &'l Library, breaks: &Breaks) -> Vec<Row<'l>> {
             document: &requirement.document,
             clause: &entry.clause,
             level: entry.level.name(),
+            wrong_level: entry.wrong_level(),
             relaxed: library.register.relaxed(id).collect(),
             says: &entry.says,
             untestable: entry.untestable.as_deref(),

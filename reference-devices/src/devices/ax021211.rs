@@ -39,7 +39,7 @@ use crate::stack::{Behaviour, CommunicationEvent, Errors};
 
 use bench::Sight;
 use load::Load;
-use network::{Network, OUTPUTS, Outside};
+use network::{NOTHING_MISSING, Network, OUTPUTS, Outside};
 use objects::{
     AUTOMATIC_UPDATES, DITHER_FREQUENCY, OUTPUT_FREQUENCY, OUTPUT_TYPE, PROCESS_VALUE, Parameters,
     RECEIVED, RECEIVED_STATUS, SUPPLY, TEMPERATURE, power, show, show_real, table, table_of,
@@ -83,7 +83,7 @@ impl Ax021211 {
                 loads: [Load::default(); OUTPUTS],
                 supply: 24.0,
                 temperature: 25.0,
-                timed_out: [false; 24],
+                timed_out: NOTHING_MISSING,
                 operational: false,
             },
             powered: true,
@@ -240,7 +240,7 @@ impl Ax021211 {
 impl Behaviour for Ax021211 {
     fn reset(&mut self, now: Instant, od: &mut Dictionary) {
         self.powered = true;
-        (self.outside.timed_out, self.outside.operational) = ([false; 24], false);
+        (self.outside.timed_out, self.outside.operational) = (NOTHING_MISSING, false);
         self.network.restart(Parameters { od, rules: &self.rules });
         for place in (0..OUTPUTS).filter(|_| self.rules.reads_types_at_a_start()) {
             self.kinds[place] = od.int(Mux::new(OUTPUT_TYPE, place as u8 + 1)).unwrap_or(0);

@@ -8,6 +8,7 @@ use std::fmt::Write as _;
 use super::{Verbosity, one_line, plural};
 use crate::cause::Cause;
 use crate::fact::{Fact, Noticed, facts};
+use crate::reason::{LOWER_LIMIT, PROTECTED_BY, UPPER_LIMIT};
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
 use crate::style::{Style, shell_word};
 use crate::verdict::{Outcome, Verdict};
@@ -19,6 +20,7 @@ pub fn summary(run: &Run, style: Style, verbosity: Verbosity) -> String {
     if verbosity > Verbosity::Quiet {
         skipped(run, style, verbosity, &mut text);
         blocked(run, style, &mut text);
+        kept_from(run, &mut text);
     }
     not_passed(run, style, verbosity, &mut text);
     if run.ended.is_none() {
@@ -127,6 +129,42 @@ fn blocked(run: &Run, style: Style, text: &mut String) {
         let _ = writeln!(text, "{count:>6}  {}", wrapped(&one_line(reason)));
     }
     text.push('\n');
+}
+
+/// How many cases the device file and the data sheet kept from running: what their author can
+/// change.
+fn kept_from(run: &Run, text: &mut String) {
+    let reasons = run.cases().filter_map(|(_, case)| match &case.outcome {
+        Outcome::Skip(reason) => Some(reason.as_str()),
+        _ => None,
+    });
+    let (mut protections, mut limits) = (BTreeMap::<&str, usize>::new(), 0);
+    for reason in reasons {
+        if let Some((_, by)) = reason.split_once(PROTECTED_BY) {
+            *protections.entry(by).or_default() += 1;
+        }
+        let of_limits = [LOWER_LIMIT, UPPER_LIMIT].iter().any(|limit| reason.contains(limit));
+        limits += u64::from(of_limits);
+    }
+    let protected = protections.values().sum::<usize>() as u64;
+    let mut lines = Vec::new();
+    if protected > 0 {
+        let (case, by) = (plural(protected, "case"), counted(&protections));
+        lines.push(format!("{protected} {case} did not run because of the device file: {by}"));
+    }
+    if limits > 0 {
+        let case = plural(limits, "case");
+        lines.push(format!(
+            "{limits} {case} did not run because the data sheet states no limits of values \
+             (LowLimit, HighLimit)"
+        ));
+    }
+    for line in &lines {
+        let _ = writeln!(text, "{}", wrapped(&one_line(line)));
+    }
+    if !lines.is_empty() {
+        text.push('\n');
+    }
 }
 
 /// A reason, and the object or the quoted name at its end.

@@ -97,6 +97,9 @@ pub struct RequirementEntry {
     /// How an ambiguity was decided, or the id of the decision.
     #[serde(default)]
     pub interpretation: Option<String>,
+    /// The document's own word for a level that is no must, such as `recommended` or `may`.
+    #[serde(default)]
+    pub worded: Option<String>,
     /// Why no test can check it.
     #[serde(default)]
     pub untestable: Option<String>,
@@ -107,6 +110,20 @@ pub struct RequirementEntry {
     /// command follows from it.
     #[serde(default)]
     pub effect_of: Option<Nmt>,
+}
+
+impl RequirementEntry {
+    /// What is wrong with the level: one that is no must needs a decision about this statement, or
+    /// the document's own word; a must has no such word.
+    pub fn wrong_level(&self) -> Option<&'static str> {
+        match (self.level, &self.interpretation, &self.worded) {
+            (Level::Must, _, Some(_)) => Some("a must that is worded otherwise"),
+            (Level::Must, ..) | (_, Some(_), _) | (.., Some(_)) => None,
+            (Level::Should | Level::May, None, None) => {
+                Some("no must, by no interpretation and no word of its document")
+            }
+        }
+    }
 }
 
 /// One decision.

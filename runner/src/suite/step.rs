@@ -10,7 +10,7 @@ use serde::de::{self, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::each::Objects;
-use super::literal::{Amount, Flow, FrameText, Literal, Name, ObjectRef, Tolerance};
+use super::literal::{Amount, Flow, FrameText, Literal, Mistake, Name, ObjectRef, Tolerance};
 use super::profile::About;
 use super::refusal::{Refusal, Refused};
 use crate::source::At;
@@ -334,6 +334,9 @@ pub struct Write {
     /// The protocol; what a client would choose unless said otherwise.
     #[serde(default)]
     pub transfer: Option<Flow>,
+    /// What the tester does wrong; makes it a block transfer.
+    #[serde(default)]
+    pub mistake: Option<Mistake>,
 }
 
 /// See [`Step::Remap`].

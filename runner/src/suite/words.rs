@@ -176,6 +176,12 @@ impl Words {
         })
     }
 
+    /// An amount of a name of the bench in its unit; `None` where its values are words.
+    pub(crate) fn bench_amount(&self, name: &str, amount: f64) -> Option<String> {
+        let is_number = self.on_bench(name).table.is_none();
+        is_number.then(|| self.bench_value(name, &Value::Real(amount)))
+    }
+
     /// The word for an object.
     pub(super) fn word(&self, mux: Mux) -> Option<&str> {
         let word = self.name(mux)?;

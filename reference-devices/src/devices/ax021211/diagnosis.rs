@@ -3,7 +3,7 @@
 use canopen::emcy::EmcyCode;
 use canopen::{Dictionary, Mux};
 
-use super::network::{Network, OUTPUTS};
+use super::network::{MESSAGES_OF_TABLE_5, Missing, NOTHING_MISSING, Network, OUTPUTS};
 use super::objects::{EXTRA, PROCESS_VALUE, RECEIVED, WRITE_STATES};
 use super::rules::Ax021211Rules;
 use crate::stack::{Errors, FaultKind};
@@ -33,9 +33,9 @@ pub(super) fn report(network: &Network, supply: f64, errors: &mut Errors, rules:
     }
 }
 
-/// The messages of table 5 that are mapped into an RPDO which has timed out.
-pub(super) fn timed_out(errors: &Errors, od: &Dictionary, rules: &Ax021211Rules) -> [bool; 24] {
-    let mut messages = [false; 24];
+/// What is mapped into an RPDO that has timed out.
+pub(super) fn timed_out(errors: &Errors, od: &Dictionary, rules: &Ax021211Rules) -> Missing {
+    let mut messages = NOTHING_MISSING;
     if errors.are_none() {
         return messages;
     }
@@ -50,7 +50,7 @@ pub(super) fn timed_out(errors: &Errors, od: &Dictionary, rules: &Ax021211Rules)
                     messages[place - 1] = true;
                 }
                 EXTRA if (1..=14).contains(&place) => messages[9 + place] = true,
-                _ if index == WRITE_STATES.index => messages[..10].fill(true),
+                _ if index == WRITE_STATES.index => messages[MESSAGES_OF_TABLE_5..].fill(true),
                 _ => {}
             }
         }

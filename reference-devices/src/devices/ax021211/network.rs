@@ -17,8 +17,8 @@ use super::pid::Pid;
 use super::rules::Ax021211Rules;
 use super::settings::{OF_CONSTANTS, OF_EXTRAS, OF_MESSAGES, OF_VALUES, Settings};
 use super::signal::{
-    self, COMMANDED, EXTRAS, FEEDBACKS, LOGICS, Link, MATHS, MESSAGES, PIDS, SIGNALS, SUPPLY,
-    Signal, TABLES, TEMPERATURE,
+    self, COMMANDED, EXTRAS, FEEDBACKS, LOGICS, Link, MATHS, MESSAGES, PIDS, SIGNALS, STATES,
+    SUPPLY, Signal, TABLES, TEMPERATURE,
 };
 use super::table::Table;
 
@@ -33,11 +33,18 @@ pub(super) struct Outside {
     pub(super) supply: f64,
     /// In degrees Celsius.
     pub(super) temperature: f64,
-    /// The messages of table 5 that are mapped into an RPDO that has timed out.
-    pub(super) timed_out: [bool; 24],
+    /// What is mapped into an RPDO that has timed out.
+    pub(super) timed_out: Missing,
     /// The node is OPERATIONAL.
     pub(super) operational: bool,
 }
+
+/// Which messages of table 5, and after them which bits of 6200h, are missing.
+pub(super) type Missing = [bool; MESSAGES_OF_TABLE_5 + OUTPUTS];
+
+pub(super) const NOTHING_MISSING: Missing = [false; MESSAGES_OF_TABLE_5 + OUTPUTS];
+
+pub(super) const MESSAGES_OF_TABLE_5: usize = 24;
 
 /// The blocks at work.
 #[derive(Clone, Debug)]
@@ -57,7 +64,7 @@ pub(super) struct Network {
     /// The outputs' last view of the outside.
     around: Around,
     /// The messages that were missing when they were looked at last; `None` after new values.
-    timed_out: Option<[bool; 24]>,
+    timed_out: Option<Missing>,
     /// The outputs have an open or short circuit that was recognised, a bit each.
     faults: u16,
     tables: [Table; 12],
@@ -189,25 +196,21 @@ impl Network {
     fn receive_messages(&mut self, od: Parameters<'_>) {
         let states = od.od.int(WRITE_STATES).unwrap_or(0);
         for place in 0..OUTPUTS {
-            let output = &self.settings.outputs[place];
-            let message = match od.rules.message_is_bit(output.kind.is_digital()) {
-                true => {
-                    let state = od.rules.write_state(states, place);
-                    Signal::new(f64::from(u8::from(state)), Some((0.0, 1.0)))
-                }
-                false => {
-                    let digits = od.byte(DIGITS_PV, place);
-                    Signal::new(od.scaled(PROCESS_VALUE, place, digits), Some(output.pv))
-                }
-            };
-            self.put(MESSAGES + place, message);
+            let state = od.rules.write_state(states, place);
+            let state = Signal::new(f64::from(u8::from(state)), Some((0.0, 1.0)));
+            self.put(STATES + place, state);
+            let digits = od.byte(DIGITS_PV, place);
+            let limits = self.settings.outputs[place].pv;
+            let value = Signal::new(od.scaled(PROCESS_VALUE, place, digits), Some(limits));
+            self.put(MESSAGES + place, value);
         }
     }
 
     /// Takes the state of the outside.
     pub(super) fn look(&mut self, outside: &Outside, rules: &Ax021211Rules) {
         if self.timed_out.replace(outside.timed_out) != Some(outside.timed_out) {
-            for (place, timed_out) in outside.timed_out.iter().enumerate() {
+            let places = (MESSAGES..MESSAGES_OF_TABLE_5).chain(STATES..STATES + OUTPUTS);
+            for (place, timed_out) in places.zip(&outside.timed_out) {
                 let message = Signal { quality: signal::Quality::Valid, ..self.signals[place] };
                 self.put(place, message.failing(rules.message_fails(*timed_out)));
             }

@@ -7,6 +7,7 @@ use canopen::Instant;
 use super::detect::Detector;
 use super::digital::{Digital, DigitalSettings};
 use super::load::{Driven, Load, Stage};
+use super::network::OUTPUTS;
 use super::objects::{
     CONTROL_NUMBER, CONTROL_RESPONSE, CONTROL_SOURCE, DETECTION, DIGITS_FV, DIGITS_PV,
     DITHER_AMPLITUDE, ENABLE_NUMBER, ENABLE_RESPONSE, ENABLE_SOURCE, FAULT_FV, FAULT_MODE,
@@ -88,6 +89,20 @@ pub(super) struct OutputSettings {
     pub(super) dither: f64,
 }
 
+/// The control input of an output of some kind: a message gives a digital output a bit of 6200h.
+fn control(od: Parameters<'_>, kind: Kind, link: Link) -> Link {
+    const MESSAGE: u8 = 1;
+    if link.source != MESSAGE || !(1..=OUTPUTS as u8).contains(&link.number) {
+        return link;
+    }
+    let numbered = od.int(OUTPUT_TYPE, usize::from(link.number) - 1);
+    let numbered = Kind::of(numbered).unwrap_or_default();
+    match od.rules.takes_a_bit(kind.is_digital(), numbered.is_digital()) {
+        true => Link::state(link.number),
+        false => link,
+    }
+}
+
 /// The responses to the three inputs (tables 7 to 9).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Responses {
@@ -110,7 +125,7 @@ impl OutputSettings {
         Self {
             kind,
             links: [
-                link(CONTROL_SOURCE, CONTROL_NUMBER),
+                control(od, kind, link(CONTROL_SOURCE, CONTROL_NUMBER)),
                 link(ENABLE_SOURCE, ENABLE_NUMBER),
                 link(OVERRIDE_SOURCE, OVERRIDE_NUMBER),
             ],

@@ -137,8 +137,9 @@ decisions! {
         true
     }
 
-    /// A message controls a digital output by a bit, any other by its process value (1.2, table 5).
-    fn message_is_bit(&self, is_digital: bool) -> bool {
+    /// A message controls a digital output by a bit of 6200h, whatever the output of that number
+    /// is, and any other by its process value (1.2, table 5).
+    fn takes_a_bit(&self, is_digital: bool, _numbered_is_digital: bool) -> bool {
         is_digital
     }
 

@@ -72,6 +72,11 @@ impl Link {
         Self { source, number }
     }
 
+    /// The bit of 6200h with the number of a message, which tables 4 and 5 do not name.
+    pub(super) const fn state(number: u8) -> Self {
+        Self::new(STATE, number)
+    }
+
     /// Whether a source is chosen at all.
     pub(super) const fn is_used(self) -> bool {
         self.source != 0
@@ -90,6 +95,7 @@ impl Link {
             8 => (FEEDBACKS, 10),
             9 => return Some(SUPPLY),
             10 => return Some(TEMPERATURE),
+            STATE => (STATES, 10),
             _ => return None,
         };
         let number = usize::from(self.number).checked_sub(1).filter(|number| *number < count)?;
@@ -109,8 +115,13 @@ pub(super) const COMMANDED: usize = 65;
 pub(super) const FEEDBACKS: usize = 75;
 pub(super) const SUPPLY: usize = 85;
 pub(super) const TEMPERATURE: usize = 86;
+/// The bits of 6200h, which control digital outputs (1.2).
+pub(super) const STATES: usize = 87;
 /// How many signals there are.
-pub(super) const SIGNALS: usize = 87;
+pub(super) const SIGNALS: usize = 97;
+
+/// The source of the bits of 6200h.
+const STATE: u8 = u8::MAX;
 
 #[cfg(test)]
 mod tests {
@@ -124,6 +135,7 @@ mod tests {
             let all = (1..=count).map(|number| Link::new(source, number).place());
             places.extend(all.map(|place| place.unwrap()));
         }
+        places.extend((1..=10).map(|number| Link::state(number).place().unwrap()));
         assert_eq!(places, (0..SIGNALS).collect::<Vec<_>>());
         for wrong in [(0, 1), (1, 0), (1, 25), (2, 16), (3, 5), (4, 13), (5, 7), (6, 5), (11, 1)] {
             assert_eq!(Link::new(wrong.0, wrong.1).place(), None, "{wrong:?}");

@@ -3,6 +3,7 @@ use canopen::eds::Eds;
 use proptest::prelude::*;
 
 use super::model::{Model, Plan, plan};
+use super::network::MESSAGES_OF_TABLE_5;
 use super::*;
 use crate::devices;
 use crate::rules::Rules;
@@ -241,8 +242,8 @@ fn built(plan: &Plan) -> (Dictionary, Network, Outside) {
     plan.write_to(&mut od);
     let mut network = Network::new(&Ax021211Rules::plain());
     network.restart(Parameters { od: &od, rules: &Ax021211Rules::plain() });
-    let mut timed_out = [false; 24];
-    timed_out[10..].copy_from_slice(&plan.failing);
+    let mut timed_out = NOTHING_MISSING;
+    timed_out[10..MESSAGES_OF_TABLE_5].copy_from_slice(&plan.failing);
     let loads = [Load { ohms: 1.0, ..Load::default() }; OUTPUTS];
     (od, network, Outside { loads, supply: 24.0, temperature: 25.0, timed_out, operational: true })
 }

@@ -8,6 +8,7 @@ use canopen::sdo::{Initiate, REQUEST_COB_ID, Request};
 use canopen::{BenchError, BusError, Frame, Instant, Mux, emcy};
 use reports::{Event, Note};
 
+use super::address::Address;
 use super::answer::booted;
 use super::baseline::Baseline;
 use super::lss;
@@ -68,7 +69,10 @@ impl Leaving<'_, '_> {
             }
             Err(error) => self.not_set_back(&error),
         }
-        if lss::may_configure(self.link.trace()) {
+        let address = Address::after(self.link.trace(), self.dut);
+        if address > Address::AsBefore {
+            lss::give_back(self.link, self.dut, &self.baseline.identity, address)?;
+        } else if lss::may_configure(self.link.trace()) {
             lss::leave_for_sure(self.link)?;
         }
         // One that failed is reset before the next case.
@@ -114,9 +118,7 @@ impl Leaving<'_, '_> {
     /// A device that goes on monitoring a node although its entry is set back misses that node now,
     /// and not in the next case.
     fn rest_after_monitoring(&mut self) -> Result<(), BusError> {
-        /// No case waits longer for a heartbeat to be missed. A longer time is one that is only read.
-        const LONGEST: Duration = Duration::from_secs(1);
-        let missed = missed_at(self.link.trace(), self.dut.node, LONGEST);
+        let missed = missed_at(self.link.trace(), self.dut.node);
         missed.map_or(Ok(()), |missed| self.link.wait(missed.max(self.link.mark())))
     }
 
@@ -125,8 +127,11 @@ impl Leaving<'_, '_> {
     fn rest_after_emergencies(&mut self) -> Result<(), BusError> {
         /// More than a device with errors that come and go for ever needs.
         const MOST: usize = 8;
-        let inhibited = self.dut.default_int(INHIBIT_TIME_EMCY).unwrap_or(0);
-        let inhibited = Duration::from_micros(u64::try_from(inhibited).unwrap_or(0) * 100);
+        let units = |time: u64| Duration::from_micros(time * 100);
+        let usual = self.dut.default_int(INHIBIT_TIME_EMCY).unwrap_or(0);
+        let times = written(self.link.trace(), self.dut.node, INHIBIT_TIME_EMCY.index);
+        let of_case = times.map(|time| units(time.into())).filter(|time| *time <= LONGEST).max();
+        let inhibited = units(u64::try_from(usual).unwrap_or(0)).max(of_case.unwrap_or_default());
         let mut looked_at = 0;
         for _ in 0..MOST {
             let Some(last) = self.last_emergency(looked_at) else { break };
@@ -159,22 +164,31 @@ impl Leaving<'_, '_> {
 }
 
 /// When the device misses the node whose heartbeat it received last, by the longest time that it was
-/// told to wait (1016h: the lower 16 bits in ms), of those up to `most`.
-fn missed_at(trace: &[Seen], node: u8, most: Duration) -> Option<Instant> {
-    let own = || trace.iter().map(|seen| seen.stamped).filter(|seen| seen.own);
+/// told to wait (1016h: the lower 16 bits in ms).
+fn missed_at(trace: &[Seen], node: u8) -> Option<Instant> {
     let is_heartbeat = |id: u16| (0x701..0x780).contains(&id);
-    let last = own().filter(|seen| seen.frame.data_id().is_some_and(is_heartbeat)).next_back()?;
+    let sent = trace.iter().map(|seen| seen.stamped).filter(|seen| seen.own);
+    let mut heartbeats = sent.filter(|seen| seen.frame.data_id().is_some_and(is_heartbeat));
+    let last = heartbeats.next_back()?;
+    let times = written(trace, node, 0x1016).map(|time| Duration::from_millis(time.into()));
+    Some(last.at + times.filter(|time| *time <= LONGEST).max()?)
+}
+
+/// The lower 16 bits of what was written into the entries of an object.
+fn written(trace: &[Seen], node: u8, index: u16) -> impl Iterator<Item = u16> {
     let requests = Some(REQUEST_COB_ID + u16::from(node));
-    let told = own().filter(|seen| seen.frame.data_id() == requests).filter_map(|seen| {
+    let sent = trace.iter().map(|seen| seen.stamped).filter(|seen| seen.own);
+    sent.filter(move |seen| seen.frame.data_id() == requests).filter_map(move |seen| {
         match Request::decode(&seen.frame.data).ok()? {
-            Request::Download(Mux { index: 0x1016, .. }, Initiate::Expedited(entry)) => {
-                let time = u16::from_le_bytes(*entry.first_chunk()?);
-                Some(Duration::from_millis(time.into()))
+            Request::Download(mux, Initiate::Expedited(value)) if mux.index == index => {
+                value.first_chunk().map(|low| u16::from_le_bytes(*low))
             }
             _ => None,
         }
-    });
-    Some(last.at + told.filter(|time| *time <= most).max()?)
+    })
 }
+
+/// No case waits longer for an emergency message. A longer time is one that is only read back.
+const LONGEST: Duration = Duration::from_secs(1);
 
 const INHIBIT_TIME_EMCY: Mux = Mux::new(0x1015, 0);

@@ -7,16 +7,17 @@ use canopen::nmt::{self, Command, Service};
 use canopen::{BusError, Mux};
 use reports::{Event, Note, Outcome, Phase};
 
+use super::attempts::Repeats;
 use super::outcome::{CaseOutcome, error};
 use super::phases::run_phase;
 use crate::dut::Dut;
-use crate::plan::{Fate, Instance, Scope, others};
+use crate::plan::{Fate, Instance, Scope, deeds, others};
 use crate::run::link::Link;
 use crate::run::observer::{Observer, Unobserved};
 use crate::run::policy::Policy;
 use crate::run::rest::{
-    Baseline, BenchSnapshot, Leaving, Left, Settled, Snapshot, Undo, application, enter, is_still,
-    owes_a_sign, settle,
+    Address, Baseline, BenchSnapshot, Leaving, Left, Settled, Snapshot, Undo, application, enter,
+    give_back, is_still, owes_a_sign, settle,
 };
 use crate::run::steps::{Difference, Proof, Steps, bench, promise};
 
@@ -44,6 +45,8 @@ pub(super) struct Common<'r> {
     pub known: &'r [u16],
     /// The changes in the device.
     pub undo: &'r Undo,
+    /// What was repeated on a bus that may lose frames.
+    pub repeats: &'r Repeats,
     /// Learns what happens.
     pub observer: &'r dyn Observer,
 }
@@ -139,10 +142,9 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         let (link, bench_snapshot) = (&mut *self.link, &mut self.bench_snapshot);
         let mut leaving = Leaving { link, policy, dut, baseline, bench_snapshot, patience };
         let restored = leaving.restore(&snapshot, still, passed, &mut changed);
-        self.common.undo.end(&snapshot, &changed);
         if !changed.is_empty() {
-            let changed: Vec<String> = changed.iter().map(Mux::to_string).collect();
-            self.note(format!("not every object could be restored: {}", changed.join(", ")));
+            let listed: Vec<String> = changed.iter().map(Mux::to_string).collect();
+            self.note(format!("not every object could be restored: {}", listed.join(", ")));
         }
         let aftermath = match (restored, stop) {
             (_, Some(error)) | (Err(error), None) if lasts(&error) => Aftermath::Stop(error),
@@ -156,7 +158,11 @@ impl<'r, 'b> CaseRun<'r, 'b> {
                 })
             }
         };
-        self.still_there(outcome, aftermath)
+        let ended = self.still_there(outcome, aftermath);
+        // A device that layer setting services spoke to has shown by now that it is there.
+        let address = Address::after(self.link.trace(), dut);
+        self.common.undo.end(&snapshot, &changed, address);
+        ended
     }
 
     /// Whether the device reported in this attempt that a node it monitors is lost.
@@ -210,7 +216,14 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         if let Some(profile) = self.instance.suite.profile() {
             application(self.link, policy, dut, baseline, profile)?;
         }
+        let left = undo.address();
+        if left > Address::AsBefore && give_back(self.link, dut, &baseline.identity, left)? {
+            undo.has_its_address();
+        }
         let mut snapshot = Snapshot::take(self.link, policy, dut, self.instance)?;
+        if undo.is_kept() && dut.eds.device.lss {
+            snapshot.address = Address::of_deeds(&deeds(self.instance, dut));
+        }
         if undo.begin(&mut snapshot) {
             // The disk took time, which belongs to no step.
             self.link.look_from_now()?;

@@ -78,7 +78,7 @@ impl Steps<'_, '_> {
             (None, _, Some(max)) if seen > max => seen - max,
             _ => return None,
         };
-        let amount = self.words.bench_value(name, &Value::Real(by.abs()));
+        let amount = self.words.bench_amount(name, by.abs())?;
         Some(apart::too_much(by > 0.0, &amount))
     }
 }
