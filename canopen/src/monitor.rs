@@ -82,16 +82,17 @@ impl Standing {
 }
 
 /// The monitors that watch node `node` in every case. `known` are the identifiers it may use
-/// beside those of the predefined connection set, `standing` the errors that it had before the
-/// first case, and `slack` how late a frame may be because others are on a slow wire; there, each
+/// beside those of the predefined connection set; `None` where others share its bus, since a frame
+/// does not say who sent it. `standing` are the errors that it had before the first case, and
+/// `slack` is how late a frame may be because others are on a slow wire; there, each
 /// frame of the tester may hold up a heartbeat as long.
 pub fn all(
     node: u8,
-    known: Vec<u16>,
+    known: Option<Vec<u16>>,
     standing: Standing,
     slack: Duration,
 ) -> Vec<Box<dyn Monitor>> {
-    vec![
+    let mut monitors: Vec<Box<dyn Monitor>> = vec![
         Box::new(NoSurprise {
             node,
             standing,
@@ -104,10 +105,13 @@ pub fn all(
             open: None,
             interrupted: None,
         }),
-        Box::new(KnownIdentifiers { node, known }),
         Box::new(HeartbeatAlive { node, slack, own: 0, asked: None, period: None, last: None }),
         Box::new(SilentWhenStopped { node, stopped: false, asked: false }),
-    ]
+    ];
+    if let Some(known) = known {
+        monitors.push(Box::new(KnownIdentifiers { node, known }));
+    }
+    monitors
 }
 
 /// No unexpected emergency message or boot-up, and no second SDO answer.
@@ -247,29 +251,23 @@ struct KnownIdentifiers {
     known: Vec<u16>,
 }
 
-impl KnownIdentifiers {
-    /// Whether the identifier is one that a device with another node id uses by default.
-    fn of_another(&self, id: u16) -> bool {
-        let node = id & 0x7F;
-        node != u16::from(self.node)
-            && node != 0
-            && matches!(id & 0x780, 0x080 | 0x180..=0x580 | 0x600 | 0x700)
-    }
+/// Whether a device with this node id may use the identifier, or one with another node id does by
+/// default; `known` are those that its data sheet gives it.
+pub fn is_anybodys(id: u16, node: u8, known: &[u16]) -> bool {
+    let (function, of) = (id & 0x780, id & 0x7F);
+    let node = u16::from(node);
+    let own = [emcy::COB_ID, sdo::RESPONSE_COB_ID, heartbeat::COB_ID].map(|base| base + node);
+    let default_pdo = of == node && matches!(function, 0x180 | 0x280 | 0x380 | 0x480);
+    let of_another =
+        of != node && of != 0 && matches!(function, 0x080 | 0x180..=0x580 | 0x600 | 0x700);
+    let lss = id == lss::RESPONSE_COB_ID;
+    own.contains(&id) || default_pdo || lss || known.contains(&id) || of_another
 }
 
 impl Monitor for KnownIdentifiers {
     fn observe(&mut self, seen: &Seen) -> Result<(), Breach> {
         let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
-        let node = u16::from(self.node);
-        let own = [emcy::COB_ID, sdo::RESPONSE_COB_ID, heartbeat::COB_ID].map(|base| base + node);
-        let default_pdo = id & 0x7F == node && matches!(id & 0x780, 0x180 | 0x280 | 0x380 | 0x480);
-        let lss = id == 0x7E4;
-        if own.contains(&id)
-            || default_pdo
-            || lss
-            || self.known.contains(&id)
-            || self.of_another(id)
-        {
+        if is_anybodys(id, self.node, &self.known) {
             return Ok(());
         }
         Err(breach(seen, "no identifier that the node does not own", format!("{id:03X}h")))
@@ -415,7 +413,7 @@ mod tests {
     }
 
     fn breaches_beside(standing: Standing, lines: &[&str]) -> Vec<String> {
-        let mut monitors = all(5, vec![0x333], standing, Duration::ZERO);
+        let mut monitors = all(5, Some(vec![0x333]), standing, Duration::ZERO);
         let mut found = Vec::new();
         for line in lines {
             let (ms, text) = line.split_once(' ').unwrap();
@@ -486,6 +484,18 @@ mod tests {
                 "no identifier that the node does not own: 10Ah"
             ]
         );
+    }
+
+    #[test]
+    fn an_identifier_of_strangers_is_nobodys_where_a_bus_is_shared() {
+        let frame = "123#00".parse().unwrap();
+        let seen =
+            Seen { stamped: Stamped { at: Instant::ZERO, frame, own: false }, expected: false };
+        let breaks = |known| {
+            let mut monitors = all(5, known, Standing::default(), Duration::ZERO);
+            monitors.iter_mut().any(|monitor| monitor.observe(&seen).is_err())
+        };
+        assert!(breaks(Some(Vec::new())) && !breaks(None));
     }
 
     #[test]

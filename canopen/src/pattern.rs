@@ -2,9 +2,9 @@
 //!
 //! A pattern is a frame in candump form with holes: `580+n#80 $mux 02 00 01 06`. `+n` adds the
 //! node id to the identifier, `..` is any byte and `4.` one with that nibble, `...` any rest,
-//! `$name` the bytes bound to a name (or, when nothing is bound, one byte captured under it), and
-//! `=` a byte that an edit leaves as it is. `R` instead of data is a remote frame, `R8` one that
-//! asks for eight bytes.
+//! `$name` the bytes bound to a name (or, when nothing is bound, one byte captured under it),
+//! `$name[2]` the second seven of them, which an SDO segment holds, and `=` a byte that an edit
+//! leaves as it is. `R` instead of data is a remote frame, `R8` one that asks for eight bytes.
 
 use std::fmt;
 use std::str::FromStr;
@@ -38,6 +38,9 @@ enum Byte {
     Keep,
     /// The value bound to the name, or a captured byte.
     Name(String),
+    /// Of the value bound to the name seven bytes, or what is left of them: its segment of that
+    /// number, counted from 1.
+    Segment(String, u8),
 }
 
 /// A word of a pattern: the condition for the bytes at its place.
@@ -64,8 +67,8 @@ impl Pattern {
             Body::Remote(_) => &[],
         };
         bytes.iter().filter_map(|byte| match byte {
-            Byte::Name(name) => Some(name.as_str()),
-            _ => None,
+            Byte::Name(name) | Byte::Segment(name, _) => Some(name.as_str()),
+            Byte::Bits { .. } | Byte::Keep => None,
         })
     }
 
@@ -75,7 +78,7 @@ impl Pattern {
         let word = |byte: &Byte| match byte {
             Byte::Bits { mask: 0, .. } | Byte::Keep => Word::Open,
             Byte::Bits { mask, value } => Word::Bits { mask: *mask, value: *value },
-            Byte::Name(_) => Word::Name,
+            Byte::Name(_) | Byte::Segment(..) => Word::Name,
         };
         bytes.iter().map(word).collect()
     }
@@ -106,6 +109,11 @@ impl Pattern {
                     let first = bound.len();
                     let known = match byte {
                         Byte::Name(name) => lookup(name),
+                        Byte::Segment(name, number) => lookup(name).map(|whole| {
+                            let mut segments = whole.chunks(SEGMENT);
+                            let segment = segments.nth(usize::from(*number).saturating_sub(1));
+                            segment.unwrap_or_default().to_vec()
+                        }),
                         Byte::Bits { .. } | Byte::Keep => None,
                     };
                     match known {
@@ -193,7 +201,7 @@ impl Pattern {
                     let old = frame.data.get(place).copied().unwrap_or(0);
                     data.push(match byte {
                         Byte::Bits { mask, value } => old & !mask | value,
-                        Byte::Keep | Byte::Name(_) => old,
+                        Byte::Keep | Byte::Name(_) | Byte::Segment(..) => old,
                     });
                 }
                 if *any_rest {
@@ -205,6 +213,9 @@ impl Pattern {
     }
 }
 
+/// The data bytes of an SDO segment (CiA 301, 7.2.4.3).
+const SEGMENT: usize = 7;
+
 impl Byte {
     const fn exact(value: u8) -> Self {
         Self::Bits { mask: 0xFF, value }
@@ -213,7 +224,7 @@ impl Byte {
     fn fits(&self, got: u8) -> bool {
         match self {
             Self::Bits { mask, value } => got & mask == *value,
-            Self::Keep | Self::Name(_) => true,
+            Self::Keep | Self::Name(_) | Self::Segment(..) => true,
         }
     }
 }
@@ -242,6 +253,7 @@ impl fmt::Display for Byte {
         match self {
             Self::Keep => f.write_str("="),
             Self::Name(name) => write!(f, "${name}"),
+            Self::Segment(name, number) => write!(f, "${name}[{number}]"),
             Self::Bits { mask, value } => {
                 for shift in [4, 0] {
                     match mask >> shift & 0xF {
@@ -328,8 +340,19 @@ fn parse_body(body: &str, offset: usize) -> Result<Body, PatternError> {
             if end == 0 {
                 return fail("a name must follow `$`");
             }
-            bytes.push(Byte::Name(name[..end].to_owned()));
             at += 1 + end;
+            let (name, rest) = (name[..end].to_owned(), &name[end..]);
+            bytes.push(match rest.strip_prefix('[') {
+                None => Byte::Name(name),
+                Some(rest) => {
+                    let number = rest.split_once(']').map(|(number, _)| (number, number.parse()));
+                    let Some((digits, Ok(number @ 1..=u8::MAX))) = number else {
+                        return fail("a segment of a name is written `$name[2]`, from 1 on");
+                    };
+                    at += digits.len() + 2;
+                    Byte::Segment(name, number)
+                }
+            });
         } else {
             let Some(byte) = rest.get(..2).and_then(parse_byte) else {
                 return fail("expected two hex digits, `..`, `...`, `$name` or `=`");
@@ -413,6 +436,22 @@ mod tests {
     }
 
     #[test]
+    fn a_segment_is_seven_bytes_of_a_name() {
+        let value = |name: &str| (name == "text").then(|| b"nine byte".to_vec());
+        let bind = |text: &str| text.parse::<Pattern>().unwrap().bind(5, &value);
+        for (pattern, frame, fits) in [
+            ("580+n#01 $text[1]", "585#016E696E65206279", true),
+            ("580+n#01 $text[1]", "585#016E696E65206278", false),
+            ("580+n#82 $text[2] ...", "585#82746500000000FF", true),
+            ("580+n#82 $text[2] ...", "585#82740000000000FF", false),
+            ("580+n#83 $text[3] ...", "585#8300000000000000", true),
+        ] {
+            assert_eq!(bind(pattern).matches(&frame.parse().unwrap()), fits, "{pattern} {frame}");
+        }
+        assert_eq!(bind("600+n#01 $text[1]").frame().unwrap().to_string(), "605#016E696E65206279");
+    }
+
+    #[test]
     fn an_open_word_fits_any_byte() {
         let mux = |name: &str| (name == "mux").then(|| vec![0x17, 0x10, 0x00]);
         let pattern: Pattern = "580+n#80 $mux 3. ..".parse().unwrap();
@@ -437,6 +476,8 @@ mod tests {
             ("580+n#8", 6),
             ("580+n#80 xx", 9),
             ("580#$", 4),
+            ("580#01 $whole[0]", 7),
+            ("580#$whole[1", 4),
             ("580#... 01", 8),
             ("580#00 00 00 00 00 00 00 00 00", 28),
         ] {
@@ -447,7 +488,10 @@ mod tests {
     proptest! {
         #[test]
         fn no_text_panics_and_what_parses_prints_back(
-            text in "[0-9A-F]{3}(\\+n)?#([0-9a-fA-F.]{2}|\\.{3}|\\$[a-z]{1,3}|=| |R[0-9]?|ä){0,9}",
+            text in concat!(
+                "[0-9A-F]{3}(\\+n)?#([0-9a-fA-F.]{2}|\\.{3}",
+                "|\\$[a-z]{1,3}(\\[[0-9]{1,3}\\])?|=| |R[0-9]?|ä){0,9}",
+            ),
         ) {
             if let Ok(pattern) = text.parse::<Pattern>() {
                 prop_assert_eq!(pattern.to_string().parse(), Ok(pattern));

@@ -9,7 +9,7 @@ mod initiate;
 mod request;
 mod response;
 
-pub use client::{Client, Failure, Next, Transfer};
+pub use client::{Client, Failure, Mistake, Next, Transfer};
 pub use initiate::{Initiate, Segment};
 pub use request::Request;
 pub use response::Response;

@@ -261,8 +261,36 @@ fn quoted(source: &Source, place: Place, offset: usize) -> usize {
     }
 }
 
-/// Rewords a message that the YAML library addresses to programmers.
-fn in_our_words(message: &str) -> String {
+/// Rewords a message of a type that was expected: `type: integer 5, expected struct Line`.
+fn expected(message: &str) -> Option<String> {
+    let kinds = ["type: ", "value: ", "length: "];
+    let (_, expected) =
+        kinds.iter().find_map(|kind| message.strip_prefix(kind))?.rsplit_once(", expected ")?;
+    let what = match expected.split_once(' ').map_or(expected, |(first, _)| first) {
+        "struct" | "map" => "keys and values",
+        "enum" | "variant" | "string" => "a word, or a key with a value",
+        "sequence" | "tuple" => "a list",
+        "u8" | "u16" | "u32" | "u64" | "usize" | "i8" | "i16" | "i32" | "i64" | "i128" => {
+            "a whole number"
+        }
+        "f32" | "f64" => "a number",
+        "a" | "an" if expected == "a map" => "keys and values",
+        "a" | "an" if expected == "a sequence" => "a list",
+        "a" | "an" if expected == "a string" => "a text",
+        "a" | "an" if expected == "a boolean" => "`true` or `false`",
+        _ => expected,
+    };
+    Some(format!("{what} belongs here").replace("values belongs", "values belong"))
+}
+
+/// Rewords a message that a library for YAML or JSON addresses to programmers.
+pub fn in_our_words(message: &str) -> String {
+    if let Some(said) = message.strip_prefix("invalid ").and_then(expected) {
+        return said;
+    }
+    if message.contains("; use Option<") {
+        return "a value is missing here".to_owned();
+    }
     if let Some(rest) = message.strip_prefix("duplicate mapping key: ") {
         let key = rest.split([',', ';', ' ']).next().unwrap_or(rest);
         return format!("`{key}` stands here a second time");
@@ -300,6 +328,9 @@ fn in_our_words(message: &str) -> String {
         return "a second document begins here, and a file has one".to_owned();
     }
     match message {
+        "expected end of mapping after enum variant value" => {
+            "one key with its value belongs here, and there are more".to_owned()
+        }
         "recursion limit exceeded" => "values are nested too deeply here".to_owned(),
         "expected sequence start" => "a list belongs here: `[one, another]`".to_owned(),
         "expected mapping start" => "keys and values belong here: `{ key: value }`".to_owned(),
@@ -333,6 +364,23 @@ fn unknown(message: &str, prefix: &str, noun: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_type_of_the_program_is_no_word_for_a_user() {
+        for (message, said) in [
+            ("invalid type: integer `99999`, expected struct Line", "keys and values belong here"),
+            ("invalid value: integer `300`, expected u8", "a whole number belongs here"),
+            ("invalid type: null, expected a string", "a text belongs here"),
+            (
+                "invalid type: map, expected variant identifier",
+                "a word, or a key with a value belongs here",
+            ),
+            ("invalid type: string \"a, b\", expected a date", "a date belongs here"),
+            ("cannot deserialize null into string; use Option<String>", "a value is missing here"),
+        ] {
+            assert_eq!(in_our_words(message), said);
+        }
+    }
 
     #[test]
     fn what_is_too_much_for_the_library_is_said_in_our_words() {

@@ -10,8 +10,9 @@ use std::path::PathBuf;
 
 use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
 use reports::{FORMATS, Format, Grade};
-use runner::waivers::check_date;
+use runner::waivers::{UNEXPLAINED, check_date};
 
+use crate::argument::whole;
 use crate::device_file::GradeWord;
 use crate::folders::{CatalogueFolder, Folders};
 use crate::target::{DEFAULT_BIT_RATE, Selection};
@@ -52,7 +53,8 @@ pub enum Command {
     Serve(ServeArgs),
     /// List the nodes on a bus and the data sheets that match
     Scan(ScanArgs),
-    /// Look at a device and write a first device file about it
+    /// Look at a device and write a first device file about it; without --eds a data sheet, too, as
+    /// `eds probe` does
     Init(InitArgs),
     /// Prove that every case can fail: the kill matrix of mutants and cases
     Qualify(QualifyArgs),
@@ -124,6 +126,9 @@ pub struct RunArgs {
     /// Print what a run would write, reset and store, and what is protected, and send nothing
     #[arg(long)]
     pub dry_run: bool,
+    /// Run only the cases that made the run of this journal red, and those that they rely on
+    #[arg(long, value_name = "JOURNAL")]
+    pub last_failed: Option<PathBuf>,
     /// Run every Nth case, from the Ith on: N devices of a kind, each on a bus of its own, share
     /// the cases and the time
     #[arg(long, value_name = "I/N", value_parser = shard)]
@@ -132,7 +137,7 @@ pub struct RunArgs {
     #[arg(long)]
     pub shuffle: bool,
     /// Seed of the random order and of samples
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<u64>(0..=u64::MAX))]
     pub seed: Option<u64>,
     /// Test every index that the data sheet does not have, instead of a sample
     #[arg(long)]
@@ -140,7 +145,7 @@ pub struct RunArgs {
     /// Multiplies `within` of `until` and `observe` in suites of a profile, for a unit that fills
     /// and vents before it heats; the documents of profiles limit no such time
     #[arg(long, value_name = "FACTOR")]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..=100))]
+    #[arg(value_parser = whole::<u32>(1..=100))]
     pub patience: Option<u32>,
     /// Stop after this number of failures
     #[arg(long, value_name = "N", value_parser = failures)]
@@ -240,7 +245,7 @@ pub struct ServeArgs {
     #[arg(long)]
     pub stdio: bool,
     /// Its node id; the device's usual one when absent
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
     /// A mutant: the device with one deviation; `list mutants` names them
     #[arg(long, value_name = "NAME", group = "deviation")]
@@ -279,7 +284,7 @@ pub struct InitArgs {
     #[arg(long)]
     pub target: String,
     /// Node id of the device; a bus is scanned when absent
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
     /// Data sheet of the device; without it and without one in this program, one is generated from
     /// the answers of the device
@@ -290,7 +295,7 @@ pub struct InitArgs {
     pub out: PathBuf,
     /// Bit rate of the bus in bit/s; that of the interface when absent
     #[arg(long, value_name = "BITS")]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(value_parser = whole::<u32>(1..=1_000_000))]
     pub bitrate: Option<u32>,
     /// Which profiles.
     #[command(flatten)]
@@ -332,8 +337,9 @@ pub struct QualifyArgs {
 #[derive(Debug, Args)]
 pub struct ExplainArgs {
     /// A case, a suite, a requirement, a decision, a mutant, an object such as 1017h, a finding in
-    /// a data sheet such as eds-octal, an SDO abort code such as 0x06020000, or an emergency error
-    /// code such as 8130h
+    /// a data sheet such as eds-octal, an SDO abort code such as 0x06020000, an emergency error
+    /// code such as 8130h, a verdict, a step such as nmt, a name of the bench, or a number of
+    /// CiA's conformance test such as 2.19
     pub name: String,
     /// Which suites.
     #[command(flatten)]
@@ -365,12 +371,14 @@ pub enum TraceFormat {
 /// Commands about data sheets.
 #[derive(Debug, Subcommand)]
 pub enum EdsCommand {
-    /// Check a data sheet; findings have line numbers
+    /// Check data sheets; findings have line numbers
     Check {
-        /// The data sheet
-        file: PathBuf,
+        /// The data sheets
+        #[arg(required = true, value_name = "FILE")]
+        files: Vec<PathBuf>,
     },
-    /// Generate a data sheet from the answers of a device
+    /// Generate a data sheet from the answers of a device; settings of its communication are
+    /// written with the values that they have, to find out whether they can be
     Probe(ProbeArgs),
     /// Generate `device.eds` and `device.md` of a reference device
     Write {
@@ -392,7 +400,7 @@ pub struct ProbeArgs {
     #[arg(long)]
     pub target: String,
     /// Node id of the device; a bus is scanned when absent
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
     /// File to write, which must not exist; printed when absent
     #[arg(long, value_name = "FILE")]
@@ -402,7 +410,7 @@ pub struct ProbeArgs {
     pub catalogue: CatalogueFolder,
     /// Bit rate of the bus in bit/s, for the data sheet
     #[arg(long, value_name = "BITS", default_value_t = DEFAULT_BIT_RATE)]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(value_parser = whole::<u32>(1..=1_000_000))]
     pub bitrate: u32,
 }
 
@@ -416,11 +424,14 @@ pub struct DecodeArgs {
     #[arg(long, value_name = "FILE")]
     pub eds: Option<PathBuf>,
     /// Node id of the device with the data sheet
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
     /// The reference device whose data sheet it is, instead of --eds
     #[arg(long, value_name = "NAME", conflicts_with = "eds")]
     pub device: Option<String>,
+    /// Of a journal, only this case: its name, or a glob
+    #[arg(long, value_name = "CASE")]
+    pub case: Option<String>,
     /// Which profiles.
     #[command(flatten)]
     pub catalogue: CatalogueFolder,
@@ -434,6 +445,15 @@ pub struct WaiveArgs {
     /// File to write, which must not exist; printed when absent
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// The reason of all waivers; without one, each needs its own before a run with them is green
+    #[arg(long, value_name = "TEXT", default_value = UNEXPLAINED)]
+    pub reason: String,
+    /// The person or team that answers for them
+    #[arg(long, value_name = "NAME")]
+    pub owner: Option<String>,
+    /// The last day on which they hold, such as 2026-12-31
+    #[arg(long, value_name = "DATE", value_parser = date)]
+    pub expires: Option<String>,
 }
 
 /// Arguments of `restore`.
@@ -444,6 +464,9 @@ pub struct RestoreArgs {
     /// The interface, when the device is now on another one
     #[arg(long)]
     pub target: Option<String>,
+    /// Only remove the undo log: nothing is sent to the device, which stays as it is
+    #[arg(long, requires = "run")]
+    pub forget: bool,
 }
 
 /// Arguments of `schema`.

@@ -1,6 +1,8 @@
 //! The device file: which device is tested, how, and what must not be done to it. The command line
 //! takes precedence, except over the protection of the device.
 
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -39,7 +41,7 @@ pub struct DutFile {
     pub node: Option<At<u8>>,
     /// Its data sheet.
     #[serde(default)]
-    pub eds: Option<PathBuf>,
+    pub eds: Option<At<PathBuf>>,
     /// Its name in reports and for the `device` key of suites.
     #[serde(default)]
     pub device: Option<String>,
@@ -72,16 +74,16 @@ pub struct DutFile {
     pub grade: Option<GradeWord>,
     /// A file of waivers.
     #[serde(default)]
-    pub waivers: Option<PathBuf>,
+    pub waivers: Option<At<PathBuf>>,
     /// Multiplies how long the cases of a profile wait for the application of the device.
     #[serde(default)]
     pub patience: Option<At<u32>>,
     /// A program that resets the device when nothing else brings it back.
     #[serde(default)]
-    pub reset: Option<String>,
+    pub reset: Option<At<String>>,
     /// A program that switches the supply of the device: its last argument is `off` or `on`.
     #[serde(default)]
-    pub power: Option<String>,
+    pub power: Option<At<String>>,
     /// What must not be done to the device.
     #[serde(default)]
     pub protect: Protect,
@@ -120,7 +122,8 @@ pub struct Protect {
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Allow {
     /// Whether outputs may be driven: objects that can be mapped into an RPDO, and with CiA 401
-    /// also what outputs do on errors. They may not unless this is `true`.
+    /// also what outputs do on errors. Unless this is `true` they may not, and while one is on,
+    /// nothing is sent that may move it.
     #[serde(default)]
     pub outputs: Option<At<bool>>,
 }
@@ -223,7 +226,35 @@ impl DeviceFile {
     /// Everything that is wrong with it.
     pub(crate) fn load(path: &Path) -> Result<Self, Vec<Complaint>> {
         let source = read_source(path).map_err(|complaint| vec![complaint])?;
-        Self::of_source(source, path.parent().map_or_else(PathBuf::new, Path::to_owned))
+        let folder = path.parent().map_or_else(PathBuf::new, Path::to_owned);
+        let file = Self::of_source(source, folder)?;
+        let missing = file.missing();
+        if missing.is_empty() { Ok(file) } else { Err(missing) }
+    }
+
+    /// The files that it names and that are not there, and the programs that cannot be started.
+    fn missing(&self) -> Vec<Complaint> {
+        let said = &self.said;
+        let files = said.eds.iter().chain(&said.waivers).filter_map(|At { value, place }| {
+            let there = self.path(value).is_file();
+            (!there).then(|| (*place, format!("there is no file {}", self.path(value).display())))
+        });
+        let programs = said.reset.iter().chain(&said.power).filter_map(|At { value, place }| {
+            // The name of a program is looked for elsewhere.
+            let program = value.split_whitespace().next().filter(|word| word.contains('/'))?;
+            let path = self.path(Path::new(program));
+            let name = path.display();
+            let wrong = match fs::metadata(&path) {
+                Err(_) => format!("there is no program {name}"),
+                Ok(found) if found.permissions().mode() & 0o111 == 0 => {
+                    format!("{name} is not a program: `chmod +x {name}` makes it one")
+                }
+                Ok(_) => return None,
+            };
+            Some((*place, wrong))
+        });
+        let all = files.chain(programs);
+        all.map(|(place, wrong)| Complaint::at(&self.source, place, wrong)).collect()
     }
 
     /// Reads the text of a device file, whose paths are relative to `folder`.
@@ -280,8 +311,8 @@ impl DeviceFile {
 
     /// The programs that bring the device back.
     pub fn hooks(&self) -> Hooks {
-        let hook = |command: &Option<String>| {
-            let command = command.clone()?;
+        let hook = |command: &Option<At<String>>| {
+            let command = command.as_ref()?.value.clone();
             let program: Arc<dyn Hook> = Arc::new(Program { command, folder: self.folder.clone() });
             Some(program)
         };

@@ -102,6 +102,19 @@ impl Folders {
         Ok((Library::from_part(&sources, &catalogue)?, true))
     }
 
+    /// Loads of these folders the wanted suites, with what they may share and the register.
+    ///
+    /// # Errors
+    /// Every complaint about every file.
+    pub(crate) fn load_part(
+        &self,
+        wanted: impl Fn(&Source) -> bool,
+    ) -> Result<Library, Vec<Complaint>> {
+        let mut sources = self.sources()?;
+        sources.retain(|source| !is_suite(source) || wanted(source));
+        Library::from_part(&sources, &self.catalogue.load()?)
+    }
+
     /// The register files alone.
     ///
     /// # Errors

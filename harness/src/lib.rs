@@ -12,6 +12,7 @@ macro_rules! complain {
     }};
 }
 
+mod argument;
 pub mod bus;
 pub mod candump;
 pub mod cli;

@@ -23,6 +23,8 @@ use nix::unistd::Pid;
 use serde::Deserialize;
 use serde_json::{Value as Json, json};
 
+use crate::files::words;
+
 /// How long a rig may take to answer, and a socket to be there again.
 const PATIENCE: Duration = Duration::from_secs(5);
 
@@ -56,7 +58,8 @@ impl Rig {
     /// # Errors
     /// When there is no such thing.
     pub fn open(text: &str) -> Result<Self, BenchError> {
-        let failed = |error: std::io::Error| BenchError(format!("the bench {text}: {error}"));
+        let failed =
+            |error: std::io::Error| BenchError(format!("the bench {text}: {}", words(&error)));
         if let Some(path) = text.strip_prefix("unix:") {
             return UnixStream::connect(path)
                 .and_then(|socket| Self::behind(text, socket))
@@ -94,7 +97,7 @@ impl Rig {
         let (sender, receiver) = mpsc::channel();
         thread::spawn(move || {
             let mut answers = BufReader::new(answers);
-            while let Some(line) = answer_line(&mut answers) {
+            while let Some(line) = next_line(&mut answers) {
                 if sender.send(line).is_err() {
                     return;
                 }
@@ -132,7 +135,7 @@ impl Rig {
             Ok(Err(error)) if error.kind() == ErrorKind::ConnectionReset => {
                 return Err(GONE.to_owned());
             }
-            Ok(Err(error)) => return Err(format!("cannot be read: {error}")),
+            Ok(Err(error)) => return Err(format!("cannot be read: {}", words(&error))),
             Err(RecvTimeoutError::Timeout) => {
                 return Err(format!("does not answer within {} s", PATIENCE.as_secs()));
             }
@@ -227,7 +230,7 @@ impl Bench for Rig {
 const LONGEST_LINE: u64 = 64 << 10;
 
 /// The next line, without its end; `None` when nothing more comes.
-fn answer_line(answers: &mut impl BufRead) -> Option<std::io::Result<String>> {
+pub(crate) fn next_line(answers: &mut impl BufRead) -> Option<std::io::Result<String>> {
     let mut line = String::new();
     match answers.take(LONGEST_LINE).read_line(&mut line) {
         Ok(0) => None,
@@ -245,7 +248,7 @@ fn answer_line(answers: &mut impl BufRead) -> Option<std::io::Result<String>> {
 
 /// The lines of a bench until one is too long.
 pub fn lines(mut bytes: &[u8]) -> impl Iterator<Item = std::io::Result<String>> {
-    std::iter::from_fn(move || answer_line(&mut bytes))
+    std::iter::from_fn(move || next_line(&mut bytes))
 }
 
 /// Parses a line of a bench as an answer.
@@ -496,7 +499,7 @@ mod tests {
     fn a_line_of_a_rig_has_an_end() {
         let lines = |text: &str| -> Vec<Result<String, String>> {
             let mut text = text.as_bytes();
-            let line = std::iter::from_fn(|| answer_line(&mut text));
+            let line = std::iter::from_fn(|| next_line(&mut text));
             line.take(3).map(|line| line.map_err(|error| error.to_string())).collect()
         };
         let ok = |text: &str| Ok(text.to_owned());

@@ -8,7 +8,7 @@ mod can;
 mod compose;
 mod connection;
 mod folder;
-mod long;
+mod lengths;
 mod options;
 mod reference;
 mod scan;

@@ -1,6 +1,6 @@
 //! The undo log: the changes of a run on a real bus in a device, kept on disk in case the run is
-//! killed. It is written before the first change of an object and removed when every object is
-//! back; `harness restore` reads it.
+//! killed. It is written before the first change of an object, of the node id or of the bit rate,
+//! and removed when all of that is back; `harness restore` reads it.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use canopen::Mux;
 use reports::Identity;
 use runner::plan::parse_bytes;
-use runner::run::KeepChanges;
+use runner::run::{Address, KeepChanges, Snapshot, differs};
 use serde::{Deserialize, Serialize};
 
 use crate::files::{read_text, words, write_synced};
@@ -43,6 +43,9 @@ pub(crate) struct Changes {
     pub stores: bool,
     /// The objects with their values from before, in hexadecimal.
     pub objects: BTreeMap<String, String>,
+    /// What may have become of `node` and `bit_rate`.
+    #[serde(default)]
+    pub address: Address,
 }
 
 impl Changes {
@@ -57,6 +60,21 @@ impl Changes {
             Ok((mux, bytes))
         };
         self.objects.iter().map(value).collect()
+    }
+
+    /// Whether they are about one device: on the same interface, and the same by what both say of
+    /// themselves. A device that was left with another node id is known by its serial number.
+    pub(crate) fn are_of_the_device_of(&self, other: &Self) -> bool {
+        let serial = self.identity.serial.is_some() && other.identity.serial.is_some();
+        let node = self.node == other.node || serial && self.address > Address::AsBefore;
+        self.target == other.target && node && !differs(&self.identity, &other.identity)
+    }
+
+    /// What is changed, as a list.
+    pub(crate) fn said(&self) -> String {
+        let address = (self.address > Address::AsBefore).then_some("its node id and bit rate");
+        let said: Vec<&str> = self.objects.keys().map(String::as_str).chain(address).collect();
+        said.join(", ")
     }
 
     /// Whether the process is still there, so that it may set its changes back itself.
@@ -114,15 +132,21 @@ impl KeepChanges for UndoLog {
         self.name.clone().filter(|_| self.written)
     }
 
+    /// Names the logs that other runs have left of this device.
     fn identify(&mut self, identity: Identity) {
         self.changes.identity = identity;
+        for (name, left) in all(&self.folder) {
+            if left.are_of_the_device_of(&self.changes) && !left.is_running() {
+                complain!("note: {}", offer(&name, &left));
+            }
+        }
     }
 
-    fn write(&mut self, values: &BTreeMap<Mux, Vec<u8>>, stores: bool) -> Result<(), String> {
+    fn write(&mut self, left: &Snapshot) -> Result<(), String> {
         self.changes.objects =
-            values.iter().map(|(mux, value)| (mux.to_string(), hex(value))).collect();
-        self.changes.stores = stores;
-        if values.is_empty() && !stores {
+            left.values.iter().map(|(mux, value)| (mux.to_string(), hex(value))).collect();
+        (self.changes.stores, self.changes.address) = (left.stores, left.address);
+        if left.is_as_before() {
             return self.remove();
         }
         let name = match &self.name {
@@ -140,14 +164,27 @@ impl KeepChanges for UndoLog {
     }
 }
 
+/// A log that a killed run has left, and what can be done about it.
+pub(crate) fn offer(name: &str, left: &Changes) -> String {
+    format!(
+        "a run that was killed may have left changed in node {}: {}; `harness restore {name}` sets \
+         this back, and with `--forget` it only removes this note",
+        left.node,
+        left.said()
+    )
+}
+
 /// Where the logs are: `harness/undo` in `$XDG_STATE_HOME`, or where that is not set, in
-/// `~/.local/state`.
-pub(crate) fn folder() -> PathBuf {
+/// `~/.local/state`. A user without either has no place that is the user's own.
+pub(crate) fn folder() -> Option<PathBuf> {
     let state = std::env::var_os("XDG_STATE_HOME").map(PathBuf::from);
     let home = || Some(PathBuf::from(std::env::var_os("HOME")?).join(".local/state"));
     let state = state.filter(|path| path.is_absolute()).or_else(home);
-    state.unwrap_or_else(std::env::temp_dir).join("harness/undo")
+    Some(state?.join("harness/undo"))
 }
+
+/// Why there are no logs.
+pub(crate) const NO_PLACE: &str = "undo logs have no place: neither XDG_STATE_HOME nor HOME is set";
 
 /// The existing logs, by name.
 pub(crate) fn all(folder: &Path) -> Vec<(String, Changes)> {
@@ -219,7 +256,12 @@ mod tests {
             process: u32::MAX,
             stores: false,
             objects: BTreeMap::new(),
+            address: Address::AsBefore,
         }
+    }
+
+    fn of(values: &BTreeMap<Mux, Vec<u8>>, stores: bool) -> Snapshot {
+        Snapshot { values: values.clone(), stores, address: Address::AsBefore }
     }
 
     #[test]
@@ -230,7 +272,7 @@ mod tests {
         let values: BTreeMap<Mux, Vec<u8>> =
             [(Mux::new(0x1017, 0), vec![0x64, 0]), (Mux::new(0x2000, 1), Vec::new())].into();
         assert!(all(&folder).is_empty());
-        log.write(&values, true).unwrap();
+        log.write(&of(&values, true)).unwrap();
         assert_eq!(log.name_if_written().as_deref(), Some("can0-node5-4294967295"));
         let left = all(&folder);
         assert_eq!(left.len(), 1);
@@ -238,17 +280,17 @@ mod tests {
         assert!(!left[0].1.is_running());
 
         let mut other = UndoLog::new(folder.clone(), changes());
-        other.write(&values, false).unwrap();
+        other.write(&of(&values, false)).unwrap();
         assert_eq!(other.name_if_written().as_deref(), Some("can0-node5-4294967295-2"));
 
         let target = "slcan:/dev/ttyACM0".to_owned();
         let mut path = UndoLog::new(folder.clone(), Changes { target, ..changes() });
-        path.write(&values, false).unwrap();
+        path.write(&of(&values, false)).unwrap();
         let name = path.name_if_written().unwrap();
         assert_eq!(name, "slcan--dev-ttyACM0-node5-4294967295");
         remove(&folder, &name).unwrap();
 
-        log.write(&BTreeMap::new(), false).unwrap();
+        log.write(&Snapshot::default()).unwrap();
         assert_eq!(log.name_if_written(), None);
         assert_eq!(all(&folder).len(), 1);
         remove(&folder, "can0-node5-4294967295-2").unwrap();
@@ -256,9 +298,30 @@ mod tests {
     }
 
     #[test]
+    fn a_node_id_is_logged_and_a_log_is_of_one_device() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path().join("undo");
+        let mut log = UndoLog::new(folder.clone(), changes());
+        let identity = |serial| Identity { vendor: Some(1), serial, ..Identity::default() };
+        log.identify(identity(Some(7)));
+        log.write(&Snapshot { address: Address::Configured, ..Snapshot::default() }).unwrap();
+        let left = all(&folder).remove(0).1;
+        assert_eq!(left.said(), "its node id and bit rate");
+        let of = |node, serial| {
+            let other = Changes { node, identity: identity(serial), ..changes() };
+            left.are_of_the_device_of(&other)
+        };
+        assert!(of(5, Some(7)) && of(5, None) && of(6, Some(7)));
+        assert!(!of(5, Some(8)) && !of(6, None));
+        assert!(!left.are_of_the_device_of(&Changes { target: "can1".to_owned(), ..left.clone() }));
+        let objects = Changes { address: Address::AsBefore, ..left.clone() };
+        assert!(!objects.are_of_the_device_of(&Changes { node: 6, ..left }));
+    }
+
+    #[test]
     fn a_log_that_cannot_be_written_or_read_says_why() {
         let mut log = UndoLog::new("/dev/null/undo".into(), changes());
-        let why = log.write(&BTreeMap::new(), true).unwrap_err();
+        let why = log.write(&of(&BTreeMap::new(), true)).unwrap_err();
         assert!(why.contains("/dev/null/undo cannot be written: Not a directory;"), "{why}");
         let folder = tempfile::tempdir().unwrap();
         let none = read(folder.path(), "none").unwrap_err();

@@ -115,7 +115,7 @@ fn of_frame(frame: &Frame) -> Option<Mux> {
 }
 
 /// An object of a PDO stands for the same object of each other PDO of that direction.
-fn of_its_kind(mux: Mux) -> String {
+pub(crate) fn of_its_kind(mux: Mux) -> String {
     match (mux.index, mux.sub) {
         (0x1600..=0x17FF | 0x1A00..=0x1BFF, 1..) => format!("{:02X}xx:xx", mux.index >> 8 & !1),
         (0x1400..=0x1BFF, sub) => format!("{:02X}xx:{sub:02X}", mux.index >> 8 & !1),
@@ -124,7 +124,7 @@ fn of_its_kind(mux: Mux) -> String {
 }
 
 /// The first line of `text`, with `*` for what differs between instances of one cause.
-fn alike(text: &str) -> String {
+pub(crate) fn alike(text: &str) -> String {
     let line = text.lines().next().unwrap_or_default();
     let words: Vec<&str> = line.split_whitespace().collect();
     let mut out: Vec<String> = Vec::new();
@@ -169,7 +169,7 @@ fn frame(id: &str, data: &str, after: &[&str]) -> String {
 }
 
 /// The two words of an SDO abort code: `0609 0030h`.
-fn is_code(word: &str, next: Option<&&str>) -> bool {
+pub(crate) fn is_code(word: &str, next: Option<&&str>) -> bool {
     let hex = |text: &str| text.len() == 4 && text.bytes().all(|digit| digit.is_ascii_hexdigit());
     hex(word) && next.and_then(|next| bare(next).strip_suffix('h')).is_some_and(hex)
 }

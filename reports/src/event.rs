@@ -258,6 +258,11 @@ pub struct CaseEnded {
     /// The cause in common with the other instances that did not pass for the same reason.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<Cause>,
+    /// The requirements on which the result rests: those that the case relies on, and the effects
+    /// of its NMT commands. Where one of them does not hold, the result follows from that. Of a
+    /// case that passed, none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub relies_on: Vec<Arc<str>>,
 }
 
 /// How the run came out.
@@ -282,7 +287,7 @@ impl CaseEnded {
     /// The end of `case`, with its cause.
     pub fn of(case: &CaseStarted, at: Instant, outcome: Outcome) -> Self {
         let cause = Cause::of(&case.requirement_ids(), &outcome);
-        Self { at, outcome, cause }
+        Self { at, outcome, cause, relies_on: Vec::new() }
     }
 }
 

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use canopen::source::in_our_words;
+
 use crate::event::Event;
 
 /// The beginning of a journal.
@@ -52,7 +54,7 @@ impl JournalError {
         if let Some(end) = why.rfind(" at line ") {
             why.truncate(end);
         }
-        Self { line, column: error.column().max(1), why }
+        Self { line, column: error.column().max(1), why: in_our_words(&why) }
     }
 }
 
@@ -86,7 +88,7 @@ mod tests {
     fn errors_tell_their_line() {
         assert_eq!(
             errors(&format!("{NOTE}\n\n{{\"note\":{{\"at\":5}}}}\n")),
-            ["line 3, column 16: missing field `text`"]
+            ["line 3, column 16: the key `text` is missing"]
         );
         assert_eq!(
             errors(r#"{"frame":{"at":1,"own":true,"frame":"605"}}"#),

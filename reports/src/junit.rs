@@ -5,11 +5,13 @@
 //! bus it is that of the first case; in virtual time it is a fixed one, so that equal runs give
 //! equal files.
 
+use std::collections::BTreeMap;
 use std::io::{self, Write};
 
 use junit_report::{Duration, OffsetDateTime, ReportBuilder, TestCase, TestCaseBuilder, TestSuite};
 
 use crate::event::CaseStarted;
+use crate::fact::{Noticed, facts};
 use crate::run::{CaseRun, DeviceRun, Run, SuiteRun};
 use crate::style::Style;
 use crate::terminal::details;
@@ -20,9 +22,10 @@ use crate::verdict::{Grade, Outcome, Phase, Problem};
 /// # Errors
 /// Those of the stream.
 pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
-    let mut report = ReportBuilder::new();
+    let (mut report, kinds) = (ReportBuilder::new(), kinds(run));
     for device in &run.devices {
-        report.add_testsuites(device.suites.iter().map(|suite| test_suite(run, device, suite)));
+        let suites = device.suites.iter();
+        report.add_testsuites(suites.map(|suite| test_suite(run, device, suite, &kinds)));
     }
     let suites = run.devices.iter().flat_map(|device| device.suites.iter().map(move |_| device));
     let properties: Vec<String> = suites.map(|device| properties(run, device)).collect();
@@ -85,7 +88,7 @@ fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-fn test_suite(run: &Run, device: &DeviceRun, suite: &SuiteRun) -> TestSuite {
+fn test_suite(run: &Run, device: &DeviceRun, suite: &SuiteRun, kinds: &Kinds) -> TestSuite {
     let began = run.started.as_ref().and_then(|run| run.began);
     let first = suite.cases.first().map_or(0, |case| case.info.at.0 / 1_000_000_000);
     // Not by `TestSuite::new`, which reads the clock.
@@ -94,13 +97,13 @@ fn test_suite(run: &Run, device: &DeviceRun, suite: &SuiteRun) -> TestSuite {
         package: attribute(&device.info.device),
         timestamp: began.map_or(OffsetDateTime::UNIX_EPOCH, |began| moment(began + first)),
         hostname: "localhost".into(),
-        testcases: suite.cases.iter().map(|case| test_case(device, case)).collect(),
+        testcases: suite.cases.iter().map(|case| test_case(device, case, kinds)).collect(),
         system_out: device.info.remark.as_deref().map(cdata),
         system_err: None,
     }
 }
 
-fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
+fn test_case(device: &DeviceRun, case: &CaseRun, kinds: &Kinds) -> TestCase {
     let (info, names) = (&case.info, &device.info.objects);
     let name = info.short_name();
     let name = attribute(&name);
@@ -133,7 +136,7 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
             let mut test = TestCaseBuilder::failure(
                 &name,
                 time,
-                &kind_of(case, phase(problem.phase)),
+                &kind_of(case, kinds, phase(problem.phase)),
                 &attribute(&names.in_text(&difference(problem))),
             );
             test.set_trace(&text());
@@ -141,7 +144,7 @@ fn test_case(device: &DeviceRun, case: &CaseRun) -> TestCase {
         }
         Outcome::Error { reason, problem } => {
             let kind = problem.as_ref().map_or("error", |problem| phase(problem.phase));
-            let kind = kind_of(case, kind);
+            let kind = kind_of(case, kinds, kind);
             let reason = attribute(&names.in_text(reason));
             let mut test = TestCaseBuilder::error(&name, time, &kind, &reason);
             test.set_trace(&text());
@@ -171,10 +174,23 @@ fn difference(problem: &Problem) -> String {
     format!("expected {}; came {}{says}", problem.expected, problem.actual)
 }
 
-/// The cause, by which servers group what failed.
-fn kind_of(case: &CaseRun, otherwise: &str) -> String {
-    let cause = case.cause.as_ref().map(|cause| attribute(&cause.to_string()));
-    cause.unwrap_or_else(|| otherwise.to_owned())
+/// The kinds of what did not pass.
+type Kinds = BTreeMap<*const CaseRun, String>;
+
+/// By instance, the cause of the one that explains it: servers group by it what failed.
+fn kinds(run: &Run) -> Kinds {
+    let facts = facts(run).into_iter();
+    let kinds = facts.filter_map(|fact| Some((attribute(&fact.cause()?.to_string()), fact.cases)));
+    let of_each = |(kind, cases): (String, Vec<Noticed>)| {
+        let each =
+            cases.into_iter().map(move |(.., case)| (std::ptr::from_ref(case), kind.clone()));
+        each.collect::<Vec<_>>()
+    };
+    kinds.flat_map(of_each).collect()
+}
+
+fn kind_of(case: &CaseRun, kinds: &Kinds, otherwise: &str) -> String {
+    kinds.get(&std::ptr::from_ref(case)).cloned().unwrap_or_else(|| otherwise.to_owned())
 }
 
 const fn phase(phase: Phase) -> &'static str {

@@ -4,12 +4,15 @@
 
 mod cause;
 mod event;
+mod fact;
 mod format;
 pub mod github;
 pub mod journal;
 pub mod junit;
 mod names;
+pub mod reason;
 mod run;
+mod seen;
 mod style;
 pub mod terminal;
 mod verdict;

@@ -69,6 +69,8 @@ pub struct CaseRun {
     pub outcome: Outcome,
     /// The cause in common with the other instances that did not pass for the same reason.
     pub cause: Option<Box<Cause>>,
+    /// The requirements on which the result rests.
+    pub relies_on: Vec<Arc<str>>,
     /// When it was over; the last that is known of it when it did not come to its end.
     pub ended: Instant,
     /// The figures it took.
@@ -240,6 +242,7 @@ impl Run {
             // Kept if no result follows: a case that did not end is an error and not forgotten.
             outcome: Outcome::Error { reason: INTERRUPTED.into(), problem: None },
             cause: None,
+            relies_on: Vec::new(),
             ended: case.at,
             measured: Vec::new(),
             notes: Vec::new(),
@@ -258,6 +261,7 @@ impl Run {
         case.ended = end.at;
         case.outcome = end.outcome.clone();
         case.cause = end.cause.clone().map(Box::new);
+        case.relies_on.clone_from(&end.relies_on);
         if keep == Keep::Unusual && case.verdict().is_usual() {
             (case.steps, case.stimuli) = (Vec::new(), Vec::new());
             let mut spare = std::mem::take(&mut case.trace);

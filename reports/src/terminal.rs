@@ -10,11 +10,10 @@ mod subject;
 mod summary;
 mod trace;
 
-use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::time::Duration;
 
-use crate::cause::Cause;
+use crate::fact::Explained;
 use crate::run::{CaseRun, DeviceRun, Run};
 use crate::style::{Style, printable};
 use crate::verdict::{Outcome, Problem, Verdict};
@@ -39,8 +38,8 @@ pub enum Verbosity {
 pub struct Printer {
     style: Style,
     verbosity: Verbosity,
-    /// The causes that were explained.
-    causes: BTreeSet<Cause>,
+    /// The facts that were explained.
+    explained: Explained,
     /// The hint on how to see more of LENIENT cases was printed.
     hinted: bool,
     last: Last,
@@ -57,7 +56,7 @@ enum Last {
 impl Printer {
     /// Has printed nothing yet.
     pub const fn new(style: Style, verbosity: Verbosity) -> Self {
-        Self { style, verbosity, causes: BTreeSet::new(), hinted: false, last: Last::Nothing }
+        Self { style, verbosity, explained: Explained::new(), hinted: false, last: Last::Nothing }
     }
 
     /// The text of a case that has ended; empty when nothing must be printed.
@@ -73,7 +72,7 @@ impl Printer {
         // A LENIENT case has as much to show, and is green.
         let in_full = run.is_red(verdict)
             || verdict == Verdict::Lenient && self.verbosity == Verbosity::Verbose;
-        let block = in_full && !self.is_explained(case);
+        let block = in_full && !self.is_explained(device, case);
         let mut text = String::new();
         if self.last == Last::Block || block && self.last == Last::Line {
             text.push('\n');
@@ -103,12 +102,10 @@ impl Printer {
         }
     }
 
-    /// Whether a case with the same cause was printed in full. A device that does not send its
+    /// Whether a case that shows the same fact was printed in full. A device that does not send its
     /// boot-up message, say, fails many cases, and the first one explains them all.
-    fn is_explained(&mut self, case: &CaseRun) -> bool {
-        let Some(cause) = case.cause.as_deref() else { return false };
-        let first = self.causes.insert(cause.clone());
-        !first && self.verbosity < Verbosity::Verbose
+    fn is_explained(&mut self, device: &DeviceRun, case: &CaseRun) -> bool {
+        self.explained.takes(device, case) && self.verbosity < Verbosity::Verbose
     }
 }
 

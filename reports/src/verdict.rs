@@ -43,6 +43,25 @@ impl Verdict {
         Self::Error,
     ];
 
+    /// What it says, in a sentence.
+    pub const fn meaning(self) -> &'static str {
+        match self {
+            Self::Pass => "The device does what the specification demands.",
+            Self::Lenient => {
+                "Another behaviour that is tolerated, or a deviation from what is only \
+                 recommended; with `--grade strict` the run is not green."
+            }
+            Self::Skip => "The case does not apply to this device, for the reason given.",
+            Self::Blocked => {
+                "The case relies on a requirement that does not hold on this device; the run \
+                 stays green."
+            }
+            Self::Waived => "A FAIL, ERROR or LENIENT that is waived; the run stays green.",
+            Self::Fail => "The device breaks a requirement that is a must.",
+            Self::Error => "The case could not be carried out; it says nothing about the device.",
+        }
+    }
+
     /// The verdict in capitals, as every report prints it.
     pub const fn name(self) -> &'static str {
         match self {

@@ -111,7 +111,12 @@ fn a_run_that_could_not_start_looks_green_in_no_format() {
         let mut passed = not_started.clone();
         for event in &mut passed {
             if let Event::CaseEnded(end) = event {
-                *end = CaseEnded { at: end.at, outcome: Outcome::Pass, cause: None };
+                *end = CaseEnded {
+                    at: end.at,
+                    outcome: Outcome::Pass,
+                    cause: None,
+                    relies_on: Vec::new(),
+                };
             }
         }
         let passed = whole(format.write, &fold(&passed, Keep::Unusual));
@@ -244,7 +249,7 @@ fn a_case_that_was_undecided_counts_as_it_comes_out_at_last() {
     let [start, device, case] = [&events[0], &events[1], &events[2]];
     let ended = |outcome: Outcome| {
         let at = canopen::Instant::ZERO;
-        Event::CaseEnded(CaseEnded { at, outcome, cause: None })
+        Event::CaseEnded(CaseEnded { at, outcome, cause: None, relies_on: Vec::new() })
     };
     let late = || ended(Outcome::Undecided("the tester was late by 42 ms".to_owned()));
     let run = |ends: &[Event]| {

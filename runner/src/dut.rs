@@ -4,12 +4,12 @@
 
 mod sheet;
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::sync::Arc;
 
 use canopen::bench::Needs;
-use canopen::eds::Eds;
+use canopen::eds::{Eds, Entry};
 use canopen::pdo::Mapping;
 use canopen::{BusError, Mux, lss};
 
@@ -36,6 +36,9 @@ pub struct Dut {
     pub bench_needs: Needs,
     /// The interface that it is on, when it is not simulated.
     pub interface: Option<String>,
+    /// Whether other stations can be on its bus: it is neither in this process nor at the end of
+    /// pipes. What comes there with another identifier than its own may be theirs.
+    pub shares_its_bus: bool,
     /// Bit rate of its bus in bit/s, when it is known.
     pub bit_rate: Option<u32>,
     /// Options of its profile that it does not have.
@@ -43,8 +46,8 @@ pub struct Dut {
     /// The name of the profile that the device gave when asked, by an object that the catalogue
     /// knows.
     pub told: Option<String>,
-    /// Entries without a default value whose value was longer than four bytes when it was asked.
-    pub long: BTreeSet<Mux>,
+    /// How many bytes the values of variable length had when it was asked.
+    pub lengths: BTreeMap<Mux, usize>,
     /// The actions that it is protected from.
     pub protection: Arc<Protection>,
     /// How it takes frames, by its data sheet.
@@ -90,10 +93,11 @@ impl Dut {
             own_bench: false,
             bench_needs: Needs::new(),
             interface: None,
+            shares_its_bus: false,
             bit_rate: None,
             without: Vec::new(),
             told: None,
-            long: BTreeSet::new(),
+            lengths: BTreeMap::new(),
             protection: Arc::default(),
             wire: Arc::default(),
             hooks: Hooks::default(),
@@ -115,6 +119,13 @@ impl Dut {
         }
         ways.push("its supply switched off and on".to_owned());
         Some(format!("what may bring it back: {}", ways.join("; ")))
+    }
+
+    /// How many bytes the value of an entry has: by its type, as the device said, or by default.
+    pub fn length(&self, entry: &Entry) -> usize {
+        let by_default = || entry.default_bytes(self.node).map_or(0, |bytes| bytes.len());
+        let told = || self.lengths.get(&entry.mux).copied();
+        entry.data_type.size().or_else(told).unwrap_or_else(by_default)
     }
 
     /// The whole number that the data sheet gives as default at `mux`.

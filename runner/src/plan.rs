@@ -20,7 +20,7 @@ pub use bind::{plan, plan_cases};
 pub(crate) use bytes::{fill, mapping_word};
 pub use bytes::{parse_bytes, show_bytes};
 pub use deeds::deeds;
-pub(crate) use deeds::nmt_frame;
+pub(crate) use deeds::{nmt_frame, protected};
 pub(crate) use each::{index_range, matching_entries};
 pub use instance::{Fate, Instance, Plan, is_named};
 pub(crate) use scope::Binding;

@@ -9,13 +9,14 @@ mod deed;
 mod guard;
 mod wire;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use canopen::Mux;
-use canopen::eds::{Direction, Eds, ObjectKind};
+use canopen::eds::{Direction, Eds, Entry, ObjectKind};
+use reports::reason::PROTECTED_BY;
 
 pub use deed::Deed;
 pub use guard::Guarded;
@@ -62,6 +63,37 @@ pub struct Protection {
     deeds: Vec<(Deed, String)>,
     /// How often 1010h and 1011h may be written.
     budgets: BTreeMap<u16, Budget>,
+    /// Outputs that must not be driven.
+    outputs: Option<Outputs>,
+}
+
+/// The outputs of a device that must not move, and what is known of them.
+#[derive(Clone, Debug)]
+struct Outputs {
+    /// The objects that show them.
+    shown: BTreeSet<Mux>,
+    by: Arc<str>,
+    /// Why they would move: what is on.
+    on: Arc<Mutex<Option<String>>>,
+}
+
+impl Outputs {
+    fn is_on(&self) -> Option<String> {
+        self.on.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+/// Whether an entry of a manufacturer's, by its name in the data sheet, shows an output: process
+/// data that nobody writes.
+fn shows_output(entry: &Entry, eds: &Eds) -> bool {
+    let named = |name: &str| {
+        let mut words = name.split(|c: char| !c.is_alphanumeric());
+        words.any(|word| matches!(&*word.to_ascii_lowercase(), "output" | "outputs"))
+    };
+    (MANUFACTURER..PROFILES).contains(&entry.mux.index)
+        && !entry.access.writable()
+        && entry.maps_into(Direction::Transmit)
+        && (named(&entry.name) || eds.object(entry.mux.index).is_some_and(|it| named(&it.name)))
 }
 
 /// Store parameters, and restore default parameters.
@@ -74,6 +106,7 @@ impl Protection {
             && self.entries.is_empty()
             && self.deeds.is_empty()
             && self.budgets.is_empty()
+            && self.outputs.is_none()
     }
 
     /// Protects objects by their addresses.
@@ -91,13 +124,47 @@ impl Protection {
     }
 
     /// Protects what a device makes of received process data, and the outputs of CiA 401 with what
-    /// they do on errors.
+    /// they do on errors, those included that the data sheet lacks. While one of them is
+    /// [on](Self::hold), nothing is sent that may move it.
     pub fn protect_outputs(&mut self, eds: &Eds, generic_io: bool, by: &Arc<str>) {
+        let of_profile =
+            |mux: Mux| generic_io && OUTPUTS.iter().any(|range| range.contains(&mux.index));
         let received = eds.entries().filter(|entry| {
             entry.mux.index >= MANUFACTURER && entry.maps_into(Direction::Receive)
-                || generic_io && OUTPUTS.iter().any(|range| range.contains(&entry.mux.index))
+                || of_profile(entry.mux)
         });
-        self.entries.extend(received.map(|entry| (entry.mux, Arc::clone(by))));
+        let received: BTreeSet<Mux> = received.map(|entry| entry.mux).collect();
+        self.entries.extend(received.iter().map(|mux| (*mux, Arc::clone(by))));
+        let mut shown = received;
+        if generic_io {
+            for indices in OUTPUTS {
+                self.objects.push((Objects { indices, sub: None }, by.to_string()));
+            }
+            shown.extend(VALUES.map(|index| Mux::new(index, 1)));
+        }
+        shown.retain(|mux| {
+            mux.sub > 0 || eds.object(mux.index).is_none_or(|it| it.kind == ObjectKind::VAR)
+        });
+        shown.extend(eds.entries().filter(|entry| shows_output(entry, eds)).map(|it| it.mux));
+        self.outputs = Some(Outputs { shown, by: Arc::clone(by), on: Arc::default() });
+    }
+
+    /// The objects that show the outputs which must not move.
+    pub(crate) fn outputs(&self) -> impl Iterator<Item = Mux> {
+        self.outputs.iter().flat_map(|outputs| &outputs.shown).copied()
+    }
+
+    /// From now on nothing is done that may move outputs, for the reason that they are `on`; when
+    /// there is none, they are off.
+    pub(crate) fn hold(&self, on: Option<String>) {
+        if let Some(outputs) = &self.outputs {
+            *outputs.on.lock().unwrap_or_else(PoisonError::into_inner) = on;
+        }
+    }
+
+    /// Whether an output is on that must not move.
+    pub(crate) fn holds(&self) -> bool {
+        self.outputs.as_ref().is_some_and(|outputs| outputs.is_on().is_some())
     }
 
     /// Protects from a deed that is not about an object.
@@ -117,6 +184,12 @@ impl Protection {
 
     /// Why the deed is refused, in one sentence.
     pub fn refuses(&self, deed: Deed) -> Option<String> {
+        if deed.moves_outputs()
+            && let Some(outputs) = &self.outputs
+            && let Some(on) = outputs.is_on()
+        {
+            return Some(format!("{deed} while {on}: protected by {}", outputs.by));
+        }
         let by = match deed {
             Deed::Write(mux, _) | Deed::Map(_, mux) => self.of(mux).or_else(|| {
                 let budget = self.budgets.get(&mux.index)?;
@@ -132,7 +205,7 @@ impl Protection {
                 deeds.find(|(deed, _)| *deed == other).map(|(_, by)| by.as_str())
             }
         };
-        by.map(|by| format!("{deed}: protected by {by}"))
+        by.map(|by| format!("{deed}{PROTECTED_BY}{by}"))
     }
 
     /// The protection of an object.
@@ -160,7 +233,7 @@ impl Protection {
             (count as u32 > left).then(|| {
                 let times =
                     if count == 1 { "1 write".to_owned() } else { format!("{count} writes") };
-                format!("{times} of {index:04X}h, {left} left: protected by {}", budget.by)
+                format!("{times} of {index:04X}h, {left} left{PROTECTED_BY}{}", budget.by)
             })
         })
     }
@@ -175,6 +248,10 @@ impl Protection {
 
 /// The first index that is not about communication.
 const MANUFACTURER: u16 = 0x2000;
+/// The first index of the device profiles.
+const PROFILES: u16 = 0x6000;
+/// The values of outputs in CiA 401, which a device may have that its data sheet does not know.
+const VALUES: [u16; 8] = [0x6200, 0x6220, 0x6300, 0x6320, 0x6410, 0x6411, 0x6412, 0x6413];
 /// The outputs of CiA 401, and what they do on errors.
 const OUTPUTS: [RangeInclusive<u16>; 3] = [0x6200..=0x63FF, 0x6410..=0x6420, 0x6441..=0x644F];
 
@@ -190,7 +267,8 @@ mod tests {
         let eds = &device.description.eds;
         let mut protection = Protection::default();
         protection.protect_outputs(eds, true, &Arc::from("`outputs: false`"));
-        for protected in ["6200:01", "6206:01", "6411:01"] {
+        // The data sheet has no 6300h.
+        for protected in ["6200:01", "6206:01", "6411:01", "6300:01"] {
             let mux = protected.parse().unwrap();
             assert!(protection.refuses(Deed::Write(mux, None)).is_some(), "{protected}");
         }
@@ -198,6 +276,25 @@ mod tests {
             let mux = free.parse().unwrap();
             assert_eq!(protection.refuses(Deed::Write(mux, None)), None, "{free}");
         }
+    }
+
+    #[test]
+    fn while_an_output_is_on_nothing_moves_it() {
+        let device = devices::device("generic").unwrap();
+        let mut protection = Protection::default();
+        protection.hold(Some("output 6200:01 is on".to_owned()));
+        assert!(!protection.holds(), "outputs are not protected");
+        protection.protect_outputs(&device.description.eds, true, &Arc::from("`outputs: false`"));
+        let heartbeat = Deed::Write(Mux::new(0x1016, 1), None);
+        let moving = [Deed::Stop, Deed::Start, Deed::ResetNode, Deed::Stimulus, heartbeat];
+        assert!(moving.iter().all(|deed| protection.refuses(*deed).is_none()));
+        protection.hold(Some("output 6200:01 is on".to_owned()));
+        assert!(moving.iter().all(|deed| protection.refuses(*deed).is_some()));
+        let why = "NMT stop while output 6200:01 is on: protected by `outputs: false`";
+        assert_eq!(protection.refuses(Deed::Stop).as_deref(), Some(why));
+        assert_eq!(protection.refuses(Deed::Write(Mux::new(0x1017, 0), None)), None);
+        protection.hold(None);
+        assert_eq!(protection.refuses(Deed::Stop), None);
     }
 
     #[test]

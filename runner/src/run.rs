@@ -18,10 +18,10 @@ mod steps;
 mod tests;
 
 pub use link::{
-    Ended, Link, Lost, Traffic, exists, identity, is_long, oddities, probe, read_number, read_text,
-    transfer,
+    Ended, Link, Lost, Traffic, exists, identity, oddities, probe, read_number, read_text,
+    transfer, value_length,
 };
 pub use observer::{Observer, Shown, Unobserved};
 pub use policy::Policy;
-pub use rest::{Abandoned, BroughtBack, KeepChanges, Undo};
+pub use rest::{Abandoned, Address, BroughtBack, KeepChanges, Snapshot, Undo, differs};
 pub use session::{Ending, Session};

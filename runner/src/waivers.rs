@@ -18,6 +18,9 @@ use crate::plan::is_named;
 use crate::source::{At, Complaint, Source, read_yaml};
 use crate::suite::Register;
 
+/// The reason that stands for one until somebody writes it.
+pub const UNEXPLAINED: &str = "not explained yet";
+
 /// What is waived in a run.
 #[derive(Debug, Default)]
 pub struct Waivers {
@@ -149,6 +152,9 @@ impl Waivers {
             {
                 complain(date.place, format!("this waiver expired on {}", date.value));
                 continue;
+            }
+            if waiver.reason.value.trim() == UNEXPLAINED {
+                complain(waiver.reason.place, "this waiver has no reason yet".to_owned());
             }
             let absent = |glob: &&At<String>| !names.iter().any(|name| is_named(&glob.value, name));
             let mut known = true;

@@ -4,6 +4,7 @@ mod block;
 
 use std::fmt;
 
+pub use self::block::Mistake;
 use self::block::{BlockDownload, BlockUpload};
 use super::{Initiate, Request, Response, Segment};
 use crate::abort::Abort;
@@ -91,6 +92,9 @@ impl fmt::Display for Failure {
 }
 
 impl Client {
+    /// More bytes than any object of a device holds: a server that never ends is broken off.
+    pub const LONGEST: u32 = 1 << 20;
+
     /// The address of the transferred object.
     pub const fn mux(&self) -> Mux {
         self.state.mux()
@@ -108,11 +112,16 @@ impl Client {
         (State::BlockUpload(upload).client(), request)
     }
 
+    /// Begins to write `data` to `mux` in blocks, with a mistake if there is one.
+    pub fn download_in_blocks(mux: Mux, data: &[u8], mistake: Option<Mistake>) -> (Self, Request) {
+        let (download, request) = BlockDownload::begin(mux, data, mistake);
+        (State::BlockDownload(download).client(), request)
+    }
+
     /// Begins to write `data` to `mux`. More than four bytes are never expedited.
     pub fn download(mux: Mux, data: &[u8], transfer: Transfer) -> (Self, Request) {
         if transfer == Transfer::Block {
-            let (download, request) = BlockDownload::begin(mux, data);
-            return (State::BlockDownload(download).client(), request);
+            return Self::download_in_blocks(mux, data, None);
         }
         let segmented = transfer == Transfer::Segmented || !(1..=4).contains(&data.len());
         let initiate = match segmented {
@@ -198,9 +207,6 @@ impl State {
     }
 }
 
-/// More than any object of a device holds: a server that never ends is broken off.
-const LONGEST: usize = 1 << 20;
-
 fn upload_initiated(mux: Mux, answer: Response) -> Next {
     match answer {
         Response::Upload(echo, Initiate::Expedited(data)) if echo == mux => {
@@ -233,8 +239,8 @@ fn uploading(
         }
     };
     data.extend_from_slice(&segment.data);
-    if data.len() > LONGEST {
-        return violation(mux, format!("an end before {LONGEST} bytes"), answer);
+    if data.len() > Client::LONGEST as usize {
+        return violation(mux, format!("an end before {} bytes", Client::LONGEST), answer);
     }
     let too_long = size.is_some_and(|size| data.len() > size as usize);
     let too_short = segment.last && size.is_some_and(|size| data.len() < size as usize);
@@ -497,6 +503,44 @@ mod tests {
         assert_eq!(end, Request::Block(BlockRequest::DownloadEnd(BlockEnd::of(&data, true))));
         let done = client.step(Response::Block(BlockResponse::DownloadEnd));
         assert!(matches!(done, Next::Done(_, None)), "{done:?}");
+    }
+
+    #[test]
+    fn a_client_makes_its_mistake_once() {
+        let ack = |last_good| {
+            let size = 3;
+            Response::Block(BlockResponse::DownloadAck(BlockAck { last_good, size }))
+        };
+        let begin = |mistake| {
+            let accepted = BlockResponse::Download { mux: MUX, crc: true, size: 3 };
+            let (client, _) = Client::download_in_blocks(MUX, &[7; 15], Some(mistake));
+            client.step(Response::Block(accepted))
+        };
+        let numbers = |next: Next| match next {
+            Next::Send(client, requests) => {
+                let number = |request: &Request| match request {
+                    Request::BlockSegment(segment) => segment.sequence,
+                    _ => 0,
+                };
+                (client, requests.iter().map(number).collect::<Vec<_>>())
+            }
+            other => panic!("{other:?}"),
+        };
+        let (client, sent) = numbers(begin(Mistake::LostSegment));
+        assert_eq!(sent, [2, 3]);
+        let taken = client.clone().step(ack(3));
+        assert!(matches!(&taken, Next::Failed(Failure::Violation { .. }, _)), "{taken:?}");
+        let (_, sent) = numbers(client.step(ack(0)));
+        assert_eq!(sent, [1, 2, 3]);
+        let (client, sent) = numbers(begin(Mistake::RepeatedSegment));
+        assert_eq!(sent, [1, 1, 2, 3]);
+        let (_, sent) = numbers(client.step(ack(1)));
+        assert_eq!(sent, [1, 2]);
+        let (client, sent) = numbers(begin(Mistake::WrongChecksum));
+        assert_eq!(sent, [1, 2, 3]);
+        let Next::Send(_, end) = client.step(ack(3)) else { panic!("no end") };
+        let Request::Block(BlockRequest::DownloadEnd(end)) = end[0] else { panic!("{end:?}") };
+        assert_eq!(end.crc, !BlockEnd::of(&[7; 15], true).crc);
     }
 
     #[test]

@@ -21,7 +21,7 @@ impl RunArgs {
             waivers: self
                 .waivers
                 .clone()
-                .or_else(|| said.waivers.as_ref().map(|path| file.path(path))),
+                .or_else(|| said.waivers.as_ref().map(|path| file.path(&path.value))),
             patience: self.patience.or_else(|| said.patience.as_ref().map(|factor| factor.value)),
             selection: self.selection.with(file, typed),
             ..self.clone()

@@ -12,6 +12,7 @@ use canopen::{Decoder, Frame, Instant, Mux};
 use reference_devices::devices;
 use reports::{Begun, CaseStarted, DeviceStarted, Event, ObjectNames, Stimulus, journal};
 use runner::dut::Sheet;
+use runner::plan::is_named;
 
 use super::counted::counted;
 use crate::candump::{self, LONGEST};
@@ -95,6 +96,9 @@ struct Printed<'a> {
     /// The first time stamp of a log, which is the time of a day.
     first: Option<Instant>,
     frames: usize,
+    /// The case of a journal that is printed, by its name or a glob, and whether this is it.
+    wanted: Option<String>,
+    shown: bool,
     /// The first line that is not a frame, and why; and how many there are.
     skipped: Option<(usize, String)>,
     skips: usize,
@@ -120,6 +124,8 @@ impl<'a> Printed<'a> {
             is_journal: false,
             first: None,
             frames: 0,
+            wanted: args.case.clone(),
+            shown: args.case.is_none(),
             skipped: None,
             skips: 0,
         };
@@ -157,15 +163,20 @@ impl<'a> Printed<'a> {
                 self.frame(Some(seen.at), seen.own, &seen.frame);
             }
             Some((_, Ok(Event::DeviceStarted(device)))) => self.device(&device)?,
-            Some((_, Ok(Event::CaseStarted(case)))) => say(&format!("\n{}\n", heading(&case))),
+            Some((_, Ok(Event::CaseStarted(case)))) => {
+                let wanted = self.wanted.as_ref();
+                self.shown = wanted.is_none_or(|pattern| is_named(pattern, &case.name()));
+                self.say(&format!("\n{}\n", heading(&case)));
+            }
             Some((_, Ok(Event::Note(note)))) => {
-                say(&format!("{:>STAMP$}  --  {}\n", note.at.to_string(), note.text));
+                self.say(&format!("{:>STAMP$}  --  {}\n", note.at.to_string(), note.text));
             }
             Some((_, Ok(Event::Step(Begun { at, text, .. })))) => {
-                say(&format!("{:>STAMP$}  --  {}\n", at.to_string(), self.names.in_text(&text)));
+                let text = self.names.in_text(&text);
+                self.say(&format!("{:>STAMP$}  --  {text}\n", at.to_string()));
             }
             Some((_, Ok(Event::Stimulus(Stimulus { at, name, says, .. })))) => {
-                say(&format!("{:>STAMP$}  --  bench: {name} = {says}\n", at.to_string()));
+                self.say(&format!("{:>STAMP$}  --  bench: {name} = {says}\n", at.to_string()));
             }
             Some((_, Ok(_))) => {}
         }
@@ -196,8 +207,8 @@ impl<'a> Printed<'a> {
     }
 
     fn frame(&mut self, at: Option<Instant>, sent: bool, frame: &Frame) {
-        self.frames += 1;
         let text = self.decoder.see(frame);
+        self.frames += usize::from(self.shown);
         let at = at.map_or_else(String::new, |at| format!("{:>STAMP$}  ", at.to_string()));
         let direction = match (sent, self.is_journal) {
             (true, _) => "TX  ",
@@ -205,7 +216,14 @@ impl<'a> Printed<'a> {
             (false, false) => "",
         };
         let frame = frame.to_string();
-        say(&format!("{at}{direction}{frame:<FRAME$}  {}\n", self.names.in_text(&text)));
+        self.say(&format!("{at}{direction}{frame:<FRAME$}  {}\n", self.names.in_text(&text)));
+    }
+
+    /// Prints what belongs to the case that is wanted.
+    fn say(&self, text: &str) {
+        if self.shown {
+            say(text);
+        }
     }
 
     fn skip(&mut self, number: usize, why: &str) {
@@ -218,7 +236,11 @@ impl<'a> Printed<'a> {
         let skipped = self.skipped.map(|(line, why)| format!("line {line}: {why}"));
         match (self.frames, skipped) {
             (0, why) => {
-                let why = why.unwrap_or_else(|| "it has no line".to_owned());
+                let none = || match &self.wanted {
+                    Some(case) => format!("no case is called `{case}`"),
+                    None => "it has no line".to_owned(),
+                };
+                let why = why.unwrap_or_else(none);
                 let message = format!("error: {file}: there is no frame; {why}");
                 return Err(Refused { exit: Exit::File, message });
             }

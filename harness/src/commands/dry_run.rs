@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 use canopen::Mux;
+use reports::reason::PROTECTED_BY;
 use runner::dut::Dut;
 use runner::plan::{Fate, Plan, deeds};
 use runner::protect::Deed;
@@ -30,6 +31,9 @@ pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
     select(&mut plans, &args.selection)?;
     let texts: Vec<String> = plans.iter().map(|plan| report(plan, args.verbose)).collect();
     say(&texts.join("\n"));
+    if args.selection.bench.is_some() && plans.iter().any(|plan| !plan.dut.own_bench) {
+        say("the bench is not asked: cases about its names count as skipped\n");
+    }
     Ok(Exit::Green)
 }
 
@@ -83,7 +87,7 @@ impl Sum {
                 None => sum.runs(&deeds, plan),
                 Some((reason, protected)) => {
                     sum.skipped += 1;
-                    let (deed, by) = reason.split_once(": protected by ").unwrap_or(("", &reason));
+                    let (deed, by) = reason.split_once(PROTECTED_BY).unwrap_or(("", &reason));
                     if protected {
                         let case = format!("{}  {deed}", instance.name());
                         sum.protected.entry(by.to_owned()).or_default().push(case);

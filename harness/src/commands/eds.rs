@@ -10,6 +10,7 @@ use canopen::catalogue::Catalogue;
 use canopen::eds::{self, Severity};
 use runner::stop::Stop;
 use runner::suite::step::Step;
+use runner::suite::{Level, Library};
 
 use super::counted::counted;
 use crate::cli::{EdsCommand, ProbeArgs};
@@ -25,7 +26,7 @@ use crate::target::{self, Address, Selection, compose, reference_device, scan};
 /// When a file cannot be read or written, or the device is unknown.
 pub(super) fn run(command: &EdsCommand, stop: &Stop) -> Result<Exit, Refused> {
     match command {
-        EdsCommand::Check { file } => check(file),
+        EdsCommand::Check { files } => check(files),
         EdsCommand::Probe(args) => probe(args, stop),
         EdsCommand::Write { device, out, catalogue } => {
             write(device, out.clone(), &*catalogue.load()?)
@@ -33,65 +34,105 @@ pub(super) fn run(command: &EdsCommand, stop: &Stop) -> Result<Exit, Refused> {
     }
 }
 
-fn check(path: &Path) -> Result<Exit, Refused> {
-    let bytes = read(path, LARGEST).map_err(|error| file_error(path, &error))?;
-    let reading = eds::read(&bytes);
-    let diagnostics = reading.diagnostics;
-    let text = eds::decode(&bytes);
-    let lines: Vec<&str> = text.lines().collect();
-    let (mut report, judges, mut failing) = (String::new(), judges(), false);
-    for diagnostic in &diagnostics {
-        let (line, column) = (diagnostic.line, diagnostic.column);
-        let severity = match diagnostic.severity {
-            Severity::Error => "error",
-            Severity::Warning => "warning",
-            Severity::Note => "note",
+/// Checks one data sheet after the other; the worst decides.
+fn check(paths: &[PathBuf]) -> Result<Exit, Refused> {
+    let (none, mut judges) = (BTreeMap::new(), None);
+    let mut worst = Exit::Green;
+    for path in paths {
+        let bytes = read(path, LARGEST).map_err(|error| file_error(path, &error))?;
+        let reading = eds::read(&bytes);
+        let judges = match reading.diagnostics.is_empty() {
+            true => &none,
+            false => &*judges.get_or_insert_with(judges_of_sheets),
         };
+        let (report, exit) = report(path, &bytes, &reading, judges);
+        let name = if paths.len() > 1 { format!("{}: ", path.display()) } else { String::new() };
+        say(&format!("{report}{name}{}\n", counts(&reading)));
+        worst = worst.max(exit);
+    }
+    Ok(worst)
+}
+
+fn report(
+    path: &Path,
+    bytes: &[u8],
+    reading: &eds::Reading,
+    judges: &BTreeMap<String, Judge>,
+) -> (String, Exit) {
+    let diagnostics = &reading.diagnostics;
+    let text = eds::decode(bytes);
+    let lines: Vec<&str> = text.lines().collect();
+    let (mut report, mut failing) = (String::new(), false);
+    for diagnostic in diagnostics {
+        let (line, column) = (diagnostic.line, diagnostic.column);
         // Writing to a string cannot fail.
-        _ = writeln!(report, "{severity}[{}]: {}", diagnostic.code, diagnostic.message);
+        _ = writeln!(
+            report,
+            "{}[{}]: {}",
+            diagnostic.severity, diagnostic.code, diagnostic.message
+        );
         _ = writeln!(report, " --> {}:{line}:{column}", path.display());
         let gutter = line.to_string().len();
         if let Some(source) = line.checked_sub(1).and_then(|place| lines.get(place)) {
             _ = writeln!(report, "{line} | {source}");
             _ = writeln!(report, "{:gutter$} | {:>column$}", "", "^");
         }
-        if let Some(case) = judges.get(diagnostic.code) {
-            failing = true;
-            _ = writeln!(report, "{:gutter$} = {case} fails on this", "");
+        if let Some(Judge { case, must }) = judges.get(diagnostic.code) {
+            failing |= must;
+            let verdict = if *must { "fails" } else { "is LENIENT" };
+            _ = writeln!(report, "{:gutter$} = {case} {verdict} on this", "");
         }
         report.push('\n');
     }
-    let count = |severity| diagnostics.iter().filter(|d| d.severity == severity).count();
-    let (errors, warnings) = (count(Severity::Error), count(Severity::Warning));
-    let counts = [
-        counted(reading.eds.objects.len(), "object"),
-        counted(errors, "error"),
-        counted(warnings, "warning"),
-        counted(count(Severity::Note), "note"),
-    ];
-    _ = writeln!(report, "{}", counts.join(", "));
-    say(&report);
-    Ok(match (errors, failing) {
-        (0, false) => Exit::Green,
-        (0, true) => Exit::Failed,
-        _ => Exit::File,
-    })
+    let errors = diagnostics.iter().any(|found| found.severity == Severity::Error);
+    let exit = match (reading.eds.objects.is_empty(), errors || failing) {
+        // Nothing could be tried with such a file.
+        (true, _) => Exit::File,
+        (false, true) => Exit::Failed,
+        (false, false) => Exit::Green,
+    };
+    (report, exit)
 }
 
-/// The case that fails on each finding: the suites judge data sheets, too.
-fn judges() -> BTreeMap<String, String> {
+/// How much there is, and what was found.
+fn counts(reading: &eds::Reading) -> String {
+    let count =
+        |severity| reading.diagnostics.iter().filter(|found| found.severity == severity).count();
+    let counts = [
+        counted(reading.eds.objects.len(), "object"),
+        counted(count(Severity::Error), "error"),
+        counted(count(Severity::Warning), "warning"),
+        counted(count(Severity::Note), "note"),
+    ];
+    counts.join(", ")
+}
+
+/// The case that judges a finding, and whether a requirement that it checks is a must.
+struct Judge {
+    case: String,
+    must: bool,
+}
+
+/// The case that judges each finding: the suites judge data sheets, too. Suites without such a step
+/// are not loaded.
+fn judges_of_sheets() -> BTreeMap<String, Judge> {
     let mut judges = BTreeMap::new();
     // Suites that do not load are for `harness check` to report.
-    let suites = Folders::default().load().map(|library| library.suites);
-    for suite in suites.unwrap_or_default() {
+    let library = Folders::default().load_part(|source| source.text.contains("- eds:"));
+    let Ok(Library { suites, register, .. }) = library else { return judges };
+    for suite in suites {
         for case in suite.file.cases.iter().map(|case| &case.value) {
             let steps = case.all_steps().filter_map(|step| match &step.value {
                 Step::Eds(eds) => Some(eds),
                 _ => None,
             });
+            let is_must = |id: &str| {
+                register.find(id).is_some_and(|found| found.entry.value.level == Level::Must)
+            };
+            let must = case.checks.iter().any(|check| is_must(&check.value));
             for code in steps.flat_map(|eds| &eds.without) {
-                let name = format!("{}/{}", suite.name(), case.id.value);
-                judges.entry(code.value.clone()).or_insert(name);
+                let case = format!("{}/{}", suite.name(), case.id.value);
+                judges.entry(code.value.clone()).or_insert(Judge { case, must });
             }
         }
     }

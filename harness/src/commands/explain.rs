@@ -1,5 +1,7 @@
 //! `harness explain`: explains any name that appears in a report.
 
+mod words;
+
 use std::collections::BTreeSet;
 
 use canopen::Abort;
@@ -26,7 +28,8 @@ use crate::source::At;
 use crate::target::reference_device;
 
 /// Explains a case, a suite, a requirement, a decision, a mutant, a freedom, a personality, an
-/// object, a finding in a data sheet, an abort code or an emergency error code.
+/// object, a finding in a data sheet, an abort code, an emergency error code, a verdict, a step, a
+/// name of the bench or a number of CiA's conformance test.
 ///
 /// # Errors
 /// When nothing has that name; what was meant, perhaps.
@@ -138,7 +141,7 @@ impl Book {
         if let Some(finding) = CODES.iter().find(|known| known.name == name) {
             return Some(self.finding(finding));
         }
-        self.code(name)
+        self.word(name).or_else(|| self.code(name))
     }
 
     fn case(&self, suite: &Suite, case: &At<Case>) -> String {
@@ -355,6 +358,7 @@ impl Book {
         names.extend(self.freedoms.iter().map(|(freedom, _)| freedom.name.clone()));
         names.extend(self.personalities.iter().map(|known| known.name.clone()));
         names.extend(CODES.iter().map(|known| known.name.to_owned()));
+        names.extend(self.words());
         names.extend(
             self.library.catalogue.profiles().iter().flat_map(|p| p.options.keys().cloned()),
         );

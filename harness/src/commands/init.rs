@@ -139,7 +139,10 @@ fn text(args: &InitArgs, found: &Found, sheet: &Sheet, eds: &Eds, bit_rate: Opti
     let mut outputs = Protection::default();
     outputs.protect_outputs(eds, found.is_generic_io(), &Arc::from(""));
     say_objects(&mut text, "Objects that drive outputs, by the data sheet", &outputs, eds);
-    text.push_str("  # Set this to true where nothing can come to harm.\n  outputs: false\n");
+    text.push_str(
+        "  # While one of them is on, cases that may move it are not run.\n  \
+         # Set this to true where nothing can come to harm.\n  outputs: false\n",
+    );
     text
 }
 

@@ -8,7 +8,7 @@ use reference_devices::devices;
 use runner::dut::Dut;
 use runner::plan::show_bytes;
 use runner::protect::Guarded;
-use runner::run::{Abandoned, BroughtBack, Policy};
+use runner::run::{Abandoned, Address, BroughtBack, Policy};
 use runner::stop::Stop;
 
 use super::counted::counted;
@@ -25,8 +25,8 @@ use crate::undo_log::{self, Changes};
 /// # Errors
 /// When there is no such run, or the interface cannot be used.
 pub(super) fn run(args: &RestoreArgs, stop: &Stop) -> Result<Exit, Refused> {
-    let folder = undo_log::folder();
     let file_error = |why| Refused { exit: Exit::File, message: format!("error: {why}") };
+    let folder = undo_log::folder().ok_or_else(|| file_error(undo_log::NO_PLACE.to_owned()))?;
     let Some(name) = &args.run else {
         let logs = undo_log::each(&folder);
         say(&list(&logs));
@@ -35,13 +35,19 @@ pub(super) fn run(args: &RestoreArgs, stop: &Stop) -> Result<Exit, Refused> {
             false => Err(file_error("a log cannot be read".to_owned())),
         };
     };
-    let changes = undo_log::read(&folder, name).map_err(file_error)?;
-    if changes.is_running() {
-        let process = changes.process;
+    let read = undo_log::read(&folder, name);
+    if let Some(Changes { process, .. }) = read.as_ref().ok().filter(|left| left.is_running()) {
         return Err(Refused::usage(format!(
             "the run is still there, as process {process}: it sets its changes back itself"
         )));
     }
+    // One that cannot be read as well.
+    if args.forget {
+        undo_log::remove(&folder, name).map_err(file_error)?;
+        say(&format!("{name} is removed; nothing was sent to the device\n"));
+        return Ok(Exit::Green);
+    }
+    let changes = read.map_err(file_error)?;
     let values = changes.values().map_err(file_error)?;
     let target = args.target.as_ref().unwrap_or(&changes.target);
     let interface: Interface =
@@ -52,45 +58,81 @@ pub(super) fn run(args: &RestoreArgs, stop: &Stop) -> Result<Exit, Refused> {
         identity: changes.identity,
         values,
         stores: changes.stores,
+        address: changes.address,
         may_reset: !changes.protected,
     };
     let policy = Policy::at_bit_rate(changes.bit_rate.unwrap_or(DEFAULT_BIT_RATE));
     let _held = stop.hold();
     let bus = open_interface(&interface, stop)?;
     let mut bus = Guarded::new(bus, Arc::clone(&dut.protection), (*dut.wire).clone());
+    let back = match abandoned.bring_back(&mut bus, &policy, stop) {
+        Ok(brought) => back(brought, &abandoned, &changes, target)?,
+        Err(BusError::Interrupted) => return Err(Refused::interrupted()),
+        Err(error) => return Err(Refused::bus(error.to_string())),
+    };
+    undo_log::remove(&folder, name).map_err(file_error)?;
+    say(&back);
+    Ok(Exit::Green)
+}
+
+/// What is back, in words.
+///
+/// # Errors
+/// What is not.
+fn back(
+    brought: BroughtBack,
+    abandoned: &Abandoned,
+    changes: &Changes,
+    target: &str,
+) -> Result<String, Refused> {
     let node = changes.node;
-    match abandoned.bring_back(&mut bus, &policy, stop) {
-        Ok(BroughtBack::Lost(why)) => Err(Refused {
-            exit: Exit::DeviceGone,
-            message: format!("error: node {node} on {target} does not come back: {why}"),
-        }),
-        Ok(BroughtBack::Another) => Err(Refused {
-            exit: Exit::Failed,
-            message: format!(
-                "error: node {node} on {target} is another device than the run changed, by 1000h \
-                 and 1018h; nothing was written"
-            ),
-        }),
-        Ok(BroughtBack::Except(left)) if left.is_empty() => {
-            undo_log::remove(&folder, name).map_err(file_error)?;
+    let gone = |what: &str| Refused {
+        exit: Exit::DeviceGone,
+        message: format!("error: node {node} on {target} {what}"),
+    };
+    match brought {
+        BroughtBack::Lost(why) => {
+            let rate = at_another_bit_rate(changes);
+            Err(gone(&format!("does not come back: {why}{rate}")))
+        }
+        BroughtBack::Another => Err(Refused::bus(format!(
+            "node {node} on {target} is another device than the run changed, by 1000h and 1018h; \
+             no object was written. `harness restore --forget` with the name removes the log"
+        ))),
+        BroughtBack::Misaddressed => Err(gone(
+            "answers, and does not confirm by LSS that it has its node id and bit rate; no object \
+             was written",
+        )),
+        BroughtBack::Except(left) if left.is_empty() => {
             let mut text = String::new();
             for (mux, value) in &abandoned.values {
                 _ = writeln!(text, "{mux} = {}", show_bytes(value));
             }
-            let count = abandoned.values.len();
-            _ = writeln!(text, "{} of node {node} on {target} set back", counted(count, "object"));
-            say(&text);
-            Ok(Exit::Green)
+            let objects = counted(abandoned.values.len(), "object");
+            let back = match (abandoned.values.len(), changes.address) {
+                (_, Address::AsBefore) => objects,
+                (0, _) => "node id".to_owned(),
+                (_, _) => format!("{objects} and node id"),
+            };
+            _ = writeln!(text, "{back} of node {node} on {target} set back");
+            Ok(text)
         }
-        Ok(BroughtBack::Except(left)) => {
+        BroughtBack::Except(left) => {
             let left: Vec<String> = left.iter().map(ToString::to_string).collect();
-            let left = left.join(", ");
-            let message =
-                format!("error: node {node} on {target} refuses {left}, or does not answer");
-            Err(Refused { exit: Exit::Failed, message })
+            Err(gone(&format!("refuses {}, or does not answer", left.join(", "))))
         }
-        Err(BusError::Interrupted) => Err(Refused::interrupted()),
-        Err(error) => Err(Refused::bus(error.to_string())),
+    }
+}
+
+/// What to try for a device that may have another bit rate, as the end of a sentence.
+fn at_another_bit_rate(changes: &Changes) -> String {
+    let rate = changes.bit_rate.map_or_else(String::new, |rate| format!(", not {rate} bit/s"));
+    match changes.address {
+        Address::AsBefore => String::new(),
+        Address::Configured | Address::Stored => format!(
+            ". It may have another bit rate{rate}: set the interface to that, and `harness \
+             restore` again"
+        ),
     }
 }
 
@@ -115,6 +157,7 @@ fn dut(changes: &Changes) -> Result<Dut, Refused> {
         }
     };
     dut.name.clone_from(&changes.device);
+    dut.shares_its_bus = true;
     Arc::make_mut(&mut dut.eds).device.lss = changes.lss;
     Ok(dut)
 }
@@ -129,10 +172,9 @@ fn list(logs: &[(String, Result<Changes, String>)]) -> String {
             Ok(changes) => changes,
             Err(why) => return format!("{name}  cannot be read: {why}\n"),
         };
-        let objects: Vec<&str> = changes.objects.keys().map(String::as_str).collect();
         let running = if changes.is_running() { " (still running)" } else { "" };
         let Changes { target, node, device, .. } = changes;
-        format!("{name}  {device}, node {node} on {target}: {}{running}\n", objects.join(", "))
+        format!("{name}  {device}, node {node} on {target}: {}{running}\n", changes.said())
     };
     logs.iter().map(line).collect()
 }

@@ -1,17 +1,17 @@
 //! `harness run`: runs suites against devices, and writes the reports.
 
-use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
 use std::thread;
 
 use canopen::{BusError, Instant};
 use reference_devices::devices;
-use reports::{Event, Identity, Note, RunEnded, Verdict};
+use reports::{Event, Identity, Keep, Note, Run, RunEnded, Verdict};
 use runner::dut::Dut;
 use runner::parallel::{self, InTurn, processors};
 use runner::plan::{self, Instance, Plan};
 use runner::protect::Deed;
-use runner::run::{Ending, Policy, Session, Undo, Unobserved};
+use runner::run::{Address, Ending, Policy, Session, Undo, Unobserved};
 use runner::stop::Stop;
 use runner::suite::{Library, Register};
 use runner::waivers::Waivers;
@@ -21,7 +21,7 @@ use super::select::{all_named, known_device, select};
 use crate::bus::unix_time;
 use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};
-use crate::files::read_source;
+use crate::files::{LARGEST_JOURNAL, read, read_source, text, words};
 use crate::nearest::did_you_mean;
 use crate::reporter::{Reporter, harmless, started};
 use crate::source::{At, Complaint};
@@ -38,11 +38,13 @@ pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
     }
     let with_file = args.with_file();
     let args = with_file.as_ref().unwrap_or(args);
+    // Before the journal of this run, which may be the same file.
+    let last_failed = args.last_failed.as_deref().map(last_failed).transpose()?;
     let mut reporter = Reporter::new(args)?;
     // The children of the bench end with it.
     let held = args.selection.bench.as_ref().map(|_| stop.hold());
     let prepared = match &with_file {
-        Ok(args) => Prepared::new(args, stop),
+        Ok(args) => Prepared::new(args, last_failed, stop),
         Err(refused) => Err(refused.clone()),
     };
     let prepared = match prepared {
@@ -53,11 +55,26 @@ pub(super) fn run(args: &RunArgs, stop: &Stop) -> Result<Exit, Refused> {
         Ok(prepared) => prepared,
         Err(refused) => {
             reporter.refused(args, &refused);
+            if refused.exit == Exit::Bus {
+                name_lost_devices(args);
+            }
             return Err(refused);
         }
     };
     let _held = (stop.hold(), held);
     Ok(prepared.run(args, stop, &mut reporter))
+}
+
+/// Names the logs of devices on the same interface that may not answer because a killed run left
+/// them with another node id.
+fn name_lost_devices(args: &RunArgs) {
+    let target = args.selection.target.as_deref().unwrap_or_default();
+    let folder = undo_log::folder();
+    for (name, left) in folder.iter().flat_map(|folder| undo_log::all(folder)) {
+        if left.target == target && left.address > Address::AsBefore && !left.is_running() {
+            complain!("note: {}", undo_log::offer(&name, &left));
+        }
+    }
 }
 
 /// The plans to run, and the facts known before they run.
@@ -71,7 +88,11 @@ struct Prepared {
 }
 
 impl Prepared {
-    fn new(args: &RunArgs, stop: &Stop) -> Result<Self, Refused> {
+    fn new(
+        args: &RunArgs,
+        last_failed: Option<BTreeSet<String>>,
+        stop: &Stop,
+    ) -> Result<Self, Refused> {
         let library = thread::scope(|scope| -> Result<_, Vec<Complaint>> {
             // The reference devices are read once, which need not wait for the suites.
             scope.spawn(|| devices::all().count());
@@ -89,6 +110,9 @@ impl Prepared {
         }
         let names = names_of(&plans, args.waivers.is_some());
         select(&mut plans, &args.selection)?;
+        if let Some(failed) = &last_failed {
+            plans.iter_mut().for_each(|plan| plan.keep(failed));
+        }
         if let Some(shard) = args.shard {
             plans.iter_mut().for_each(|plan| plan.keep_every(shard.of, shard.place));
         }
@@ -144,6 +168,26 @@ fn load(args: &RunArgs) -> Result<(Library, bool), Vec<Complaint>> {
     match args.waivers.is_none() && device.is_none() {
         true => folders.load_named(patterns),
         false => Ok((folders.load()?, false)),
+    }
+}
+
+/// The names of the cases that made the run of a journal red.
+fn last_failed(path: &Path) -> Result<BTreeSet<String>, Refused> {
+    let name = path.display();
+    let refused = |why: String| {
+        let message = format!("error: {name}: {why}");
+        Refused { exit: Exit::File, message }
+    };
+    let journal = read(path, LARGEST_JOURNAL).and_then(text).map_err(|why| refused(words(&why)))?;
+    let run = Run::fold(&journal, Keep::Unusual).map_err(|why| refused(why.to_string()))?;
+    let red = run.cases().filter(|(_, case)| run.is_red(case.verdict()));
+    let names: BTreeSet<String> = red.map(|(_, case)| case.info.name()).collect();
+    match names.is_empty() {
+        false => Ok(names),
+        true => {
+            let message = format!("error: there is nothing to run: nothing in {name} is red");
+            Err(Refused { exit: Exit::NothingRan, message })
+        }
     }
 }
 
@@ -212,7 +256,21 @@ impl Sessions<'_> {
             undo: &undo,
         };
         let ending = match target.open(&stop) {
-            Ok(mut bus) => session.run(&mut *bus, &mut tell),
+            Ok(mut bus) => {
+                let mut in_case = false;
+                session.run(&mut *bus, &mut |event| {
+                    match &event {
+                        Event::CaseStarted(_) => in_case = true,
+                        Event::CaseEnded(_) => in_case = false,
+                        // No report has a place for it but the journal.
+                        Event::Note(note) if !in_case => {
+                            complain!("note: {}", harmless(&note.text));
+                        }
+                        _ => {}
+                    }
+                    tell(event);
+                })
+            }
             Err(refused) => {
                 let ending = Ending::Bus(BusError::Open(refused.message));
                 session.not_run(&mut tell, &ending);
@@ -221,7 +279,7 @@ impl Sessions<'_> {
         };
         if let Some(changed) = undo.said() {
             let log = undo.log_name();
-            let log = log.map(|name| format!("; `harness restore {name}` sets them back"));
+            let log = log.map(|name| format!("; `harness restore {name}` sets this back"));
             let (name, node) = (&target.dut.name, target.dut.node);
             let why = format!("{name}, node {node}: {changed}{}", log.unwrap_or_default());
             tell(Event::Note(Note { at: Instant::ZERO, text: why.clone() }));
@@ -231,14 +289,18 @@ impl Sessions<'_> {
     }
 }
 
-/// Where a session notes what it changes: on disk, when the device outlives this process. Says what
-/// another run left changed in the same device.
+/// Where a session notes what it changes: on disk, when the device outlives this process.
 fn undo(target: &Target, selection: &Selection) -> Undo {
     let Connection::Interface(interface) = &target.connection else { return Undo::default() };
     if interface.is_program() {
         return Undo::default();
     }
-    let (folder, dut) = (undo_log::folder(), &target.dut);
+    let dut = &target.dut;
+    let Some(folder) = undo_log::folder() else {
+        let why = undo_log::NO_PLACE;
+        complain!("warning: {why}; what a run changes that is killed stays changed");
+        return Undo::default();
+    };
     let changes = Changes {
         target: interface.to_string(),
         node: dut.node,
@@ -254,19 +316,8 @@ fn undo(target: &Target, selection: &Selection) -> Undo {
         process: std::process::id(),
         stores: false,
         objects: BTreeMap::new(),
+        address: Address::AsBefore,
     };
-    let same = |other: &Changes| (&other.target, other.node) == (&changes.target, changes.node);
-    for (name, left) in undo_log::all(&folder) {
-        if same(&left) && !left.is_running() {
-            let objects: Vec<&str> = left.objects.keys().map(String::as_str).collect();
-            complain!(
-                "note: a run that was killed may have left changed in node {}: {}; `harness \
-                 restore {name}` sets them back",
-                left.node,
-                objects.join(", ")
-            );
-        }
-    }
     Undo::kept_by(UndoLog::new(folder, changes))
 }
 

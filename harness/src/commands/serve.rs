@@ -1,9 +1,10 @@
 //! `harness serve`: a reference device on a real bus, and its physical side on a socket.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufReader, Write};
 use std::os::unix::fs::FileTypeExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::thread;
 use std::time::Duration;
@@ -23,6 +24,8 @@ use crate::target::{Named, reference_device};
 
 /// How long a request of a bench may wait while nothing ends the wait of the bus.
 const SLICE: Duration = Duration::from_millis(1);
+/// How many clients the bench has at once: a few programs and a few people.
+const MOST_CLIENTS: usize = 16;
 /// How long it may wait while the bus always has frames, so that no bell is heard.
 const BUSY_SLICE: Duration = Duration::from_millis(20);
 
@@ -140,9 +143,17 @@ impl Socket {
         let (sender, requests) = mpsc::channel();
         let bell = bell.clone();
         thread::spawn(move || {
+            let clients = Arc::new(());
             for client in listener.incoming().map_while(Result::ok) {
-                let (sender, bell) = (sender.clone(), bell.clone());
-                thread::spawn(move || answer_all(&client, &sender, &bell));
+                // One more is turned away: its connection is closed.
+                if Arc::strong_count(&clients) > MOST_CLIENTS {
+                    continue;
+                }
+                let (sender, bell, held) = (sender.clone(), bell.clone(), Arc::clone(&clients));
+                thread::spawn(move || {
+                    answer_all(&client, &sender, &bell);
+                    drop(held);
+                });
             }
         });
         Ok(Self { path: path.to_owned(), requests })
@@ -162,9 +173,10 @@ fn is_socket(path: &Path) -> bool {
     std::fs::symlink_metadata(path).is_ok_and(|found| found.file_type().is_socket())
 }
 
-/// Serves one client until it goes away.
+/// Serves one client until it goes away, or sends a line that is too long.
 fn answer_all(client: &UnixStream, requests: &Sender<Request>, bell: &Bell) -> Option<()> {
-    for line in BufReader::new(client).lines() {
+    let mut lines = BufReader::new(client);
+    while let Some(line) = rig::next_line(&mut lines) {
         let (sender, answer) = mpsc::channel();
         requests.send(Request { line: line.ok()?, answer: sender }).ok()?;
         bell.ring();

@@ -24,7 +24,7 @@ pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
         .map_err(|error| refused(format!("error: {path}: {}", words(&error))))?;
     let run = Run::fold(&journal, Keep::Unusual)
         .map_err(|error| refused(format!("error: {path}: {error}")))?;
-    let text = waivers(&run);
+    let text = waivers(&run, args);
     let undecided = run.cases().filter(|(_, case)| matches!(case.outcome, Outcome::Undecided(_)));
     match undecided.count() {
         0 => {}
@@ -47,7 +47,7 @@ pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
 }
 
 /// The waivers of a run, the cause of most instances first.
-fn waivers(run: &Run) -> String {
+fn waivers(run: &Run, args: &WaiveArgs) -> String {
     let mut causes: Vec<(&Cause, Verdict, Vec<&CaseRun>)> = Vec::new();
     for (_, case) in run.cases().filter(|(_, case)| run.is_red(case.verdict())) {
         let Some(cause) = case.cause.as_deref() else { continue };
@@ -62,12 +62,12 @@ fn waivers(run: &Run) -> String {
         text.push_str("[]\n");
     }
     for (cause, verdict, cases) in causes {
-        let _ = write!(text, "\n{}", waiver(cause, verdict, &cases));
+        let _ = write!(text, "\n{}", waiver(cause, verdict, &cases, args));
     }
     text
 }
 
-fn waiver(cause: &Cause, verdict: Verdict, cases: &[&CaseRun]) -> String {
+fn waiver(cause: &Cause, verdict: Verdict, cases: &[&CaseRun], args: &WaiveArgs) -> String {
     let mut names: Vec<String> = Vec::new();
     for case in cases {
         let name = format!("{}/{}", case.info.suite, case.info.case);
@@ -96,6 +96,22 @@ fn waiver(cause: &Cause, verdict: Verdict, cases: &[&CaseRun]) -> String {
         }
     }
     let _ = writeln!(text, "  verdict: {}", verdict.name().to_lowercase());
-    text.push_str("  reason: not explained yet\n");
+    let said = [
+        ("reason", Some(&args.reason)),
+        ("owner", args.owner.as_ref()),
+        ("expires", args.expires.as_ref()),
+    ];
+    for (key, part) in said.into_iter().filter_map(|(key, part)| Some((key, part?))) {
+        let _ = writeln!(text, "  {key}: {}", plain(part));
+    }
     text
+}
+
+/// A text of YAML, in quotes where it is not of letters, digits, blanks and dashes alone.
+fn plain(text: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || " -".contains(c);
+    match text.chars().all(is_plain) && text.starts_with(|c: char| c.is_ascii_alphabetic()) {
+        true => text.to_owned(),
+        false => serde_json::Value::from(text).to_string(),
+    }
 }

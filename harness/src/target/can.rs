@@ -8,7 +8,7 @@ use runner::run::Traffic;
 use runner::stop::Stop;
 
 use super::connection::{Connection, Target, open_interface};
-use super::long::long_values;
+use super::lengths::value_lengths;
 use super::options::{rig, without};
 use super::reference::reference_device;
 use super::scan::{Found, scan};
@@ -53,13 +53,14 @@ pub(super) fn target(
         own_bench: selection.bench.is_some(),
         bench_needs,
         interface: interface.network().filter(|_| !interface.is_program()).map(str::to_owned),
+        shares_its_bus: interface.network().is_some(),
         bit_rate,
         without: without(selection, own.as_deref()),
         told: found.recognised(),
         ..Dut::new(dut_name, found.node, eds)
     };
-    let long = long_values(&mut *bus, &dut);
-    dut.long = long.map_err(|error| Refused::bus(error.to_string()))?;
+    let lengths = value_lengths(&mut *bus, &dut);
+    dut.lengths = lengths.map_err(|error| Refused::bus(error.to_string()))?;
     Ok(Target { dut, rig, connection: Connection::Interface(interface.clone()), options })
 }
 

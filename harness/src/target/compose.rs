@@ -26,10 +26,7 @@ pub fn compose(
     let policy = Policy::at_bit_rate(bit_rate);
     let objects = probe(&mut link, &policy, found.node, &profiles, &constants);
     let objects = objects.map_err(|lost| match lost {
-        Lost::Silent(mux) => Refused {
-            exit: Exit::DeviceGone,
-            message: format!("error: node {} fell silent when asked for {mux}", found.node),
-        },
+        Lost::Silent { first, written } => silent(found.node, first, written),
         Lost::Bus(BusError::Interrupted) => {
             Refused { exit: Exit::Interrupted, message: "interrupted".to_owned() }
         }
@@ -37,6 +34,21 @@ pub fn compose(
     })?;
     let text = eds::write(&describe(found, objects, bit_rate), &head(&profiles));
     Ok(Sheet::read(SHEET_NAME, text.as_bytes()))
+}
+
+/// Says which request was the first without an answer, and what was written before: a device may
+/// confirm what it does not survive.
+fn silent(node: u8, (mux, is_write): (Mux, bool), written: Option<Mux>) -> Refused {
+    let first = match is_write {
+        true => format!("when its own value was written to {mux}"),
+        false => format!("when asked for {mux}"),
+    };
+    let before = written.filter(|before| !is_write || *before != mux);
+    let before = before.map_or_else(String::new, |before| {
+        format!("; the last object that its own value was written to is {before}")
+    });
+    let message = format!("error: node {node} fell silent {first}{before}");
+    Refused { exit: Exit::DeviceGone, message }
 }
 
 /// CiA 301 and what else the device follows, as far as the catalogue has it.
@@ -59,8 +71,9 @@ fn head(profiles: &[&Profile]) -> String {
         "{COMPOSED}\n\
          Asked for was every object of {}.\n\
          What answered is here, with type and access as the profile has them; of the area of\n\
-         communication, what was there is the default. Limits and manufacturer's objects are\n\
-         missing. Complete it, and take the first line away: then the sheet itself is judged, too.",
+         communication, what was there is the default. Of a manufacturer's objects those that\n\
+         PDOs map are here; others and limits are missing. Complete it, and take the first line\n\
+         away: then the sheet itself is judged, too.",
         names.join(", ")
     )
 }

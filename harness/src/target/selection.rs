@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use clap::Args;
 
+use crate::argument::whole;
 use crate::device_file::DeviceFile;
 use crate::exit::Refused;
 use crate::folders::Folders;
@@ -30,7 +31,7 @@ pub struct Selection {
     #[arg(long)]
     pub target: Option<String>,
     /// Node id of the device; a bus is scanned when absent
-    #[arg(long, value_parser = clap::value_parser!(u8).range(1..=127))]
+    #[arg(long, value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
     /// Data sheet of the device; without it, one in this program that matches its identity
     #[arg(long, value_name = "FILE")]
@@ -44,7 +45,7 @@ pub struct Selection {
     /// Bit rate of the bus in bit/s, on which the tolerances of times depend; that of the interface
     /// when absent
     #[arg(long, value_name = "BITS")]
-    #[arg(value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(value_parser = whole::<u32>(1..=1_000_000))]
     pub bitrate: Option<u32>,
     /// The bench around the device: `unix:PATH`, or a program with its arguments that answers lines
     /// of JSON
@@ -130,7 +131,7 @@ impl Selection {
         let mut all = self.clone();
         all.target = self.target.clone().or_else(|| file.target());
         all.node = self.node.or_else(|| said.node.as_ref().map(|node| node.value));
-        all.eds = self.eds.clone().or_else(|| said.eds.as_ref().map(|path| file.path(path)));
+        all.eds = self.eds.clone().or_else(|| said.eds.as_ref().map(|path| file.path(&path.value)));
         all.device = self.device.clone().or_else(|| said.device.clone());
         all.bitrate = self.bitrate.or_else(|| said.bit_rate.as_ref().map(|rate| rate.value));
         all.bench = self.bench.clone().or_else(|| file.bench());

@@ -11,7 +11,7 @@ use runner::dut::Dut;
 use runner::stop::Stop;
 
 use super::connection::{Connection, Target};
-use super::long::long_values;
+use super::lengths::value_lengths;
 use super::options::{rig, without};
 use super::reference::{Named, reference_device};
 use super::scan::{Found, scan};
@@ -82,8 +82,8 @@ pub(super) fn target(
         let mut bus = target.open(&Stop::default())?;
         let found = scan(&mut *bus, Some(node), catalogue)?;
         target.dut.told = found.first().and_then(Found::recognised);
-        let long = long_values(&mut *bus, &target.dut);
-        target.dut.long = long.map_err(|error| Refused::bus(error.to_string()))?;
+        let lengths = value_lengths(&mut *bus, &target.dut);
+        target.dut.lengths = lengths.map_err(|error| Refused::bus(error.to_string()))?;
     }
     Ok(target)
 }

@@ -33,6 +33,11 @@ decisions! {
     fn cob_id_fixed_while_valid(&self) -> bool {
         true
     }
+
+    /// What is written as it is changes nothing (7.5.2.37).
+    fn same_cob_id_taken(&self) -> bool {
+        true
+    }
 }
 
 deviations! {

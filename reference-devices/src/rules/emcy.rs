@@ -30,6 +30,11 @@ decisions! {
         Duration::from_micros(100) * u32::from(configured)
     }
 
+    /// The inhibit time begins with a message, and not when it is written.
+    fn emcy_inhibit_begins_when_set(&self) -> bool {
+        false
+    }
+
     /// 1001h shows the errors that are present, and no others (7.5.2.2).
     fn error_register(&self, _before: u8, present: u8) -> u8 {
         present
@@ -102,5 +107,6 @@ deviations! {
     "last-waiting-emcy-follows-at-once" => emcy_inhibits: |_, waiting| waiting != 1;
     "emcy-inhibit-in-milliseconds" =>
         emcy_inhibit: |_, configured| Duration::from_millis(configured.into());
+    "generic-error-never-set" => error_register: |_, _, present| present & !1;
     "error-register-never-cleared" => error_register: |_, before, present| before | present;
 }

@@ -175,6 +175,7 @@ decisions! {
 deviations! {
     DEVIATIONS of ErrorControlDecision;
 
+    "heartbeat-period-doubled" => heartbeat_period: |_, configured| configured * 2;
     "heartbeat-period-drifts" => heartbeat_period: |_, configured| configured * 101 / 100;
     "heartbeat-period-of-15-bits" => heartbeat_period: |_, configured| {
         Duration::from_millis((configured.as_millis() as u64 & 0x7FFF).max(1))

@@ -20,6 +20,8 @@ pub(crate) struct EmcyProducer {
     depth: usize,
     cob: Option<CobId>,
     inhibit: Duration,
+    /// It begins now, without a message.
+    begins: bool,
     free_at: Instant,
     waits: bool,
 }
@@ -51,7 +53,9 @@ impl EmcyProducer {
         }
         let inhibit = base.od.int(INHIBIT).unwrap_or(0) as u16;
         if inhibit > 0 || base.rules.emcy_inhibit_can_end() {
+            let before = self.inhibit;
             self.inhibit = base.rules.emcy_inhibit(inhibit);
+            self.begins = self.inhibit != before && base.rules.emcy_inhibit_begins_when_set();
         }
     }
 
@@ -81,6 +85,9 @@ impl EmcyProducer {
     /// Sends what may be sent by now.
     pub(crate) fn send(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
         self.waits = false;
+        if std::mem::take(&mut self.begins) {
+            self.free_at = now + self.inhibit;
+        }
         let Some(cob) = self.cob.filter(|_| base.rules.emcy_sent_in(base.state)) else {
             return;
         };

@@ -106,7 +106,8 @@ pub(crate) fn check_communication(
 
 fn cob_id_refused(old: CobId, new: CobId, kind: u8, base: &Base) -> bool {
     let identifier = |cob: CobId| cob.0 & !(CobId::INVALID | CobId::NO_RTR);
-    let moved = old.valid() && new.valid() && identifier(old) != identifier(new);
+    let changes = identifier(old) != identifier(new) || !base.rules.same_cob_id_taken();
+    let moved = old.valid() && new.valid() && changes;
     let foreign_bits = identifier(new) & !0x7FF != 0;
     let restricted = new.valid() && is_restricted(new.can_id().into());
     moved && base.rules.cob_id_fixed_while_valid()

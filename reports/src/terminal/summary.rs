@@ -1,11 +1,14 @@
 //! The result of the whole run.
 
 use std::borrow::Cow;
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use super::{Verbosity, one_line, plural};
 use crate::cause::Cause;
+use crate::fact::{Fact, Noticed, facts};
+use crate::reason::{LOWER_LIMIT, PROTECTED_BY, UPPER_LIMIT};
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
 use crate::style::{Style, shell_word};
 use crate::verdict::{Outcome, Verdict};
@@ -17,6 +20,7 @@ pub fn summary(run: &Run, style: Style, verbosity: Verbosity) -> String {
     if verbosity > Verbosity::Quiet {
         skipped(run, style, verbosity, &mut text);
         blocked(run, style, &mut text);
+        kept_from(run, &mut text);
     }
     not_passed(run, style, verbosity, &mut text);
     if run.ended.is_none() {
@@ -89,7 +93,7 @@ fn skipped(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) {
     }
     let sum = |about: &BTreeMap<&str, usize>| about.values().sum::<usize>();
     let mut reasons: Vec<_> = reasons.into_iter().collect();
-    reasons.sort_by_key(|(_, about)| std::cmp::Reverse(sum(about)));
+    reasons.sort_by_key(|(_, about)| Reverse(sum(about)));
     let _ = writeln!(text, "{}", style.verdict(Verdict::Skip, "skipped because"));
     let shown = match verbosity {
         Verbosity::Verbose => reasons.len(),
@@ -127,6 +131,42 @@ fn blocked(run: &Run, style: Style, text: &mut String) {
     text.push('\n');
 }
 
+/// How many cases the device file and the data sheet kept from running: what their author can
+/// change.
+fn kept_from(run: &Run, text: &mut String) {
+    let reasons = run.cases().filter_map(|(_, case)| match &case.outcome {
+        Outcome::Skip(reason) => Some(reason.as_str()),
+        _ => None,
+    });
+    let (mut protections, mut limits) = (BTreeMap::<&str, usize>::new(), 0);
+    for reason in reasons {
+        if let Some((_, by)) = reason.split_once(PROTECTED_BY) {
+            *protections.entry(by).or_default() += 1;
+        }
+        let of_limits = [LOWER_LIMIT, UPPER_LIMIT].iter().any(|limit| reason.contains(limit));
+        limits += u64::from(of_limits);
+    }
+    let protected = protections.values().sum::<usize>() as u64;
+    let mut lines = Vec::new();
+    if protected > 0 {
+        let (case, by) = (plural(protected, "case"), counted(&protections));
+        lines.push(format!("{protected} {case} did not run because of the device file: {by}"));
+    }
+    if limits > 0 {
+        let case = plural(limits, "case");
+        lines.push(format!(
+            "{limits} {case} did not run because the data sheet states no limits of values \
+             (LowLimit, HighLimit)"
+        ));
+    }
+    for line in &lines {
+        let _ = writeln!(text, "{}", wrapped(&one_line(line)));
+    }
+    if !lines.is_empty() {
+        text.push('\n');
+    }
+}
+
 /// A reason, and the object or the quoted name at its end.
 fn split_reason(reason: &str) -> (&str, &str) {
     let is_object = |word: &str| {
@@ -144,7 +184,7 @@ fn split_reason(reason: &str) -> (&str, &str) {
 /// The subjects of a reason, the most frequent first.
 fn counted(about: &BTreeMap<&str, usize>) -> String {
     let mut about: Vec<_> = about.iter().collect();
-    about.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
+    about.sort_by_key(|(_, count)| Reverse(**count));
     let alone = about.len() == 1;
     let words: Vec<String> = about
         .into_iter()
@@ -175,19 +215,19 @@ fn wrapped(line: &str) -> String {
     text
 }
 
-/// Verdict, device and name of what did not pass. Instances with one cause stand together below it,
-/// the cause of most instances first; the others, and those that were not run, follow.
+/// Verdict, device and name of what did not pass. Instances that show one fact stand together below
+/// it, the fact of most instances first; the others, and those that were not run, follow.
 fn not_passed(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) {
     let (shared, alone): (Vec<_>, Vec<_>) =
-        by_cause(run).into_iter().partition(|(cause, cases)| cause.is_some() && cases.len() > 1);
-    for (cause, cases) in &shared {
-        let cause = cause.map(|cause| named(cause, cases)).unwrap_or_default();
-        let _ = writeln!(text, "{:>6}  {}", cases.len(), wrapped(&one_line(&cause)));
-        rows(cases, verbosity).write(run, style, "        ", text);
+        facts(run).into_iter().partition(|fact| fact.cause().is_some() && fact.cases.len() > 1);
+    for fact in &shared {
+        let head = headline(fact);
+        let _ = writeln!(text, "{:>6}  {}", fact.cases.len(), wrapped(&one_line(&head)));
+        rows(&fact.cases, verbosity).write(run, style, "        ", text);
         text.push('\n');
     }
     let before = text.len();
-    let mut alone: Vec<_> = alone.into_iter().flat_map(|(_, cases)| cases).collect();
+    let mut alone: Vec<_> = alone.into_iter().flat_map(|fact| fact.cases).collect();
     alone.sort_by_key(|(place, ..)| *place);
     rows(&alone, verbosity).write(run, style, "", text);
     let not_run = run.cases().filter(|(_, case)| case.outcome.is_not_run()).count() as u64;
@@ -199,42 +239,35 @@ fn not_passed(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) 
     }
 }
 
-/// A cause with the names of its objects, where the data sheets of its devices agree on them.
-fn named(cause: &Cause, cases: &[Noticed]) -> String {
-    let cause = cause.to_string();
-    let mut texts = cases.iter().map(|(_, device, _)| device.info.objects.in_text(&cause));
+/// `cia301/nmt: CIA301-NMT-05: expected ..., came ...`: the service, and the cause of the instance
+/// that explains the others, with the names of its objects where the data sheets of the devices
+/// agree on them.
+fn headline(fact: &Fact) -> String {
+    let (.., case) = fact.first;
+    let cause = fact.cause().map(Cause::to_string).unwrap_or_default();
+    let mut texts = fact.cases.iter().map(|(_, device, _)| device.info.objects.in_text(&cause));
     let first = texts.next().filter(|first| texts.all(|text| text == *first));
-    first.map_or_else(|| cause.clone(), Cow::into_owned)
+    format!("{}: {}", case.info.suite, first.unwrap_or(Cow::Borrowed(&cause)))
 }
 
-/// An instance with its device, and its place in the run.
-type Noticed<'r> = (usize, &'r DeviceRun, &'r CaseRun);
-
-/// The instances that did not pass, by cause. Causes that make the run red come first; among these,
-/// the cause of most instances comes first.
-fn by_cause(run: &Run) -> Vec<(Option<&Cause>, Vec<Noticed<'_>>)> {
-    let mut causes = BTreeMap::<_, Vec<Noticed>>::new();
-    for (place, (device, case)) in run.cases().enumerate() {
-        if !case.verdict().is_usual() && !case.outcome.is_not_run() {
-            let red = run.is_red(case.verdict());
-            causes.entry((red, case.cause.as_deref())).or_default().push((place, device, case));
-        }
-    }
-    let mut causes: Vec<_> = causes.into_iter().collect();
-    causes.sort_by_key(|((red, _), cases)| (!red, std::cmp::Reverse(cases.len()), cases[0].0));
-    causes.into_iter().map(|((_, cause), cases)| (cause, cases)).collect()
-}
-
-/// `35 causes, 206 instances` of what makes the run red, when there is anything to group.
+/// `3 causes, 206 instances: cia301/nmt 2, cia301/emcy 1` of what makes the run red, by service.
 fn grouped(run: &Run, text: &mut String) {
-    let red =
-        |(_, cases): &&(_, Vec<Noticed>)| cases.iter().all(|(.., case)| run.is_red(case.verdict()));
-    let causes = by_cause(run);
-    let sizes: Vec<usize> = causes.iter().filter(red).map(|(_, cases)| cases.len()).collect();
-    let (causes, instances) = (sizes.len() as u64, sizes.iter().sum::<usize>() as u64);
+    let facts = facts(run).into_iter().filter(|fact| fact.is_red(run));
+    let (mut services, mut causes, mut instances) = (BTreeMap::<&str, u64>::new(), 0, 0);
+    for fact in facts {
+        let red = fact.cases.iter().filter(|(.., case)| run.is_red(case.verdict()));
+        instances += red.count() as u64;
+        causes += 1;
+        *services.entry(&fact.first.2.info.suite).or_default() += 1;
+    }
     if instances > 1 {
+        let mut services: Vec<_> = services.into_iter().collect();
+        services.sort_by_key(|(_, count)| Reverse(*count));
+        let services = services.iter().map(|(name, count)| format!("{name} {count}"));
+        let services = services.collect::<Vec<_>>().join(", ");
         let (cause, instance) = (plural(causes, "cause"), plural(instances, "instance"));
-        let _ = writeln!(text, "{causes} {cause}, {instances} {instance}");
+        let line = format!("{causes} {cause}, {instances} {instance}: {services}");
+        let _ = writeln!(text, "{}", wrapped(&one_line(&line)));
     }
 }
 

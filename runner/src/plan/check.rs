@@ -101,6 +101,9 @@ pub(super) fn case(instance: &Instance, dut: &Dut, model: Option<&Eds>) -> Check
     for step in &case.finally {
         checker.no_way_out(step);
     }
+    for step in &case.setup {
+        checker.promised(&step.value);
+    }
     checker.unused();
     // Without the object, anything that rests on it (a saved value, say) is wrong for the same
     // reason.
@@ -466,6 +469,32 @@ impl Checker<'_> {
             let result = mapping_word(&object.value, &self.scope, self.dut);
             self.note(result.map(|_| ()), object.place);
         }
+    }
+
+    /// A mapping that only prepares a case is one that the data sheet promises.
+    fn promised(&mut self, step: &Step) {
+        let Step::Remap(remap) = step else { return };
+        if remap.refused.is_some() {
+            return;
+        }
+        let Ok(count) = self.scope.mux(&remap.pdo.value) else { return };
+        let last = Mux::new(count.index, remap.objects.len() as u8);
+        let eds = &self.dut.eds;
+        let Some(known) = eds.entry(count) else { return };
+        let reason = match eds.entry(last) {
+            _ if !known.access.writable() => Some(format!("object {count} cannot be written")),
+            None => Some(no_object(last)),
+            Some(_) => {
+                let words = remap.objects.iter();
+                let words = words
+                    .filter_map(|object| mapping_word(&object.value, &self.scope, self.dut).ok());
+                let mapped = words.map(|word| Mux::new((word >> 16) as u16, (word >> 8) as u8));
+                let mut fixed =
+                    mapped.filter(|mux| eds.entry(*mux).is_some_and(|entry| !entry.mappable));
+                fixed.next().map(|mux| format!("no PDO can map object {mux}"))
+            }
+        };
+        self.lacking = self.lacking.take().or(reason);
     }
 
     fn produce(&mut self, produce: Option<&Produce>) {

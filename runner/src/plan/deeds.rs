@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use canopen::nmt::{Command, Service};
+use canopen::nmt::Command;
 use canopen::sdo::{Initiate, Request};
 use canopen::{Data, Frame, Mux};
 
@@ -14,12 +14,18 @@ use crate::dut::Dut;
 use crate::protect::{Deed, Wire};
 use crate::source::At;
 use crate::suite::literal::FrameText;
+use crate::suite::model::State;
 use crate::suite::step::{Ask, Nmt, Produce, Remap, Step, Write};
 
 /// The effects of the case, in order. Each write of 1010h and 1011h counts; other deeds may occur
 /// more than once.
 pub fn deeds(instance: &Instance, dut: &Dut) -> Vec<Deed> {
     let mut taking = Taking { instance, dut, wire: dut.wire.as_ref().clone(), deeds: Vec::new() };
+    taking.deeds.extend(match instance.case().state {
+        Some(State::Operational) => Some(Deed::Start),
+        Some(State::Stopped) => Some(Deed::Stop),
+        Some(State::PreOperational) | None => None,
+    });
     for (mux, _) in instance.bench_needs(dut) {
         taking.write(mux, &[]);
     }
@@ -63,6 +69,7 @@ impl Taking<'_> {
             Step::Collect(collect) => self.during(collect.during.as_ref()),
             Step::Write(write) => self.write_step(write),
             Step::Remap(remap) => self.remap(remap),
+            Step::Bench(_) => self.deeds.push(Deed::Stimulus),
             Step::Nmt(nmt) => self.sent(&nmt_frame(*nmt, self.dut.node), 1),
             // None of these sends anything but uploads, SYNC, and LSS requests.
             Step::Reply(_)
@@ -71,7 +78,6 @@ impl Taking<'_> {
             | Step::Defaults(_)
             | Step::Wait(_)
             | Step::Sync(_)
-            | Step::Bench(_)
             | Step::Observe(_)
             | Step::Eds(_)
             | Step::Undeclared(_)
@@ -171,12 +177,5 @@ impl Taking<'_> {
 
 /// The command that a step sends.
 pub(crate) fn nmt_frame(nmt: Nmt, node: u8) -> Frame {
-    let service = match nmt {
-        Nmt::Start => Service::START,
-        Nmt::Stop => Service::STOP,
-        Nmt::PreOperational => Service::ENTER_PRE_OPERATIONAL,
-        Nmt::ResetNode => Service::RESET_NODE,
-        Nmt::ResetCommunication => Service::RESET_COMMUNICATION,
-    };
-    Command { service, node }.frame()
+    Command { service: nmt.service(), node }.frame()
 }

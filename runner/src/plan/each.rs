@@ -23,7 +23,12 @@ use crate::suite::literal::{Literal, ObjectRef};
 pub(super) fn each_scope(each: &Each, suite: &Suite, dut: &Dut) -> Result<Vec<Bound>, At<String>> {
     match each {
         Each::Objects(objects) => {
-            let entries = matching_entries(objects, dut)?;
+            let mut entries = matching_entries(objects, dut)?;
+            if objects.longest {
+                let longest = entries.iter().map(|entry| dut.length(entry)).max();
+                entries.retain(|entry| Some(dut.length(entry)) == longest);
+                entries.truncate(1);
+            }
             let most = objects.most.unwrap_or(usize::MAX).max(1);
             let step = entries.len().div_ceil(most).max(1);
             let Some(pdo) = with_pdo(objects.pdo.as_ref(), dut) else { return Ok(Vec::new()) };
@@ -111,10 +116,8 @@ fn states(object: &Object, entry: &Entry, has: Has, dut: &Dut) -> bool {
         }
         Has::Default => entry.default.is_some(),
         Has::Size => entry.data_type.size().is_some(),
-        Has::Long => {
-            let by_default = entry.default_bytes(node).is_ok_and(|bytes| bytes.len() > 4);
-            by_default || dut.long.contains(&entry.mux)
-        }
+        Has::Long => dut.length(entry) > 4,
+        Has::Segments => dut.length(entry) > 7,
         Has::Rpdo => entry.maps_into(Direction::Receive),
         Has::Tpdo => entry.maps_into(Direction::Transmit),
         Has::NotMappable => !entry.mappable,

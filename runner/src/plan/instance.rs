@@ -80,7 +80,12 @@ impl Plan {
     /// another part of the run does not tell this one what holds on the device.
     pub fn keep_every(&mut self, nth: usize, first: usize) {
         let kept = self.instances.iter().skip(first).step_by(nth).map(Instance::name).collect();
-        let kept = self.with_proofs(&kept);
+        self.keep(&kept);
+    }
+
+    /// Keeps the instances of these names, and those that prove what they rely on.
+    pub fn keep(&mut self, names: &BTreeSet<String>) {
+        let kept = self.with_proofs(names);
         self.instances.retain(|instance| instance.is_one_of(&kept));
     }
 

@@ -1,5 +1,7 @@
 //! The subject of a case, in words, for a device that has nothing of that kind.
 
+use reports::reason::{LOWER_LIMIT, UPPER_LIMIT};
+
 use crate::source::At;
 use crate::suite::each::{AccessName, DirectionName, Each, Has, Objects, PdoHas, Pdos};
 
@@ -68,11 +70,12 @@ pub(super) const fn name(access: AccessName) -> &'static str {
 
 const fn states(has: Has) -> &'static str {
     match has {
-        Has::Low => "with a lower limit",
-        Has::High => "with an upper limit",
+        Has::Low => LOWER_LIMIT,
+        Has::High => UPPER_LIMIT,
         Has::Default => "with a default value",
         Has::Size => "of fixed length",
         Has::Long => "of more than four bytes",
+        Has::Segments => "of more than seven bytes",
         Has::Rpdo => "that can be mapped into an RPDO",
         Has::Tpdo => "that can be mapped into a TPDO",
         Has::NotMappable => "that cannot be mapped",

@@ -8,7 +8,9 @@ use canopen::{Mux, Value};
 use super::scope::{Binding, Scope};
 use crate::source::At;
 use crate::suite::Words;
-use crate::suite::literal::{Amount, FrameText, Literal, Name, ObjectRef, Tolerance, show_time};
+use crate::suite::literal::{
+    Amount, FrameText, Literal, Mistake, Name, ObjectRef, Tolerance, show_time,
+};
 use crate::suite::step::{
     Ask, Bounds, Collect, Expect, LssStep, Measure, Never, Nmt, Observe, Produce, Read, Remap,
     Step, Undeclared, Until, Write,
@@ -140,8 +142,14 @@ impl Wording<'_> {
         let refused = write.refused.as_ref();
         let refused = refused.map_or_else(String::new, |code| format!(", {}", code.value));
         let declined = if write.or_refused.is_empty() { "" } else { ", or refused" };
+        let mistake = match write.mistake {
+            None => "",
+            Some(Mistake::LostSegment) => " in blocks, the first segment lost",
+            Some(Mistake::RepeatedSegment) => " in blocks, the first segment twice",
+            Some(Mistake::WrongChecksum) => " in blocks, with a wrong checksum",
+        };
         let kept = kept(write.save.as_deref());
-        format!("write {object} = {value}{refused}{declined}{kept}")
+        format!("write {object} = {value}{mistake}{refused}{declined}{kept}")
     }
 
     fn read(&self, read: &Read) -> String {

@@ -17,6 +17,10 @@ pub enum Deed {
     Map(u16, Mux),
     /// Writes an object that the frame names, through the RPDO with this communication parameter.
     WriteAny(u16),
+    /// NMT start.
+    Start,
+    /// NMT stop.
+    Stop,
     /// NMT reset node.
     ResetNode,
     /// NMT reset communication.
@@ -29,6 +33,10 @@ pub enum Deed {
     NodeId,
     /// LSS store configuration.
     StoreLss,
+    /// A heartbeat, or a guarding request, which the device may miss when no more come.
+    Watch,
+    /// A stimulus on the bench.
+    Stimulus,
 }
 
 impl Deed {
@@ -40,9 +48,37 @@ impl Deed {
         }
     }
 
-    /// The reset that an NMT service is.
+    /// Whether it may move an output: by the state of the device, by an error that follows, or by
+    /// a parameter of the application.
+    pub(super) const fn moves_outputs(self) -> bool {
+        match self {
+            // SYNC, guarding, what is monitored, error behaviour, RPDOs and self-start.
+            Self::Write(mux, _) => matches!(
+                mux.index,
+                0x1006 | 0x100C..=0x100D | 0x1011 | 0x1016 | 0x1029 | 0x1400..=0x17FF | 0x1F80
+                    | 0x2000..
+            ),
+            // A command to all nodes is also one to this node.
+            Self::AllNodes => false,
+            Self::Map(..)
+            | Self::WriteAny(_)
+            | Self::Start
+            | Self::Stop
+            | Self::ResetNode
+            | Self::ResetCommunication
+            | Self::BitTiming
+            | Self::NodeId
+            | Self::StoreLss
+            | Self::Watch
+            | Self::Stimulus => true,
+        }
+    }
+
+    /// What an NMT service does.
     pub(crate) const fn of_service(service: Service) -> Option<Self> {
         match service {
+            Service::START => Some(Self::Start),
+            Service::STOP => Some(Self::Stop),
             Service::RESET_NODE => Some(Self::ResetNode),
             Service::RESET_COMMUNICATION => Some(Self::ResetCommunication),
             _ => None,
@@ -58,12 +94,16 @@ impl fmt::Display for Deed {
             Self::Write(mux, Some(rpdo)) => write!(f, "write of {mux} by RPDO{}", number(rpdo)),
             Self::Map(rpdo, mux) => write!(f, "mapping of {mux} into RPDO{}", number(rpdo)),
             Self::WriteAny(rpdo) => write!(f, "write by the multiplexed RPDO{}", number(rpdo)),
+            Self::Start => f.write_str("NMT start"),
+            Self::Stop => f.write_str("NMT stop"),
             Self::ResetNode => f.write_str("NMT reset node"),
             Self::ResetCommunication => f.write_str("NMT reset communication"),
             Self::AllNodes => f.write_str("NMT command to all nodes"),
             Self::BitTiming => f.write_str("LSS bit timing"),
             Self::NodeId => f.write_str("LSS node id"),
             Self::StoreLss => f.write_str("LSS store"),
+            Self::Watch => f.write_str("heartbeat or guarding of a node"),
+            Self::Stimulus => f.write_str("stimulus on the bench"),
         }
     }
 }

@@ -11,7 +11,7 @@ use canopen::nmt::{self, Command};
 use canopen::pdo::{CobId, Mapping};
 use canopen::sdo::block::BlockRequest;
 use canopen::sdo::{Initiate, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response};
-use canopen::{Frame, Id, Mux, lss};
+use canopen::{Frame, Id, Mux, heartbeat, lss};
 
 use super::deed::{Deed, FIRST_RPDO};
 
@@ -86,14 +86,17 @@ impl Wire {
 
     /// The effects of this frame on the device.
     pub fn deeds(&self, frame: &Frame) -> Vec<Deed> {
+        let error_control = heartbeat::COB_ID + 1..=heartbeat::COB_ID + 0x7F;
+        let watch = frame.id.as_standard().is_some_and(|id| error_control.contains(&id));
+        let watch = watch.then_some(Deed::Watch).into_iter();
         if frame.remote {
-            return Vec::new();
+            return watch.collect();
         }
-        let mut deeds = match frame.data_id() {
+        let mut deeds: Vec<Deed> = match frame.data_id() {
             Some(nmt::COB_ID) => return of_command(frame),
             Some(lss::REQUEST_COB_ID) => return of_lss(frame),
             _ if self.is_request(frame.id) => self.of_request(frame),
-            _ => Vec::new(),
+            _ => watch.collect(),
         };
         for (parameter, rpdo) in self.rpdos.iter().filter(|(_, rpdo)| rpdo.ids.contain(frame.id)) {
             deeds.extend(rpdo.mapped.iter().map(|mux| Deed::Write(*mux, Some(*parameter))));
@@ -314,7 +317,11 @@ mod tests {
             ("582#2F00620101000000", vec![]),
             ("000#8102", vec![Deed::ResetNode]),
             ("000#8200", vec![Deed::ResetCommunication, Deed::AllNodes]),
-            ("000#0102", vec![]),
+            ("000#0102", vec![Deed::Start]),
+            ("000#0202", vec![Deed::Stop]),
+            ("000#8002", vec![]),
+            ("702#05", vec![Deed::Watch]),
+            ("702#R", vec![Deed::Watch]),
             ("000#81", vec![Deed::ResetNode, Deed::AllNodes]),
             ("000#", vec![]),
             ("7E5#1300020000000000", vec![Deed::BitTiming]),

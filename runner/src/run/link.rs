@@ -10,13 +10,14 @@ pub(super) mod sdo;
 mod silence;
 mod trace;
 mod traffic;
+mod twins;
 
 pub(in crate::run) use oddities::contradiction;
 pub use oddities::oddities;
 pub use probe::{Lost, objects as probe};
 pub(super) use read::versions;
 pub use read::{exists, identity, read_number, read_text};
-pub use sdo::{Ended, is_long, transfer};
+pub use sdo::{Ended, transfer, value_length};
 pub(super) use trace::Lateness;
 pub use trace::Link;
 pub use traffic::Traffic;

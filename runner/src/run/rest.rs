@@ -6,10 +6,11 @@
 //!
 //! ```text
 //! settle, first_look, bring_back ▶ ladder ▶ answer, state, lss ▶ baseline ▶ rung
-//! leave ▶ restore, stimuli, answer, state, lss
+//! leave ▶ restore, stimuli, answer, state, lss ▶ address
 //! first_look ▶ shown ▶ undo ▶ restore
 //! ```
 
+mod address;
 mod answer;
 mod baseline;
 mod bring_back;
@@ -17,6 +18,7 @@ mod first_look;
 mod ladder;
 mod leave;
 mod lss;
+mod outputs;
 mod restore;
 mod rung;
 mod settle;
@@ -25,12 +27,15 @@ mod state;
 mod stimuli;
 mod undo;
 
+pub use address::Address;
 pub(super) use answer::first_answer;
 pub(super) use baseline::Baseline;
-pub use bring_back::{Abandoned, BroughtBack};
+pub use bring_back::{Abandoned, BroughtBack, differs};
 pub(super) use first_look::{Wanted, first_look};
 pub(super) use leave::Leaving;
-pub(super) use restore::Snapshot;
+pub(super) use lss::give_back;
+pub(super) use outputs::Outputs;
+pub use restore::Snapshot;
 pub(super) use settle::{Left, Settled, application, settle};
 pub(super) use state::{enter, is_still, owes_a_sign, pre_operational};
 pub(super) use stimuli::{BenchSnapshot, bench};

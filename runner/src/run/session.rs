@@ -13,14 +13,17 @@ mod starts;
 
 use std::sync::Arc;
 
+use canopen::nmt::Service;
 use canopen::{Bus, BusError, Instant};
 use reports::{CaseEnded, CaseStarted, DeviceStarted, Event, Identity, Note, Outcome, Versions};
 
 use super::link::{Link, Traffic, contradiction, identity, oddities, sdo, versions};
-use super::observer::Observer;
+use super::observer::{Observer, Unobserved};
 use super::policy::Policy;
-use super::rest::{Baseline, Left, Undo, Wanted, first_answer, first_look, pre_operational};
-use crate::plan::{Instance, Plan, deeds};
+use super::rest::{
+    Baseline, Left, Outputs, Undo, Wanted, first_answer, first_look, give_back, pre_operational,
+};
+use crate::plan::{Instance, Plan, deeds, protected};
 use crate::protect::Wire;
 use crate::source::At;
 use crate::stop::Stop;
@@ -55,6 +58,8 @@ struct Known {
     versions: Versions,
     /// Oddities of its answers, and of the bus.
     odd: Vec<String>,
+    /// Its outputs, where they must not be driven.
+    outputs: Outputs,
 }
 
 /// Runs a plan.
@@ -84,7 +89,7 @@ impl Session<'_> {
     pub fn run(&self, bus: &mut dyn Bus, emit: &mut dyn FnMut(Event)) -> Ending {
         let mut link = Link::reporting(bus, emit, self.observer, self.stop);
         let dut = &self.plan.dut;
-        link.listen_to(dut.node);
+        link.listen_to(dut);
         link.watch(Traffic::beside(dut, data_sheet_identifiers(dut)));
         match first_answer(&mut link, &self.policy, dut) {
             Ok(true) => {}
@@ -107,12 +112,13 @@ impl Session<'_> {
         link.emit(Event::DeviceStarted(DeviceStarted {
             identity: known.baseline.identity,
             remark: self.remark(&known),
-            versions: known.versions,
+            versions: known.versions.clone(),
             ..self.device()
         }));
         link.take_trace();
         let ending = self.cases(&mut link, &known.baseline, blocks);
-        self.set_back(&mut link, &ending);
+        self.set_back(&mut link, &known.baseline.identity, &ending);
+        self.say_the_rest(&mut link, &known.outputs);
         ending
     }
 
@@ -123,12 +129,13 @@ impl Session<'_> {
         if let Some(why) = contradiction(link.trace(), self.plan.dut.node) {
             return Err(BusError::Io(why));
         }
+        let outputs = Outputs::look(link, &self.policy, &self.plan.dut)?;
         let baseline = self.baseline(link, identity)?;
         let versions = versions(link, &self.policy, &self.plan.dut)?;
         self.look_at_channels(link)?;
         let mut odd = oddities(link.trace(), self.plan.dut.node);
         odd.extend(link.traffic().said(Traffic::WORTH_A_WORD));
-        Ok((Known { baseline, versions, odd }, self.knows_blocks(link)?))
+        Ok((Known { baseline, versions, odd, outputs }, self.knows_blocks(link)?))
     }
 
     /// The device, as far as it is known without asking it.
@@ -196,24 +203,37 @@ impl Session<'_> {
         }
     }
 
+    /// Says at the end what the bus and the outputs of the device did beside the cases.
+    fn say_the_rest(&self, link: &mut Link, outputs: &Outputs) {
+        let dut = &self.plan.dut;
+        let strangers = link.traffic().strangers().filter(|_| dut.shares_its_bus);
+        let moved = outputs.moved(link, &self.policy, dut).unwrap_or_default();
+        for text in [strangers, outputs.said(), moved].into_iter().flatten() {
+            link.emit(Event::Note(Note { at: link.mark(), text }));
+        }
+    }
+
     /// Tries once more to set back what cases left changed, where the device can still be asked.
-    fn set_back(&self, link: &mut Link, ending: &Ending) {
+    fn set_back(&self, link: &mut Link, identity: &Identity, ending: &Ending) {
         let left = self.undo.snapshot();
         let lost = match ending {
             Ending::Nobody | Ending::Gone(_) => true,
             Ending::Bus(error) => *error != BusError::Interrupted,
             Ending::Complete | Ending::Enough(_) => false,
         };
-        if lost || left.values.is_empty() {
+        if lost || left.is_as_before() {
             return;
         }
         link.clean(true);
         let mut changed = left.values.keys().copied().collect();
         let dut = &self.plan.dut;
+        if matches!(give_back(link, dut, identity, left.address), Ok(true)) {
+            self.undo.has_its_address();
+        }
         // The caller of the session names what is not set back.
         _ = pre_operational(link, &self.policy, dut)
             .and_then(|()| left.restore(link, &self.policy, dut.node, &mut changed));
-        self.undo.end(&left, &changed);
+        self.undo.end(&left, &changed, self.undo.address());
         link.clean(false);
     }
 
@@ -280,9 +300,13 @@ impl Session<'_> {
         Ok(())
     }
 
-    /// Why the device does not bear what the case stores, after those that ran.
+    /// Why the device does not bear the case now: it would move an output that is on, or store
+    /// more than is left after those that ran.
     fn exceeds(&self, instance: &Instance) -> Option<String> {
         let protection = &self.plan.dut.protection;
+        if protection.holds() {
+            return protected(instance, &self.plan.dut);
+        }
         let limited = protection.has_budgets() && instance.needs_device();
         limited.then(|| protection.exceeded(&deeds(instance, &self.plan.dut)))?
     }
@@ -295,17 +319,33 @@ impl Session<'_> {
         needs.then(|| why.clone())
     }
 
+    /// Why a case is not run on the device, whatever other cases showed.
+    fn excused(
+        &self,
+        instance: &Instance,
+        baseline: &Baseline,
+        blocks: BlockDirections,
+    ) -> Option<Outcome> {
+        let no_blocks = || instance.lacks_blocks(blocks);
+        let unfit = || instance.unfit_for(baseline.habits).or_else(|| self.exceeds(instance));
+        let skip = instance.skip().cloned().or_else(no_blocks).or_else(unfit);
+        let kept_out = || self.kept_out(baseline, instance).map(Outcome::Blocked);
+        skip.map(Outcome::Skip).or_else(kept_out)
+    }
+
     fn cases(&self, link: &mut Link, baseline: &Baseline, blocks: BlockDirections) -> Ending {
         let mut starts = Starts::new(self.register);
         let (mut left, mut failed, mut gone) = (Left::Calm, 0, None::<String>);
-        let mut reliance = Reliance::of(self.plan);
+        let mut reliance = Reliance::of(self.plan, self.register);
         let known = data_sheet_identifiers(&self.plan.dut);
+        let repeats = attempts::Repeats::default();
         let common = Common {
             known: &known,
             policy: &self.policy,
             dut: &self.plan.dut,
             baseline,
             undo: self.undo,
+            repeats: &repeats,
             observer: self.observer,
         };
         let mut instances = reliance.order(self.plan);
@@ -319,27 +359,34 @@ impl Session<'_> {
             place += 1;
             let started = starts.of(instance, link.mark());
             link.emit(Event::CaseStarted(started.clone()));
-            let no_blocks = || instance.lacks_blocks(blocks);
-            let unfit = || instance.unfit_for(baseline.habits).or_else(|| self.exceeds(instance));
-            if let Some(reason) = instance.skip().cloned().or_else(no_blocks).or_else(unfit) {
-                link.emit(ended(link, &started, Outcome::Skip(reason)));
-                continue;
+            let excused = self.excused(instance, baseline, blocks);
+            let doubts = excused.is_none() && gone.is_none();
+            if let Some(shown_by) = reliance.doubted(instance).filter(|_| doubts) {
+                let unobserved = Common { observer: &Unobserved, ..common };
+                let again = attempts::run(link, unobserved, shown_by, left);
+                reliance.look_again(shown_by, &self.at_its_level(shown_by, again.outcome));
+                match again.aftermath {
+                    Aftermath::Left(how) => left = how,
+                    Aftermath::Gone(reason) => gone = Some(reason),
+                    Aftermath::Stop(error) => {
+                        let rest = instances.get(place..planned).unwrap_or_default();
+                        link.emit(ended(link, &started, Outcome::not_run(&error.to_string())));
+                        return self.rest_of(link, rest, Ending::Bus(error), false);
+                    }
+                }
             }
-            if let Some(reason) =
-                reliance.blocks(instance).or_else(|| self.kept_out(baseline, instance))
-            {
-                let outcome = Outcome::Blocked(reason);
+            let blocked = || reliance.blocks(instance).map(Outcome::Blocked);
+            let lost = || gone.as_deref().filter(|_| instance.needs_device());
+            let lost = || lost().map(|why| Outcome::not_run(shortly(why)));
+            if let Some(outcome) = excused.or_else(blocked).or_else(lost) {
                 reliance.learn(instance, &outcome);
                 link.emit(ended(link, &started, outcome));
                 continue;
             }
-            if let Some(reason) = gone.as_ref().filter(|_| instance.needs_device()) {
-                link.emit(ended(link, &started, Outcome::not_run(shortly(reason))));
-                continue;
-            }
             let finished = attempts::run(link, common, instance, left);
             self.observer.shows(finished.shown.unwrap_or_default());
-            let outcome = self.at_its_level(instance, finished.outcome);
+            let outcome = reliance.judged(instance, finished.outcome);
+            let outcome = self.at_its_level(instance, outcome);
             reliance.learn(instance, &outcome);
             if matches!(finished.aftermath, Aftermath::Gone(_)) {
                 self.say_ways_back(link);
@@ -350,7 +397,9 @@ impl Session<'_> {
             if matches!(outcome, Outcome::Undecided(_)) && place <= planned {
                 instances.push(instance);
             }
-            link.emit(ended(link, &started, outcome));
+            let relies_on = self.rests_on(instance, &outcome, &finished.commanded);
+            let end = CaseEnded { relies_on, ..CaseEnded::of(&started, link.mark(), outcome) };
+            link.emit(Event::CaseEnded(end));
             let rest = instances.get(place..planned).unwrap_or_default();
             match finished.aftermath {
                 Aftermath::Left(how) => left = how,
@@ -365,6 +414,17 @@ impl Session<'_> {
             }
         }
         gone.map_or(Ending::Complete, Ending::Gone)
+    }
+
+    /// The requirements on which a result rests: those that the case relies on, and the effects of
+    /// the NMT commands before what went wrong.
+    fn rests_on(&self, instance: &Instance, outcome: &Outcome, by: &[Service]) -> Vec<Arc<str>> {
+        if outcome.problem().is_none() {
+            return Vec::new();
+        }
+        let named = instance.relies_on().map(Arc::from);
+        let effects = self.register.effects().filter(|(nmt, _)| by.contains(&nmt.service()));
+        named.chain(effects.map(|(_, id)| Arc::clone(id))).collect()
     }
 
     fn say_ways_back(&self, link: &mut Link) {

@@ -85,6 +85,12 @@ pub struct Objects {
     /// At most so many, spread over the dictionary.
     #[serde(default)]
     pub most: Option<usize>,
+    /// Of these only the one with the longest value, the first of several.
+    #[serde(default)]
+    pub longest: bool,
+    /// In `defaults`: another value is LENIENT where the data sheet has this object.
+    #[serde(default)]
+    pub unless: Option<At<ObjectRef>>,
     /// The PDO that each entry comes with: the first one that fits. Binds the names of that PDO,
     /// too.
     #[serde(default)]
@@ -103,8 +109,10 @@ pub enum Has {
     Default,
     /// Fixed length.
     Size,
-    /// More than four bytes: by default, or in a device that was asked because there is no default.
+    /// More than four bytes, by its type, as the device said when it was asked, or by default.
     Long,
+    /// More than seven bytes, which is more than one segment.
+    Segments,
     /// The right to be mapped into an RPDO.
     Rpdo,
     /// The right to be mapped into a TPDO.

@@ -102,7 +102,7 @@ pub(super) const OF_OBJECTS: [(&str, &str, &[&str], &[&str]); 4] = [
     (
         "write",
         "object",
-        &["refused", "or-refused", "transfer", "if-there"],
+        &["refused", "or-refused", "transfer", "mistake", "if-there"],
         &["value", "bytes", "fill", "save"],
     ),
     (

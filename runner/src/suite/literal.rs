@@ -5,7 +5,7 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
-use canopen::sdo::Transfer;
+use canopen::sdo::{self, Transfer};
 use canopen::{Mux, Pattern};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{self, Visitor};
@@ -100,6 +100,28 @@ impl From<Flow> for Transfer {
             Flow::Expedited => Self::Expedited,
             Flow::Segmented => Self::Segmented,
             Flow::Block => Self::Block,
+        }
+    }
+}
+
+/// What the tester does wrong, once, in a block download.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mistake {
+    /// The first segment is not sent before it is missed.
+    LostSegment,
+    /// The first segment is sent twice.
+    RepeatedSegment,
+    /// The checksum at the end is not that of the data.
+    WrongChecksum,
+}
+
+impl From<Mistake> for sdo::Mistake {
+    fn from(mistake: Mistake) -> Self {
+        match mistake {
+            Mistake::LostSegment => Self::LostSegment,
+            Mistake::RepeatedSegment => Self::RepeatedSegment,
+            Mistake::WrongChecksum => Self::WrongChecksum,
         }
     }
 }

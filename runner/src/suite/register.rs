@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::dimension::{Dimension, Extent, Lack, Lacks, lacking};
+use super::step::Nmt;
 use crate::nearest::did_you_mean;
 use crate::parallel::{self, processors};
 use crate::source::{At, Complaint, Source, read_yaml};
@@ -105,6 +106,10 @@ pub struct RequirementEntry {
     /// The requirements that this one extends, each with the dimension.
     #[serde(default)]
     pub extends: BTreeMap<String, At<Dimension>>,
+    /// The NMT command whose effect this is: where it does not hold, what a case finds after that
+    /// command follows from it.
+    #[serde(default)]
+    pub effect_of: Option<Nmt>,
 }
 
 impl RequirementEntry {
@@ -261,6 +266,12 @@ impl Register {
     pub fn relaxed(&self, id: &str) -> impl Iterator<Item = (&str, &str)> {
         let of_it = self.relaxations.iter().filter(move |found| found.requirement.value == id);
         of_it.map(|found| (found.device.as_str(), found.by.as_str()))
+    }
+
+    /// The requirements that are the effect of an NMT command, with that command.
+    pub(crate) fn effects(&self) -> impl Iterator<Item = (Nmt, &Arc<str>)> {
+        let of = |known: &Requirement| known.entry.value.effect_of;
+        self.requirements.iter().filter_map(move |(id, known)| Some((of(known)?, id)))
     }
 
     /// Every requirement, by id.

@@ -3,13 +3,14 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use canopen::nmt::Service;
 use schemars::JsonSchema;
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{self, MapAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 
 use super::each::Objects;
-use super::literal::{Amount, Flow, FrameText, Literal, Name, ObjectRef, Tolerance};
+use super::literal::{Amount, Flow, FrameText, Literal, Mistake, Name, ObjectRef, Tolerance};
 use super::profile::About;
 use super::refusal::{Refusal, Refused};
 use crate::source::At;
@@ -333,6 +334,9 @@ pub struct Write {
     /// The protocol; what a client would choose unless said otherwise.
     #[serde(default)]
     pub transfer: Option<Flow>,
+    /// What the tester does wrong; makes it a block transfer.
+    #[serde(default)]
+    pub mistake: Option<Mistake>,
 }
 
 /// See [`Step::Remap`].
@@ -362,6 +366,19 @@ pub enum Nmt {
     ResetNode,
     /// Reset communication.
     ResetCommunication,
+}
+
+impl Nmt {
+    /// The command specifier.
+    pub const fn service(self) -> Service {
+        match self {
+            Self::Start => Service::START,
+            Self::Stop => Service::STOP,
+            Self::PreOperational => Service::ENTER_PRE_OPERATIONAL,
+            Self::ResetNode => Service::RESET_NODE,
+            Self::ResetCommunication => Service::RESET_COMMUNICATION,
+        }
+    }
 }
 
 /// See [`Step::Until`].

@@ -112,7 +112,10 @@ impl Lint<'_, '_, '_> {
     fn limits(&mut self, entry: &Entry) {
         let Entry { mux, default, low, high, .. } = entry;
         if exceeds(low, high) {
-            let message = format!("{mux}: LowLimit is above HighLimit");
+            let value = |term: &Option<Term>| term.as_ref().map(|term| term.value.to_string());
+            let (low, high) = (value(low).unwrap_or_default(), value(high).unwrap_or_default());
+            let data_type = entry.data_type;
+            let message = format!("{mux}: LowLimit {low} is above HighLimit {high} of {data_type}");
             return self.add_at(&codes::LIMITS, entry, "LowLimit", message);
         }
         if exceeds(low, default) {

@@ -23,7 +23,30 @@ pub(super) struct BlockDownload {
     last: bool,
     /// Sub-blocks in a row of which nothing arrived.
     lost: u32,
+    /// The last segment of the sub-block that can have arrived in order.
+    arrived: u8,
+    /// What the client still does wrong.
+    mistake: Option<Mistake>,
     waits_for: Answer,
+}
+
+/// What a client does wrong, once, in a block download. That of a segment needs a sub-block of two
+/// segments at least.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mistake {
+    /// The first segment is not sent before it is missed.
+    LostSegment,
+    /// The first segment is sent twice.
+    RepeatedSegment,
+    /// The checksum at the end is not that of the data.
+    WrongChecksum,
+}
+
+impl Mistake {
+    /// Whether it is made in a sub-block of so many segments.
+    fn is_due(self, segments: usize) -> bool {
+        segments > 1 && self != Self::WrongChecksum
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -34,7 +57,7 @@ enum Answer {
 }
 
 impl BlockDownload {
-    pub(super) fn begin(mux: Mux, data: &[u8]) -> (Self, Request) {
+    pub(super) fn begin(mux: Mux, data: &[u8], mistake: Option<Mistake>) -> (Self, Request) {
         let size = u32::try_from(data.len()).ok();
         let request = Request::Block(BlockRequest::Download { mux, crc: true, size });
         let download = Self {
@@ -45,6 +68,8 @@ impl BlockDownload {
             sent: 0,
             last: false,
             lost: 0,
+            arrived: 0,
+            mistake,
             waits_for: Answer::Initiate,
         };
         (download, request)
@@ -80,13 +105,16 @@ impl BlockDownload {
     }
 
     fn acknowledged(mut self, ack: BlockAck, answer: Response) -> Next {
-        if ack.last_good > self.sent {
-            let expected = format!("a confirmation of at most segment {}", self.sent);
+        if ack.last_good > self.arrived {
+            let expected = format!("a confirmation of at most segment {}", self.arrived);
             return failed(self.mux, Abort::SEQUENCE, expected, answer);
         }
         if ack.last_good == self.sent && self.last {
             self.waits_for = Answer::End;
-            let end = BlockEnd::of(&self.data, self.crc);
+            let mut end = BlockEnd::of(&self.data, self.crc);
+            if self.mistake == Some(Mistake::WrongChecksum) {
+                end.crc = !end.crc;
+            }
             let request = Request::Block(BlockRequest::DownloadEnd(end));
             return Next::Send(State::BlockDownload(self).client(), vec![request]);
         }
@@ -104,11 +132,20 @@ impl BlockDownload {
             let expected = format!("a block size of 1 to {LARGEST_BLOCK}");
             return failed(self.mux, Abort::BLOCK_SIZE, expected, answer);
         }
-        let segments: Vec<BlockSegment> = (1..=size)
+        let mut segments: Vec<BlockSegment> = (1..=size)
             .map_while(|sequence| BlockSegment::of(&self.data, self.confirmed, sequence))
             .collect();
         self.sent = segments.len() as u8;
         self.last = segments.last().is_some_and(|segment| segment.last);
+        self.arrived = self.sent;
+        match self.mistake.take_if(|mistake| mistake.is_due(segments.len())) {
+            Some(Mistake::LostSegment) => {
+                segments.remove(0);
+                self.arrived = 0;
+            }
+            Some(Mistake::RepeatedSegment) => segments.insert(0, segments[0]),
+            Some(Mistake::WrongChecksum) | None => {}
+        }
         self.waits_for = Answer::Ack;
         let requests = segments.into_iter().map(Request::BlockSegment).collect();
         Next::Send(State::BlockDownload(self).client(), requests)
@@ -205,8 +242,8 @@ impl BlockUpload {
         if taken {
             self.good = sequence;
             self.data.extend_from_slice(&data);
-            if self.data.len() > super::LONGEST + 7 {
-                let expected = format!("an end before {} bytes", super::LONGEST);
+            if self.data.len() > super::Client::LONGEST as usize + 7 {
+                let expected = format!("an end before {} bytes", super::Client::LONGEST);
                 return failed(self.mux, Abort::MEMORY, expected, answer);
             }
         }

@@ -12,14 +12,15 @@ pub(super) fn open(name: &str, why: &io::Error, has_can: bool) -> BusError {
     let up = bring_up(name);
     BusError::Open(match errno(why) {
         _ if !has_can => format!(
-            "cannot open {name}: this kernel has no SocketCAN (AF_CAN); put `scripts/with-vcan` \
-             in front of the command to run it with a virtual {VIRTUAL}"
+            "cannot open {name}: this kernel has no SocketCAN (AF_CAN); `exec:` reaches an adapter \
+             by a program, and in a checkout of the harness `scripts/with-vcan` in front of the \
+             command runs it with a virtual {VIRTUAL}"
         ),
         // Found by its name, but no CAN interface can be bound to it.
         Errno::ENODEV if name_exists(name) => format!("{name} is not a CAN interface"),
         Errno::ENODEV | Errno::ENXIO if name.starts_with("vcan") => format!(
             "there is no interface {name}: `ip link add dev {name} type vcan && {up}` makes one, \
-             as does `scripts/with-vcan` in front of the command"
+             as does, in a checkout of the harness, `scripts/with-vcan` in front of the command"
         ),
         Errno::ENODEV | Errno::ENXIO => format!(
             "there is no interface {name}: is the adapter plugged in and its driver loaded? \
@@ -186,7 +187,7 @@ mod tests {
                 "`ip link add dev vcan7 type vcan && ip link set vcan7 up`",
             ),
             (open("lo", &raised(Errno::ENODEV), true), "lo is not a CAN interface"),
-            (open("vcan0", &raised(Errno::ENODEV), false), "put `scripts/with-vcan` in front"),
+            (open("vcan0", &raised(Errno::ENODEV), false), "`exec:` reaches an adapter"),
             (
                 open("can0", &raised(Errno::ENETDOWN), true),
                 "`ip link set can0 up type can bitrate 125000`",

@@ -3,6 +3,8 @@
 //! Nothing is changed: to find out whether an object can be written, the value read from it is
 //! written back.
 
+mod mapped;
+
 use std::ops::RangeInclusive;
 use std::time::Duration;
 
@@ -18,8 +20,14 @@ use crate::run::policy::Policy;
 /// How asking for objects ended early.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Lost {
-    /// The device does not answer any more; the object that it was asked for.
-    Silent(Mux),
+    /// The device does not answer any more.
+    Silent {
+        /// The first request without an answer: the object, and whether its own value was written
+        /// to it.
+        first: (Mux, bool),
+        /// The object to which its own value was written last.
+        written: Option<Mux>,
+    },
     /// The bus failed.
     Bus(BusError),
 }
@@ -45,7 +53,8 @@ pub fn objects(
     constants: &[Mux],
 ) -> Result<Vec<Object>, Lost> {
     let policy = Policy { sdo_timeout: PATIENCE, ..*policy };
-    let mut probe = Probe { link, policy, node, constants, absent: Vec::new(), silent: 0 };
+    let (absent, silent, written) = (Vec::new(), None, None);
+    let mut probe = Probe { link, policy, node, constants, absent, silent, written };
     probe.learn_absence()?;
     let mut found: Vec<Object> = Vec::new();
     let objects = profiles.iter().flat_map(|profile| profile.objects());
@@ -53,6 +62,8 @@ pub fn objects(
         found.extend(probe.range(indices.clone(), known)?);
         probe.link.take_trace();
     }
+    let mapped = probe.mapped(&found)?;
+    found.extend(mapped);
     found.sort_by_key(|object| object.index);
     found.dedup_by_key(|object| object.index);
     Ok(found)
@@ -76,8 +87,10 @@ struct Probe<'p, 'b> {
     constants: &'p [Mux],
     /// The device's abort codes for objects that it does not have.
     absent: Vec<Abort>,
-    /// Requests in a row that were not answered.
-    silent: u32,
+    /// The first of the requests in a row that were not answered, and how many they are.
+    silent: Option<((Mux, bool), u32)>,
+    /// The object that was written last.
+    written: Option<Mux>,
 }
 
 /// The device's answer for an address.
@@ -229,13 +242,7 @@ impl Probe<'_, '_> {
 
     fn ask(&mut self, mux: Mux) -> Result<Answer, Lost> {
         let ended = sdo::upload_patiently(self.link, &self.policy, self.node, mux)?;
-        self.silent = match ended.raw {
-            Some(_) => 0,
-            None => self.silent + 1,
-        };
-        if self.silent == SILENCE {
-            return Err(Lost::Silent(mux));
-        }
+        self.heard((mux, false), ended.raw.is_some())?;
         Ok(match ended.result {
             Ok(bytes) => Answer::Value(bytes),
             Err(Failure::Aborted(code)) if !self.absent.contains(&code) => Answer::Refused,
@@ -243,10 +250,25 @@ impl Probe<'_, '_> {
         })
     }
 
+    /// Notes whether a request was answered, of a read or a write.
+    fn heard(&mut self, request: (Mux, bool), answered: bool) -> Result<(), Lost> {
+        self.silent = match (answered, self.silent) {
+            (true, _) => None,
+            (false, None) => Some((request, 1)),
+            (false, Some((first, count))) => Some((first, count + 1)),
+        };
+        match self.silent {
+            Some((first, SILENCE)) => Err(Lost::Silent { first, written: self.written }),
+            _ => Ok(()),
+        }
+    }
+
     /// Whether the device refuses what it holds as read only.
     fn is_fixed(&mut self, mux: Mux, bytes: &[u8]) -> Result<bool, Lost> {
         let flow = Transfer::usual(bytes.len());
+        self.written = Some(mux);
         let ended = sdo::download(self.link, &self.policy, self.node, mux, bytes, flow)?;
+        self.heard((mux, true), ended.raw.is_some())?;
         Ok(ended.result == Err(Failure::Aborted(Abort::READ_ONLY)))
     }
 }

@@ -3,8 +3,10 @@
 use std::time::Duration;
 
 use canopen::sdo::block::{BlockResponse, LARGEST_BLOCK};
-use canopen::sdo::{Client, Failure, Initiate, Next, RESPONSE_COB_ID, Request, Response, Transfer};
-use canopen::{Abort, BusError, Frame, Mux, Stamped};
+use canopen::sdo::{
+    Client, Failure, Initiate, Mistake, Next, RESPONSE_COB_ID, Request, Response, Transfer,
+};
+use canopen::{Abort, BusError, Frame, Instant, Mux, Stamped};
 use smallvec::{SmallVec, smallvec};
 
 use super::trace::Link;
@@ -90,7 +92,13 @@ pub(in crate::run) fn upload_patiently(
     const TRIES: usize = 3;
     let mut ended = upload(link, policy, node, mux)?;
     for _ in 1..TRIES {
-        let late = matches!(ended.result, Err(Failure::Timeout | Failure::Violation { .. }));
+        // A wrong answer within the transfer is none to another request.
+        let begun = ended.protocol != Transfer::Expedited;
+        let late = match ended.result {
+            Err(Failure::Timeout) => true,
+            Err(Failure::Violation { .. }) => !begun,
+            Ok(_) | Err(Failure::Aborted(_)) => false,
+        };
         // A late answer would be taken for that to the next request.
         if late && catches_up(link, policy, node)? {
             ended = upload(link, policy, node, mux)?;
@@ -126,18 +134,30 @@ pub(in crate::run) fn catches_up(
 /// Every device has this object, and its value never changes.
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 
-/// Whether the value of an object does not fit into one frame. Nothing but its begin is uploaded.
+/// How many bytes the value of an object has; `None` when the device does not say. Nothing but its
+/// begin is uploaded, so of a value in segments whose size is not indicated it is known that it has
+/// more bytes than fit into one frame.
 ///
 /// # Errors
 /// Whatever the bus reports.
-pub fn is_long(link: &mut Link, policy: &Policy, node: u8, mux: Mux) -> Result<bool, BusError> {
+pub fn value_length(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+) -> Result<Option<usize>, BusError> {
+    const MORE_THAN_A_FRAME: u32 = 5;
     let (client, request) = Client::upload(mux);
     let answer = Running::new(client, request).exchange(link, policy, node)?;
     let answer = answer.and_then(|answer| Response::decode(&answer.data).ok());
-    let Some(Response::Upload(_, Initiate::Segmented(size))) = answer else { return Ok(false) };
+    let size = match answer {
+        Some(Response::Upload(_, Initiate::Expedited(data))) => return Ok(Some(data.len())),
+        Some(Response::Upload(_, Initiate::Segmented(size))) => size,
+        _ => return Ok(None),
+    };
     link.send(&Request::Abort(mux, Abort::GENERAL).frame(node))?;
     link.drain(policy.quiet)?;
-    Ok(size.is_none_or(|size| size > 4))
+    Ok(Some(size.unwrap_or(MORE_THAN_A_FRAME) as usize))
 }
 
 /// Which directions of block transfer the device has, of those that are asked for: it has those
@@ -192,6 +212,22 @@ pub(in crate::run) fn download(
     transfer(link, policy, node, client, request)
 }
 
+/// Writes an object in blocks, with a mistake.
+///
+/// # Errors
+/// As [`download`].
+pub(in crate::run) fn download_with(
+    mistake: Mistake,
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+    data: &[u8],
+) -> Result<Ended, BusError> {
+    let (client, request) = Client::download_in_blocks(mux, data, Some(mistake));
+    transfer(link, policy, node, client, request)
+}
+
 /// How long storing and restoring of parameters may take.
 const STORE_TIMEOUT: Duration = Duration::from_secs(10);
 
@@ -220,19 +256,59 @@ struct Running {
     answer: Option<Option<Frame>>,
     protocol: Transfer,
     unsized_data: bool,
-    /// How many answers may still come.
-    left: u32,
+    /// When it began, and how many answers came since.
+    begun: Option<Instant>,
+    answers: u32,
+    /// How many may come, and in what time.
+    limit: Limit,
+}
+
+/// The answers that a server may need for a transfer, and the time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Limit {
+    answers: u32,
+    time: Duration,
+}
+
+impl Limit {
+    /// Of a transfer whose length the server does not announce: 64 KiB in full segments.
+    const UNANNOUNCED: Self = Self { answers: 64 * 1024 / 7, time: Duration::from_secs(120) };
+
+    /// Of a transfer of that many bytes. Each answer brings one of them at least, but for the first
+    /// and the last; a slow server sends seven in 100 ms.
+    fn of(bytes: u32) -> Self {
+        const FIRST: Duration = Duration::from_secs(60);
+        const EACH: Duration = Duration::from_millis(100);
+        Self { answers: bytes + 16, time: FIRST + EACH * bytes.div_ceil(7) }
+    }
 }
 
 impl Running {
-    /// A transfer of 1 MiB in segments, which takes minutes on a real bus, has less answers.
-    const MOST_ANSWERS: u32 = 160_000;
-
     fn new(client: Client, request: Request) -> Self {
         let mux = client.mux();
-        let (protocol, left) = (Transfer::Expedited, Self::MOST_ANSWERS);
+        let protocol = Transfer::Expedited;
         let requests = smallvec![request];
-        Self { client, mux, requests, answer: None, protocol, unsized_data: false, left }
+        Self {
+            client,
+            mux,
+            requests,
+            answer: None,
+            protocol,
+            unsized_data: false,
+            begun: None,
+            answers: 0,
+            limit: Limit::UNANNOUNCED,
+        }
+    }
+
+    /// The limit that the transfer has passed, in words.
+    fn passed(&self, now: Instant) -> Option<String> {
+        let Limit { answers, time } = self.limit;
+        if self.answers > answers {
+            return Some(format!("the end after {answers} answers"));
+        }
+        let took = self.begun.map(|begun| now.since(begun)).unwrap_or_default();
+        (took > time).then(|| format!("the end after {} s", time.as_secs()))
     }
 
     /// Sends the pending requests and waits for the answer.
@@ -244,6 +320,7 @@ impl Running {
     ) -> Result<Option<Frame>, BusError> {
         let answers = RESPONSE_COB_ID + u16::from(node);
         let first_sent = link.mark();
+        self.begun.get_or_insert(first_sent);
         let many = self.requests.len() > 1;
         link.send_all(self.requests.drain(..).map(|request| request.frame(node)))?;
         let until = link.mark() + policy.sdo_timeout;
@@ -257,6 +334,32 @@ impl Running {
         Ok(answer)
     }
 
+    /// Takes note of what the server chose, and of the length that it announces. A download is as
+    /// long as the client makes it.
+    fn learn(&mut self, response: Response) {
+        let announced = match response {
+            Response::Upload(_, initiate) => {
+                self.unsized_data = matches!(initiate, Initiate::Unsized(_));
+                let Initiate::Segmented(size) = initiate else { return };
+                self.protocol = Transfer::Segmented;
+                size
+            }
+            Response::Block(BlockResponse::Upload { size, .. }) => {
+                self.protocol = Transfer::Block;
+                size
+            }
+            Response::Block(BlockResponse::Download { .. }) => {
+                self.protocol = Transfer::Block;
+                Some(Client::LONGEST)
+            }
+            Response::Download(_) => Some(Client::LONGEST),
+            _ => return,
+        };
+        if let Some(bytes) = announced {
+            self.limit = Limit::of(bytes.min(Client::LONGEST));
+        }
+    }
+
     fn finish(mut self, link: &mut Link, policy: &Policy, node: u8) -> Result<Ended, BusError> {
         loop {
             let raw = match self.answer.take() {
@@ -264,31 +367,19 @@ impl Running {
                 None => self.exchange(link, policy, node)?,
             };
             self.answer = None;
-            let (protocol, unsized_data) = (&mut self.protocol, &mut self.unsized_data);
-            self.left = self.left.saturating_sub(1);
             let next = match raw.map(|frame| self.client.decode(&frame.data)) {
                 None => self.client.timeout(),
-                Some(Ok(got)) if self.left == 0 => {
-                    let expected = format!("the end after {} answers", Self::MOST_ANSWERS);
-                    let abort = Request::Abort(self.mux, Abort::MEMORY);
-                    Next::Failed(Failure::Violation { expected, got }, Some(abort))
-                }
                 Some(Ok(response)) => {
-                    match response {
-                        Response::Upload(_, initiate) => {
-                            *unsized_data = matches!(initiate, Initiate::Unsized(_));
-                            if matches!(initiate, Initiate::Segmented(_)) {
-                                *protocol = Transfer::Segmented;
-                            }
+                    self.answers += 1;
+                    self.learn(response);
+                    match self.passed(link.mark()) {
+                        None => self.client.step(response),
+                        Some(expected) => {
+                            let abort = Request::Abort(self.mux, Abort::MEMORY);
+                            let failure = Failure::Violation { expected, got: response };
+                            Next::Failed(failure, Some(abort))
                         }
-                        Response::Block(
-                            BlockResponse::Upload { .. } | BlockResponse::Download { .. },
-                        ) => {
-                            *protocol = Transfer::Block;
-                        }
-                        _ => {}
                     }
-                    self.client.step(response)
                 }
                 Some(Err(malformed)) => {
                     let expected = format!("an answer of 8 bytes: {malformed}");
@@ -373,12 +464,24 @@ mod tests {
         bus.attach(Endless(0));
         let mut link = Link::new(&mut bus);
         let (client, request) = Client::upload(LARGE);
-        let running = Running { left: 50, ..Running::new(client, request) };
-        let ended = running.finish(&mut link, &Policy::at_bit_rate(BIT_RATE), NODE).unwrap();
+        let policy = Policy::at_bit_rate(BIT_RATE);
+        let ended = transfer(&mut link, &policy, NODE, client, request).unwrap();
         let Err(Failure::Violation { expected, .. }) = ended.result else { panic!("it ended") };
-        assert_eq!(expected, "the end after 160000 answers");
+        assert_eq!(expected, "the end after 9362 answers");
         let last = link.take_trace().pop().unwrap().stamped.frame;
         assert_eq!(last, Request::Abort(LARGE, Abort::MEMORY).frame(NODE));
+    }
+
+    #[test]
+    fn a_transfer_has_the_answers_and_the_time_that_its_length_takes() {
+        let few = Limit { answers: 26, time: Duration::from_millis(60_200) };
+        assert_eq!(Limit::of(10), few);
+        let (client, request) = Client::upload(LARGE);
+        let mut running = Running { begun: Some(Instant::ZERO), ..Running::new(client, request) };
+        running.learn(Response::Upload(LARGE, Initiate::Segmented(Some(700))));
+        assert_eq!(running.passed(Instant::ZERO + Duration::from_secs(70)), None);
+        let late = running.passed(Instant::ZERO + Duration::from_secs(71));
+        assert_eq!(late.as_deref(), Some("the end after 70 s"));
     }
 
     #[test]

@@ -6,18 +6,24 @@
 use std::time::Duration;
 
 use canopen::monitor::Seen;
-use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped};
+use canopen::sdo::{RESPONSE_COB_ID, Request};
+use canopen::{Bench, Bus, BusError, Frame, Instant, Mux, Stamped};
 use reports::Event;
 use smallvec::SmallVec;
 
 use super::silence::Silence;
 use super::traffic::Traffic;
+use super::twins::Twins;
+use crate::dut::Dut;
 use crate::run::observer::{Observer, Unobserved};
 use crate::stop::Stop;
 
 /// The frames that wait for the wire at once. The transmit queue of a CAN interface is usually ten
 /// frames long, and one that is full costs a wait.
 const MOST_AHEAD: usize = 8;
+
+/// Every device has this object.
+const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 
 /// A tester that is less late than this is in time.
 const IN_TIME: Duration = Duration::from_millis(5);
@@ -38,6 +44,7 @@ pub struct Link<'b> {
     stop: Stop,
     silence: Silence,
     traffic: Traffic,
+    twins: Twins,
 }
 
 /// How late the tester was on a bus where it can be. In virtual time all of it stays zero.
@@ -84,6 +91,7 @@ impl<'b> Link<'b> {
             stop: Stop::default(),
             silence: Silence::default(),
             traffic: Traffic::default(),
+            twins: Twins::default(),
         }
     }
 
@@ -99,9 +107,11 @@ impl<'b> Link<'b> {
         Self { emit: Some(emit), observer, stop: stop.clone(), ..Self::new(bus) }
     }
 
-    /// Listens for when the device with this node id falls silent.
-    pub(in crate::run) fn listen_to(&mut self, node: u8) {
-        self.silence = Silence::of(node);
+    /// Listens for when the device falls silent, and where others share its bus, for another one
+    /// with its node id: once there is one, nothing is sent any more.
+    pub(in crate::run) fn listen_to(&mut self, dut: &Dut) {
+        self.silence = Silence::of(dut.node);
+        self.twins.node = dut.shares_its_bus.then_some(dut.node);
     }
 
     /// Measures from now on how much of the bus others take.
@@ -239,6 +249,7 @@ impl<'b> Link<'b> {
     /// # Errors
     /// As [`send`](Self::send).
     pub fn send_all(&mut self, frames: impl IntoIterator<Item = Frame>) -> Result<(), BusError> {
+        self.look_for_a_twin()?;
         let mut frames = frames.into_iter();
         let mut ahead = SmallVec::<[Frame; MOST_AHEAD]>::new();
         loop {
@@ -252,6 +263,34 @@ impl<'b> Link<'b> {
                 return Ok(());
             }
             self.complete(&ahead.remove(0))?;
+        }
+    }
+
+    /// Decides whether another station has the node id of the device, where something speaks for
+    /// it, before anything else is sent.
+    fn look_for_a_twin(&mut self) -> Result<(), BusError> {
+        /// A second answer comes in that time.
+        const BOTH: Duration = Duration::from_millis(100);
+        if self.twins.suspects()
+            && let Some(node) = self.twins.node
+        {
+            let mut double = 0;
+            for _ in 0..Twins::PROBES {
+                let request = Request::Upload(DEVICE_TYPE).frame(node);
+                self.bus.send(&request)?;
+                self.complete(&request)?;
+                let asked = self.cursor;
+                self.wait(self.mark + BOTH)?;
+                let came = self.trace[asked..].iter().map(|seen| &seen.stamped);
+                let answers = Some(RESPONSE_COB_ID + u16::from(node));
+                let answers = came.filter(|it| !it.own && it.frame.data_id() == answers);
+                double += u32::from(answers.count() > 1);
+            }
+            self.twins.decide(double);
+        }
+        match &self.twins.found {
+            Some(found) => Err(BusError::Io(found.clone())),
+            None => Ok(()),
         }
     }
 
@@ -430,6 +469,7 @@ impl<'b> Link<'b> {
         let Some(stamped) = got else { return Ok(None) };
         self.silence.see(&stamped);
         self.traffic.see(&stamped);
+        self.twins.see(&stamped);
         self.observer.frame(&stamped);
         self.trace.push(Seen { stamped, expected: false });
         if self.in_case {

@@ -1,9 +1,10 @@
 //! Frames of stations other than the device, and how much of the bus they take.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use canopen::wire::{INTERMISSION_BITS, frame_bits};
-use canopen::{Bus, Instant, Stamped, lss};
+use canopen::{Bus, Instant, Stamped, lss, monitor, nmt};
 
 use crate::dut::Dut;
 
@@ -16,6 +17,8 @@ pub struct Traffic {
     node: u8,
     /// The identifiers that the device has by its data sheet.
     known: Vec<u16>,
+    /// Identifiers that nobody has by default, of frames that came.
+    strangers: BTreeSet<u16>,
     /// Where the stretch begins that is looked at, and the bits of others in it.
     stretch: Instant,
     bits: u64,
@@ -30,6 +33,9 @@ impl Traffic {
     pub(in crate::run) const FULL: f64 = 0.8;
     /// A load below this is not worth a remark.
     pub(in crate::run) const WORTH_A_WORD: f64 = 0.05;
+
+    /// This many identifiers of strangers are named.
+    const LISTED: usize = 8;
 
     /// Beside this device, whose data sheet gives it these identifiers.
     pub fn beside(dut: &Dut, known: Vec<u16>) -> Self {
@@ -50,6 +56,13 @@ impl Traffic {
             self.most = self.load();
             (self.stretch, self.bits) = (seen.at, 0);
         }
+        if let Some(id) = seen.frame.data_id()
+            && self.strangers.len() < Self::LISTED
+            && !matches!(id, nmt::COB_ID | SYNC | TIME | lss::REQUEST_COB_ID)
+            && !monitor::is_anybodys(id, self.node, &self.known)
+        {
+            self.strangers.insert(id);
+        }
         self.bits += frame_bits(&seen.frame) + INTERMISSION_BITS;
     }
 
@@ -65,6 +78,21 @@ impl Traffic {
         let load = self.load();
         let percent = load * 100.0;
         (load >= least).then(|| format!("frames of others take {percent:.0} % of the bus"))
+    }
+
+    /// The identifiers of frames that nobody has by default, as a sentence. On a bus that others
+    /// share, they are not judged.
+    pub(in crate::run) fn strangers(&self) -> Option<String> {
+        let ids: Vec<String> = self.strangers.iter().map(|id| format!("{id:03X}h")).collect();
+        (!ids.is_empty()).then(|| {
+            let more = if ids.len() == Self::LISTED { " and perhaps more" } else { "" };
+            format!(
+                "frames came with identifiers that no data sheet or predefined connection set \
+                 explains: {}{more}; others share the bus, so that the device was not judged by \
+                 them",
+                ids.join(", ")
+            )
+        })
     }
 
     /// The share of other stations on a bus on which no device answers, as a sentence, if it is
@@ -88,6 +116,10 @@ impl Traffic {
     }
 }
 
+/// The identifiers of SYNC and TIME that a producer has by default.
+const SYNC: u16 = 0x080;
+const TIME: u16 = 0x100;
+
 #[cfg(test)]
 mod tests {
     use canopen::Frame;
@@ -107,6 +139,9 @@ mod tests {
             traffic.see(&seen(0x605, ms, true));
         }
         assert_eq!((traffic.load(), traffic.said(0.0)), (0.0, Some(NONE.to_owned())));
+        assert_eq!(traffic.strangers(), None);
+        traffic.see(&seen(0x10A, 50, false));
+        assert!(traffic.strangers().unwrap().contains("explains: 10Ah; others share"));
         (100..135).for_each(|ms| traffic.see(&seen(0x186, ms, false)));
         traffic.see(&seen(0x186, 200, false));
         assert!((0.85..0.9).contains(&traffic.load()), "{}", traffic.load());

@@ -97,7 +97,8 @@ pub(in crate::run) fn first_look(
     let monitored = monitored(link, policy, dut)?;
     let errors = !emergencies.is_empty()
         || register.as_ref().is_ok_and(|bits| bits.iter().any(|bits| *bits != 0));
-    if wanted.operational && errors {
+    let may_start = dut.protection.refuses(Deed::Start).is_none();
+    if wanted.operational && errors && may_start {
         let kept_in = kept_in(link, policy, dut, undo)?;
         let said = register.as_ref().map_or_else(
             |_| "an emergency".to_owned(),

@@ -8,6 +8,7 @@ use canopen::sdo::{Initiate, REQUEST_COB_ID, Request};
 use canopen::{BenchError, BusError, Frame, Instant, Mux, emcy};
 use reports::{Event, Note};
 
+use super::address::Address;
 use super::answer::booted;
 use super::baseline::Baseline;
 use super::lss;
@@ -68,7 +69,10 @@ impl Leaving<'_, '_> {
             }
             Err(error) => self.not_set_back(&error),
         }
-        if lss::may_configure(self.link.trace()) {
+        let address = Address::after(self.link.trace(), self.dut);
+        if address > Address::AsBefore {
+            lss::give_back(self.link, self.dut, &self.baseline.identity, address)?;
+        } else if lss::may_configure(self.link.trace()) {
             lss::leave_for_sure(self.link)?;
         }
         // One that failed is reset before the next case.

@@ -10,6 +10,7 @@ use canopen::sdo::block::BlockRequest;
 use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response, Transfer};
 use canopen::{BusError, Frame, Mux, Stamped, heartbeat, nmt};
 
+use super::address::Address;
 use crate::dut::Dut;
 use crate::plan::{Instance, Scope, mapping_word};
 use crate::run::link::Link;
@@ -19,12 +20,15 @@ use crate::source::At;
 use crate::suite::effect::Written;
 use crate::suite::literal::FrameText;
 
-/// The values of the objects that a case may change.
+/// What a case may change, as it was before.
 #[derive(Clone, Debug, Default)]
-pub(in crate::run) struct Snapshot {
+pub struct Snapshot {
+    /// The values of objects.
     pub values: BTreeMap<Mux, Vec<u8>>,
     /// Whether the case may change what is stored.
     pub stores: bool,
+    /// What it may leave of node id and bit rate.
+    pub address: Address,
 }
 
 impl Snapshot {
@@ -45,7 +49,12 @@ impl Snapshot {
                 if !restorable(mux, &dut.eds) || snapshot.values.contains_key(&mux) {
                     continue;
                 }
-                if let Ok(value) = sdo::upload(link, policy, dut.node, mux)?.result {
+                // What is not read is not set back.
+                let ended = match dut.shares_its_bus {
+                    true => sdo::upload_patiently(link, policy, dut.node, mux)?,
+                    false => sdo::upload(link, policy, dut.node, mux)?,
+                };
+                if let Ok(value) = ended.result {
                     snapshot.values.insert(mux, value);
                 }
             }
@@ -53,9 +62,14 @@ impl Snapshot {
         Ok(snapshot)
     }
 
-    /// Whether there is nothing to restore.
+    /// Whether no object is to be restored.
     pub(in crate::run) fn is_empty(&self) -> bool {
         self.values.is_empty() && !self.stores
+    }
+
+    /// Whether nothing is changed.
+    pub fn is_as_before(&self) -> bool {
+        self.is_empty() && self.address == Address::AsBefore
     }
 
     /// The objects whose values the trace may have changed: those that were written, and those of
@@ -443,7 +457,7 @@ mod tests {
         _ = sdo::download(&mut link, &policy, NODE, HEARTBEAT, &[1; 4], flow).unwrap();
         let values = BTreeMap::from([(HEARTBEAT, vec![0; 4])]);
         let mut changed = BTreeSet::from([HEARTBEAT]);
-        let snapshot = Snapshot { values, stores: false };
+        let snapshot = Snapshot { values, ..Snapshot::default() };
         snapshot.restore(&mut link, &policy, NODE, &mut changed).unwrap();
         link.wait(link.mark() + policy.sdo_timeout * 4).unwrap();
         let last = sdo::upload(&mut link, &policy, NODE, HEARTBEAT).unwrap();

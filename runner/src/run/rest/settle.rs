@@ -6,6 +6,7 @@ use canopen::catalogue::Profile;
 use canopen::sdo::Failure;
 use canopen::{BusError, Mux};
 
+use super::address::Address;
 use super::answer::{DEVICE_TYPE, answers};
 use super::baseline::{Baseline, ERROR_REGISTER};
 use super::ladder::{Climbed, Tried};
@@ -145,6 +146,15 @@ pub(in crate::run) fn application(
     Ok(())
 }
 
+/// The ways to a device that a run has left.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Ways {
+    /// Whether it may be reset.
+    pub may_reset: bool,
+    /// What the run may have left of its node id, which then is given to it before anything else.
+    pub address: Address,
+}
+
 /// Makes the device answer, as gently as possible, regardless of its errors.
 ///
 /// # Errors
@@ -154,14 +164,16 @@ pub(super) fn wake(
     policy: &Policy,
     dut: &Dut,
     baseline: &Baseline,
-    may_reset: bool,
+    ways: Ways,
 ) -> Result<Settled, BusError> {
     pre_operational(link, policy, dut)?;
     if answers(link, policy, dut)? {
         return Ok(Settled::AtRest(None));
     }
     let mut tried = Tried::default();
-    for rung in LADDER.into_iter().filter(|rung| may_reset || rung.deeds().is_empty()) {
+    let first = (ways.address > Address::AsBefore).then_some(Rung::NodeId);
+    let gentle = LADDER.into_iter().filter(|rung| ways.may_reset || rung.deeds().is_empty());
+    for rung in first.into_iter().chain(gentle) {
         let climbed = rung.climb(link, policy, dut, baseline)?;
         tried.add(rung, &climbed);
         if climbed == Climbed::Up && answers(link, policy, dut)? {

@@ -8,6 +8,7 @@ use canopen::heartbeat;
 use canopen::nmt::NmtState;
 use canopen::{BusError, Mux};
 
+use super::address::Address;
 use super::restore::Snapshot;
 use super::undo::Undo;
 use crate::dut::Dut;
@@ -46,7 +47,7 @@ pub(super) fn shown_state(
     let state = if written { watched(link, policy, dut)? } else { None };
     let mut changed = BTreeSet::from([PRODUCER]);
     snapshot.restore(link, policy, dut.node, &mut changed)?;
-    undo.end(&snapshot, &changed);
+    undo.end(&snapshot, &changed, Address::AsBefore);
     Ok(state)
 }
 

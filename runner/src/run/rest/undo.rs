@@ -1,5 +1,5 @@
-//! Changes of a run in the device that are not set back yet. On a real bus they are also on disk,
-//! since a run that is killed sets nothing back.
+//! Changes of a run in the device that are not set back yet: objects, node id and bit rate. On a
+//! real bus they are also on disk, since a run that is killed sets nothing back.
 
 use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
@@ -8,6 +8,7 @@ use std::fmt::Debug;
 use canopen::Mux;
 use reports::Identity;
 
+use super::address::Address;
 use super::restore::Snapshot;
 use crate::plan::show_bytes;
 
@@ -19,15 +20,14 @@ pub trait KeepChanges: Debug {
     /// Records the identity of the device, which is found out before anything is changed.
     fn identify(&mut self, identity: Identity);
 
-    /// Replaces what it holds. Without objects, there is no log.
+    /// Replaces what it holds. Where nothing is changed, there is no log.
     ///
     /// # Errors
     /// Why it cannot be written.
-    fn write(&mut self, values: &BTreeMap<Mux, Vec<u8>>, stores: bool) -> Result<(), String>;
+    fn write(&mut self, left: &Snapshot) -> Result<(), String>;
 }
 
-/// The objects that are not, or perhaps not, as they were before the run, with their values from
-/// then.
+/// What is not, or perhaps not, as it was before the run, with the values of objects from then.
 #[derive(Debug, Default)]
 pub struct Undo {
     left: RefCell<Snapshot>,
@@ -48,15 +48,27 @@ impl Undo {
         self.left.borrow().values.clone()
     }
 
-    /// The objects that are not set back, in a sentence; `None` when there are none.
+    /// What is not set back, in a sentence; `None` when nothing is left.
     pub fn said(&self) -> Option<String> {
-        let left = self.left();
+        let left = self.left.borrow();
         let value = |(mux, value): (&Mux, &Vec<u8>)| format!("{mux} (was {})", show_bytes(value));
-        let objects: Vec<String> = left.iter().map(value).collect();
-        (!left.is_empty()).then(|| {
+        let objects: Vec<String> = left.values.iter().map(value).collect();
+        let objects = (!objects.is_empty()).then(|| {
             let objects = objects.join(", ");
             format!("these objects may not be as they were before the run: {objects}")
-        })
+        });
+        let address = match left.address {
+            Address::AsBefore => None,
+            Address::Configured => Some("its node id or bit rate may be another one"),
+            Address::Stored => Some("another node id or bit rate may be active and stored"),
+        };
+        let said: Vec<String> = objects.into_iter().chain(address.map(str::to_owned)).collect();
+        (!said.is_empty()).then(|| said.join("; "))
+    }
+
+    /// Whether it is kept in a log, which is for a device that outlives the program.
+    pub(in crate::run) const fn is_kept(&self) -> bool {
+        self.log.is_some()
     }
 
     /// The name of the log, when it holds something that is not set back.
@@ -85,19 +97,27 @@ impl Undo {
                 now.clone_from(value);
             }
         }
-        if snapshot.is_empty() || self.log.is_none() {
+        if snapshot.is_as_before() || self.log.is_none() {
             return false;
         }
         let mut all = left.clone();
         all.values.extend(snapshot.values.clone());
         all.stores |= snapshot.stores;
+        all.address = all.address.max(snapshot.address);
         self.write(&all);
         true
     }
 
-    /// The case is over, and of its snapshot that is still changed.
-    pub(in crate::run) fn end(&self, snapshot: &Snapshot, changed: &BTreeSet<Mux>) {
+    /// The case is over. Of its snapshot these objects are still changed, and `address` is what it
+    /// left of node id and bit rate.
+    pub(in crate::run) fn end(
+        &self,
+        snapshot: &Snapshot,
+        changed: &BTreeSet<Mux>,
+        address: Address,
+    ) {
         let mut left = self.left.borrow_mut();
+        left.address = left.address.max(address);
         for (mux, value) in &snapshot.values {
             match changed.contains(mux) {
                 true => _ = left.values.entry(*mux).or_insert_with(|| value.clone()),
@@ -105,7 +125,20 @@ impl Undo {
             }
         }
         left.stores = !left.values.is_empty() && (left.stores || snapshot.stores);
-        if !snapshot.is_empty() {
+        if !snapshot.is_as_before() {
+            self.write(&left);
+        }
+    }
+
+    /// What is left of node id and bit rate.
+    pub(in crate::run) fn address(&self) -> Address {
+        self.left.borrow().address
+    }
+
+    /// Node id and bit rate are as before the run.
+    pub(in crate::run) fn has_its_address(&self) {
+        let mut left = self.left.borrow_mut();
+        if std::mem::take(&mut left.address) != Address::AsBefore {
             self.write(&left);
         }
     }
@@ -117,7 +150,7 @@ impl Undo {
 
     fn write(&self, all: &Snapshot) {
         let Some(log) = &self.log else { return };
-        if let Err(why) = log.borrow_mut().write(&all.values, all.stores)
+        if let Err(why) = log.borrow_mut().write(all)
             && !self.failed.replace(true)
         {
             *self.failure.borrow_mut() = Some(why);

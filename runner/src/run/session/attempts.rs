@@ -1,7 +1,10 @@
-//! Repeats a case while the tester is late.
+//! Repeats a case while the tester is late, and one that fails on a bus that may lose frames.
 
+use std::cell::RefCell;
+use std::collections::BTreeSet;
 use std::time::Duration;
 
+use canopen::nmt::Service;
 use reports::Outcome;
 
 use super::case::{Aftermath, CaseRun, Common};
@@ -18,14 +21,104 @@ pub(super) struct Finished {
     pub outcome: Outcome,
     /// The consequence for the next cases.
     pub aftermath: Aftermath,
+    /// The NMT commands in effect when its problem came up.
+    pub commanded: Vec<Service>,
     /// The results for its assertions, if the observer asks for them.
     pub shown: Option<Shown>,
+}
+
+/// The failures of a session that were repeated, on a bus that others share: there a frame may be
+/// lost, or come twice because it was disturbed at its end, whatever the device does.
+#[derive(Debug, Default)]
+pub(super) struct Repeats {
+    /// The steps at which a case has failed again and again, so that they need no more proof.
+    proved: RefCell<BTreeSet<String>>,
+}
+
+/// The failures of one case.
+#[derive(Debug, Default)]
+struct Failures {
+    count: u32,
+    /// How often the last of them came in a row.
+    same: u32,
+    at: String,
+    first: Option<Outcome>,
+}
+
+/// What follows from an attempt.
+enum Follows {
+    /// The outcome of the case.
+    Outcome(Outcome),
+    /// Another attempt, after a reset.
+    Again,
+}
+
+impl Failures {
+    /// A device that fails at one step so often in a row fails there.
+    const PROOF: u32 = 3;
+    /// As many failures, at different steps, say nothing.
+    const MOST: u32 = 6;
+
+    /// Takes the outcome of an attempt.
+    fn weigh(&mut self, outcome: Outcome, instance: &Instance, repeats: &Repeats) -> Follows {
+        let Some(at) = at(&outcome, instance) else {
+            return Follows::Outcome(self.beside_failures(outcome));
+        };
+        self.same = if at == self.at { self.same + 1 } else { 1 };
+        (self.count, self.at) = (self.count + 1, at);
+        if repeats.proved.borrow().contains(&self.at) {
+            return Follows::Outcome(outcome);
+        }
+        if self.same == Self::PROOF {
+            repeats.proved.borrow_mut().insert(self.at.clone());
+            return Follows::Outcome(outcome);
+        }
+        if self.count == Self::MOST {
+            let why = format!(
+                "it failed in {} attempts, and never three times in a row at one step: frames are \
+                 lost or come twice, or the device fails now and then",
+                self.count
+            );
+            return Follows::Outcome(Outcome::Error { reason: why, problem: None });
+        }
+        self.first.get_or_insert(outcome);
+        Follows::Again
+    }
+
+    /// A case that passes at last has not proved that the device is in order: a report shows that.
+    fn beside_failures(&mut self, outcome: Outcome) -> Outcome {
+        match (outcome, self.first.take()) {
+            (Outcome::Pass, Some(Outcome::Fail(mut problem))) => {
+                problem.notes.push(format!(
+                    "it failed in {} of {} attempts, and then passed: a frame was lost or came \
+                     twice, or the device fails now and then",
+                    self.count,
+                    self.count + 1
+                ));
+                Outcome::Lenient(problem)
+            }
+            (outcome, _) => outcome,
+        }
+    }
+}
+
+/// Where a case failed, or could not be carried out.
+fn at(outcome: &Outcome, instance: &Instance) -> Option<String> {
+    let suite = instance.suite.name();
+    match outcome {
+        Outcome::Fail(problem) => Some(format!("{suite}:{}", problem.place.line)),
+        // Without a problem of the device, such as a name that the bench lacks, it errs again.
+        Outcome::Error { reason, problem: Some(_) } => Some(format!("{suite} {reason}")),
+        Outcome::Blocked(reason) => Some(format!("{suite} {reason}")),
+        _ => None,
+    }
 }
 
 /// Runs one instance.
 pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Left) -> Finished {
     let mut left = left;
     let (mut attempt, mut stalled, mut failed, mut cleared) = (0, false, false, false);
+    let mut failures = Failures::default();
     loop {
         attempt += 1;
         let mut run = CaseRun::new(link, common, instance);
@@ -36,7 +129,9 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         let late = run.late.map(|late| show_time(Duration::from_millis(late.as_millis() as u64)));
         run.link.take_trace();
         let shown = run.proof.take().map(Proof::end);
-        let Aftermath::Left(how) = aftermath else { return Finished { outcome, aftermath, shown } };
+        let commanded = std::mem::take(&mut run.commanded);
+        let finished = |outcome, aftermath| Finished { outcome, aftermath, commanded, shown };
+        let Aftermath::Left(how) = aftermath else { return finished(outcome, aftermath) };
         // After a stall, a failure counts only if it repeats: the next stall may go unnoticed.
         let is_fail = matches!(outcome, Outcome::Fail(_));
         let doubtful = stalled && !failed && is_fail;
@@ -52,20 +147,35 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             // The case says nothing about the device.
             Some(late) => format!("the tester was late by {late}"),
             None if doubtful => "the tester was late in the attempt before".to_owned(),
-            None => return Finished { outcome, aftermath, shown },
+            // On a full bus, the next attempt fares no better.
+            None if !common.dut.shares_its_bus
+                || !instance.needs_device()
+                || run.link.traffic().load() >= Traffic::FULL =>
+            {
+                return finished(outcome, aftermath);
+            }
+            None => match failures.weigh(outcome, instance, common.repeats) {
+                Follows::Outcome(outcome) => return finished(outcome, aftermath),
+                Follows::Again => {
+                    left = Left::Dirty;
+                    let why = "it failed, and a frame may have been lost or have come twice";
+                    run.note(format!("{why}: the case is repeated after a reset"));
+                    continue;
+                }
+            },
         };
         if attempt == ATTEMPTS {
             let reason = match &late {
                 Some(_) => format!("{why}, and in {attempt} attempts"),
                 None => format!("the tester was late in {} attempts, and one failed", attempt - 1),
             };
-            return Finished { outcome: Outcome::Undecided(reason), aftermath, shown };
+            return finished(Outcome::Undecided(reason), aftermath);
         }
         (left, stalled, failed) = (how, stalled || late.is_some(), failed || doubtful);
         run.note(format!("{why}: the case is repeated"));
         if let Err(error) = run.link.calm() {
             let (outcome, aftermath) = run.bus_failed(error);
-            return Finished { outcome, aftermath, shown };
+            return finished(outcome, aftermath);
         }
     }
 }

@@ -3,19 +3,21 @@
 use std::time::Duration;
 
 use canopen::emcy::{self, EmcyCode};
+use canopen::nmt::{self, Command, Service};
 use canopen::{BusError, Mux};
 use reports::{Event, Note, Outcome, Phase};
 
+use super::attempts::Repeats;
 use super::outcome::{CaseOutcome, error};
 use super::phases::run_phase;
 use crate::dut::Dut;
-use crate::plan::{Fate, Instance, Scope, others};
+use crate::plan::{Fate, Instance, Scope, deeds, others};
 use crate::run::link::Link;
 use crate::run::observer::{Observer, Unobserved};
 use crate::run::policy::Policy;
 use crate::run::rest::{
-    Baseline, BenchSnapshot, Leaving, Left, Settled, Snapshot, Undo, application, enter, is_still,
-    owes_a_sign, settle,
+    Address, Baseline, BenchSnapshot, Leaving, Left, Settled, Snapshot, Undo, application, enter,
+    give_back, is_still, owes_a_sign, settle,
 };
 use crate::run::steps::{Difference, Proof, Steps, bench, promise};
 
@@ -43,6 +45,8 @@ pub(super) struct Common<'r> {
     pub known: &'r [u16],
     /// The changes in the device.
     pub undo: &'r Undo,
+    /// What was repeated on a bus that may lose frames.
+    pub repeats: &'r Repeats,
     /// Learns what happens.
     pub observer: &'r dyn Observer,
 }
@@ -53,6 +57,10 @@ enum Ready {
     With(Snapshot),
     /// It is lost, and why.
     Lost(String),
+}
+
+const fn is_reset(service: Service) -> bool {
+    matches!(service, Service::RESET_NODE | Service::RESET_COMMUNICATION)
 }
 
 const CONSUMER_HEARTBEAT_TIME: u16 = 0x1016;
@@ -73,6 +81,8 @@ pub(super) struct CaseRun<'r, 'b> {
     pub late: Option<Duration>,
     /// Whether an emergency came whose cause an earlier case may have left.
     pub earlier_cause: bool,
+    /// The NMT commands in effect when the problem came up.
+    pub commanded: Vec<Service>,
     /// The results for the assertions, if the observer asks for them.
     pub proof: Option<Proof>,
 }
@@ -80,7 +90,16 @@ pub(super) struct CaseRun<'r, 'b> {
 impl<'r, 'b> CaseRun<'r, 'b> {
     pub(super) fn new(link: &'r mut Link<'b>, common: Common<'r>, instance: &'r Instance) -> Self {
         let (bench_snapshot, proof) = (BenchSnapshot::default(), Proof::of(common.observer));
-        Self { link, common, instance, bench_snapshot, late: None, earlier_cause: false, proof }
+        Self {
+            link,
+            common,
+            instance,
+            bench_snapshot,
+            late: None,
+            earlier_cause: false,
+            commanded: Vec::new(),
+            proof,
+        }
     }
 
     /// One attempt: brings the device to rest, runs the steps, and leaves it as it was.
@@ -123,10 +142,9 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         let (link, bench_snapshot) = (&mut *self.link, &mut self.bench_snapshot);
         let mut leaving = Leaving { link, policy, dut, baseline, bench_snapshot, patience };
         let restored = leaving.restore(&snapshot, still, passed, &mut changed);
-        self.common.undo.end(&snapshot, &changed);
         if !changed.is_empty() {
-            let changed: Vec<String> = changed.iter().map(Mux::to_string).collect();
-            self.note(format!("not every object could be restored: {}", changed.join(", ")));
+            let listed: Vec<String> = changed.iter().map(Mux::to_string).collect();
+            self.note(format!("not every object could be restored: {}", listed.join(", ")));
         }
         let aftermath = match (restored, stop) {
             (_, Some(error)) | (Err(error), None) if lasts(&error) => Aftermath::Stop(error),
@@ -140,7 +158,11 @@ impl<'r, 'b> CaseRun<'r, 'b> {
                 })
             }
         };
-        self.still_there(outcome, aftermath)
+        let ended = self.still_there(outcome, aftermath);
+        // A device that layer setting services spoke to has shown by now that it is there.
+        let address = Address::after(self.link.trace(), dut);
+        self.common.undo.end(&snapshot, &changed, address);
+        ended
     }
 
     /// Whether the device reported in this attempt that a node it monitors is lost.
@@ -194,7 +216,14 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         if let Some(profile) = self.instance.suite.profile() {
             application(self.link, policy, dut, baseline, profile)?;
         }
+        let left = undo.address();
+        if left > Address::AsBefore && give_back(self.link, dut, &baseline.identity, left)? {
+            undo.has_its_address();
+        }
         let mut snapshot = Snapshot::take(self.link, policy, dut, self.instance)?;
+        if undo.is_kept() && dut.eds.device.lss {
+            snapshot.address = Address::of_deeds(&deeds(self.instance, dut));
+        }
         if undo.begin(&mut snapshot) {
             // The disk took time, which belongs to no step.
             self.link.look_from_now()?;
@@ -218,7 +247,6 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             outcome: Outcome::Pass,
             declined: None,
             late: None,
-            relies_on: self.instance.relies_on().next(),
         };
         if let Fate::Unfit(complaint) = &self.instance.fate {
             let place = complaint.place.unwrap_or_else(|| self.instance.case().id.place);
@@ -232,6 +260,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             result.error(unmet);
             return Ok(result.outcome);
         }
+        let commanded_from = self.link.trace().len();
         if self.instance.needs_device() {
             let state = self.instance.case().state;
             enter(self.link, self.common.policy, self.common.dut, self.common.baseline, state)?;
@@ -278,6 +307,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             self.judge_monitors(watched_from, &mut result);
         }
         self.late = result.late;
+        self.commanded = self.in_effect(commanded_from, &result.outcome);
         Ok(result.outcome)
     }
 
@@ -294,6 +324,26 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         let noticed = self.link.lateness().noticed;
         let late = (noticed > self.common.policy.bears(Duration::ZERO)).then_some(noticed);
         result.late = result.late.max(late);
+    }
+
+    /// The NMT commands whose effects should be there when the problem came up: the last reset of
+    /// the case, and the last command after it.
+    fn in_effect(&self, from: usize, outcome: &Outcome) -> Vec<Service> {
+        let Some(problem) = outcome.problem() else { return Vec::new() };
+        let sent = self.link.trace()[from..].iter().map(|seen| seen.stamped);
+        let sent = sent.filter(|seen| seen.own && seen.at <= problem.at);
+        let commands = sent.filter(|seen| seen.frame.data_id() == Some(nmt::COB_ID));
+        let commands = commands.filter_map(|seen| Command::decode(&seen.frame.data).ok());
+        let of_device = |command: &Command| [0, self.common.dut.node].contains(&command.node);
+        let mut in_effect = Vec::new();
+        for Command { service, .. } in commands.filter(of_device) {
+            match service {
+                service if is_reset(service) => in_effect.clear(),
+                _ => in_effect.retain(|before| is_reset(*before)),
+            }
+            in_effect.push(service);
+        }
+        in_effect
     }
 
     /// The names of the instance; nodes that the device monitors from the start are not `$other`.

@@ -19,9 +19,10 @@ impl CaseRun<'_, '_> {
         };
         let frames = &self.link.trace()[from..];
         let now = self.link.mark();
-        let (node, known) = (self.common.dut.node, self.common.known.to_vec());
+        let dut = self.common.dut;
+        let known = (!dut.shares_its_bus).then(|| self.common.known.to_vec());
         let mut monitors = monitor::all(
-            node,
+            dut.node,
             known,
             self.common.baseline.standing(),
             self.common.policy.slow_wire,

@@ -14,8 +14,6 @@ pub(super) struct CaseOutcome<'r> {
     /// When the step ended that is being judged.
     pub at: Instant,
     pub outcome: Outcome,
-    /// The first requirement without which the case says nothing.
-    pub relies_on: Option<&'r str>,
     /// A permitted refusal of the device, because of which the remaining steps were left out.
     pub declined: Option<String>,
     /// How late the tester was, when that may be the reason of the outcome.
@@ -44,10 +42,8 @@ impl CaseOutcome<'_> {
     pub(super) fn setup_failed(&mut self, place: Place, difference: Difference) {
         let problem = self.problem(Phase::Setup, place, difference);
         let reason = format!("the setup failed: {}", summary(&problem));
-        self.outcome = match self.relies_on {
-            Some(id) => Outcome::Blocked(format!("{id}: {reason}")),
-            None => Outcome::Error { reason, problem: Some(problem) },
-        };
+        // Were something that the case relies on known to be broken, it would not have begun.
+        self.outcome = Outcome::Error { reason, problem: Some(problem) };
     }
 
     /// A frame was not sent, or the bus is too slow, so that the case says nothing.

@@ -3,21 +3,34 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use reports::Outcome;
+use reports::{Outcome, Phase, Problem};
 
 use crate::plan::{Instance, Plan};
+use crate::suite::Register;
 
-/// The requirements that cases rely on, and those of them that do not hold on this device.
+/// The requirements that cases rely on, and what is known of them on this device.
 pub(super) struct Reliance<'p> {
     relied: BTreeSet<&'p str>,
-    broken: BTreeMap<&'p str, String>,
+    /// Those that do not hold.
+    broken: BTreeMap<&'p str, Broken<'p>>,
+    /// Those that are kept in another way than the usual one, and how that showed.
+    bent: BTreeMap<&'p str, String>,
+}
+
+/// How it showed that a requirement does not hold.
+struct Broken<'p> {
+    why: String,
+    /// The case that showed it, until it was looked at again before the first case that it blocks:
+    /// the reason may be gone by then.
+    shown_by: Option<&'p Instance>,
 }
 
 impl<'p> Reliance<'p> {
     /// Nothing is known to be broken.
-    pub(super) fn of(plan: &'p Plan) -> Self {
-        let relied = plan.by_case().flat_map(|instances| instances[0].relies_on()).collect();
-        Self { relied, broken: BTreeMap::new() }
+    pub(super) fn of(plan: &'p Plan, register: &'p Register) -> Self {
+        let named = plan.by_case().flat_map(|instances| instances[0].relies_on());
+        let relied = named.chain(register.effects().map(|(_, id)| &**id)).collect();
+        Self { relied, broken: BTreeMap::new(), bent: BTreeMap::new() }
     }
 
     /// The instances, those first that prove what others rely on. Otherwise their order stays: the
@@ -44,34 +57,73 @@ impl<'p> Reliance<'p> {
 
     /// Why a case cannot say anything about the device.
     pub(super) fn blocks(&self, instance: &Instance) -> Option<String> {
-        let (id, why) = instance.relies_on().find_map(|id| self.broken.get_key_value(id))?;
-        Some(format!("{id} {why}"))
+        let (id, broken) = instance.relies_on().find_map(|id| self.broken.get_key_value(id))?;
+        Some(format!("{id} does not hold on this device: {}", broken.why))
     }
 
-    /// Takes the result of a case into account. One that is undecided says nothing, and those that
-    /// rely on it are tried.
+    /// The case that showed what blocks this one, if it was not looked at again.
+    pub(super) fn doubted(&self, instance: &Instance) -> Option<&'p Instance> {
+        let blocking = instance.relies_on().filter_map(|id| self.broken.get(id));
+        blocking.filter_map(|broken| broken.shown_by).next()
+    }
+
+    /// Takes the result of a second look into account. Where the case passes now, what it showed
+    /// blocks nothing, and nothing that was blocked by it.
+    pub(super) fn look_again(&mut self, shown_by: &Instance, outcome: &Outcome) {
+        let is_it = |broken: &Broken| broken.shown_by.is_some_and(|it| std::ptr::eq(it, shown_by));
+        let holds = matches!(outcome, Outcome::Pass) || is_another_way(outcome);
+        if holds {
+            self.broken.retain(|_, broken| broken.shown_by.is_some() && !is_it(broken));
+        }
+        self.broken.values_mut().filter(|broken| is_it(broken)).for_each(|it| it.shown_by = None);
+    }
+
+    /// The result of a case that depends on more than itself: a setup that failed is excused by a
+    /// requirement that is kept in another way than the setup expects. Without such a witness
+    /// nothing else shows what is wrong.
+    pub(super) fn judged(&self, instance: &Instance, outcome: Outcome) -> Outcome {
+        match &outcome {
+            Outcome::Error { reason, problem: Some(problem) } if problem.phase == Phase::Setup => {
+                match instance.relies_on().find_map(|id| self.bent.get_key_value(id)) {
+                    Some((id, why)) => Outcome::Blocked(format!(
+                        "{id} is kept in another way on this device: {why}; {reason}"
+                    )),
+                    None => outcome,
+                }
+            }
+            _ => outcome,
+        }
+    }
+
+    /// Takes the result of a case into account. Only what holds against the device is a witness: of
+    /// an ERROR nobody knows whether the requirement holds, so what relies on it is tried.
     pub(super) fn learn(&mut self, instance: &'p Instance, outcome: &Outcome) {
         if !self.proves(instance) {
             return;
         }
-        let why = match (outcome, outcome.problem()) {
-            (Outcome::Blocked(reason), _) => format!("does not hold on this device: {reason}"),
-            (_, Some(problem))
-                if outcome.holds_against_device() || matches!(outcome, Outcome::Error { .. }) =>
-            {
-                let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
-                let (expected, actual) = (first(&problem.expected), first(&problem.actual));
-                let name = instance.name();
-                format!("does not hold on this device: {name} expected {expected}, came {actual}")
-            }
-            // A verdict on a requirement that could not be tried would be a guess.
-            (Outcome::Error { .. }, None) => {
-                format!("is not known to hold: {} could not be carried out", instance.name())
-            }
-            _ => return,
+        let showed = |problem: &Problem| {
+            let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
+            let (expected, actual) = (first(&problem.expected), first(&problem.actual));
+            format!("{} expected {expected}, came {actual}", instance.name())
         };
-        for id in checks(instance) {
-            self.broken.entry(id).or_insert_with(|| why.clone());
+        match (outcome, outcome.problem()) {
+            (Outcome::Blocked(why), _) => self.breaks(instance, why, None),
+            (_, Some(problem)) if outcome.holds_against_device() => {
+                self.breaks(instance, &showed(problem), Some(instance));
+            }
+            (Outcome::Lenient(problem), _) => {
+                for id in checks(instance) {
+                    self.bent.entry(id).or_insert_with(|| showed(problem));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn breaks(&mut self, of: &'p Instance, why: &str, shown_by: Option<&'p Instance>) {
+        for id in checks(of) {
+            let why = why.to_owned();
+            self.broken.entry(id).or_insert(Broken { why, shown_by });
         }
     }
 
@@ -79,6 +131,11 @@ impl<'p> Reliance<'p> {
     fn proves(&self, instance: &Instance) -> bool {
         checks(instance).all(|id| self.relied.contains(id))
     }
+}
+
+/// Whether a requirement is kept, in another way than the usual one.
+const fn is_another_way(outcome: &Outcome) -> bool {
+    matches!(outcome, Outcome::Lenient(problem) if !problem.capped)
 }
 
 fn checks(instance: &Instance) -> impl Iterator<Item = &str> {

@@ -17,8 +17,11 @@ pub(super) fn values(
 ) -> Option<String> {
     let entry = entry?;
     let number = |bytes: &[u8]| entry.data_type.decode(bytes).ok()?.as_int();
-    // Identifiers, mapping entries and the like are no amounts.
-    let is_code = matches!(entry.mux.index, 0x1000..0x2000) && got.len() == 4;
+    // Identifiers, mapping entries, the error register and the like are no amounts.
+    let is_code = match entry.mux.index {
+        0x1001 => true,
+        index => matches!(index, 0x1000..0x2000) && got.len() == 4,
+    };
     match (number(expected), number(got), mask) {
         (Some(_), Some(_), Some(mask)) => bits(expected, got, mask),
         (Some(_), Some(_), None) if is_code => bits(expected, got, &[0xFF; 4]),

@@ -1,31 +1,34 @@
-//! The length of values, where a data sheet leaves it open.
+//! The lengths of values, where the data type leaves them open.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 
 use canopen::eds::{Entry, Object};
 use canopen::{Bus, BusError, Mux};
 
 use runner::dut::Dut;
-use runner::run::{Link, Policy, is_long};
+use runner::run::{Link, Policy, value_length};
 
-/// The entries of variable length without a default value that do not fit into one frame. Each is
-/// uploaded once to find out, except those that the data sheet says to leave alone.
+/// How many bytes the values of variable length have that can be read, as far as the device says.
+/// Each is asked for once, except those that the data sheet says to leave alone.
 ///
 /// # Errors
 /// Whatever the bus reports.
-pub(super) fn long_values(bus: &mut dyn Bus, dut: &Dut) -> Result<BTreeSet<Mux>, BusError> {
+pub(super) fn value_lengths(
+    bus: &mut dyn Bus,
+    dut: &Dut,
+) -> Result<BTreeMap<Mux, usize>, BusError> {
     let mut link = Link::new(bus);
     let policy = Policy::at_bit_rate(dut.bit_rate.unwrap_or(125_000));
     let asked = dut.eds.objects.iter().filter(|object| may_be_read(object));
     let asked = asked.flat_map(|object| &object.entries).filter(|entry| is_open(entry));
-    let mut long = BTreeSet::new();
+    let mut lengths = BTreeMap::new();
     for entry in asked.take(MOST) {
-        if is_long(&mut link, &policy, dut.node, entry.mux)? {
-            long.insert(entry.mux);
+        if let Some(length) = value_length(&mut link, &policy, dut.node, entry.mux)? {
+            lengths.insert(entry.mux, length);
         }
         link.take_trace();
     }
-    Ok(long)
+    Ok(lengths)
 }
 
 /// More would take long, and a few are enough for every case.
@@ -37,5 +40,5 @@ fn may_be_read(object: &Object) -> bool {
 }
 
 fn is_open(entry: &Entry) -> bool {
-    entry.access.readable() && entry.data_type.size().is_none() && entry.default.is_none()
+    entry.access.readable() && entry.data_type.size().is_none()
 }

@@ -1,0 +1,176 @@
+//! A second station with the node id of the device: every request then has two answers, and every
+//! write goes to both.
+//!
+//! A frame may also come twice because it was disturbed at its end (ISO 11898-1). So a request that
+//! had two answers is a suspicion, and uploads of 1000h before the next frame decide.
+
+use std::collections::BTreeMap;
+
+use canopen::sdo::block::{BlockRequest, BlockResponse};
+use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response};
+use canopen::{Frame, Mux, Stamped};
+
+/// The transfers that were begun on a bus that others share, and how often each was answered.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Twins {
+    /// Of the device; `None` where no other station can be.
+    pub node: Option<u8>,
+    begun: BTreeMap<Mux, Begun>,
+    /// Two answers to one request.
+    suspicion: Option<(Mux, [Frame; 2])>,
+    /// Why nothing may be sent any more.
+    pub found: Option<String>,
+}
+
+/// The requests to begin a transfer of one object.
+#[derive(Clone, Copy, Debug, Default)]
+struct Begun {
+    requests: u32,
+    answers: u32,
+    /// The last answer.
+    last: Option<Frame>,
+}
+
+impl Twins {
+    /// How many uploads decide on a suspicion.
+    pub(super) const PROBES: u32 = 5;
+    /// Of so many both answers must come.
+    const DOUBLE: u32 = 4;
+
+    /// Takes a frame that was on the bus. Requests of other clients count as well.
+    pub(super) fn see(&mut self, Stamped { frame, .. }: &Stamped) {
+        let (Some(node), Some(id)) = (self.node, frame.data_id()) else { return };
+        if id == REQUEST_COB_ID + u16::from(node) {
+            if let Some(mux) = begins(frame) {
+                let begun = self.begun.entry(mux).or_default();
+                if begun.answers >= begun.requests {
+                    *begun = Begun::default();
+                }
+                begun.requests += 1;
+            }
+        } else if id == RESPONSE_COB_ID + u16::from(node)
+            && let Some(mux) = answers(frame)
+            && let Some(begun) = self.begun.get_mut(&mux)
+        {
+            begun.answers += 1;
+            let first = begun.last.replace(*frame);
+            if begun.answers > begun.requests
+                && let Some(first) = first
+            {
+                self.suspicion.get_or_insert((mux, [first, *frame]));
+            }
+        }
+    }
+
+    /// Whether a request had two answers since the last [`decision`](Self::decide).
+    pub(super) const fn suspects(&self) -> bool {
+        self.suspicion.is_some()
+    }
+
+    /// Decides on the suspicion: `double` of the uploads after it had two answers.
+    pub(super) fn decide(&mut self, double: u32) {
+        self.begun.clear();
+        let (Some((mux, [first, other])), Some(node)) = (self.suspicion.take(), self.node) else {
+            return;
+        };
+        if double < Self::DOUBLE {
+            return;
+        }
+        let who = match first == other {
+            true => format!("two devices have node id {node}, or one answers every request twice"),
+            false => format!("two devices have node id {node}"),
+        };
+        self.found = Some(format!(
+            "{who}: a request for {mux} had the answers {first} and {other}, and so had {double} \
+             of {} uploads of 1000h. Nothing is sent any more, since it would go to both",
+            Self::PROBES
+        ));
+    }
+}
+
+/// The object of a transfer that the frame begins.
+fn begins(frame: &Frame) -> Option<Mux> {
+    match Request::decode(&frame.data.padded()).ok()? {
+        Request::Upload(mux)
+        | Request::Download(mux, _)
+        | Request::Block(BlockRequest::Upload { mux, .. } | BlockRequest::Download { mux, .. }) => {
+            Some(mux)
+        }
+        _ => None,
+    }
+}
+
+/// The object of a transfer of which the frame answers the beginning. A refusal may also come
+/// later.
+fn answers(frame: &Frame) -> Option<Mux> {
+    match Response::decode(&frame.data).ok()? {
+        Response::Upload(mux, _)
+        | Response::Download(mux)
+        | Response::Block(
+            BlockResponse::Upload { mux, .. } | BlockResponse::Download { mux, .. },
+        ) => Some(mux),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canopen::Instant;
+
+    use super::*;
+
+    fn twins(frames: &[&str]) -> Twins {
+        let mut twins = Twins { node: Some(5), ..Twins::default() };
+        for text in frames {
+            let (own, text) = text.strip_prefix('>').map_or((false, *text), |text| (true, text));
+            let frame = text.parse().unwrap();
+            twins.see(&Stamped { at: Instant::ZERO, frame, own });
+        }
+        twins
+    }
+
+    const ASKED: &str = ">605#4000100000000000";
+    const ANSWER: &str = "585#4300100091010000";
+    const OTHER: &str = "585#4300100092010000";
+
+    #[test]
+    fn a_request_with_two_answers_is_a_suspicion() {
+        for frames in [
+            &[ASKED, ANSWER, ANSWER][..],
+            &[ASKED, ANSWER, OTHER],
+            &[">605#2B17100064000000", "585#6017100000000000", "585#6017100000000000"],
+            // The second answer comes after the next request.
+            &[ASKED, ANSWER, ">605#4018100100000000", ANSWER],
+        ] {
+            assert!(twins(frames).suspects(), "{frames:?}");
+        }
+        for frames in [
+            &[ASKED, ANSWER, ASKED, ANSWER][..],
+            // A device that was slow to start, and another client.
+            &[ASKED, ASKED, ANSWER, ANSWER],
+            &["605#4000100000000000", ANSWER, ASKED, ANSWER],
+            &[ASKED, "585#8000100000000206", "585#8000100000000405"],
+            &[ANSWER, ANSWER],
+        ] {
+            assert!(!twins(frames).suspects(), "{frames:?}");
+        }
+        let mut alone = Twins { node: None, ..twins(&[ASKED, ANSWER]) };
+        let frame = ANSWER.parse().unwrap();
+        alone.see(&Stamped { at: Instant::ZERO, frame, own: false });
+        assert!(!alone.suspects());
+    }
+
+    #[test]
+    fn a_frame_that_comes_twice_once_is_not_a_device() {
+        let mut twins = twins(&[ASKED, ANSWER, ANSWER]);
+        twins.decide(3);
+        assert!(!twins.suspects() && twins.found.is_none());
+        let mut twins = self::twins(&[ASKED, ANSWER, OTHER]);
+        twins.decide(4);
+        let found = twins.found.unwrap();
+        assert!(
+            found.starts_with("two devices have node id 5: a request for 1000:00 had"),
+            "{found}"
+        );
+    }
+}

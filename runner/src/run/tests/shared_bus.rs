@@ -1,0 +1,98 @@
+//! Sessions on a bus that others share: a second device with the node id, frames of strangers, and
+//! frames that are lost or come twice.
+
+use super::*;
+
+const READ: &str = "[ read: { object: '1000:00', value: 917905 } ]";
+
+/// Runs cases with these steps on a device whose bus others share.
+fn run_shared(bus: &mut Odd, cases: usize, steps: &str) -> Ran {
+    let dut = Dut { shares_its_bus: true, ..dut() };
+    run_on(bus, &dut, cases, steps, &Stop::default(), &Undo::default())
+}
+
+/// Whether the tester has begun to write something.
+fn has_written(bus: &Odd) -> bool {
+    let requests = bus.sent.iter().filter(|frame| frame.data_id() == Some(0x601));
+    requests.map(|frame| frame.data[0] >> 5).any(|command| command == 1)
+}
+
+#[test]
+fn a_twin_ends_the_run_before_anything_is_written() {
+    for twin in ["drr460", "em66"] {
+        let mut bus = odd(Box::new(|_, seen| Some(seen)));
+        bus.bus.attach(devices::device(twin).unwrap().node(NODE, Rules::default()));
+        while bus.bus.recv(Instant::ZERO + Duration::from_secs(20)).unwrap().is_some() {}
+        let ran = run_shared(&mut bus, 2, "[ write: { object: '1017:00', value: 100 } ]");
+        let Ending::Bus(error) = &ran.ending else { panic!("{:?}", ran.ending) };
+        assert!(error.to_string().starts_with("two devices have node id 1"), "{error}");
+        assert_eq!(verdicts(&ran), [Verdict::Error; 2]);
+        assert!(!has_written(&bus));
+    }
+}
+
+#[test]
+fn a_twin_that_comes_later_gets_nothing_more() {
+    let mut bus = odd(Box::new(|_, seen| Some(seen)));
+    // One that is switched on during the case.
+    bus.twice_after = Some(Frame::new(0x601, *b"\x2B\x17\x10\0\x64\0\0\0"));
+    let ran = run_shared(&mut bus, 2, "[ write: { object: '1017:00', value: 100 } ]");
+    assert!(matches!(&ran.ending, Ending::Bus(error) if error.to_string().contains("node id 1")));
+    let write = bus.sent.iter().position(|frame| Some(*frame) == bus.twice_after).unwrap();
+    let after = &bus.sent[write + 1..];
+    assert!(after.iter().all(|frame| frame.data[0] == 0x40), "only uploads: {after:?}");
+}
+
+#[test]
+fn a_frame_that_comes_twice_once_is_no_twin() {
+    let mut bus = odd(Box::new(|_, seen| Some(seen)));
+    bus.twice_once = true;
+    let ran = run_shared(&mut bus, 2, READ);
+    assert_eq!(ran.ending, Ending::Complete);
+    assert_eq!(verdicts(&ran), [Verdict::Pass; 2]);
+}
+
+#[test]
+fn one_lost_frame_is_no_failure_and_shows() {
+    // The answers before the first case are heard.
+    let mut count = 0;
+    let mut bus = odd(Box::new(move |sent, seen| {
+        let asked =
+            sent.last().is_some_and(|frame| frame.data.get(1..4) == Some(&[0, 0x10, 0][..]));
+        let operational = sent.contains(&Frame::new(0, [1, NODE]));
+        let lost = operational && asked && seen.frame.data_id() == Some(0x581);
+        count += u32::from(lost);
+        (!lost || count > 1).then_some(seen)
+    }));
+    let steps = "[ nmt: start, wait: 50 ms, read: { object: '1000:00', value: 917905 } ]";
+    let ran = run_shared(&mut bus, 1, steps);
+    assert_eq!(verdicts(&ran), [Verdict::Lenient]);
+    let Outcome::Lenient(problem) = &ran.outcomes[0] else { panic!("{:?}", ran.outcomes) };
+    assert!(problem.notes[0].starts_with("it failed in 1 of 2 attempts"), "{:?}", problem.notes);
+}
+
+#[test]
+fn what_fails_again_and_again_is_a_failure_and_is_repeated_no_more() {
+    let wrong = "[ read: { object: '1000:00', value: 1 } ]";
+    let mut bus = odd(Box::new(|_, seen| Some(seen)));
+    let ran = run_shared(&mut bus, 3, wrong);
+    assert_eq!(verdicts(&ran), [Verdict::Fail; 3]);
+    let repeated = ran.notes.iter().filter(|note| note.contains("is repeated")).count();
+    // Twice in each case: each of them has a line of its own.
+    assert_eq!(repeated, 6);
+    let alone = run(&mut odd(Box::new(|_, seen| Some(seen))), 3, wrong);
+    assert!(!alone.notes.iter().any(|note| note.contains("is repeated")), "{:?}", alone.notes);
+}
+
+#[test]
+fn a_stranger_is_named_and_not_judged() {
+    let stranger = |own: bool| {
+        let mut bus = odd(Box::new(|_, seen| Some(seen)));
+        bus.stranger = Some(Frame::new(0x123, [7]));
+        if own { run(&mut bus, 1, READ) } else { run_shared(&mut bus, 1, READ) }
+    };
+    assert_eq!(verdicts(&stranger(true)), [Verdict::Fail]);
+    let shared = stranger(false);
+    assert_eq!(verdicts(&shared), [Verdict::Pass]);
+    assert!(shared.notes.iter().any(|note| note.contains("123h")), "{:?}", shared.notes);
+}
