@@ -78,8 +78,8 @@ impl Folders {
     }
 
     /// Loads the suites that the patterns name and those of the user, which are checked whenever
-    /// they are read, and says whether these are not all. All are loaded where the names of files do
-    /// not tell which suites a pattern names.
+    /// they are read, and says whether these are not all. All are loaded where the names of files
+    /// do not tell which suites a pattern names.
     ///
     /// # Errors
     /// Every complaint about these files.

@@ -71,10 +71,15 @@ pub(crate) fn matching_entries<'d>(
     }
     let except =
         |mux: Mux| objects.except.iter().any(|object| object.value == ObjectRef::Fixed(mux));
+    // A device that is asked for an object of its manufacturer does not say that it can be written.
+    let access_is_known = |mux: Mux| !(dut.sheet.composed && (0x2000..0x6000).contains(&mux.index));
+    let has_one_of = |entry: &Entry| {
+        access_is_known(entry.mux)
+            && objects.access.iter().any(|access| has_access(entry, access.value))
+    };
     let fits = |object: &Object, entry: &Entry| {
         range.contains(&entry.mux.index)
-            && (objects.access.is_empty()
-                || objects.access.iter().any(|access| has_access(entry, access.value)))
+            && (objects.access.is_empty() || has_one_of(entry))
             && (types.is_empty() || types.contains(&entry.data_type))
             && match objects.subs.is_empty() {
                 // Sub-index 0 of a structured object is bookkeeping, not a value.

@@ -446,8 +446,8 @@ impl Session<'_> {
     }
 
     /// A case fails when it checks a requirement that a conformant device must keep, unless a
-    /// document of the device itself relaxes that. Where it relaxes all that the case checks, what a
-    /// step accepts as LENIENT is what that document wants, and PASS.
+    /// document of the device itself relaxes that. Where it relaxes all that the case checks, what
+    /// a step accepts as LENIENT is what that document wants, and PASS.
     fn at_its_level(&self, instance: &Instance, outcome: Outcome) -> Outcome {
         let mut checks = instance.case().checks.iter();
         if checks.all(|id| instance.relaxed.contains_key(&id.value)) && outcome.is_accepted() {

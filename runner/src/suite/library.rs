@@ -170,11 +170,11 @@ impl Library {
             complaints.extend(unknown_relaxations(&register));
             complaints.extend(register.wrong_extensions());
         }
-        // A missing item may be in a suite that is not read, or does not load.
-        let suites_are_whole = suites_are_whole && !is_part;
+        // A missing item may be in a suite that does not load, or is not read.
         if register_is_whole && suites_are_whole {
-            complaints.extend(unproved(&loaded, &register));
+            complaints.extend(unproved(&loaded, &register, is_part));
         }
+        let suites_are_whole = suites_are_whole && !is_part;
         complaints.extend(wrong_map(&test_map, if suites_are_whole { &loaded } else { &[] }));
         let test_map = test_map.into_iter().flat_map(|(_, entries)| entries).collect();
         if complaints.is_empty() {
@@ -332,8 +332,9 @@ fn unknown_relaxations(register: &Register) -> Vec<Complaint> {
     unknown.map(complain).collect()
 }
 
-/// A case must rely on a requirement that another case proves.
-fn unproved(suites: &[Arc<Suite>], register: &Register) -> Vec<Complaint> {
+/// A case must rely on a requirement that another case proves, which may be in a suite that is not
+/// read where these are a part.
+fn unproved(suites: &[Arc<Suite>], register: &Register, is_part: bool) -> Vec<Complaint> {
     let cases = || suites.iter().flat_map(|suite| suite.file.cases.iter());
     let checked: BTreeSet<&str> =
         cases().flat_map(|case| &case.value.checks).map(|id| id.value.as_str()).collect();
@@ -343,6 +344,7 @@ fn unproved(suites: &[Arc<Suite>], register: &Register) -> Vec<Complaint> {
         for id in suite.file.relies_on.iter().chain(of_cases) {
             let known = register.find(&id.value).is_some();
             if checked.contains(id.value.as_str())
+                || known && is_part
                 || !known && register.lacks_document_of(&id.value)
             {
                 continue;

@@ -163,8 +163,8 @@ impl Leaving<'_, '_> {
     }
 }
 
-/// When the device misses the node whose heartbeat it received last, by the longest time that it was
-/// told to wait (1016h: the lower 16 bits in ms).
+/// When the device misses the node whose heartbeat it received last, by the longest time that it
+/// was told to wait (1016h: the lower 16 bits in ms).
 fn missed_at(trace: &[Seen], node: u8) -> Option<Instant> {
     let is_heartbeat = |id: u16| (0x701..0x780).contains(&id);
     let sent = trace.iter().map(|seen| seen.stamped).filter(|seen| seen.own);
