@@ -222,6 +222,7 @@ fn every_order_that_cannot_be_is_refused() {
         at: canopen::Instant::ZERO,
         outcome: Outcome::Pass,
         cause: None,
+        relies_on: Vec::new(),
     });
     let refused = |order: &[&Event]| -> OutOfOrder {
         let mut run = Run::new(Keep::All);
