@@ -126,8 +126,8 @@ fn compare(device: &str, cases: &[&str], options: &[&str]) {
     let in_virtual_time = run(&["--target", &format!("sim:{device}")], &[0]);
 
     let socket = files.path("bench");
-    let options = ["--bench-socket".as_ref(), socket.as_os_str()];
-    let _served = Served::device(device, &options);
+    let of_bench = ["--bench-socket".as_ref(), socket.as_os_str()];
+    let _served = Served::device(device, &of_bench);
     let bench = format!("unix:{}", socket.display());
     // What failed is looked at below, and so is what the tester was too late for.
     let on_the_real_bus = run(&["--target", "vcan0", "--bench", &bench], &[0, 1, 6]);
@@ -136,7 +136,7 @@ fn compare(device: &str, cases: &[&str], options: &[&str]) {
     let once_more = differing(&in_virtual_time, &on_the_real_bus);
     if (1..=MOST_STALLED).contains(&once_more.len()) {
         eprintln!("{device}: once more, alone: {}\n{differences}", once_more.join(" "));
-        let alone = [options, &["--target", "vcan0", "--bench", &bench]].concat();
+        let alone = [options, &["--target", "vcan0", "--bench", &bench][..]].concat();
         let alone = rerun(&files, &once_more, &alone);
         differences = still_different(&in_virtual_time, &alone, &once_more);
     }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use canopen::nmt::Service;
-use reports::Outcome;
+use reports::{Outcome, Problem};
 
 use super::case::{Aftermath, CaseRun, Common};
 use crate::plan::Instance;
@@ -31,7 +31,7 @@ pub(super) struct Finished {
 /// lost, or come twice because it was disturbed at its end, whatever the device does.
 #[derive(Debug, Default)]
 pub(super) struct Repeats {
-    /// The steps at which a case has failed again and again, so that they need no more proof.
+    /// How a case has failed again and again, which needs no more proof.
     proved: RefCell<BTreeSet<String>>,
 }
 
@@ -54,9 +54,9 @@ enum Follows {
 }
 
 impl Failures {
-    /// A device that fails at one step so often in a row fails there.
+    /// A device that fails so often in a row in one way fails.
     const PROOF: u32 = 3;
-    /// As many failures, at different steps, say nothing.
+    /// As many failures, in different ways, say nothing.
     const MOST: u32 = 6;
 
     /// Takes the outcome of an attempt.
@@ -75,7 +75,7 @@ impl Failures {
         }
         if self.count == Self::MOST {
             let why = format!(
-                "it failed in {} attempts, and never three times in a row at one step: frames are \
+                "it failed in {} attempts, and never three times in a row in one way: frames are \
                  lost or come twice, or the device fails now and then",
                 self.count
             );
@@ -102,11 +102,15 @@ impl Failures {
     }
 }
 
-/// Where a case failed, or could not be carried out.
+/// Where and in which way a case failed, or could not be carried out.
 fn at(outcome: &Outcome, instance: &Instance) -> Option<String> {
     let suite = instance.suite.name();
     match outcome {
-        Outcome::Fail(problem) => Some(format!("{suite}:{}", problem.place.line)),
+        // What is expected names the exchange, of which a lossy bus disturbs now one, now another.
+        Outcome::Fail(problem) => {
+            let Problem { place, expected, .. } = &**problem;
+            Some(format!("{suite}:{}: {expected}", place.line))
+        }
         // Without a problem of the device, such as a name that the bench lacks, it errs again.
         Outcome::Error { reason, problem: Some(_) } => Some(format!("{suite} {reason}")),
         Outcome::Blocked(reason) => Some(format!("{suite} {reason}")),

@@ -18,8 +18,8 @@ impl Steps<'_, '_> {
         let limits = bounds.map(|bounds| Limits::new(bounds, &self.scope, slack)).transpose()?;
         let mut taken: Vec<Duration> = Vec::new();
         let mut lenient = None;
-        for _ in 0..ask.count.unwrap_or(1) {
-            let judged = self.exchange(ask, &mut taken)?;
+        for number in 1..=ask.count.unwrap_or(1) {
+            let judged = self.exchange(ask, number, &mut taken)?;
             lenient = lenient.or(judged);
         }
         let Some(limits) = limits else { return Ok(lenient) };
@@ -32,8 +32,8 @@ impl Steps<'_, '_> {
         Ok(lenient)
     }
 
-    /// One exchange; a request without an answer is repeated.
-    fn exchange(&mut self, ask: &Ask, taken: &mut Vec<Duration>) -> Judgement {
+    /// The exchange with this number; a request without an answer is repeated.
+    fn exchange(&mut self, ask: &Ask, number: usize, taken: &mut Vec<Duration>) -> Judgement {
         let first = ask.first.as_ref().map(|first| self.frame(first)).transpose()?;
         let pause = self.optional_time(&ask.pause, Duration::ZERO)?;
         let request = self.frame(&ask.send)?;
@@ -67,6 +67,10 @@ impl Steps<'_, '_> {
             self.allows(Allowance::OrSilence);
             return Err(Trouble::Declined(format!("{strict}: {actual}")));
         }
-        self.broken(&[], Difference::new(strict.to_string(), actual))
+        let expected = match ask.count {
+            Some(count) if count > 1 => format!("{strict} to request {number} of {count}"),
+            _ => strict.to_string(),
+        };
+        self.broken(&[], Difference::new(expected, actual))
     }
 }
