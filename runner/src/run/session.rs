@@ -32,6 +32,7 @@ use crate::suite::profile::{BlockDirections, Capability};
 use crate::suite::{Level, Register};
 use crate::waivers::Waivers;
 
+use attempts::Finished;
 use case::{Aftermath, Common};
 use monitors::data_sheet_identifiers;
 use reliance::Reliance;
@@ -360,17 +361,13 @@ impl Session<'_> {
             let started = starts.of(instance, link.mark());
             link.emit(Event::CaseStarted(started.clone()));
             let excused = self.excused(instance, baseline, blocks);
-            let doubts = excused.is_none() && gone.is_none();
-            if let Some(shown_by) = reliance.doubted(instance).filter(|_| doubts) {
-                let unobserved = Common { observer: &Unobserved, ..common };
-                let again = attempts::run(link, unobserved, shown_by, left);
-                reliance.look_again(shown_by, &self.at_its_level(shown_by, again.outcome));
-                match again.aftermath {
+            if excused.is_none() && gone.is_none() {
+                match self.look_again(link, common, &mut reliance, instance, left) {
                     Aftermath::Left(how) => left = how,
                     Aftermath::Gone(reason) => gone = Some(reason),
                     Aftermath::Stop(error) => {
-                        let rest = instances.get(place..planned).unwrap_or_default();
                         link.emit(ended(link, &started, Outcome::not_run(&error.to_string())));
+                        let rest = instances.get(place..planned).unwrap_or_default();
                         return self.rest_of(link, rest, Ending::Bus(error), false);
                     }
                 }
@@ -384,24 +381,15 @@ impl Session<'_> {
                 continue;
             }
             let finished = attempts::run(link, common, instance, left);
-            self.observer.shows(finished.shown.unwrap_or_default());
-            let outcome = reliance.judged(instance, finished.outcome);
-            let outcome = self.at_its_level(instance, outcome);
-            reliance.learn(instance, &outcome);
-            if matches!(finished.aftermath, Aftermath::Gone(_)) {
-                self.say_ways_back(link);
-            }
-            let outcome = self.waivers.apply(&self.plan.dut.name, &started, outcome);
+            let aftermath = finished.aftermath.clone();
+            let outcome = self.report(link, &mut reliance, instance, &started, finished);
             failed += usize::from(matches!(outcome, Outcome::Fail(_)));
             // The host may be quieter later; what is undecided then stays so.
             if matches!(outcome, Outcome::Undecided(_)) && place <= planned {
                 instances.push(instance);
             }
-            let relies_on = self.rests_on(instance, &outcome, &finished.commanded);
-            let end = CaseEnded { relies_on, ..CaseEnded::of(&started, link.mark(), outcome) };
-            link.emit(Event::CaseEnded(end));
             let rest = instances.get(place..planned).unwrap_or_default();
-            match finished.aftermath {
+            match aftermath {
                 Aftermath::Left(how) => left = how,
                 // Cases about the data sheet still run: they need no device.
                 Aftermath::Gone(reason) => gone = Some(reason),
@@ -414,6 +402,46 @@ impl Session<'_> {
             }
         }
         gone.map_or(Ending::Complete, Ending::Gone)
+    }
+
+    /// Runs once more what showed that a requirement does not hold, before the first case that this
+    /// blocks: the reason may be gone.
+    fn look_again<'p>(
+        &self,
+        link: &mut Link,
+        common: Common,
+        reliance: &mut Reliance<'p>,
+        blocked: &'p Instance,
+        left: Left,
+    ) -> Aftermath {
+        let Some(shown_by) = reliance.doubted(blocked) else { return Aftermath::Left(left) };
+        let unobserved = Common { observer: &Unobserved, ..common };
+        let again = attempts::run(link, unobserved, shown_by, left);
+        reliance.look_again(shown_by, &self.at_its_level(shown_by, again.outcome));
+        again.aftermath
+    }
+
+    /// The result of a case that ran, as it is reported.
+    fn report<'p>(
+        &self,
+        link: &mut Link,
+        reliance: &mut Reliance<'p>,
+        instance: &'p Instance,
+        started: &CaseStarted,
+        finished: Finished,
+    ) -> Outcome {
+        self.observer.shows(finished.shown.unwrap_or_default());
+        let outcome = reliance.judged(instance, finished.outcome);
+        let outcome = self.at_its_level(instance, outcome);
+        reliance.learn(instance, &outcome);
+        if matches!(finished.aftermath, Aftermath::Gone(_)) {
+            self.say_ways_back(link);
+        }
+        let outcome = self.waivers.apply(&self.plan.dut.name, started, outcome);
+        let relies_on = self.rests_on(instance, &outcome, &finished.commanded);
+        let end = CaseEnded::of(started, link.mark(), outcome.clone());
+        link.emit(Event::CaseEnded(CaseEnded { relies_on, ..end }));
+        outcome
     }
 
     /// The requirements on which a result rests: those that the case relies on, and the effects of
