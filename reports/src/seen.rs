@@ -15,6 +15,8 @@ pub(crate) enum Seen {
     NoErrorControl,
     /// An object cannot be accessed in this way, whatever the value.
     Refused(String, String),
+    /// What is to be refused in one way is refused in another way, whatever the object.
+    Otherwise(String, String),
     /// An object of the communication is expected to have this value, and differs in this way.
     Value(String, String),
 }
@@ -28,6 +30,9 @@ pub(crate) fn seen(problem: &Problem) -> Vec<Seen> {
     }
     if problem.phase == Phase::Monitor {
         return all;
+    }
+    if expected.starts_with("refused with ") && actual.starts_with("refused with ") {
+        all.push(Seen::Otherwise(expected.to_owned(), actual.to_owned()));
     }
     let Some(mux) = object(problem) else { return all };
     let object = of_its_kind(mux);
@@ -176,6 +181,16 @@ mod tests {
         let set = of("1001:00 = 0 in the bits 1", "1", Some("bit 0 differs"), None);
         assert!(!set.contains(&missing), "a bit that is never cleared is another fact");
         assert_eq!(of("6000:01 = 1 in the bits 1", "0", Some("bit 0 differs"), None), []);
+    }
+
+    #[test]
+    fn a_refusal_by_another_code_is_the_same_whatever_the_object() {
+        let (code, other) = ("refused with 0601 0002h (read-only)", "refused with 0800 0020h");
+        let raw = |frame| of(code, other, None, Some(frame));
+        let first = raw("582#8000100020000008");
+        assert_eq!(first, raw("582#8008100020000008"));
+        assert!(first.contains(&Seen::Otherwise(code.into(), other.into())));
+        assert!(!of(code, "accepted", None, None).iter().any(|seen| first.contains(seen)));
     }
 
     #[test]

@@ -39,6 +39,8 @@ pub struct Dut {
     /// Whether other stations can be on its bus: it is neither in this process nor at the end of
     /// pipes. What comes there with another identifier than its own may be theirs.
     pub shares_its_bus: bool,
+    /// Whether it is a program on a machine that can be too busy to run it in time.
+    pub shares_its_machine: bool,
     /// Bit rate of its bus in bit/s, when it is known.
     pub bit_rate: Option<u32>,
     /// Options of its profile that it does not have.
@@ -94,6 +96,7 @@ impl Dut {
             bench_needs: Needs::new(),
             interface: None,
             shares_its_bus: false,
+            shares_its_machine: false,
             bit_rate: None,
             without: Vec::new(),
             told: None,

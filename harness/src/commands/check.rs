@@ -68,8 +68,16 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     if !complaints.is_empty() {
         return Err(complaints.into());
     }
-    let duts: Vec<&Dut> = targets.iter().map(|target| &target.dut).chain(&own).collect();
-    let plans = plan_for(&library, &duts)?;
+    let duts: Vec<&Dut> = targets.iter().map(|target| &target.dut).collect();
+    let plans = match &own {
+        None => plan_for(&library, &duts)?,
+        Some(own) => {
+            // The user's suites are for the user's device, and may name objects that others lack.
+            let mut plans = plan_for(&of_the_program(&library), &duts)?;
+            plans.append(&mut plan_for(&library, &[own])?);
+            plans
+        }
+    };
     let cases: usize = library.suites.iter().map(|suite| suite.file.cases.len()).sum();
     let instances: usize = plans.iter().map(|plan| plan.instances.len()).sum();
     let counts = [
@@ -91,6 +99,17 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
          {freedoms}: no errors\n"
     ));
     Ok(Exit::Green)
+}
+
+/// The library without suites of the user.
+fn of_the_program(library: &Library) -> Library {
+    let suites = library.suites.iter().filter(|suite| suite.is_built_in);
+    Library {
+        suites: suites.cloned().collect(),
+        register: Arc::clone(&library.register),
+        catalogue: Arc::clone(&library.catalogue),
+        test_map: Vec::new(),
+    }
 }
 
 /// The user's device, to check suites with, by its data sheet.

@@ -27,8 +27,9 @@ pub(super) struct Finished {
     pub shown: Option<Shown>,
 }
 
-/// The failures of a session that were repeated, on a bus that others share: there a frame may be
-/// lost, or come twice because it was disturbed at its end, whatever the device does.
+/// The failures of a session that were repeated. On a bus that others share, a frame may be lost, or
+/// come twice because it was disturbed at its end, whatever the device does. A device that is a
+/// program may have to wait until its machine runs it.
 #[derive(Debug, Default)]
 pub(super) struct Repeats {
     /// How a case has failed again and again, which needs no more proof.
@@ -76,7 +77,7 @@ impl Failures {
         if self.count == Self::MOST {
             let why = format!(
                 "it failed in {} attempts, and never three times in a row in one way: frames are \
-                 lost or come twice, or the device fails now and then",
+                 lost or come twice, the machine is busy, or the device fails now and then",
                 self.count
             );
             return Follows::Outcome(Outcome::Error { reason: why, problem: None });
@@ -91,7 +92,7 @@ impl Failures {
             (Outcome::Pass, Some(Outcome::Fail(mut problem))) => {
                 problem.notes.push(format!(
                     "it failed in {} of {} attempts, and then passed: a frame was lost or came \
-                     twice, or the device fails now and then",
+                     twice, the machine was busy, or the device fails now and then",
                     self.count,
                     self.count + 1
                 ));
@@ -152,7 +153,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             Some(late) => format!("the tester was late by {late}"),
             None if doubtful => "the tester was late in the attempt before".to_owned(),
             // On a full bus, the next attempt fares no better.
-            None if !common.dut.shares_its_bus
+            None if !(common.dut.shares_its_bus || common.dut.shares_its_machine)
                 || !instance.needs_device()
                 || run.link.traffic().load() >= Traffic::FULL =>
             {
@@ -162,7 +163,10 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
                 Follows::Outcome(outcome) => return finished(outcome, aftermath),
                 Follows::Again => {
                     left = Left::Dirty;
-                    let why = "it failed, and a frame may have been lost or have come twice";
+                    let why = match common.dut.shares_its_bus {
+                        true => "it failed, and a frame may have been lost or have come twice",
+                        false => "it failed, and the machine may have been too busy for the device",
+                    };
                     run.note(format!("{why}: the case is repeated after a reset"));
                     continue;
                 }
