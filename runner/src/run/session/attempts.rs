@@ -27,8 +27,8 @@ pub(super) struct Finished {
     pub shown: Option<Shown>,
 }
 
-/// The failures of a session that were repeated. On a bus that others share, a frame may be lost, or
-/// come twice because it was disturbed at its end, whatever the device does. A device that is a
+/// The failures of a session that were repeated. On a bus that others share, a frame may be lost,
+/// or come twice because it was disturbed at its end, whatever the device does. A device that is a
 /// program may have to wait until its machine runs it.
 #[derive(Debug, Default)]
 pub(super) struct Repeats {
