@@ -180,6 +180,13 @@ fn last_failed(path: &Path) -> Result<BTreeSet<String>, Refused> {
     };
     let journal = read(path, LARGEST_JOURNAL).and_then(text).map_err(|why| refused(words(&why)))?;
     let run = Run::fold(&journal, Keep::Unusual).map_err(|why| refused(why.to_string()))?;
+    if run.ended.is_none() {
+        let message = format!(
+            "error: there is nothing to run: the run of {name} was cut off, so that nobody knows \
+             what fails: run all of it again"
+        );
+        return Err(Refused { exit: Exit::NothingRan, message });
+    }
     let red = run.cases().filter(|(_, case)| run.is_red(case.verdict()));
     let names: BTreeSet<String> = red.map(|(_, case)| case.info.name()).collect();
     match names.is_empty() {

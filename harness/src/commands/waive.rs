@@ -24,6 +24,9 @@ pub(super) fn run(args: &WaiveArgs) -> Result<Exit, Refused> {
         .map_err(|error| refused(format!("error: {path}: {}", words(&error))))?;
     let run = Run::fold(&journal, Keep::Unusual)
         .map_err(|error| refused(format!("error: {path}: {error}")))?;
+    if run.ended.is_none() {
+        complain!("note: the run of {path} was cut off: what it did not reach has no waiver");
+    }
     let text = waivers(&run, args);
     let undecided = run.cases().filter(|(_, case)| matches!(case.outcome, Outcome::Undecided(_)));
     match undecided.count() {
