@@ -7,6 +7,16 @@ use crate::frame::Data;
 use crate::mux::Mux;
 use crate::value::unsigned;
 
+/// Whether an object of CiA 301 holds the identifier of a service, of PDOs and others.
+pub const fn holds_cob_id(mux: Mux) -> bool {
+    match mux.index {
+        0x1005 | 0x1012 | 0x1014 => mux.sub == 0,
+        0x1200..=0x12FF => matches!(mux.sub, 1 | 2),
+        0x1400..=0x15FF | 0x1800..=0x19FF => mux.sub == 1,
+        _ => false,
+    }
+}
+
 /// Sub-index 1 of a PDO communication parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct CobId(pub u32);

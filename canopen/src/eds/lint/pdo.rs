@@ -7,7 +7,7 @@ use crate::eds::codes;
 use crate::eds::ini::Name;
 use crate::eds::model::{Direction, Entry, Object, Term};
 use crate::mux::Mux;
-use crate::pdo::{CobId, Mapping, is_restricted};
+use crate::pdo::{CobId, Mapping, holds_cob_id, is_restricted};
 use crate::source::Place;
 use crate::value::{DataType, Value};
 
@@ -193,8 +193,11 @@ impl<'e> Lint<'e, '_, '_> {
     fn cob_ids(&mut self) {
         let mut seen = HashMap::new();
         for object in &self.eds.objects {
-            for &sub in cob_id_subs(object.index) {
-                let Some(entry) = object.entry(sub) else { continue };
+            // A client has the identifiers of servers elsewhere.
+            if (0x1280..0x1300).contains(&object.index) {
+                continue;
+            }
+            for entry in object.entries.iter().filter(|entry| holds_cob_id(entry.mux)) {
                 let Some(Term { value: Value::Int(value), plus_node }) = &entry.default else {
                     continue;
                 };
@@ -229,16 +232,6 @@ impl<'e> Lint<'e, '_, '_> {
         let start = objects.partition_point(|object| object.index < first);
         let end = objects.partition_point(|object| object.index < first + 0x200);
         &objects[start..end]
-    }
-}
-
-/// The subs that hold an identifier of the device.
-const fn cob_id_subs(index: u16) -> &'static [u8] {
-    match index {
-        0x1005 | 0x1012 | 0x1014 => &[0],
-        0x1200..=0x127F => &[1, 2],
-        0x1400..=0x15FF | 0x1800..=0x19FF => &[1],
-        _ => &[],
     }
 }
 

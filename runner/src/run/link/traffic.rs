@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use canopen::pdo::{CobId, holds_cob_id};
+use canopen::sdo::{Initiate, REQUEST_COB_ID, Request};
 use canopen::wire::{INTERMISSION_BITS, frame_bits};
 use canopen::{Bus, Instant, Stamped, lss, monitor, nmt};
 
@@ -15,7 +17,7 @@ pub struct Traffic {
     /// In bit/s; `None` when it is unknown, and then the load is unknown, too.
     bit_rate: Option<u32>,
     node: u8,
-    /// The identifiers that the device has by its data sheet.
+    /// The identifiers that the device has by its data sheet, and those that it was given.
     known: Vec<u16>,
     /// Identifiers that nobody has by default, of frames that came.
     strangers: BTreeSet<u16>,
@@ -49,7 +51,11 @@ impl Traffic {
 
     /// Takes a frame that was on the bus.
     pub(super) fn see(&mut self, seen: &Stamped) {
-        if seen.own || self.is_of_device(seen) {
+        if seen.own {
+            self.known.extend(self.given(seen).filter(|id| !self.known.contains(id)));
+            return;
+        }
+        if self.is_of_device(seen) {
             return;
         }
         if seen.at.since(self.stretch) >= Self::STRETCH {
@@ -106,6 +112,18 @@ impl Traffic {
         traffic.said(Self::WORTH_A_WORD)
     }
 
+    /// The identifier that a request gives a service of the device.
+    fn given(&self, seen: &Stamped) -> Option<u16> {
+        let request =
+            seen.frame.data_id().filter(|id| *id == REQUEST_COB_ID + u16::from(self.node));
+        match request.and_then(|_| Request::decode(&seen.frame.data).ok())? {
+            Request::Download(mux, Initiate::Expedited(value)) if holds_cob_id(mux) => {
+                value.first_chunk().map(|cob_id| CobId(u32::from_le_bytes(*cob_id)).can_id())
+            }
+            _ => None,
+        }
+    }
+
     /// The device has its node id in the identifiers of the predefined connection set.
     fn is_of_device(&self, seen: &Stamped) -> bool {
         seen.frame.id.as_standard().is_some_and(|id| {
@@ -151,6 +169,20 @@ mod tests {
         traffic.bit_rate = None;
         (300..335).for_each(|ms| traffic.see(&seen(0x186, ms, false)));
         assert_eq!(traffic.said(Traffic::WORTH_A_WORD), None);
+    }
+
+    #[test]
+    fn an_identifier_that_the_device_was_given_is_no_strangers() {
+        let mut traffic = Traffic::beside(&Dut::new("any", 5, Eds::default()), Vec::new());
+        let mut see = |id, data: [u8; 8], own| {
+            traffic.see(&Stamped { at: Instant::ZERO, frame: Frame::new(id, data), own });
+        };
+        // 1800h sub 1 = 6A0h; what another node is given says nothing about this one.
+        see(0x605, *b"\x23\x00\x18\x01\xA0\x06\0\0", true);
+        see(0x606, *b"\x23\x00\x18\x01\xA1\x06\0\0", true);
+        see(0x6A0, [0; 8], false);
+        see(0x6A1, [0; 8], false);
+        assert!(traffic.strangers().unwrap().contains("explains: 6A1h; others share"));
     }
 
     const NONE: &str = "frames of others take 0 % of the bus";
