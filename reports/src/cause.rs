@@ -207,10 +207,8 @@ const UNITS: [&str; 6] = ["us", "ms", "s", "%", "bytes", "byte"];
 
 #[cfg(test)]
 mod tests {
-    use canopen::Instant;
 
     use super::*;
-    use crate::verdict::Excerpt;
 
     #[test]
     fn what_differs_from_instance_to_instance_is_left_out() {
@@ -238,26 +236,10 @@ mod tests {
         }
     }
 
-    fn problem(expected: &str, actual: &str, raw: Option<&str>) -> Problem {
-        let file = String::new();
-        let place = Excerpt { file, line: 1, column: 1, length: 1, source: String::new() };
-        Problem {
-            at: Instant::ZERO,
-            phase: Phase::Step,
-            place,
-            expected: expected.into(),
-            actual: actual.into(),
-            raw: raw.map(|text| text.parse().expect("a frame")),
-            apart: None,
-            sheet: None,
-            notes: Vec::new(),
-            capped: false,
-        }
-    }
-
     #[test]
     fn objects_of_pdos_are_of_one_kind() {
-        let of = |raw| Cause::of_problem(&problem("refused", "accepted", Some(raw))).object;
+        let of =
+            |raw| Cause::of_problem(&Problem::of_step("refused", "accepted", Some(raw))).object;
         for raw in ["581#6000180100000000", "581#6001180100000000", "581#60FF190100000000"] {
             assert_eq!(of(raw).as_deref(), Some("18xx:01"), "{raw}");
         }
@@ -268,7 +250,8 @@ mod tests {
 
     #[test]
     fn a_monitor_is_its_rule() {
-        let mut of_monitor = problem("no emergency message without a cause", "8130h", None);
+        let mut of_monitor =
+            Problem::of_step("no emergency message without a cause", "8130h", None);
         of_monitor.phase = Phase::Monitor;
         let cause = Cause::of_problem(&of_monitor);
         assert_eq!(cause.to_string(), "no emergency message without a cause");

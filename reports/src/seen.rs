@@ -141,26 +141,12 @@ const OF_ACCESS: [&str; 5] = ["0601 0000h", "0601 0001h", "0601 0002h", "0602 00
 
 #[cfg(test)]
 mod tests {
-    use canopen::Instant;
 
     use super::*;
-    use crate::verdict::Excerpt;
 
     fn of(expected: &str, actual: &str, apart: Option<&str>, raw: Option<&str>) -> Vec<Seen> {
-        let file = String::new();
-        let place = Excerpt { file, line: 1, column: 1, length: 1, source: String::new() };
-        seen(&Problem {
-            at: Instant::ZERO,
-            phase: Phase::Step,
-            place,
-            expected: expected.into(),
-            actual: actual.into(),
-            raw: raw.map(|text| text.parse().expect("a frame")),
-            apart: apart.map(str::to_owned),
-            sheet: None,
-            notes: Vec::new(),
-            capped: false,
-        })
+        let apart = apart.map(str::to_owned);
+        seen(&Problem { apart, ..Problem::of_step(expected, actual, raw) })
     }
 
     #[test]

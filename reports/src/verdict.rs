@@ -286,3 +286,23 @@ pub struct Excerpt {
     /// The text of the whole line, without its end.
     pub source: String,
 }
+
+#[cfg(test)]
+impl Problem {
+    /// A problem of a step, without a place.
+    pub(crate) fn of_step(expected: &str, actual: &str, raw: Option<&str>) -> Self {
+        let file = String::new();
+        Self {
+            at: Instant::ZERO,
+            phase: Phase::Step,
+            place: Excerpt { file, line: 1, column: 1, length: 1, source: String::new() },
+            expected: expected.into(),
+            actual: actual.into(),
+            raw: raw.map(|text| text.parse().expect("a frame")),
+            apart: None,
+            sheet: None,
+            notes: Vec::new(),
+            capped: false,
+        }
+    }
+}

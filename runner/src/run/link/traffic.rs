@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use canopen::pdo::{CobId, holds_cob_id};
-use canopen::sdo::{Initiate, REQUEST_COB_ID, Request};
 use canopen::wire::{INTERMISSION_BITS, frame_bits};
 use canopen::{Bus, Instant, Stamped, lss, monitor, nmt};
 
+use super::sdo::written;
 use crate::dut::Dut;
 
 /// The load of the bus by frames that neither the tester nor the device sends, looked at in
@@ -114,14 +114,8 @@ impl Traffic {
 
     /// The identifier that a request gives a service of the device.
     fn given(&self, seen: &Stamped) -> Option<u16> {
-        let request =
-            seen.frame.data_id().filter(|id| *id == REQUEST_COB_ID + u16::from(self.node));
-        match request.and_then(|_| Request::decode(&seen.frame.data).ok())? {
-            Request::Download(mux, Initiate::Expedited(value)) if holds_cob_id(mux) => {
-                value.first_chunk().map(|cob_id| CobId(u32::from_le_bytes(*cob_id)).can_id())
-            }
-            _ => None,
-        }
+        let (_, value) = written(&seen.frame, self.node).filter(|(mux, _)| holds_cob_id(*mux))?;
+        value.first_chunk().map(|cob_id| CobId(u32::from_le_bytes(*cob_id)).can_id())
     }
 
     /// The device has its node id in the identifiers of the predefined connection set.

@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use canopen::monitor::Seen;
-use canopen::sdo::{Initiate, REQUEST_COB_ID, Request};
 use canopen::{BenchError, BusError, Frame, Instant, Mux, emcy};
 use reports::{Event, Note};
 
@@ -16,7 +15,7 @@ use super::restore::Snapshot;
 use super::state::{is_still, pre_operational};
 use super::stimuli::BenchSnapshot;
 use crate::dut::Dut;
-use crate::run::link::Link;
+use crate::run::link::{Link, sdo};
 use crate::run::policy::Policy;
 
 /// How the end of a case left the device.
@@ -176,16 +175,10 @@ fn missed_at(trace: &[Seen], node: u8) -> Option<Instant> {
 
 /// The lower 16 bits of what was written into the entries of an object.
 fn written(trace: &[Seen], node: u8, index: u16) -> impl Iterator<Item = u16> {
-    let requests = Some(REQUEST_COB_ID + u16::from(node));
     let sent = trace.iter().map(|seen| seen.stamped).filter(|seen| seen.own);
-    sent.filter(move |seen| seen.frame.data_id() == requests).filter_map(move |seen| {
-        match Request::decode(&seen.frame.data).ok()? {
-            Request::Download(mux, Initiate::Expedited(value)) if mux.index == index => {
-                value.first_chunk().map(|low| u16::from_le_bytes(*low))
-            }
-            _ => None,
-        }
-    })
+    let downloads = sent.filter_map(move |seen| sdo::written(&seen.frame, node));
+    let of_object = downloads.filter(move |(mux, _)| mux.index == index);
+    of_object.filter_map(|(_, value)| value.first_chunk().map(|low| u16::from_le_bytes(*low)))
 }
 
 /// No case waits longer for an emergency message. A longer time is one that is only read back.
