@@ -207,7 +207,6 @@ const UNITS: [&str; 6] = ["us", "ms", "s", "%", "bytes", "byte"];
 
 #[cfg(test)]
 mod tests {
-
     use super::*;
 
     #[test]

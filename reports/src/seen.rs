@@ -141,7 +141,6 @@ const OF_ACCESS: [&str; 5] = ["0601 0000h", "0601 0001h", "0601 0002h", "0602 00
 
 #[cfg(test)]
 mod tests {
-
     use super::*;
 
     fn of(expected: &str, actual: &str, apart: Option<&str>, raw: Option<&str>) -> Vec<Seen> {
