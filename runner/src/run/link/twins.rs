@@ -16,10 +16,19 @@ pub(super) struct Twins {
     /// Of the device; `None` where no other station can be.
     pub node: Option<u8>,
     begun: BTreeMap<Mux, Begun>,
+    /// The sender of the segments of a block transfer: they have no command, and look like any
+    /// request or answer.
+    segments: Option<Side>,
     /// Two answers to one request.
     suspicion: Option<(Mux, [Frame; 2])>,
     /// Why nothing may be sent any more.
     pub found: Option<String>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Side {
+    Client,
+    Server,
 }
 
 /// The requests to begin a transfer of one object.
@@ -41,6 +50,9 @@ impl Twins {
     pub(super) fn see(&mut self, Stamped { frame, .. }: &Stamped) {
         let (Some(node), Some(id)) = (self.node, frame.data_id()) else { return };
         if id == REQUEST_COB_ID + u16::from(node) {
+            if self.is_segment(Side::Client, frame) {
+                return;
+            }
             if let Some(mux) = begins(frame) {
                 let begun = self.begun.entry(mux).or_default();
                 if begun.answers >= begun.requests {
@@ -49,6 +61,7 @@ impl Twins {
                 begun.requests += 1;
             }
         } else if id == RESPONSE_COB_ID + u16::from(node)
+            && !self.is_segment(Side::Server, frame)
             && let Some(mux) = answers(frame)
             && let Some(begun) = self.begun.get_mut(&mux)
         {
@@ -60,6 +73,32 @@ impl Twins {
                 self.suspicion.get_or_insert((mux, [first, *frame]));
             }
         }
+    }
+
+    /// Whether the frame, which that side sends, is a segment of a block or belongs between blocks.
+    /// Otherwise the transfer has ended, if there was one. An abort has the number of no segment.
+    fn is_segment(&mut self, side: Side, frame: &Frame) -> bool {
+        let command = frame.data.first().copied().unwrap_or_default();
+        let is_one = match self.segments {
+            None => false,
+            Some(sender) if sender == side => command != ABORT,
+            // The start of an upload, and the confirmation of a block.
+            Some(Side::Server) => matches!(command, 0xA2 | 0xA3),
+            Some(Side::Client) => command == 0xA2,
+        };
+        if is_one {
+            return true;
+        }
+        self.segments = match Response::decode(&frame.data) {
+            Ok(Response::Block(BlockResponse::Upload { .. })) if side == Side::Server => {
+                Some(Side::Server)
+            }
+            Ok(Response::Block(BlockResponse::Download { .. })) if side == Side::Server => {
+                Some(Side::Client)
+            }
+            _ => None,
+        };
+        false
     }
 
     /// Whether a request had two answers since the last [`decision`](Self::decide).
@@ -87,6 +126,9 @@ impl Twins {
         ));
     }
 }
+
+/// The command of an abort.
+const ABORT: u8 = 0x80;
 
 /// The object of a transfer that the frame begins.
 fn begins(frame: &Frame) -> Option<Mux> {
@@ -158,6 +200,24 @@ mod tests {
         let frame = ANSWER.parse().unwrap();
         alone.see(&Stamped { at: Instant::ZERO, frame, own: false });
         assert!(!alone.suspects());
+    }
+
+    /// Segments 40h and 43h have the form of the request and of the answer of an upload.
+    #[test]
+    fn segments_of_a_block_are_no_requests_and_no_answers() {
+        let looks_asked = ">605#4031323334353637";
+        let looks_answered = "585#4331323334353637";
+        let download = [">605#C6202F00D0070000", "585#A4202F007F000000"];
+        let upload = [">605#A4202F007F000000", "585#C6202F00D0070000", ">605#A3"];
+        let blocks = [&download[..], &[looks_asked, ">605#C1", "585#A1"], &upload].concat();
+        let all = [&blocks[..], &[looks_answered, looks_answered], &[">605#A27F7F"]].concat();
+        assert!(!twins(&all).suspects());
+        for end in [">605#8000000000000405", "585#8000000000000405", ">605#A1"] {
+            let all = [&upload[..], &[looks_answered, end, ASKED, ANSWER, ANSWER]].concat();
+            assert!(twins(&all).suspects(), "{end}");
+        }
+        let all = [&download[..], &[looks_asked, "585#A1", ASKED, ANSWER, ANSWER]].concat();
+        assert!(twins(&all).suspects());
     }
 
     #[test]
