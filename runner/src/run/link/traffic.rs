@@ -1,6 +1,6 @@
 //! Frames of stations other than the device, and how much of the bus they take.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use canopen::pdo::{CobId, holds_cob_id};
@@ -17,8 +17,11 @@ pub struct Traffic {
     /// In bit/s; `None` when it is unknown, and then the load is unknown, too.
     bit_rate: Option<u32>,
     node: u8,
-    /// The identifiers that the device has by its data sheet, and those that it was given.
+    /// The identifiers that the device has by its data sheet.
     known: Vec<u16>,
+    /// Those that it was given, and whether since the traffic was forgotten. One that it was given
+    /// before, it may have lost, so that a frame with it is load by others, but no stranger's.
+    given: BTreeMap<u16, bool>,
     /// Identifiers that nobody has by default, of frames that came.
     strangers: BTreeSet<u16>,
     /// Where the stretch begins that is looked at, and the bits of others in it.
@@ -47,12 +50,13 @@ impl Traffic {
     /// Forgets what there was until `now`.
     pub(super) fn forget(&mut self, now: Instant) {
         (self.stretch, self.bits, self.most) = (now, 0, 0.0);
+        self.given.values_mut().for_each(|lately| *lately = false);
     }
 
     /// Takes a frame that was on the bus.
     pub(super) fn see(&mut self, seen: &Stamped) {
         if seen.own {
-            self.known.extend(self.given(seen).filter(|id| !self.known.contains(id)));
+            self.given.extend(self.given_by(seen).map(|id| (id, true)));
             return;
         }
         if self.is_of_device(seen) {
@@ -65,6 +69,7 @@ impl Traffic {
         if let Some(id) = seen.frame.data_id()
             && self.strangers.len() < Self::LISTED
             && !matches!(id, nmt::COB_ID | SYNC | TIME | lss::REQUEST_COB_ID)
+            && !self.given.contains_key(&id)
             && !monitor::is_anybodys(id, self.node, &self.known)
         {
             self.strangers.insert(id);
@@ -113,7 +118,7 @@ impl Traffic {
     }
 
     /// The identifier that a request gives a service of the device.
-    fn given(&self, seen: &Stamped) -> Option<u16> {
+    fn given_by(&self, seen: &Stamped) -> Option<u16> {
         let (_, value) = written(&seen.frame, self.node).filter(|(mux, _)| holds_cob_id(*mux))?;
         value.first_chunk().map(|cob_id| CobId(u32::from_le_bytes(*cob_id)).can_id())
     }
@@ -124,6 +129,7 @@ impl Traffic {
             id == lss::RESPONSE_COB_ID
                 || id >= 0x80 && id & 0x7F == u16::from(self.node)
                 || self.known.contains(&id)
+                || self.given.get(&id) == Some(&true)
         })
     }
 }
@@ -177,6 +183,22 @@ mod tests {
         see(0x6A0, [0; 8], false);
         see(0x6A1, [0; 8], false);
         assert!(traffic.strangers().unwrap().contains("explains: 6A1h; others share"));
+    }
+
+    #[test]
+    fn an_identifier_that_the_device_was_given_earlier_may_be_anothers() {
+        let dut = Dut { bit_rate: Some(100_000), ..Dut::new("any", 5, Eds::default()) };
+        let mut traffic = Traffic::beside(&dut, Vec::new());
+        let see = |traffic: &mut Traffic, id, data: [u8; 8], own| {
+            traffic.see(&Stamped { at: Instant::ZERO, frame: Frame::new(id, data), own });
+        };
+        see(&mut traffic, 0x605, *b"\x23\x00\x18\x01\xA0\x06\0\0", true);
+        see(&mut traffic, 0x6A0, [0; 8], false);
+        assert_eq!(traffic.load(), 0.0);
+        traffic.forget(Instant::ZERO);
+        see(&mut traffic, 0x6A0, [0; 8], false);
+        assert!(traffic.load() > 0.0);
+        assert_eq!(traffic.strangers(), None);
     }
 
     const NONE: &str = "frames of others take 0 % of the bus";
