@@ -44,6 +44,8 @@ struct Failures {
     same: u32,
     at: String,
     first: Option<Outcome>,
+    /// Whether the device sent something wrong once, which no lost frame explains.
+    wrong: bool,
 }
 
 /// What follows from an attempt.
@@ -67,11 +69,16 @@ impl Failures {
         };
         self.same = if at == self.at { self.same + 1 } else { 1 };
         (self.count, self.at) = (self.count + 1, at);
+        self.wrong |= outcome.problem().is_some_and(|problem| problem.raw.is_some());
         if repeats.proved.borrow().contains(&self.at) {
             return Follows::Outcome(outcome);
         }
         if self.same == Self::PROOF {
             repeats.proved.borrow_mut().insert(self.at.clone());
+            return Follows::Outcome(outcome);
+        }
+        // A device that has not passed once, and was wrong in several ways, is not in order.
+        if self.count == Self::MOST && self.wrong {
             return Follows::Outcome(outcome);
         }
         if self.count == Self::MOST {

@@ -84,6 +84,29 @@ fn what_fails_again_and_again_is_a_failure_and_is_repeated_no_more() {
     assert!(!alone.notes.iter().any(|note| note.contains("is repeated")), "{:?}", alone.notes);
 }
 
+/// Of two answers in the case, now the first and now the other is lost, or wrong.
+#[test]
+fn what_never_passes_is_a_failure_unless_frames_are_only_missing() {
+    for (is_lost, verdict) in [(false, Verdict::Fail), (true, Verdict::Error)] {
+        let mut bus = odd(Box::new(move |sent, mut seen| {
+            let attempt = sent.iter().filter(|frame| **frame == Frame::new(0, [1, NODE])).count();
+            let asked = sent.last().and_then(|frame| frame.data.get(1..4));
+            let odd = [0x18, 0x10, 1 + (attempt % 2) as u8];
+            if attempt == 0 || asked != Some(&odd[..]) || seen.frame.data_id() != Some(0x581) {
+                return Some(seen);
+            }
+            seen.frame = Frame::new(0x581, [0x80, 0x18, 0x10, odd[2], 0, 0, 2, 6]);
+            (!is_lost).then_some(seen)
+        }));
+        let steps = "[ nmt: start, read: { object: '1018:01', value: 0x584950 }, \
+                     read: { object: '1018:02', value: 0x104 } ]";
+        let ran = run_shared(&mut bus, 1, steps);
+        assert_eq!(verdicts(&ran), [verdict], "{:?}", ran.outcomes);
+        let repeated = ran.notes.iter().filter(|note| note.contains("is repeated")).count();
+        assert_eq!(repeated, 5);
+    }
+}
+
 #[test]
 fn a_stranger_is_named_and_not_judged() {
     let stranger = |own: bool| {
