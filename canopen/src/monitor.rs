@@ -14,7 +14,7 @@ use crate::heartbeat::{self, ErrorControl};
 use crate::lss;
 use crate::mux::Mux;
 use crate::nmt::{self, NmtState, Service};
-use crate::sdo::block::BlockRequest;
+use crate::sdo::block::{BlockRequest, BlockResponse};
 use crate::sdo::{self, Initiate, Request, Response};
 use crate::time::Instant;
 
@@ -81,32 +81,31 @@ impl Standing {
     }
 }
 
-/// The monitors that watch node `node` in every case. `known` are the identifiers it may use
-/// beside those of the predefined connection set; `None` where others share its bus, since a frame
-/// does not say who sent it. `standing` are the errors that it had before the first case, and
-/// `slack` is how late a frame may be because others are on a slow wire; there, each
-/// frame of the tester may hold up a heartbeat as long.
-pub fn all(
-    node: u8,
-    known: Option<Vec<u16>>,
-    standing: Standing,
-    slack: Duration,
-) -> Vec<Box<dyn Monitor>> {
+/// What is known of a node that is watched.
+#[derive(Clone, Debug, Default)]
+pub struct Watched {
+    /// Its node id.
+    pub node: u8,
+    /// The identifiers it may use beside those of the predefined connection set; `None` where
+    /// others share its bus, since a frame does not say who sent it.
+    pub known: Option<Vec<u16>>,
+    /// The identifiers of its TPDOs.
+    pub tpdos: Vec<u16>,
+    /// The errors that it had before the first case.
+    pub standing: Standing,
+    /// How late a frame may be because others are on a slow wire; there, each frame of the tester
+    /// may hold up a heartbeat as long.
+    pub slack: Duration,
+}
+
+/// The monitors that watch a node in every case.
+pub fn all(watched: Watched) -> Vec<Box<dyn Monitor>> {
+    let Watched { node, known, tpdos, standing, slack } = watched;
     let mut monitors: Vec<Box<dyn Monitor>> = vec![
-        Box::new(NoSurprise {
-            node,
-            standing,
-            stands: false,
-            history_cleared: false,
-            asked: 0,
-            resets: 0,
-            lss_stored: false,
-            lss_left: false,
-            open: None,
-            interrupted: None,
-        }),
+        Box::new(NoSurprise { node, standing, ..NoSurprise::default() }),
         Box::new(HeartbeatAlive { node, slack, own: 0, asked: None, period: None, last: None }),
         Box::new(SilentWhenStopped { node, stopped: false, asked: false }),
+        Box::new(NoPdoOutsideOperational { node, tpdos, slack, said: None, sent: None }),
     ];
     if let Some(known) = known {
         monitors.push(Box::new(KnownIdentifiers { node, known }));
@@ -115,6 +114,7 @@ pub fn all(
 }
 
 /// No unexpected emergency message or boot-up, and no second SDO answer.
+#[derive(Default)]
 struct NoSurprise {
     node: u8,
     /// Errors that no case caused.
@@ -130,8 +130,10 @@ struct NoSurprise {
     lss_left: bool,
     /// Requests that have no answer yet: they may be sent faster than they are answered.
     asked: u32,
-    /// The object of the last transfer.
+    /// The object of the transfer that has begun and, as far as one frame tells, not ended.
     open: Option<Mux>,
+    /// Whether requests are segments of a block, whose first byte is no command.
+    in_a_block: bool,
     /// The object of a transfer that a command of the NMT interrupted.
     interrupted: Option<Mux>,
 }
@@ -145,7 +147,11 @@ impl NoSurprise {
             self.asked += 1;
             let request = Request::decode(&frame.data);
             self.history_cleared |= matches!(request, Ok(Request::Download(Self::ERROR_COUNT, _)));
-            self.open = request.ok().and_then(initiated).or(self.open);
+            match request {
+                Ok(Request::Abort(..)) => (self.open, self.in_a_block) = (None, false),
+                Ok(request) if !self.in_a_block => self.open = initiated(request).or(self.open),
+                _ => {}
+            }
         }
         if frame.data_id() == Some(lss::REQUEST_COB_ID) {
             match lss::Request::decode(&frame.data) {
@@ -160,17 +166,32 @@ impl NoSurprise {
             self.lss_left = false;
             self.resets += u32::from(resets(service));
             self.interrupted = self.open.take();
+            self.in_a_block &= !resets(service);
         }
     }
 
-    /// Whether a server may send this unasked. It may abort an open transfer at any time, and a
+    /// Takes note of an answer.
+    fn answered(&mut self, frame: &Frame) {
+        match Response::decode(&frame.data) {
+            Ok(Response::Block(BlockResponse::Download { .. })) => self.in_a_block = true,
+            Ok(Response::Block(BlockResponse::DownloadEnd)) => self.in_a_block = false,
+            Ok(Response::Abort(mux, _)) => {
+                self.open.take_if(|open| *open == mux);
+                self.in_a_block = false;
+            }
+            Ok(Response::Upload(mux, Initiate::Expedited(_) | Initiate::Unsized(_))) => {
+                self.open.take_if(|open| *open == mux);
+            }
+            _ => {}
+        }
+    }
+
+    /// Whether a server may send this unasked. It may give up an open transfer at any time, and a
     /// transfer that a command interrupts is not continued.
     fn gives_up(&mut self, frame: &Frame) -> bool {
-        match Response::decode(&frame.data) {
-            Ok(Response::Abort(_, Abort::TIMEOUT)) => true,
-            Ok(Response::Abort(mux, _)) => self.interrupted.take_if(|open| *open == mux).is_some(),
-            _ => false,
-        }
+        let Ok(Response::Abort(mux, code)) = Response::decode(&frame.data) else { return false };
+        code == Abort::TIMEOUT && self.open.take_if(|open| *open == mux).is_some()
+            || self.interrupted.take_if(|open| *open == mux).is_some()
     }
 
     /// Whether an emergency message has a cause: an error that stands, or its end, or that the
@@ -205,6 +226,9 @@ impl Monitor for NoSurprise {
         let answer = incoming(seen) == Some(sdo::RESPONSE_COB_ID + node);
         let asked = answer && self.asked > 0;
         self.asked -= u32::from(asked);
+        if asked {
+            self.answered(frame);
+        }
         let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
         if id == emcy::COB_ID + node {
             if self.is_explained(frame) {
@@ -233,11 +257,11 @@ fn commanded(frame: &Frame, node: u8) -> Option<Service> {
     [0, node].contains(&command.node).then_some(command.service)
 }
 
-/// The object of the transfer that a request initiates.
+/// The object of the transfer that a request initiates and its answer does not end.
 fn initiated(request: Request) -> Option<Mux> {
     match request {
         Request::Upload(mux)
-        | Request::Download(mux, _)
+        | Request::Download(mux, Initiate::Segmented(_))
         | Request::Block(BlockRequest::Upload { mux, .. } | BlockRequest::Download { mux, .. }) => {
             Some(mux)
         }
@@ -388,6 +412,49 @@ impl Monitor for SilentWhenStopped {
     }
 }
 
+/// No TPDO between two messages of error control that both report a state other than OPERATIONAL.
+/// One message is not enough: a device may enter OPERATIONAL by itself, and says so with the next.
+struct NoPdoOutsideOperational {
+    node: u8,
+    /// The identifiers of its TPDOs.
+    tpdos: Vec<u16>,
+    slack: Duration,
+    /// When it said last that it is in this state, unless something came that may change it.
+    said: Option<(Instant, NmtState)>,
+    /// The first TPDO since then.
+    sent: Option<(Instant, Frame)>,
+}
+
+impl NoPdoOutsideOperational {
+    /// A TPDO that waited for the bus when the state changed.
+    const SLACK: Duration = Duration::from_millis(20);
+}
+
+impl Monitor for NoPdoOutsideOperational {
+    fn observe(&mut self, seen: &Seen) -> Result<(), Breach> {
+        let Stamped { at, frame, own } = seen.stamped;
+        if own && commanded(&frame, self.node).is_some() {
+            (self.said, self.sent) = (None, None);
+        }
+        let Some(id) = incoming(seen) else { return Ok(()) };
+        if id == heartbeat::COB_ID + u16::from(self.node) {
+            let state = ErrorControl::decode(&frame.data).ok().map(|report| report.state);
+            let state = state
+                .filter(|state| [NmtState::PRE_OPERATIONAL, NmtState::STOPPED].contains(state));
+            let before = std::mem::replace(&mut self.said, state.map(|state| (at, state)));
+            let sent = self.sent.take().filter(|_| before.map(|(_, state)| state) == state);
+            let (Some((at, frame)), Some(state)) = (sent, state) else { return Ok(()) };
+            let (rule, got) = (format!("no TPDO in {state}"), format!("{frame}"));
+            return Err(Breach { at, rule, got, frame: Some(frame) });
+        }
+        let late = |(said, _): (Instant, _)| at.since(said) > Self::SLACK + self.slack;
+        if self.tpdos.contains(&id) && self.sent.is_none() && self.said.is_some_and(late) {
+            self.sent = Some((at, frame));
+        }
+        Ok(())
+    }
+}
+
 /// The 11-bit identifier of a data frame that is not our echo.
 fn incoming(seen: &Seen) -> Option<u16> {
     if seen.stamped.own { None } else { seen.stamped.frame.data_id() }
@@ -413,7 +480,9 @@ mod tests {
     }
 
     fn breaches_beside(standing: Standing, lines: &[&str]) -> Vec<String> {
-        let mut monitors = all(5, Some(vec![0x333]), standing, Duration::ZERO);
+        let known = Some(vec![0x333]);
+        let tpdos = vec![0x185];
+        let mut monitors = all(Watched { node: 5, known, tpdos, standing, ..Watched::default() });
         let mut found = Vec::new();
         for line in lines {
             let (ms, text) = line.split_once(' ').unwrap();
@@ -451,6 +520,43 @@ mod tests {
         let given_up =
             ["1 >605#4008100000000000", "2 585#410810000B000000", "9 585#8008100000000405"];
         assert_eq!(breaches(&given_up), [""; 0]);
+    }
+
+    #[test]
+    fn a_transfer_that_has_ended_is_not_given_up() {
+        let given_up = "9 585#8008100000000405";
+        let read = ["1 >605#4008100000000000", "2 !585#4308100001000000", given_up];
+        assert_eq!(breaches(&read).len(), 1);
+        let write = ["1 >605#2F08100001000000", "2 !585#6008100000000000", given_up];
+        assert_eq!(breaches(&write).len(), 1);
+        let refused = ["1 >605#4008100000000000", "2 !585#8008100000000206", given_up];
+        assert_eq!(breaches(&refused).len(), 1);
+        let open = ["1 >605#2108100009000000", "2 !585#6008100000000000", given_up];
+        assert_eq!(breaches(&open), [""; 0]);
+        assert_eq!(breaches(&[&open[..], &[given_up]].concat()).len(), 1);
+        let other = ["1 >605#4009100000000000", "2 !585#4109100009000000", given_up];
+        assert_eq!(breaches(&other).len(), 1);
+        // The segment looks like a request for another object.
+        let block = ["1 >605#C208100009000000", "2 !585#A00810007F000000"];
+        let segment = ["3 >605#4000100000000000", given_up];
+        assert_eq!(breaches(&[block, segment].concat()), [""; 0]);
+    }
+
+    #[test]
+    fn tpdos_outside_operational() {
+        let pdo = "50 185#01";
+        assert_eq!(
+            breaches(&["10 705#7F", pdo, "110 705#7F"]),
+            ["no TPDO in PRE-OPERATIONAL: 185#01"]
+        );
+        assert_eq!(breaches(&["10 705#04", pdo, "110 705#84"]), ["no TPDO in STOPPED: 185#01"]);
+        // It may have been in OPERATIONAL in between, or have waited for the bus.
+        assert_eq!(breaches(&["10 705#7F", pdo, "110 705#05"]), [""; 0]);
+        assert_eq!(breaches(&["40 705#7F", pdo, "140 705#7F"]), [""; 0]);
+        assert_eq!(breaches(&["10 705#05", pdo, "110 705#7F"]), [""; 0]);
+        assert_eq!(breaches(&["10 705#7F", "20 >000#0105", pdo, "110 705#7F"]), [""; 0]);
+        assert_eq!(breaches(&["10 705#7F", "20 !705#00", pdo, "110 705#7F"]), [""; 0]);
+        assert_eq!(breaches(&["10 705#7F", "50 285#01", "110 705#7F"]), [""; 0]);
     }
 
     #[test]
@@ -492,7 +598,7 @@ mod tests {
         let seen =
             Seen { stamped: Stamped { at: Instant::ZERO, frame, own: false }, expected: false };
         let breaks = |known| {
-            let mut monitors = all(5, known, Standing::default(), Duration::ZERO);
+            let mut monitors = all(Watched { node: 5, known, ..Watched::default() });
             monitors.iter_mut().any(|monitor| monitor.observe(&seen).is_err())
         };
         assert!(breaks(Some(Vec::new())) && !breaks(None));

@@ -1,6 +1,6 @@
 //! Rules that hold in each case, regardless of its steps.
 
-use canopen::monitor::{self, Breach, Seen};
+use canopen::monitor::{self, Breach, Seen, Watched};
 use canopen::pdo::CobId;
 use canopen::{Mux, emcy};
 
@@ -21,12 +21,13 @@ impl CaseRun<'_, '_> {
         let now = self.link.mark();
         let dut = self.common.dut;
         let known = (!dut.shares_its_bus).then(|| self.common.known.to_vec());
-        let mut monitors = monitor::all(
-            dut.node,
+        let mut monitors = monitor::all(Watched {
+            node: dut.node,
             known,
-            self.common.baseline.standing(),
-            self.common.policy.slow_wire,
-        );
+            tpdos: tpdos(dut).collect(),
+            standing: self.common.baseline.standing(),
+            slack: self.common.policy.slow_wire,
+        });
         monitors.iter_mut().find_map(|monitor| {
             let seen = frames.iter().find_map(|seen| monitor.observe(&waited_for(seen)).err());
             // Without power, silence is expected.
@@ -38,11 +39,18 @@ impl CaseRun<'_, '_> {
 
 /// The identifiers the data sheet gives to TPDOs, SYNC and TIME.
 pub(super) fn data_sheet_identifiers(dut: &Dut) -> Vec<u16> {
-    let cob_id = |mux| dut.default_int(mux).map(|cob_id| CobId(cob_id as u32).can_id());
-    let tpdos = dut.eds.objects.iter().map(|object| object.index);
-    let tpdos = tpdos.filter(|index| (0x1800..0x1A00).contains(index));
-    let addresses = tpdos.map(|index| Mux::new(index, 1)).chain([SYNC, TIME]);
-    addresses.filter_map(cob_id).collect()
+    tpdos(dut).chain([SYNC, TIME].into_iter().filter_map(|mux| identifier(dut, mux))).collect()
+}
+
+/// Those it gives to TPDOs.
+fn tpdos(dut: &Dut) -> impl Iterator<Item = u16> {
+    let objects = dut.eds.objects.iter().map(|object| object.index);
+    let tpdos = objects.filter(|index| (0x1800..0x1A00).contains(index));
+    tpdos.filter_map(|index| identifier(dut, Mux::new(index, 1)))
+}
+
+fn identifier(dut: &Dut, mux: Mux) -> Option<u16> {
+    dut.default_int(mux).map(|cob_id| CobId(cob_id as u32).can_id())
 }
 
 const SYNC: Mux = Mux::new(0x1005, 0);
