@@ -22,7 +22,7 @@ mod timers;
 use crate::decisions::Layers;
 pub use access::AccessDecision;
 pub use emcy::EmcyDecision;
-pub use error_control::ErrorControlDecision;
+pub use error_control::{ErrorControlDecision, Service};
 pub use lss::LssDecision;
 pub use nmt::NmtDecision;
 pub use pdo::PdoDecision;

@@ -6,6 +6,19 @@ use canopen::NmtState;
 
 use super::Rules;
 
+/// What a state lets a device do beside error control.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Service {
+    /// Take SYNC.
+    Sync,
+    /// Transmit PDOs.
+    Tpdo,
+    /// Use PDOs that it receives.
+    Rpdo,
+    /// Serve SDOs.
+    Sdo,
+}
+
 decisions! {
     /// The decisions of error control (CiA 301, 7.2.8.2, 7.2.8.3.2 and 7.5.2.32).
     pub ErrorControlDecision of Rules, otherwise [DEVIATIONS];
@@ -141,6 +154,11 @@ decisions! {
         }
     }
 
+    /// It ends what the new state does not have, as a command does (7.3.2.2.5).
+    fn reaction_ends(&self, _service: Service) -> bool {
+        true
+    }
+
     /// A change of the state does not disturb the beat (7.2.8.3.2.2).
     fn state_change_restarts_heartbeat(&self) -> bool {
         false
@@ -180,6 +198,11 @@ deviations! {
     "heartbeat-period-of-15-bits" => heartbeat_period: |_, configured| {
         Duration::from_millis((configured.as_millis() as u64 & 0x7FFF).max(1))
     };
+    "tpdos-outlive-operational" => reaction_ends: |_, service| {
+        !matches!(service, Service::Tpdo | Service::Sync)
+    };
+    "rpdos-outlive-operational" => reaction_ends: |_, service| service != Service::Rpdo;
+    "sdo-outlives-operational" => reaction_ends: |_, service| service != Service::Sdo;
     "errors-of-the-application-without-reaction" => error_class: |_, sub| (sub == 1).then_some(sub);
     "nodes-not-watched-in-stopped" => nodes_watched_in: |_, state| state != NmtState::STOPPED;
     "heartbeat-consumer-time-doubled" => heartbeat_consumer_time: |_, configured| configured * 2;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use canopen::eds::Eds;
 use canopen::{Dictionary, Instant, NmtState};
 
-use crate::rules::Rules;
+use crate::rules::{Rules, Service};
 use crate::stack::errors::Errors;
 use crate::stack::fault::{Fault, FaultKind};
 use crate::stack::settings::NodeSettings;
@@ -15,6 +15,8 @@ use crate::stack::settings::NodeSettings;
 pub(crate) struct Base {
     pub(crate) id: u8,
     pub(crate) state: NmtState,
+    /// Whether an error has led there.
+    pub(crate) by_error: bool,
     pub(crate) settings: NodeSettings,
     pub(crate) rules: Arc<Rules>,
     pub(crate) od: Dictionary,
@@ -39,6 +41,7 @@ impl Base {
         Self {
             id,
             state: NmtState::INITIALISING,
+            by_error: false,
             settings,
             rules: Arc::new(rules),
             od,
@@ -47,6 +50,14 @@ impl Base {
             granularity: eds.device.granularity,
             window_end: None,
         }
+    }
+
+    /// The state by which a service acts.
+    pub(crate) fn state_of(&self, service: Service) -> NmtState {
+        if self.by_error && !self.rules.reaction_ends(service) {
+            return NmtState::OPERATIONAL;
+        }
+        self.state
     }
 
     /// An error of the communication appeared.

@@ -6,7 +6,7 @@ use canopen::{
     BenchError, Data, Device, Dictionary, Frame, Instant, NmtState, Outbox, Value, lss, nmt,
 };
 
-use crate::rules::{Change, Reset, Rules};
+use crate::rules::{Change, Reset, Rules, Service};
 use crate::stack::base::Base;
 use crate::stack::behaviour::{Attachment, Behaviour};
 use crate::stack::lss::Lss;
@@ -120,7 +120,7 @@ impl Node {
     fn handle_data(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) {
         if id == nmt::COB_ID {
             match self.nmt.command(&self.services.base, &data) {
-                Some(Change::Enter(state)) => self.enter(now, state, out),
+                Some(Change::Enter(state)) => self.enter(now, state, false, out),
                 Some(Change::Reset(reset)) => {
                     // An initialised controller forgets the frames it was asked to send.
                     out.clear();
@@ -140,7 +140,8 @@ impl Node {
 
     /// Serves an SDO request; `false` when the frame is none.
     fn serve(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) -> bool {
-        if !self.services.base.rules.sdo_served_in(self.state()) {
+        let base = &self.services.base;
+        if !base.rules.sdo_served_in(base.state_of(Service::Sdo)) {
             return false;
         }
         let busy = self.services.is_storing();
@@ -161,14 +162,15 @@ impl Node {
         }
     }
 
-    fn enter(&mut self, now: Instant, state: NmtState, out: &mut Outbox) {
+    fn enter(&mut self, now: Instant, state: NmtState, by_error: bool, out: &mut Outbox) {
         // A repeated command changes nothing: timers and PDOs do not restart.
         if state == self.state() {
             return;
         }
-        self.services.enter(now, state, out);
-        let rules = &self.services.base.rules;
-        if !rules.sdo_served_in(state) && rules.stop_ends_sdo_transfers() {
+        self.services.enter(now, state, by_error, out);
+        let base = &self.services.base;
+        let rules = &base.rules;
+        if !rules.sdo_served_in(base.state_of(Service::Sdo)) && rules.stop_ends_sdo_transfers() {
             if rules.stop_aborts_sdo_transfers() {
                 self.sdo.abort_transfers(out);
             }
@@ -182,7 +184,7 @@ impl Node {
     fn settle(&mut self, now: Instant, out: &mut Outbox) {
         self.services.settle(now, out);
         if let Some(state) = self.services.take_reaction(now) {
-            self.enter(now, state, out);
+            self.enter(now, state, true, out);
         }
         // The application may have heard of an error that leaves the state alone.
         if self.services.is_touched() {

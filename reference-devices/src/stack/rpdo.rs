@@ -5,7 +5,7 @@ use std::time::Duration;
 use canopen::eds::Direction;
 use canopen::{Data, Instant, Mux};
 
-use crate::rules::Timer;
+use crate::rules::{Service, Timer};
 use crate::stack::base::Base;
 use crate::stack::fault::{Fault, FaultKind};
 use crate::stack::pdo::{self, EVENT_TIMER, TYPE};
@@ -79,7 +79,8 @@ impl Rpdo {
     /// Whether the state is one in which a frame is received.
     pub(crate) fn is_received(&self, base: &Base) -> bool {
         let synchronous = matches!(self.kind, 0..=240);
-        base.rules.rpdo_used_in(base.state) || synchronous && base.rules.rpdo_waits_in(base.state)
+        base.rules.rpdo_used_in(base.state_of(Service::Rpdo))
+            || synchronous && base.rules.rpdo_waits_in(base.state)
     }
 
     /// Judges a frame. Returns the data when they take effect at once.

@@ -10,7 +10,7 @@ use canopen::pdo::Unpacker;
 use canopen::sync::Sync;
 use canopen::{Abort, BenchError, Data, Instant, Mux, NmtState, Outbox, Value, heartbeat};
 
-use crate::rules::Reset;
+use crate::rules::{Reset, Service};
 use crate::stack::base::Base;
 use crate::stack::behaviour::{Attachment, Behaviour, CommunicationEvent};
 use crate::stack::emcy::EmcyProducer;
@@ -157,13 +157,19 @@ impl Services {
 
     /// Boot-up is done; `state` is the first one.
     pub(crate) fn start(&mut self, now: Instant, state: NmtState, out: &mut Outbox) {
-        self.enter(now, state, out);
+        self.enter(now, state, false, out);
         self.heartbeat.start(now, &self.base, out);
     }
 
     /// The node enters another NMT state.
-    pub(crate) fn enter(&mut self, now: Instant, state: NmtState, out: &mut Outbox) {
-        self.base.state = state;
+    pub(crate) fn enter(
+        &mut self,
+        now: Instant,
+        state: NmtState,
+        by_error: bool,
+        out: &mut Outbox,
+    ) {
+        (self.base.state, self.base.by_error) = (state, by_error);
         self.heartbeat.enter(now, &self.base, out);
         self.sync_producer.enter(now, &self.base);
         self.time.enter(now, &self.base);
@@ -180,7 +186,7 @@ impl Services {
         } else {
             self.sync.stop();
         }
-        if self.base.rules.rpdo_used_in(state) {
+        if self.base.rules.rpdo_used_in(self.base.state_of(Service::Rpdo)) {
             self.rpdos.iter_mut().for_each(|rpdo| rpdo.start(now, &self.base));
         } else {
             self.rpdos.iter_mut().for_each(|rpdo| rpdo.stop(&self.base));

@@ -6,6 +6,7 @@ use canopen::pdo::is_restricted;
 use canopen::sync::Sync;
 use canopen::{Abort, Instant, Mux, NmtState};
 
+use crate::rules::Service;
 use crate::stack::base::Base;
 use crate::stack::fault::{Fault, FaultKind};
 
@@ -57,7 +58,10 @@ impl SyncConsumer {
         base: &mut Base,
     ) -> Option<Sync> {
         // SYNC belongs to PRE-OPERATIONAL and OPERATIONAL (7.3.2.2.5).
-        if !matches!(base.state, NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL) {
+        if !matches!(
+            base.state_of(Service::Sync),
+            NmtState::PRE_OPERATIONAL | NmtState::OPERATIONAL
+        ) {
             return None;
         }
         let expected = usize::from(self.counted);
