@@ -232,6 +232,11 @@ decisions! {
         true
     }
 
+    /// What changes while a transmission waits is an event of the application, too.
+    fn changes_noted_while_pending(&self) -> bool {
+        true
+    }
+
     /// A TPDO that is disabled forgets the event that waits (7.5.2.37).
     fn disabled_tpdo_forgets_its_event(&self) -> bool {
         true

@@ -7,7 +7,7 @@ use canopen::pdo::{CobId, Unpacker};
 use canopen::sync::Sync;
 use canopen::{Data, Frame, Instant, Mux, Outbox};
 
-use crate::rules::Timer;
+use crate::rules::{Service, Timer};
 use crate::stack::base::Base;
 use crate::stack::behaviour::Behaviour;
 use crate::stack::pdo::{self, EVENT_TIMER, INHIBIT_TIME, SYNC_START, TYPE};
@@ -106,7 +106,7 @@ impl Tpdo {
     /// The node entered a state. In OPERATIONAL, event-driven PDOs transmit their present
     /// values.
     pub(crate) fn enter(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
-        let runs = base.rules.tpdo_sent_in(base.state);
+        let runs = base.rules.tpdo_sent_in(base.state_of(Service::Tpdo));
         let goes_on = self.running && base.rules.tpdo_goes_on_in(base.state, self.kind);
         if runs == self.running || goes_on {
             return;
@@ -135,9 +135,7 @@ impl Tpdo {
         out: &mut Outbox,
     ) {
         let by_change = self.is_event_driven() || self.kind == 0;
-        // A pending event transmits the values that hold when the inhibit time ends, so the last
-        // change within it is the one that is sent.
-        if !self.is_active() || !by_change || self.pending {
+        if !self.is_active() || !by_change {
             return;
         }
         let changes = Some(base.od.changes());
@@ -148,13 +146,16 @@ impl Tpdo {
         let data = self.mapping.pack(&base.od);
         let compared = base.rules.tpdo_bytes_compared(data.len());
         let same = |before: Data| data.padded()[..compared] == before.padded()[..compared];
-        if same(self.last) && same(self.seen) {
-            self.quiet = changes;
+        // A pending event transmits the values that hold when the inhibit time ends. What changes
+        // until then is looked at all the same: the application may note which input it was.
+        let looked_at = self.pending && !base.rules.changes_noted_while_pending();
+        if same(self.seen) && (same(self.last) || self.pending) || looked_at {
+            self.quiet = changes.filter(|_| !looked_at);
             return;
         }
         let event = self.is_event(base, behaviour);
         (self.seen, self.quiet) = (data, None);
-        if event {
+        if event && !self.pending {
             self.event(now, base, out);
         }
     }
