@@ -14,6 +14,7 @@ use crate::heartbeat::{self, ErrorControl};
 use crate::lss;
 use crate::mux::Mux;
 use crate::nmt::{self, NmtState, Service};
+use crate::pdo::{CobId, holds_cob_id};
 use crate::sdo::block::{BlockRequest, BlockResponse};
 use crate::sdo::{self, Initiate, Request, Response};
 use crate::time::Instant;
@@ -288,8 +289,22 @@ pub fn is_anybodys(id: u16, node: u8, known: &[u16]) -> bool {
     own.contains(&id) || default_pdo || lss || known.contains(&id) || of_another
 }
 
+/// The identifier that a request gives a service of the node.
+pub fn given(frame: &Frame, node: u8) -> Option<u16> {
+    frame.data_id().filter(|id| *id == sdo::REQUEST_COB_ID + u16::from(node))?;
+    match Request::decode(&frame.data) {
+        Ok(Request::Download(mux, Initiate::Expedited(data))) if holds_cob_id(mux) => {
+            data.first_chunk().map(|cob_id| CobId(u32::from_le_bytes(*cob_id)).can_id())
+        }
+        _ => None,
+    }
+}
+
 impl Monitor for KnownIdentifiers {
     fn observe(&mut self, seen: &Seen) -> Result<(), Breach> {
+        if seen.stamped.own {
+            self.known.extend(given(&seen.stamped.frame, self.node));
+        }
         let Some(id) = incoming(seen).filter(|_| !seen.expected) else { return Ok(()) };
         if is_anybodys(id, self.node, &self.known) {
             return Ok(());
@@ -583,6 +598,8 @@ mod tests {
     #[test]
     fn identifiers() {
         assert_eq!(breaches(&["1 185#00", "2 333#00", "3 706#05", "4 385#"]), [""; 0]);
+        let moved = ["1 >605#230018010A010000", "2 10A#00", "3 10B#00"];
+        assert_eq!(breaches(&moved), ["no identifier that the node does not own: 10Bh"]);
         assert_eq!(
             breaches(&["1 123#00", "2 10A#00"]),
             [

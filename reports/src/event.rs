@@ -32,6 +32,8 @@ pub enum Event {
     Frame(Stamped),
     /// A remark of the runner, the bench or the CAN controller.
     Note(Note),
+    /// The attempt at the case proves nothing, and it begins anew. The remark says why.
+    CaseRepeated(Note),
     /// A step of the case begins.
     Step(Begun),
     /// Something was set on the physical side of the device.

@@ -75,7 +75,7 @@ pub struct CaseRun {
     pub ended: Instant,
     /// The figures it took.
     pub measured: Vec<Measured>,
-    /// Remarks, by time.
+    /// Remarks, by time; of a case that was repeated, those of the last attempt, as for all below.
     pub notes: Vec<Note>,
     /// Its steps, by time; of a case that passed, empty when they were not [kept](Keep).
     pub steps: Vec<Begun>,
@@ -132,6 +132,15 @@ impl Run {
                     case.ended = case.ended.max(note.at);
                     case.notes.push(note.clone());
                 }
+                Ok(())
+            }
+            // The last attempt counts, and the journal has the others.
+            Event::CaseRepeated(note) => {
+                let case = self.open_case().ok_or(OutOfOrder("no case is repeated"))?;
+                case.ended = case.ended.max(note.at);
+                case.notes = vec![note.clone()];
+                (case.steps, case.stimuli, case.frames) = (Vec::new(), Vec::new(), 0);
+                case.trace.clear();
                 Ok(())
             }
             Event::Step(step) => {

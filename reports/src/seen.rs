@@ -17,6 +17,10 @@ pub(crate) enum Seen {
     Refused(String, String),
     /// What is to be refused in one way is refused in another way, whatever the object.
     Otherwise(String, String),
+    /// What is to be refused in this way, whatever the object, is accepted.
+    Accepted(String),
+    /// A value has another length than its transfer announced.
+    Length,
     /// An object of the communication is expected to have this value, and differs in this way.
     Value(String, String),
 }
@@ -30,6 +34,13 @@ pub(crate) fn seen(problem: &Problem) -> Vec<Seen> {
     }
     if problem.phase == Phase::Monitor {
         return all;
+    }
+    if expected.contains(" bytes in all, as announced") {
+        all.push(Seen::Length);
+    }
+    let refusal = expected.strip_prefix("refused with ").and_then(code);
+    if let Some(code) = refusal.filter(|code| is_of_any_object(code) && actual == "accepted") {
+        all.push(Seen::Accepted(code.to_owned()));
     }
     if expected.starts_with("refused with ") && actual.starts_with("refused with ") {
         all.push(Seen::Otherwise(expected.to_owned(), actual.to_owned()));
@@ -129,6 +140,11 @@ fn code(text: &str) -> Option<&str> {
     is_code(words.next()?, words.next().as_ref()).then(|| text.get(..10))?
 }
 
+/// Whether the code is about an access or a length, which a server checks alike for all objects.
+fn is_of_any_object(code: &str) -> bool {
+    OF_ACCESS.contains(&code) || code.starts_with("0607 ")
+}
+
 fn first_line(text: &str) -> &str {
     text.lines().next().unwrap_or_default()
 }
@@ -176,6 +192,21 @@ mod tests {
         assert_eq!(first, raw("582#8008100020000008"));
         assert!(first.contains(&Seen::Otherwise(code.into(), other.into())));
         assert!(!of(code, "accepted", None, None).iter().any(|seen| first.contains(seen)));
+    }
+
+    #[test]
+    fn a_wrong_length_that_is_accepted_is_the_same_whatever_the_object() {
+        let raw = |frame| of("refused with 0607 0012h (too long)", "accepted", None, Some(frame));
+        assert_eq!(raw("582#6017100000000000"), [Seen::Accepted("0607 0012h".into())]);
+        assert_eq!(raw("582#6017100000000000"), raw("582#6000180200000000"));
+        // A value out of a range is a matter of its object.
+        assert_eq!(of("refused with 0609 0030h", "accepted", None, None), []);
+    }
+
+    #[test]
+    fn a_transfer_of_another_length_than_announced_is_the_same_whatever_is_tested() {
+        let came = "1B 37 00 00 00 00 00 00";
+        assert_eq!(of("22 bytes in all, as announced", came, None, None), [Seen::Length]);
     }
 
     #[test]

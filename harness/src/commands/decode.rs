@@ -168,7 +168,7 @@ impl<'a> Printed<'a> {
                 self.shown = wanted.is_none_or(|pattern| is_named(pattern, &case.name()));
                 self.say(&format!("\n{}\n", heading(&case)));
             }
-            Some((_, Ok(Event::Note(note)))) => {
+            Some((_, Ok(Event::Note(note) | Event::CaseRepeated(note)))) => {
                 self.say(&format!("{:>STAMP$}  --  {}\n", note.at.to_string(), note.text));
             }
             Some((_, Ok(Event::Step(Begun { at, text, .. })))) => {

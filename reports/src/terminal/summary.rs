@@ -250,23 +250,35 @@ fn headline(fact: &Fact) -> String {
     format!("{}: {}", case.info.suite, first.unwrap_or(Cow::Borrowed(&cause)))
 }
 
-/// `3 causes, 206 instances: cia301/nmt 2, cia301/emcy 1` of what makes the run red, by service.
+/// `3 causes, 206 instances: cia301/nmt 2, cia301/emcy 1` of what makes the run red, by service, and
+/// how many instances have no verdict beside these.
 fn grouped(run: &Run, text: &mut String) {
     let facts = facts(run).into_iter().filter(|fact| fact.is_red(run));
     let (mut services, mut causes, mut instances) = (BTreeMap::<&str, u64>::new(), 0, 0);
+    let mut open = 0;
     for fact in facts {
-        let red = fact.cases.iter().filter(|(.., case)| run.is_red(case.verdict()));
-        instances += red.count() as u64;
+        let red = || fact.cases.iter().filter(|(.., case)| run.is_red(case.verdict()));
+        // What has no verdict is no statement about the device.
+        if red().all(|(.., case)| case.verdict() == Verdict::Error) {
+            open += red().count();
+            continue;
+        }
+        instances += red().count() as u64;
         causes += 1;
         *services.entry(&fact.first.2.info.suite).or_default() += 1;
     }
-    if instances > 1 {
+    if causes > 0 && instances + open as u64 > 1 {
         let mut services: Vec<_> = services.into_iter().collect();
         services.sort_by_key(|(_, count)| Reverse(*count));
         let services = services.iter().map(|(name, count)| format!("{name} {count}"));
         let services = services.collect::<Vec<_>>().join(", ");
         let (cause, instance) = (plural(causes, "cause"), plural(instances, "instance"));
-        let line = format!("{causes} {cause}, {instances} {instance}: {services}");
+        let open = match open {
+            0 => String::new(),
+            1 => "; 1 more has no verdict".to_owned(),
+            open => format!("; {open} more have no verdict"),
+        };
+        let line = format!("{causes} {cause}, {instances} {instance}: {services}{open}");
         let _ = writeln!(text, "{}", wrapped(&one_line(&line)));
     }
 }

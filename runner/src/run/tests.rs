@@ -219,7 +219,7 @@ fn run_on(bus: &mut Odd, dut: &Dut, cases: usize, steps: &str, stop: &Stop, undo
     let ending = session.run(bus, &mut |event| match event {
         Event::DeviceStarted(device) => remark = device.remark.unwrap_or_default(),
         Event::CaseEnded(end) => outcomes.push(end.outcome),
-        Event::Note(note) => notes.push(note.text),
+        Event::Note(note) | Event::CaseRepeated(note) => notes.push(note.text),
         _ => {}
     });
     Ran { ending, outcomes, notes, remark, took: bus.now().since(Instant::ZERO) }

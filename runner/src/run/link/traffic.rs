@@ -3,11 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use canopen::pdo::{CobId, holds_cob_id};
 use canopen::wire::{INTERMISSION_BITS, frame_bits};
 use canopen::{Bus, Instant, Stamped, lss, monitor, nmt};
 
-use super::sdo::written;
 use crate::dut::Dut;
 
 /// The load of the bus by frames that neither the tester nor the device sends, looked at in
@@ -56,7 +54,7 @@ impl Traffic {
     /// Takes a frame that was on the bus.
     pub(super) fn see(&mut self, seen: &Stamped) {
         if seen.own {
-            self.given.extend(self.given_by(seen).map(|id| (id, true)));
+            self.given.extend(monitor::given(&seen.frame, self.node).map(|id| (id, true)));
             return;
         }
         if self.is_of_device(seen) {
@@ -115,12 +113,6 @@ impl Traffic {
             traffic.see(&seen);
         }
         traffic.said(Self::WORTH_A_WORD)
-    }
-
-    /// The identifier that a request gives a service of the device.
-    fn given_by(&self, seen: &Stamped) -> Option<u16> {
-        let (_, value) = written(&seen.frame, self.node).filter(|(mux, _)| holds_cob_id(*mux))?;
-        value.first_chunk().map(|cob_id| CobId(u32::from_le_bytes(*cob_id)).can_id())
     }
 
     /// The device has its node id in the identifiers of the predefined connection set.

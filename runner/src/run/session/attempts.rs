@@ -149,7 +149,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         let doubtful = stalled && !failed && is_fail;
         if is_fail && run.earlier_cause && !cleared {
             (left, cleared) = (Left::Dirty, true);
-            run.note(
+            run.repeat(
                 "an emergency of an earlier case came: the case is repeated after a reset"
                     .to_owned(),
             );
@@ -174,7 +174,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
                         true => "it failed, and a frame may have been lost or have come twice",
                         false => "it failed, and the machine may have been too busy for the device",
                     };
-                    run.note(format!("{why}: the case is repeated after a reset"));
+                    run.repeat(format!("{why}: the case is repeated after a reset"));
                     continue;
                 }
             },
@@ -187,7 +187,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             return finished(Outcome::Undecided(reason), aftermath);
         }
         (left, stalled, failed) = (how, stalled || late.is_some(), failed || doubtful);
-        run.note(format!("{why}: the case is repeated"));
+        run.repeat(format!("{why}: the case is repeated"));
         if let Err(error) = run.link.calm() {
             let (outcome, aftermath) = run.bus_failed(error);
             return finished(outcome, aftermath);

@@ -381,6 +381,12 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         self.link.emit(Event::Note(Note { at, text }));
     }
 
+    /// Says why the case begins anew.
+    pub(super) fn repeat(&mut self, text: String) {
+        let at = self.link.mark();
+        self.link.emit(Event::CaseRepeated(Note { at, text }));
+    }
+
     pub(super) fn bus_failed(&self, failure: BusError) -> (Outcome, Aftermath) {
         let reason = match &failure {
             BusError::Interrupted => "interrupted".to_owned(),
