@@ -326,6 +326,24 @@ fn a_deviation_within_the_lateness_of_the_tester_is_none_of_the_device() {
 }
 
 #[test]
+fn a_transfer_that_a_late_tester_lets_time_out_says_nothing() {
+    let judged = |lag| {
+        // Instead of 1008h the server answers that it gives up: 0504 0000h.
+        let way = |_: &[Frame], seen: Stamped| {
+            let given_up = Frame::new(0x581, [0x80, 0x08, 0x10, 0, 0, 0, 0x04, 0x05]);
+            let is_answer = seen.frame.data_id() == Some(0x581)
+                && seen.frame.data.get(1..3) == Some([0x08, 0x10].as_slice());
+            Some(Stamped { frame: if is_answer { given_up } else { seen.frame }, ..seen })
+        };
+        let lag = Duration::from_millis(lag);
+        let mut bus = Odd { lag, ..odd(Box::new(way)) };
+        verdicts(&run(&mut bus, 1, "[ read: { object: '1008:00' } ]"))
+    };
+    assert_eq!(judged(0), [Verdict::Fail]);
+    assert_eq!(judged(10), [Verdict::Error, Verdict::Error]);
+}
+
+#[test]
 fn a_tester_in_time_judges_and_so_does_one_in_virtual_time() {
     let late = |stalls, real| Odd { real, ..stalled(stalls) };
     for mut bus in [late(0, true), late(u32::MAX, false)] {

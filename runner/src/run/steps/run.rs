@@ -420,11 +420,7 @@ impl Steps<'_, '_> {
             let (window, lost) = (self.window(step)?, noticed.max(overslept));
             return (lost > self.policy.bears(window).max(window / 2)).then_some(lost);
         }
-        // The client may have been too slow for a server. A device on the same host is delayed as
-        // much.
-        let timed_out = failed?.raw.is_some_and(|raw| {
-            matches!(sdo::Response::decode(&raw.data), Ok(sdo::Response::Abort(_, Abort::TIMEOUT)))
-        });
+        let failed = failed?;
         let asks = matches!(
             step,
             Step::Read(_)
@@ -433,12 +429,26 @@ impl Steps<'_, '_> {
                 | Step::Defaults(_)
                 | Step::Undeclared(_)
         );
-        let window = match asks && failed?.raw.is_none() {
-            true => Some(self.policy.sdo_timeout),
-            false => self.window(step),
+        let window = match asks && failed.raw.is_none() {
+            // The client may have been too slow for the server. A device on the same host is
+            // delayed as much.
+            _ if self.gave_up() => Duration::ZERO,
+            true => self.policy.sdo_timeout,
+            false => self.window(step)?,
         };
-        let window = window.or_else(|| timed_out.then_some(Duration::ZERO))?;
         (noticed > self.policy.bears(window)).then_some(noticed)
+    }
+
+    /// Whether the server has aborted a transfer of this case because of the time. The abort itself
+    /// may be no answer, and what fails then is the next request.
+    fn gave_up(&self) -> bool {
+        let answers = Some(sdo::RESPONSE_COB_ID + u16::from(self.dut.node));
+        let mut came = self.link.trace().iter().map(|seen| &seen.stamped);
+        came.any(|Stamped { own, frame, .. }| {
+            let answer = sdo::Response::decode(&frame.data);
+            !own && frame.data_id() == answers
+                && matches!(answer, Ok(sdo::Response::Abort(_, Abort::TIMEOUT)))
+        })
     }
 
     /// How long the device has for what the step judges; `None` when the step judges no time.
