@@ -151,21 +151,24 @@ interpretations:
     let suite = "suite: any\ncases:\n  - { id: a, title: Any., checks: [ANY-01], steps: [] }\n";
     let source =
         |name: &str, text: &str| Arc::new(Source { name: name.to_owned(), text: text.to_owned() });
-    let sources = [
-        source("suites/requirements/any.yaml", REGISTER),
-        source("suites/requirements/manual.yaml", MANUAL),
-        source("suites/any.yaml", suite),
-    ];
-    let library = Library::from_sources(&sources, Catalogue::built_in()).unwrap();
     let eds = eds::read(devices::device("drr460").unwrap().eds_text().as_bytes()).eds;
     let alike = BTreeMap::from([("drr460", &eds)]);
-    let relaxed = |name, models: &BTreeMap<_, _>| {
-        let plan = plan::plan(&library, &Dut::new(name, NODE, eds.clone()), models).unwrap();
-        plan.instances[0].relaxed.get("ANY-01").cloned()
-    };
-    assert_eq!(relaxed("drr460", &BTreeMap::new()).as_deref(), Some("M-1"));
-    assert_eq!(relaxed("bought", &alike).as_deref(), Some("M-1"));
-    assert_eq!(relaxed("bought", &BTreeMap::new()), None);
+    let shared = MANUAL.replace("device: drr460", "devices: [em66, drr460]");
+    for manual in [MANUAL, &shared] {
+        let sources = [
+            source("suites/requirements/any.yaml", REGISTER),
+            source("suites/requirements/manual.yaml", manual),
+            source("suites/any.yaml", suite),
+        ];
+        let library = Library::from_sources(&sources, Catalogue::built_in()).unwrap();
+        let relaxed = |name, models: &BTreeMap<_, _>| {
+            let plan = plan::plan(&library, &Dut::new(name, NODE, eds.clone()), models).unwrap();
+            plan.instances[0].relaxed.get("ANY-01").cloned()
+        };
+        assert_eq!(relaxed("drr460", &BTreeMap::new()).as_deref(), Some("M-1"));
+        assert_eq!(relaxed("bought", &alike).as_deref(), Some("M-1"));
+        assert_eq!(relaxed("bought", &BTreeMap::new()), None);
+    }
 }
 
 const REGISTER: &str = "\
@@ -351,15 +354,6 @@ fn a_tester_in_time_judges_and_so_does_one_in_virtual_time() {
     }
     for mut bus in [late(0, true), late(u32::MAX, false)] {
         assert_eq!(verdicts(&run(&mut bus, 1, WAITS)), [Verdict::Pass]);
-    }
-}
-
-#[test]
-fn what_takes_minutes_runs_where_time_is_virtual() {
-    let case = "[ read: { object: '1000:00' } ]\n    requires: [{ supports: virtual-time }]";
-    for (real, verdict) in [(true, Verdict::Skip), (false, Verdict::Pass)] {
-        let mut bus = Odd { real, ..odd(Box::new(|_, seen| Some(seen))) };
-        assert_eq!(verdicts(&run(&mut bus, 1, case)), [verdict]);
     }
 }
 

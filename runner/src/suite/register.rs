@@ -70,6 +70,9 @@ pub struct RegisterFile {
     /// devices of that vendor and product only.
     #[serde(default)]
     pub device: Option<String>,
+    /// Instead of `device`, those whose manuals share these clauses.
+    #[serde(default)]
+    pub devices: Vec<String>,
     /// Decisions where the document contradicts itself or leaves room.
     #[serde(default)]
     pub interpretations: Vec<At<InterpretationEntry>>,
@@ -282,15 +285,18 @@ impl Register {
     fn add(&mut self, source: &Arc<Source>, file: RegisterFile, complaints: &mut Vec<Complaint>) {
         for At { value: decision, .. } in file.interpretations {
             for requirement in &decision.relaxes {
-                let Some(device) = file.device.clone() else {
+                let mut devices = file.device.iter().chain(&file.devices).peekable();
+                if devices.peek().is_none() {
                     let message = "a document relaxes others for its device, and none is named at \
                                    the top: `device`";
                     complaints.push(Complaint::at(source, requirement.place, message));
-                    continue;
-                };
-                let (requirement, by) = (requirement.clone(), decision.id.value.clone());
-                let source = Arc::clone(source);
-                self.relaxations.push(Relaxation { device, requirement, by, source });
+                }
+                self.relaxations.extend(devices.map(|device| Relaxation {
+                    device: device.clone(),
+                    requirement: requirement.clone(),
+                    by: decision.id.value.clone(),
+                    source: Arc::clone(source),
+                }));
             }
             if let Some(twice) = self.used_twice(source, &decision.id) {
                 complaints.push(twice);
