@@ -134,10 +134,12 @@ impl Behaviour for IoBlock {
         self.outputs().for_each(Output::restart);
     }
 
-    fn written(&mut self, _now: Instant, mux: Mux, _od: &mut Dictionary) {
+    fn written(&mut self, _now: Instant, mux: Mux, od: &mut Dictionary) {
         if self.rules.follows_after_failure() {
+            let value = od.int(mux).unwrap_or(0);
             for output in self.digital_outputs.iter_mut().chain(&mut self.analogue_outputs) {
-                if output.is_at(mux) {
+                let ends = || !output.followed(value) || self.rules.same_value_ends_failure();
+                if output.is_at(mux) && ends() {
                     output.recover();
                     // A write may repeat the old value.
                     self.settled = None;

@@ -16,6 +16,8 @@ pub(super) struct DigitalInput {
     pub(super) driven: i64,
     /// Levels after the filter.
     levels: i64,
+    /// What was at the terminals when they were last sampled.
+    sampled: i64,
     /// When the level of a terminal that changed has held long enough, terminal by terminal.
     due: Vec<Option<Instant>>,
     /// The first of them.
@@ -25,7 +27,7 @@ pub(super) struct DigitalInput {
 impl DigitalInput {
     pub(super) fn new(channel: Channel) -> Self {
         let due = vec![None; channel.bits as usize];
-        Self { channel, terminals: 0, driven: 0, levels: 0, due, next: None }
+        Self { channel, terminals: 0, driven: 0, levels: 0, sampled: 0, due, next: None }
     }
 
     /// Restarts: the present levels are not a change.
@@ -41,6 +43,10 @@ impl DigitalInput {
         let polarity = self.channel.setting(Setting::InputPolarity, od, rules);
         let time = rules.filter_time(od);
         let present = self.present();
+        let other = std::mem::replace(&mut self.sampled, present) != present;
+        if other && rules.other_edge_restarts_filter() {
+            self.due.fill(None);
+        }
         for (place, due) in self.due.iter_mut().enumerate() {
             let bit = 1 << place;
             if (present ^ self.levels) & bit == 0 {
@@ -98,9 +104,9 @@ pub(super) fn edge(
 ) -> bool {
     let setting = |setting| channel.setting(setting, od, rules);
     let (rising, falling) = (now & !last, last & !now);
-    let selected = (rising | falling) & setting(Setting::AnyChange)
-        | rising & setting(Setting::LowToHigh)
-        | falling & setting(Setting::HighToLow);
+    let any = (rising | falling) & setting(Setting::AnyChange);
+    let one = rising & setting(Setting::LowToHigh) | falling & setting(Setting::HighToLow);
+    let selected = if rules.edge_of_two_masks_counts() { any | one } else { any ^ one };
     setting(Setting::InterruptEnable) != 0 && selected != 0
 }
 

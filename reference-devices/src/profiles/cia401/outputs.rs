@@ -11,13 +11,15 @@ use super::setting::Setting;
 pub(super) struct Output {
     channel: Channel,
     pub(super) terminal: i64,
+    /// The value that the terminals followed last.
+    followed: i64,
     /// The network failed, so the terminals keep what they have until it is back.
     failed: bool,
 }
 
 impl Output {
     pub(super) const fn new(channel: Channel) -> Self {
-        Self { channel, terminal: 0, failed: false }
+        Self { channel, terminal: 0, followed: 0, failed: false }
     }
 
     /// Restarts with everything off.
@@ -28,6 +30,11 @@ impl Output {
     /// Whether its value is at `mux`.
     pub(super) fn is_at(&self, mux: Mux) -> bool {
         self.channel.value == mux
+    }
+
+    /// Whether it followed this value last.
+    pub(super) fn followed(&self, value: i64) -> bool {
+        self.followed == value
     }
 
     /// The network can be relied upon again.
@@ -41,6 +48,7 @@ impl Output {
             return;
         }
         let written = od.int(self.channel.value).unwrap_or(0);
+        self.followed = written;
         let setting = |setting| self.channel.setting(setting, od, rules);
         self.terminal = if self.channel.kind == Kind::AnalogueOutput {
             let scaled = written.saturating_mul(setting(Setting::OutputScaling));

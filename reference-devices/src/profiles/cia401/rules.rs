@@ -77,6 +77,21 @@ decisions! {
     fn follows_after_failure(&self) -> bool {
         true
     }
+
+    /// That value may be the one from before the failure.
+    fn same_value_ends_failure(&self) -> bool {
+        true
+    }
+
+    /// The level of an input holds however often the others of its block change (6003h).
+    fn other_edge_restarts_filter(&self) -> bool {
+        false
+    }
+
+    /// An edge that two masks select counts like any other.
+    fn edge_of_two_masks_counts(&self) -> bool {
+        true
+    }
 }
 
 /// A setting has a fixed value, regardless of its object.
