@@ -107,6 +107,8 @@ deviations! {
     "last-waiting-emcy-follows-at-once" => emcy_inhibits: |_, waiting| waiting != 1;
     "emcy-inhibit-in-milliseconds" =>
         emcy_inhibit: |_, configured| Duration::from_millis(configured.into());
+    "emcy-inhibit-in-minutes" =>
+        emcy_inhibit: |_, configured| Duration::from_secs(60) * u32::from(configured);
     "generic-error-never-set" => error_register: |_, _, present| present & !1;
     "error-register-never-cleared" => error_register: |_, before, present| before | present;
 }

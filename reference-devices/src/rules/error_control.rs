@@ -80,6 +80,11 @@ decisions! {
         true
     }
 
+    /// Nodes are watched by a device without a heartbeat of its own as well (7.5.2.19).
+    fn nodes_watched_without_heartbeat(&self) -> bool {
+        true
+    }
+
     /// An entry that is not used any more ends its watch (7.5.2.19).
     fn unused_entry_ends_watch(&self) -> bool {
         true

@@ -182,8 +182,9 @@ decisions! {
         false
     }
 
-    /// Event-driven TPDOs are sent once on entering OPERATIONAL.
-    fn tpdo_sent_at_start(&self) -> bool {
+    /// Event-driven TPDOs are sent once on entering OPERATIONAL, also those with analogue inputs that
+    /// are `held_back`, as their changes are not enabled.
+    fn tpdo_sent_at_start(&self, _held_back: bool) -> bool {
         true
     }
 
@@ -338,6 +339,7 @@ deviations! {
         pdo_inhibit: |_, configured| Duration::from_millis(configured.into());
     "tpdo-inhibit-in-tenths-of-a-second" =>
         pdo_inhibit: |_, configured| Duration::from_millis(100) * u32::from(configured);
+    "held-back-inputs-not-sent-at-start" => tpdo_sent_at_start: |_, held_back| !held_back;
     "inhibit-time-of-the-first-tpdo" => pdo_parameter_of: |_, direction, pdo, sub| {
         if (direction, sub) == (Direction::Transmit, 3) { 0 } else { pdo }
     };

@@ -8,6 +8,7 @@ use canopen::{Abort, Instant, Mux};
 use crate::rules::Timer;
 use crate::stack::base::Base;
 use crate::stack::fault::{Fault, FaultKind};
+use crate::stack::heartbeat_producer;
 
 /// Watches the nodes that 1016h names.
 #[derive(Clone, Debug, Default)]
@@ -57,7 +58,7 @@ impl HeartbeatConsumer {
     /// A frame on the error control identifier of another node.
     pub(crate) fn handle_frame(&mut self, now: Instant, node: u8, data: &[u8], base: &mut Base) {
         let Ok(report) = ErrorControl::decode(data) else { return };
-        if !base.rules.is_heartbeat(report.state) || !base.rules.nodes_watched_in(base.state) {
+        if !base.rules.is_heartbeat(report.state) || !watches(base) {
             return;
         }
         for watch in self.watches.iter_mut().filter(|watch| watch.node == node) {
@@ -72,7 +73,7 @@ impl HeartbeatConsumer {
     }
 
     pub(crate) fn handle_timeout(&mut self, now: Instant, base: &mut Base) {
-        if !base.rules.nodes_watched_in(base.state) {
+        if !watches(base) {
             for watch in self.watches.iter_mut().filter(|watch| watch.state != State::Unused) {
                 watch.state = State::Waiting;
             }
@@ -100,6 +101,13 @@ impl HeartbeatConsumer {
         };
         self.watches.iter().filter_map(deadline).min()
     }
+}
+
+/// Whether nodes are watched at present.
+fn watches(base: &Base) -> bool {
+    let produces = base.od.int(heartbeat_producer::PERIOD).is_some_and(|time| time != 0);
+    base.rules.nodes_watched_in(base.state)
+        && (produces || base.rules.nodes_watched_without_heartbeat())
 }
 
 impl Watch {

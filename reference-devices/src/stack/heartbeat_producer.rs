@@ -71,7 +71,7 @@ impl HeartbeatProducer {
     }
 }
 
-const PERIOD: Mux = Mux::new(0x1017, 0);
+pub(super) const PERIOD: Mux = Mux::new(0x1017, 0);
 
 #[cfg(test)]
 mod tests {

@@ -118,12 +118,19 @@ impl Tpdo {
         if let Some(free_at) = free_at {
             (self.pending, self.free_at) = (true, free_at);
         }
-        if self.is_active() && self.is_event_driven() && base.rules.tpdo_sent_at_start() {
+        let sent = base.rules.tpdo_sent_at_start(self.carries_held_back_inputs(base));
+        if self.is_active() && self.is_event_driven() && sent {
             self.event(now, base, out);
         }
         if self.is_active() && self.kind == 0 && base.rules.start_is_event_of_acyclic_tpdo() {
             self.pending = true;
         }
+    }
+
+    /// Whether it carries an analogue input, and 6423h does not enable these (CiA 401).
+    fn carries_held_back_inputs(&self, base: &Base) -> bool {
+        self.mapping.entries().iter().any(|entry| entry.mux.index == 0x6401)
+            && base.od.int(Mux::new(0x6423, 0)) == Some(0)
     }
 
     /// Objects may have changed: transmits when the application calls that an event.
