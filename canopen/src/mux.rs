@@ -29,6 +29,18 @@ impl Mux {
         [low, high, self.sub]
     }
 
+    /// Whether the value is put together of identifiers, node ids, addresses and bits, which people
+    /// read in hexadecimal: COB-IDs, monitored nodes and mappings.
+    pub const fn is_composed(self) -> bool {
+        matches!(
+            (self.index, self.sub),
+            (0x1005 | 0x1012 | 0x1014, 0)
+                | (0x1016 | 0x1028 | 0x1600..=0x17FF | 0x1A00..=0x1BFF, 1..)
+                | (0x1200..=0x12FF, 1 | 2)
+                | (0x1400..=0x15FF | 0x1800..=0x19FF, 1)
+        )
+    }
+
     /// The address in three SDO bytes.
     pub const fn from_bytes(bytes: [u8; 3]) -> Self {
         Self { index: u16::from_le_bytes([bytes[0], bytes[1]]), sub: bytes[2] }

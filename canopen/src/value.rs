@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::mux::Mux;
+
 /// A data type by its index in the dictionary. Unknown ones are kept.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct DataType(pub u16);
@@ -232,6 +234,14 @@ impl Value {
             Self::Int(number) => Some(*number),
             Self::Bool(on) => Some(*on as i128),
             _ => None,
+        }
+    }
+
+    /// The value for people, as that of the object: `007D00C8h` of 1016:01, else `100 (64h)`.
+    pub fn of(&self, mux: Mux) -> String {
+        match self {
+            Self::Int(number) if mux.is_composed() => format!("{number:08X}h"),
+            other => other.to_string(),
         }
     }
 

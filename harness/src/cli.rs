@@ -440,8 +440,10 @@ pub struct DecodeArgs {
 /// Arguments of `waive`.
 #[derive(Debug, Args)]
 pub struct WaiveArgs {
-    /// The journal of the run, as `run --journal` writes it
-    pub journal: PathBuf,
+    /// The journal of a run, as `run --journal` writes it; of several runs, what did not occur in
+    /// each is waived as what occurs sometimes
+    #[arg(required = true)]
+    pub journals: Vec<PathBuf>,
     /// File to write, which must not exist; printed when absent
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,

@@ -138,9 +138,7 @@ pub(crate) fn alike(text: &str) -> String {
         }
         let (shown, is_data) = match word.split_once('#') {
             Some((id, data)) => (frame(id, data, after), true),
-            None if mux(bare(word)).is_some() || is_number(bare(word)) || is_byte(bare(word)) => {
-                ("*".to_owned(), true)
-            }
+            None if is_value(bare(word)) => ("*".to_owned(), true),
             None => ((*word).to_owned(), false),
         };
         if is_data {
@@ -181,6 +179,17 @@ fn mux(word: &str) -> Option<Mux> {
     sizes.then_some(Mux::new(parse(index)?, parse(sub)? as u8))
 }
 
+/// A word that stands for what differs from instance to instance.
+fn is_value(word: &str) -> bool {
+    mux(word).is_some() || is_number(word) || is_byte(word) || is_composed(word)
+}
+
+/// `007D00C8h`, the value of a COB-ID, a monitored node or a mapping.
+fn is_composed(word: &str) -> bool {
+    let digits = word.strip_suffix('h').unwrap_or_default();
+    digits.len() == 8 && digits.bytes().all(|digit| digit.is_ascii_hexdigit())
+}
+
 fn is_number(word: &str) -> bool {
     let digits = word.trim_start_matches('-');
     digits.starts_with(|first: char| first.is_ascii_digit()) && digits.parse::<f64>().is_ok()
@@ -218,6 +227,7 @@ mod tests {
                 "no matching frame within * other frames",
             ),
             ("1017:00 = 100 (64h)", "* = *"),
+            ("1016:01 = 007D00C8h", "* = *"),
             ("answered 00 00 00 00", "answered *"),
             ("585#80 17 10 00 12 00 07 06", "585#80 *"),
             ("no 582#... for 100 ms", "no 582#.. * for *"),

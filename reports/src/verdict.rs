@@ -121,8 +121,8 @@ pub enum Outcome {
         /// Where it came up, when it was in a step.
         problem: Option<Box<Problem>>,
     },
-    /// Why there is no statement about the device, when the tester itself was late. It is tried
-    /// again at the end of the run.
+    /// Why there is no statement about the device, when the tester itself was late, or frames may
+    /// have been lost. It is tried again at the end of the run.
     Undecided(String),
 }
 

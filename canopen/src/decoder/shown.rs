@@ -49,7 +49,7 @@ impl Shown {
                 let physical = physical.trim_end_matches('0').trim_end_matches('.');
                 format!("{physical} {}", unit.name)
             }
-            _ => value.to_string(),
+            _ => value.of(mux),
         }
     }
 

@@ -36,7 +36,8 @@ use crate::target::reference_device;
 pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
     let library = args.folders.load()?;
     let (freedoms, personalities) = freedoms()?;
-    let book = Book { mutants: mutants()?, freedoms, personalities, library };
+    let options = args.folders.options();
+    let book = Book { mutants: mutants()?, freedoms, personalities, library, options };
     let text = book.explain(args.name.trim()).ok_or_else(|| book.unknown(&args.name))?;
     say(&text);
     Ok(Exit::Green)
@@ -45,6 +46,8 @@ pub(super) fn run(args: &ExplainArgs) -> Result<Exit, Refused> {
 /// Everything that has a name.
 struct Book {
     library: Library,
+    /// The options that name the folders of its suites.
+    options: String,
     /// Each once, with the devices that have it.
     mutants: Vec<(Mutant, Vec<&'static str>)>,
     /// Each with the device on which it is tried.
@@ -171,7 +174,8 @@ impl Book {
         let proved = assertions_of(&self.library, suite, case).unwrap_or_default();
         let demands = proved.iter().filter(|judged| judged.is_demand());
         page.list("proved by", demands.map(Judged::explained).collect());
-        page.field("run", &format!("harness {}/{}", suite.name(), case.id.value));
+        let Self { options, .. } = self;
+        page.field("run", &format!("harness {}/{}{options}", suite.name(), case.id.value));
         page.0
     }
 

@@ -211,6 +211,10 @@ deviations! {
     "errors-of-the-application-without-reaction" => error_class: |_, sub| (sub == 1).then_some(sub);
     "nodes-not-watched-in-stopped" => nodes_watched_in: |_, state| state != NmtState::STOPPED;
     "heartbeat-consumer-time-doubled" => heartbeat_consumer_time: |_, configured| configured * 2;
+    "heartbeat-consumer-time-tenfold" => heartbeat_consumer_time: |_, configured| configured * 10;
+    "heartbeat-consumer-tick-of-32-ms" => heartbeat_consumer_time: |_, configured| {
+        Duration::from_millis((configured.as_millis() as u64).next_multiple_of(32))
+    };
     "heartbeat-consumer-time-quartered" => heartbeat_consumer_time: |_, configured| configured / 4;
     "heartbeat-node-taken-by-an-unused-entry" =>
         heartbeat_node_taken: |_, other, _, node| other == node;

@@ -79,11 +79,14 @@ fn columns(counts: Counts) -> Vec<Verdict> {
 }
 
 /// The reasons, the most frequent first. Reasons that differ in the object or the name at their end
-/// share a line.
+/// share a line. What the device file forbids is counted by its lines, and is among them with `-v`
+/// only.
 fn skipped(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) {
     let mut reasons = BTreeMap::<&str, BTreeMap<&str, usize>>::new();
     for (_, case) in run.cases() {
-        if let Outcome::Skip(reason) = &case.outcome {
+        if let Outcome::Skip(reason) = &case.outcome
+            && (verbosity == Verbosity::Verbose || !reason.contains(PROTECTED_BY))
+        {
             let (reason, about) = split_reason(reason);
             *reasons.entry(reason).or_default().entry(about).or_default() += 1;
         }
@@ -102,7 +105,8 @@ fn skipped(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) {
         _ => REASONS,
     };
     for (reason, about) in &reasons[..shown] {
-        let line = format!("{}{}", one_line(reason), one_line(&counted(about)));
+        let most = if verbosity == Verbosity::Verbose { about.len() } else { LABELS };
+        let line = format!("{}{}", one_line(reason), one_line(&counted(about, most)));
         let _ = writeln!(text, "{:>6}  {}", sum(about), wrapped(&line));
     }
     let rest = &reasons[shown..];
@@ -149,7 +153,8 @@ fn kept_from(run: &Run, text: &mut String) {
     let protected = protections.values().sum::<usize>() as u64;
     let mut lines = Vec::new();
     if protected > 0 {
-        let (case, by) = (plural(protected, "case"), counted(&protections));
+        let by = counted(&protections, protections.len());
+        let case = plural(protected, "case");
         lines.push(format!("{protected} {case} did not run because of the device file: {by}"));
     }
     if limits > 0 {
@@ -181,8 +186,8 @@ fn split_reason(reason: &str) -> (&str, &str) {
     }
 }
 
-/// The subjects of a reason, the most frequent first.
-fn counted(about: &BTreeMap<&str, usize>) -> String {
+/// The subjects of a reason, the most frequent first, and how many more there are than `most`.
+fn counted(about: &BTreeMap<&str, usize>, most: usize) -> String {
     let mut about: Vec<_> = about.iter().collect();
     about.sort_by_key(|(_, count)| Reverse(**count));
     let alone = about.len() == 1;
@@ -194,7 +199,7 @@ fn counted(about: &BTreeMap<&str, usize>) -> String {
             count => format!("{what} ({count})"),
         })
         .collect();
-    words.join(", ")
+    listed(&words, most)
 }
 
 /// Lines of [`WIDTH`] characters, those after the first set in below the text of the first.
@@ -394,16 +399,16 @@ fn neighbours(run: &Run, row: &Row) -> Option<String> {
         }
     }
     let (count, all) = (others.len(), passed.len() + others.len());
-    let (others, passes) = (listed(&others), listed(&passed));
+    let (others, passes) = (listed(&others, LABELS), listed(&passed, LABELS));
     let text = format!("does not pass for {count} of {all}: {others}; passes for {passes}");
     (!passed.is_empty()).then_some(text)
 }
 
 /// The first labels, and how many more there are.
-fn listed(labels: &[String]) -> String {
+fn listed(labels: &[String], most: usize) -> String {
     match labels.len() {
-        many if many > LABELS + 1 => {
-            format!("{} and {} more", labels[..LABELS].join(", "), many - LABELS)
+        many if many > most + 1 => {
+            format!("{} and {} more", labels[..most].join(", "), many - most)
         }
         _ => labels.join(", "),
     }
@@ -418,10 +423,10 @@ fn same_case(one: (&DeviceRun, &CaseRun), other: (&DeviceRun, &CaseRun)) -> bool
 
 /// From more instances than these on, a case has one line.
 const ALIKE: usize = 3;
-/// How many labels of instances are named.
+/// How many labels of instances, and how many subjects of a reason, are named.
 const LABELS: usize = 8;
 /// How many reasons are named.
-const REASONS: usize = 20;
+const REASONS: usize = 10;
 /// The width of a text beside its count.
 const WIDTH: usize = 92;
 /// The width of the names of devices that share a line.
@@ -446,8 +451,9 @@ mod tests {
     #[test]
     fn the_most_frequent_first() {
         let about = BTreeMap::from([("1006:00", 1), ("1019:00", 3), ("1012:00", 2)]);
-        assert_eq!(counted(&about), "1019:00 (3), 1012:00 (2), 1006:00");
-        assert_eq!(counted(&BTreeMap::from([("1006:00", 5)])), "1006:00");
+        assert_eq!(counted(&about, 2), "1019:00 (3), 1012:00 (2), 1006:00");
+        assert_eq!(counted(&about, 1), "1019:00 (3) and 2 more");
+        assert_eq!(counted(&BTreeMap::from([("1006:00", 5)]), 1), "1006:00");
     }
 
     #[test]

@@ -272,8 +272,8 @@ impl Wording<'_> {
         }
     }
 
-    fn mux(&self, object: &At<ObjectRef>) -> Option<Mux> {
-        match &object.value {
+    fn mux(&self, object: &ObjectRef) -> Option<Mux> {
+        match object {
             ObjectRef::Fixed(mux) => Some(*mux),
             named @ ObjectRef::Named(_) => self.scope?.mux(named).ok(),
         }
@@ -281,7 +281,7 @@ impl Wording<'_> {
 
     /// `received-1 (2500:01)`; the address alone where the suite has no word for it.
     fn object(&self, object: &At<ObjectRef>) -> String {
-        match (self.mux(object), &object.value) {
+        match (self.mux(&object.value), &object.value) {
             (Some(mux), _) => self.address(mux),
             (None, ObjectRef::Named(name)) => name.to_string(),
             (None, ObjectRef::Fixed(mux)) => mux.to_string(),
@@ -305,7 +305,7 @@ impl Wording<'_> {
         }
     }
 
-    /// `greater (2)`, `50.0 °C (500)`, `7`.
+    /// `greater (2)`, `50.0 °C (500)`, `7`, `80000082h` of a COB-ID.
     fn value(&self, object: Option<&ObjectRef>, literal: &Literal) -> String {
         let number = match (literal, self.scope) {
             (Literal::Int(number), _) => Some(*number),
@@ -314,7 +314,12 @@ impl Wording<'_> {
         };
         if let Some(number) = number {
             let word = object.and_then(|object| self.words.value(object, number));
-            return word.map_or_else(|| number.to_string(), |word| format!("{word} ({number})"));
+            let composed = || self.mux(object?).filter(|mux| mux.is_composed());
+            return match word {
+                Some(word) => format!("{word} ({number})"),
+                None if composed().is_some() => format!("{number:08X}h"),
+                None => number.to_string(),
+            };
         }
         match literal {
             Literal::Time(amount) => self.amount(amount),

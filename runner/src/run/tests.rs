@@ -1,6 +1,7 @@
 //! Sessions on buses that make the tester late, and with devices that have peculiarities from the
 //! start.
 
+mod kept;
 mod shared_bus;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -9,8 +10,8 @@ use std::time::Duration;
 
 use canopen::catalogue::Catalogue;
 use canopen::{Bus, BusError, Frame, Instant, Stamped, VirtualBus, eds};
-use reference_devices::devices;
 use reference_devices::rules::Rules;
+use reference_devices::{devices, mutant};
 use reports::{Event, Outcome, Verdict};
 
 use super::{Ending, Policy, Session, Undo, Unobserved};
@@ -423,6 +424,26 @@ fn a_device_that_no_reset_brings_back_is_given_up() {
     let all = "reset of all nodes";
     assert!(matches!(&ran.ending, Ending::Gone(why) if why.contains(all)), "{:?}", ran.ending);
     assert_eq!(verdicts(&ran), [Verdict::Pass, Verdict::Error, Verdict::Error]);
+}
+
+/// A consumer time of two seconds is more than a run waits after each case.
+#[test]
+fn a_node_that_an_earlier_case_had_monitored_is_no_failure_of_the_next_one() {
+    let device = devices::device("generic").unwrap();
+    let mutants = mutant::of(&device).unwrap();
+    let watches_on = mutants.iter().find(|known| known.name == "unused-entry-watched-on").unwrap();
+    let mut bus = VirtualBus::new(BIT_RATE);
+    bus.attach_boxed(watches_on.deviation().build(&device, NODE).unwrap());
+    let mut bus = Odd { bus, ..odd(Box::new(|_, seen| Some(seen))) };
+    let eds = eds::read(device.eds_text().as_bytes()).eds;
+    let dut = Dut { bit_rate: Some(BIT_RATE), ..Dut::new("generic", NODE, eds) };
+    let steps = "[ never: { frame: '080+n#...', for: 3 s }, \
+                 write: { object: '1016:01', value: $other-consumer + 2000 }, \
+                 send: '$other-heartbeat#05', write: { object: '1016:01', value: 0 } ]";
+    let ran = run_on(&mut bus, &dut, 2, steps, &Stop::default(), &Undo::default());
+    assert_eq!(verdicts(&ran), [Verdict::Pass; 2], "{:?}", ran.outcomes);
+    let note = "an emergency of an earlier case came: the case is repeated after a reset";
+    assert_eq!(ran.notes[0], note);
 }
 
 #[test]

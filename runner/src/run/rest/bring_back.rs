@@ -103,53 +103,140 @@ mod tests {
 
     use super::*;
 
-    /// The device has stored another node id, or has none any more.
-    #[test]
-    fn a_node_id_is_given_back_and_stored() {
-        const NODE: u8 = 2;
-        for (other, stored) in [(9, true), (9, false), (lss::UNCONFIGURED, true)] {
+    const NODE: u8 = 2;
+    const BIT_RATE: u32 = 1_000_000;
+    /// That of 500 kbit/s in the table of CiA 305.
+    const ANOTHER: LssRequest = LssRequest::ConfigureBitTiming { table: 0, index: 2 };
+
+    /// What becomes of a device after the run was killed.
+    #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+    enum After {
+        Nothing,
+        Reset,
+        PowerOn,
+    }
+
+    /// A device, and how it was before the run.
+    struct Left {
+        bus: VirtualBus<'static>,
+        dut: Dut,
+        identity: Identity,
+        address: Address,
+    }
+
+    impl Left {
+        /// By a run that was killed after it had sent these requests, and stored the settings.
+        fn by(requests: &[LssRequest], stored: bool, after: After) -> Self {
             let device = devices::device("generic").unwrap();
-            let mut bus = VirtualBus::new(1_000_000);
+            let mut bus = VirtualBus::new(BIT_RATE);
             bus.attach(device.node(NODE, Rules::default()));
-            let policy = Policy::at_bit_rate(1_000_000);
             let eds = eds::read(device.eds_text().as_bytes()).eds;
-            let dut = Dut { bit_rate: Some(1_000_000), ..Dut::new("generic", NODE, eds) };
+            let dut = Dut { bit_rate: Some(BIT_RATE), ..Dut::new("generic", NODE, eds) };
             let mut link = Link::new(&mut bus);
-            link.wait(Instant::ZERO + policy.boot_timeout).unwrap();
-            let identity = identity(&mut link, &policy, &dut).unwrap();
-            let switch = |mode| LssRequest::SwitchGlobal(mode).frame();
-            let mut frames = vec![
-                switch(Mode::CONFIGURATION),
-                LssRequest::ConfigureNodeId(other).frame(),
-                LssRequest::Store.frame(),
-                switch(Mode::WAITING),
-                Frame::new(0, [0x82, NODE]),
-            ];
-            if !stored {
-                frames.remove(2);
+            link.wait(Instant::ZERO + policy().boot_timeout).unwrap();
+            let identity = identity(&mut link, &policy(), &dut).unwrap();
+            let mut frames = vec![LssRequest::SwitchGlobal(Mode::CONFIGURATION).frame()];
+            frames.extend(requests.iter().map(|request| request.frame()));
+            frames.extend(stored.then(|| LssRequest::Store.frame()));
+            frames.push(LssRequest::SwitchGlobal(Mode::WAITING).frame());
+            if after == After::Reset {
+                frames.push(Frame::new(0, [0x82, NODE]));
             }
             for frame in frames {
                 link.send(&frame).unwrap();
                 link.wait(link.mark() + Duration::from_millis(50)).unwrap();
             }
-            link.wait(link.mark() + policy.boot_timeout).unwrap();
+            link.wait(link.mark() + policy().boot_timeout).unwrap();
+            let address = if stored { Address::Stored } else { Address::Configured };
+            let mut left = Self { bus, dut, identity, address };
+            if after == After::PowerOn {
+                left.off_and_on();
+            }
+            left
+        }
+
+        fn bring_back(&mut self) -> BroughtBack {
             let abandoned = Abandoned {
-                dut: &dut,
-                identity,
+                dut: &self.dut,
+                identity: self.identity,
                 values: BTreeMap::new(),
                 stores: false,
-                address: if stored { Address::Stored } else { Address::Configured },
+                address: self.address,
                 may_reset: true,
             };
-            let back = abandoned.bring_back(&mut bus, &policy, &Stop::default()).unwrap();
-            assert!(matches!(&back, BroughtBack::Except(left) if left.is_empty()));
-            bus.bench().unwrap().set(POWER, &Value::Text("off".to_owned())).unwrap();
-            bus.bench().unwrap().set(POWER, &Value::Text("on".to_owned())).unwrap();
-            let mut link = Link::new(&mut bus);
-            link.wait(link.mark() + policy.boot_timeout).unwrap();
-            let again = super::identity(&mut link, &policy, &dut).unwrap();
-            assert_eq!(again, identity, "node id {other}, stored: {stored}");
+            abandoned.bring_back(&mut self.bus, &policy(), &Stop::default()).unwrap()
         }
+
+        fn off_and_on(&mut self) {
+            for word in ["off", "on"] {
+                let bench = self.bus.bench().unwrap();
+                bench.set(POWER, &Value::Text(word.to_owned())).unwrap();
+            }
+            let mut link = Link::new(&mut self.bus);
+            link.wait(link.mark() + policy().boot_timeout).unwrap();
+        }
+
+        /// Whether it answers with its node id and its bit rate.
+        fn answers(&mut self) -> bool {
+            let mut link = Link::new(&mut self.bus);
+            identity(&mut link, &policy(), &self.dut).unwrap() == self.identity
+        }
+    }
+
+    fn policy() -> Policy {
+        Policy::at_bit_rate(BIT_RATE)
+    }
+
+    fn is_whole(back: &BroughtBack) -> bool {
+        matches!(back, BroughtBack::Except(left) if left.is_empty())
+    }
+
+    /// The device has another node id or none, has stored that, or will have it after a reset.
+    #[test]
+    fn a_node_id_is_given_back_and_stored() {
+        for other in [9, lss::UNCONFIGURED] {
+            for stored in [true, false] {
+                for after in [After::Nothing, After::Reset, After::PowerOn] {
+                    let request = LssRequest::ConfigureNodeId(other);
+                    let mut left = Left::by(&[request], stored, after);
+                    let back = left.bring_back();
+                    assert!(is_whole(&back) && left.answers(), "{other}, {stored}, {after:?}");
+                    left.off_and_on();
+                    assert!(left.answers(), "{other}, {stored}, {after:?}, after power-on");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_bit_rate_is_given_back_and_stored() {
+        for stored in [true, false] {
+            for after in [After::Nothing, After::Reset] {
+                let mut left = Left::by(&[ANOTHER], stored, after);
+                assert!(is_whole(&left.bring_back()), "{stored}, {after:?}");
+                left.off_and_on();
+                assert!(left.answers(), "{stored}, {after:?}");
+            }
+        }
+        let both = [ANOTHER, LssRequest::ConfigureNodeId(lss::UNCONFIGURED)];
+        let mut left = Left::by(&both, true, After::Reset);
+        assert!(is_whole(&left.bring_back()));
+        left.off_and_on();
+        assert!(left.answers());
+    }
+
+    /// A device with another bit rate hears nothing, until the interface has that one as well.
+    #[test]
+    fn a_device_with_another_bit_rate_is_brought_back_there() {
+        let mut left = Left::by(&[ANOTHER], true, After::PowerOn);
+        assert!(matches!(left.bring_back(), BroughtBack::Lost(_)));
+
+        let mut left = Left::by(&[], true, After::Nothing);
+        left.dut.bit_rate = Some(500_000);
+        assert!(is_whole(&left.bring_back()));
+        assert!(left.answers(), "the other bit rate is active after power-on only");
+        left.off_and_on();
+        assert!(!left.answers(), "it has its own bit rate again");
     }
 
     #[test]

@@ -87,7 +87,7 @@ impl Failures {
                  lost or come twice, the machine is busy, or the device fails now and then",
                 self.count
             );
-            return Follows::Outcome(Outcome::Error { reason: why, problem: None });
+            return Follows::Outcome(Outcome::Undecided(why));
         }
         self.first.get_or_insert(outcome);
         Follows::Again

@@ -127,12 +127,12 @@ pub(super) fn refusal(
     }
 }
 
-/// A value for people: `100 (64h)`. Of a long one the beginning.
+/// A value for people: `100 (64h)`, `80000082h` of a COB-ID. Of a long one the beginning.
 pub(super) fn show(entry: Option<&Entry>, bytes: &[u8]) -> String {
     let data_type = entry.map_or(DataType::OCTET_STRING, |entry| entry.data_type);
     match data_type.decode(bytes) {
         Ok(_) if bytes.len() > LONG => format!("[{}]", show_bytes(bytes)),
-        Ok(value) => value.to_string(),
+        Ok(value) => entry.map_or_else(|| value.to_string(), |entry| value.of(entry.mux)),
         Err(error) => format!("{} ({error})", show_bytes(bytes)),
     }
 }
