@@ -255,8 +255,8 @@ fn headline(fact: &Fact) -> String {
     format!("{}: {}", case.info.suite, first.unwrap_or(Cow::Borrowed(&cause)))
 }
 
-/// `3 causes, 206 instances: cia301/nmt 2, cia301/emcy 1` of what makes the run red, by service, and
-/// how many instances have no verdict beside these.
+/// `3 causes, 206 instances: cia301/nmt 2, cia301/emcy 1; 5 more have no verdict` of what makes the
+/// run red, by service.
 fn grouped(run: &Run, text: &mut String) {
     let facts = facts(run).into_iter().filter(|fact| fact.is_red(run));
     let (mut services, mut causes, mut instances) = (BTreeMap::<&str, u64>::new(), 0, 0);

@@ -358,6 +358,15 @@ fn a_tester_in_time_judges_and_so_does_one_in_virtual_time() {
     }
 }
 
+#[test]
+fn what_takes_minutes_runs_where_time_is_virtual() {
+    let case = "[ read: { object: '1000:00' } ]\n    requires: [{ supports: virtual-time }]";
+    for (real, verdict) in [(true, Verdict::Skip), (false, Verdict::Pass)] {
+        let mut bus = Odd { real, ..odd(Box::new(|_, seen| Some(seen))) };
+        assert_eq!(verdicts(&run(&mut bus, 1, case)), [verdict]);
+    }
+}
+
 const READS: &str = "[ nmt: reset-node, wait: 3 s, read: { object: '1000:00' } ]";
 
 /// Whether the frame is the answer to an upload of 1001h.

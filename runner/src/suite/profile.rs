@@ -111,6 +111,8 @@ pub enum Capability {
     /// It stores the parameters that the case writes by itself: bit 1 of 1010h, of the sub-index of
     /// their group, asked likewise.
     AutonomousStorage,
+    /// Minutes of its bus take no time, as on the simulated bus.
+    VirtualTime,
     /// An option of the profile that the suite is about. No EDS expresses it: a device has it
     /// unless `--without` says otherwise.
     Option(String),
@@ -129,7 +131,7 @@ impl Capability {
     }
 }
 
-/// What a device does by itself, which is known when a run begins.
+/// What a device does by itself, and how time passes on its bus; known when a run begins.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Habits {
     /// It enters OPERATIONAL without a command.
@@ -142,6 +144,8 @@ pub struct Habits {
     pub no_save: u128,
     /// The sub-indices of 1011h whose bit 0 says that "load" restores nothing there.
     pub no_load: u128,
+    /// Minutes take no time.
+    pub virtual_time: bool,
 }
 
 /// The parameters that a device stores by itself, by bit 1 of the sub-indices of 1010h. A group
@@ -176,6 +180,7 @@ impl Default for Habits {
             autonomous_storage: Autonomous::default(),
             no_save,
             no_load,
+            virtual_time: false,
         }
     }
 }
@@ -214,6 +219,11 @@ impl Habits {
                 "the device stores parameters by itself (1010h, bit 1)",
                 "the device stores parameters on command only",
             )),
+            Capability::VirtualTime => Some((
+                self.virtual_time,
+                "time on the bus is virtual",
+                "time on the bus is real, and the case takes minutes of it",
+            )),
             _ => None,
         }
     }
@@ -238,6 +248,7 @@ impl<'de> Deserialize<'de> for Capability {
             name if name == SELF_START => Self::SelfStart,
             name if name == SAVE_ON_COMMAND => Self::SaveOnCommand,
             name if name == AUTONOMOUS_STORAGE => Self::AutonomousStorage,
+            name if name == VIRTUAL_TIME => Self::VirtualTime,
             name => Self::Option(name.into_owned()),
         })
     }
@@ -263,7 +274,7 @@ const SAVE: i128 = 0x6576_6173;
 /// What 1011h takes to restore: "load".
 const LOAD: i128 = 0x6461_6F6C;
 /// The names of the capabilities that any device can have.
-pub(crate) const CAPABILITIES: [&str; 7] = [
+pub(crate) const CAPABILITIES: [&str; 8] = [
     LSS,
     BLOCK_TRANSFER,
     BLOCK_UPLOAD,
@@ -271,6 +282,7 @@ pub(crate) const CAPABILITIES: [&str; 7] = [
     SELF_START,
     SAVE_ON_COMMAND,
     AUTONOMOUS_STORAGE,
+    VIRTUAL_TIME,
 ];
 const LSS: &str = "lss";
 const BLOCK_TRANSFER: &str = "block-transfer";
@@ -279,6 +291,7 @@ const BLOCK_DOWNLOAD: &str = "block-download";
 const SELF_START: &str = "self-start";
 const SAVE_ON_COMMAND: &str = "save-on-command";
 const AUTONOMOUS_STORAGE: &str = "autonomous-storage";
+const VIRTUAL_TIME: &str = "virtual-time";
 
 /// The number of one of the blocks that a profile repeats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

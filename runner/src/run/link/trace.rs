@@ -183,6 +183,11 @@ impl<'b> Link<'b> {
         self.send_all([*frame])
     }
 
+    /// Whether time on the bus is real.
+    pub fn is_real(&self) -> bool {
+        self.bus.is_real()
+    }
+
     /// Sends a frame that was meant to leave at the moment `meant`, and can be as late as `bears`.
     ///
     /// # Errors

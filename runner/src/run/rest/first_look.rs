@@ -229,5 +229,6 @@ fn habits(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<Habits, BusErro
         autonomous_storage: by_itself,
         no_save,
         no_load,
+        virtual_time: !link.is_real(),
     })
 }
