@@ -2,16 +2,25 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::LazyLock;
+use std::time::SystemTime;
 
 /// The program, in the folder of the project. Neither what a server sets nor a run that was killed
 /// before may change its output.
 pub(crate) fn harness() -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_harness"));
-    let state = format!("{}/state-{}", env!("CARGO_TARGET_TMPDIR"), std::process::id());
-    command.current_dir(project()).env("XDG_STATE_HOME", state);
+    command.current_dir(project()).env("XDG_STATE_HOME", &*STATE);
     command.env_remove("GITHUB_ACTIONS").env_remove("RUST_BACKTRACE");
     command
 }
+
+/// Where undo logs are. Machines that run side by side on these files have equal process ids, so
+/// the moment makes the name unique.
+static STATE: LazyLock<String> = LazyLock::new(|| {
+    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).expect("it is after 1970");
+    let (folder, process) = (env!("CARGO_TARGET_TMPDIR"), std::process::id());
+    format!("{folder}/state-{process}-{}", now.as_nanos())
+});
 
 /// The folder of the project.
 pub(crate) fn project() -> PathBuf {
