@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::LazyLock;
-use std::time::SystemTime;
 
 /// The program, in the folder of the project. Neither what a server sets nor a run that was killed
 /// before may change its output.
@@ -14,12 +13,10 @@ pub(crate) fn harness() -> Command {
     command
 }
 
-/// Where undo logs are. Machines that run side by side on these files have equal process ids, so
-/// the moment makes the name unique.
-static STATE: LazyLock<String> = LazyLock::new(|| {
-    let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).expect("it is after 1970");
-    let (folder, process) = (env!("CARGO_TARGET_TMPDIR"), std::process::id());
-    format!("{folder}/state-{process}-{}", now.as_nanos())
+/// Where undo logs are. Machines that run side by side on these files have equal process ids.
+static STATE: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = tempfile::Builder::new().prefix("state-").tempdir_in(env!("CARGO_TARGET_TMPDIR"));
+    folder.expect("a folder").keep()
 });
 
 /// The folder of the project.
