@@ -296,13 +296,8 @@ pub fn is_anybodys(id: u16, node: u8, known: &[u16]) -> bool {
 
 /// The identifier that a request gives a service of the node.
 pub fn given(frame: &Frame, node: u8) -> Option<u16> {
-    frame.data_id().filter(|id| *id == sdo::REQUEST_COB_ID + u16::from(node))?;
-    match Request::decode(&frame.data) {
-        Ok(Request::Download(mux, Initiate::Expedited(data))) if holds_cob_id(mux) => {
-            data.first_chunk().map(|cob_id| CobId(u32::from_le_bytes(*cob_id)).can_id())
-        }
-        _ => None,
-    }
+    let (_, value) = sdo::written(frame, node).filter(|(mux, _)| holds_cob_id(*mux))?;
+    value.first_chunk().map(|cob_id| CobId(u32::from_le_bytes(*cob_id)).can_id())
 }
 
 impl Monitor for KnownIdentifiers {

@@ -11,7 +11,7 @@ mod response;
 
 pub use client::{Client, Failure, Mistake, Next, Transfer};
 pub use initiate::{Initiate, Segment};
-pub use request::Request;
+pub use request::{Request, written};
 pub use response::Response;
 
 /// The identifier of requests to node 0's default server; add the node id.

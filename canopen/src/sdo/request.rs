@@ -1,5 +1,6 @@
 //! The requests of a client.
 
+use super::REQUEST_COB_ID;
 use super::block::{BlockRequest, BlockSegment};
 use super::initiate::{Initiate, Segment};
 use crate::abort::Abort;
@@ -26,6 +27,16 @@ pub enum Request {
     BlockSegment(BlockSegment),
     /// Any other command, all eight bytes as they came.
     Unknown([u8; 8]),
+}
+
+/// The object and the value of an expedited download that a frame requests of the default server of
+/// `node`.
+pub fn written(frame: &Frame, node: u8) -> Option<(Mux, Data)> {
+    frame.data_id().filter(|id| *id == REQUEST_COB_ID + u16::from(node))?;
+    match Request::decode(&frame.data).ok()? {
+        Request::Download(mux, Initiate::Expedited(value)) => Some((mux, value)),
+        _ => None,
+    }
 }
 
 impl Request {
@@ -85,7 +96,7 @@ impl Request {
 
     /// The whole frame to the default server of node `node`.
     pub fn frame(self, node: u8) -> Frame {
-        Frame::new(super::REQUEST_COB_ID + u16::from(node & 0x7F), self.encode())
+        Frame::new(REQUEST_COB_ID + u16::from(node & 0x7F), self.encode())
     }
 }
 

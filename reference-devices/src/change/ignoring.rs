@@ -147,6 +147,10 @@ impl Behaviour for Ignoring {
         self.inner.has_edges(mux)
     }
 
+    fn holds_back(&self, mux: Mux, od: &Dictionary) -> bool {
+        self.inner.holds_back(mux, &self.seen(od))
+    }
+
     fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
         let seen = self.seen(od);
         self.inner.triggers(mux, last, &seen)

@@ -614,6 +614,10 @@ impl Behaviour for Drr460 {
         self.io.has_edges(mux)
     }
 
+    fn holds_back(&self, mux: Mux, od: &Dictionary) -> bool {
+        self.io.holds_back(mux, od)
+    }
+
     fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
         let any = self.rules.transmits_any_change() || mux.index == ANALOGUE_INPUTS;
         any && self.io.triggers(mux, last, od)

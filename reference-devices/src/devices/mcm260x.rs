@@ -408,6 +408,10 @@ impl Behaviour for Mcm260x {
         self.io.has_edges(mux)
     }
 
+    fn holds_back(&self, mux: Mux, od: &Dictionary) -> bool {
+        self.io.holds_back(mux, od)
+    }
+
     fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
         self.io.triggers(mux, last, od)
     }

@@ -250,6 +250,14 @@ impl Behaviour for IoBlock {
         Channel::at(mux).is_some_and(|channel| channel.kind == Kind::DigitalInput)
     }
 
+    fn holds_back(&self, mux: Mux, od: &Dictionary) -> bool {
+        let input = Channel::at(mux).filter(|channel| channel.kind == Kind::AnalogueInput);
+        let enabled = |channel: Channel| {
+            channel.setting(Setting::AnalogueInterruptEnable, od, &self.rules) != 0
+        };
+        input.is_some_and(|channel| !enabled(channel))
+    }
+
     fn triggers(&mut self, mux: Mux, last: &[u8], od: &Dictionary) -> bool {
         let Some(channel) = Channel::at(mux) else { return true };
         let last = od.entry(mux).and_then(|entry| entry.data_type.decode_int(last));

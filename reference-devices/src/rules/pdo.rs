@@ -182,8 +182,8 @@ decisions! {
         false
     }
 
-    /// Event-driven TPDOs are sent once on entering OPERATIONAL, also those with analogue inputs
-    /// that are `held_back`, as their changes are not enabled.
+    /// Event-driven TPDOs are sent once on entering OPERATIONAL, also those with an object whose
+    /// changes are `held_back`.
     fn tpdo_sent_at_start(&self, _held_back: bool) -> bool {
         true
     }

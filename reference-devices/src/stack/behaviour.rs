@@ -125,6 +125,11 @@ pub(crate) trait Behaviour: Send + Duplicate {
     fn triggers(&mut self, _mux: Mux, _last: &[u8], _od: &Dictionary) -> bool {
         true
     }
+
+    /// Whether changes of a mapped object are no events at present, whatever they are.
+    fn holds_back(&self, _mux: Mux, _od: &Dictionary) -> bool {
+        false
+    }
 }
 
 /// A copy of an application as it is, which every one that is [`Clone`] has.

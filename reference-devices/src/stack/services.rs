@@ -192,7 +192,7 @@ impl Services {
             self.rpdos.iter_mut().for_each(|rpdo| rpdo.stop(&self.base));
         }
         for tpdo in &mut self.tpdos {
-            tpdo.enter(now, &self.base, out);
+            tpdo.enter(now, &self.base, &*self.behaviour, out);
         }
     }
 

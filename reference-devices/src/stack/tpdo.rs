@@ -105,7 +105,13 @@ impl Tpdo {
 
     /// The node entered a state. In OPERATIONAL, event-driven PDOs transmit their present
     /// values.
-    pub(crate) fn enter(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
+    pub(crate) fn enter(
+        &mut self,
+        now: Instant,
+        base: &Base,
+        behaviour: &dyn Behaviour,
+        out: &mut Outbox,
+    ) {
         let runs = base.rules.tpdo_sent_in(base.state_of(Service::Tpdo));
         let goes_on = self.running && base.rules.tpdo_goes_on_in(base.state, self.kind);
         if runs == self.running || goes_on {
@@ -118,19 +124,15 @@ impl Tpdo {
         if let Some(free_at) = free_at {
             (self.pending, self.free_at) = (true, free_at);
         }
-        let sent = base.rules.tpdo_sent_at_start(self.carries_held_back_inputs(base));
+        let held_back = |mux| behaviour.holds_back(mux, &base.od);
+        let held_back = self.mapping.entries().iter().any(|entry| held_back(entry.mux));
+        let sent = base.rules.tpdo_sent_at_start(held_back);
         if self.is_active() && self.is_event_driven() && sent {
             self.event(now, base, out);
         }
         if self.is_active() && self.kind == 0 && base.rules.start_is_event_of_acyclic_tpdo() {
             self.pending = true;
         }
-    }
-
-    /// Whether it carries an analogue input, and 6423h does not enable these (CiA 401).
-    fn carries_held_back_inputs(&self, base: &Base) -> bool {
-        self.mapping.entries().iter().any(|entry| entry.mux.index == 0x6401)
-            && base.od.int(Mux::new(0x6423, 0)) == Some(0)
     }
 
     /// Objects may have changed: transmits when the application calls that an event.
@@ -142,7 +144,10 @@ impl Tpdo {
         out: &mut Outbox,
     ) {
         let by_change = self.is_event_driven() || self.kind == 0;
-        if !self.is_active() || !by_change {
+        // A pending event transmits the values that hold when the inhibit time ends. What changes
+        // until then is looked at all the same: the application may note which input it was.
+        let overlooked = self.pending && !base.rules.changes_noted_while_pending();
+        if !self.is_active() || !by_change || overlooked {
             return;
         }
         let changes = Some(base.od.changes());
@@ -153,11 +158,8 @@ impl Tpdo {
         let data = self.mapping.pack(&base.od);
         let compared = base.rules.tpdo_bytes_compared(data.len());
         let same = |before: Data| data.padded()[..compared] == before.padded()[..compared];
-        // A pending event transmits the values that hold when the inhibit time ends. What changes
-        // until then is looked at all the same: the application may note which input it was.
-        let looked_at = self.pending && !base.rules.changes_noted_while_pending();
-        if same(self.seen) && (same(self.last) || self.pending) || looked_at {
-            self.quiet = changes.filter(|_| !looked_at);
+        if same(self.seen) && (same(self.last) || self.pending) {
+            self.quiet = changes;
             return;
         }
         let event = self.is_event(base, behaviour);

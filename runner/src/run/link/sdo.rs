@@ -4,10 +4,9 @@ use std::time::Duration;
 
 use canopen::sdo::block::{BlockResponse, LARGEST_BLOCK};
 use canopen::sdo::{
-    Client, Failure, Initiate, Mistake, Next, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response,
-    Transfer,
+    Client, Failure, Initiate, Mistake, Next, RESPONSE_COB_ID, Request, Response, Transfer,
 };
-use canopen::{Abort, BusError, Data, Frame, Instant, Mux, Stamped};
+use canopen::{Abort, BusError, Frame, Instant, Mux, Stamped};
 use smallvec::{SmallVec, smallvec};
 
 use super::trace::Link;
@@ -227,17 +226,6 @@ pub(in crate::run) fn download_with(
 ) -> Result<Ended, BusError> {
     let (client, request) = Client::download_in_blocks(mux, data, Some(mistake));
     transfer(link, policy, node, client, request)
-}
-
-/// The object and the value of an expedited download that the frame requests of the node.
-pub(in crate::run) fn written(frame: &Frame, node: u8) -> Option<(Mux, Data)> {
-    if frame.data_id() != Some(REQUEST_COB_ID + u16::from(node)) {
-        return None;
-    }
-    match Request::decode(&frame.data).ok()? {
-        Request::Download(mux, Initiate::Expedited(value)) => Some((mux, value)),
-        _ => None,
-    }
 }
 
 /// How long storing and restoring of parameters may take.

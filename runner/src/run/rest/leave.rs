@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use canopen::monitor::Seen;
+use canopen::sdo;
 use canopen::{BenchError, BusError, Frame, Instant, Mux, emcy};
 use reports::{Event, Note};
 
@@ -15,7 +16,7 @@ use super::restore::Snapshot;
 use super::state::{is_still, pre_operational};
 use super::stimuli::BenchSnapshot;
 use crate::dut::Dut;
-use crate::run::link::{Link, sdo};
+use crate::run::link::Link;
 use crate::run::policy::Policy;
 
 /// How the end of a case left the device.

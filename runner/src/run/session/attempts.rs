@@ -59,7 +59,7 @@ enum Follows {
 impl Failures {
     /// A device that fails so often in a row in one way fails.
     const PROOF: u32 = 3;
-    /// As many failures, in different ways, say nothing.
+    /// After as many failures, in different ways, it is not tried again.
     const MOST: u32 = 6;
 
     /// Takes the outcome of an attempt.
