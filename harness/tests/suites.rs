@@ -49,10 +49,10 @@ fn every_suite_passes_on_every_device_of_this_program() {
 }
 
 /// What a slow wire leaves no room for is skipped, and 100 kbit/s has no place in the table of
-/// CiA 305; what runs is green. The usual bit rate is that of the other tests.
+/// CiA 305; what runs is green. `.ci/run proofs` tries the other bit rates.
 #[test]
-fn every_bit_rate_is_green() {
-    for bit_rate in [10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000] {
+fn the_slowest_wire_and_the_one_without_a_number_are_green() {
+    for bit_rate in [10_000, 100_000] {
         let mut command = harness();
         let output = command.args(["-q", "--bitrate", &bit_rate.to_string()]).output().unwrap();
         let said = String::from_utf8_lossy(&output.stdout);

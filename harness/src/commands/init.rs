@@ -12,6 +12,7 @@ use reports::Identity;
 use runner::protect::Protection;
 use runner::stop::Stop;
 
+use crate::bus::Interface;
 use crate::cli::InitArgs;
 use crate::exit::{Exit, Refused};
 use crate::files::words;
@@ -130,7 +131,10 @@ fn text(args: &InitArgs, found: &Found, sheet: &Sheet, eds: &Eds, bit_rate: Opti
     say_objects(&mut text, "Objects that the data sheet calls DOMAIN", &domains, eds);
     text.push_str("  domains: true\n");
     text.push_str(STORES);
-    let nmt = if args.node.is_some() { "all-nodes" } else { "" };
+    // With a node id, there may be others, but not behind the pipes of a program.
+    let interface = args.target.parse::<Interface>();
+    let is_a_bus = interface.is_ok_and(|interface| interface.network().is_some());
+    let nmt = if args.node.is_some() && is_a_bus { "all-nodes" } else { "" };
     text.push_str(
         "  # NMT commands that are not sent: reset-node, reset-communication, all-nodes.\n",
     );
