@@ -158,7 +158,11 @@ fn probe(args: &ProbeArgs, stop: &Stop) -> Result<Exit, Refused> {
         }
         Address::Interface(interface) => (target::open_interface(&interface, stop)?, args.node),
     };
-    let found = target::only(scan(&mut *bus, node, &catalogue)?, &args.target, node)?;
+    let found = target::only(
+        scan(&mut *bus, node, target::patience(&args.target), &catalogue)?,
+        &args.target,
+        node,
+    )?;
     let (sheet, eds) = compose(&mut *bus, &found, args.bitrate, &catalogue)?;
     match &args.out {
         Some(path) => create(path, &sheet.source.text)?,

@@ -31,7 +31,11 @@ pub(super) fn run(args: &InitArgs, stop: &Stop) -> Result<Exit, Refused> {
     }
     let catalogue = args.catalogue.load()?;
     let (mut bus, node, bit_rate) = open(args, &catalogue, stop)?;
-    let found = target::only(scan(&mut *bus, node, &catalogue)?, &args.target, args.node)?;
+    let found = target::only(
+        scan(&mut *bus, node, target::patience(&args.target), &catalogue)?,
+        &args.target,
+        args.node,
+    )?;
     let (sheet, eds) = sheet(args, &found, &mut *bus, bit_rate, &catalogue)?;
     create(&args.out, &text(args, &found, &sheet, &eds, bit_rate))?;
     let out = args.out.display();

@@ -14,6 +14,7 @@ use reports::Identity;
 use runner::dut::Dut;
 use runner::run::{Link, Policy, exists, identity, oddities, read_number, read_text};
 
+use crate::bus::Interface;
 use crate::exit::{Exit, Refused};
 
 /// A profile of the catalogue, and the version that a device has of it.
@@ -58,13 +59,15 @@ impl Found {
     }
 }
 
-/// Asks every node, or just `node`, for its device type, and those that answer for more.
+/// Asks every node, or just `node`, for its device type until one answers or `patience` has passed,
+/// and those that answer for more.
 ///
 /// # Errors
 /// When the bus fails.
 pub fn scan(
     bus: &mut dyn Bus,
     node: Option<u8>,
+    patience: Duration,
     catalogue: &Catalogue,
 ) -> Result<Vec<Found>, Refused> {
     let bus_failed = |error: BusError| match error {
@@ -75,7 +78,7 @@ pub fn scan(
     };
     let mut link = Link::new(bus);
     let asked = node.map_or(1..=127, |node| node..=node);
-    let nodes = nodes(&mut link, asked).map_err(bus_failed)?;
+    let nodes = nodes(&mut link, asked, patience).map_err(bus_failed)?;
     let mut found = Vec::new();
     for node in nodes {
         found.push(ask(&mut link, node, catalogue).map_err(bus_failed)?);
@@ -83,18 +86,32 @@ pub fn scan(
     Ok(found)
 }
 
-/// How often nodes are asked until one answers, and how long each time waits.
-const ROUNDS: usize = 10;
+/// How long a scan asks on until a node answers.
+pub const PATIENCE: Duration = Duration::from_secs(3);
+
+/// How long a scan of that target asks on: a program has just been started, and starts its device.
+pub(crate) fn patience(target: &str) -> Duration {
+    const STARTS: Duration = Duration::from_secs(10);
+    let is_program = target.parse::<Interface>().is_ok_and(|interface| interface.is_program());
+    if is_program { STARTS } else { PATIENCE }
+}
+
+/// How long a scan waits for answers before it asks again.
 const ROUND: Duration = Duration::from_millis(300);
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 const DEVICE_NAME: Mux = Mux::new(0x1008, 0);
 
 /// The nodes that answer. A frame that is no answer to the request counts only for a node without a
 /// proper answer: it may be noise.
-fn nodes(link: &mut Link, asked: RangeInclusive<u8>) -> Result<Vec<u8>, BusError> {
+fn nodes(
+    link: &mut Link,
+    asked: RangeInclusive<u8>,
+    patience: Duration,
+) -> Result<Vec<u8>, BusError> {
     let mut noise = Vec::new();
+    let end = link.mark() + patience;
     // A device that is just booting hears no request: ask again.
-    for _ in 0..ROUNDS {
+    while link.mark() < end {
         let (answered, other) = answering(link, asked.clone())?;
         if !answered.is_empty() {
             return Ok(answered);
@@ -237,7 +254,7 @@ mod tests {
             if with_device {
                 bus.attach_boxed(Box::new(served.node(5, Rules::default())));
             }
-            nodes(&mut Link::new(&mut bus), 1..=127).unwrap()
+            nodes(&mut Link::new(&mut bus), 1..=127, PATIENCE).unwrap()
         };
         for noise in ["5D1#4300", "5D1#4300100092019101", "5D1#8000100000000206"] {
             let is_answer = noise != "5D1#4300";
