@@ -3,7 +3,7 @@
 
 use std::ops::RangeInclusive;
 
-use canopen::eds::{Access, Direction, Entry, Object, ObjectKind};
+use canopen::eds::{Access, Direction, Entry, Object, ObjectKind, Term};
 use canopen::{DataType, Mux, Value};
 
 use super::bytes::entry_word;
@@ -113,13 +113,13 @@ pub(crate) fn index_range(text: &str) -> Result<RangeInclusive<u16>, String> {
 fn states(object: &Object, entry: &Entry, has: Has, dut: &Dut) -> bool {
     let node = dut.node;
     let limits = entry.data_type.limits();
-    let bound = |term: &Option<canopen::eds::Term>| term.as_ref()?.resolve(node).as_int();
+    let bound = |term: &Option<Term>| term.as_ref()?.resolve(node).as_int();
     match has {
         Has::Low => limits.zip(bound(&entry.low)).is_some_and(|((lowest, _), low)| low > lowest),
         Has::High => {
             limits.zip(bound(&entry.high)).is_some_and(|((_, highest), high)| high < highest)
         }
-        Has::Default => entry.default.is_some(),
+        Has::Default => entry.default.is_some() && !is_fixed(entry, dut),
         Has::Size => entry.data_type.size().is_some(),
         Has::Long => dut.length(entry) > 4,
         Has::Segments => dut.length(entry) > 7,
@@ -134,16 +134,30 @@ fn states(object: &Object, entry: &Entry, has: Has, dut: &Dut) -> bool {
     }
 }
 
+/// Whether the limits leave no value but the default, so that nothing can be changed by a download.
+fn is_fixed(entry: &Entry, dut: &Dut) -> bool {
+    let number = entry.default_bytes(dut.node).ok();
+    let number = number.and_then(|bytes| entry.data_type.decode(&bytes).ok()?.as_int());
+    let is_only = |number| another(number, entry, dut).is_none();
+    entry.access.writable() && number.is_some_and(is_only)
+}
+
+/// A value beside this one that the data sheet allows.
+fn another(number: i128, entry: &Entry, dut: &Dut) -> Option<i128> {
+    let bound = |term: &Option<Term>| term.as_ref()?.resolve(dut.node).as_int();
+    let Some((lowest, highest)) = entry.data_type.limits() else { return Some(number + 1) };
+    let (low, high) = (bound(&entry.low).unwrap_or(lowest), bound(&entry.high).unwrap_or(highest));
+    let allowed = |value: &i128| *value != number && (low..=high).contains(value);
+    [number + 1, number - 1, low, high].into_iter().find(allowed)
+}
+
 fn entry_scope(entry: &Entry, dut: &Dut, mut scope: Scope) -> Bound {
     let typed = |value| Binding::Value(value, entry.data_type);
     scope.bind("mux", Binding::Mux(entry.mux));
     let bytes = entry.default_bytes(dut.node).unwrap_or_default();
     if let Ok(value) = entry.data_type.decode(&bytes) {
-        if let Some(number) = value.as_int() {
-            let limit = entry.high.as_ref().and_then(|high| high.resolve(dut.node).as_int());
-            let highest = limit.or_else(|| entry.data_type.limits().map(|(_, highest)| highest));
-            let step = if highest.is_some_and(|highest| number >= highest) { -1 } else { 1 };
-            scope.bind("another", typed(Value::Int(number + step)));
+        if let Some(another) = value.as_int().and_then(|number| another(number, entry, dut)) {
+            scope.bind("another", typed(Value::Int(another)));
         }
         scope.bind("value", typed(value));
     }
@@ -182,5 +196,38 @@ pub(super) fn has_access(entry: &Entry, access: AccessName) -> bool {
         AccessName::Wo => entry.access == Access::Wo,
         AccessName::Const => entry.access == Access::Const,
         AccessName::Rw => entry.access.readable() && entry.access.writable(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use canopen::eds::Eds;
+
+    use super::*;
+
+    /// What is written in place of a default of 5, within these limits.
+    fn in_place_of_5(low: Option<i128>, high: Option<i128>) -> Option<i128> {
+        let term = |value| Term::fixed(Value::Int(value));
+        let entry = Entry {
+            mux: Mux::new(0x2000, 0),
+            name: String::new(),
+            data_type: DataType::UNSIGNED8,
+            access: Access::Rw,
+            mappable: true,
+            default: Some(term(5)),
+            low: low.map(term),
+            high: high.map(term),
+            line: 0,
+        };
+        another(5, &entry, &Dut::new("", 1, Eds::default()))
+    }
+
+    #[test]
+    fn another_value_is_within_the_limits() {
+        assert_eq!(in_place_of_5(None, None), Some(6));
+        assert_eq!(in_place_of_5(Some(0), Some(5)), Some(4));
+        assert_eq!(in_place_of_5(Some(8), Some(9)), Some(8));
+        assert_eq!(in_place_of_5(Some(0), Some(2)), Some(0));
+        assert_eq!(in_place_of_5(Some(5), Some(5)), None);
     }
 }
