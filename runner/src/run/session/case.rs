@@ -279,7 +279,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             bench_snapshot: &mut self.bench_snapshot,
             proof: self.proof.take(),
             words: &self.instance.suite.words,
-            outside: Duration::ZERO,
+            margin: Duration::ZERO,
             awaited: Duration::ZERO,
             begun: Vec::new(),
         };

@@ -27,7 +27,7 @@ impl Steps<'_, '_> {
         let what = format!("time to {}", reply.id());
         self.link.emit(Event::Measured(limits.figures(what.clone(), &taken)));
         for time in taken {
-            lenient = lenient.or(self.in_time(&limits, Time::Latency, time, &what)?);
+            lenient = lenient.or(self.in_time(&limits, (Time::Latency, 1), time, &what)?);
         }
         Ok(lenient)
     }

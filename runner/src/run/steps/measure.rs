@@ -64,8 +64,10 @@ impl Steps<'_, '_> {
         for (limits, time, what, taken, judged) in table {
             let Some(limits) = limits else { continue };
             self.link.emit(Event::Measured(limits.figures(what.clone(), taken)));
+            // A late stamp moves a mean by one part of as many as it has values.
+            let parts = (taken.len() / judged.len().max(1)).max(1) as u32;
             for took in judged {
-                lenient = lenient.or(self.in_time(&limits, time, *took, &what)?);
+                lenient = lenient.or(self.in_time(&limits, (time, parts), *took, &what)?);
             }
         }
         Ok(lenient)
@@ -105,17 +107,17 @@ impl Steps<'_, '_> {
         Ok(Some(stamps))
     }
 
-    /// Judges one time.
+    /// Judges one time, which may be the mean of as many `parts`.
     pub(super) fn in_time(
         &mut self,
         limits: &Limits,
-        time: Time,
+        (time, parts): (Time, u32),
         took: Duration,
         what: &str,
     ) -> Judgement {
         let Some(difference) = limits.difference(took, what) else { return Ok(None) };
         let (low, high) = limits.accepted();
-        self.outside = low.saturating_sub(took).max(took.saturating_sub(high));
+        self.margin = low.saturating_sub(took).max(took.saturating_sub(high)) * parts;
         if took < low {
             return self.broken(&[Constraint::Low(time)], difference);
         }

@@ -41,8 +41,9 @@ pub(in crate::run) struct Steps<'s, 'b> {
     pub proof: Option<Proof>,
     /// The suite's words for objects and values.
     pub words: &'s Words,
-    /// How far the time that the step judged last is outside what is accepted.
-    pub outside: Duration,
+    /// By what time the device missed what is accepted, in what the step judged last; zero where
+    /// that is not known, or no time. What a mean misses counts as often as it has values.
+    pub margin: Duration,
     /// How long a measurement waited for a frame that did not come.
     pub awaited: Duration,
     /// The steps that began and are not reported.
@@ -54,6 +55,8 @@ pub(super) const DEFAULT_REPLY: Duration = Duration::from_secs(1);
 const DEFAULT_SYNC_PERIOD: Duration = Duration::from_millis(10);
 /// Of how much of the time of an `until` a tenth may pass without a look.
 const LOOKS: Duration = Duration::from_secs(1);
+/// How many times as late as the tester a device on the same host is at most.
+const SHARED: u32 = 5;
 /// A host that stood still for longer may have changed what the device did before the step that
 /// fails: a node was missed, an entry was made twice.
 const STALL: Duration = Duration::from_millis(100);
@@ -89,7 +92,7 @@ impl Steps<'_, '_> {
     /// # Errors
     /// What went wrong.
     pub(in crate::run) fn run(&mut self, step: &Step) -> Judgement {
-        (self.outside, self.awaited) = (Duration::ZERO, Duration::ZERO);
+        (self.margin, self.awaited) = (Duration::ZERO, Duration::ZERO);
         match step {
             Step::Send(frame) => {
                 let frame = self.frame(frame)?;
@@ -221,6 +224,7 @@ impl Steps<'_, '_> {
         };
         let Some(got) = got else {
             let missing = self.missing(&strict, start, within);
+            self.margin = within;
             self.link.skip_to(sent + within);
             if expect.optional {
                 self.allows(Allowance::Optional);
@@ -318,7 +322,8 @@ impl Steps<'_, '_> {
                     return Err(Trouble::Declined(format!("{expected}: {meaning}")));
                 }
             }
-            let actual = format!("{meaning} after {}", show_time(got.at.since(start)));
+            self.margin = got.at.since(start);
+            let actual = format!("{meaning} after {}", show_time(self.margin));
             let difference = Difference::new(expected, actual).about(got.frame);
             let mut accepted = false;
             for (text, place) in never.lenient.iter().zip(1..) {
@@ -397,7 +402,7 @@ impl Steps<'_, '_> {
     ) -> Option<Duration> {
         let Lateness { missed, overslept, noticed, .. } = self.link.lateness();
         // What is less than the tester's own lateness may be the host's.
-        let doubtful = Duration::ZERO < self.outside && self.outside <= noticed;
+        let doubtful = Duration::ZERO < self.margin && self.margin <= noticed;
         let late = match failed {
             Some(_) if doubtful => missed.max(overslept).max(noticed),
             Some(_) => missed.max(overslept),
@@ -412,7 +417,10 @@ impl Steps<'_, '_> {
         }
         // A device on the same host is late at other moments, and by other times, than the tester.
         let shares = self.dut.shares_its_machine && noticed > self.policy.bears(Duration::ZERO);
-        if shares && failed.is_some_and(|failed| judges_time(step, failed)) {
+        if shares
+            && self.margin < noticed * SHARED
+            && failed.is_some_and(|failed| judges_time(step, failed))
+        {
             return Some(noticed);
         }
         // A device on the same host had as little of the time as the tester.
