@@ -347,6 +347,27 @@ fn a_transfer_that_a_late_tester_lets_time_out_says_nothing() {
     assert_eq!(judged(10), [Verdict::Error, Verdict::Error]);
 }
 
+/// A device that shares the machine is late at other moments than the tester, and by a few times as
+/// much: that excuses what missed a window by little, and not what never came.
+#[test]
+fn lateness_excuses_a_device_on_the_same_machine_within_proportion() {
+    let dut = Dut { shares_its_machine: true, ..dut() };
+    let judged = |steps: &str| {
+        let lag = Duration::from_millis(8);
+        let mut bus = Odd { lag, ..odd(Box::new(|_, seen| Some(seen))) };
+        let ran = run_on(&mut bus, &dut, 1, steps, &Stop::default(), &Undo::default());
+        (verdicts(&ran)[0], matches!(ran.outcomes[0], Outcome::Undecided(_)))
+    };
+    const ASKED: &str = "send: '600+n#40 00 10 00 00 00 00 00'";
+    let within = |time: &str| {
+        judged(&format!("[ {ASKED}, expect: {{ frame: '700+n#05', within: {time} }} ]"))
+    };
+    assert_eq!(within("30 ms"), (Verdict::Error, true));
+    assert_eq!(within("5 s"), (Verdict::Fail, false));
+    let never = format!("[ {ASKED}, never: {{ frame: '580+n#...', for: 1 s }} ]");
+    assert_eq!(judged(&never), (Verdict::Error, true));
+}
+
 #[test]
 fn a_tester_in_time_judges_and_so_does_one_in_virtual_time() {
     let late = |stalls, real| Odd { real, ..stalled(stalls) };
