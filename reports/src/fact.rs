@@ -119,7 +119,9 @@ pub(crate) fn facts(run: &Run) -> Vec<Fact<'_>> {
         let weight = |at: usize| {
             let outcome = &cases[at].2.outcome;
             let holds = outcome.holds_against_device();
-            (explains[at], run.is_red(outcome.verdict()), holds, alike(at), Reverse(at))
+            // A case about nothing else shows it best.
+            let about = Reverse(cases[at].2.info.checks.len());
+            (explains[at], run.is_red(outcome.verdict()), holds, about, alike(at), Reverse(at))
         };
         let first = members.iter().copied().max_by_key(|at| weight(*at)).unwrap_or_default();
         let members = members.iter().map(|at| cases[*at]).collect();

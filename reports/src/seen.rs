@@ -21,6 +21,8 @@ pub(crate) enum Seen {
     Accepted(String),
     /// A value has another length than its transfer announced.
     Length,
+    /// Transfers have something else in place of this, whatever is read.
+    Transfer(String),
     /// An object of the communication is expected to have this value, and differs in this way.
     Value(String, String),
 }
@@ -35,8 +37,11 @@ pub(crate) fn seen(problem: &Problem) -> Vec<Seen> {
     if problem.phase == Phase::Monitor {
         return all;
     }
-    if expected.contains(" bytes in all, as announced") {
-        all.push(Seen::Length);
+    let due = actual.split_once(" instead of ").filter(|_| expected.starts_with("the value of "));
+    match due.map_or(expected, |(_, due)| due) {
+        length if length.contains(" bytes in all, as announced") => all.push(Seen::Length),
+        other if due.is_some() => all.push(Seen::Transfer(alike(other))),
+        _ => {}
     }
     let refusal = expected.strip_prefix("refused with ").and_then(code);
     if let Some(code) = refusal.filter(|code| is_of_any_object(code) && actual == "accepted") {
@@ -207,6 +212,16 @@ mod tests {
     fn a_transfer_of_another_length_than_announced_is_the_same_whatever_is_tested() {
         let came = "1B 37 00 00 00 00 00 00";
         assert_eq!(of("22 bytes in all, as announced", came, None, None), [Seen::Length]);
+        let read = format!("{came} instead of 22 bytes in all, as announced");
+        assert_eq!(of("the value of 1008:00", &read, None, None), [Seen::Length]);
+    }
+
+    #[test]
+    fn a_wrong_frame_of_a_transfer_is_the_same_whatever_is_read() {
+        let toggle = "01 32 00 00 00 00 00 00 instead of toggle 1";
+        let of_name = of("the value of 1008:00", toggle, None, None);
+        assert_eq!(of_name, of("the value of 1009:00", toggle, None, None));
+        assert!(matches!(of_name[..], [Seen::Transfer(_)]), "{of_name:?}");
     }
 
     #[test]
