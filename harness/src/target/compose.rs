@@ -72,8 +72,9 @@ fn head(profiles: &[&Profile]) -> String {
          Asked for was every object of {}.\n\
          What answered is here, with type and access as the profile has them; of the area of\n\
          communication, what was there is the default. Of a manufacturer's objects those that\n\
-         PDOs map are here; others and limits are missing. Complete it, and take the first line\n\
-         away: then the sheet itself is judged, too.",
+         PDOs map are here, as ro where a TPDO does: nothing was written to find out more.\n\
+         Others and limits are missing. Complete it, and take the first line away: then the\n\
+         sheet itself is judged, too.",
         names.join(", ")
     )
 }

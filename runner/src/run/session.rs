@@ -150,7 +150,8 @@ impl Session<'_> {
             sheet: Some(dut.sheet.used()),
             objects: Arc::clone(&dut.sheet.names),
             pdos: Arc::clone(&dut.sheet.pdos),
-            bit_rate: dut.bit_rate,
+            // Pipes have none.
+            bit_rate: dut.bit_rate.filter(|_| dut.shares_its_bus || !dut.shares_its_machine),
             rerun: self.rerun.clone(),
             remark: None,
         }

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::collections::BTreeSet;
+use std::fmt::Write;
 use std::time::Duration;
 
 use canopen::nmt::Service;
@@ -180,10 +181,15 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             },
         };
         if attempt == ATTEMPTS {
-            let reason = match &late {
+            let mut reason = match &late {
                 Some(_) => format!("{why}, and in {attempt} attempts"),
                 None => format!("the tester was late in {} attempts, and one failed", attempt - 1),
             };
+            if let Some(problem) = outcome.problem() {
+                let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
+                let (expected, actual) = (first(&problem.expected), first(&problem.actual));
+                _ = write!(reason, "; the last one expected {expected}, came {actual}");
+            }
             return finished(Outcome::Undecided(reason), aftermath);
         }
         (left, stalled, failed) = (how, stalled || late.is_some(), failed || doubtful);
