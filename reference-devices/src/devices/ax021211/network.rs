@@ -326,7 +326,10 @@ impl Network {
 
     /// The signal of a link, for the block whose turn it is.
     fn read(&self, link: Link, turn: usize, rules: &Ax021211Rules) -> Signal {
-        rules.link(link).place().map_or(Signal::ABSENT, |place| self.see(place, turn))
+        self.settings
+            .named(link, rules)
+            .place()
+            .map_or(Signal::ABSENT, |place| self.see(place, turn))
     }
 
     fn see(&self, place: usize, turn: usize) -> Signal {

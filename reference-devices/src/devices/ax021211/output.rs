@@ -91,12 +91,8 @@ pub(super) struct OutputSettings {
 
 /// The control input of an output of some kind: a message gives a digital output a bit of 6200h.
 fn control(od: Parameters<'_>, kind: Kind, link: Link) -> Link {
-    const MESSAGE: u8 = 1;
-    if link.source != MESSAGE || !(1..=OUTPUTS as u8).contains(&link.number) {
-        return link;
-    }
-    let numbered = od.int(OUTPUT_TYPE, usize::from(link.number) - 1);
-    let numbered = Kind::of(numbered).unwrap_or_default();
+    let Some(place) = link.message().filter(|place| *place < OUTPUTS) else { return link };
+    let numbered = Kind::of(od.int(OUTPUT_TYPE, place)).unwrap_or_default();
     match od.rules.takes_a_bit(kind.is_digital(), numbered.is_digital()) {
         true => Link::state(link.number),
         false => link,

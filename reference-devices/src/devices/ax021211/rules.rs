@@ -143,6 +143,12 @@ decisions! {
         is_digital
     }
 
+    /// Every other input takes a message as a process value, also that of a digital output
+    /// (table 5).
+    fn others_take_a_bit(&self, _numbered_is_digital: bool) -> bool {
+        false
+    }
+
     /// The bit of 6200h that belongs to an output (1.2).
     fn write_state(&self, states: i64, place: usize) -> bool {
         states >> place & 1 != 0

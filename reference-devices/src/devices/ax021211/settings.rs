@@ -13,6 +13,7 @@ use super::objects::{
 use super::output::OutputSettings;
 use super::pid::PidSettings;
 use super::rules::Ax021211Rules;
+use super::signal::Link;
 use super::table::TableSettings;
 
 /// The settings of the blocks, and the part that they have not read.
@@ -131,8 +132,18 @@ impl Settings {
         // A message has the type and the scaling of its output.
         if renewed.blocks & graph::ALL_OUTPUTS != 0 {
             self.unread |= OF_MESSAGES;
+            renewed.rewired |= od.rules.others_take_a_bit(true) && self.rewire(od.rules);
         }
         renewed
+    }
+
+    /// Connects all blocks anew. Returns whether one takes another signal than before.
+    fn rewire(&mut self, rules: &Ax021211Rules) -> bool {
+        let blocks = graph::members(graph::ALL);
+        blocks.fold(false, |any, block| {
+            let taken = self.taken(block, rules);
+            replace(&mut self.wiring[block.number()], taken) || any
+        })
     }
 
     /// The order of evaluation.
@@ -146,8 +157,18 @@ impl Settings {
         (place != graph::NOTHING).then_some(place.into())
     }
 
+    /// The link of an input, other than the control input of an output.
+    pub(super) fn named(&self, link: Link, rules: &Ax021211Rules) -> Link {
+        let numbered = link.message().filter(|place| *place < OUTPUTS);
+        let is_digital = |place: usize| self.outputs[place].kind.is_digital();
+        match numbered.is_some_and(|place| rules.others_take_a_bit(is_digital(place))) {
+            true => Link::state(link.number),
+            false => rules.link(link),
+        }
+    }
+
     fn taken(&self, block: Block, rules: &Ax021211Rules) -> Taken {
-        let named = |link| rules.link(link);
+        let named = |link| self.named(link, rules);
         match block {
             Block::Math(place) => {
                 graph::taken(self.maths[place].inputs.map(|input| named(input.link)))
@@ -162,7 +183,10 @@ impl Settings {
                 // It selects among tables, which are not sources that a user chooses.
                 graph::taken(arguments.into_iter().flatten().flatten().map(named).chain(tables))
             }
-            Block::Output(place) => graph::taken(self.outputs[place].links.map(named)),
+            Block::Output(place) => {
+                let [control, enable, overriding] = self.outputs[place].links;
+                graph::taken([rules.link(control), named(enable), named(overriding)])
+            }
         }
     }
 }
@@ -217,6 +241,7 @@ mod tests {
     use proptest::prelude::*;
 
     const RULES: &[&str] = &[
+        "bit-of-a-digital-output-for-every-input",
         "math-operator-of-another-function",
         "scaling-of-another-output",
         "polarity-of-another-output",

@@ -77,6 +77,11 @@ impl Link {
         Self::new(STATE, number)
     }
 
+    /// The place of the CANopen message that it names, from 0 on.
+    pub(super) fn message(self) -> Option<usize> {
+        (self.source == MESSAGE).then(|| usize::from(self.number).checked_sub(1))?
+    }
+
     /// Whether a source is chosen at all.
     pub(super) const fn is_used(self) -> bool {
         self.source != 0
@@ -85,7 +90,7 @@ impl Link {
     /// The place among all signals of what it names; `None` when tables 4 and 5 have no such.
     pub(super) fn place(self) -> Option<usize> {
         let (first, count) = match self.source {
-            1 => (MESSAGES, 24),
+            MESSAGE => (MESSAGES, 24),
             2 => (CONSTANTS, 15),
             3 => (PIDS, 4),
             4 => (TABLES, 12),
@@ -119,6 +124,9 @@ pub(super) const TEMPERATURE: usize = 86;
 pub(super) const STATES: usize = 87;
 /// How many signals there are.
 pub(super) const SIGNALS: usize = 97;
+
+/// The source of CANopen messages.
+const MESSAGE: u8 = 1;
 
 /// The source of the bits of 6200h.
 const STATE: u8 = u8::MAX;

@@ -17,6 +17,7 @@ deviations! {
     "number-of-source-7-ignored" => link: |_, link| numbered(link, 7, 1);
     "number-of-source-8-ignored" => link: |_, link| numbered(link, 8, 1);
     "bit-by-the-type-of-the-numbered-output" => takes_a_bit: |_, _, numbered| numbered;
+    "bit-of-a-digital-output-for-every-input" => others_take_a_bit: |_, numbered| numbered;
     "enable-by-its-own-message" =>
         input_link: |_, link, source_index, place| own_message(link, source_index == 0x2350, place);
     "override-by-its-own-message" =>
