@@ -188,7 +188,7 @@ pub(super) struct Model<'a> {
     asked: Vec<Block>,
     functions: BTreeMap<i64, [f64; 3]>,
     held: BTreeMap<Block, f64>,
-    /// Sum and last error of the loops, and their output.
+    /// Sum and last error of the loops, and the last one that was none.
     loops: BTreeMap<i64, (f64, f64, f64)>,
     /// The values of 3310h.
     pub(super) selected: BTreeMap<i64, i64>,
@@ -324,11 +324,15 @@ impl<'a> Model<'a> {
         let d = g * kd * td / cycle * (error - state.1);
         let result = g * error + i + d;
         state.1 = error;
+        if error != 0.0 {
+            state.2 = error;
+        }
+        let side = state.2;
         let response = self.int(0x2457, x);
         let one_sided = match response {
             0 => result,
-            1 if difference < 0.0 && error != 0.0 => -result,
-            2 if difference > 0.0 && error != 0.0 => result,
+            1 if side < 0.0 => -result,
+            2 if side > 0.0 => result,
             _ => 0.0,
         };
         Some(((one_sided.clamp(0.0, 100.0) * 10.0).round() / 10.0, false))

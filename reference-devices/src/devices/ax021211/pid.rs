@@ -80,6 +80,8 @@ pub(super) struct Pid {
     sum: f64,
     last: f64,
     error: f64,
+    /// The last error that was none; its sign is the side of the target.
+    side: f64,
     /// In per cent.
     output: f64,
     /// The settings of the last call.
@@ -147,7 +149,8 @@ impl Pid {
         self.sum = rules.error_sum(self.sum, error);
         let output = p * error + i * self.sum + d * rules.error_step(error, self.last);
         (self.last, self.error, self.settings) = (error, error, *settings);
-        self.output = rules.pid_output(settings.response, output, error);
+        self.side = rules.pid_side(self.side, error);
+        self.output = rules.pid_output(settings.response, output, self.side);
         self.idle = before == (self.sum, self.last);
     }
 
@@ -165,11 +168,12 @@ fn difference(target: Signal, feedback: Signal, rules: &Ax021211Rules) -> f64 {
     rules.pid_error(rules.percent(target, of_target), rules.percent(feedback, of_feedback))
 }
 
-/// The output that a response of table 11 makes of the result of figure 8, in per cent.
-pub(super) fn respond(response: u8, output: f64, error: f64) -> f64 {
+/// The output that a response of table 11 makes of the result of figure 8 on a side of the target,
+/// in per cent.
+pub(super) fn respond(response: u8, output: f64, side: f64) -> f64 {
     let output = match response {
-        1 if error < 0.0 => -output,
-        2 if error > 0.0 => output,
+        1 if side < 0.0 => -output,
+        2 if side > 0.0 => output,
         1 | 2 => 0.0,
         _ => output,
     };
@@ -246,6 +250,19 @@ mod tests {
             assert_eq!(run(&settings, &[(0, 100.0, 20.0)]), [below], "{response}");
         }
         assert_eq!(run(&settings(0), &[(0, 200.0, 0.0), (10, 200.0, 0.0)]), [1000, 1000]);
+    }
+
+    #[test]
+    fn within_the_tolerance_a_push_pull_pair_keeps_its_side_and_its_sum() {
+        let mut gains = settings(0);
+        gains.gains.derivative = 0.0;
+        // 10 % below the target, then 0.5 % below and 0.5 % over it: the sum stays.
+        let below = [(0, 20.0, 0.0), (10, 20.0, 19.0), (20, 20.0, 21.0)];
+        assert_eq!(run(&PidSettings { response: 2, ..gains }, &below), [150, 100, 100]);
+        assert_eq!(run(&PidSettings { response: 1, ..gains }, &below), [0, 0, 0]);
+        let over = below.map(|(at, target, feedback)| (at, feedback, target));
+        assert_eq!(run(&PidSettings { response: 1, ..gains }, &over), [150, 100, 100]);
+        assert_eq!(run(&PidSettings { response: 2, ..gains }, &over), [0, 0, 0]);
     }
 
     #[test]

@@ -399,9 +399,15 @@ decisions! {
         error - last
     }
 
+    /// While the error is none the output stops changing, so the loop stays on its side of the
+    /// target (2.4.29).
+    fn pid_side(&self, side: f64, error: f64) -> f64 {
+        if error == 0.0 { side } else { error }
+    }
+
     /// The responses of table 11, and the range of the output (2.4.37).
-    fn pid_output(&self, response: u8, output: f64, error: f64) -> f64 {
-        pid::respond(response, output, error)
+    fn pid_output(&self, response: u8, output: f64, side: f64) -> f64 {
+        pid::respond(response, output, side)
     }
 
     /// A target without limits has those of the feedback (1.4).

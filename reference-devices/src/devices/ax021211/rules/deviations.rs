@@ -166,8 +166,8 @@ deviations! {
     "math-off-at-scaling-1" => math_off: |_, low| low;
     "off-at-minimum" => off_fv: |_, minimum| minimum;
     "shows-target-of-ramps" => shown_fv: |_, _, target| target;
-    "results-cut" => pid_output: |_, response, output, error| {
-        (pid::respond(response, output, error) * 10.0).trunc() / 10.0
+    "results-cut" => pid_output: |_, response, output, side| {
+        (pid::respond(response, output, side) * 10.0).trunc() / 10.0
     };
     "results-cut" => saturated: |_, part| (part.clamp(0.0, 1.0) * 10_000.0).trunc() / 10_000.0;
     "math-of-percentages" =>

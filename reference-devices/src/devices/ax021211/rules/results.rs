@@ -46,6 +46,7 @@ deviations! {
     "pid-sum-limited" => error_sum: |_, sum, error| (sum + error).clamp(-50.0, 50.0);
     "pid-sum-falls-within-the-tolerance" =>
         error_sum: |_, sum, error| if error == 0.0 { 0.0 } else { sum + error };
+    "pid-off-within-the-tolerance" => pid_side: |_, _, error| error;
     "pid-sum-of-magnitudes" => error_sum: |_, sum, error| sum + error.abs();
     "pid-step-of-magnitude" => error_step: |_, error, last| (error - last).abs();
     "pid-gains-without-cycle" => pid_gains: |_, gains, _| gains.of_cycle(0.01);
