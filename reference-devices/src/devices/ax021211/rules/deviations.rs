@@ -34,6 +34,7 @@ deviations! {
     "ignored-points-out-of-limits" => points_of_limits: |_, in_use| in_use;
     "table-limits-always-percentage" => table_limits: |_, _, _| (0.0, 100.0);
     "table-limits-always-ends" => table_limits: |_, low, high| (low, high);
+    "table-limits-of-table-6" => table_limits: |_, low, high| (low.min(0.0), high.max(100.0));
     "ignored-point-alone" => points_in_use: |_, _| POINTS;
     "jump-is-late" => jump: |_, from, _| from;
     "time-points-are-absolute" => interval: |_, before, point| point - before;
