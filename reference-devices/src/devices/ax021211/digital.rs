@@ -119,9 +119,9 @@ impl Digital {
     }
 
     /// Something else than the control input sets the state at which the output drives.
-    pub(super) const fn force(&mut self, on: bool) {
+    pub(super) fn force(&mut self, on: bool, settings: &DigitalSettings, rules: &Ax021211Rules) {
         self.logic = on;
-        self.drive = on;
+        self.drive = rules.forced(on, settings.inverse);
         self.hold();
     }
 

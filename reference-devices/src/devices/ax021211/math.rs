@@ -118,11 +118,14 @@ impl Math {
 impl MathInput {
     /// The input as a part of its scaling, with its gain; a signal in error counts as 0.
     fn value(&self, signal: Signal, rules: &Ax021211Rules) -> f64 {
-        if !signal.is_valid() {
-            return rules.math_input_in_error(signal.value);
+        let part = |value: f64| {
+            let value = rules.value_before_scaling(value, self.gain);
+            rules.math_input(rules.share(value, self.low, self.high), self.gain)
+        };
+        match signal.is_valid() {
+            true => part(signal.value),
+            false => rules.math_input_in_error(signal.value, part(0.0)),
         }
-        let value = rules.value_before_scaling(signal.value, self.gain);
-        rules.math_input(rules.share(value, self.low, self.high), self.gain)
     }
 }
 

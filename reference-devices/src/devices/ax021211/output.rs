@@ -80,6 +80,7 @@ pub(super) struct OutputSettings {
     keeps_on_fault: bool,
     fault_fv: f64,
     override_fv: f64,
+    static_bias: f64,
     ramp: Ramp,
     digital: DigitalSettings,
     detects: bool,
@@ -136,11 +137,12 @@ impl OutputSettings {
             keeps_on_fault: od.int(FAULT_MODE, place) == 0,
             fault_fv: fv(FAULT_FV),
             override_fv: fv(OVERRIDE_FV),
+            static_bias: fv(STATIC_BIAS),
             ramp: Ramp {
                 span: od.rules.ramp_span(scalings.0, scalings.1, kind.largest()),
                 up: od.time(RAMP_UP, place),
                 down: od.time(RAMP_DOWN, place),
-                bias: od.rules.ramp_bias(fv(STATIC_BIAS)),
+                bias: od.rules.ramp_bias(fv(STATIC_BIAS), scalings.0.min(scalings.1)),
             },
             digital: DigitalSettings::read(od, place),
             detects: od.flag(DETECTION, place),
@@ -159,7 +161,7 @@ impl OutputSettings {
         }
         let part = rules.held_part(rules.share(pv, low, high));
         let fv = self.fv.0 + part * (self.fv.1 - self.fv.0);
-        rules.biased(fv, pv, self.ramp.bias).clamp(0.0, self.kind.largest())
+        rules.biased(fv, pv, self.static_bias).clamp(0.0, self.kind.largest())
     }
 }
 
@@ -320,10 +322,10 @@ impl Output {
         let set = &settings.digital;
         match command {
             Command::Fault if rules.keeps(set.keeps_on_fault) => self.digital.keep(now, rules),
-            Command::Fault => self.digital.force(rules.fault_state(set.fault_state)),
-            Command::Override => self.digital.force(settings.override_fv != 0.0),
+            Command::Fault => self.digital.force(rules.fault_state(set.fault_state), set, rules),
+            Command::Override => self.digital.force(settings.override_fv != 0.0, set, rules),
             Command::Disabled(Disabled::KeepLast) => self.digital.hold(),
-            Command::Disabled(_) => self.digital.force(false),
+            Command::Disabled(_) => self.digital.force(false, set, rules),
             Command::Control(signal) => {
                 let on = signal.is_valid() && rules.is_on(signal);
                 self.digital.command(now, on, set, is_hotshot, rules);

@@ -489,8 +489,8 @@ decisions! {
         part * gain
     }
 
-    /// An input in error counts as 0 (1.7).
-    fn math_input_in_error(&self, _value: f64) -> f64 {
+    /// An input in error counts as 0 in the function, whatever a 0 of its source is (1.7).
+    fn math_input_in_error(&self, _value: f64, _of_zero: f64) -> f64 {
         0.0
     }
 
@@ -600,8 +600,8 @@ decisions! {
         if pv == 0.0 { fv - bias } else { fv }
     }
 
-    /// Ramps jump over the static bias (1.3).
-    fn ramp_bias(&self, bias: f64) -> f64 {
+    /// Ramps jump over the static bias, and begin at 0 where there is none (1.3).
+    fn ramp_bias(&self, bias: f64, _minimum: f64) -> f64 {
         bias
     }
 

@@ -151,7 +151,7 @@ fn the_static_bias_is_taken_off_at_zero() {
     let mut settings = current();
     (settings.pv, settings.fv) = ((0.0, 100.0), (200.0, 1200.0));
     settings.responses.control = 0;
-    settings.ramp.bias = 150.0;
+    settings.static_bias = 150.0;
     let mut bench = Bench::new(settings);
     let seen = [0.0, 1.0, 50.0].map(|value| bench.commanded(0, alone(pv(value))));
     assert_eq!(seen, [50, 210, 700]);

@@ -71,7 +71,8 @@ deviations! {
     };
     "math-first-function-is-result" => block_result: |_, before, result| before.or(Some(result));
     "math-does-not-saturate" => saturated: |_, part| part;
-    "math-error-counts-as-value" => math_input_in_error: |_, value| value;
+    "math-error-counts-as-value" => math_input_in_error: |_, value, _| value;
+    "math-error-is-zero-of-the-source" => math_input_in_error: |_, _, of_zero| of_zero;
     "math-gain-is-added" => math_input: |_, part, gain| part + gain - 1.0;
     "logic-last-table-wins" =>
         selection: |_, selects| selects.iter().rposition(|selects| *selects).unwrap_or(0);
@@ -132,6 +133,7 @@ deviations! {
     "static-bias-is-added" => biased: |_, fv, pv, bias| if pv == 0.0 { fv + bias } else { fv };
     "static-bias-always" => biased: |_, fv, _, bias| fv - bias;
     "ramp-over-whole-range" => ramp_span: |_, _, _, largest| largest;
+    "ramp-from-the-minimum" => ramp_bias: |_, bias, minimum| bias.max(minimum);
     "ramps-swapped" => ramp: |_, ramp| Ramp { up: ramp.down, down: ramp.up, ..ramp };
     "override-on-ramp" => is_ramped: |_, command| {
         command == Command::Override

@@ -13,6 +13,11 @@ decisions! {
         inverse
     }
 
+    /// What an enable, an override or a fault demands is a drive state (1.2).
+    fn forced(&self, on: bool, _inverse: bool) -> bool {
+        on
+    }
+
     /// There is no third polarity (table 1).
     fn blinks(&self, _polarity: i64) -> bool {
         false
@@ -82,6 +87,7 @@ deviations! {
     "delay-doubled" => delay: |_, configured| configured * 2;
     "hotshot-lasts" => hotshot_time: |_, configured| configured * 10;
     "hotshot-currents-swapped" => hotshot_currents: |_, hotshot, hold| (hold, hotshot);
+    "forces-the-logic-state" => forced: |_, on, inverse| on != inverse;
     "polarity-3-blinks" => blinks: |_, polarity| polarity == 3;
     "hotshot-of-two-seconds" =>
         hotshot_time: |_, configured| configured.min(Duration::from_secs(2));
