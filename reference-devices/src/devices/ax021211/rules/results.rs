@@ -98,6 +98,11 @@ deviations! {
     };
     "math-sum-wraps" => saturated: |_, part| part.rem_euclid(1.000_1);
     "math-gain-without-sign" => math_input: |_, part, gain| part * gain.abs();
+    "spare-bits-beyond" =>
+        write_state: |_, states, place| (states | states >> 10) >> place & 1 != 0;
+    "spare-bits-switch-off" => write_state: |rules, states, place| {
+        states >> 10 == 0 && rules.write_state(states, place)
+    };
     "logic-output-in-8-bits" => logic_percent: |_, signal| {
         let percent = signal.percent(signal.limits.unwrap_or((0.0, 100.0)));
         (10.0 * percent).rem_euclid(256.0) / 10.0
