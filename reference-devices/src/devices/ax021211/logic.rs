@@ -81,7 +81,7 @@ impl LogicSettings {
         let shown_number = rules.selected_table(number, chosen);
         let link = Link::new(TABLE_SOURCE, number);
         let signal = link.place().filter(|place| *place >= TABLES).map_or(Signal::ABSENT, table);
-        if !(signal.is_valid() || signal.has_failed()) {
+        if !rules.logic_is_available(signal.is_valid() || signal.has_failed()) {
             return (shown_number, 0, Signal::ABSENT);
         }
         let percent = rules.logic_percent(signal);

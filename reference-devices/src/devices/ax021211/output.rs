@@ -327,7 +327,9 @@ impl Output {
             Command::Disabled(Disabled::KeepLast) => self.digital.hold(),
             Command::Disabled(_) => self.digital.force(false, set, rules),
             Command::Control(signal) => {
-                let on = signal.is_valid() && rules.is_on(signal);
+                let response = settings.responses.control;
+                let off = rules.is_digital_off(response, signal.value, settings.pv);
+                let on = signal.is_valid() && rules.is_on(signal) && !off;
                 self.digital.command(now, on, set, is_hotshot, rules);
             }
         }

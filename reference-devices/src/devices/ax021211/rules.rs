@@ -526,6 +526,11 @@ decisions! {
         number
     }
 
+    /// With a table that has no source there is no output (1.6.3).
+    fn logic_is_available(&self, has_output: bool) -> bool {
+        has_output
+    }
+
     /// The output is a percentage of the range of the table (1.6.3).
     fn logic_percent(&self, signal: Signal) -> f64 {
         signal.percent(signal.limits.unwrap_or((0.0, 100.0)))
@@ -582,6 +587,11 @@ decisions! {
     /// An override brings the output to 2300h (1.3).
     fn override_fv(&self, configured: f64, _level: f64) -> f64 {
         configured
+    }
+
+    /// A digital output has no control response (2.4.17).
+    fn is_digital_off(&self, _response: u8, _pv: f64, _limits: (f64, f64)) -> bool {
+        false
     }
 
     /// The responses of table 7.

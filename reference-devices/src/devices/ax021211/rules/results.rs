@@ -98,6 +98,8 @@ deviations! {
     };
     "math-sum-wraps" => saturated: |_, part| part.rem_euclid(1.000_1);
     "math-gain-without-sign" => math_input: |_, part, gain| part * gain.abs();
+    "control-response-of-digital-outputs" =>
+        is_digital_off: |rules, response, pv, limits| rules.is_off(response, pv, limits);
     "spare-bits-beyond" =>
         write_state: |_, states, place| (states | states >> 10) >> place & 1 != 0;
     "spare-bits-switch-off" => write_state: |rules, states, place| {
