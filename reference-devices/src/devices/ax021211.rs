@@ -1,11 +1,11 @@
 //! The application of the ten-output valve controller AX021211 (UMAX021211, chapters 1 and 2):
 //! function blocks that the user connects with each other, and ten outputs.
 //!
-//! A control cycle takes 1 ms. It evaluates every block once, after the blocks that it takes
-//! signals from; in a circle the signal of the last cycle counts. A block whose result cannot
-//! change is skipped. While nothing moves there is no cycle: the next one comes with a change from
-//! outside, or when a delay, a loop or a profile is due. A change from outside is evaluated at
-//! once, as part of the current cycle.
+//! A control cycle takes 1 ms, which is chosen. It evaluates every block once, after the blocks
+//! that it takes signals from; in a circle the signal of the last cycle counts. A block whose
+//! result cannot change is skipped. While nothing moves there is no cycle: the next one comes with
+//! a change from outside, or when a delay, a loop or a profile is due. A change from outside is
+//! evaluated at once, as part of the current cycle.
 //!
 //! Pulses and dither are values, so they cost no event.
 
@@ -333,7 +333,7 @@ impl Behaviour for Ax021211 {
     }
 }
 
-/// The time from one evaluation of the blocks to the next.
+/// The time from one evaluation of the blocks to the next. Chosen: the manual names none.
 const CYCLE: Duration = Duration::from_millis(1);
 
 #[cfg(test)]

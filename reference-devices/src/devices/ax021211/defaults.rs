@@ -1,4 +1,5 @@
-//! The consequences of a change of the output type (1.3, 1.8, 5550h).
+//! The consequences of a change of the output type (1.3, 1.8, 5550h). The manual prints defaults
+//! for a current only, and names scaling and decimal digits as what is updated; the rest is chosen.
 
 use canopen::{Dictionary, Mux};
 
@@ -9,7 +10,8 @@ use super::objects::{
 use super::output::Kind;
 use super::rules::Ax021211Rules;
 
-/// The defaults of a type: digits of the FV, the largest FV in use, override FV and fault FV.
+/// The defaults of a type: digits of the FV, the largest FV in use, override FV and fault FV. Those
+/// of other types than a current are chosen: the range of table 3, and off.
 const fn of(kind: Kind) -> (i64, i64, i64, i64) {
     match kind {
         Kind::Current | Kind::Disabled => (0, 1500, 750, 500),

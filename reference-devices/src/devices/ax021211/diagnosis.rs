@@ -26,9 +26,13 @@ pub(super) fn report(network: &Network, supply: f64, errors: &mut Errors, rules:
         }
     }
     for (error, found, description) in [(LOW, low, 0x40), (HIGH, high, 0x20)] {
-        match found {
-            true => errors.raise(error, VOLTAGE, GENERIC, [0, description, 0, 0, 0]),
-            false => errors.clear(error),
+        if !found {
+            errors.clear(error);
+        } else if !errors.has(error) {
+            errors.raise(error, VOLTAGE, GENERIC, [0, description, 0, 0, 0]);
+            if let Some(group) = rules.supply_group() {
+                errors.react(group);
+            }
         }
     }
 }

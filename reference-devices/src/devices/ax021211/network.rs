@@ -131,7 +131,7 @@ impl Network {
             pids: [Pid::default(); 4],
             shown: [0; SIGNALS],
             untold: (PIDS..SUPPLY).fold(0, |all, place| all | 1 << place),
-            // Until a block is evaluated, table A is the one that is selected.
+            // Until a block is evaluated, table A is the one that is selected; this is chosen.
             selected: settings.logics.each_ref().map(|logic| logic.tables[0]),
             selection_told: false,
             settings,
@@ -219,7 +219,7 @@ impl Network {
         let measured = |value: f64| Signal::new((value * 10.0).round() / 10.0, None);
         let (low, high) = rules.supply_errors(outside.supply);
         let (supply, temperature) = rules.measured(outside.supply, outside.temperature);
-        self.put(SUPPLY, measured(supply).failing(low || high));
+        self.put(SUPPLY, measured(supply).failing(rules.source_fails(low || high)));
         self.put(TEMPERATURE, measured(temperature));
         let off = rules.outputs_need_operational() && !outside.operational;
         let around = Around { loads: outside.loads, supply: outside.supply, off };

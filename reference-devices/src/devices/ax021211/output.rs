@@ -365,7 +365,7 @@ impl Output {
         let fault = self.detector.recognised;
         OutputView {
             commanded: (commanded, signal(commanded)),
-            feedback: (feedback, signal(feedback).failing(fault)),
+            feedback: (feedback, signal(feedback).failing(rules.source_fails(fault))),
             driven,
             dithers: rules.dithers(self.kind == Kind::Current)
                 && settings.dither > 0.0

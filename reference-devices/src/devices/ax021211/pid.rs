@@ -110,7 +110,8 @@ impl Pid {
         }
         let failed = target.has_failed() || feedback.has_failed();
         if failed {
-            *self = Self::default();
+            let kept = Self { next: None, idle: false, ..*self };
+            *self = if rules.pid_forgets_in_error() { Self::default() } else { kept };
         } else {
             self.follow(now, settings, difference(target, feedback, rules), rules);
         }

@@ -35,7 +35,8 @@ parts! {
 in_code_alone! { Command, Disabled, Link, Ramp, Stage, Verdict }
 
 decisions! {
-    /// The decisions. The default methods are a summary of what the manual says.
+    /// The decisions. The default methods are what the manual says; one that is *chosen* fills a
+    /// gap of it, and other devices may choose otherwise.
     pub(super) Decision of Ax021211Rules, otherwise [
         deviations::DEVIATIONS,
         inputs::DEVIATIONS,
@@ -58,7 +59,7 @@ decisions! {
         signal.value != 0.0
     }
 
-    /// The outputs drive in every state of the node.
+    /// The outputs drive in every state of the node. Chosen.
     fn outputs_need_operational(&self) -> bool {
         false
     }
@@ -132,7 +133,7 @@ decisions! {
         (volts, degrees)
     }
 
-    /// After a reset no block knows what was before.
+    /// After a reset no block knows what was before. Chosen.
     fn forgets(&self) -> bool {
         true
     }
@@ -184,12 +185,25 @@ decisions! {
         Some(5)
     }
 
+    /// The sub-index of 1029h for a supply that is too high or too low. 2.2.13 names such faults
+    /// without one; that there is none is chosen.
+    fn supply_group(&self) -> Option<u8> {
+        None
+    }
+
+    /// A source whose measurement is wrong is in an error state: a supply out of its range, and the
+    /// feedback of an output with an open or short circuit. Chosen.
+    fn source_fails(&self, wrong: bool) -> bool {
+        wrong
+    }
+
     /// The channel of an emergency message (table 22).
     fn channel(&self, place: usize) -> u8 {
         place as u8 + 1
     }
 
-    /// The supply is 9 to 60 V (3.1): whether it is too low, and too high.
+    /// The supply is 9 to 60 V (3.1): whether it is too low, and too high. That these are the
+    /// limits of 2.2.4 is chosen.
     fn supply_errors(&self, volts: f64) -> (bool, bool) {
         (volts < 9.0, volts > 60.0)
     }
@@ -226,7 +240,12 @@ decisions! {
 
     // Lookup table
 
-    /// A table without source has no output.
+    /// A table whose source is in an error state holds its value. Chosen.
+    fn table_in_error(&self, held: f64) -> f64 {
+        held
+    }
+
+    /// A table without source has no output. Chosen.
     fn table_without_source(&self, _held: i64) -> i64 {
         0
     }
@@ -379,6 +398,11 @@ decisions! {
         signal.percent(limits)
     }
 
+    /// A loop with an input in an error state is at 0 and forgets its sum. Chosen.
+    fn pid_forgets_in_error(&self) -> bool {
+        true
+    }
+
     /// A loop that has its sources back runs again (1.4).
     fn pid_resumes(&self) -> bool {
         true
@@ -415,7 +439,7 @@ decisions! {
         own.unwrap_or(of_feedback)
     }
 
-    /// A loop that is disabled commands nothing.
+    /// A loop that is disabled commands nothing. Chosen.
     fn pid_disabled(&self, _held: i64) -> i64 {
         0
     }
@@ -501,7 +525,8 @@ decisions! {
         configured
     }
 
-    /// Only an evaluation selects a table (2.4.51, 2.4.52).
+    /// Only an evaluation selects a table (2.4.51, 2.4.52). Chosen: a block that is off keeps the
+    /// last one, before the first evaluation table A.
     fn selected_while_disabled(&self, selected: u8) -> u8 {
         selected
     }
@@ -549,7 +574,7 @@ decisions! {
         None
     }
 
-    /// Without a control source an output is off.
+    /// Without a control source an output is off. Chosen.
     fn uncontrolled(&self, _level: f64) -> f64 {
         0.0
     }

@@ -178,7 +178,7 @@ impl Table {
             return (rules.table_without_source(held), Signal::ABSENT);
         }
         let y = match settings.timed {
-            _ if x.has_failed() => self.held,
+            _ if x.has_failed() => rules.table_in_error(self.held),
             true => self.sequence(now, settings, rules.sequence_runs(rules.is_on(x)), rules),
             false => settings.over_data(rules.table_input(x.value, settings.repeats), rules),
         };
