@@ -153,15 +153,17 @@ impl Folders {
     }
 
     /// The files by name. Unless there are `only` folders, those of `HARNESS_DATA` are read, or
-    /// those of `suites/` here, or else the copy in this program. A file of a later folder
-    /// replaces the one of the same name.
+    /// else the copy in this program. A file of a later folder replaces the one of the same name.
+    /// `suites/` here takes the place of the copy when it has a register of its own and no folder
+    /// is named.
     pub(crate) fn sources(&self) -> Result<Vec<Arc<Source>>, Vec<Complaint>> {
         let data = data::folder();
         let here = data.clone().unwrap_or_default().join("suites");
         let here = here.as_path();
+        let stands_alone = self.more.is_empty() && here.join("requirements").is_dir();
         let mut sources = BTreeMap::new();
         let mut folders = self.only.clone();
-        match (self.only.is_empty(), here.is_dir()) {
+        match (self.only.is_empty(), data.is_some() || stands_alone) {
             (true, true) => folders.push(here.to_owned()),
             (true, false) => add(&mut sources, here, built_in()),
             (false, _) => {}
@@ -170,7 +172,7 @@ impl Folders {
         for folder in folders {
             let mut found = Vec::new();
             read_folder(&folder, &mut found).map_err(|complaint| vec![complaint])?;
-            if folder == here && data.is_none() && differ(&found, &built_in()) {
+            if folder == here && data.is_none() && stands_alone && differ(&found, &built_in()) {
                 complain!(
                     "note: the suites of ./suites are read, which differ from those in this program"
                 );
