@@ -40,21 +40,25 @@ enum Key {
     Pressed(Instant),
     /// It was pressed long enough, and whether a threshold was taught.
     Taught(bool),
+    /// It was released after a threshold was taught, which the LED shows until then.
+    Shows(Instant),
 }
 
 impl Panel {
     /// The key is pressed or released.
-    pub(super) fn press(&mut self, now: Instant, pressed: bool) {
+    pub(super) fn press(&mut self, now: Instant, pressed: bool, rules: &Rules) {
         self.key = match self.key {
+            Key::Taught(true) if !pressed => Key::Shows(now + rules.taught_led_lasts()),
+            Key::Shows(until) if !pressed => Key::Shows(until),
             _ if !pressed => Key::Released,
-            Key::Released => Key::Pressed(now),
+            Key::Released | Key::Shows(_) => Key::Pressed(now),
             key => key,
         };
     }
 
     /// Whether the key is pressed.
     pub(super) fn is_pressed(&self) -> bool {
-        self.key != Key::Released
+        matches!(self.key, Key::Pressed(_) | Key::Taught(_))
     }
 
     /// Whether the key has been pressed for so long just now that it teaches.
@@ -69,9 +73,13 @@ impl Panel {
 
     /// Lets the LEDs show what there is.
     pub(super) fn show(&mut self, now: Instant, shown: &Shown, rules: &Rules) {
+        if matches!(self.key, Key::Shows(until) if until <= now) {
+            self.key = Key::Released;
+        }
         if shown.loads_defaults {
-            self.run.show(now, Pattern::Fast);
-            self.outputs.iter_mut().for_each(|led| led.show(now, Pattern::Fast));
+            let all = [&mut self.run].into_iter().chain(&mut self.outputs);
+            all.zip(rules.loading_leds([Pattern::Fast; 3]))
+                .for_each(|(led, pattern)| led.show(now, pattern));
             return;
         }
         let run = match shown.node {
@@ -84,9 +92,14 @@ impl Panel {
         if shown.error {
             outputs = rules.error_leds([Pattern::Second, Pattern::SecondOff]);
         }
-        if shown.command_on_q1 && self.is_pressed() {
-            let taught = self.key == Key::Taught(true);
-            outputs[0] = rules.key_led(if taught { Pattern::Second } else { Pattern::Fast });
+        let test = match self.key {
+            Key::Pressed(_) | Key::Taught(false) => Some(Pattern::Fast),
+            Key::Taught(true) => Some(Pattern::Second),
+            Key::Shows(_) => Some(Pattern::Second),
+            Key::Released => None,
+        };
+        if let Some(pattern) = test.filter(|_| shown.command_on_q1) {
+            outputs[0] = rules.key_led(pattern);
         }
         for (led, pattern) in self.outputs.iter_mut().zip(outputs) {
             led.show(now, pattern);
@@ -102,6 +115,7 @@ impl Panel {
     pub(super) fn poll_at(&self, rules: &Rules) -> Option<Instant> {
         let key = match self.key {
             Key::Pressed(since) => Some(since + teaching_time(rules)),
+            Key::Shows(until) => Some(until),
             Key::Released | Key::Taught(_) => None,
         };
         self.outputs.iter().chain([&self.run]).map(Led::poll_at).fold(key, earlier)
@@ -148,7 +162,7 @@ mod tests {
         let node = (NmtState::OPERATIONAL, false);
         let shown = Shown { command_on_q1: true, ..nothing(node) };
         let mut panel = Panel::default();
-        panel.press(Instant::ZERO, true);
+        panel.press(Instant::ZERO, true, &Rules::plain());
         panel.show(Instant::ZERO, &shown, &Rules::plain());
         assert!(panel.outputs[0].lit && !panel.teaches(Instant(2_999_999_999), &Rules::plain()));
         assert_eq!(panel.outputs[0].poll_at(), Some(Instant(50_000_000)));
@@ -158,7 +172,7 @@ mod tests {
         panel.show(taught, &shown, &Rules::plain());
         assert_eq!(panel.outputs[0].poll_at(), Some(Instant(3_500_000_000)));
         assert!(!panel.teaches(taught, &Rules::plain()) && panel.is_pressed());
-        panel.press(taught, false);
+        panel.press(taught, false, &Rules::plain());
         panel.show(taught, &shown, &Rules::plain());
         assert!(!panel.outputs[0].lit && !panel.is_pressed());
     }

@@ -29,7 +29,7 @@ impl Drr460 {
         let moved = self.around.switches != before.switches;
         self.switched |= name.starts_with(SWITCHES);
         self.restarts = moved && self.rules.switches_act_at_once();
-        self.panel.press(now, self.around.key);
+        self.panel.press(now, self.around.key, &self.rules);
         if self.around.bus != before.bus {
             let passes =
                 matches!(self.around.bus, BusFault::ReceiveOverflow | BusFault::TransmitOverflow);

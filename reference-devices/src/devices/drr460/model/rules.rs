@@ -2,6 +2,8 @@
 
 mod deviations;
 
+use std::time::Duration;
+
 use canopen::{Abort, Mux};
 
 use super::switches::Switches;
@@ -653,6 +655,17 @@ decisions! {
     /// The pattern of the command's LED while the key is pressed (6.1).
     fn key_led(&self, pattern: Pattern) -> Pattern {
         pattern
+    }
+
+    /// How long after the release of the key its LED shows that it has taught. The manual leaves it
+    /// open.
+    fn taught_led_lasts(&self) -> Duration {
+        Duration::ZERO
+    }
+
+    /// The patterns of RUN, OUT1 and OUT2 while contact 4 of DIP 2 loads the defaults (7.1).
+    fn loading_leds(&self, patterns: [Pattern; 3]) -> [Pattern; 3] {
+        patterns
     }
 
     /// The patterns of OUT1 and OUT2 in an error, counted from 0: they alternate (6.1).

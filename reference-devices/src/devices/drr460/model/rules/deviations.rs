@@ -143,6 +143,12 @@ deviations! {
         Pattern::ThreeOff => Pattern::OneOff,
         other => other,
     };
+    "run-led-dark-while-loading" => loading_leds: |_, [_, first, second]| {
+        [Pattern::SteadyOff, first, second]
+    };
+    "output-leds-dark-while-loading" => loading_leds: |_, [run, ..]| {
+        [run, Pattern::SteadyOff, Pattern::SteadyOff]
+    };
     "error-leds-blink-together" => error_leds: |_, alternate| { [alternate[0]; 2] };
     "thermoresistance-with-terminals" => wires: |_, terminals| terminals - 25.0;
     "unit-of-linear-inputs" =>
