@@ -5,7 +5,7 @@ use canopen::{Mux, NmtState};
 
 use super::super::encoder;
 use super::super::indicators::{Pattern, Phase};
-use super::super::parameters::Item;
+use super::super::parameters::{Item, SMALL_FREQUENCY};
 use super::super::sensor::Wiring;
 use super::{Decision, Diagnosis, Mcm260xRules};
 
@@ -25,6 +25,7 @@ fn fixed(item: Item, value: i64) -> impl Fn(&Mcm260xRules, Item, i64) -> i64 {
 deviations! {
     pub(super) OF_PARAMETERS of Decision;
 
+    "samples-at-10-hertz" => parameter: taken_for(Item::Frequency, SMALL_FREQUENCY, 3);
     "tc-k-taken-for-tc-s" => parameter: taken_for(Item::SensorType, 1, 2);
     "tc-s-taken-for-tc-j" => parameter: taken_for(Item::SensorType, 2, 4);
     "tc-r-taken-for-tc-j" => parameter: taken_for(Item::SensorType, 3, 4);
