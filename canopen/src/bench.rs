@@ -115,6 +115,7 @@ pub const NAMES: &[&str] = &[
     "dip-switch-",
     "key",
     "memory-fault",
+    "terminal-fault",
     "bus-fault",
     "module-",
 ];

@@ -27,12 +27,12 @@ use crate::profiles::cia401::IoBlock;
 use crate::stack::{Attachment, Behaviour, CommunicationEvent, Errors, earlier};
 
 use super::pixsys::PixsysIo;
+use super::pixsys::emergency::{self, Found, Module};
 
 use memory::{Memory, TUNE};
-use model::bench::{BusFault, Module, Surroundings};
+use model::bench::Surroundings;
 use model::controller::{Controller, Settings};
 use model::decision::{Inputs, Outcome};
-use model::emergency::{self, Found};
 use model::expansion::{self, Silence};
 use model::flags::MemoryFault;
 use model::load::{Drive, Load};
@@ -386,36 +386,20 @@ impl Drr460 {
     /// Raises the errors that are present, and ends the others.
     fn report(&mut self, now: Instant, errors: &mut Errors) {
         self.overflow_ends = self.overflow_ends.filter(|end| now < *end);
-        let passed = self.overflow_ends.is_none() && self.around.bus != BusFault::ErrorPassive;
-        let bus = if passed { BusFault::None } else { self.around.bus };
         let module = match self.rules.reports_module() {
             true => self.around.module,
             false => Module::Fitted,
         };
-        let around = Surroundings { bus, module, ..self.around };
+        let bus = self.around.bus.present(self.overflow_ends);
         let found =
             Found { no_process: self.outcome.error && self.rules.reports_sensor(), ..self.found };
-        let present: Vec<_> = emergency::reports(found, &around).collect();
-        for error in emergency::ERRORS {
-            if present.iter().all(|report| report.error != error) {
-                errors.clear(error);
-            }
-        }
+        let present: Vec<_> = emergency::reports(found, bus, module).collect();
         if std::mem::take(&mut self.reports_boot) {
             let boot = emergency::BOOT;
             errors.raise(boot.error, boot.code, boot.register, boot.vendor);
             errors.clear(boot.error);
         }
-        for report in present.iter().filter(|report| !errors.has(report.error)).collect::<Vec<_>>()
-        {
-            errors.raise(report.error, report.code, report.register, report.vendor);
-            if report.reacts {
-                errors.react(COMMUNICATION_ERROR);
-            }
-            if report.stops {
-                errors.enter(NmtState::STOPPED);
-            }
-        }
+        emergency::tell(&present, errors);
     }
 
     fn light(&mut self, now: Instant, error: bool) {
@@ -462,11 +446,12 @@ impl Behaviour for Drr460 {
         self.configure_at_power_on(od);
         self.controller.restart(&self.settings, self.around.faults, &self.rules);
         self.found = Found {
-            changed_hardware: self.around.module == Module::Other
-                && self.memory.module != Module::Other,
+            changed_hardware: self.around.module.differs(self.memory.module),
             not_stored: false,
             unread: match self.around.faults.memory {
-                MemoryFault::AtPowerOn(bit) if bit >= FIRST_PART => Some(bit),
+                MemoryFault::AtPowerOn(bit) => {
+                    bit.checked_sub(FIRST_PART - 1).filter(|part| *part > 0)
+                }
                 _ => None,
             },
             ..Found::default()
@@ -632,8 +617,6 @@ const PROCESS_INPUT: usize = 0;
 const BETWEEN_DECISIONS: Duration = Duration::from_millis((model::PERIOD * 1000.0) as u64);
 /// 100 % in hundredths of a per cent.
 const FULL_OUTPUT: f64 = 10_000.0;
-/// The sub of 1029h.
-const COMMUNICATION_ERROR: u8 = 1;
 /// The bit of 4007h of the first part of the EEPROM.
 const FIRST_PART: u8 = 16;
 

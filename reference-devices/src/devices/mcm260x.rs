@@ -14,6 +14,7 @@ mod counts;
 mod encoder;
 mod flags;
 mod indicators;
+mod inside;
 mod modbus;
 mod parameters;
 mod rules;
@@ -37,6 +38,7 @@ use bench::Surroundings;
 use encoder::{Encoder, Setup, TENTH};
 use flags::Faults;
 use indicators::{Led, Pattern, Phase};
+use inside::Inside;
 use parameters::{COUNTS, DEFAULT_BIT_RATE, Item, Parameters, Table};
 use rules::Mcm260xRules;
 use sampling::AnalogueInput;
@@ -57,6 +59,7 @@ pub(crate) struct Mcm260x {
     next_tenth: Instant,
     inputs: Vec<AnalogueInput>,
     surroundings: Surroundings,
+    inside: Inside,
     /// The interface that a person chose, until the network chooses.
     chosen: Option<i64>,
     wants_restart: bool,
@@ -106,6 +109,7 @@ impl Mcm260x {
             next_tenth: Instant::ZERO + TENTH,
             inputs: vec![AnalogueInput::default(); inputs],
             surroundings: Surroundings::default(),
+            inside: Inside::default(),
             chosen: None,
             wants_restart: false,
             state: NmtState::INITIALISING,
@@ -257,6 +261,7 @@ impl Behaviour for Mcm260x {
         self.io.reset(now, od);
         self.now = now;
         self.powered = true;
+        self.inside.start();
         self.state = NmtState::INITIALISING;
         self.offline = false;
         self.heard = None;
@@ -305,6 +310,7 @@ impl Behaviour for Mcm260x {
 
     fn check(&self, mux: Mux, bytes: &[u8], od: &Dictionary) -> Result<(), Abort> {
         match *bytes {
+            _ if mux.index == STORE && self.inside.stores_nothing() => Err(Abort::HARDWARE),
             // The range needs sixteen bits without a sign, which the parameters do not have.
             [low, high] if self.refuses(mux, u16::from_le_bytes([low, high]), od) => {
                 Err(self.rules.refusal())
@@ -313,9 +319,19 @@ impl Behaviour for Mcm260x {
         }
     }
 
+    fn refused(&mut self, _now: Instant, mux: Mux, _bytes: &[u8], _od: &mut Dictionary) {
+        if mux.index == STORE && self.inside.stores_nothing() {
+            self.inside.store();
+            self.changed = true;
+        }
+    }
+
     fn written(&mut self, now: Instant, mux: Mux, od: &mut Dictionary) {
         self.changed = true;
         self.heard = Some(now);
+        if mux.index == STORE {
+            self.inside.store();
+        }
         // `count` overwrites 3003h with the commands still open, so the new one is read first.
         let command = od.int(mux).unwrap_or(0);
         if mux == INTERFACE {
@@ -361,6 +377,7 @@ impl Behaviour for Mcm260x {
         }
         self.work_with_modbus(now, od);
         self.announce(errors);
+        self.inside.report(now, errors, &self.rules);
         if self.sample(now, od) {
             self.show_errors(od, errors);
         }
@@ -375,7 +392,13 @@ impl Behaviour for Mcm260x {
         let inputs = self.inputs.iter().map(AnalogueInput::poll_at);
         let leds = self.input_leds.iter().chain([&self.run_led]).map(Led::poll_at);
         let heard = self.heard.map(|heard| heard + HEARD).filter(|_| self.com_led.lit);
-        let rest = [self.next_look(), self.io.poll_at(), heard, self.next_offline];
+        let rest = [
+            self.next_look(),
+            self.io.poll_at(),
+            heard,
+            self.next_offline,
+            self.inside.poll_at(),
+        ];
         inputs.chain(leds).chain(rest).fold(None, earlier)
     }
 
@@ -420,6 +443,8 @@ impl Behaviour for Mcm260x {
 /// How long the COM LED shows that something was heard.
 const HEARD: Duration = Duration::from_millis(100);
 
+/// Store parameters.
+const STORE: u16 = 0x1010;
 /// Restore default parameters.
 const RESTORE: u16 = 0x1011;
 /// Communication interface.
@@ -436,8 +461,9 @@ const ANALOGUE_OUTPUTS: u16 = 0x6411;
 const PRESETS: u16 = 0x3002;
 /// Encoder/counter commands.
 const COMMANDS: u16 = 0x3003;
-/// Status and error flags.
+/// Status and error flags of the module, and of its terminal.
 const FLAGS: Mux = Mux::new(0x4007, 1);
+const TERMINAL_FLAGS: Mux = Mux::new(0x4007, 2);
 
 #[cfg(test)]
 mod tests;

@@ -1,6 +1,7 @@
 //! The common part of the Pixsys devices: their manuals read CiA 401 in the same words and list the
 //! same sensors.
 
+pub(crate) mod emergency;
 pub(crate) mod led;
 pub(crate) mod sensor;
 

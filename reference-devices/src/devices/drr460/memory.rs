@@ -2,10 +2,10 @@
 
 use canopen::Dictionary;
 
-use super::model::bench::Module;
 use super::model::rules::Rules;
 use super::model::tuning::Found;
 use super::objects::{MANUAL, OUTPUT, START, parameter, set_parameter, value};
+use crate::devices::pixsys::emergency::Module;
 
 /// The memory.
 #[derive(Clone, Copy, Debug, PartialEq)]

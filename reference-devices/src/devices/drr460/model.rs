@@ -11,7 +11,6 @@ mod current;
 mod cycle;
 pub(crate) mod decision;
 mod delay;
-pub(crate) mod emergency;
 pub(crate) mod expansion;
 mod filter;
 pub(crate) mod flags;

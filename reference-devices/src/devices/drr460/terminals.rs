@@ -3,7 +3,7 @@
 use canopen::{BenchError, Instant, Value};
 
 use super::Drr460;
-use super::model::bench::{BusFault, Surroundings};
+use super::model::bench::Surroundings;
 
 impl Drr460 {
     /// The names that can be set and observed.
@@ -31,9 +31,7 @@ impl Drr460 {
         self.restarts = moved && self.rules.switches_act_at_once();
         self.panel.press(now, self.around.key, &self.rules);
         if self.around.bus != before.bus {
-            let passes =
-                matches!(self.around.bus, BusFault::ReceiveOverflow | BusFault::TransmitOverflow);
-            self.overflow_ends = passes.then_some(now + OVERFLOW);
+            self.overflow_ends = self.around.bus.ends(now);
         }
         Ok(())
     }
@@ -56,9 +54,6 @@ impl Drr460 {
         }
     }
 }
-
-/// For how long a buffer that ran over is an error.
-const OVERFLOW: std::time::Duration = std::time::Duration::from_millis(100);
 
 const SWITCHES: &str = "dip-switch-";
 const CONTACTS: &str = "digital-outputs-1";

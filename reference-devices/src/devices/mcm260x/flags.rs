@@ -3,7 +3,7 @@
 use canopen::Dictionary;
 
 use super::parameters::Item;
-use super::{FLAGS, Mcm260x};
+use super::{FLAGS, Mcm260x, TERMINAL_FLAGS};
 use crate::stack::Errors;
 
 /// How often something was wrong, and whether it is.
@@ -31,7 +31,8 @@ impl Mcm260x {
 
     /// Errors and what shows them.
     pub(super) fn show_errors(&mut self, od: &mut Dictionary, errors: &mut Errors) {
-        let mut flags = 0;
+        let (mut flags, terminal) = self.inside.flags(&self.rules);
+        od.set_int(TERMINAL_FLAGS, terminal);
         for (place, (input, faults)) in self.inputs.iter().zip(&mut self.faults).enumerate() {
             faults.follow(input.is_out_of_range());
             if !faults.now {
@@ -53,34 +54,21 @@ impl Mcm260x {
         od.set_int(FLAGS, self.rules.flags(before, flags | self.wrong_parameters(od)));
     }
 
-    /// Limits without a distance, and error values beyond the limits of their outputs.
+    /// Error values beyond the limits of their outputs.
     fn wrong_parameters(&self, od: &Dictionary) -> i64 {
         let parameters = self.parameters(od);
-        let counts = self.io.counts();
-        let limits =
-            |(low, high), place| (parameters.value(low, place), parameters.value(high, place));
-        let is_flat = |(low, high)| low == high;
-        let inputs = (0..counts.analogue_inputs).filter(|place| {
-            matches!(parameters.value(Item::SensorType, *place), 15..)
-                && is_flat(limits((Item::LowerLimit, Item::UpperLimit), *place))
-        });
-        let of_output = |place| limits((Item::OutputLower, Item::OutputUpper), place);
-        let outputs = 0..counts.analogue_outputs;
-        let flat = inputs.count() + outputs.clone().filter(|at| is_flat(of_output(*at))).count();
-        let beyond = outputs.into_iter().any(|place| {
-            let (low, high) = of_output(place);
+        let beyond = (0..self.io.counts().analogue_outputs).any(|place| {
+            let (low, high) = self.limits(place, od);
             let value = parameters.value(Item::ErrorValue, place);
             !(low.min(high)..=low.max(high)).contains(&value)
         });
-        let configuration = if flat > 0 { WRONG_CONFIGURATION } else { 0 };
-        configuration | if beyond { OUT_OF_BOUNDS } else { 0 }
+        if beyond { OUT_OF_BOUNDS } else { 0 }
     }
 }
 
-const WRONG_CONFIGURATION: i64 = 1 << 0;
 const OUT_OF_BOUNDS: i64 = 1 << 7;
 const LOW_SUPPLY: i64 = 1 << 11;
 /// The errors of the analogue inputs are numbered from here on.
 const OUT_OF_RANGE: u16 = 12;
 /// The number of the announcement at power-on.
-const ANNOUNCEMENT: u16 = 1;
+const ANNOUNCEMENT: u16 = 8;

@@ -29,9 +29,10 @@ pub(super) const fn pattern(phase: Phase) -> Pattern {
     }
 }
 
-/// The display: dark in normal operation, else the number of the first error of 4007h.
+/// The display: dark in normal operation, else the number of the first error of 4007h, whose sub 2
+/// is above the 16 bits of sub 1.
 pub(super) fn display(flags: i64) -> String {
-    match flags & 0xFFFF {
+    match flags {
         0 => String::new(),
         flags => format!("E-{:02}", flags.trailing_zeros() + 1),
     }
@@ -62,7 +63,13 @@ mod tests {
 
     #[test]
     fn the_display_shows_the_first_error() {
-        let table = [(0, ""), (1, "E-01"), (1 << 11, "E-12"), (1 << 15 | 1 << 13, "E-14")];
+        let table = [
+            (0, ""),
+            (1, "E-01"),
+            (1 << 11, "E-12"),
+            (1 << 15 | 1 << 13, "E-14"),
+            (1 << 18, "E-19"),
+        ];
         for (flags, shown) in table {
             assert_eq!(display(flags), shown);
         }

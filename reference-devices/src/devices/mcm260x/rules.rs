@@ -127,6 +127,21 @@ decisions! {
         high << 16 | low & 0xFFFF
     }
 
+    /// A fault of memory or terminal has its bit in 4007h sub 1 (11.3.8).
+    fn fault_flag(&self, bit: u8) -> u8 {
+        bit
+    }
+
+    /// A fault of the terminal has its bit in 4007h sub 2 (11.3.8).
+    fn terminal_flag(&self, bit: u8) -> u8 {
+        bit
+    }
+
+    /// The board inside has the messages of a module (11.9).
+    fn reports_board(&self) -> bool {
+        true
+    }
+
     /// An input out of range has a bit in 4007h (11.3.8).
     fn channel_flag(&self, place: usize) -> i64 {
         1 << (12 + place)

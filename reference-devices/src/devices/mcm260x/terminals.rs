@@ -8,8 +8,9 @@ use crate::stack::Behaviour;
 
 use super::bench;
 use super::indicators;
+use super::inside::Inside;
 use super::parameters::{FASTEST, Item, TEN_VOLTS, Table};
-use super::{FLAGS, Mcm260x};
+use super::{FLAGS, Mcm260x, TERMINAL_FLAGS};
 
 impl Mcm260x {
     /// The names on this module.
@@ -45,6 +46,7 @@ impl Mcm260x {
     /// Whether this module has something of that name.
     pub(super) fn offers(&self, name: &str) -> bool {
         match terminal::split(name) {
+            _ if Inside::NAMES.contains(&name) => true,
             Some((prefix, place)) => {
                 self.numbered().iter().any(|(known, count)| *known == prefix && place < *count)
             }
@@ -85,7 +87,7 @@ impl Mcm260x {
     /// The names without a number.
     fn single(&self) -> impl Iterator<Item = &'static str> {
         let all = [bench::SUPPLY, bench::INTERFACE, bench::RUN_LED, bench::COM_LED, bench::DISPLAY];
-        all.into_iter().chain(self.is_universal().then_some(bench::TERMINALS))
+        all.into_iter().chain(Inside::NAMES).chain(self.is_universal().then_some(bench::TERMINALS))
     }
 
     /// Takes a stimulus.
@@ -129,6 +131,9 @@ impl Mcm260x {
         {
             return outcome;
         }
+        if let Some(outcome) = self.inside.set(now, name, value) {
+            return outcome;
+        }
         self.surroundings.set(name, value)?;
         if name == bench::INTERFACE {
             self.chosen = Some(self.surroundings.interface);
@@ -164,7 +169,8 @@ impl Mcm260x {
             bench::RUN_LED => int(self.run_led.lit.into()),
             bench::COM_LED => int(self.com_led.lit.into()),
             bench::DISPLAY => {
-                let flags = if self.powered { od.int(FLAGS).unwrap_or(0) } else { 0 };
+                let [own, terminal] = [FLAGS, TERMINAL_FLAGS].map(|mux| od.int(mux).unwrap_or(0));
+                let flags = if self.powered { own & 0xFFFF | terminal << 16 } else { 0 };
                 Some(Value::Text(indicators::display(self.rules.displayed(flags))))
             }
             bench::STEPS | bench::FREQUENCIES | bench::INDICES | bench::LINES => {
@@ -180,6 +186,7 @@ impl Mcm260x {
                 let connected = self.inputs.get(place).map(|input| input.connected);
                 connected
                     .and_then(|connected| connected.observe(name))
+                    .or_else(|| self.inside.observe(name))
                     .or_else(|| self.surroundings.observe(name))
             }
         }

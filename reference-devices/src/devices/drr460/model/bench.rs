@@ -4,6 +4,7 @@ use canopen::{BenchError, Value};
 
 use super::flags::{Faults, MemoryFault};
 use super::switches::Switches;
+use crate::devices::pixsys::emergency::{BusFault, Module};
 use crate::devices::pixsys::sensor::{Connected, Wiring};
 use crate::devices::terminal::{flag, number, said, word};
 
@@ -22,32 +23,6 @@ pub(crate) struct Surroundings {
     pub(crate) faults: Faults,
     pub(crate) bus: BusFault,
     pub(crate) module: Module,
-}
-
-/// The fault of the CAN controller.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum BusFault {
-    #[default]
-    None,
-    /// Its buffer of received messages ran over.
-    ReceiveOverflow,
-    /// Its buffer of messages to be sent ran over.
-    TransmitOverflow,
-    /// It is error passive.
-    ErrorPassive,
-}
-
-/// The board of inputs and outputs inside.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) enum Module {
-    #[default]
-    Fitted,
-    /// It is of another kind than before.
-    Other,
-    /// The bus to it fails.
-    Broken,
-    /// It reports a diagnosis.
-    Faulty,
 }
 
 impl Default for Surroundings {
@@ -92,9 +67,9 @@ impl Surroundings {
             KEY => self.key = flag(name, value)?,
             MEMORY => self.faults.memory = word(name, value, &MemoryFault::WORDS)?,
             MACHINE => self.faults.machine = flag(name, value)?,
-            BUS => self.bus = word(name, value, &BUS_FAULTS)?,
+            BUS => self.bus = word(name, value, &BusFault::WORDS)?,
             MODULE => {
-                self.module = word(name, value, &MODULES)?;
+                self.module = word(name, value, &Module::WORDS)?;
                 self.faults.module = matches!(self.module, Module::Broken | Module::Faulty);
             }
             _ => return Err(BenchError::unknown(name)),
@@ -119,8 +94,8 @@ impl Surroundings {
             KEY => Value::Int(self.key.into()),
             MEMORY => said(&self.faults.memory, &MemoryFault::WORDS)?,
             MACHINE => Value::Int(self.faults.machine.into()),
-            BUS => said(&self.bus, &BUS_FAULTS)?,
-            MODULE => said(&self.module, &MODULES)?,
+            BUS => said(&self.bus, &BusFault::WORDS)?,
+            MODULE => said(&self.module, &Module::WORDS)?,
             _ => return None,
         })
     }
@@ -169,19 +144,6 @@ const NAMES: [&str; 15] = [
 
 const WIRES: [(&str, Wiring); 3] =
     [("connected", Wiring::Connected), ("broken", Wiring::Broken), ("shorted", Wiring::Shorted)];
-const BUS_FAULTS: [(&str, BusFault); 4] = [
-    ("none", BusFault::None),
-    ("receive-overflow", BusFault::ReceiveOverflow),
-    ("transmit-overflow", BusFault::TransmitOverflow),
-    ("error-passive", BusFault::ErrorPassive),
-];
-const MODULES: [(&str, Module); 4] = [
-    ("fitted", Module::Fitted),
-    ("other", Module::Other),
-    ("broken", Module::Broken),
-    ("faulty", Module::Faulty),
-];
-
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -182,6 +182,8 @@ deviations! {
         level_leds: |_, inputs, outputs| i64::from(((inputs | outputs) as u8).reverse_bits());
     "input-led-while-disabled" => input_led: |_, _, out_of_range| (false, out_of_range);
     "input-led-without-errors" => input_led: |_, off, _| (off, false);
+    "fault-flags-moved" => fault_flag: |_, bit| bit ^ 1;
+    "terminal-flags-moved" => terminal_flag: |_, bit| (bit + 1) % 3;
     "display-never-dark" => displayed: |_, flags| if flags == 0 { 1 } else { flags };
     "display-counts-from-0" => displayed: |_, flags| flags >> 1;
     "flags-stay" => flags: |_, before, now| before | now;
