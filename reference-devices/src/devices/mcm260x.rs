@@ -21,6 +21,7 @@ mod rules;
 mod sampling;
 mod sensor;
 mod terminals;
+mod wiring;
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -42,6 +43,7 @@ use inside::Inside;
 use parameters::{COUNTS, DEFAULT_BIT_RATE, Item, Parameters, Table};
 use rules::Mcm260xRules;
 use sampling::AnalogueInput;
+use wiring::Phases;
 
 /// The decisions of the application that deviations can override.
 pub(super) const DECISIONS: Set = Set::of::<rules::Decision>();
@@ -79,6 +81,8 @@ pub(crate) struct Mcm260x {
     faults: Vec<Faults>,
     /// Whether it has sent its announcement after power-on.
     announced: bool,
+    /// When a digital input shows the next edge of an encoder.
+    next_phase: Option<Instant>,
     /// When the objects were shown last.
     now: Instant,
     /// Something happened since the last run.
@@ -96,8 +100,10 @@ impl Mcm260x {
         let io = IoBlock::new(eds, own.rules().with(otherwise));
         let encoders = (1..=8).filter(|sub| eds.entry(Mux::new(COUNTS, *sub)).is_some()).count();
         let mut encoders = vec![Encoder::default(); encoders];
-        if let Some(third) = encoders.get_mut(2) {
-            third.without_b = table == Table::Small && io.counts().digital_inputs == 1;
+        let inputs = 8 * io.counts().digital_inputs as u32;
+        for (place, encoder) in encoders.iter_mut().enumerate() {
+            let phases = Phases::of(place, inputs).filter(|_| table == Table::Small);
+            encoder.without_b = phases.is_some_and(|phases| phases.b.is_none());
         }
         let inputs = io.counts().analogue_inputs;
         Self {
@@ -123,6 +129,7 @@ impl Mcm260x {
             input_leds: vec![Led::default(); inputs],
             faults: vec![Faults::default(); inputs],
             announced: false,
+            next_phase: None,
             now: Instant::ZERO,
             changed: true,
         }
@@ -375,6 +382,10 @@ impl Behaviour for Mcm260x {
         if self.changed || self.now < now {
             self.show(now, od);
         }
+        if self.next_phase.is_some_and(|due| due <= now) || self.changed {
+            self.show_phases(now, od);
+            self.next_phase = self.next_phase();
+        }
         self.work_with_modbus(now, od);
         self.announce(errors);
         self.inside.report(now, errors, &self.rules);
@@ -398,6 +409,7 @@ impl Behaviour for Mcm260x {
             heard,
             self.next_offline,
             self.inside.poll_at(),
+            self.next_phase,
         ];
         inputs.chain(leds).chain(rest).fold(None, earlier)
     }

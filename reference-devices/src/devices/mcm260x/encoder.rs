@@ -38,6 +38,30 @@ impl Motion {
         *self = Self { millihertz, since: now, from: self.at(now), ..*self };
     }
 
+    /// The levels of phases A and B at a place.
+    pub(super) const fn phases(place: i64) -> (bool, bool) {
+        let quarter = place.rem_euclid(4);
+        (matches!(quarter, 1 | 2), matches!(quarter, 2 | 3))
+    }
+
+    /// The level of phase Z at a place.
+    pub(super) const fn index_at(&self, place: i64) -> bool {
+        if self.turn > 0 { place.rem_euclid(4 * self.turn) == 0 } else { self.index_level }
+    }
+
+    /// When the shaft will be at the next place; `None` while it stands.
+    pub(super) fn next_edge(&self, now: Instant) -> Option<Instant> {
+        let speed = 4 * i128::from(self.millihertz);
+        let gone = i128::from(self.at(now) - self.from);
+        let nanoseconds = match speed.signum() {
+            0 => return None,
+            1 => ((gone + 1) * NANOSECONDS_IN_1000_S + speed - 1) / speed,
+            // Backwards a place ends just after it was reached.
+            _ => gone * NANOSECONDS_IN_1000_S / speed + 1,
+        };
+        Some(self.since + Duration::from_nanos(nanoseconds as u64))
+    }
+
     /// Is somewhere else.
     pub(super) fn move_to(&mut self, now: Instant, place: i64) {
         (self.since, self.from) = (now, place);
@@ -233,7 +257,7 @@ pub(super) const fn counts(mode: i64, from: i64, to: i64) -> i64 {
 /// Without phase B, the edges of A look like a step forward and a step back.
 const fn without_b(from: i64, to: i64) -> i64 {
     const fn a(place: i64) -> i64 {
-        matches!(place.rem_euclid(4), 1 | 2) as i64
+        Motion::phases(place).0 as i64
     }
     a(to) - a(from)
 }
@@ -311,6 +335,23 @@ mod tests {
         motion.turn_at(at(2_000_000), 500);
         assert_eq!(motion.at(at(3_999_999)), 3);
         assert_eq!(motion.at(at(4_000_000)), 4);
+    }
+
+    #[test]
+    fn the_next_edge_is_the_first_instant_at_another_place() {
+        let mut motion = Motion::default();
+        assert_eq!(motion.next_edge(at(7)), None);
+        for millihertz in [3_000, 333_333, -3_000, -777_777] {
+            motion.turn_at(at(10), millihertz);
+            let mut now = at(10);
+            for _ in 0..9 {
+                let next = motion.next_edge(now).unwrap();
+                let step = millihertz.signum();
+                assert_eq!(motion.at(next), motion.at(now) + step, "{millihertz}");
+                assert_eq!(motion.at(Instant(next.0 - 1)), motion.at(now), "{millihertz}");
+                now = next;
+            }
+        }
     }
 
     #[test]

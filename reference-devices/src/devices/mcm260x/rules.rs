@@ -186,6 +186,26 @@ decisions! {
         if upper == lower { 0.0 } else { (digits - lower) as f64 / (upper - lower) as f64 }
     }
 
+    /// A digital input is off up to 4.3 V and on from 8 V on (3.2); between them it stays as it
+    /// was.
+    fn input_level(&self, millivolts: f64) -> Option<bool> {
+        match millivolts {
+            ..=4300.0 => Some(false),
+            8000.0.. => Some(true),
+            _ => None,
+        }
+    }
+
+    /// Each encoder has its phases at digital inputs of its own (4.1.a, 4.1.b).
+    fn encoder_at(&self, place: usize) -> usize {
+        place
+    }
+
+    /// Each analogue input is at a digital input of its own (4.1.a, 4.1.b).
+    fn analogue_at(&self, place: usize) -> usize {
+        place
+    }
+
     /// Static outputs need the supply of their group (4.1).
     fn energised(&self, levels: i64, supplied: bool) -> i64 {
         if supplied { levels } else { 0 }

@@ -106,9 +106,11 @@ impl Mcm260x {
         }
         let (prefix, place) = terminal::split(name).unwrap_or((name, 0));
         match prefix {
-            bench::DIGITAL_INPUTS => return self.io.stimulate(now, name, value, od),
+            bench::DIGITAL_INPUTS => return self.set_levels(now, name, value, od),
             bench::STEPS | bench::FREQUENCIES | bench::INDICES | bench::LINES => {
-                return self.turn(now, name, value);
+                self.turn(now, name, value)?;
+                self.show_phases(now, od);
+                return Ok(());
             }
             bench::DIGITAL_OUTPUTS
             | bench::ANALOGUE_OUTPUTS
@@ -129,7 +131,9 @@ impl Mcm260x {
         if let Some(input) = self.inputs.get_mut(place)
             && let Some(outcome) = input.connected.set(name, value)
         {
-            return outcome;
+            outcome?;
+            self.set_voltage(now, place, od);
+            return Ok(());
         }
         if let Some(outcome) = self.inside.set(now, name, value) {
             return outcome;
@@ -233,9 +237,9 @@ impl Mcm260x {
         self.table != Table::Small
     }
 
-    /// Whether an encoder has a terminal for phase Z: with eight inputs only the first has (4.1).
+    /// Whether an encoder has a terminal for phase Z (4.1).
     fn has_index(&self, place: usize) -> bool {
-        place == 0 || self.io.counts().digital_inputs > 1
+        self.table != Table::Small || self.phases(place).is_some_and(|phases| phases.z.is_some())
     }
 
     /// The blocks of LEDs for digital inputs and outputs (5.2).

@@ -182,6 +182,11 @@ deviations! {
         level_leds: |_, inputs, outputs| i64::from(((inputs | outputs) as u8).reverse_bits());
     "input-led-while-disabled" => input_led: |_, _, out_of_range| (false, out_of_range);
     "input-led-without-errors" => input_led: |_, off, _| (off, false);
+    "inputs-on-from-12-volts" => input_level: |_, millivolts| Some(millivolts >= 12_000.0);
+    "inputs-on-from-2-volts" => input_level: |_, millivolts| Some(millivolts >= 2000.0);
+    "encoders-1-and-2-swapped" => encoder_at: |_, place| if place < 2 { 1 - place } else { place };
+    "encoder-3-at-encoder-2" => encoder_at: |_, place| place.min(1);
+    "analogue-inputs-swapped" => analogue_at: |_, place| 1 - place;
     "fault-flags-moved" => fault_flag: |_, bit| bit ^ 1;
     "terminal-flags-moved" => terminal_flag: |_, bit| (bit + 1) % 3;
     "display-never-dark" => displayed: |_, flags| if flags == 0 { 1 } else { flags };
