@@ -5,7 +5,6 @@ use std::ops::RangeInclusive;
 use canopen::Mux;
 
 use super::Rules;
-use super::pdo::is_mapping;
 
 decisions! {
     /// The decisions of 1010h, 1011h and 1020h (CiA 301, 7.5.2.13, 7.5.2.14 and 7.5.2.23).
@@ -102,7 +101,6 @@ deviations! {
     "save-without-sdo-channels" => stored: |_, mux| !(0x1201..=0x12FF).contains(&mux.index);
     "save-of-three-monitored-nodes" => stored: |_, mux| mux.index != 0x1016 || mux.sub <= 3;
     "save-of-three-emcy-consumers" => stored: |_, mux| mux.index != 0x1028 || mux.sub <= 3;
-    "save-of-the-first-mapped-object" => stored: |_, mux| !is_mapping(mux) || mux.sub <= 1;
     "save-of-four-pdos" => stored: |_, mux| {
         !matches!(mux.index, 0x1400..=0x1BFF) || mux.index & 0x1FF < 4
     };
