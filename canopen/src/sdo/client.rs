@@ -532,6 +532,14 @@ mod tests {
         assert!(matches!(&taken, Next::Failed(Failure::Violation { .. }, _)), "{taken:?}");
         let (_, sent) = numbers(client.step(ack(0)));
         assert_eq!(sent, [1, 2, 3]);
+        let (client, sent) = numbers(begin(Mistake::LaterSegmentsLost));
+        assert_eq!(sent, [1, 2, 3]);
+        let (client, sent) = numbers(client.step(ack(0)));
+        assert_eq!(sent, [1, 3]);
+        let (client, sent) = numbers(client.step(ack(0)));
+        assert_eq!(sent, [1, 3]);
+        let (_, sent) = numbers(client.step(ack(0)));
+        assert_eq!(sent, [1, 2, 3]);
         let (client, sent) = numbers(begin(Mistake::RepeatedSegment));
         assert_eq!(sent, [1, 1, 2, 3]);
         let (_, sent) = numbers(client.step(ack(1)));

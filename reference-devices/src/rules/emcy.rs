@@ -70,6 +70,11 @@ decisions! {
         true
     }
 
+    /// A new inhibit time leaves the messages alone that wait (7.5.2.18).
+    fn new_emcy_inhibit_leaves_messages(&self) -> bool {
+        true
+    }
+
     /// Deleting the history in 1003h leaves the errors alone (7.5.2.4).
     fn history_cleared_alone(&self) -> bool {
         true

@@ -179,6 +179,16 @@ decisions! {
         toggle
     }
 
+    /// Nor does the life guarding event touch it (7.2.8.3.2.1).
+    fn guarding_toggle_after_life_guarding_event(&self, toggle: bool) -> bool {
+        toggle
+    }
+
+    /// What is written to other objects leaves monitoring and life guarding alone that have begun.
+    fn settings_leave_error_control(&self) -> bool {
+        true
+    }
+
     /// A life time of 0 ends life guarding that has begun (7.5.2.12).
     fn life_guarding_can_end(&self) -> bool {
         true

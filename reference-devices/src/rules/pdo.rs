@@ -121,6 +121,12 @@ decisions! {
         0
     }
 
+    /// The start value begins the count once; the counter passes it in each of its rounds
+    /// (7.5.2.37).
+    fn sync_start_begins_again(&self) -> bool {
+        false
+    }
+
     /// Of several frames before a SYNC the last one counts (7.2.2.2).
     fn synchronous_rpdo_replaced(&self) -> bool {
         true

@@ -99,6 +99,14 @@ deviations! {
         _ => 0x1000..=0xFFFF,
     };
     "save-without-sdo-channels" => stored: |_, mux| !(0x1201..=0x12FF).contains(&mux.index);
+    "save-of-three-monitored-nodes" => stored: |_, mux| mux.index != 0x1016 || mux.sub <= 3;
+    "save-of-three-emcy-consumers" => stored: |_, mux| mux.index != 0x1028 || mux.sub <= 3;
+    "save-of-four-pdos" => stored: |_, mux| {
+        !matches!(mux.index, 0x1400..=0x1BFF) || mux.index & 0x1FF < 4
+    };
+    "save-of-two-sdo-channels-of-a-kind" => stored: |_, mux| {
+        !matches!(mux.index, 0x1202..=0x127F | 0x1281..=0x12FF)
+    };
     "save-of-eight-sub-indices" => stored: |_, mux| mux.sub <= 8;
     "save-of-eight-bytes" => stored_length: |_, length| length.min(8);
     "load-of-eight-sub-indices" => forgotten: |_, mux| mux.sub <= 8;

@@ -109,6 +109,16 @@ decisions! {
     fn own_sync_used(&self) -> bool {
         true
     }
+
+    /// Those that it receives as well as those that it transmits (7.2.5.1).
+    fn own_sync_brings_rpdos(&self) -> bool {
+        true
+    }
+
+    /// Each period of 1006h is taken (7.5.2.6).
+    fn sync_period_taken(&self, _period: Duration) -> bool {
+        true
+    }
 }
 
 deviations! {
@@ -119,6 +129,8 @@ deviations! {
     "sync-period-in-whole-milliseconds" => sync_production_period: |_, configured| {
         Duration::from_millis(configured.as_millis() as u64)
     };
+    "sync-periods-of-whole-milliseconds" =>
+        sync_period_taken: |_, period| period.as_micros().is_multiple_of(1000);
     "sync-counter-from-0" => sync_counter_after: |_, counter, overflow| {
         if counter >= overflow { 0 } else { counter + 1 }
     };

@@ -55,6 +55,9 @@ impl EmcyProducer {
         if inhibit > 0 || base.rules.emcy_inhibit_can_end() {
             let before = self.inhibit;
             self.inhibit = base.rules.emcy_inhibit(inhibit);
+            if self.inhibit != before && !base.rules.new_emcy_inhibit_leaves_messages() {
+                self.queue.clear();
+            }
             self.begins = self.inhibit != before && base.rules.emcy_inhibit_begins_when_set();
         }
     }

@@ -44,6 +44,11 @@ impl Guarding {
         }
     }
 
+    /// Life guarding waits for the next question.
+    pub(crate) fn begin_anew(&mut self) {
+        self.deadline = None;
+    }
+
     /// Ends life guarding, as the heartbeat does.
     pub(crate) fn stop(&mut self, base: &mut Base) {
         self.deadline = None;
@@ -77,6 +82,7 @@ impl Guarding {
     pub(crate) fn handle_timeout(&mut self, now: Instant, base: &mut Base) {
         let missed = self.deadline.take_if(|due| *due <= now).is_some();
         if missed && base.rules.life_guarded_in(base.state) {
+            self.toggle = base.rules.guarding_toggle_after_life_guarding_event(self.toggle);
             base.raise(Fault::new(FaultKind::Guarding, 0));
         }
     }

@@ -55,6 +55,15 @@ impl HeartbeatConsumer {
         }
     }
 
+    /// The nodes that are there are watched from their next heartbeat on.
+    pub(crate) fn begin_anew(&mut self) {
+        for watch in &mut self.watches {
+            if matches!(watch.state, State::Alive(_)) {
+                watch.state = State::Waiting;
+            }
+        }
+    }
+
     /// A frame on the error control identifier of another node.
     pub(crate) fn handle_frame(&mut self, now: Instant, node: u8, data: &[u8], base: &mut Base) {
         let Ok(report) = ErrorControl::decode(data) else { return };

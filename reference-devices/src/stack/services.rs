@@ -200,7 +200,7 @@ impl Services {
     pub(crate) fn handle_data(&mut self, now: Instant, id: u16, data: Data, out: &mut Outbox) {
         if self.sync.id() == Some(id) {
             if let Some(sync) = self.sync.handle_frame(now, &data, &mut self.base) {
-                self.synchronise(now, sync, out);
+                self.synchronise(now, sync, true, out);
             }
         } else if self.time.id() == Some(id) {
             self.time.handle_frame(now, &data, &self.base);
@@ -255,7 +255,8 @@ impl Services {
         if let Some(sync) = self.sync_producer.handle_timeout(now, &self.base, out) {
             self.sync.open_window(now, &mut self.base);
             if self.base.rules.own_sync_used() {
-                self.synchronise(now, sync, out);
+                let receives = self.base.rules.own_sync_brings_rpdos();
+                self.synchronise(now, sync, receives, out);
             }
         }
         for rpdo in &mut self.rpdos {
@@ -391,8 +392,10 @@ impl Services {
     }
 
     /// SYNC: received data take effect, the application follows, then data are transmitted.
-    fn synchronise(&mut self, now: Instant, sync: Sync, out: &mut Outbox) {
-        for place in 0..self.rpdos.len() {
+    /// SYNC has come, or was produced. RPDOs take effect with it if it `receives` them.
+    fn synchronise(&mut self, now: Instant, sync: Sync, receives: bool, out: &mut Outbox) {
+        let rpdos = if receives { self.rpdos.len() } else { 0 };
+        for place in 0..rpdos {
             if let Some(data) = self.rpdos[place].synchronise(&self.base) {
                 self.apply(now, place, data);
                 if !self.base.rules.sync_brings_each_rpdo() {

@@ -127,7 +127,8 @@ pub(crate) fn check(mux: Mux, bytes: &[u8], base: &Base) -> Result<(), Abort> {
             let period = Duration::from_micros(u32::from_le_bytes([a, b, c, d]).into());
             let shortest = base.settings.sync_producer.unwrap_or_default();
             // 0 ends the production, so no producer is too slow for it.
-            if !period.is_zero() && period < shortest {
+            let possible = period >= shortest && base.rules.sync_period_taken(period);
+            if !period.is_zero() && !possible {
                 return Err(Abort::VALUE);
             }
         }

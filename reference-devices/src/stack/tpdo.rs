@@ -186,6 +186,9 @@ impl Tpdo {
                     0 => base.rules.syncs_before_first(self.kind),
                     _ => base.rules.syncs_before_start_value(self.kind),
                 };
+                if self.sync_start != 0 && starts && base.rules.sync_start_begins_again() {
+                    self.syncs = None;
+                }
                 let count = self.syncs.unwrap_or_else(first).saturating_add(1);
                 self.syncs = Some(count);
                 if base.rules.cyclic_tpdo_due(count, self.kind) {

@@ -145,6 +145,7 @@ impl Wording<'_> {
         let mistake = match write.mistake {
             None => "",
             Some(Mistake::LostSegment) => " in blocks, the first segment lost",
+            Some(Mistake::LaterSegmentsLost) => " in blocks, two later segments lost",
             Some(Mistake::RepeatedSegment) => " in blocks, the first segment twice",
             Some(Mistake::WrongChecksum) => " in blocks, with a wrong checksum",
         };

@@ -104,12 +104,15 @@ impl From<Flow> for Transfer {
     }
 }
 
-/// What the tester does wrong, once, in a block download.
+/// What the tester does wrong in a block download.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Mistake {
     /// The first segment is not sent before it is missed.
     LostSegment,
+    /// The second segment of the second sub-block is not sent before it is missed, nor is that of
+    /// the sub-block after it.
+    LaterSegmentsLost,
     /// The first segment is sent twice.
     RepeatedSegment,
     /// The checksum at the end is not that of the data.
@@ -120,6 +123,7 @@ impl From<Mistake> for sdo::Mistake {
     fn from(mistake: Mistake) -> Self {
         match mistake {
             Mistake::LostSegment => Self::LostSegment,
+            Mistake::LaterSegmentsLost => Self::LaterSegmentsLost,
             Mistake::RepeatedSegment => Self::RepeatedSegment,
             Mistake::WrongChecksum => Self::WrongChecksum,
         }

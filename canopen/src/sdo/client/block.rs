@@ -25,17 +25,22 @@ pub(super) struct BlockDownload {
     lost: u32,
     /// The last segment of the sub-block that can have arrived in order.
     arrived: u8,
-    /// What the client still does wrong.
+    /// How many sub-blocks were sent.
+    blocks: u32,
+    /// What the client does wrong.
     mistake: Option<Mistake>,
     waits_for: Answer,
 }
 
-/// What a client does wrong, once, in a block download. That of a segment needs a sub-block of two
-/// segments at least.
+/// What a client does wrong in a block download. That of a segment needs a sub-block of two
+/// segments at least, and a later segment one of three.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mistake {
     /// The first segment is not sent before it is missed.
     LostSegment,
+    /// The second segment of the second sub-block is not sent before it is missed, nor is that of
+    /// the sub-block after it.
+    LaterSegmentsLost,
     /// The first segment is sent twice.
     RepeatedSegment,
     /// The checksum at the end is not that of the data.
@@ -43,9 +48,13 @@ pub enum Mistake {
 }
 
 impl Mistake {
-    /// Whether it is made in a sub-block of so many segments.
-    fn is_due(self, segments: usize) -> bool {
-        segments > 1 && self != Self::WrongChecksum
+    /// Whether it is made in the sub-block of that number, which has so many segments.
+    fn is_due(self, block: u32, segments: usize) -> bool {
+        match self {
+            Self::LostSegment | Self::RepeatedSegment => block == 1 && segments > 1,
+            Self::LaterSegmentsLost => matches!(block, 2 | 3) && segments > 2,
+            Self::WrongChecksum => false,
+        }
     }
 }
 
@@ -69,6 +78,7 @@ impl BlockDownload {
             last: false,
             lost: 0,
             arrived: 0,
+            blocks: 0,
             mistake,
             waits_for: Answer::Initiate,
         };
@@ -138,10 +148,15 @@ impl BlockDownload {
         self.sent = segments.len() as u8;
         self.last = segments.last().is_some_and(|segment| segment.last);
         self.arrived = self.sent;
-        match self.mistake.take_if(|mistake| mistake.is_due(segments.len())) {
+        self.blocks += 1;
+        match self.mistake.filter(|mistake| mistake.is_due(self.blocks, segments.len())) {
             Some(Mistake::LostSegment) => {
                 segments.remove(0);
                 self.arrived = 0;
+            }
+            Some(Mistake::LaterSegmentsLost) => {
+                segments.remove(1);
+                self.arrived = 1;
             }
             Some(Mistake::RepeatedSegment) => segments.insert(0, segments[0]),
             Some(Mistake::WrongChecksum) | None => {}

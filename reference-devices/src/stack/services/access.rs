@@ -182,6 +182,10 @@ impl Services {
     pub(super) fn written(&mut self, now: Instant, mux: Mux) {
         if is_communication(mux) {
             self.configure(now, mux);
+            if !self.base.rules.settings_leave_error_control() {
+                self.consumer.begin_anew();
+                self.guarding.begin_anew();
+            }
         }
         if self.base.settings.time_interval_object == Some(mux) {
             self.time.configure(now, &self.base);
