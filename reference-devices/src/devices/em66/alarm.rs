@@ -33,6 +33,8 @@ struct Alarm {
     kind: AlarmType,
     /// The state it reports.
     on: bool,
+    /// The state when it was last enabled.
+    held: bool,
 }
 
 /// Where an alarm has its objects.
@@ -64,6 +66,8 @@ struct Start {
     on: bool,
     set_points: SetPoints,
     waiting: bool,
+    /// What began the wait.
+    cause: Wait,
     codes: Codes,
 }
 
@@ -79,7 +83,7 @@ impl Alarms {
     pub(super) fn reset(&mut self, od: &mut Dictionary, rules: &Em66Rules) {
         self.start = Start::new(self.start.codes);
         for alarm in &mut self.alarms {
-            (alarm.kind, alarm.on) = (AlarmType::OFF, false);
+            (alarm.kind, alarm.on, alarm.held) = (AlarmType::OFF, false, false);
             alarm.setup = Setup::of(&alarm.objects, od);
             od.set_int(alarm.objects.state, rules.alarm_state(false));
         }
@@ -173,25 +177,35 @@ impl Alarms {
     /// Compares, and shows the states.
     pub(super) fn watch(&mut self, duty: &Duty, od: &mut Dictionary, rules: &Em66Rules) {
         self.start.watch(duty, od, rules);
-        for alarm in &mut self.alarms {
-            alarm.watch(self.start.waiting, od, rules);
+        let mut before = None;
+        for (place, alarm) in self.alarms.iter_mut().enumerate() {
+            if alarm.setup.kind != AlarmType::OFF {
+                let distance = before.replace(place).map(|before| place - before);
+                if !rules.alarm_watched(distance) {
+                    break;
+                }
+            }
+            alarm.watch(&self.start, od, rules);
         }
     }
 }
 
 impl Alarm {
     fn new(objects: Objects) -> Self {
-        Self { objects, setup: Setup::default(), kind: AlarmType::OFF, on: false }
+        Self { objects, setup: Setup::default(), kind: AlarmType::OFF, on: false, held: false }
     }
 
-    fn watch(&mut self, waiting: bool, od: &mut Dictionary, rules: &Em66Rules) {
+    fn watch(&mut self, start: &Start, od: &mut Dictionary, rules: &Em66Rules) {
         let kind = rules.alarm_type(self.setup.kind, self.kind);
-        let before = self.on && kind == self.kind;
+        let enabled = self.kind == AlarmType::OFF && rules.alarm_remembered();
+        let before = self.on && kind == self.kind || self.held && enabled;
         let on = if kind == AlarmType::OFF {
             rules.alarm_state_while_off(self.on)
         } else {
-            let waits = waiting && rules.alarm_has_start(kind);
-            !waits && self.setup.is_met(kind, before, od, rules)
+            let has_start = rules.alarm_has_start(kind);
+            let waits = start.waiting && has_start && rules.alarm_waits(kind, start.cause);
+            self.held = !waits && self.setup.is_met(kind, before, od, rules);
+            self.held
         };
         self.kind = kind;
         if on != self.on {
@@ -255,9 +269,10 @@ impl Setup {
             return self;
         }
         let compared = rules.alarm_compares(input, alternate);
+        let takes_hysteresis = rules.alarm_takes_hysteresis(input, false);
         Self {
             alternate: if compared { self.alternate } else { NONE },
-            hysteresis: if takes_hysteresis(input) { self.hysteresis } else { 0 },
+            hysteresis: if takes_hysteresis { self.hysteresis } else { 0 },
             ..self
         }
     }
@@ -271,10 +286,11 @@ impl Setup {
         let sided = !self.kind.is_difference()
             || self.alternate != NONE
             || !rules.alarm_difference_needs_alternate();
+        let is_on = self.kind != AlarmType::OFF;
         linked
             && compared
-            && (self.hysteresis == 0 || takes_hysteresis(input))
-            && (self.kind == AlarmType::OFF || rules.alarm_type_supported(self.kind, input))
+            && (self.hysteresis == 0 || rules.alarm_takes_hysteresis(input, is_on))
+            && (!is_on || rules.alarm_type_supported(self.kind, input))
             && sided
             && rules.alarm_takes_action(self.action)
     }
@@ -286,8 +302,8 @@ impl Setup {
         };
         let Some(input) = read(self.link) else { return false };
         let alternate = read(self.alternate);
-        let fixed = quantity(self.link, PROCESS_VALUES, od, rules) == Some(Quantity::Flow);
-        let hysteresis = if fixed { FLOW_HYSTERESIS } else { self.hysteresis };
+        let quantity = quantity(self.link, PROCESS_VALUES, od, rules);
+        let hysteresis = rules.alarm_hysteresis_of(quantity, self.hysteresis);
         compare(kind, &Sides { input, alternate, level: self.level, hysteresis, before }, rules)
     }
 }
@@ -305,8 +321,8 @@ struct Sides {
 /// Whether there is an alarm now.
 fn compare(kind: AlarmType, sides: &Sides, rules: &Em66Rules) -> bool {
     let Sides { input, alternate, level, hysteresis, before } = *sides;
-    let back = if before { rules.alarm_hysteresis(kind, hysteresis) } else { 0 };
     let reference = rules.alarm_reference(level, alternate);
+    let back = if before { rules.alarm_hysteresis(kind, hysteresis, level) } else { 0 };
     let difference = rules.alarm_difference(input, alternate.unwrap_or(0));
     let window = || {
         let inside = rules.alarm_inside(input, reference, hysteresis);
@@ -326,7 +342,7 @@ fn compare(kind: AlarmType, sides: &Sides, rules: &Em66Rules) -> bool {
 impl Start {
     const fn new(codes: Codes) -> Self {
         let set_points = SetPoints { first: 0, second: 0, is_second: false };
-        Self { on: false, set_points, waiting: true, codes }
+        Self { on: false, set_points, waiting: true, cause: Wait::SwitchedOn, codes }
     }
 
     fn watch(&mut self, duty: &Duty, od: &Dictionary, rules: &Em66Rules) {
@@ -338,18 +354,16 @@ impl Start {
             is_second: value(od, CONTROL_BYTE) & self.codes.control_second != 0,
         };
         let changed = rules.alarm_set_point_changed(self.set_points, now);
-        let begins = (on && !self.on && rules.alarm_starts_waiting(Wait::SwitchedOn))
-            || (changed && rules.alarm_starts_waiting(Wait::SetPointChanged))
+        let switched_on = (on && !self.on && rules.alarm_starts_waiting(Wait::SwitchedOn))
             || (!on && rules.alarm_waits_while_off());
+        let begins = switched_on || changed && rules.alarm_starts_waiting(Wait::SetPointChanged);
+        if begins {
+            self.cause = if switched_on { Wait::SwitchedOn } else { Wait::SetPointChanged };
+        }
         let there = rules.alarm_set_point_reached(value(od, EFFECTIVE_VALUE) - now.in_use());
         self.waiting = (self.waiting || begins || !rules.alarm_waits_once()) && !(on && there);
         (self.on, self.set_points) = (on, now);
     }
-}
-
-/// A flow has no hysteresis.
-fn takes_hysteresis(input: Option<Quantity>) -> bool {
-    input != Some(Quantity::Flow)
 }
 
 /// The kind of value that a link names: one of `objects` that the device has.
@@ -380,8 +394,6 @@ fn number(bytes: &[u8]) -> i64 {
 
 /// A link to nothing.
 const NONE: u32 = 0;
-/// The flow must come back by half a litre a minute.
-const FLOW_HYSTERESIS: i64 = 5;
 
 /// The values that can be monitored.
 const PROCESS_VALUES: &[(Mux, Quantity)] = COMPARABLE.split_at(7).0;

@@ -152,7 +152,7 @@ impl Controller {
         if changed && !rules.ramp_goes_on() {
             self.ramp.stop(chosen);
         }
-        self.ramp.follow(chosen, start, rates);
+        self.ramp.follow(chosen, start, rates, rules);
         if !elapsed.is_zero() {
             self.ramp.advance(elapsed, chosen, rates, rules);
         }
@@ -242,12 +242,13 @@ fn limits(od: &Dictionary, rules: &Em66Rules) -> (i64, i64) {
     (low.clamp(-FULL_OUTPUT, 0), high.clamp(0, FULL_OUTPUT))
 }
 
-/// It circulates while the controller is on; while the mould is emptied, it rests.
+/// It circulates while the controller is on; while the mould is emptied, it rests. It sucks whenever
+/// suction is on.
 const fn pump(duty: &Duty) -> Pump {
-    match (duty.on && !duty.evacuating, duty.suction) {
-        (false, _) => Pump::Off,
-        (true, false) => Pump::Forward,
-        (true, true) => Pump::Backward,
+    match (duty.evacuating, duty.suction, duty.on) {
+        (true, _, _) | (false, false, false) => Pump::Off,
+        (false, true, _) => Pump::Backward,
+        (false, false, true) => Pump::Forward,
     }
 }
 

@@ -6,8 +6,8 @@ use canopen::Dictionary;
 use canopen::emcy::EmcyCode;
 
 use super::objects::{
-    CONTROL_ERRORS, CONTROL_WORD, ERROR_STATUS, GENERAL, LOW_LEVEL, SAFETY_LIMIT, SENSOR, set,
-    value,
+    CONTROL_ERRORS, CONTROL_WORD, ERROR_STATUS, GENERAL, LOW_LEVEL, SAFETY_LIMIT, SENSOR,
+    STATUS_INFORMATION, SWITCH_OFF_STATUS, set, value,
 };
 use super::rules::Em66Rules;
 use super::{External, Mode, Sensed};
@@ -38,7 +38,10 @@ impl Faults {
         errors: &mut Errors,
         rules: &Em66Rules,
     ) -> bool {
+        let suction = value(od, STATUS_INFORMATION) & 1 != 0;
+        let switching_off = value(od, SWITCH_OFF_STATUS) != 0;
         let causes = causes(sensed, mode, value(od, CONTROL_ERRORS), rules);
+        let causes = rules.causes_while(causes, suction, switching_off);
         let before = self.causes;
         self.causes = rules.causes_seen(before, causes);
         let appeared = causes & !before;

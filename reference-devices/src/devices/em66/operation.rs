@@ -117,13 +117,14 @@ impl Operation {
         let second = value(od, CONTROL_BYTE) & self.codes.control_second != 0;
         let first = value(od, SET_POINT);
         let chosen = if second { value(od, SECOND_SET_POINT) } else { first };
+        let off = !self.switch_off.is_running() && !self.switch_off.is_busy();
         Situation {
             requested: rules.suction_requested(value(od, CONTROL_WORD)),
             supported: options.suction,
             set_point: rules.suction_set_point(chosen, first),
             effective: sensed.effective(self.mode),
-            running: self.switch_off.is_running(),
-            off: !self.switch_off.is_running() && !self.switch_off.is_busy(),
+            running: self.switch_off.is_running() || off && rules.suction_while_off(),
+            off,
         }
     }
 

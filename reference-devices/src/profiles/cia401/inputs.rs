@@ -18,6 +18,8 @@ pub(super) struct DigitalInput {
     levels: i64,
     /// What was at the terminals when they were last sampled.
     sampled: i64,
+    /// Terminals whose level was forgotten while it waited, until their next edge.
+    forgotten: i64,
     /// When the level of a terminal that changed has held long enough, terminal by terminal.
     due: Vec<Option<Instant>>,
     /// The first of them.
@@ -27,7 +29,16 @@ pub(super) struct DigitalInput {
 impl DigitalInput {
     pub(super) fn new(channel: Channel) -> Self {
         let due = vec![None; channel.bits as usize];
-        Self { channel, terminals: 0, driven: 0, levels: 0, sampled: 0, due, next: None }
+        Self {
+            channel,
+            terminals: 0,
+            driven: 0,
+            levels: 0,
+            sampled: 0,
+            forgotten: 0,
+            due,
+            next: None,
+        }
     }
 
     /// Restarts: the present levels are not a change.
@@ -35,6 +46,7 @@ impl DigitalInput {
         self.levels = self.present();
         self.due.fill(None);
         self.next = None;
+        self.forgotten = 0;
     }
 
     /// Takes over what is at the terminals, polarity included, into the object.
@@ -43,8 +55,9 @@ impl DigitalInput {
         let polarity = self.channel.setting(Setting::InputPolarity, od, rules);
         let time = rules.filter_time(od);
         let present = self.present();
-        let other = std::mem::replace(&mut self.sampled, present) != present;
-        if other && rules.other_edge_restarts_filter() {
+        let edges = std::mem::replace(&mut self.sampled, present) ^ present;
+        self.forgotten &= !edges;
+        if edges != 0 && rules.other_edge_restarts_filter() {
             self.due.fill(None);
         }
         for (place, due) in self.due.iter_mut().enumerate() {
@@ -53,7 +66,15 @@ impl DigitalInput {
                 *due = None;
                 continue;
             }
-            let waits = filtered & bit != 0 && !time.is_zero();
+            let is_filtered = filtered & bit != 0;
+            if due.is_some() && !is_filtered && !rules.waiting_level_counts() {
+                self.forgotten |= bit;
+                *due = None;
+            }
+            if self.forgotten & bit != 0 {
+                continue;
+            }
+            let waits = is_filtered && !time.is_zero() && rules.filters_level(present & bit != 0);
             if !waits || *due.get_or_insert(now + time) <= now {
                 self.levels ^= bit;
                 *due = None;

@@ -13,13 +13,17 @@ pub(super) struct Output {
     pub(super) terminal: i64,
     /// The value that the terminals followed last.
     followed: i64,
+    /// The polarity that they had then.
+    polarity: i64,
+    /// The terminals have followed since the start or the last failure.
+    drives: bool,
     /// The network failed, so the terminals keep what they have until it is back.
     failed: bool,
 }
 
 impl Output {
     pub(super) const fn new(channel: Channel) -> Self {
-        Self { channel, terminal: 0, followed: 0, failed: false }
+        Self { channel, terminal: 0, followed: 0, polarity: 0, drives: false, failed: false }
     }
 
     /// Restarts with everything off.
@@ -40,6 +44,7 @@ impl Output {
     /// The network can be relied upon again.
     pub(super) fn recover(&mut self) {
         self.failed = false;
+        self.drives = false;
     }
 
     /// Lets the terminals follow the object, a digital block where its filter mask lets them.
@@ -48,14 +53,22 @@ impl Output {
             return;
         }
         let written = od.int(self.channel.value).unwrap_or(0);
+        let repeated = std::mem::replace(&mut self.drives, true) && self.followed == written;
         self.followed = written;
+        if repeated && !rules.settings_move_outputs() {
+            return;
+        }
         let setting = |setting| self.channel.setting(setting, od, rules);
         self.terminal = if self.channel.kind == Kind::AnalogueOutput {
             let scaled = written.saturating_mul(setting(Setting::OutputScaling));
             self.channel.limited(scaled.saturating_add(setting(Setting::OutputOffset)))
         } else {
-            let wanted = written ^ setting(Setting::OutputPolarity);
-            self.blend(wanted, setting(Setting::OutputFilter))
+            let polarity = setting(Setting::OutputPolarity);
+            let turned = std::mem::replace(&mut self.polarity, polarity) ^ polarity;
+            if !rules.polarity_spares_fixed_outputs() {
+                self.terminal ^= turned;
+            }
+            self.blend(written ^ polarity, setting(Setting::OutputFilter))
         };
     }
 
@@ -63,9 +76,10 @@ impl Output {
     pub(super) fn fail(&mut self, od: &mut Dictionary, rules: &Cia401Rules) {
         let setting = |setting| self.channel.setting(setting, od, rules);
         if self.channel.kind == Kind::AnalogueOutput {
-            if setting(Setting::AnalogueErrorMode) != 0 {
-                self.terminal = setting(Setting::AnalogueErrorValue);
-            }
+            self.terminal = match setting(Setting::AnalogueErrorMode) {
+                0 => rules.kept_on_failure(self.terminal, self.followed),
+                _ => setting(Setting::AnalogueErrorValue),
+            };
         } else {
             let value = setting(Setting::OutputErrorValue);
             self.terminal = self.blend(value, setting(Setting::OutputErrorMode));

@@ -88,6 +88,31 @@ decisions! {
         false
     }
 
+    /// A level waits whether it rises or falls (6003h).
+    fn filters_level(&self, _high: bool) -> bool {
+        true
+    }
+
+    /// A level that waits is taken when its filter is switched off (6003h).
+    fn waiting_level_counts(&self) -> bool {
+        true
+    }
+
+    /// An output that takes no new values keeps its level when its polarity changes (6202h, 6208h).
+    fn polarity_spares_fixed_outputs(&self) -> bool {
+        true
+    }
+
+    /// A terminal follows the settings of its output at any time (6202h, 6446h, 6447h).
+    fn settings_move_outputs(&self) -> bool {
+        true
+    }
+
+    /// An output that keeps its value on a failure stays as it is (6443h).
+    fn kept_on_failure(&self, terminal: i64, _written: i64) -> i64 {
+        terminal
+    }
+
     /// An edge that two masks select counts like any other.
     fn edge_of_two_masks_counts(&self) -> bool {
         true
@@ -213,6 +238,27 @@ deviations! {
         Setting::UpperLimit | Setting::LowerLimit => configured & 0xFFFF,
         _ => configured,
     });
+    "filter-of-rising-levels" => filters_level: |_, high| high;
+    "first-condition-alone" => setting: as_said(|setting, configured| match setting {
+        Setting::TriggerSelection => configured & configured.wrapping_neg(),
+        _ => configured,
+    });
+    "last-condition-alone" => setting: as_said(|setting, configured| match (setting, configured) {
+        (Setting::TriggerSelection, 1..) => 1 << configured.ilog2(),
+        _ => configured,
+    });
+    "input-factor-without-sign" => setting: as_said(|setting, configured| match setting {
+        Setting::InputScaling => configured.abs(),
+        _ => configured,
+    });
+    "output-factor-without-sign" => setting: as_said(|setting, configured| match setting {
+        Setting::OutputScaling => configured.abs(),
+        _ => configured,
+    });
+    "pre-operational-is-a-failure" => fails: |rules, event| {
+        event == CommunicationEvent::Entered(NmtState::PRE_OPERATIONAL) || rules.fails(event)
+    };
+    "output-kept-without-conversion" => kept_on_failure: |_, _, written| written;
     "interrupts-enabled-together" => analogue_interrupts: |rules, enabled, digital| {
         rules.analogue_interrupts(enabled, digital) && digital
     };

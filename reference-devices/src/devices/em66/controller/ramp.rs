@@ -9,6 +9,10 @@ use crate::devices::em66::rules::Em66Rules;
 pub(super) struct Ramp {
     present: f64,
     running: bool,
+    /// The set point that it makes for.
+    chosen: f64,
+    /// The one before.
+    former: f64,
 }
 
 /// How fast the set point may rise and fall, in tenths of a kelvin per minute; 0 is at once.
@@ -23,22 +27,27 @@ pub(super) struct Rates {
 impl Ramp {
     /// Of a controller that has not run.
     pub(super) const fn new() -> Self {
-        Self { present: 0.0, running: false }
+        Self { present: 0.0, running: false, chosen: 0.0, former: 0.0 }
     }
 
     /// The controller is off: nothing to follow.
     pub(super) fn stop(&mut self, chosen: i64) {
-        *self = Self { present: chosen as f64, running: false };
+        let chosen = chosen as f64;
+        *self = Self { present: chosen, running: false, chosen, former: chosen };
     }
 
     /// The controller is on; one that was off starts where `start` is. Where there is no ramp in
     /// the direction to go, the chosen set point is in force at once.
-    pub(super) fn follow(&mut self, chosen: i64, start: i64, rates: Rates) {
+    pub(super) fn follow(&mut self, chosen: i64, start: i64, rates: Rates, rules: &Em66Rules) {
+        let (chosen, start) = (chosen as f64, start as f64);
         if !self.running {
-            *self = Self { present: start as f64, running: true };
+            *self = Self { present: start, running: true, chosen, former: start };
         }
-        if self.rate(chosen, rates) == 0 {
-            self.present = chosen as f64;
+        if chosen != self.chosen {
+            self.former = std::mem::replace(&mut self.chosen, chosen);
+        }
+        if self.rate(chosen, rates, rules) == 0 {
+            self.present = chosen;
         }
     }
 
@@ -50,8 +59,9 @@ impl Ramp {
         rates: Rates,
         rules: &Em66Rules,
     ) {
-        let step = self.rate(chosen, rates) as f64 * elapsed.as_secs_f64() / 60.0;
-        let missing = chosen as f64 - self.present;
+        let chosen = chosen as f64;
+        let step = self.rate(chosen, rates, rules) as f64 * elapsed.as_secs_f64() / 60.0;
+        let missing = chosen - self.present;
         if self.running {
             self.present += rules.ramp_step(missing, step);
         }
@@ -63,8 +73,9 @@ impl Ramp {
     }
 
     /// Of the direction to go.
-    fn rate(&self, chosen: i64, rates: Rates) -> i64 {
-        if chosen as f64 > self.present { rates.heating } else { rates.cooling }.max(0)
+    fn rate(&self, chosen: f64, rates: Rates, rules: &Em66Rules) -> i64 {
+        let rises = rules.ramp_rises(chosen, self.present, self.former);
+        if rises { rates.heating } else { rates.cooling }.max(0)
     }
 }
 
@@ -88,10 +99,10 @@ mod tests {
         let mut ramp = Ramp::new();
         ramp.stop(400);
         assert_eq!(ramp.present(), 400.0);
-        ramp.follow(400, 250, SLOW);
+        ramp.follow(400, 250, SLOW, &Em66Rules::plain());
         assert_eq!(ramp.present(), 250.0);
         assert_eq!(after(&mut ramp, 10, 400, SLOW), 260.0);
-        ramp.follow(400, 999, SLOW);
+        ramp.follow(400, 999, SLOW, &Em66Rules::plain());
         assert_eq!(after(&mut ramp, 600, 400, SLOW), 400.0);
         assert_eq!(after(&mut ramp, 10, 300, SLOW), 395.0);
     }
@@ -100,11 +111,11 @@ mod tests {
     fn without_a_ramp_the_chosen_set_point_is_in_force_at_once() {
         let up_only = Rates { heating: 600, cooling: 0 };
         let mut ramp = Ramp::new();
-        ramp.follow(400, 250, Rates::default());
+        ramp.follow(400, 250, Rates::default(), &Em66Rules::plain());
         assert_eq!(ramp.present(), 400.0);
-        ramp.follow(500, 250, up_only);
+        ramp.follow(500, 250, up_only, &Em66Rules::plain());
         assert_eq!(ramp.present(), 400.0);
-        ramp.follow(300, 250, up_only);
+        ramp.follow(300, 250, up_only, &Em66Rules::plain());
         assert_eq!(ramp.present(), 300.0);
     }
 
@@ -112,7 +123,7 @@ mod tests {
     fn a_fraction_of_a_tenth_is_not_lost() {
         let mut ramp = Ramp::new();
         let rates = Rates { heating: 7, cooling: 7 };
-        ramp.follow(400, 0, rates);
+        ramp.follow(400, 0, rates, &Em66Rules::plain());
         assert_eq!(after(&mut ramp, 600, 400, rates), 7.0);
         ramp.stop(100);
         assert_eq!(after(&mut ramp, 600, 400, rates), 100.0);

@@ -147,9 +147,34 @@ decisions! {
         inside
     }
 
-    /// The hysteresis that keeps an alarm of this type.
-    fn alarm_hysteresis(&self, _kind: AlarmType, hysteresis: i64) -> i64 {
+    /// The hysteresis that keeps an alarm of this type at this level.
+    fn alarm_hysteresis(&self, _kind: AlarmType, hysteresis: i64, _level: i64) -> i64 {
         hysteresis
+    }
+
+    /// Step 3: the flow has a hysteresis of its own, whether its alarm is on or not.
+    fn alarm_takes_hysteresis(&self, input: Option<Quantity>, _on: bool) -> bool {
+        input != Some(Quantity::Flow)
+    }
+
+    /// The hysteresis in force.
+    fn alarm_hysteresis_of(&self, input: Option<Quantity>, written: i64) -> i64 {
+        if input == Some(Quantity::Flow) { FLOW_HYSTERESIS } else { written }
+    }
+
+    /// An alarm is watched however far the one before it that is on is away.
+    fn alarm_watched(&self, _distance: Option<usize>) -> bool {
+        true
+    }
+
+    /// An alarm that was disabled begins anew.
+    fn alarm_remembered(&self) -> bool {
+        false
+    }
+
+    /// Each type with start condition waits for the same reasons.
+    fn alarm_waits(&self, _kind: AlarmType, _cause: Wait) -> bool {
+        true
     }
 
     /// Whether alarms of this type have a start condition.
@@ -190,6 +215,8 @@ decisions! {
 
 /// One kelvin: so close to the set point it counts as reached.
 const REACHED: i64 = 10;
+/// The flow must come back by half a litre a minute.
+const FLOW_HYSTERESIS: i64 = 5;
 
 deviations! {
     pub(super) DEVIATIONS of AlarmDecision;
@@ -253,10 +280,13 @@ deviations! {
         alarm_inside: |_, input, reference, width| (input - reference).abs() < width;
     "alarm-window-above-its-level" =>
         alarm_inside: |_, input, reference, width| (0..=width).contains(&(input - reference));
+    "alarm-window-of-amounts" => alarm_inside: |_, input, reference, width| {
+        (input.abs() - reference.abs()).abs() <= width
+    };
     "alarm-window-one-sided" =>
         alarm_inside: |_, input, reference, width| input - reference <= width;
     "alarm-hysteresis-of-plain-types-only" =>
-        alarm_hysteresis: |_, kind, hysteresis| if kind.has_start() { 0 } else { hysteresis };
+        alarm_hysteresis: |_, kind, hysteresis, _| if kind.has_start() { 0 } else { hysteresis };
     "alarm-window-with-start-has-no-lower-border" =>
         alarm_window: |_, kind, inside, difference, width| {
             inside || kind.has_start() && difference < -width
@@ -268,7 +298,14 @@ deviations! {
         };
     "alarm-compares-with-the-first-set-point" =>
         alarm_input: |_, mux| if mux == SECOND_SET_POINT { SET_POINT } else { mux };
-    "alarm-hysteresis-on-the-wrong-side" => alarm_hysteresis: |_, _, hysteresis| -hysteresis;
+    "alarm-hysteresis-on-the-wrong-side" => alarm_hysteresis: |_, _, hysteresis, _| -hysteresis;
+    "alarm-hysteresis-towards-zero" =>
+        alarm_hysteresis: |_, _, hysteresis, level| hysteresis * level.signum();
+    "alarm-of-the-flow-takes-a-hysteresis-while-on" =>
+        alarm_takes_hysteresis: |rules, input, on| on || rules.alarm_takes_hysteresis(input, on);
+    "alarm-hysteresis-as-written" => alarm_hysteresis_of: |_, _, written| written;
+    "alarms-end-at-the-first-gap" =>
+        alarm_watched: |_, distance| distance.is_none_or(|places| places == 1);
     "alarm-inverted" => alarm_state: |_, alarm| i64::from(!alarm);
 
     // Start condition
@@ -277,6 +314,12 @@ deviations! {
     "alarm-does-not-wait-at-switch-on" => alarm_waits_while_off: |_| false;
     "alarm-does-not-wait-at-set-point-change" =>
         alarm_starts_waiting: |_, cause| cause != Wait::SetPointChanged;
+    "alarm-differences-wait-at-switch-on-only" =>
+        alarm_waits: |_, kind, cause| cause == Wait::SwitchedOn || !kind.is_difference();
+    "alarm-windows-wait-at-switch-on-only" => alarm_waits: |_, kind, cause| {
+        let window = matches!(kind.plain(), AlarmType::INSIDE | AlarmType::OUTSIDE);
+        cause == Wait::SwitchedOn || !window
+    };
     "alarm-second-set-point-unnoticed" =>
         alarm_set_point_changed: |_, before, now| before.first != now.first;
     "alarm-any-set-point-noticed" => alarm_set_point_changed: |_, before, now| before != now;

@@ -92,6 +92,12 @@ decisions! {
         chosen
     }
 
+    /// The set point in force rises while the chosen one is above it, whatever was chosen before
+    /// (3.4.14). Temperatures in tenths of a degree.
+    fn ramp_rises(&self, chosen: f64, present: f64, _former: f64) -> bool {
+        chosen > present
+    }
+
     /// The last step of a ramp ends at the set point (3.4.14).
     fn ramp_step(&self, missing: f64, step: f64) -> f64 {
         missing.clamp(-step, step)
@@ -159,6 +165,9 @@ deviations! {
     "lower-limit-not-in-manual-mode" => limits_while: |_, activity, low, high| {
         if activity == Activity::Manual { (-1000, high) } else { (low, high) }
     };
+    "upper-limit-not-in-manual-mode" => limits_while: |_, activity, low, high| {
+        if activity == Activity::Manual { (low, 1000) } else { (low, high) }
+    };
     "upper-limit-not-in-self-optimisation" => limits_while: |_, activity, low, high| {
         if activity == Activity::Tuning { (low, 1000) } else { (low, high) }
     };
@@ -173,6 +182,8 @@ deviations! {
     "self-optimisation-while-off" => tunes: |_, asked, _, manual, _| asked && !manual;
     "self-optimisation-outlives-its-bit" =>
         tunes: |_, asked, on, manual, tuning| (asked || tuning) && on && !manual;
+    "self-optimisation-outlives-the-controller" =>
+        tunes: |_, asked, on, manual, tuning| if on { asked && !manual } else { tuning };
     "self-optimisation-in-manual-mode" => tunes: |_, asked, on, _, _| asked && on;
 
     // Status
@@ -196,6 +207,8 @@ deviations! {
         rates: |_, heating, cooling| (heating.max(cooling), heating.max(cooling));
     "ramp-begins-at-the-set-point" => ramp_start: |_, _, chosen| chosen;
     "ramp-begins-at-zero-or-above" => ramp_start: |_, effective, _| effective.max(0);
+    "ramp-direction-from-the-former-set-point" =>
+        ramp_rises: |_, chosen, _, former| chosen > former;
     "ramp-steps-beyond-its-end" => ramp_step: |_, missing, step| step.copysign(missing);
     "first-set-point-shown-while-off" => set_point_while_off: |_, _, first| first;
 }

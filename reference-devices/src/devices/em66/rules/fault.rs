@@ -14,6 +14,11 @@ decisions! {
         now
     }
 
+    /// A cause is an error whatever the device is doing (3.4.7).
+    fn causes_while(&self, causes: u8, _suction: bool, _switching_off: bool) -> u8 {
+        causes
+    }
+
     /// After a reset, a cause that is present is an error as it was before (3.4.7).
     fn causes_after_reset(&self, _causes: u8) -> u8 {
         0
@@ -93,6 +98,12 @@ deviations! {
         resets_failures: |_, before, now| before & !now & FAILURE_RESET != 0;
     "failure-reset-at-1-hides-all" => resets_failures: |_, _, now| now & FAILURE_RESET != 0;
     "failure-reset-at-1-hides-all" => after_failure_reset: |_, _, _| 0;
+    "leak-unnoticed-in-suction" =>
+        causes_while: |_, causes, suction, _| if suction { causes & !LOW_LEVEL } else { causes };
+    "errors-unnoticed-in-suction" =>
+        causes_while: |_, causes, suction, _| if suction { 0 } else { causes };
+    "errors-unnoticed-while-switching-off" =>
+        causes_while: |_, causes, _, switching_off| if switching_off { 0 } else { causes };
     "leak-told-once" => causes_seen: |_, before, now| now | before & LOW_LEVEL;
     "safety-limit-told-once" => causes_seen: |_, before, now| now | before & SAFETY_LIMIT;
     "sensor-failure-told-once" => causes_seen: |_, before, now| now | before & SENSOR;

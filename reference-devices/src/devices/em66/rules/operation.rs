@@ -41,6 +41,11 @@ decisions! {
         false
     }
 
+    /// Suction needs a controller that is on (3.4.2).
+    fn suction_while_off(&self) -> bool {
+        false
+    }
+
     /// A request that has to wait is fulfilled as soon as possible (3.4.2).
     fn suction_comes_later(&self) -> bool {
         true
