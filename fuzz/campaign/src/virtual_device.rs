@@ -1,0 +1,37 @@
+//! A simulated device, a new one for each session.
+
+use canopen::{BusError, Device, VirtualBus};
+use reference_devices::change::Replica;
+
+use crate::blueprint::Blueprint;
+use crate::campaign::Stage;
+use crate::oracle::Tolerance;
+use crate::session::{Played, Player, Script, Start};
+
+/// A device in virtual time.
+#[derive(Clone)]
+pub struct VirtualDevice {
+    device: Box<dyn Replica>,
+    bit_rate: u32,
+}
+
+impl VirtualDevice {
+    /// A device that is switched on at time 0, on a bus with this bit rate in bit/s.
+    pub const fn new(device: Box<dyn Replica>, bit_rate: u32) -> Self {
+        Self { device, bit_rate }
+    }
+}
+
+impl Stage for VirtualDevice {
+    fn play(
+        &mut self,
+        blueprint: &Blueprint,
+        model: Box<dyn Replica>,
+        script: &Script<'_>,
+    ) -> Result<Played, BusError> {
+        let mut bus = VirtualBus::new(self.bit_rate);
+        let device: Box<dyn Device> = self.device.clone();
+        bus.attach_boxed(device);
+        Player::new(&mut bus, blueprint, model, Tolerance::VIRTUAL).play(script, Start::SwitchedOn)
+    }
+}
