@@ -8,14 +8,6 @@ fn device(reference: &ReferenceDevice, deviation: &Deviation) -> Box<dyn Replica
     deviation.build(reference, reference.description.default_node).unwrap()
 }
 
-fn blueprint(reference: &ReferenceDevice, deviation: &Deviation) -> Blueprint {
-    let described = deviation.described(reference).unwrap();
-    let d = &described.description;
-    // settings as known from its documents
-    let b = Blueprint::of_sheet(d.eds.clone(), d.default_node, reference.description.settings.clone());
-    b.unwrap()
-}
-
 fn main() {
     let args: Vec<String> = std::env::args().collect();
     let name = &args[1];
@@ -54,11 +46,17 @@ fn main() {
     let (mut found, mut total, mut right) = (0, 0, 0);
     let mut actions = 0;
     for (label, deviation, breaks) in &all {
-        let bp = blueprint(&reference, deviation);
-        let belief = Belief::new(&bp, Tolerance::VIRTUAL, session::Start::SwitchedOn, vec![]).unwrap();
-        let mut c = Campaign::new(&bp, belief, Powers::ALL, 1);
         let dev = device(&reference, deviation);
         let mut stage = VirtualDevice::new(dev, reference.description.settings.bit_rate);
+        let described = deviation.described(&reference).unwrap();
+        let d = &described.description;
+        let mut seen = None;
+        let _ = stage.ask(&mut |bus| { seen = Some(look(bus, &d.eds, d.default_node)?); Ok(()) });
+        let seen = seen.unwrap_or_default();
+        let (eds, settings) = seen.amend(&d.eds, d.default_node, &reference.description.settings);
+        let bp = Blueprint::of_sheet(eds, d.default_node, settings).unwrap().with_errors(seen.errors);
+        let belief = Belief::new(&bp, Tolerance::VIRTUAL, session::Start::SwitchedOn, vec![]).unwrap();
+        let mut c = Campaign::new(&bp, belief, Powers::ALL, 1);
         let mut findings = vec![];
         for n in from..from + sessions {
             match c.session(&mut stage, n) {

@@ -57,6 +57,19 @@ macro_rules! kinds {
         impl Kind {
             /// All of them.
             pub const ALL: &[Self] = &[$(Self::$name,)*];
+
+            /// The word in files.
+            pub fn word(self) -> String {
+                let name = match self { $(Self::$name => stringify!($name),)* };
+                let mut word = String::new();
+                for letter in name.chars() {
+                    if letter.is_uppercase() && !word.is_empty() {
+                        word.push('-');
+                    }
+                    word.push(letter.to_ascii_lowercase());
+                }
+                word
+            }
         }
     };
 }

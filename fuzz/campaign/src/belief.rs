@@ -3,7 +3,7 @@
 use reference_devices::change::Replica;
 
 use crate::blueprint::{Blueprint, Candidate};
-use crate::oracle::{End, Seen, Tolerance};
+use crate::oracle::{Seen, Tolerance};
 use crate::session::{Start, judge};
 
 /// The freedoms that a device is believed to use.
@@ -35,7 +35,7 @@ pub enum Judged {
 }
 
 /// How many freedoms are looked for at a time.
-const MOST_FREEDOMS: usize = 8;
+const MOST_FREEDOMS: usize = 24;
 /// How many beliefs are followed up at a time.
 const BEAM: usize = 4;
 /// How many sessions are kept that changed the belief.
@@ -69,12 +69,11 @@ impl<'b> Belief<'b> {
     /// Takes what was seen in a session that is not as expected, and looks for freedoms that
     /// explain it.
     pub fn explain(&mut self, seen: &[Seen]) -> Judged {
-        let explained = |used: &[usize]| {
-            self.evidence.iter().all(|log| self.reaches(used, log).1.is_none())
-        };
-        let found = self.search(self.used.clone(), seen, &explained).or_else(|| {
+        let logs: Vec<&[Seen]> =
+            self.evidence.iter().map(Vec::as_slice).chain([seen]).collect();
+        let found = self.search(self.used.clone(), &logs).or_else(|| {
             let other = self.used != self.given;
-            other.then(|| self.search(self.given.clone(), seen, &explained))?
+            other.then(|| self.search(self.given.clone(), &logs))?
         });
         let Some((used, model)) = found.and_then(|used| {
             let freedoms = used.iter().map(|place| &self.blueprint.freedoms()[*place]);
@@ -104,39 +103,48 @@ impl<'b> Belief<'b> {
         self.doubtful.truncate(MOST_EVIDENCE);
     }
 
-    /// How far a device with these freedoms explains what was seen, and what is wrong then.
-    fn reaches(&self, used: &[usize], seen: &[Seen]) -> (usize, Option<End>) {
+    /// How far a device with these freedoms explains what was seen: which session it does not
+    /// explain, and up to where it does; the number of sessions when it explains all.
+    fn reaches(&self, used: &[usize], logs: &[&[Seen]]) -> (usize, usize) {
         let all = self.blueprint.freedoms();
-        match self.blueprint.build(used.iter().map(|place| &all[*place])) {
-            Some(model) => judge(self.blueprint, model, self.tolerance, self.start, seen),
-            None => (0, Some(End::Void(canopen::Instant::ZERO))),
+        let Some(model) = self.blueprint.build(used.iter().map(|place| &all[*place])) else {
+            return (0, 0);
+        };
+        for (number, log) in logs.iter().enumerate() {
+            let (place, end) =
+                judge(self.blueprint, model.clone(), self.tolerance, self.start, log);
+            if end.is_some() {
+                return (number, place);
+            }
         }
+        (logs.len(), 0)
     }
 
     /// Adds freedoms, those first that explain most.
-    fn search(
-        &self,
-        base: Vec<usize>,
-        seen: &[Seen],
-        explained: &dyn Fn(&[usize]) -> bool,
-    ) -> Option<Vec<usize>> {
-        let (reached, end) = self.reaches(&base, seen);
-        if end.is_none() {
-            return explained(&base).then_some(base);
+    fn search(&self, base: Vec<usize>, logs: &[&[Seen]]) -> Option<Vec<usize>> {
+        let reached = self.reaches(&base, logs);
+        if reached.0 == logs.len() {
+            return Some(base);
         }
         let mut beam = vec![(reached, base)];
         for _ in 0..MOST_FREEDOMS {
-            let mut next: Vec<(usize, Vec<usize>)> = Vec::new();
+            let mut next = Vec::new();
             for (reached, used) in &beam {
-                for place in self.dissenting(used, &seen[..=*reached]) {
-                    let more: Vec<usize> = used.iter().copied().chain([place]).collect();
-                    let (further, end) = self.reaches(&more, seen);
-                    if end.is_none() {
-                        if explained(&more) {
-                            return Some(more);
+                let found = self.extended(*reached, used, logs, &mut next);
+                if found.is_some() {
+                    return found;
+                }
+            }
+            if next.is_empty() {
+                // A freedom may only show what another one does.
+                for (reached, used) in &beam {
+                    let seen = self.dissenting(used, &logs[reached.0][..=reached.1]);
+                    for freedom in &seen {
+                        let more: Vec<usize> = used.iter().copied().chain([*freedom]).collect();
+                        let found = self.extended_but(*reached, &more, logs, &mut next, &seen);
+                        if found.is_some() {
+                            return found;
                         }
-                    } else if further > *reached {
-                        next.push((further, more));
                     }
                 }
             }
@@ -146,6 +154,43 @@ impl<'b> Belief<'b> {
                 return None;
             }
             beam = next;
+        }
+        None
+    }
+
+    fn extended(
+        &self,
+        reached: (usize, usize),
+        used: &[usize],
+        logs: &[&[Seen]],
+        next: &mut Vec<((usize, usize), Vec<usize>)>,
+    ) -> Option<Vec<usize>> {
+        self.extended_but(reached, used, logs, next, &[])
+    }
+
+    /// Adds each freedom that makes a difference, but for some that do not help. Returns one that
+    /// explains all, and notes those that explain more.
+    fn extended_but(
+        &self,
+        reached: (usize, usize),
+        used: &[usize],
+        logs: &[&[Seen]],
+        next: &mut Vec<((usize, usize), Vec<usize>)>,
+        but: &[usize],
+    ) -> Option<Vec<usize>> {
+        let (number, place) = reached;
+        for freedom in self.dissenting(used, &logs[number][..=place]) {
+            if but.contains(&freedom) {
+                continue;
+            }
+            let more: Vec<usize> = used.iter().copied().chain([freedom]).collect();
+            let further = self.reaches(&more, logs);
+            if further.0 == logs.len() {
+                return Some(more);
+            }
+            if further > reached {
+                next.push((further, more));
+            }
         }
         None
     }
@@ -185,4 +230,18 @@ pub(crate) fn suspects(
     let mut all: Vec<(usize, usize)> = all.filter(|(_, count)| *count > 0).collect();
     all.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
     all
+}
+
+/// Whether a mutant does what was seen.
+pub(crate) fn explains(
+    blueprint: &Blueprint,
+    belief: &Belief<'_>,
+    mutant: usize,
+    seen: &[Seen],
+) -> bool {
+    let mutant = &blueprint.mutants()[mutant];
+    let device = blueprint.build(belief.freedoms().chain([mutant]));
+    device.is_some_and(|device| {
+        judge(blueprint, device, belief.tolerance, belief.start, seen).1.is_none()
+    })
 }

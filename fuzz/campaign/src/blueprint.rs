@@ -1,6 +1,8 @@
 //! What a device is built like, as far as it is known: the data sheet, and the deviations that a
 //! document leaves to it or forbids.
 
+use std::sync::{Arc, LazyLock};
+
 use canopen::eds::Eds;
 use canopen::source::Complaint;
 use canopen::Mux;
@@ -37,8 +39,12 @@ pub struct Blueprint {
     device: ReferenceDevice,
     node: u8,
     application: Application,
-    freedoms: Vec<Candidate>,
-    mutants: Vec<Candidate>,
+    freedoms: Arc<[Candidate]>,
+    mutants: Arc<[Candidate]>,
+    /// Whether the application reports an error from the start.
+    errors: bool,
+    /// Whether it is known which errors the device reports, and how.
+    emergencies: bool,
 }
 
 impl Blueprint {
@@ -66,22 +72,30 @@ impl Blueprint {
         application: Application,
     ) -> Result<Self, Vec<Complaint>> {
         Deviation::default().build(&device, node).map_err(|wrong| vec![wrong])?;
-        let of_stack = |name: &str, clauses: &[String], why: &str, deviation: Deviation| {
-            let deviation = deviation.of_stack()?;
-            let (name, why) = (name.to_owned(), why.to_owned());
-            Some(Candidate { name, clauses: clauses.to_vec(), why, deviation })
-        };
-        let freedoms = freedom::common()?;
-        let freedoms = freedoms
-            .iter()
-            .filter_map(|it| of_stack(&it.name, &it.allowed_by, &it.why, it.deviation()));
-        let mutants = mutant::common()?;
-        let mutants = mutants
-            .iter()
-            .filter(|mutant| !mutant.canary)
-            .filter_map(|it| of_stack(&it.name, &it.breaks, &it.why, it.deviation()));
-        let (freedoms, mutants) = (freedoms.collect(), mutants.collect());
-        Ok(Self { device, node, application, freedoms, mutants })
+        let (freedoms, mutants) = COMMON.clone()?;
+        Ok(Self { device, node, application, freedoms, mutants, errors: false, emergencies: true })
+    }
+
+    /// The same for a device of which it is not known which errors it reports, and how.
+    #[must_use]
+    pub fn with_unknown_emergencies(self, unknown: bool) -> Self {
+        Self { emergencies: !unknown, ..self }
+    }
+
+    /// Whether it is known which errors the device reports, and how.
+    pub(crate) const fn knows_emergencies(&self) -> bool {
+        self.emergencies
+    }
+
+    /// The same for a device whose application reports an error from the start.
+    #[must_use]
+    pub fn with_errors(self, errors: bool) -> Self {
+        Self { errors, ..self }
+    }
+
+    /// Whether the application reports an error from the start.
+    pub(crate) const fn has_errors(&self) -> bool {
+        self.errors
     }
 
     /// The node id.
@@ -160,6 +174,27 @@ pub(crate) struct Muted {
     /// Those that cannot be muted.
     pub(crate) unknown: Vec<usize>,
 }
+
+/// The freedoms and the mutants that any device can be.
+type Candidates = (Arc<[Candidate]>, Arc<[Candidate]>);
+
+static COMMON: LazyLock<Result<Candidates, Vec<Complaint>>> = LazyLock::new(|| {
+    let of_stack = |name: &str, clauses: &[String], why: &str, deviation: Deviation| {
+        let deviation = deviation.of_stack()?;
+        let (name, why) = (name.to_owned(), why.to_owned());
+        Some(Candidate { name, clauses: clauses.to_vec(), why, deviation })
+    };
+    let freedoms = freedom::common()?;
+    let freedoms = freedoms
+        .iter()
+        .filter_map(|it| of_stack(&it.name, &it.allowed_by, &it.why, it.deviation()));
+    let mutants = mutant::common()?;
+    let mutants = mutants
+        .iter()
+        .filter(|mutant| !mutant.canary)
+        .filter_map(|it| of_stack(&it.name, &it.breaks, &it.why, it.deviation()));
+    Ok((freedoms.collect(), mutants.collect()))
+});
 
 /// The first index that is not about communication.
 const FIRST_OF_APPLICATION: u16 = 0x2000;

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use canopen::{BusError, Mux};
+use canopen::{Bus, BusError, Mux};
 use reference_devices::change::Replica;
 use rustc_hash::FxHashSet;
 
-use crate::belief::{Belief, Judged, suspects};
+use crate::belief::{Belief, Judged, explains, suspects};
 use crate::blueprint::Blueprint;
 use crate::draw::Powers;
 use crate::oracle::{End, Seen, Violation};
@@ -24,7 +24,16 @@ pub trait Stage {
         model: Box<dyn Replica>,
         script: &Script<'_>,
     ) -> Result<Played, BusError>;
+
+    /// Lets something be done on a bus with the device running.
+    ///
+    /// # Errors
+    /// Whatever the bus or what is done reports.
+    fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError>;
 }
+
+/// Something that is done on a bus.
+pub type Ask<'a> = &'a mut dyn FnMut(&mut dyn Bus) -> Result<(), BusError>;
 
 /// Something wrong that no freedom explains.
 #[derive(Clone, Debug)]
@@ -125,6 +134,13 @@ impl<'b> Campaign<'b> {
     pub fn suspects(&self, findings: &[&Finding]) -> Vec<(usize, usize)> {
         let seen: Vec<&[Seen]> = findings.iter().map(|finding| &*finding.seen).collect();
         suspects(self.blueprint, &self.belief, &seen)
+    }
+}
+
+impl Campaign<'_> {
+    /// Whether a mutant of the blueprint does what a finding is.
+    pub fn explains(&self, mutant: usize, finding: &Finding) -> bool {
+        explains(self.blueprint, &self.belief, mutant, &finding.seen)
     }
 }
 

@@ -25,6 +25,8 @@ pub struct Powers {
     pub power: bool,
     /// Let it store and restore its parameters.
     pub storage: bool,
+    /// Take its node id for a moment, and store its address.
+    pub address: bool,
     /// Use layer setting services.
     pub lss: bool,
     /// Reset it, and change its state.
@@ -40,6 +42,7 @@ impl Powers {
     pub const ALL: Self = Self {
         power: true,
         storage: true,
+        address: true,
         lss: true,
         nmt: true,
         outputs: true,
@@ -54,9 +57,8 @@ impl Powers {
             Kind::LssSwitch
             | Kind::LssInquire
             | Kind::LssIdentify
-            | Kind::LssConfigure
-            | Kind::LssStore
             | Kind::LssWrong => self.lss,
+            Kind::LssConfigure | Kind::LssStore => self.lss && self.address,
             Kind::NmtState | Kind::NmtReset | Kind::NmtWrong => self.nmt,
             Kind::Rpdo | Kind::RpdoWrong => self.outputs,
             _ => true,

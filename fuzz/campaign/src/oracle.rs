@@ -78,6 +78,26 @@ pub enum What {
     Inhibited(Frame, Duration),
 }
 
+impl Violation {
+    /// Whether two sessions show the same.
+    pub fn is_like(&self, other: &Self) -> bool {
+        self.kind() == other.kind()
+    }
+
+    /// What it is, without values and times: `unexpected-582` or `missing-702`.
+    pub fn kind(&self) -> String {
+        let command = |frame: &Frame| frame.data.first().map_or(0, |command| command >> 5);
+        match self.what {
+            What::Unexpected(frame, None) => format!("unexpected-{}", frame.id),
+            What::Unexpected(frame, Some(other)) => {
+                format!("unexpected-{}-{}-for-{}", frame.id, command(&frame), command(&other))
+            }
+            What::Missing(frame, _) => format!("missing-{}", frame.id),
+            What::Inhibited(frame, _) => format!("inhibited-{}", frame.id),
+        }
+    }
+}
+
 impl fmt::Display for Violation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.what {
@@ -108,7 +128,8 @@ pub struct Oracle<'b> {
     now: Instant,
     queues: Queues,
     identifiers: Identifiers,
-    request: Option<Request>,
+    /// The last two requests: what looks like a request may be a segment of a block.
+    requests: [Option<Request>; 2],
     /// Since when the bus has been busy, and when it last was.
     busy: (Instant, Instant),
     /// When the model was last OPERATIONAL.
@@ -130,10 +151,10 @@ impl<'b> Oracle<'b> {
             now: Instant::ZERO,
             queues: Queues::default(),
             identifiers: Identifiers::new(node),
-            request: None,
+            requests: [None, None],
             busy: (Instant::ZERO, Instant::ZERO),
             operational: Instant::ZERO,
-            errors: false,
+            errors: blueprint.has_errors(),
             followed: BTreeSet::new(),
         }
     }
@@ -179,7 +200,7 @@ impl<'b> Oracle<'b> {
             Seen::Power(at, on) => {
                 self.advance(Instant(at.0.saturating_add(1)))?;
                 self.model.power(at, on);
-                self.request = None;
+                self.requests = [None, None];
                 self.queues.release();
                 Ok(())
             }
@@ -203,7 +224,8 @@ impl<'b> Oracle<'b> {
 
     fn take(&mut self, now: Instant, frame: &Frame) {
         if let Some(request) = sdo::request(frame, self.blueprint, &self.model) {
-            self.request = request;
+            let [_, last] = std::mem::take(&mut self.requests);
+            self.requests = [last, Some(request)];
         }
         if is_reset(frame) {
             self.queues.release();
@@ -238,7 +260,7 @@ impl<'b> Oracle<'b> {
                 true => Must::Not,
                 false => Must::Within(tpdo.period),
             },
-            Class::Emergency if self.errors => Must::Not,
+            Class::Emergency if self.errors || !self.blueprint.knows_emergencies() => Must::Not,
             _ => Must::Come,
         };
         self.queues.expect(Expected { at: now, frame, must });
@@ -256,7 +278,7 @@ impl<'b> Oracle<'b> {
         self.blueprint.is_of_application(mux)
             || match mux.index {
                 STATUS_REGISTER | HIGH_RESOLUTION => true,
-                ERROR_REGISTER | HISTORY => self.errors,
+                ERROR_REGISTER | HISTORY => self.errors || !self.blueprint.knows_emergencies(),
                 _ => false,
             }
     }
@@ -269,12 +291,12 @@ impl<'b> Oracle<'b> {
         }
         let mut queues = std::mem::take(&mut self.queues);
         let found = queues.find(now, frame, |expected| {
-            *expected == *frame || self.is_like(&class, frame, expected)
+            self.is_like(&class, frame, expected)
         });
         self.queues = queues;
         match found {
             Ok(expected) => {
-                self.follow(&class, frame, &expected);
+                self.follow(now, &class, frame, &expected);
                 self.queues.came(frame, now);
                 Ok(())
             }
@@ -285,7 +307,7 @@ impl<'b> Oracle<'b> {
     /// Whether a frame is as good as the one that is expected.
     fn is_like(&self, class: &Class, frame: &Frame, expected: &Frame) -> bool {
         match class {
-            Class::Sdo => sdo::is_like(frame, expected, self.request.as_ref(), &|mux| {
+            Class::Sdo => sdo::is_like(frame, expected, &self.requests, &|mux| {
                 self.is_volatile(mux)
             }),
             Class::Tpdo(tpdo) => {
@@ -298,13 +320,23 @@ impl<'b> Oracle<'b> {
     }
 
     /// Brings the model up to date with what the application of the device has decided.
-    fn follow(&mut self, class: &Class, frame: &Frame, expected: &Frame) {
+    fn follow(&mut self, now: Instant, class: &Class, frame: &Frame, expected: &Frame) {
         if frame == expected || !matches!(class, Class::Sdo) {
             return;
         }
-        if let Some((mux, value)) = sdo::followed(frame, expected, self.request.as_ref()) {
-            self.model.follow(mux, &value);
-            self.followed.insert(mux);
+        let node = self.blueprint.node();
+        if let Some(end) = sdo::end(frame, node) {
+            self.model.take(now, &end).for_each(drop);
+        }
+        if let Some((mux, value)) = sdo::followed(frame, expected, &self.requests) {
+            match self.blueprint.is_of_application(mux) {
+                true => {
+                    self.model.follow(mux, &value);
+                    self.followed.insert(mux);
+                }
+                // A service has taken the value, and takes the one before again.
+                false => self.model.take(now, &sdo::write(mux, &value, node)).for_each(drop),
+            }
         }
     }
 
@@ -331,16 +363,32 @@ impl<'b> Oracle<'b> {
                     None => Ok(()),
                 }
             }
+            Class::Emergency if !self.blueprint.knows_emergencies() => {
+                match frame.data.len() {
+                    8 => Ok(()),
+                    _ => self.unexpected(now, frame, expected),
+                }
+            }
             Class::Emergency if self.is_of_application(frame) => {
                 self.errors = true;
                 Ok(())
             }
-            // The application has led its device to another state.
-            Class::ErrorControl if self.errors => Err(End::Void(now)),
-            _ => match self.tolerance.early.is_zero() {
-                true => wrong(now, What::Unexpected(*frame, expected)),
-                false => self.queues.premature(now, *frame, expected),
-            },
+            // The application may have led its device to another state.
+            Class::Sdo => self.unexpected(now, frame, expected),
+            _ if self.errors => Err(End::Void(now)),
+            _ => self.unexpected(now, frame, expected),
+        }
+    }
+
+    fn unexpected(
+        &mut self,
+        now: Instant,
+        frame: &Frame,
+        expected: Option<Frame>,
+    ) -> Result<(), End> {
+        match self.tolerance.early.is_zero() {
+            true => wrong(now, What::Unexpected(*frame, expected)),
+            false => self.queues.premature(now, *frame, expected),
         }
     }
 
@@ -357,7 +405,10 @@ impl<'b> Oracle<'b> {
         let late = self.late(now);
         let early = self.tolerance.early;
         if let Some(what) = self.queues.overdue(now, late, early) {
-            return wrong(now, what);
+            return match self.errors {
+                true => Err(End::Void(now)),
+                false => wrong(now, what),
+            };
         }
         Ok(())
     }

@@ -1,10 +1,10 @@
 //! A simulated device, a new one for each session.
 
-use canopen::{BusError, Device, VirtualBus};
+use canopen::{Bus, BusError, Device, Instant, VirtualBus};
 use reference_devices::change::Replica;
 
 use crate::blueprint::Blueprint;
-use crate::campaign::Stage;
+use crate::campaign::{Ask, Stage};
 use crate::oracle::Tolerance;
 use crate::session::{Played, Player, Script, Start};
 
@@ -22,6 +22,15 @@ impl VirtualDevice {
     }
 }
 
+impl VirtualDevice {
+    fn bus(&self) -> VirtualBus<'static> {
+        let mut bus = VirtualBus::new(self.bit_rate);
+        let device: Box<dyn Device> = self.device.clone();
+        bus.attach_boxed(device);
+        bus
+    }
+}
+
 impl Stage for VirtualDevice {
     fn play(
         &mut self,
@@ -29,9 +38,16 @@ impl Stage for VirtualDevice {
         model: Box<dyn Replica>,
         script: &Script<'_>,
     ) -> Result<Played, BusError> {
-        let mut bus = VirtualBus::new(self.bit_rate);
-        let device: Box<dyn Device> = self.device.clone();
-        bus.attach_boxed(device);
+        let mut bus = self.bus();
         Player::new(&mut bus, blueprint, model, Tolerance::VIRTUAL).play(script, Start::SwitchedOn)
     }
+
+    fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError> {
+        let mut bus = self.bus();
+        while bus.recv(BOOTED)?.is_some() {}
+        what(&mut bus)
+    }
 }
+
+/// When a device has booted.
+const BOOTED: Instant = Instant(3_000_000_000);

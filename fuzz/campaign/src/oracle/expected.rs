@@ -70,35 +70,31 @@ impl Queues {
         &mut self,
         now: Instant,
         frame: &Frame,
-        fits: impl Fn(&Frame) -> bool,
+        is_like: impl Fn(&Frame) -> bool,
     ) -> Result<Frame, Option<Frame>> {
         let queue = self.queue(frame.id);
-        let mut skipped = None;
-        for (place, expected) in queue.expected.iter().enumerate() {
-            let found = expected.frame;
-            // It has come, and was taken for one that need not.
-            if queue.spare.is_some_and(|(then, it)| it == found && then >= expected.at) {
-                skipped = skipped.or(fits(&found).then_some(place));
-                continue;
-            }
-            if fits(&found) {
-                if expected.must == Must::Not {
-                    queue.spare = Some((now, found));
-                }
-                queue.expected.drain(..=place);
-                return Ok(found);
-            }
-            if expected.must == Must::Come {
-                return Err(Some(found));
-            }
+        // What has come and was taken for a frame that need not is not waited for.
+        let spare = queue.spare;
+        let came = |it: &Expected| {
+            spare.is_some_and(|(then, frame)| frame == it.frame && then >= it.at)
+        };
+        let waits = |it: &Expected| it.must == Must::Come && !came(it);
+        let first = queue.expected.iter().position(waits);
+        let within = first.map_or(queue.expected.len(), |place| place + 1);
+        let known = || queue.expected.iter().take(within);
+        let exact = known().position(|it| it.frame == *frame && !came(it));
+        let place = exact
+            .or_else(|| known().position(|it| is_like(&it.frame) && !came(it)))
+            .or_else(|| known().position(|it| it.frame == *frame));
+        let Some(place) = place else {
+            return Err(first.map(|place| queue.expected[place].frame));
+        };
+        let found = queue.expected[place];
+        queue.expected.drain(..=place);
+        if found.must == Must::Not {
+            queue.spare = Some((now, *frame));
         }
-        // Unless both come.
-        if let Some(place) = skipped {
-            let found = queue.expected[place].frame;
-            queue.expected.drain(..=place);
-            return Ok(found);
-        }
-        Err(None)
+        Ok(found.frame)
     }
 
     /// The device has sent a frame.

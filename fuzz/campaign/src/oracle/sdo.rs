@@ -2,7 +2,7 @@
 
 use canopen::sdo::block::{BlockRequest, BlockResponse};
 use canopen::sdo::{self, Initiate, Response};
-use canopen::{Abort, Frame, Mux};
+use canopen::{Abort, Data, Frame, Mux};
 
 use crate::blueprint::Blueprint;
 use crate::model::Model;
@@ -11,6 +11,7 @@ use crate::model::Model;
 #[derive(Clone, Debug)]
 pub(super) struct Request {
     mux: Mux,
+    uploads: bool,
     /// The value before, of an object that the device may refuse to change.
     before: Option<Vec<u8>>,
     may: MayRefuse,
@@ -27,12 +28,12 @@ enum MayRefuse {
     Anything,
 }
 
-/// The request that begins with a frame of a client; `None` when none does, and no transfer ends.
+/// The request that begins with a frame of a client.
 pub(super) fn request(
     frame: &Frame,
     blueprint: &Blueprint,
     model: &Model,
-) -> Option<Option<Request>> {
+) -> Option<Request> {
     let id = frame.data_id()?;
     let default = sdo::REQUEST_COB_ID + u16::from(blueprint.node());
     let od = model.dictionary();
@@ -41,11 +42,11 @@ pub(super) fn request(
     if id != default && !further.any(|cob| cob == i64::from(id)) {
         return None;
     }
-    let mux = match sdo::Request::decode(&frame.data).ok()? {
-        sdo::Request::Download(mux, _) | sdo::Request::Upload(mux) => mux,
-        sdo::Request::Block(
-            BlockRequest::Download { mux, .. } | BlockRequest::Upload { mux, .. },
-        ) => mux,
+    let (mux, uploads) = match sdo::Request::decode(&frame.data).ok()? {
+        sdo::Request::Download(mux, _) => (mux, false),
+        sdo::Request::Upload(mux) => (mux, true),
+        sdo::Request::Block(BlockRequest::Download { mux, .. }) => (mux, false),
+        sdo::Request::Block(BlockRequest::Upload { mux, .. }) => (mux, true),
         _ => return None,
     };
     let may = match blueprint.is_of_application(mux) {
@@ -54,7 +55,7 @@ pub(super) fn request(
         false => MayRefuse::Nothing,
     };
     let before = (may != MayRefuse::Nothing).then(|| od.get(mux).map(<[u8]>::to_vec));
-    Some(Some(Request { mux, before: before.flatten(), may }))
+    Some(Request { mux, uploads, before: before.flatten(), may })
 }
 
 /// Whether an object holds a time, whose range the data sheet may leave out.
@@ -71,7 +72,7 @@ const fn is_time(mux: Mux) -> bool {
 pub(super) fn is_like(
     frame: &Frame,
     expected: &Frame,
-    request: Option<&Request>,
+    requests: &[Option<Request>; 2],
     is_volatile: &dyn Fn(Mux) -> bool,
 ) -> bool {
     let (Ok(answer), Ok(model)) =
@@ -79,13 +80,33 @@ pub(super) fn is_like(
     else {
         return false;
     };
+    // Segments of an upload: nothing but their lengths and numbers.
+    let of = |mux: Mux| requests.iter().flatten().rev().find(|request| request.mux == mux);
+    let mut known = requests.iter().flatten();
+    let of_volatile = known.any(|it| is_volatile(it.mux) && it.uploads);
+    let command = frame.data[0];
+    if of_volatile && command != ABORT && !matches!(answer, Response::Upload(..)) {
+        return command == expected.data[0];
+    }
     match (answer, model) {
         (Response::Upload(mux, one), Response::Upload(other, two)) if mux == other => {
             is_volatile(mux) && same_length(one, two) && frame.data[0] == expected.data[0]
         }
+        // An entry of the error history that is empty, or is not.
+        (Response::Abort(mux, Abort::NO_DATA), Response::Upload(other, _))
+        | (Response::Upload(mux, _), Response::Abort(other, Abort::NO_DATA))
+            if mux == other && mux.index == HISTORY =>
+        {
+            is_volatile(mux)
+        }
+        (Response::Abort(mux, _), Response::Upload(other, _)) if mux == other => {
+            of(mux).is_some_and(|it| it.may == MayRefuse::Anything)
+        }
         (Response::Abort(mux, code), model) => {
-            let may = request.filter(|it| it.mux == mux && it.before.is_some()).map(|it| it.may);
+            let may = of(mux).filter(|it| it.before.is_some()).map(|it| it.may);
+            let refuses = matches!(model, Response::Abort(other, _) if other == mux);
             let may = match may {
+                Some(MayRefuse::Anything) if refuses => return STATES.contains(&code),
                 Some(MayRefuse::Anything) => code != Abort::TOGGLE,
                 Some(MayRefuse::Times) => {
                     matches!(code, Abort::VALUE | Abort::TOO_LOW | Abort::TOO_HIGH)
@@ -108,21 +129,45 @@ pub(super) fn is_like(
 pub(super) fn followed(
     frame: &Frame,
     expected: &Frame,
-    request: Option<&Request>,
+    requests: &[Option<Request>; 2],
 ) -> Option<(Mux, Vec<u8>)> {
     match (Response::decode(&frame.data).ok()?, Response::decode(&expected.data).ok()?) {
         (Response::Upload(mux, Initiate::Expedited(value)), _) => Some((mux, value.to_vec())),
-        (Response::Abort(mux, _), _) => {
-            let request = request.filter(|request| request.mux == mux)?;
+        (Response::Abort(mux, _), _) if frame.data[0] == ABORT => {
+            let mut known = requests.iter().flatten().rev();
+            let request = known.find(|request| request.mux == mux && !request.uploads)?;
             Some((mux, request.before.clone()?))
         }
         _ => None,
     }
 }
 
+/// The error history.
+const HISTORY: u16 = 0x1003;
+/// The command of an abort.
+const ABORT: u8 = 0x80;
+/// Codes for the state of a device, which may be looked at before the value.
+const STATES: [Abort; 3] = [Abort::STORE, Abort::LOCAL_CONTROL, Abort::DEVICE_STATE];
+
+/// What ends the transfer of a model whose device has refused it.
+pub(super) fn end(frame: &Frame, node: u8) -> Option<Frame> {
+    frame.data.first().filter(|command| **command == ABORT)?;
+    match Response::decode(&frame.data).ok()? {
+        Response::Abort(mux, _) => Some(sdo::Request::Abort(mux, Abort::GENERAL).frame(node)),
+        _ => None,
+    }
+}
+
+/// A download of a value of up to four bytes.
+pub(super) fn write(mux: Mux, value: &[u8], node: u8) -> Frame {
+    let value = Data::new(&value[..value.len().min(4)]);
+    sdo::Request::Download(mux, Initiate::Expedited(value)).frame(node)
+}
+
 fn same_length(one: Initiate, two: Initiate) -> bool {
     match (one, two) {
         (Initiate::Expedited(one), Initiate::Expedited(two)) => one.len() == two.len(),
+        (Initiate::Unsized(_), Initiate::Unsized(_)) => true,
         (one, two) => one == two,
     }
 }
