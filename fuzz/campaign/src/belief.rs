@@ -69,8 +69,7 @@ impl<'b> Belief<'b> {
     /// Takes what was seen in a session that is not as expected, and looks for freedoms that
     /// explain it.
     pub fn explain(&mut self, seen: &[Seen]) -> Judged {
-        let logs: Vec<&[Seen]> =
-            self.evidence.iter().map(Vec::as_slice).chain([seen]).collect();
+        let logs: Vec<&[Seen]> = self.evidence.iter().map(Vec::as_slice).chain([seen]).collect();
         let found = self.search(self.used.clone(), &logs).or_else(|| {
             let other = self.used != self.given;
             other.then(|| self.search(self.given.clone(), &logs))?

@@ -3,14 +3,15 @@
 
 use std::sync::{Arc, LazyLock};
 
+use canopen::Mux;
 use canopen::eds::Eds;
 use canopen::source::Complaint;
-use canopen::Mux;
 use reference_devices::change::{Deviation, Replica};
 use reference_devices::devices::ReferenceDevice;
+use reference_devices::freedom::{self, Freedom};
+use reference_devices::mutant::{self, Mutant};
 use reference_devices::rules::Dissent;
 use reference_devices::stack::NodeSettings;
-use reference_devices::{freedom, mutant};
 
 /// A deviation that may explain what a device does.
 #[derive(Clone, Debug)]
@@ -22,6 +23,15 @@ pub struct Candidate {
     /// What such a device does, one sentence.
     pub why: String,
     deviation: Deviation,
+    /// The names of those that no device can use together with it.
+    excludes: Vec<String>,
+}
+
+impl Candidate {
+    /// Whether a device can use both.
+    pub(crate) fn agrees_with(&self, other: &Self) -> bool {
+        !self.excludes.contains(&other.name) && !other.excludes.contains(&self.name)
+    }
 }
 
 /// Whether the application of the device is part of the model.
@@ -93,6 +103,11 @@ impl Blueprint {
         Self { errors, ..self }
     }
 
+    /// Whether the errors of the device are known at each time.
+    pub(crate) const fn judges_errors(&self) -> bool {
+        self.emergencies && !self.errors
+    }
+
     /// Whether the application reports an error from the start.
     pub(crate) const fn has_errors(&self) -> bool {
         self.errors
@@ -149,7 +164,8 @@ impl Blueprint {
         used.iter().for_each(|place| all.append(self.freedoms[*place].deviation.clone()));
         let (mut notes, mut unknown) = (Vec::new(), Vec::new());
         for (place, freedom) in self.freedoms.iter().enumerate() {
-            if used.contains(&place) {
+            let agrees = |other: &usize| freedom.agrees_with(&self.freedoms[*other]);
+            if used.contains(&place) || !used.iter().all(agrees) {
                 continue;
             }
             let dissent = Dissent::default();
@@ -179,20 +195,16 @@ pub(crate) struct Muted {
 type Candidates = (Arc<[Candidate]>, Arc<[Candidate]>);
 
 static COMMON: LazyLock<Result<Candidates, Vec<Complaint>>> = LazyLock::new(|| {
-    let of_stack = |name: &str, clauses: &[String], why: &str, deviation: Deviation| {
-        let deviation = deviation.of_stack()?;
-        let (name, why) = (name.to_owned(), why.to_owned());
-        Some(Candidate { name, clauses: clauses.to_vec(), why, deviation })
-    };
-    let freedoms = freedom::common()?;
-    let freedoms = freedoms
-        .iter()
-        .filter_map(|it| of_stack(&it.name, &it.allowed_by, &it.why, it.deviation()));
-    let mutants = mutant::common()?;
-    let mutants = mutants
-        .iter()
-        .filter(|mutant| !mutant.canary)
-        .filter_map(|it| of_stack(&it.name, &it.breaks, &it.why, it.deviation()));
+    let freedoms = freedom::common()?.into_iter().filter_map(|freedom| {
+        let deviation = freedom.deviation().of_stack()?;
+        let Freedom { name, allowed_by: clauses, why, excludes, .. } = freedom;
+        Some(Candidate { name, clauses, why, deviation, excludes })
+    });
+    let mutants = mutant::common()?.into_iter().filter_map(|mutant| {
+        let deviation = mutant.deviation().of_stack().filter(|_| !mutant.canary)?;
+        let Mutant { name, breaks: clauses, why, .. } = mutant;
+        Some(Candidate { name, clauses, why, deviation, excludes: Vec::new() })
+    });
     Ok((freedoms.collect(), mutants.collect()))
 });
 

@@ -54,10 +54,7 @@ impl Powers {
         match kind {
             Kind::PowerCycle => self.power,
             Kind::Store | Kind::Restore => self.storage,
-            Kind::LssSwitch
-            | Kind::LssInquire
-            | Kind::LssIdentify
-            | Kind::LssWrong => self.lss,
+            Kind::LssSwitch | Kind::LssInquire | Kind::LssIdentify | Kind::LssWrong => self.lss,
             Kind::LssConfigure | Kind::LssStore => self.lss && self.address,
             Kind::NmtState | Kind::NmtReset | Kind::NmtWrong => self.nmt,
             Kind::Rpdo | Kind::RpdoWrong => self.outputs,
@@ -339,11 +336,7 @@ impl<'a> Draw<'a> {
         self.bytes.arbitrary().unwrap_or(0)
     }
 
-    fn entry<'e>(
-        &mut self,
-        all: &'e [Entry],
-        fits: impl Fn(&Entry) -> bool,
-    ) -> Option<&'e Entry> {
+    fn entry<'e>(&mut self, all: &'e [Entry], fits: impl Fn(&Entry) -> bool) -> Option<&'e Entry> {
         // From a random place on, the first that fits: one pass instead of a list.
         let from = self.below(all.len());
         all[from..].iter().chain(&all[..from]).find(|entry| fits(entry))

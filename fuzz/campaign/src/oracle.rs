@@ -51,11 +51,8 @@ impl Tolerance {
     pub const VIRTUAL: Self =
         Self { late: Duration::from_millis(8), early: Duration::ZERO, per_mille: 0 };
     /// On a real bus.
-    pub const REAL: Self = Self {
-        late: Duration::from_millis(150),
-        early: Duration::from_millis(30),
-        per_mille: 20,
-    };
+    pub const REAL: Self =
+        Self { late: Duration::from_millis(150), early: Duration::from_millis(30), per_mille: 20 };
 }
 
 /// What is wrong with a device.
@@ -290,9 +287,7 @@ impl<'b> Oracle<'b> {
             self.operational = now;
         }
         let mut queues = std::mem::take(&mut self.queues);
-        let found = queues.find(now, frame, |expected| {
-            self.is_like(&class, frame, expected)
-        });
+        let found = queues.find(now, frame, |expected| self.is_like(&class, frame, expected));
         self.queues = queues;
         match found {
             Ok(expected) => {
@@ -307,9 +302,9 @@ impl<'b> Oracle<'b> {
     /// Whether a frame is as good as the one that is expected.
     fn is_like(&self, class: &Class, frame: &Frame, expected: &Frame) -> bool {
         match class {
-            Class::Sdo => sdo::is_like(frame, expected, &self.requests, &|mux| {
-                self.is_volatile(mux)
-            }),
+            Class::Sdo => {
+                sdo::is_like(frame, expected, &self.requests, &|mux| self.is_volatile(mux))
+            }
             Class::Tpdo(tpdo) => {
                 let same = frame.data.len() == expected.data.len() && !frame.remote;
                 same && tpdo.mapped.iter().any(|mux| self.is_volatile(*mux))
@@ -334,8 +329,19 @@ impl<'b> Oracle<'b> {
                     self.model.follow(mux, &value);
                     self.followed.insert(mux);
                 }
-                // A service has taken the value, and takes the one before again.
-                false => self.model.take(now, &sdo::write(mux, &value, node)).for_each(drop),
+                false => self.undo(now, mux),
+            }
+        }
+    }
+
+    /// Takes the model from before a request that the device refuses.
+    fn undo(&mut self, now: Instant, mux: Mux) {
+        let mut requests = self.requests.iter_mut().flatten().rev();
+        if let Some(model) = requests.find_map(|request| request.undone(mux)) {
+            self.model = model;
+            self.identifiers.forget();
+            while let Some(due) = self.model.due_before(now) {
+                self.model.poll(due).for_each(drop);
             }
         }
     }
@@ -363,17 +369,16 @@ impl<'b> Oracle<'b> {
                     None => Ok(()),
                 }
             }
-            Class::Emergency if !self.blueprint.knows_emergencies() => {
-                match frame.data.len() {
-                    8 => Ok(()),
-                    _ => self.unexpected(now, frame, expected),
-                }
-            }
+            Class::Emergency if !self.blueprint.knows_emergencies() => match frame.data.len() {
+                8 => Ok(()),
+                _ => self.unexpected(now, frame, expected),
+            },
             Class::Emergency if self.is_of_application(frame) => {
                 self.errors = true;
                 Ok(())
             }
             // The application may have led its device to another state.
+            Class::Sdo if sdo::is_refusal(frame, &self.requests) => Err(End::Void(now)),
             Class::Sdo => self.unexpected(now, frame, expected),
             _ if self.errors => Err(End::Void(now)),
             _ => self.unexpected(now, frame, expected),

@@ -147,11 +147,7 @@ impl<'p> Player<'p> {
         self.wait(until, &mut |frame| frame.data_id() == Some(boot_up))
     }
 
-    fn carry_out(
-        &mut self,
-        action: &Action,
-        hear: &mut dyn FnMut(&Frame),
-    ) -> Result<(), BusError> {
+    fn carry_out(&mut self, action: &Action, hear: &mut dyn FnMut(&Frame)) -> Result<(), BusError> {
         if action.does == Kind::PowerCycle {
             self.power(false)?;
             self.power(true)?;

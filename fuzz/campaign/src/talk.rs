@@ -94,11 +94,12 @@ impl Talk {
         }
         let Ok(answer) = Response::decode(data) else { return };
         *self = match (answer, std::mem::take(self)) {
-            (Response::Abort(..) | Response::Download(_), Self::Asked(then)) => match (answer, *then)
-            {
-                (Response::Download(_), open @ Self::Download { .. }) => open,
-                _ => Self::Idle,
-            },
+            (Response::Abort(..) | Response::Download(_), Self::Asked(then)) => {
+                match (answer, *then) {
+                    (Response::Download(_), open @ Self::Download { .. }) => open,
+                    _ => Self::Idle,
+                }
+            }
             (Response::Abort(..), _) => Self::Idle,
             (Response::Upload(_, Initiate::Segmented(_)), Self::Asked(_)) => {
                 Self::Upload { toggle: false }

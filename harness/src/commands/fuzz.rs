@@ -68,7 +68,7 @@ fn campaign(args: &CampaignArgs, stop: &Stop) -> Result<Exit, Refused> {
     let mut findings: Vec<Finding> = Vec::new();
     let mut stopped = None;
     let shard = args.shard.map_or((0, 1), |shard| (shard.place as u64, shard.of as u64));
-    let most = args.sessions.unwrap_or(if args.time.is_some() { u64::MAX } else { SESSIONS });
+    let most = args.sessions.or(args.time.map(|_| u64::MAX)).unwrap_or(SESSIONS);
     for number in (0..most).map(|count| shard.0 + count * shard.1) {
         if clock.is_over() || findings.len() >= args.max_findings {
             break;
@@ -144,9 +144,7 @@ fn told(
 ) -> Result<String, Refused> {
     let first = &findings[cause.findings[0]];
     let mut session = first.session.clone();
-    let short = cause.mutants.first().and_then(|mutant| {
-        modelled.shrunk(campaign, *mutant, first)
-    });
+    let short = cause.mutants.first().and_then(|mutant| modelled.shrunk(campaign, *mutant, first));
     session.actions = short.unwrap_or(session.actions);
     let file = FindingFile::of(target, args, cause, first, session);
     let mut text = format!("FINDING {}\n", cause.name);
@@ -176,7 +174,7 @@ fn summary(campaign: &Campaign<'_>, findings: usize, causes: usize, goals: bool)
         "{} with {} actions, {}; {} in {}\n",
         counted(tally.sessions as usize, "session"),
         tally.actions,
-        counted(tally.goals.len(), "pair of state and action"),
+        format!("{} pairs of state and action", tally.goals.len()),
         counted(causes, "cause"),
         counted(findings, "finding"),
     );

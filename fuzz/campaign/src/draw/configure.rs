@@ -13,10 +13,9 @@ impl Draw<'_> {
             Kind::Store | Kind::Restore => return self.storage(kind, scene),
             Kind::ConfigurePdo => self.of_pdo(scene)?,
             Kind::ConfigureMapping => return self.of_mapping(scene),
-            Kind::ConfigureErrorControl => self.one_of(
-                scene,
-                &[0x1017, 0x1017, 0x1016, 0x1016, 0x1016, 0x100C, 0x100D],
-            )?,
+            Kind::ConfigureErrorControl => {
+                self.one_of(scene, &[0x1017, 0x1017, 0x1016, 0x1016, 0x1016, 0x100C, 0x100D])?
+            }
             Kind::ConfigureSync => {
                 self.one_of(scene, &[0x1005, 0x1005, 0x1006, 0x1006, 0x1007, 0x1019, 0x1012])?
             }

@@ -46,10 +46,37 @@ impl Draw<'_> {
             }
             K::Sync | K::SyncWrong => self.sync(kind, scene)?,
             K::Time | K::TimeWrong => self.time_stamp(kind, scene)?,
+            K::Heartbeat | K::HeartbeatWrong | K::Guarding | K::GuardingWrong => {
+                self.error_control(kind, scene)?
+            }
+            K::Emergency => {
+                let emcy = Emcy { code: EmcyCode::HARDWARE, register: 1, vendor: [0; 5] };
+                emcy.frame(self.pick(&OTHERS)?)
+            }
+            K::Stranger => {
+                let word: u16 = self.bytes.arbitrary().ok()?;
+                Frame::new(self.pick(&[0x6E0, 0x7F0, 0x123 ^ word & 7])?, word.to_le_bytes())
+            }
+            _ => return None,
+        };
+        let then = match self.below(6) {
+            0 => Then::Wait(0),
+            1 => Then::after(self.time(scene)),
+            _ => Then::Wait(1_500),
+        };
+        Some(Action { does: kind, frames: vec![frame], then })
+    }
+
+    fn error_control(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Frame> {
+        use Kind as K;
+        Some(match kind {
             K::Heartbeat => {
                 let node = self.other(scene)?;
-                let state =
-                    self.pick(&[NmtState::OPERATIONAL, NmtState::PRE_OPERATIONAL, NmtState::STOPPED])?;
+                let state = self.pick(&[
+                    NmtState::OPERATIONAL,
+                    NmtState::PRE_OPERATIONAL,
+                    NmtState::STOPPED,
+                ])?;
                 ErrorControl::heartbeat(state).frame(node)
             }
             K::HeartbeatWrong => {
@@ -72,22 +99,8 @@ impl Draw<'_> {
                     Frame { id: Id::extended(request.id.raw()), ..request }
                 }
             },
-            K::Emergency => {
-                let emcy = Emcy { code: EmcyCode::HARDWARE, register: 1, vendor: [0; 5] };
-                emcy.frame(self.pick(&OTHERS)?)
-            }
-            K::Stranger => {
-                let word: u16 = self.bytes.arbitrary().ok()?;
-                Frame::new(self.pick(&[0x6E0, 0x7F0, 0x123 ^ word & 7])?, word.to_le_bytes())
-            }
             _ => return None,
-        };
-        let then = match self.below(6) {
-            0 => Then::Wait(0),
-            1 => Then::after(self.time(scene)),
-            _ => Then::Wait(1_500),
-        };
-        Some(Action { does: kind, frames: vec![frame], then })
+        })
     }
 
     fn wrong_command(&mut self) -> Option<Frame> {

@@ -32,7 +32,7 @@ impl Draw<'_> {
         use Kind as K;
         match kind {
             K::Upload => {
-                let mux = self.to_read(scene)?;
+                let mux = self.readable_object(scene)?;
                 Some(self.asks(kind, Request::Upload(mux)))
             }
             K::UploadOfNothing => {
@@ -54,7 +54,7 @@ impl Draw<'_> {
             K::BlockSegments | K::BlockSegmentsWrong => self.block_segments(kind, scene),
             K::BlockEnd | K::BlockEndWrong => self.block_end(kind, scene),
             K::BlockUpload => {
-                let mux = self.to_read(scene)?;
+                let mux = self.readable_object(scene)?;
                 let size = self.pick(&[1, 2, 4, 21, 126, 127, 127, 127, 0, 128])?;
                 let threshold = self.pick(&[0, 0, 0, 4, 8, 100, 255])?;
                 let crc = self.chance(80);
@@ -72,7 +72,7 @@ impl Draw<'_> {
             }
             K::Abort => {
                 let code = self.pick(&[Abort::GENERAL, Abort::TIMEOUT, Abort::TOGGLE])?;
-                let mux = self.to_read(scene)?;
+                let mux = self.readable_object(scene)?;
                 let frame = Request::Abort(mux, code).frame(self.node());
                 Some(self.sends(kind, vec![frame], 0))
             }
@@ -80,7 +80,7 @@ impl Draw<'_> {
             K::SdoForAnother => {
                 let node = self.pick(&[125, 3, 1, 16 + self.node(), 32 + self.node()])?;
                 let node = if node == self.node() { 126 } else { node };
-                let mux = self.to_read(scene)?;
+                let mux = self.readable_object(scene)?;
                 let frame = Request::Upload(mux).frame(node);
                 Some(self.sends(kind, vec![frame], 0))
             }
@@ -90,11 +90,13 @@ impl Draw<'_> {
     }
 
     /// An object to read.
-    fn to_read(&mut self, scene: Scene<'_>) -> Option<Mux> {
+    fn readable_object(&mut self, scene: Scene<'_>) -> Option<Mux> {
         if let Some(mux) = self.written.filter(|_| self.chance(40)) {
             return Some(mux);
         }
-        let readable = |entry: &Entry| entry.access.readable();
+        // What is in the history of errors that are not known is not known.
+        let history = if self.blueprint.judges_errors() { 0 } else { 0x1003 };
+        let readable = |entry: &Entry| entry.access.readable() && entry.mux.index != history;
         let all = match self.below(8) {
             0..=1 => scene.od.entries_in(0x1000..=0x103F),
             2..=3 => scene.od.entries_in(0x1000..=0x1BFF),
@@ -128,7 +130,7 @@ impl Draw<'_> {
     }
 
     /// An object to write, in the area of the communication or of the application.
-    fn to_write<'s>(&mut self, scene: Scene<'s>) -> Option<&'s Entry> {
+    fn writable_object<'s>(&mut self, scene: Scene<'s>) -> Option<&'s Entry> {
         let writable = |entry: &Entry| {
             entry.access.writable()
                 && entry.data_type.size().is_some()
@@ -143,7 +145,7 @@ impl Draw<'_> {
     }
 
     fn download(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
-        let entry = self.to_write(scene)?;
+        let entry = self.writable_object(scene)?;
         let value = self.value(entry, scene)?;
         self.writes(kind, entry.mux, &value)
     }
@@ -167,7 +169,7 @@ impl Draw<'_> {
     fn refused(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
         let (mux, value) = match kind {
             Kind::DownloadLength => {
-                let entry = self.to_write(scene)?;
+                let entry = self.writable_object(scene)?;
                 let mut value = scene.od.get(entry.mux)?.to_vec();
                 match self.chance(50) {
                     true => drop(value.pop()),
@@ -192,15 +194,17 @@ impl Draw<'_> {
                 (entry.mux, beyond.to_le_bytes()[..size].to_vec())
             }
             _ => {
-                let fixed = |entry: &Entry| {
-                    !entry.access.writable() && entry.data_type.size().is_some()
-                };
+                let fixed =
+                    |entry: &Entry| !entry.access.writable() && entry.data_type.size().is_some();
                 match self.chance(60) {
                     true => {
                         let entry = self.entry(scene.od.entries(), fixed)?;
                         (entry.mux, scene.od.get(entry.mux)?.to_vec())
                     }
-                    false => (self.nothing(scene).filter(|mux| !scene.od.entry(*mux).is_some())?, vec![0; 4]),
+                    false => {
+                        let absent = |mux: &Mux| scene.od.entry(*mux).is_none();
+                        (self.nothing(scene).filter(absent)?, vec![0; 4])
+                    }
                 }
             }
         };
@@ -220,7 +224,7 @@ impl Draw<'_> {
                 (entry.mux, (0..length).map(|it| first.wrapping_add(it as u8)).collect())
             }
             false => {
-                let entry = self.to_write(scene)?;
+                let entry = self.writable_object(scene)?;
                 (entry.mux, self.value(entry, scene)?)
             }
         };
@@ -265,7 +269,8 @@ impl Draw<'_> {
         let most = if self.chance(70) { 127 } else { 1 + self.below(8) };
         let mut segments = scene.talk.segments(most);
         let complete = segments.last().is_some_and(|segment| {
-            segment.last || matches!(scene.talk, Talk::Blocks { size, .. } if segment.sequence == *size)
+            segment.last
+                || matches!(scene.talk, Talk::Blocks { size, .. } if segment.sequence == *size)
         });
         if segments.is_empty() {
             return None;
@@ -323,7 +328,7 @@ impl Draw<'_> {
     }
 
     fn wrong(&mut self, scene: Scene<'_>) -> Option<Action> {
-        let mux = self.to_read(scene)?;
+        let mux = self.readable_object(scene)?;
         let node = self.node();
         let upload = Request::Upload(mux).frame(node);
         let id = REQUEST_COB_ID + u16::from(node);
@@ -360,9 +365,9 @@ impl Draw<'_> {
         let to = scene.int(index, 1).filter(valid)? as u16;
         let from = scene.int(index, 2).filter(valid)? as u16;
         let request = match self.chance(70) {
-            true => Request::Upload(self.to_read(scene)?),
+            true => Request::Upload(self.readable_object(scene)?),
             false => {
-                let entry = self.to_write(scene)?;
+                let entry = self.writable_object(scene)?;
                 let value = self.value(entry, scene).filter(|value| value.len() <= 4)?;
                 Request::Download(entry.mux, Initiate::Expedited(Data::new(&value)))
             }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use canopen::{Frame, Id, Instant};
 
-use super::{End, What, Violation};
+use super::{End, Violation, What};
 
 /// A frame of the model.
 #[derive(Clone, Copy, Debug)]
@@ -75,9 +75,8 @@ impl Queues {
         let queue = self.queue(frame.id);
         // What has come and was taken for a frame that need not is not waited for.
         let spare = queue.spare;
-        let came = |it: &Expected| {
-            spare.is_some_and(|(then, frame)| frame == it.frame && then >= it.at)
-        };
+        let came =
+            |it: &Expected| spare.is_some_and(|(then, frame)| frame == it.frame && then >= it.at);
         let waits = |it: &Expected| it.must == Must::Come && !came(it);
         let first = queue.expected.iter().position(waits);
         let within = first.map_or(queue.expected.len(), |place| place + 1);
@@ -130,7 +129,12 @@ impl Queues {
     }
 
     /// What should have come by now, or came without a cause.
-    pub(super) fn overdue(&mut self, now: Instant, late: Duration, early: Duration) -> Option<What> {
+    pub(super) fn overdue(
+        &mut self,
+        now: Instant,
+        late: Duration,
+        early: Duration,
+    ) -> Option<What> {
         if let Some((at, frame, expected)) = self.early.front()
             && *at + early < now
         {
@@ -142,9 +146,10 @@ impl Queues {
             {
                 let Expected { at, frame, must } = *first;
                 let came = match must {
-                    Must::Come => {
-                        queue.spare.take_if(|(then, other)| *then >= at && *other == frame).is_some()
-                    }
+                    Must::Come => queue
+                        .spare
+                        .take_if(|(then, other)| *then >= at && *other == frame)
+                        .is_some(),
                     Must::Within(time) => queue.last.is_some_and(|last| last + time + late >= at),
                     Must::Not => true,
                 };

@@ -51,6 +51,11 @@ impl Identifiers {
         Self { node, looked: None, servers, emergency: None, tpdos, former }
     }
 
+    /// The dictionary is another one.
+    pub(super) const fn forget(&mut self) {
+        self.looked = None;
+    }
+
     /// The service of a frame; a TPDO may have been another one up to `late` ago.
     pub(super) fn class(
         &mut self,
@@ -103,7 +108,8 @@ impl Identifiers {
             None => Some(predefined),
         };
         let parameters = od.entries_in(0x1800..=0x19FF).iter().filter(|entry| entry.mux.sub == 1);
-        let tpdos = parameters.filter_map(|entry| Tpdo::new(od, entry.mux.index, valid(entry.mux)?));
+        let tpdos =
+            parameters.filter_map(|entry| Tpdo::new(od, entry.mux.index, valid(entry.mux)?));
         self.tpdos = tpdos.collect();
     }
 }

@@ -2,19 +2,27 @@
 
 use canopen::sdo::block::{BlockRequest, BlockResponse};
 use canopen::sdo::{self, Initiate, Response};
-use canopen::{Abort, Data, Frame, Mux};
+use canopen::{Abort, Frame, Mux};
 
 use crate::blueprint::Blueprint;
 use crate::model::Model;
 
 /// The request of a client that is under way.
-#[derive(Clone, Debug)]
 pub(super) struct Request {
     mux: Mux,
     uploads: bool,
     /// The value before, of an object that the device may refuse to change.
     before: Option<Vec<u8>>,
     may: MayRefuse,
+    /// The model before, where a service takes the value.
+    model: Option<Box<Model>>,
+}
+
+impl Request {
+    /// The model without a request that the device refuses.
+    pub(super) fn undone(&mut self, mux: Mux) -> Option<Model> {
+        self.model.take_if(|_| self.mux == mux).map(|model| *model)
+    }
 }
 
 /// For what reasons a device may refuse a value that its data sheet allows.
@@ -29,11 +37,7 @@ enum MayRefuse {
 }
 
 /// The request that begins with a frame of a client.
-pub(super) fn request(
-    frame: &Frame,
-    blueprint: &Blueprint,
-    model: &Model,
-) -> Option<Request> {
+pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Option<Request> {
     let id = frame.data_id()?;
     let default = sdo::REQUEST_COB_ID + u16::from(blueprint.node());
     let od = model.dictionary();
@@ -55,7 +59,9 @@ pub(super) fn request(
         false => MayRefuse::Nothing,
     };
     let before = (may != MayRefuse::Nothing).then(|| od.get(mux).map(<[u8]>::to_vec));
-    Some(Request { mux, uploads, before: before.flatten(), may })
+    let writes = may == MayRefuse::Times && !uploads;
+    let model = writes.then(|| Box::new(model.clone()));
+    Some(Request { mux, uploads, before: before.flatten(), may, model })
 }
 
 /// Whether an object holds a time, whose range the data sheet may leave out.
@@ -75,8 +81,7 @@ pub(super) fn is_like(
     requests: &[Option<Request>; 2],
     is_volatile: &dyn Fn(Mux) -> bool,
 ) -> bool {
-    let (Ok(answer), Ok(model)) =
-        (Response::decode(&frame.data), Response::decode(&expected.data))
+    let (Ok(answer), Ok(model)) = (Response::decode(&frame.data), Response::decode(&expected.data))
     else {
         return false;
     };
@@ -158,10 +163,14 @@ pub(super) fn end(frame: &Frame, node: u8) -> Option<Frame> {
     }
 }
 
-/// A download of a value of up to four bytes.
-pub(super) fn write(mux: Mux, value: &[u8], node: u8) -> Frame {
-    let value = Data::new(&value[..value.len().min(4)]);
-    sdo::Request::Download(mux, Initiate::Expedited(value)).frame(node)
+/// Whether the application of the device refuses something, for a reason of its own.
+pub(super) fn is_refusal(frame: &Frame, requests: &[Option<Request>; 2]) -> bool {
+    let Ok(Response::Abort(mux, code)) = Response::decode(&frame.data) else { return false };
+    let asked = requests
+        .iter()
+        .flatten()
+        .any(|request| request.mux == mux && request.may == MayRefuse::Anything);
+    asked && frame.data[0] == ABORT && matches!(code.0 >> 16, 0x0604 | 0x0606 | 0x0609 | 0x0800)
 }
 
 fn same_length(one: Initiate, two: Initiate) -> bool {

@@ -2,8 +2,8 @@
 
 use campaign::session::{Script, Session};
 use campaign::{
-    Action, Belief, Blueprint, Campaign, End, Finding, Look, Stage, Violation, VirtualDevice,
-    look, shrink,
+    Action, Belief, Blueprint, Campaign, End, Finding, Look, Stage, Violation, VirtualDevice, look,
+    shrink,
 };
 use reference_devices::devices;
 use reference_devices::stack::NodeSettings;
@@ -91,8 +91,7 @@ impl Modelled {
                 _ => false,
             })
         };
-        shows(&finding.session.actions)
-            .then(|| shrink(&finding.session.actions, TRIES, &mut shows))
+        shows(&finding.session.actions).then(|| shrink(&finding.session.actions, TRIES, &mut shows))
     }
 }
 

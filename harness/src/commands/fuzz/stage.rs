@@ -90,9 +90,7 @@ pub(super) fn open(target: &Target, stop: &Stop) -> Result<Box<dyn Scene>, Refus
 /// that outlasts a reset, and to its outputs only what a device file allows.
 pub(super) fn powers(target: &Target) -> Powers {
     match target.connection {
-        Connection::Simulation { .. } => {
-            Powers { lss: target.dut.eds.device.lss, ..Powers::ALL }
-        }
+        Connection::Simulation { .. } => Powers { lss: target.dut.eds.device.lss, ..Powers::ALL },
         Connection::Interface(_) => Powers {
             power: false,
             storage: false,

@@ -5,7 +5,9 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 use campaign::session::Start;
-use campaign::{Belief, Blueprint, Campaign, Finding, Powers, Stage, Tolerance, VirtualDevice, look};
+use campaign::{
+    Belief, Blueprint, Campaign, Finding, Powers, Stage, Tolerance, VirtualDevice, look,
+};
 use reference_devices::devices::{ReferenceDevice, WITH_EVERYTHING};
 use reference_devices::mutant::{self, Mutant};
 use runner::parallel::{self, processors};
@@ -39,9 +41,8 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     let device = reference_device(name, &catalogue)?;
     let mut mutants = mutant::of(&device)?;
     mutants.retain(|mutant| mutant.shared && !mutant.canary && !mutant.is_of_data_sheet());
-    let fuzzed = parallel::map(mutants, processors(), |mutant| {
-        fuzzed(&device, mutant, args.seed, sessions)
-    });
+    let fuzzed =
+        parallel::map(mutants, processors(), |mutant| fuzzed(&device, mutant, args.seed, sessions));
     let fuzzed = fuzzed.into_iter().collect::<Result<Vec<_>, _>>()?;
     say(&table(&fuzzed, args.verbose));
     Ok(Exit::Green)
