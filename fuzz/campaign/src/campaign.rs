@@ -73,7 +73,7 @@ pub struct Campaign<'b> {
 }
 
 /// How often a session is played again since something was learnt in it.
-const LESSONS: u32 = 8;
+const LESSONS: u32 = 32;
 
 impl<'b> Campaign<'b> {
     /// A campaign that begins with this belief.
@@ -113,8 +113,10 @@ impl<'b> Campaign<'b> {
                 }
                 Some(End::Violation(violation)) => violation,
             };
-            if lesson < LESSONS && self.belief.explain(&played.seen) == Judged::Learnt {
-                continue;
+            match self.belief.explain(&played.seen) {
+                Judged::Wrong => {}
+                Judged::Learnt if lesson < LESSONS => continue,
+                Judged::Learnt | Judged::Expected => return Ok(None),
             }
             let Played { session, seen, .. } = played;
             return Ok(Some(Finding { number, session, seen, violation }));

@@ -129,6 +129,10 @@ pub struct Oracle<'b> {
     requests: [Option<Request>; 2],
     /// Since when the bus has been busy, and when it last was.
     busy: (Instant, Instant),
+    /// Whether the device has refused a transfer of which the model knows nothing.
+    refused: bool,
+    /// How many frames the model has taken.
+    taken: u64,
     /// When the model was last OPERATIONAL.
     operational: Instant,
     /// The application has reported an error.
@@ -150,6 +154,8 @@ impl<'b> Oracle<'b> {
             identifiers: Identifiers::new(node),
             requests: [None, None],
             busy: (Instant::ZERO, Instant::ZERO),
+            refused: false,
+            taken: 0,
             operational: Instant::ZERO,
             errors: blueprint.has_errors(),
             followed: BTreeSet::new(),
@@ -220,10 +226,12 @@ impl<'b> Oracle<'b> {
     }
 
     fn take(&mut self, now: Instant, frame: &Frame) {
-        if let Some(request) = sdo::request(frame, self.blueprint, &self.model) {
+        if let Some(request) = sdo::request(frame, self.blueprint, &self.model, self.taken) {
             let [_, last] = std::mem::take(&mut self.requests);
             self.requests = [last, Some(request)];
+            self.refused = false;
         }
+        self.taken += 1;
         if is_reset(frame) {
             self.queues.release();
         }
@@ -291,9 +299,8 @@ impl<'b> Oracle<'b> {
         self.queues = queues;
         match found {
             Ok(expected) => {
-                self.follow(now, &class, frame, &expected);
                 self.queues.came(frame, now);
-                Ok(())
+                self.follow(now, &class, frame, &expected)
             }
             Err(expected) => self.surprise(now, &class, frame, expected),
         }
@@ -302,6 +309,7 @@ impl<'b> Oracle<'b> {
     /// Whether a frame is as good as the one that is expected.
     fn is_like(&self, class: &Class, frame: &Frame, expected: &Frame) -> bool {
         match class {
+            Class::Sdo if self.refused && sdo::same_code(frame, expected) => true,
             Class::Sdo => {
                 sdo::is_like(frame, expected, &self.requests, &|mux| self.is_volatile(mux))
             }
@@ -315,35 +323,50 @@ impl<'b> Oracle<'b> {
     }
 
     /// Brings the model up to date with what the application of the device has decided.
-    fn follow(&mut self, now: Instant, class: &Class, frame: &Frame, expected: &Frame) {
+    fn follow(
+        &mut self,
+        now: Instant,
+        class: &Class,
+        frame: &Frame,
+        expected: &Frame,
+    ) -> Result<(), End> {
         if frame == expected || !matches!(class, Class::Sdo) {
-            return;
+            return Ok(());
         }
-        let node = self.blueprint.node();
-        if let Some(end) = sdo::end(frame, node) {
-            self.model.take(now, &end).for_each(drop);
+        let refused = sdo::end(frame, self.blueprint.node());
+        if let Some(end) = &refused {
+            self.model.take(now, end).for_each(drop);
+            self.refused = true;
         }
-        if let Some((mux, value)) = sdo::followed(frame, expected, &self.requests) {
-            match self.blueprint.is_of_application(mux) {
-                true => {
-                    self.model.follow(mux, &value);
-                    self.followed.insert(mux);
-                }
-                false => self.undo(now, mux),
-            }
+        let Some((mux, value)) = sdo::followed(frame, expected, &self.requests) else {
+            return Ok(());
+        };
+        if refused.is_some() && !self.blueprint.is_of_application(mux) {
+            return self.undo(now, mux);
         }
+        self.model.follow(mux, &value);
+        self.followed.insert(mux);
+        Ok(())
     }
 
     /// Takes the model from before a request that the device refuses.
-    fn undo(&mut self, now: Instant, mux: Mux) {
+    ///
+    /// # Errors
+    /// When it has taken other frames since.
+    fn undo(&mut self, now: Instant, mux: Mux) -> Result<(), End> {
         let mut requests = self.requests.iter_mut().flatten().rev();
-        if let Some(model) = requests.find_map(|request| request.undone(mux)) {
-            self.model = model;
-            self.identifiers.forget();
-            while let Some(due) = self.model.due_before(now) {
-                self.model.poll(due).for_each(drop);
-            }
+        let Some((model, taken)) = requests.find_map(|request| request.undone(mux)) else {
+            return Err(End::Void(now));
+        };
+        if self.taken != taken + 1 {
+            return Err(End::Void(now));
         }
+        self.model = model;
+        self.identifiers.forget();
+        while let Some(due) = self.model.due_before(now) {
+            self.model.poll(due).for_each(drop);
+        }
+        Ok(())
     }
 
     /// Judges a frame that the model does not send.

@@ -14,14 +14,14 @@ pub(super) struct Request {
     /// The value before, of an object that the device may refuse to change.
     before: Option<Vec<u8>>,
     may: MayRefuse,
-    /// The model before, where a service takes the value.
-    model: Option<Box<Model>>,
+    /// The model before, where a service takes the value, and how many frames it had taken.
+    model: Option<(Box<Model>, u64)>,
 }
 
 impl Request {
     /// The model without a request that the device refuses.
-    pub(super) fn undone(&mut self, mux: Mux) -> Option<Model> {
-        self.model.take_if(|_| self.mux == mux).map(|model| *model)
+    pub(super) fn undone(&mut self, mux: Mux) -> Option<(Model, u64)> {
+        self.model.take_if(|_| self.mux == mux).map(|(model, taken)| (*model, taken))
     }
 }
 
@@ -37,7 +37,12 @@ enum MayRefuse {
 }
 
 /// The request that begins with a frame of a client.
-pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Option<Request> {
+pub(super) fn request(
+    frame: &Frame,
+    blueprint: &Blueprint,
+    model: &Model,
+    taken: u64,
+) -> Option<Request> {
     let id = frame.data_id()?;
     let default = sdo::REQUEST_COB_ID + u16::from(blueprint.node());
     let od = model.dictionary();
@@ -60,7 +65,7 @@ pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Op
     };
     let before = (may != MayRefuse::Nothing).then(|| od.get(mux).map(<[u8]>::to_vec));
     let writes = may == MayRefuse::Times && !uploads;
-    let model = writes.then(|| Box::new(model.clone()));
+    let model = writes.then(|| (Box::new(model.clone()), taken));
     Some(Request { mux, uploads, before: before.flatten(), may, model })
 }
 
@@ -161,6 +166,12 @@ pub(super) fn end(frame: &Frame, node: u8) -> Option<Frame> {
         Response::Abort(mux, _) => Some(sdo::Request::Abort(mux, Abort::GENERAL).frame(node)),
         _ => None,
     }
+}
+
+/// Whether both are aborts with the same code.
+pub(super) fn same_code(frame: &Frame, other: &Frame) -> bool {
+    let aborts = |frame: &Frame| frame.data.first() == Some(&ABORT);
+    aborts(frame) && aborts(other) && frame.data.get(4..) == other.data.get(4..)
 }
 
 /// Whether the application of the device refuses something, for a reason of its own.
