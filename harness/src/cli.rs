@@ -36,7 +36,7 @@ pub struct Cli {
 const EXIT_CODES: &str = "\
 Exit codes: 0 green, 1 a case failed, 2 usage, 3 a file cannot be read or written, 4 nothing ran,
 5 waivers out of date, 6 bus or bench, or a case is ERROR and none failed,
-7 the device did not come back,
+7 the device did not come back, 8 fuzzing found something,
 9 holes in qualification or trace, 70 internal error, 130 interrupted. The highest applies.";
 
 /// The commands.
@@ -58,6 +58,8 @@ pub enum Command {
     Init(InitArgs),
     /// Prove that every case can fail: the kill matrix of mutants and cases
     Qualify(QualifyArgs),
+    /// Fuzz a device on the bus: sessions of right and wrong actions, judged by a model of it
+    Fuzz(FuzzArgs),
     /// Print the requirement matrix; holes are an error
     Trace(TraceArgs),
     /// Explain a case, requirement, mutant, object or error code
@@ -331,6 +333,111 @@ pub struct QualifyArgs {
     /// What the mixtures are drawn by
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
+    /// Fuzz each mutant of the stack with so many sessions instead, and print which are found and
+    /// whether their requirements are named
+    #[arg(long, value_name = "SESSIONS", conflicts_with_all = ["record", "unproved", "why"])]
+    #[arg(value_parser = whole::<u64>(1..=1_000_000))]
+    pub fuzz: Option<u64>,
+}
+
+/// Arguments of `fuzz`.
+#[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct FuzzArgs {
+    /// What to do with a finding.
+    #[command(subcommand)]
+    pub command: Option<FuzzCommand>,
+    /// The campaign.
+    #[command(flatten)]
+    pub campaign: CampaignArgs,
+}
+
+/// What can be done with a finding.
+#[derive(Debug, Subcommand)]
+pub enum FuzzCommand {
+    /// Play the session of a finding again
+    Repro(FindingArgs),
+    /// Make the session of a finding shorter, on the device
+    Shrink(FindingArgs),
+}
+
+/// Arguments of a campaign.
+#[derive(Debug, Clone, Args)]
+pub struct CampaignArgs {
+    /// The device.
+    #[command(flatten)]
+    pub device: DeviceArgs,
+    /// What the sessions are drawn by
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+    /// How many sessions; 1000 when neither this nor --time is given
+    #[arg(long, value_name = "N")]
+    pub sessions: Option<u64>,
+    /// How long, such as `30s`, `10m` or `2h`
+    #[arg(long, value_parser = seconds)]
+    pub time: Option<u64>,
+    /// Play every Nth session, from the Ith on: N devices of a kind, each on a bus of its own,
+    /// share the sessions
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<Shard>,
+    /// Stop after so many sessions in which something was wrong
+    #[arg(long, value_name = "N", default_value_t = 20)]
+    pub max_findings: usize,
+    /// The folder for files of findings, one for each cause
+    #[arg(long, value_name = "FOLDER")]
+    pub findings: Option<PathBuf>,
+    /// Print in how many states each kind of action was tried
+    #[arg(long)]
+    pub goals: bool,
+    /// Print what a campaign may do to the device, and play no session
+    #[arg(long)]
+    pub dry_run: bool,
+    /// Show no progress
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+/// The device of a campaign.
+#[derive(Debug, Clone, Default, Args)]
+pub struct DeviceArgs {
+    /// The device file, such as `device-under-test.yaml`
+    #[arg(long, value_name = "FILE")]
+    pub dut: Option<PathBuf>,
+    /// The device and its bus: `can0`, `exec:COMMAND`, `sim:NAME`, `sim:NAME?mutant=NAME`
+    #[arg(long)]
+    pub target: Option<String>,
+    /// Node id, when several nodes are on the bus
+    #[arg(long, value_name = "ID", value_parser = whole::<u8>(1..=127))]
+    pub node: Option<u8>,
+    /// The data sheet
+    #[arg(long, value_name = "FILE")]
+    pub eds: Option<PathBuf>,
+    /// Bit rate in bit/s, where the interface does not tell it
+    #[arg(long, value_name = "RATE")]
+    pub bitrate: Option<u32>,
+}
+
+/// Arguments of `fuzz repro` and `fuzz shrink`.
+#[derive(Debug, Args)]
+pub struct FindingArgs {
+    /// The file of the finding
+    pub file: PathBuf,
+    /// The device; that of the file when absent.
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+/// A time such as `30s`, `10m` or `2h`, in seconds.
+fn seconds(text: &str) -> Result<u64, String> {
+    let wrong = || "a time such as `30s`, `10m` or `2h` belongs here".to_owned();
+    let (number, unit) = text.split_at_checked(text.len().saturating_sub(1)).ok_or_else(wrong)?;
+    let unit = match unit {
+        "s" => 1,
+        "m" => 60,
+        "h" => 3600,
+        _ => return Err(wrong()),
+    };
+    number.parse().map(|number: u64| number * unit).map_err(|_| wrong())
 }
 
 /// Arguments of `explain`.

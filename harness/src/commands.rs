@@ -9,6 +9,7 @@ mod decode;
 mod dry_run;
 mod eds;
 mod explain;
+mod fuzz;
 mod init;
 mod list;
 mod qualify;
@@ -39,6 +40,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Serve(args)) => serve::run(&args, &stop),
         Some(Command::Scan(args)) => scan::run(&args, &stop),
         Some(Command::Qualify(args)) => qualify::run(&args),
+        Some(Command::Fuzz(args)) => fuzz::run(&args, &stop),
         Some(Command::Trace(args)) => trace::run(&args),
         Some(Command::Explain(args)) => explain::run(&args),
         Some(Command::Eds(command)) => eds::run(&command, &stop),

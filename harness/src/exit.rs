@@ -22,6 +22,8 @@ pub enum Exit {
     Bus = 6,
     /// The device stopped answering and did not come back.
     DeviceGone = 7,
+    /// Fuzzing found something that no freedom explains.
+    Findings = 8,
     /// The qualification or the trace has holes.
     Holes = 9,
     /// A bug of the harness.

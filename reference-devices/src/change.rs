@@ -115,6 +115,23 @@ impl Deviation {
         (self, is_all)
     }
 
+    /// The part of the deviation that a device of another application can have, whose data sheet is
+    /// what it is: its decisions of the stack, its frames, its dictionary and its settings. `None`
+    /// when there is no such part.
+    pub fn of_stack(mut self) -> Option<Self> {
+        self.parts.retain(|part| {
+            matches!(
+                part.change,
+                Change::Decision(_)
+                    | Change::Rule(_)
+                    | Change::Frame(_)
+                    | Change::Dictionary(_)
+                    | Change::Settings(_)
+            )
+        });
+        (!self.parts.is_empty()).then_some(self)
+    }
+
     /// Whether one of the two may take back what the other changes of the data of the device.
     pub fn collides_with(&self, other: &Self) -> bool {
         let others = || other.parts.iter().map(|part| &part.change);

@@ -12,9 +12,11 @@ pub mod mcm260x;
 mod pixsys;
 mod terminal;
 
+use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock, OnceLock};
 
 use canopen::catalogue::Catalogue;
+use canopen::eds::Eds;
 use canopen::nearest::did_you_mean;
 use canopen::source::{At, Complaint, Source, built_in, read_yaml};
 use canopen::{Dictionary, Mux, ValueError};
@@ -211,6 +213,38 @@ impl DeviceFiles {
 }
 
 impl ReferenceDevice {
+    /// A device with this data sheet and the stack of the reference devices, whose application does
+    /// nothing.
+    pub fn of_sheet(eds: Eds, node: u8, settings: NodeSettings) -> Self {
+        let source = built_in("a device of this data sheet", "");
+        let files = DeviceFiles {
+            device: Arc::clone(&source),
+            variants: Vec::new(),
+            parts: Vec::new(),
+            mutants: None,
+            freedoms: None,
+        };
+        let device = "model".to_owned();
+        let description = Description {
+            device: device.clone(),
+            variant_of: None,
+            title: String::new(),
+            document: String::new(),
+            profiles: Vec::new(),
+            behaviour: "inert".to_owned(),
+            without: Vec::new(),
+            names: BTreeMap::new(),
+            blocks: BTreeMap::new(),
+            default_node: node,
+            eds,
+            settings,
+            notes: Arc::default(),
+            heads: Arc::default(),
+        };
+        let files = Arc::new(files);
+        Self { description, source, files, first: device, prototype: Prototype::default() }
+    }
+
     /// The data sheet as a file.
     pub fn eds_text(&self) -> String {
         canopen::eds::write(&self.description.eds, &self.description.generated_by())

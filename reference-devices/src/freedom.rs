@@ -120,6 +120,15 @@ pub fn of(device: &ReferenceDevice) -> Result<Vec<Freedom>, Vec<Complaint>> {
     if complaints.is_empty() { Ok(freedoms) } else { Err(complaints) }
 }
 
+/// The freedoms of the stack, which any device can use.
+///
+/// # Errors
+/// What is wrong with their files.
+pub fn common() -> Result<Vec<Freedom>, Vec<Complaint>> {
+    let each = COMMON_SOURCES.iter().map(read).collect::<Result<Vec<_>, _>>()?;
+    Ok(each.concat())
+}
+
 /// The personalities of a device.
 ///
 /// # Errors

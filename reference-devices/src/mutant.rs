@@ -12,7 +12,7 @@ use canopen::nearest::did_you_mean;
 use canopen::source::{Complaint, Source, built_in, read_tree};
 
 use crate::change::{Changes, Form, Origin, in_full};
-use crate::devices::ReferenceDevice;
+use crate::devices::{ReferenceDevice, WITH_EVERYTHING};
 
 pub use data::{Mistake, Mutant, MutantFile};
 
@@ -57,6 +57,15 @@ pub fn read(source: &Arc<Source>, family: &str) -> Result<Vec<Mutant>, Vec<Compl
     });
     let complaints: Vec<_> = twice.collect();
     if complaints.is_empty() { Ok(mutants) } else { Err(complaints) }
+}
+
+/// The mutants that any device can be.
+///
+/// # Errors
+/// What is wrong with their files.
+pub fn common() -> Result<Vec<Mutant>, Vec<Complaint>> {
+    let each = COMMON_SOURCES.iter().map(|source| read(source, WITH_EVERYTHING));
+    Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
 }
 
 /// The mutants that live on a device or variant.

@@ -4,6 +4,7 @@
 //! `fuzz/` searches for bytes that break one, `tests/corpus.rs` tries those that were found or
 //! seeded before.
 
+mod campaigns;
 mod described;
 mod devices;
 mod given;
@@ -27,6 +28,7 @@ use reports::{Keep, Run, journal};
 use devices::NODE;
 use given::written;
 
+pub use campaigns::campaign_session;
 pub use described::{
     device_file_read, plan_sheet, register_read, rig_lines, suite_load, test_map_read,
 };
@@ -39,8 +41,9 @@ pub use transfers::{block_transfer, sdo_client_server};
 pub type Property = fn(&[u8]);
 
 /// Every property, by its name.
-pub const ALL: [(&str, Property); 20] = [
+pub const ALL: [(&str, Property); 21] = [
     ("block_transfer", block_transfer),
+    ("campaign_session", campaign_session),
     ("candump_parse", candump_parse),
     ("device_file_read", device_file_read),
     ("eds_read", eds_read),

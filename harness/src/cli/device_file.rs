@@ -1,6 +1,6 @@
 //! What a device file says, where the command line says nothing.
 
-use super::{CheckArgs, ListArgs, RunArgs};
+use super::{CheckArgs, DeviceArgs, ListArgs, RunArgs};
 use crate::exit::Refused;
 use crate::target::Selection;
 
@@ -56,5 +56,24 @@ impl CheckArgs {
         };
         let Some(file) = selection.load()? else { return Ok(selection) };
         Ok(selection.with(file, String::new()))
+    }
+}
+
+impl DeviceArgs {
+    /// The device, with what the device file says of it.
+    ///
+    /// # Errors
+    /// What is wrong with the file.
+    pub(crate) fn selection(&self) -> Result<Selection, Refused> {
+        let selection = Selection {
+            dut: self.dut.clone(),
+            node: self.node,
+            eds: self.eds.clone(),
+            bitrate: self.bitrate,
+            ..Selection::of_target(self.target.as_deref())
+        };
+        let Some(file) = selection.load()? else { return Ok(selection) };
+        let typed = selection.typed();
+        Ok(selection.with(file, typed))
     }
 }

@@ -7,6 +7,7 @@
 mod assertion;
 mod assertions;
 mod freedoms;
+mod fuzzed;
 mod matrix;
 mod mistakes;
 mod record;
@@ -41,6 +42,9 @@ use trial::{Clean, Fits};
 /// # Errors
 /// When a file does not load or the device is unknown.
 pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
+    if let Some(sessions) = args.fuzz {
+        return fuzzed::run(args, sessions);
+    }
     let mut library = args.folders.load()?;
     if let Some(device) = &args.device {
         bring_home(&mut library, device, args)?;

@@ -9,6 +9,7 @@ use canopen::{BenchError, Device, Frame, Instant, Outbox, Pattern, PatternError,
 use super::data::{FrameChange, Misfit};
 use super::replica::Replica;
 use crate::rules::Dissent;
+use crate::stack::Node;
 
 /// A device some of whose frames are not what it meant to send, or to receive.
 #[derive(Clone)]
@@ -136,6 +137,20 @@ impl DeviantWire {
     }
 }
 
+impl Replica for DeviantWire {
+    fn replica(&self) -> Box<dyn Replica> {
+        Box::new(self.clone())
+    }
+
+    fn node(&self) -> &Node {
+        self.inner.node()
+    }
+
+    fn node_mut(&mut self) -> &mut Node {
+        self.inner.node_mut()
+    }
+}
+
 impl Device for DeviantWire {
     fn handle_frame(&mut self, now: Instant, frame: &Frame, out: &mut Outbox) {
         let busy = !self.delayed.is_empty();
@@ -222,6 +237,18 @@ mod tests {
     /// Answers every frame with the same data on 585h.
     #[derive(Clone)]
     struct Echo;
+
+    impl Replica for Echo {
+        fn replica(&self) -> Box<dyn Replica> {
+            Box::new(self.clone())
+        }
+        fn node(&self) -> &Node {
+            unreachable!("an echo has no node")
+        }
+        fn node_mut(&mut self) -> &mut Node {
+            unreachable!("an echo has no node")
+        }
+    }
 
     impl Device for Echo {
         fn handle_frame(&mut self, _: Instant, frame: &Frame, out: &mut Outbox) {

@@ -2,16 +2,32 @@
 
 use canopen::Device;
 
+use crate::stack::Node;
+
 /// A device of which there can be another one in the same state.
-pub trait Replica: Device {
+pub trait Replica: Device + Send {
     /// The device in its present state. A change of the copy does not affect the original, nor the
     /// reverse.
     fn replica(&self) -> Box<dyn Replica>;
+
+    /// The device beneath everything that changes its frames.
+    fn node(&self) -> &Node;
+
+    /// The same, to be changed.
+    fn node_mut(&mut self) -> &mut Node;
 }
 
-impl<T: Device + Clone + 'static> Replica for T {
+impl Replica for Node {
     fn replica(&self) -> Box<dyn Replica> {
         Box::new(self.clone())
+    }
+
+    fn node(&self) -> &Node {
+        self
+    }
+
+    fn node_mut(&mut self) -> &mut Node {
+        self
     }
 }
 

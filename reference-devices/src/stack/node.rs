@@ -3,7 +3,7 @@
 use canopen::bench::{Needs, POWER};
 use canopen::eds::Eds;
 use canopen::{
-    BenchError, Data, Device, Dictionary, Frame, Instant, NmtState, Outbox, Value, lss, nmt,
+    BenchError, Data, Device, Dictionary, Frame, Instant, Mux, NmtState, Outbox, Value, lss, nmt,
 };
 
 use crate::rules::{Change, Reset, Rules, Service};
@@ -85,6 +85,11 @@ impl Node {
     /// The objects, as the device itself sees them.
     pub fn dictionary(&self) -> &Dictionary {
         &self.services.base.od
+    }
+
+    /// Gives an object the value that the application of another device has given it.
+    pub fn take_value(&mut self, mux: Mux, bytes: &[u8]) {
+        self.services.base.od.set(mux, bytes);
     }
 
     fn initialise(&mut self, now: Instant, reset: Reset) {

@@ -1,0 +1,154 @@
+//! Session after session on one device.
+
+use std::collections::BTreeSet;
+
+use canopen::{Bus, BusError, Mux};
+use reference_devices::change::Replica;
+use rustc_hash::FxHashSet;
+
+use crate::belief::{Belief, Judged, explains, suspects};
+use crate::blueprint::Blueprint;
+use crate::draw::Powers;
+use crate::oracle::{End, Seen, Violation};
+use crate::session::{Goal, Played, Script, Session};
+
+/// Where sessions are played: a simulated device, or one on a bus.
+pub trait Stage {
+    /// Plays a session beside a model.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    fn play(
+        &mut self,
+        blueprint: &Blueprint,
+        model: Box<dyn Replica>,
+        script: &Script<'_>,
+    ) -> Result<Played, BusError>;
+
+    /// Lets something be done on a bus with the device running.
+    ///
+    /// # Errors
+    /// Whatever the bus or what is done reports.
+    fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError>;
+}
+
+/// Something that is done on a bus.
+pub type Ask<'a> = &'a mut dyn FnMut(&mut dyn Bus) -> Result<(), BusError>;
+
+/// Something wrong that no freedom explains.
+#[derive(Clone, Debug)]
+pub struct Finding {
+    /// The number of its session.
+    pub number: u64,
+    /// What was done.
+    pub session: Session,
+    /// What was seen.
+    pub seen: Vec<Seen>,
+    /// What is wrong.
+    pub violation: Violation,
+}
+
+/// What a campaign has shown so far.
+#[derive(Clone, Debug, Default)]
+pub struct Tally {
+    /// Sessions that were played.
+    pub sessions: u64,
+    /// Actions in them.
+    pub actions: u64,
+    /// Sessions that the application of the device has cut short.
+    pub void: u64,
+    /// States of the model in which an action was tried.
+    pub goals: FxHashSet<Goal>,
+    /// Objects that the application changes.
+    pub followed: BTreeSet<Mux>,
+}
+
+/// A campaign on one device.
+pub struct Campaign<'b> {
+    blueprint: &'b Blueprint,
+    belief: Belief<'b>,
+    powers: Powers,
+    seed: u64,
+    tally: Tally,
+}
+
+/// How often a session is played again since something was learnt in it.
+const LESSONS: u32 = 32;
+
+impl<'b> Campaign<'b> {
+    /// A campaign that begins with this belief.
+    pub fn new(blueprint: &'b Blueprint, belief: Belief<'b>, powers: Powers, seed: u64) -> Self {
+        Self { blueprint, belief, powers, seed, tally: Tally::default() }
+    }
+
+    /// What is believed of the device.
+    pub const fn belief(&self) -> &Belief<'b> {
+        &self.belief
+    }
+
+    /// What was done so far.
+    pub const fn tally(&self) -> &Tally {
+        &self.tally
+    }
+
+    /// Plays the session of this number. Returns what is wrong with the device, if it is.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn session(
+        &mut self,
+        stage: &mut dyn Stage,
+        number: u64,
+    ) -> Result<Option<Finding>, BusError> {
+        let bytes = bytes(self.seed, number);
+        let script = Script::Bytes(&bytes, self.powers);
+        for lesson in 0..=LESSONS {
+            let played = stage.play(self.blueprint, self.belief.model(), &script)?;
+            self.count(&played);
+            let violation = match played.end {
+                None => return Ok(None),
+                Some(End::Void(_)) => {
+                    self.tally.void += 1;
+                    return Ok(None);
+                }
+                Some(End::Violation(violation)) => violation,
+            };
+            match self.belief.explain(&played.seen) {
+                Judged::Wrong => {}
+                Judged::Learnt if lesson < LESSONS => continue,
+                Judged::Learnt | Judged::Expected => return Ok(None),
+            }
+            let Played { session, seen, .. } = played;
+            return Ok(Some(Finding { number, session, seen, violation }));
+        }
+        Ok(None)
+    }
+
+    fn count(&mut self, played: &Played) {
+        self.tally.sessions += 1;
+        self.tally.actions += played.session.actions.len() as u64;
+        self.tally.goals.extend(played.goals.iter().copied());
+        self.tally.followed.extend(played.followed.iter().copied());
+    }
+
+    /// The mutants that do what these findings are, each by its place in the blueprint, with how
+    /// many of them it explains.
+    pub fn suspects(&self, findings: &[&Finding]) -> Vec<(usize, usize)> {
+        let seen: Vec<&[Seen]> = findings.iter().map(|finding| &*finding.seen).collect();
+        suspects(self.blueprint, &self.belief, &seen)
+    }
+}
+
+impl Campaign<'_> {
+    /// Whether a mutant of the blueprint does what a finding is.
+    pub fn explains(&self, mutant: usize, finding: &Finding) -> bool {
+        explains(self.blueprint, &self.belief, mutant, &finding.seen)
+    }
+}
+
+/// The bytes of a session.
+pub fn bytes(seed: u64, number: u64) -> Vec<u8> {
+    let mut random = fastrand::Rng::with_seed(seed.rotate_left(32) ^ number);
+    let length = random.usize(300..3_000);
+    std::iter::repeat_with(|| random.u8(..)).take(length).collect()
+}

@@ -1,0 +1,233 @@
+//! Values and times that matter to a device: the ends of ranges, what engineers write, and the
+//! times that run in it.
+
+use std::time::Duration;
+
+use canopen::eds::{Direction, Entry};
+use canopen::pdo::Mapping;
+use canopen::{DataType, Mux, NmtState};
+
+use super::{Draw, Scene};
+use crate::action::Then;
+use crate::oracle::error_control;
+
+/// Nodes that a device may monitor.
+pub(super) const OTHERS: [u8; 4] = [125, 126, 127, 1];
+/// Times in milliseconds, as they are configured.
+const TIMES: [u16; 20] = [
+    0, 1, 5, 10, 20, 30, 50, 60, 70, 80, 100, 200, 290, 300, 500, 1000, 16400, 32768, 40000, 65535,
+];
+/// Identifiers that nobody has by default.
+const FREE: [u32; 8] = [0x190, 0x1F0, 0x290, 0x380, 0x3FE, 0x680, 0x6A0, 0x6C0];
+/// Identifiers that no object may have.
+const RESTRICTED: [u32; 8] = [0x000, 0x001, 0x07F, 0x101, 0x180, 0x581, 0x601, 0x701];
+const KINDS: [u8; 14] = [0, 1, 2, 3, 4, 239, 240, 241, 251, 252, 253, 254, 255, 255];
+
+impl Draw<'_> {
+    /// The boot-up message, or what else follows a reset.
+    pub(super) fn boots(&self) -> Then {
+        Then::answer(error_control(self.node()))
+    }
+
+    /// A time after an action, mostly around one that runs.
+    pub(super) fn time(&mut self, scene: Scene<'_>) -> Duration {
+        let milliseconds = |value: Option<i64>| value.filter(|it| *it > 0).map(|it| it as u64);
+        let mut known: Vec<u64> = Vec::with_capacity(16);
+        let mut know = |micros: Option<u64>| known.extend(micros.filter(|it| *it > 0));
+        know(milliseconds(scene.int(0x1017, 0)).map(|it| it * 1000));
+        for sub in 1..=4 {
+            let entry = scene.int(0x1016, sub).unwrap_or(0);
+            know(milliseconds(Some(entry & 0xFFFF)).map(|it| it * 1000));
+        }
+        let life = scene.int(0x100C, 0).unwrap_or(0) * scene.int(0x100D, 0).unwrap_or(0);
+        know(milliseconds(Some(life)).map(|it| it * 1000));
+        know(milliseconds(scene.int(0x1006, 0)));
+        know(milliseconds(scene.int(0x1007, 0)));
+        know(milliseconds(scene.int(0x1015, 0)).map(|it| it * 100));
+        for pdo in self.pdos {
+            know(milliseconds(scene.int(0x1800 + pdo, 3)).map(|it| it * 100));
+            know(milliseconds(scene.int(0x1800 + pdo, 5)).map(|it| it * 1000));
+            know(milliseconds(scene.int(0x1400 + pdo, 5)).map(|it| it * 1000));
+        }
+        if !matches!(scene.talk, crate::talk::Talk::Idle) {
+            know(Some(self.blueprint.settings().sdo_timeout.as_micros() as u64));
+        }
+        let micros = match self.below(10) {
+            0..=5 if !known.is_empty() => {
+                let time = known[self.below(known.len())];
+                let margin = (time / 20).max(1_500);
+                match self.below(6) {
+                    0 => time.saturating_sub(margin),
+                    1 | 2 => time + margin,
+                    3 => time / 2,
+                    4 => 2 * time + margin,
+                    _ => time,
+                }
+            }
+            0..=7 => self.pick(&[100, 1_000, 2_000, 5_000, 10_000, 20_000, 50_000]).unwrap_or(0),
+            8 => self.pick(&[100_000, 300_000, 600_000]).unwrap_or(0),
+            _ => self.pick(&[1_100_000, 2_500_000, 8_000_000]).unwrap_or(0),
+        };
+        // What comes often makes long waits dear, and says nothing new after some dozen times.
+        let busy = self.fastest(scene).map_or(Duration::MAX, |period| period * 64);
+        Duration::from_micros(micros).min(busy).min(self.powers.longest)
+    }
+
+    /// The shortest period with which the device sends something.
+    fn fastest(&self, scene: Scene<'_>) -> Option<Duration> {
+        let milliseconds = |value: Option<i64>| {
+            value.filter(|it| *it > 0).map(|it| Duration::from_millis(it as u64))
+        };
+        let sync = scene.int(0x1005, 0).is_some_and(|cob| cob & 1 << 30 != 0);
+        let sync = scene.int(0x1006, 0).filter(|it| sync && *it > 0);
+        let timers = scene.od.entries_in(0x1800..=0x19FF).iter();
+        let timers = timers.filter(|entry| entry.mux.sub == 5);
+        let timers = timers.filter_map(|entry| milliseconds(scene.od.int(entry.mux)));
+        milliseconds(scene.int(0x1017, 0))
+            .into_iter()
+            .chain(sync.map(|it| Duration::from_micros(it as u64)))
+            .chain(timers.filter(|_| scene.state == NmtState::OPERATIONAL))
+            .min()
+    }
+
+    /// A value for an object: its bytes, `None` when the object is best left alone.
+    pub(super) fn value(&mut self, entry: &Entry, scene: Scene<'_>) -> Option<Vec<u8>> {
+        let mux = entry.mux;
+        if self.blueprint.is_of_application(mux) {
+            return self.value_of_application(entry, scene);
+        }
+        let size = entry.data_type.size()?;
+        let number = self.number(mux, scene)?;
+        Some(number.to_le_bytes()[..size.min(8)].to_vec())
+    }
+
+    /// Process data may have any value; everything else keeps the value that it has, since nobody
+    /// knows what another one does.
+    fn value_of_application(&mut self, entry: &Entry, scene: Scene<'_>) -> Option<Vec<u8>> {
+        let present = scene.od.get(entry.mux)?.to_vec();
+        let received = entry.maps_into(Direction::Receive) && self.powers.outputs;
+        if !received || !entry.data_type.is_integer() || self.chance(30) {
+            return Some(present);
+        }
+        let (low, high) = limits(entry, self.node())?;
+        let number = match self.below(4) {
+            0 => low,
+            1 => high,
+            _ => {
+                let span = (high - low).max(0) as u128 + 1;
+                let drawn: u64 = self.bytes.arbitrary().unwrap_or(0);
+                low + (u128::from(drawn) % span) as i128
+            }
+        };
+        Some(number.to_le_bytes()[..present.len().min(8)].to_vec())
+    }
+
+    fn number(&mut self, mux: Mux, scene: Scene<'_>) -> Option<u64> {
+        let present = scene.od.int(mux).unwrap_or(0) as u64;
+        let time = u64::from(self.pick(&TIMES)?);
+        Some(match (mux.index, mux.sub) {
+            (0x1003, 0) => self.pick(&[0, 0, 1])?,
+            (0x1005 | 0x1012 | 0x1014, 0) => self.cob_id(mux, present, scene),
+            (0x1006, 0) => self.pick(&[
+                0,
+                1000,
+                1500,
+                2000,
+                5000,
+                10_000,
+                20_000,
+                50_000,
+                120_000,
+                3_000_000_000,
+            ])?,
+            (0x1007, 0) => self.pick(&[0, 1000, 2000, 5000, 50_000, 100_000])?,
+            (0x100D, 0) => self.pick(&[0, 1, 2, 3, 10, 127, 128, 255])?,
+            (0x1015, 0) => self.pick(&[0, 1, 10, 100, 500, 1000, 40_000])?,
+            (0x1016, 1..) => {
+                let node = match self.below(10) {
+                    0 => self.node(),
+                    1 => self.pick(&[0, 128, 255])?,
+                    _ => self.pick(&OTHERS)?,
+                };
+                u64::from(node) << 16 | time
+            }
+            (0x1019, 0) => self.pick(&[0, 1, 2, 3, 4, 10, 240, 241, 255])?,
+            (0x1028, 1..) => {
+                let node = u64::from(self.pick(&OTHERS)?);
+                self.pick(&[0x8000_0080 + node, 0x80 + node, 0x8000_0000, 0x2000_0080])?
+            }
+            (0x1029, 1..) => self.pick(&[0, 1, 2, 2, 3, 255])?,
+            (0x1200..=0x12FF, 1 | 2) => self.cob_id(mux, present, scene),
+            (0x1200..=0x12FF, 3) => self.pick(&[1, 5, 127, 128])?,
+            (0x1400..=0x15FF | 0x1800..=0x19FF, 1) => self.cob_id(mux, present, scene),
+            (0x1400..=0x15FF | 0x1800..=0x19FF, 2) => u64::from(self.pick(&KINDS)?),
+            (0x1400..=0x15FF | 0x1800..=0x19FF, 3) => {
+                self.pick(&[0, 10, 50, 100, 500, 1000, 40_000])?
+            }
+            (0x1800..=0x19FF, 6) => self.pick(&[0, 1, 2, 4, 240, 241])?,
+            (0x1600..=0x17FF | 0x1A00..=0x1BFF, 0) => {
+                self.pick(&[0, 0, 1, 1, 2, 2, 3, 8, 9, 64, 254, 255])?
+            }
+            (0x1600..=0x17FF, _) => u64::from(self.mapping(Direction::Receive)?.encode()),
+            (0x1A00..=0x1BFF, _) => u64::from(self.mapping(Direction::Transmit)?.encode()),
+            (0x1F80, 0) => self.pick(&[0, 4, 4, 8, 12])?,
+            (0x100C | 0x1017, 0) | (_, 5) => time,
+            _ if self.chance(60) => present,
+            _ => self.bytes.arbitrary().ok()?,
+        })
+    }
+
+    /// A COB-ID: mostly the present one, switched off or on, or another one for a switched-off
+    /// object.
+    fn cob_id(&mut self, mux: Mux, present: u64, scene: Scene<'_>) -> u64 {
+        const INVALID: u64 = 1 << 31;
+        const PRODUCES: u64 = 1 << 30;
+        let own = scene.od.entry(mux).and_then(|entry| entry.default.as_ref());
+        let own = own.and_then(|term| term.resolve(self.node()).as_int()).unwrap_or(0) as u64;
+        let id = own & 0x7FF;
+        let id = if id == 0 { u64::from(FREE[self.below(FREE.len())]) } else { id };
+        match self.below(16) {
+            0..=4 => present ^ INVALID,
+            5..=7 => id,
+            8..=9 => id | INVALID,
+            10 => id | PRODUCES,
+            11 => u64::from(FREE[self.below(FREE.len())]),
+            12 => INVALID | u64::from(FREE[self.below(FREE.len())]),
+            13 => u64::from(RESTRICTED[self.below(RESTRICTED.len())]),
+            14 => id | 1 << 29,
+            _ => present ^ PRODUCES,
+        }
+    }
+
+    /// An entry of a mapping: mostly one that fits.
+    pub(super) fn mapping(&mut self, direction: Direction) -> Option<Mapping> {
+        let entries: Vec<&Entry> = self
+            .blueprint
+            .eds()
+            .entries()
+            .filter(|entry| entry.maps_into(direction) && entry.data_type.size().is_some())
+            .collect();
+        let entry = *entries.get(self.below(entries.len()))?;
+        let bits = match entry.data_type {
+            DataType::BOOLEAN => 1,
+            other => 8 * other.size()? as u8,
+        };
+        let right = Mapping { mux: entry.mux, bits };
+        Some(match self.below(12) {
+            0 => Mapping { bits: bits.wrapping_add(8), ..right },
+            1 => Mapping { mux: Mux::new(entry.mux.index, 0xF0), bits: 8 },
+            2 => Mapping { mux: Mux::new(0x5FFF, 0), bits: 8 },
+            3 => Mapping { mux: Mux::new(self.pick(&[2, 3, 5, 6, 7])?, 0), bits: 8 },
+            4 => Mapping { mux: Mux::new(0x1018, 1), bits: 32 },
+            5 => Mapping { mux: Mux::new(0, 0), bits: 0 },
+            _ => right,
+        })
+    }
+}
+
+/// The lowest and the highest value of an entry.
+pub(super) fn limits(entry: &Entry, node: u8) -> Option<(i128, i128)> {
+    let (lowest, highest) = entry.data_type.limits()?;
+    let bound = |term: &Option<canopen::eds::Term>| term.as_ref()?.resolve(node).as_int();
+    Some((bound(&entry.low).unwrap_or(lowest), bound(&entry.high).unwrap_or(highest)))
+}

@@ -1,0 +1,72 @@
+//! A replica of the device that runs beside it.
+
+use canopen::bench::POWER;
+use canopen::{Dictionary, Frame, Instant, Mux, NmtState, Outbox, Value};
+use reference_devices::change::Replica;
+
+/// A device in the time of the session, and the frames that it has to send.
+#[derive(Clone)]
+pub(crate) struct Model {
+    device: Box<dyn Replica>,
+    out: Outbox,
+    due: Option<Instant>,
+}
+
+/// How often a model may be polled without time passing.
+const POLLS_PER_INSTANT: u32 = 1_000;
+
+impl Model {
+    pub(crate) fn new(device: Box<dyn Replica>) -> Self {
+        let due = device.poll_at();
+        Self { device, out: Outbox::default(), due }
+    }
+
+    pub(crate) fn dictionary(&self) -> &Dictionary {
+        self.device.node().dictionary()
+    }
+
+    pub(crate) fn state(&self) -> NmtState {
+        self.device.node().state()
+    }
+
+    /// The next deadline, when it is before `to`.
+    pub(crate) fn due_before(&self, to: Instant) -> Option<Instant> {
+        self.due.filter(|due| *due < to)
+    }
+
+    /// Does what is due at `now`, a deadline, and returns the frames that come of it.
+    pub(crate) fn poll(&mut self, now: Instant) -> impl Iterator<Item = Frame> + '_ {
+        let mut polls = 0;
+        while self.due.is_some_and(|due| due <= now) && polls < POLLS_PER_INSTANT {
+            self.device.handle_timeout(now, &mut self.out);
+            self.due = self.device.poll_at();
+            polls += 1;
+        }
+        self.sent()
+    }
+
+    /// Takes a frame of the tester.
+    pub(crate) fn take(&mut self, now: Instant, frame: &Frame) -> impl Iterator<Item = Frame> + '_ {
+        self.device.handle_frame(now, frame, &mut self.out);
+        self.due = self.device.poll_at();
+        self.sent()
+    }
+
+    /// Switches the supply.
+    pub(crate) fn power(&mut self, now: Instant, on: bool) {
+        let value = Value::Text(if on { "on" } else { "off" }.to_owned());
+        // Each simulated device has a supply.
+        _ = self.device.stimulate(now, POWER, &value, &mut self.out);
+        self.out.clear();
+        self.due = self.device.poll_at();
+    }
+
+    /// Gives an object the value that the application of the device has given it.
+    pub(crate) fn follow(&mut self, mux: Mux, bytes: &[u8]) {
+        self.device.node_mut().take_value(mux, bytes);
+    }
+
+    fn sent(&mut self) -> impl Iterator<Item = Frame> + '_ {
+        std::iter::from_fn(|| self.out.pop())
+    }
+}

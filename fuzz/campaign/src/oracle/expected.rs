@@ -1,0 +1,164 @@
+//! The frames that the model has sent and the device has not, by identifier and in their order.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use canopen::{Frame, Id, Instant};
+
+use super::{End, Violation, What};
+
+/// A frame of the model.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Expected {
+    /// When it was sent.
+    pub(super) at: Instant,
+    pub(super) frame: Frame,
+    pub(super) must: Must,
+}
+
+/// Whether the device must send a frame, too.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Must {
+    /// It must.
+    Come,
+    /// It must have sent any frame with the identifier in a time before.
+    Within(Duration),
+    /// It may.
+    Not,
+}
+
+/// What is expected.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Queues {
+    of_ids: Vec<Queue>,
+    early: VecDeque<(Instant, Frame, Option<Frame>)>,
+}
+
+#[derive(Clone, Debug)]
+struct Queue {
+    id: Id,
+    expected: VecDeque<Expected>,
+    /// When the device last sent a frame with the identifier.
+    last: Option<Instant>,
+    /// The last frame that need not have come: it may have been the next one that must.
+    spare: Option<(Instant, Frame)>,
+}
+
+impl Queues {
+    fn queue(&mut self, id: Id) -> &mut Queue {
+        let place = self.of_ids.iter().position(|queue| queue.id == id).unwrap_or_else(|| {
+            self.of_ids.push(Queue { id, expected: VecDeque::new(), last: None, spare: None });
+            self.of_ids.len() - 1
+        });
+        &mut self.of_ids[place]
+    }
+
+    /// The device must send this frame.
+    pub(super) fn expect(&mut self, expected: Expected) {
+        if let Some(place) = self.early.iter().position(|(_, frame, _)| *frame == expected.frame) {
+            self.early.remove(place);
+            return;
+        }
+        self.queue(expected.frame.id).expected.push_back(expected);
+    }
+
+    /// Takes the frame that a frame of the device is, with those before it that need not come.
+    ///
+    /// # Errors
+    /// The one that should have come.
+    pub(super) fn find(
+        &mut self,
+        now: Instant,
+        frame: &Frame,
+        is_like: impl Fn(&Frame) -> bool,
+    ) -> Result<Frame, Option<Frame>> {
+        let queue = self.queue(frame.id);
+        // What has come and was taken for a frame that need not is not waited for.
+        let spare = queue.spare;
+        let came =
+            |it: &Expected| spare.is_some_and(|(then, frame)| frame == it.frame && then >= it.at);
+        let waits = |it: &Expected| it.must == Must::Come && !came(it);
+        let first = queue.expected.iter().position(waits);
+        let within = first.map_or(queue.expected.len(), |place| place + 1);
+        let known = || queue.expected.iter().take(within);
+        let exact = known().position(|it| it.frame == *frame && !came(it));
+        let place = exact
+            .or_else(|| known().position(|it| is_like(&it.frame) && !came(it)))
+            .or_else(|| known().position(|it| it.frame == *frame));
+        let Some(place) = place else {
+            return Err(first.map(|place| queue.expected[place].frame));
+        };
+        let found = queue.expected[place];
+        queue.expected.drain(..=place);
+        if found.must == Must::Not {
+            queue.spare = Some((now, *frame));
+        }
+        Ok(found.frame)
+    }
+
+    /// The device has sent a frame.
+    pub(super) fn came(&mut self, frame: &Frame, now: Instant) {
+        self.queue(frame.id).last = Some(now);
+    }
+
+    /// When it last sent one with the identifier.
+    pub(super) fn last(&mut self, frame: &Frame) -> Option<Instant> {
+        self.queue(frame.id).last
+    }
+
+    /// The device may have lost what it had to send.
+    pub(super) fn release(&mut self) {
+        let all = self.of_ids.iter_mut().flat_map(|queue| &mut queue.expected);
+        all.for_each(|expected| expected.must = Must::Not);
+        self.of_ids.iter_mut().for_each(|queue| queue.last = None);
+    }
+
+    /// Keeps a frame for which the model may be late.
+    pub(super) fn premature(
+        &mut self,
+        now: Instant,
+        frame: Frame,
+        expected: Option<Frame>,
+    ) -> Result<(), End> {
+        if let Some(other) = expected {
+            let what = What::Unexpected(frame, Some(other));
+            return Err(End::Violation(Violation { at: now, what }));
+        }
+        self.early.push_back((now, frame, expected));
+        Ok(())
+    }
+
+    /// What should have come by now, or came without a cause.
+    pub(super) fn overdue(
+        &mut self,
+        now: Instant,
+        late: Duration,
+        early: Duration,
+    ) -> Option<What> {
+        if let Some((at, frame, expected)) = self.early.front()
+            && *at + early < now
+        {
+            return Some(What::Unexpected(*frame, *expected));
+        }
+        for queue in &mut self.of_ids {
+            while let Some(first) = queue.expected.front()
+                && first.at + late < now
+            {
+                let Expected { at, frame, must } = *first;
+                let came = match must {
+                    Must::Come => queue
+                        .spare
+                        .take_if(|(then, other)| *then >= at && *other == frame)
+                        .is_some(),
+                    Must::Within(time) => queue.last.is_some_and(|last| last + time + late >= at),
+                    Must::Not => true,
+                };
+                if !came {
+                    return Some(What::Missing(frame, at));
+                }
+                queue.expected.pop_front();
+            }
+        }
+        None
+    }
+}

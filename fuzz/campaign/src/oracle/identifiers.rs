@@ -1,0 +1,138 @@
+//! Whose an identifier is, by the present parameters of the model.
+
+use std::time::Duration;
+
+use canopen::pdo::{CobId, Mapping};
+use canopen::{Dictionary, Frame, Instant, Mux, emcy, lss};
+
+use super::error_control;
+use crate::model::Model;
+
+/// The service of a frame of the device.
+#[derive(Clone, Debug)]
+pub(super) enum Class {
+    Sdo,
+    ErrorControl,
+    Emergency,
+    Lss,
+    Tpdo(Tpdo),
+    /// SYNC, TIME, SDO clients, and what nobody has.
+    Other,
+}
+
+/// A TPDO as it is configured.
+#[derive(Clone, Debug)]
+pub(super) struct Tpdo {
+    id: u16,
+    pub(super) kind: u8,
+    pub(super) inhibit: Duration,
+    pub(super) period: Duration,
+    pub(super) mapped: Vec<Mux>,
+    /// The length of its frames.
+    pub(super) bytes: usize,
+}
+
+/// The identifiers of a node.
+#[derive(Clone, Debug)]
+pub(super) struct Identifiers {
+    node: u8,
+    /// At which change of the dictionary the rest was looked at.
+    looked: Option<u64>,
+    servers: Vec<u16>,
+    emergency: Option<u16>,
+    tpdos: Vec<Tpdo>,
+    /// TPDOs as they were, and until when.
+    former: Vec<(Instant, Tpdo)>,
+}
+
+impl Identifiers {
+    pub(super) fn new(node: u8) -> Self {
+        let (servers, tpdos, former) = (Vec::new(), Vec::new(), Vec::new());
+        Self { node, looked: None, servers, emergency: None, tpdos, former }
+    }
+
+    /// The dictionary is another one.
+    pub(super) const fn forget(&mut self) {
+        self.looked = None;
+    }
+
+    /// The service of a frame; a TPDO may have been another one up to `late` ago.
+    pub(super) fn class(
+        &mut self,
+        frame: &Frame,
+        model: &Model,
+        now: Instant,
+        late: Duration,
+    ) -> Class {
+        let Some(id) = frame.id.as_standard() else { return Class::Other };
+        if id == canopen::sdo::RESPONSE_COB_ID + u16::from(self.node) {
+            return Class::Sdo;
+        }
+        if id == error_control(self.node) {
+            return Class::ErrorControl;
+        }
+        if id == lss::RESPONSE_COB_ID {
+            return Class::Lss;
+        }
+        self.look(model.dictionary(), now);
+        if self.servers.contains(&id) {
+            return Class::Sdo;
+        }
+        if self.emergency == Some(id) {
+            return Class::Emergency;
+        }
+        let recent = self.former.iter().filter(|(until, _)| *until + late >= now);
+        let former = recent.map(|(_, tpdo)| tpdo);
+        let tpdo = self.tpdos.iter().chain(former).find(|tpdo| tpdo.id == id);
+        tpdo.map_or(Class::Other, |tpdo| Class::Tpdo(tpdo.clone()))
+    }
+
+    fn look(&mut self, od: &Dictionary, now: Instant) {
+        if self.looked.replace(od.changes()) == Some(od.changes()) {
+            return;
+        }
+        if self.former.len() > MOST_FORMER {
+            self.former.drain(..MOST_FORMER / 2);
+        }
+        self.former.extend(self.tpdos.drain(..).map(|tpdo| (now, tpdo)));
+        let valid = |mux: Mux| {
+            let cob = CobId(od.int(mux)? as u32);
+            cob.valid().then(|| cob.can_id())
+        };
+        let servers = od.entries_in(0x1201..=0x127F).iter().filter(|entry| entry.mux.sub == 2);
+        self.servers = servers.filter_map(|entry| valid(entry.mux)).collect();
+        let predefined = emcy::COB_ID + u16::from(self.node);
+        let emergency = Mux::new(0x1014, 0);
+        self.emergency = match od.int(emergency) {
+            Some(_) => valid(emergency),
+            None => Some(predefined),
+        };
+        let parameters = od.entries_in(0x1800..=0x19FF).iter().filter(|entry| entry.mux.sub == 1);
+        let tpdos =
+            parameters.filter_map(|entry| Tpdo::new(od, entry.mux.index, valid(entry.mux)?));
+        self.tpdos = tpdos.collect();
+    }
+}
+
+/// How many TPDOs as they were are remembered.
+const MOST_FORMER: usize = 64;
+
+impl Tpdo {
+    fn new(od: &Dictionary, index: u16, id: u16) -> Option<Self> {
+        let parameter = |sub| od.int(Mux::new(index, sub)).unwrap_or(0);
+        let mapping = index + 0x200;
+        let count = od.int(Mux::new(mapping, 0))?;
+        let words = (1..=count.clamp(0, 64) as u8).map(|sub| od.int(Mux::new(mapping, sub)));
+        let entries: Vec<Mapping> =
+            words.map(|word| Mapping::decode(word.unwrap_or(0) as u32)).collect();
+        let bits: u32 = entries.iter().map(|entry| u32::from(entry.bits)).sum();
+        Some(Self {
+            id,
+            kind: parameter(2) as u8,
+            inhibit: Duration::from_micros(100) * parameter(3) as u32,
+            period: Duration::from_millis(parameter(5) as u64),
+            mapped: entries.iter().map(|entry| entry.mux).collect(),
+            bytes: bits.div_ceil(8).min(8) as usize,
+        })
+    }
+}

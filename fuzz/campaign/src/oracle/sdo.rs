@@ -1,0 +1,193 @@
+//! Answers of an SDO server that are as good as those of the model.
+
+use canopen::sdo::block::{BlockRequest, BlockResponse};
+use canopen::sdo::{self, Initiate, Response};
+use canopen::{Abort, Frame, Mux};
+
+use crate::blueprint::Blueprint;
+use crate::model::Model;
+
+/// The request of a client that is under way.
+pub(super) struct Request {
+    mux: Mux,
+    uploads: bool,
+    /// The value before, of an object that the device may refuse to change.
+    before: Option<Vec<u8>>,
+    may: MayRefuse,
+    /// The model before, where a service takes the value, and how many frames it had taken.
+    model: Option<(Box<Model>, u64)>,
+}
+
+impl Request {
+    /// The model without a request that the device refuses.
+    pub(super) fn undone(&mut self, mux: Mux) -> Option<(Model, u64)> {
+        self.model.take_if(|_| self.mux == mux).map(|(model, taken)| (*model, taken))
+    }
+}
+
+/// For what reasons a device may refuse a value that its data sheet allows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum MayRefuse {
+    /// For none.
+    Nothing,
+    /// It is a time that its timers cannot run (CIA301-HB-08 and what it stands for).
+    Times,
+    /// For those of its application.
+    Anything,
+}
+
+/// The request that begins with a frame of a client.
+pub(super) fn request(
+    frame: &Frame,
+    blueprint: &Blueprint,
+    model: &Model,
+    taken: u64,
+) -> Option<Request> {
+    let id = frame.data_id()?;
+    let default = sdo::REQUEST_COB_ID + u16::from(blueprint.node());
+    let od = model.dictionary();
+    let further = od.entries_in(0x1201..=0x127F).iter().filter(|entry| entry.mux.sub == 1);
+    let mut further = further.filter_map(|entry| od.int(entry.mux));
+    if id != default && !further.any(|cob| cob == i64::from(id)) {
+        return None;
+    }
+    let (mux, uploads) = match sdo::Request::decode(&frame.data).ok()? {
+        sdo::Request::Download(mux, _) => (mux, false),
+        sdo::Request::Upload(mux) => (mux, true),
+        sdo::Request::Block(BlockRequest::Download { mux, .. }) => (mux, false),
+        sdo::Request::Block(BlockRequest::Upload { mux, .. }) => (mux, true),
+        _ => return None,
+    };
+    let may = match blueprint.is_of_application(mux) {
+        true => MayRefuse::Anything,
+        false if is_time(mux) => MayRefuse::Times,
+        false => MayRefuse::Nothing,
+    };
+    let before = (may != MayRefuse::Nothing).then(|| od.get(mux).map(<[u8]>::to_vec));
+    let writes = may == MayRefuse::Times && !uploads;
+    let model = writes.then(|| (Box::new(model.clone()), taken));
+    Some(Request { mux, uploads, before: before.flatten(), may, model })
+}
+
+/// Whether an object holds a time, whose range the data sheet may leave out.
+const fn is_time(mux: Mux) -> bool {
+    matches!(
+        (mux.index, mux.sub),
+        (0x1006 | 0x1007 | 0x100C | 0x100D | 0x1015 | 0x1017, 0)
+            | (0x1016, 1..)
+            | (0x1400..=0x15FF | 0x1800..=0x19FF, 3 | 5)
+    )
+}
+
+/// Whether an answer of the device is as good as that of the model.
+pub(super) fn is_like(
+    frame: &Frame,
+    expected: &Frame,
+    requests: &[Option<Request>; 2],
+    is_volatile: &dyn Fn(Mux) -> bool,
+) -> bool {
+    let (Ok(answer), Ok(model)) = (Response::decode(&frame.data), Response::decode(&expected.data))
+    else {
+        return false;
+    };
+    // Segments of an upload: nothing but their lengths and numbers.
+    let of = |mux: Mux| requests.iter().flatten().rev().find(|request| request.mux == mux);
+    let mut known = requests.iter().flatten();
+    let of_volatile = known.any(|it| is_volatile(it.mux) && it.uploads);
+    let command = frame.data[0];
+    if of_volatile && command != ABORT && !matches!(answer, Response::Upload(..)) {
+        return command == expected.data[0];
+    }
+    match (answer, model) {
+        (Response::Upload(mux, one), Response::Upload(other, two)) if mux == other => {
+            is_volatile(mux) && same_length(one, two) && frame.data[0] == expected.data[0]
+        }
+        // An entry of the error history that is empty, or is not.
+        (Response::Abort(mux, Abort::NO_DATA), Response::Upload(other, _))
+        | (Response::Upload(mux, _), Response::Abort(other, Abort::NO_DATA))
+            if mux == other && mux.index == HISTORY =>
+        {
+            is_volatile(mux)
+        }
+        (Response::Abort(mux, _), Response::Upload(other, _)) if mux == other => {
+            of(mux).is_some_and(|it| it.may == MayRefuse::Anything)
+        }
+        (Response::Abort(mux, code), model) => {
+            let may = of(mux).filter(|it| it.before.is_some()).map(|it| it.may);
+            let refuses = matches!(model, Response::Abort(other, _) if other == mux);
+            let may = match may {
+                Some(MayRefuse::Anything) if refuses => return STATES.contains(&code),
+                Some(MayRefuse::Anything) => code != Abort::TOGGLE,
+                Some(MayRefuse::Times) => {
+                    matches!(code, Abort::VALUE | Abort::TOO_LOW | Abort::TOO_HIGH)
+                }
+                Some(MayRefuse::Nothing) | None => false,
+            };
+            let confirms = matches!(
+                model,
+                Response::Download(_)
+                    | Response::DownloadSegment(_)
+                    | Response::Block(BlockResponse::DownloadEnd)
+            );
+            may && confirms
+        }
+        _ => false,
+    }
+}
+
+/// The object that does not have the value that the network gave it, and the value that it has.
+pub(super) fn followed(
+    frame: &Frame,
+    expected: &Frame,
+    requests: &[Option<Request>; 2],
+) -> Option<(Mux, Vec<u8>)> {
+    match (Response::decode(&frame.data).ok()?, Response::decode(&expected.data).ok()?) {
+        (Response::Upload(mux, Initiate::Expedited(value)), _) => Some((mux, value.to_vec())),
+        (Response::Abort(mux, _), _) if frame.data[0] == ABORT => {
+            let mut known = requests.iter().flatten().rev();
+            let request = known.find(|request| request.mux == mux && !request.uploads)?;
+            Some((mux, request.before.clone()?))
+        }
+        _ => None,
+    }
+}
+
+/// The error history.
+const HISTORY: u16 = 0x1003;
+/// The command of an abort.
+const ABORT: u8 = 0x80;
+/// Codes for the state of a device, which may be looked at before the value.
+const STATES: [Abort; 3] = [Abort::STORE, Abort::LOCAL_CONTROL, Abort::DEVICE_STATE];
+
+/// What ends the transfer of a model whose device has refused it.
+pub(super) fn end(frame: &Frame, node: u8) -> Option<Frame> {
+    frame.data.first().filter(|command| **command == ABORT)?;
+    match Response::decode(&frame.data).ok()? {
+        Response::Abort(mux, _) => Some(sdo::Request::Abort(mux, Abort::GENERAL).frame(node)),
+        _ => None,
+    }
+}
+
+/// Whether both are aborts with the same code.
+pub(super) fn same_code(frame: &Frame, other: &Frame) -> bool {
+    let aborts = |frame: &Frame| frame.data.first() == Some(&ABORT);
+    aborts(frame) && aborts(other) && frame.data.get(4..) == other.data.get(4..)
+}
+
+/// Whether the application of the device refuses something, for a reason of its own.
+pub(super) fn is_refusal(frame: &Frame, requests: &[Option<Request>; 2]) -> bool {
+    let Ok(Response::Abort(mux, code)) = Response::decode(&frame.data) else { return false };
+    let asked = requests
+        .iter()
+        .flatten()
+        .any(|request| request.mux == mux && request.may == MayRefuse::Anything);
+    asked && frame.data[0] == ABORT && matches!(code.0 >> 16, 0x0604 | 0x0606 | 0x0609 | 0x0800)
+}
+
+fn same_length(one: Initiate, two: Initiate) -> bool {
+    match (one, two) {
+        (Initiate::Expedited(one), Initiate::Expedited(two)) => one.len() == two.len(),
+        (Initiate::Unsized(_), Initiate::Unsized(_)) => true,
+        (one, two) => one == two,
+    }
+}

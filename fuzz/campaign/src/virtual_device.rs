@@ -1,0 +1,53 @@
+//! A simulated device, a new one for each session.
+
+use canopen::{Bus, BusError, Device, Instant, VirtualBus};
+use reference_devices::change::Replica;
+
+use crate::blueprint::Blueprint;
+use crate::campaign::{Ask, Stage};
+use crate::oracle::Tolerance;
+use crate::session::{Played, Player, Script, Start};
+
+/// A device in virtual time.
+#[derive(Clone)]
+pub struct VirtualDevice {
+    device: Box<dyn Replica>,
+    bit_rate: u32,
+}
+
+impl VirtualDevice {
+    /// A device that is switched on at time 0, on a bus with this bit rate in bit/s.
+    pub const fn new(device: Box<dyn Replica>, bit_rate: u32) -> Self {
+        Self { device, bit_rate }
+    }
+}
+
+impl VirtualDevice {
+    fn bus(&self) -> VirtualBus<'static> {
+        let mut bus = VirtualBus::new(self.bit_rate);
+        let device: Box<dyn Device> = self.device.clone();
+        bus.attach_boxed(device);
+        bus
+    }
+}
+
+impl Stage for VirtualDevice {
+    fn play(
+        &mut self,
+        blueprint: &Blueprint,
+        model: Box<dyn Replica>,
+        script: &Script<'_>,
+    ) -> Result<Played, BusError> {
+        let mut bus = self.bus();
+        Player::new(&mut bus, blueprint, model, Tolerance::VIRTUAL).play(script, Start::SwitchedOn)
+    }
+
+    fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError> {
+        let mut bus = self.bus();
+        while bus.recv(BOOTED)?.is_some() {}
+        what(&mut bus)
+    }
+}
+
+/// When a device has booted.
+const BOOTED: Instant = Instant(3_000_000_000);

@@ -1,0 +1,67 @@
+//! Findings by their causes: the mutant that does the same, or what was seen.
+
+use std::collections::BTreeMap;
+
+use campaign::{Blueprint, Campaign, Finding};
+
+/// A cause that findings have in common.
+pub(super) struct Cause {
+    /// A name for files and reports.
+    pub(super) name: String,
+    /// The mutants that do the same, by their places in the blueprint, the likeliest first.
+    pub(super) mutants: Vec<usize>,
+    /// Their requirements, each with a sentence.
+    pub(super) says: Vec<(String, String)>,
+    /// The places of its findings.
+    pub(super) findings: Vec<usize>,
+}
+
+/// How many mutants are named.
+const NAMED: usize = 2;
+/// How many findings are looked at for their mutants.
+const DIAGNOSED: usize = 12;
+
+/// Puts the findings of a campaign together by their causes.
+pub(super) fn group(
+    campaign: &Campaign<'_>,
+    blueprint: &Blueprint,
+    findings: &[Finding],
+) -> Vec<Cause> {
+    let mut all: Vec<Cause> = Vec::new();
+    let mut left: Vec<usize> = (0..findings.len()).collect();
+    while !left.is_empty() {
+        let looked: Vec<&Finding> =
+            left.iter().take(DIAGNOSED).map(|place| &findings[*place]).collect();
+        let suspects = campaign.suspects(&looked);
+        let Some((best, _)) = suspects.first() else { break };
+        let explains = |place: &usize| campaign.explains(*best, &findings[*place]);
+        let (explained, others): (Vec<usize>, Vec<usize>) =
+            left.iter().partition(|place| explains(place));
+        if explained.is_empty() {
+            break;
+        }
+        let mutants: Vec<usize> = suspects.iter().map(|(place, _)| *place).collect();
+        let mut says = BTreeMap::new();
+        let mut order = Vec::new();
+        for mutant in mutants.iter().map(|place| &blueprint.mutants()[*place]) {
+            let clause = mutant.clauses.join(", ");
+            if order.len() < NAMED && says.insert(clause.clone(), ()).is_none() {
+                order.push((clause, mutant.why.clone()));
+            }
+        }
+        let name = blueprint.mutants()[*best].name.clone();
+        all.push(Cause { name, mutants, says: order, findings: explained });
+        left = others;
+    }
+    let mut by_look: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+    for place in left {
+        by_look.entry(findings[place].violation.kind()).or_default().push(place);
+    }
+    all.extend(by_look.into_iter().map(|(name, findings)| Cause {
+        name,
+        mutants: Vec::new(),
+        says: Vec::new(),
+        findings,
+    }));
+    all
+}

@@ -1,0 +1,105 @@
+//! The file of a finding: a session that shows it, and what it is.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use campaign::session::Session;
+use campaign::{Action, Finding};
+use serde::{Deserialize, Serialize};
+
+use super::causes::Cause;
+use crate::cli::{CampaignArgs, DeviceArgs};
+use crate::exit::{Exit, Refused};
+use crate::files::words;
+use crate::target::Target;
+
+/// A finding.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub(super) struct FindingFile {
+    /// The name of its cause.
+    pub(super) cause: String,
+    /// What was wrong.
+    pub(super) what: String,
+    /// The requirements that may be broken, the likeliest first.
+    pub(super) requirements: Vec<String>,
+    /// The device.
+    pub(super) device: Device,
+    /// The seed and the number of the session in which it was found.
+    pub(super) seed: u64,
+    /// The number of that session.
+    pub(super) session: u64,
+    /// What shows it.
+    pub(super) actions: Vec<Action>,
+}
+
+/// The device on which it was found.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub(super) struct Device {
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    dut: Option<PathBuf>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    target: Option<String>,
+    node: u8,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    eds: Option<PathBuf>,
+}
+
+impl FindingFile {
+    pub(super) fn of(
+        target: &Target,
+        args: &CampaignArgs,
+        cause: &Cause,
+        finding: &Finding,
+        session: Session,
+    ) -> Self {
+        Self {
+            cause: cause.name.clone(),
+            what: finding.violation.to_string(),
+            requirements: cause.says.iter().map(|(clause, _)| clause.clone()).collect(),
+            device: Device {
+                dut: args.device.dut.clone(),
+                target: args.device.target.clone(),
+                node: target.dut.node,
+                eds: args.device.eds.clone(),
+            },
+            seed: args.seed,
+            session: finding.number,
+            actions: session.actions,
+        }
+    }
+
+    pub(super) fn text(&self) -> String {
+        let text = serde_json::to_string_pretty(self);
+        text.expect("a finding is written as JSON") + "\n"
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub(super) fn read(path: &Path) -> Result<Self, Refused> {
+        let refused = |why: String| Refused {
+            exit: Exit::File,
+            message: format!("error: {}: {why}", path.display()),
+        };
+        let text = fs::read_to_string(path).map_err(|error| refused(words(&error)))?;
+        serde_json::from_str(&text).map_err(|error| refused(error.to_string()))
+    }
+
+    /// What it is about.
+    pub(super) fn words(&self) -> String {
+        let requirements = self.requirements.join("; ");
+        format!("{}: {} ({requirements})", self.cause, self.what)
+    }
+
+    /// The device, unless another one is given.
+    pub(super) fn device(&self, given: &DeviceArgs) -> DeviceArgs {
+        if given.target.is_some() || given.dut.is_some() {
+            return given.clone();
+        }
+        let Device { dut, target, node, eds } = self.device.clone();
+        DeviceArgs { dut, target, node: Some(node), eds, ..given.clone() }
+    }
+}

@@ -1,0 +1,131 @@
+//! The proof of `harness fuzz`: it finds mutants of the stack on the device with everything, and
+//! names the requirements that they break.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+use campaign::session::Start;
+use campaign::{
+    Belief, Blueprint, Campaign, Finding, Powers, Stage, Tolerance, VirtualDevice, look,
+};
+use reference_devices::devices::{ReferenceDevice, WITH_EVERYTHING};
+use reference_devices::mutant::{self, Mutant};
+use runner::parallel::{self, processors};
+
+use crate::cli::QualifyArgs;
+use crate::exit::{Exit, Refused};
+use crate::reporter::say;
+use crate::target::reference_device;
+
+/// The result of one mutant.
+struct Fuzzed {
+    mutant: Mutant,
+    /// The number of the first session in which something was wrong.
+    first: Option<u64>,
+    /// Whether one of the first two guesses is a requirement that it breaks.
+    named: bool,
+}
+
+/// How many sessions in which something is wrong lead to a guess.
+const FINDINGS: usize = 4;
+/// How many guesses count.
+const GUESSES: usize = 2;
+
+/// Fuzzes each mutant of the stack.
+///
+/// # Errors
+/// When the data of the device or of a mutant do not load.
+pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
+    let catalogue = args.folders.catalogue.load()?;
+    let name = args.device.as_deref().unwrap_or(WITH_EVERYTHING);
+    let device = reference_device(name, &catalogue)?;
+    let mut mutants = mutant::of(&device)?;
+    mutants.retain(|mutant| mutant.shared && !mutant.canary && !mutant.is_of_data_sheet());
+    let fuzzed =
+        parallel::map(mutants, processors(), |mutant| fuzzed(&device, mutant, args.seed, sessions));
+    let fuzzed = fuzzed.into_iter().collect::<Result<Vec<_>, _>>()?;
+    say(&table(&fuzzed, args.verbose));
+    Ok(Exit::Green)
+}
+
+fn fuzzed(
+    device: &ReferenceDevice,
+    mutant: Mutant,
+    seed: u64,
+    sessions: u64,
+) -> Result<Fuzzed, Refused> {
+    let description = &device.description;
+    let node = description.default_node;
+    let built = mutant.deviation().build(device, node)?;
+    let mut stage = VirtualDevice::new(built, description.settings.bit_rate);
+    let mut seen = campaign::Look::default();
+    // A mutant that falls silent is looked at as far as it answers.
+    _ = stage.ask(&mut |bus| {
+        seen = look(bus, &description.eds, node)?;
+        Ok(())
+    });
+    let (eds, settings) = seen.amend(&description.eds, node, &description.settings);
+    let blueprint = Blueprint::of_sheet(eds, node, settings)?.with_errors(seen.errors);
+    let belief = Belief::new(&blueprint, Tolerance::VIRTUAL, Start::SwitchedOn, Vec::new());
+    let belief = belief.ok_or_else(|| Refused::usage("the device cannot be built"))?;
+    let mut campaign = Campaign::new(&blueprint, belief, Powers::ALL, seed);
+    let mut findings: Vec<Finding> = Vec::new();
+    for number in 0..sessions {
+        // A mutant that lets no time pass is a defect of the mutant.
+        let found = campaign.session(&mut stage, number);
+        findings.extend(found.map_err(|error| Refused::bus(error.to_string()))?);
+        if findings.len() >= FINDINGS {
+            break;
+        }
+    }
+    let first = findings.first().map(|finding| finding.number);
+    let looked: Vec<&Finding> = findings.iter().collect();
+    let suspects = if looked.is_empty() { Vec::new() } else { campaign.suspects(&looked) };
+    let mut guesses: Vec<&str> = Vec::new();
+    for (place, _) in suspects {
+        let clauses = &blueprint.mutants()[place].clauses;
+        let guess = clauses.first().map_or("", String::as_str);
+        if !guesses.contains(&guess) {
+            guesses.push(guess);
+        }
+    }
+    let breaks = |guess: &&str| mutant.breaks.iter().any(|broken| broken == guess);
+    let named = guesses.iter().take(GUESSES).any(breaks);
+    Ok(Fuzzed { mutant, first, named })
+}
+
+/// The numbers of each group of requirements, such as `CIA301-SEG`.
+fn table(all: &[Fuzzed], verbose: bool) -> String {
+    #[derive(Default)]
+    struct Row {
+        mutants: usize,
+        found: usize,
+        named: usize,
+    }
+    let mut rows: BTreeMap<&str, Row> = BTreeMap::new();
+    let mut text = String::new();
+    for one in all {
+        let first = one.mutant.breaks.first().map_or("", String::as_str);
+        let group = first.rsplit_once('-').map_or(first, |(group, _)| group);
+        for row in [group, "all"] {
+            let row = rows.entry(row).or_default();
+            row.mutants += 1;
+            row.found += usize::from(one.first.is_some());
+            row.named += usize::from(one.named);
+        }
+        if verbose {
+            let found = match one.first {
+                Some(number) => format!("found in session {number}"),
+                None => "not found".to_owned(),
+            };
+            let named = if one.named { "named" } else { "not named" };
+            // Writing to a string cannot fail.
+            _ = writeln!(text, "  {}: {found}, {named} ({first})", one.mutant.name);
+        }
+    }
+    for (group, row) in rows {
+        let Row { mutants, found, named } = row;
+        _ = writeln!(text, "{group:<14} {mutants:>4} mutants, {found:>4} found, {named:>4} named");
+    }
+    text
+}
