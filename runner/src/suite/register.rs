@@ -243,11 +243,13 @@ impl Register {
         self.requirements.get(id)
     }
 
-    /// Whether a requirement of that id may be missing because its document is not loaded: none has
-    /// an id that begins alike.
+    /// Whether a requirement of that id may be missing because its document is not loaded: neither
+    /// a requirement nor a decision has an id that begins alike.
     pub fn lacks_document_of(&self, id: &str) -> bool {
         let document = |id: &str| id.split('-').next().unwrap_or_default().to_owned();
-        self.requirements.keys().all(|known| document(known) != document(id))
+        let requirements = self.requirements.keys().map(|known| &**known);
+        let mut known = requirements.chain(self.decision_ids());
+        known.all(|known| document(known) != document(id))
     }
 
     /// The decision with that id.
