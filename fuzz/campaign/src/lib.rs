@@ -1,10 +1,10 @@
 //! Fuzzing of a CANopen device with a model of it as the judge.
 //!
 //! A [`Blueprint`] says how models of the device are built: from any data sheet, with the stack of
-//! the reference devices. A [`session::Session`] is a list of typed actions, drawn from bytes by the
-//! state of the model, and played on a bus. An [`Oracle`] runs a model beside the device and judges
-//! each frame. A [`Belief`] is what is known of the device: the freedoms that it was seen to use.
-//! What no freedom explains is a finding; the mutants that do the same name the requirement.
+//! the reference devices. A [`session::Session`] is a list of typed actions, drawn from bytes by
+//! the state of the model, and played on a bus. An [`Oracle`] runs a model beside the device and
+//! judges each frame. A [`Belief`] is what is known of the device: the freedoms that it was seen to
+//! use. What no freedom explains is a finding; the mutants that do the same name the requirement.
 //!
 //! Nothing here opens a bus, reads a clock or a file.
 

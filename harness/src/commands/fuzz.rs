@@ -68,7 +68,7 @@ fn campaign(args: &CampaignArgs, stop: &Stop) -> Result<Exit, Refused> {
     let mut findings: Vec<Finding> = Vec::new();
     let mut stopped = None;
     let shard = args.shard.map_or((0, 1), |shard| (shard.place as u64, shard.of as u64));
-    let most = args.sessions.or(args.time.map(|_| u64::MAX)).unwrap_or(SESSIONS);
+    let most = args.sessions.or_else(|| args.time.map(|_| u64::MAX)).unwrap_or(SESSIONS);
     for number in (0..most).map(|count| shard.0 + count * shard.1) {
         if clock.is_over() || findings.len() >= args.max_findings {
             break;
@@ -171,10 +171,10 @@ fn told(
 fn summary(campaign: &Campaign<'_>, findings: usize, causes: usize, goals: bool) -> String {
     let tally = campaign.tally();
     let mut text = format!(
-        "{} with {} actions, {}; {} in {}\n",
+        "{} with {} actions, {} pairs of state and action; {} in {}\n",
         counted(tally.sessions as usize, "session"),
         tally.actions,
-        format!("{} pairs of state and action", tally.goals.len()),
+        tally.goals.len(),
         counted(causes, "cause"),
         counted(findings, "finding"),
     );
