@@ -98,6 +98,8 @@ pub(crate) fn patience(target: &str) -> Duration {
 
 /// How long a scan waits for answers before it asks again.
 const ROUND: Duration = Duration::from_millis(300);
+/// The same after [`PATIENCE`]: a program that does not read yet has a queue of limited length.
+const LATER_ROUND: Duration = Duration::from_secs(1);
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 const DEVICE_NAME: Mux = Mux::new(0x1008, 0);
 
@@ -109,10 +111,12 @@ fn nodes(
     patience: Duration,
 ) -> Result<Vec<u8>, BusError> {
     let mut noise = Vec::new();
-    let end = link.mark() + patience;
+    let start = link.mark();
     // A device that is just booting hears no request: ask again.
-    while link.mark() < end {
-        let (answered, other) = answering(link, asked.clone())?;
+    while link.mark() < start + patience {
+        let is_later = link.mark() >= start + PATIENCE;
+        let round = if is_later { LATER_ROUND } else { ROUND };
+        let (answered, other) = answering(link, asked.clone(), round)?;
         if !answered.is_empty() {
             return Ok(answered);
         }
@@ -125,12 +129,16 @@ fn nodes(
 
 /// The nodes that answer a request for their device type, refusals included, and those that send
 /// something else in place of an answer.
-fn answering(link: &mut Link, nodes: RangeInclusive<u8>) -> Result<(Vec<u8>, Vec<u8>), BusError> {
+fn answering(
+    link: &mut Link,
+    nodes: RangeInclusive<u8>,
+    round: Duration,
+) -> Result<(Vec<u8>, Vec<u8>), BusError> {
     let start = link.mark();
     for node in nodes.clone() {
         link.send(&Request::Upload(DEVICE_TYPE).frame(node))?;
     }
-    let until = link.mark() + ROUND;
+    let until = link.mark() + round;
     link.look_from(start);
     let (mut answered, mut other) = (Vec::new(), Vec::new());
     let is_answer = |id: u16| {
