@@ -58,7 +58,7 @@ pub enum Command {
     Init(InitArgs),
     /// Prove that every case can fail: the kill matrix of mutants and cases
     Qualify(QualifyArgs),
-    /// Fuzz a device on the bus: sessions of right and wrong actions, judged by a model of it
+    /// Fuzz a simulated device: sessions of right and wrong actions, judged by a model of it
     Fuzz(FuzzArgs),
     /// Print the requirement matrix; holes are an error
     Trace(TraceArgs),
@@ -357,7 +357,7 @@ pub struct FuzzArgs {
 pub enum FuzzCommand {
     /// Play the session of a finding again
     Repro(FindingArgs),
-    /// Make the session of a finding shorter, on the device
+    /// Make the session of a finding shorter
     Shrink(FindingArgs),
 }
 
@@ -389,9 +389,6 @@ pub struct CampaignArgs {
     /// Print in how many states each kind of action was tried
     #[arg(long)]
     pub goals: bool,
-    /// Print what a campaign may do to the device, and play no session
-    #[arg(long)]
-    pub dry_run: bool,
     /// Show no progress
     #[arg(short, long)]
     pub quiet: bool,
@@ -403,16 +400,16 @@ pub struct DeviceArgs {
     /// The device file, such as `device-under-test.yaml`
     #[arg(long, value_name = "FILE")]
     pub dut: Option<PathBuf>,
-    /// The device and its bus: `can0`, `exec:COMMAND`, `sim:NAME`, `sim:NAME?mutant=NAME`
+    /// The simulated device: `sim:NAME`, `sim:NAME?mutant=NAME`, or `sim:FOLDER`
     #[arg(long)]
     pub target: Option<String>,
-    /// Node id, when several nodes are on the bus
+    /// Node id, other than that of the device
     #[arg(long, value_name = "ID", value_parser = whole::<u8>(1..=127))]
     pub node: Option<u8>,
     /// The data sheet
     #[arg(long, value_name = "FILE")]
     pub eds: Option<PathBuf>,
-    /// Bit rate in bit/s, where the interface does not tell it
+    /// Bit rate of the bus in bit/s
     #[arg(long, value_name = "RATE")]
     pub bitrate: Option<u32>,
 }

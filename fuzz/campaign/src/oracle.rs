@@ -50,9 +50,6 @@ impl Tolerance {
     /// In virtual time, a frame waits for the wire and for nothing else.
     pub const VIRTUAL: Self =
         Self { late: Duration::from_millis(8), early: Duration::ZERO, per_mille: 0 };
-    /// On a real bus.
-    pub const REAL: Self =
-        Self { late: Duration::from_millis(150), early: Duration::from_millis(30), per_mille: 20 };
 }
 
 /// What is wrong with a device.
@@ -170,17 +167,6 @@ impl<'b> Oracle<'b> {
     /// The objects of which it was seen that the application changes them.
     pub const fn followed(&self) -> &BTreeSet<Mux> {
         &self.followed
-    }
-
-    /// Lets the model boot up, of which nothing is judged; for a device that has done so before.
-    pub fn boot(&mut self) -> Instant {
-        while self.model.state() == NmtState::INITIALISING
-            && let Some(due) = self.model.due_before(Instant(BOOT_UP_WITHIN))
-        {
-            self.now = due;
-            self.model.poll(due).for_each(drop);
-        }
-        self.now
     }
 
     /// Judges what happened next.
@@ -457,8 +443,6 @@ pub(crate) fn error_control(node: u8) -> u16 {
     heartbeat::COB_ID + u16::from(node)
 }
 
-/// Within which a model boots, in nanoseconds.
-const BOOT_UP_WITHIN: u64 = 60_000_000_000;
 const ERROR_REGISTER: u16 = 0x1001;
 const STATUS_REGISTER: u16 = 0x1002;
 const HISTORY: u16 = 0x1003;

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use canopen::bench::POWER;
-use canopen::{Bus, BusError, Frame, Instant, NmtState, Stamped, Value};
+use canopen::{Bus, BusError, Frame, Instant, NmtState, Value};
 use reference_devices::change::Replica;
 use serde::{Deserialize, Serialize};
 
@@ -54,22 +54,11 @@ pub enum Script<'s> {
     Actions(&'s [Action]),
 }
 
-/// How a device is brought to the state in which a session begins.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Start {
-    /// It is switched on at time 0 of the bus.
-    SwitchedOn,
-    /// It is running, and is reset.
-    Reset,
-}
-
 /// Plays a session on a bus.
 pub struct Player<'p> {
     bus: &'p mut dyn Bus,
     oracle: Oracle<'p>,
     blueprint: &'p Blueprint,
-    /// Where the time of the model begins.
-    offset: u64,
     seen: Vec<Seen>,
     end: Option<End>,
 }
@@ -92,16 +81,16 @@ impl<'p> Player<'p> {
         tolerance: Tolerance,
     ) -> Self {
         let oracle = Oracle::new(blueprint, model, tolerance);
-        Self { bus, oracle, blueprint, offset: 0, seen: Vec::new(), end: None }
+        Self { bus, oracle, blueprint, seen: Vec::new(), end: None }
     }
 
     /// Plays the actions of a script until something is wrong, and to its end.
     ///
     /// # Errors
     /// Whatever the bus reports.
-    pub fn play(mut self, script: &Script<'_>, start: Start) -> Result<Played, BusError> {
+    pub fn play(mut self, script: &Script<'_>) -> Result<Played, BusError> {
         let (mut actions, mut goals) = (Vec::new(), Vec::new());
-        self.begin(start)?;
+        self.begin()?;
         match script {
             Script::Actions(all) => {
                 for action in *all {
@@ -134,15 +123,8 @@ impl<'p> Player<'p> {
         Ok(Played { session: Session { actions }, seen, end, goals, followed })
     }
 
-    fn begin(&mut self, start: Start) -> Result<(), BusError> {
+    fn begin(&mut self) -> Result<(), BusError> {
         let boot_up = error_control(self.blueprint.node());
-        if start == Start::Reset {
-            let booted = self.oracle.boot();
-            self.offset = self.bus.now().0.saturating_sub(booted.0);
-            let service = canopen::nmt::Service::RESET_NODE;
-            let command = canopen::nmt::Command { service, node: self.blueprint.node() };
-            self.send(&[command.frame()], &mut |_| ())?;
-        }
         let until = self.bus.now() + BOOT;
         self.wait(until, &mut |frame| frame.data_id() == Some(boot_up))
     }
@@ -241,12 +223,6 @@ impl<'p> Player<'p> {
     }
 
     fn note(&mut self, seen: Seen) {
-        let shift = |at: Instant| Instant(at.0.saturating_sub(self.offset));
-        let seen = match seen {
-            Seen::Frame(it) => Seen::Frame(Stamped { at: shift(it.at), ..it }),
-            Seen::Power(at, on) => Seen::Power(shift(at), on),
-            Seen::Until(at) => Seen::Until(shift(at)),
-        };
         self.seen.push(seen);
         if self.end.is_none() {
             self.end = self.oracle.see(&seen).err();
@@ -259,13 +235,9 @@ pub fn judge(
     blueprint: &Blueprint,
     model: Box<dyn Replica>,
     tolerance: Tolerance,
-    start: Start,
     seen: &[Seen],
 ) -> (usize, Option<End>) {
     let mut oracle = Oracle::new(blueprint, model, tolerance);
-    if start == Start::Reset {
-        oracle.boot();
-    }
     for (place, one) in seen.iter().enumerate() {
         if let Err(end) = oracle.see(one) {
             return (place, Some(end));

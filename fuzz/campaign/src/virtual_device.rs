@@ -6,7 +6,7 @@ use reference_devices::change::Replica;
 use crate::blueprint::Blueprint;
 use crate::campaign::{Ask, Stage};
 use crate::oracle::Tolerance;
-use crate::session::{Played, Player, Script, Start};
+use crate::session::{Played, Player, Script};
 
 /// A device in virtual time.
 #[derive(Clone)]
@@ -39,7 +39,7 @@ impl Stage for VirtualDevice {
         script: &Script<'_>,
     ) -> Result<Played, BusError> {
         let mut bus = self.bus();
-        Player::new(&mut bus, blueprint, model, Tolerance::VIRTUAL).play(script, Start::SwitchedOn)
+        Player::new(&mut bus, blueprint, model, Tolerance::VIRTUAL).play(script)
     }
 
     fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError> {

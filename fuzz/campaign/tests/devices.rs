@@ -1,7 +1,7 @@
 //! Campaigns on reference devices: nothing is found on those that keep to their documents, and
 //! mutants are found and named.
 
-use campaign::session::{Script, Session, Start};
+use campaign::session::{Script, Session};
 use campaign::{
     Belief, Blueprint, Campaign, End, Finding, Look, Powers, Stage, Tolerance, VirtualDevice,
     bytes, look, shrink,
@@ -37,15 +37,15 @@ impl Subject {
     }
 
     fn belief(&self) -> Belief<'_> {
-        let (tolerance, start) = (Tolerance::VIRTUAL, Start::SwitchedOn);
-        Belief::new(&self.blueprint, tolerance, start, Vec::new()).unwrap()
+        let tolerance = Tolerance::VIRTUAL;
+        Belief::new(&self.blueprint, tolerance, Vec::new()).unwrap()
     }
 
     /// What so many sessions find, the requirements of the likeliest mutant, and what was learnt.
     fn fuzzed(&mut self, sessions: u64, most: usize) -> (Vec<Finding>, Vec<String>, Vec<String>) {
         let Self { stage, blueprint } = self;
-        let (tolerance, start) = (Tolerance::VIRTUAL, Start::SwitchedOn);
-        let belief = Belief::new(blueprint, tolerance, start, Vec::new()).unwrap();
+        let tolerance = Tolerance::VIRTUAL;
+        let belief = Belief::new(blueprint, tolerance, Vec::new()).unwrap();
         let mut campaign = Campaign::new(blueprint, belief, Powers::ALL, 1);
         let mut findings = Vec::new();
         for number in 0..sessions {

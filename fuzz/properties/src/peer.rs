@@ -10,7 +10,7 @@ use canopen::heartbeat::ErrorControl;
 use canopen::sdo::{Client, Next, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Transfer};
 use canopen::{Data, Decoder, Device, Frame, Id, Instant, Mux, Outbox, VirtualBus, eds, nmt};
 use harness::candump;
-use harness::target::{self, PATIENCE, compose, scan};
+use harness::target::{self, ROUNDS, compose, scan};
 use reports::{Event, Keep, Run, journal};
 use runner::dut::Dut;
 use runner::plan::{self, Plan};
@@ -122,7 +122,7 @@ pub fn scan_compose(bytes: &[u8]) {
     let catalogue = Catalogue::built_in();
     let mut bus = VirtualBus::new(1_000_000);
     bus.attach(Noise::new(&mut Unstructured::new(bytes), NODE));
-    let Ok(found) = scan(&mut bus, Some(NODE), PATIENCE, catalogue) else { return };
+    let Ok(found) = scan(&mut bus, Some(NODE), ROUNDS, catalogue) else { return };
     let Some(found) = found.first() else { return };
     if let Ok((sheet, composed)) = compose(&mut bus, found, 1_000_000, catalogue) {
         let again = eds::read(sheet.source.text.as_bytes()).eds;

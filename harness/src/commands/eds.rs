@@ -159,7 +159,7 @@ fn probe(args: &ProbeArgs, stop: &Stop) -> Result<Exit, Refused> {
         Address::Interface(interface) => (target::open_interface(&interface, stop)?, args.node),
     };
     let found = target::only(
-        scan(&mut *bus, node, target::patience(&args.target), &catalogue)?,
+        scan(&mut *bus, node, target::rounds(&args.target), &catalogue)?,
         &args.target,
         node,
     )?;

@@ -11,7 +11,7 @@ mod stage;
 use std::collections::BTreeMap;
 use std::fs;
 
-use campaign::{Campaign, Finding, Kind, Powers, Tally, session::Session, shrink};
+use campaign::{Campaign, Finding, Kind, Tally, session::Session, shrink};
 use canopen::BusError;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use runner::stop::Stop;
@@ -34,7 +34,6 @@ use stage::Clock;
 /// When the target cannot be used, or a file cannot be read.
 pub(super) fn run(args: &FuzzArgs, stop: &Stop) -> Result<Exit, Refused> {
     match &args.command {
-        None if args.campaign.dry_run => dry_run(&args.campaign, stop),
         None => campaign(&args.campaign, stop),
         Some(FuzzCommand::Repro(again)) => repro(again, stop),
         Some(FuzzCommand::Shrink(again)) => shorten(again, stop),
@@ -47,7 +46,7 @@ fn target(device: &DeviceArgs, stop: &Stop) -> Result<Target, Refused> {
     if selection.target.is_none() {
         return Err(Refused::usage(
             "a campaign is about one device: --target names it, such as `--target sim:generic` or \
-             `--target can0`",
+             `--target sim:FOLDER`",
         ));
     }
     let catalogue = selection.folders.catalogue.load()?;
@@ -59,9 +58,9 @@ fn campaign(args: &CampaignArgs, stop: &Stop) -> Result<Exit, Refused> {
     let target = target(&args.device, stop)?;
     let _held = stop.hold();
     let powers = stage::powers(&target);
-    let mut stage = stage::open(&target, stop)?;
-    let modelled = Modelled::of(&target, &mut *stage)?;
-    let belief = modelled.belief(&target)?;
+    let mut stage = stage::open(&target)?;
+    let modelled = Modelled::of(&target, &mut stage)?;
+    let belief = modelled.belief()?;
     let mut campaign = Campaign::new(&modelled.blueprint, belief, powers, args.seed);
     let clock = Clock::start(args.time);
     let bar = progress(args);
@@ -77,7 +76,7 @@ fn campaign(args: &CampaignArgs, stop: &Stop) -> Result<Exit, Refused> {
             stopped = Some(BusError::Interrupted);
             break;
         }
-        match campaign.session(&mut *stage, number) {
+        match campaign.session(&mut stage, number) {
             Ok(found) => findings.extend(found),
             Err(error) => {
                 stopped = Some(error);
@@ -88,7 +87,6 @@ fn campaign(args: &CampaignArgs, stop: &Stop) -> Result<Exit, Refused> {
         bar.tick();
     }
     bar.finish_and_clear();
-    stage.leave();
     let causes = group(&campaign, &modelled.blueprint, &findings);
     let mut text = String::new();
     for cause in &causes {
@@ -208,44 +206,15 @@ fn never(tally: &Tally) -> String {
     rows.into_iter().map(row).collect()
 }
 
-/// What a campaign would do to the device.
-fn dry_run(args: &CampaignArgs, stop: &Stop) -> Result<Exit, Refused> {
-    let target = target(&args.device, stop)?;
-    let powers = stage::powers(&target);
-    let kinds = Kind::ALL.iter().filter(|kind| powers.include(**kind));
-    let kinds: Vec<String> = kinds.map(|kind| format!("  {}\n", kind.word())).collect();
-    say(&format!(
-        "{}, node {}: each session begins with reset node, and may do\n{}{}",
-        target.dut.name,
-        target.dut.node,
-        kinds.concat(),
-        limits(&powers),
-    ));
-    Ok(Exit::Green)
-}
-
-fn limits(powers: &Powers) -> String {
-    let word = |may: bool| if may { "may" } else { "is kept from it" };
-    format!(
-        "power: {}; store and restore: {}; another node id for a moment: {}; outputs: {}\n\
-         What a device file protects is not sent.\n",
-        word(powers.power),
-        word(powers.storage),
-        word(powers.address),
-        word(powers.outputs),
-    )
-}
-
 /// Plays the session of a file again.
 fn repro(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     let file = FindingFile::read(&args.file)?;
     let target = target(&file.device(&args.device), stop)?;
     let _held = stop.hold();
-    let mut stage = stage::open(&target, stop)?;
-    let modelled = Modelled::of(&target, &mut *stage)?;
+    let mut stage = stage::open(&target)?;
+    let modelled = Modelled::of(&target, &mut stage)?;
     let session = Session { actions: file.actions.clone() };
-    let again = modelled.again(&target, &mut *stage, &session)?;
-    stage.leave();
+    let again = modelled.again(&mut stage, &session)?;
     match again {
         Some(violation) => {
             say(&format!("{}\n{violation}\n", file.words()));
@@ -263,13 +232,13 @@ fn shorten(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     let mut file = FindingFile::read(&args.file)?;
     let target = target(&file.device(&args.device), stop)?;
     let _held = stop.hold();
-    let mut stage = stage::open(&target, stop)?;
-    let modelled = Modelled::of(&target, &mut *stage)?;
+    let mut stage = stage::open(&target)?;
+    let modelled = Modelled::of(&target, &mut stage)?;
     let before = file.actions.len();
     let mut failed = None;
     file.actions = shrink(&file.actions, TRIES, &mut |actions| {
         let session = Session { actions: actions.to_vec() };
-        match modelled.again(&target, &mut *stage, &session) {
+        match modelled.again(&mut stage, &session) {
             Ok(found) => found.is_some() && !stop.asked(),
             Err(refused) => {
                 failed = Some(refused);
@@ -277,7 +246,6 @@ fn shorten(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
             }
         }
     });
-    stage.leave();
     if let Some(refused) = failed {
         return Err(refused);
     }

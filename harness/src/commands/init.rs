@@ -32,7 +32,7 @@ pub(super) fn run(args: &InitArgs, stop: &Stop) -> Result<Exit, Refused> {
     let catalogue = args.catalogue.load()?;
     let (mut bus, node, bit_rate) = open(args, &catalogue, stop)?;
     let found = target::only(
-        scan(&mut *bus, node, target::patience(&args.target), &catalogue)?,
+        scan(&mut *bus, node, target::rounds(&args.target), &catalogue)?,
         &args.target,
         args.node,
     )?;

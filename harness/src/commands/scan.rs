@@ -22,13 +22,13 @@ pub(crate) fn run(args: &ScanArgs, stop: &Stop) -> Result<Exit, Refused> {
             let mut found = Vec::new();
             for target in target::resolve(&selection, &catalogue, stop)? {
                 let mut bus = target.open(stop)?;
-                found.extend(scan(&mut *bus, None, target::patience(&args.target), &catalogue)?);
+                found.extend(scan(&mut *bus, None, target::rounds(&args.target), &catalogue)?);
             }
             found
         }
         Address::Interface(interface) => {
             let mut bus = target::open_interface(&interface, stop)?;
-            scan(&mut *bus, None, target::patience(&args.target), &catalogue)?
+            scan(&mut *bus, None, target::rounds(&args.target), &catalogue)?
         }
     };
     if found.is_empty() {

@@ -11,7 +11,7 @@ use super::connection::{Connection, Target, open_interface};
 use super::lengths::value_lengths;
 use super::options::{rig, without};
 use super::reference::reference_device;
-use super::scan::{Found, patience, scan};
+use super::scan::{Found, rounds, scan};
 use super::sheet;
 use super::sim::quoted;
 use super::{DEFAULT_BIT_RATE, Selection};
@@ -31,7 +31,7 @@ pub(super) fn target(
     let mut bus = open_interface(interface, stop)?;
     let bit_rate = selection.bitrate.or_else(|| interface.bit_rate(DEFAULT_BIT_RATE));
     let name = &interface.to_string();
-    let found = scan(&mut *bus, selection.node, patience(name), catalogue)?;
+    let found = scan(&mut *bus, selection.node, rounds(name), catalogue)?;
     if found.is_empty() {
         let load = Traffic::heard(&mut *bus, bit_rate);
         return Err(nobody_beside(load, name, selection.node));

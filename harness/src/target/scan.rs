@@ -59,15 +59,15 @@ impl Found {
     }
 }
 
-/// Asks every node, or just `node`, for its device type until one answers or `patience` has passed,
-/// and those that answer for more.
+/// Asks every node, or just `node`, for its device type, so often until one answers, and those that
+/// answer for more.
 ///
 /// # Errors
 /// When the bus fails.
 pub fn scan(
     bus: &mut dyn Bus,
     node: Option<u8>,
-    patience: Duration,
+    rounds: usize,
     catalogue: &Catalogue,
 ) -> Result<Vec<Found>, Refused> {
     let bus_failed = |error: BusError| match error {
@@ -78,7 +78,7 @@ pub fn scan(
     };
     let mut link = Link::new(bus);
     let asked = node.map_or(1..=127, |node| node..=node);
-    let nodes = nodes(&mut link, asked, patience).map_err(bus_failed)?;
+    let nodes = nodes(&mut link, asked, rounds).map_err(bus_failed)?;
     let mut found = Vec::new();
     for node in nodes {
         found.push(ask(&mut link, node, catalogue).map_err(bus_failed)?);
@@ -86,36 +86,30 @@ pub fn scan(
     Ok(found)
 }
 
-/// How long a scan asks on until a node answers.
-pub const PATIENCE: Duration = Duration::from_secs(3);
+/// How often a scan asks until a node answers.
+pub const ROUNDS: usize = 10;
 
-/// How long a scan of that target asks on: a program has just been started, and starts its device.
-pub(crate) fn patience(target: &str) -> Duration {
-    const STARTS: Duration = Duration::from_secs(10);
+/// How often a scan of that target asks: a program has just been started, and starts its device.
+pub(crate) fn rounds(target: &str) -> usize {
+    const WHILE_IT_STARTS: usize = 7;
     let is_program = target.parse::<Interface>().is_ok_and(|interface| interface.is_program());
-    if is_program { STARTS } else { PATIENCE }
+    if is_program { ROUNDS + WHILE_IT_STARTS } else { ROUNDS }
 }
 
 /// How long a scan waits for answers before it asks again.
 const ROUND: Duration = Duration::from_millis(300);
-/// The same after [`PATIENCE`]: a program that does not read yet has a queue of limited length.
+/// The same after [`ROUNDS`]: a program that does not read yet has a queue of limited length.
 const LATER_ROUND: Duration = Duration::from_secs(1);
 const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 const DEVICE_NAME: Mux = Mux::new(0x1008, 0);
 
 /// The nodes that answer. A frame that is no answer to the request counts only for a node without a
 /// proper answer: it may be noise.
-fn nodes(
-    link: &mut Link,
-    asked: RangeInclusive<u8>,
-    patience: Duration,
-) -> Result<Vec<u8>, BusError> {
+fn nodes(link: &mut Link, asked: RangeInclusive<u8>, rounds: usize) -> Result<Vec<u8>, BusError> {
     let mut noise = Vec::new();
-    let start = link.mark();
     // A device that is just booting hears no request: ask again.
-    while link.mark() < start + patience {
-        let is_later = link.mark() >= start + PATIENCE;
-        let round = if is_later { LATER_ROUND } else { ROUND };
+    for count in 0..rounds {
+        let round = if count < ROUNDS { ROUND } else { LATER_ROUND };
         let (answered, other) = answering(link, asked.clone(), round)?;
         if !answered.is_empty() {
             return Ok(answered);
@@ -262,7 +256,7 @@ mod tests {
             if with_device {
                 bus.attach_boxed(Box::new(served.node(5, Rules::default())));
             }
-            nodes(&mut Link::new(&mut bus), 1..=127, PATIENCE).unwrap()
+            nodes(&mut Link::new(&mut bus), 1..=127, ROUNDS).unwrap()
         };
         for noise in ["5D1#4300", "5D1#4300100092019101", "5D1#8000100000000206"] {
             let is_answer = noise != "5D1#4300";

@@ -14,7 +14,7 @@ use super::connection::{Connection, Target};
 use super::lengths::value_lengths;
 use super::options::{rig, without};
 use super::reference::{Named, reference_device};
-use super::scan::{Found, PATIENCE, scan};
+use super::scan::{Found, ROUNDS, scan};
 use super::sheet::{own_sheet, read_eds};
 use super::{DEFAULT_BIT_RATE, Selection};
 use crate::exit::Refused;
@@ -80,7 +80,7 @@ pub(super) fn target(
     if selection.eds.is_some() {
         // A data sheet of ours names the profile; another one may leave it to the device.
         let mut bus = target.open(&Stop::default())?;
-        let found = scan(&mut *bus, Some(node), PATIENCE, catalogue)?;
+        let found = scan(&mut *bus, Some(node), ROUNDS, catalogue)?;
         target.dut.told = found.first().and_then(Found::recognised);
         let lengths = value_lengths(&mut *bus, &target.dut);
         target.dut.lengths = lengths.map_err(|error| Refused::bus(error.to_string()))?;

@@ -2,13 +2,12 @@
 
 use campaign::session::{Script, Session};
 use campaign::{
-    Action, Belief, Blueprint, Campaign, End, Finding, Look, Stage, Violation, VirtualDevice, look,
-    shrink,
+    Action, Belief, Blueprint, Campaign, End, Finding, Look, Stage, Tolerance, Violation,
+    VirtualDevice, look, shrink,
 };
 use reference_devices::devices;
 use reference_devices::stack::NodeSettings;
 
-use super::stage::manner;
 use crate::exit::Refused;
 use crate::target::{DEFAULT_BIT_RATE, Target};
 
@@ -30,13 +29,11 @@ impl Modelled {
             ..known.map(|device| device.description.settings.clone()).unwrap_or_default()
         };
         let mut seen = Look::default();
-        let asked = stage.ask(&mut |bus| {
+        // A device that answers nothing is looked at in vain, and judged all the same.
+        _ = stage.ask(&mut |bus| {
             seen = look(bus, &dut.eds, dut.node)?;
             Ok(())
         });
-        if !target.is_simulation() {
-            asked.map_err(|error| Refused::bus(error.to_string()))?;
-        }
         let (eds, settings) = seen.amend(&dut.eds, dut.node, &settings);
         let blueprint = Blueprint::of_sheet(eds, dut.node, settings)?;
         let blueprint =
@@ -48,9 +45,8 @@ impl Modelled {
     ///
     /// # Errors
     /// When the model cannot be built.
-    pub(super) fn belief(&self, target: &Target) -> Result<Belief<'_>, Refused> {
-        let (tolerance, start) = manner(target);
-        let belief = Belief::new(&self.blueprint, tolerance, start, Vec::new());
+    pub(super) fn belief(&self) -> Result<Belief<'_>, Refused> {
+        let belief = Belief::new(&self.blueprint, Tolerance::VIRTUAL, Vec::new());
         belief.ok_or_else(|| Refused::usage("the data sheet does not make a device"))
     }
 
@@ -60,11 +56,10 @@ impl Modelled {
     /// Whatever the bus reports.
     pub(super) fn again(
         &self,
-        target: &Target,
         stage: &mut dyn Stage,
         session: &Session,
     ) -> Result<Option<Violation>, Refused> {
-        let mut belief = self.belief(target)?;
+        let mut belief = self.belief()?;
         let script = Script::Actions(&session.actions);
         let played = stage.play(&self.blueprint, belief.model(), &script);
         let played = played.map_err(|error| Refused::bus(error.to_string()))?;

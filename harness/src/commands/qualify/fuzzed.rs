@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use campaign::session::Start;
 use campaign::{
     Belief, Blueprint, Campaign, Finding, Powers, Stage, Tolerance, VirtualDevice, look,
 };
@@ -66,7 +65,7 @@ fn fuzzed(
     });
     let (eds, settings) = seen.amend(&description.eds, node, &description.settings);
     let blueprint = Blueprint::of_sheet(eds, node, settings)?.with_errors(seen.errors);
-    let belief = Belief::new(&blueprint, Tolerance::VIRTUAL, Start::SwitchedOn, Vec::new());
+    let belief = Belief::new(&blueprint, Tolerance::VIRTUAL, Vec::new());
     let belief = belief.ok_or_else(|| Refused::usage("the device cannot be built"))?;
     let mut campaign = Campaign::new(&blueprint, belief, Powers::ALL, seed);
     let mut findings: Vec<Finding> = Vec::new();

@@ -242,8 +242,8 @@ fn limits(od: &Dictionary, rules: &Em66Rules) -> (i64, i64) {
     (low.clamp(-FULL_OUTPUT, 0), high.clamp(0, FULL_OUTPUT))
 }
 
-/// It circulates while the controller is on; while the mould is emptied, it rests. It sucks whenever
-/// suction is on.
+/// It circulates while the controller is on; while the mould is emptied, it rests. It sucks
+/// whenever suction is on.
 const fn pump(duty: &Duty) -> Pump {
     match (duty.evacuating, duty.suction, duty.on) {
         (true, _, _) | (false, false, false) => Pump::Off,
