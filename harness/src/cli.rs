@@ -376,8 +376,7 @@ pub struct CampaignArgs {
     /// How long, such as `30s`, `10m` or `2h`
     #[arg(long, value_parser = seconds)]
     pub time: Option<u64>,
-    /// Play every Nth session, from the Ith on: N devices of a kind, each on a bus of its own,
-    /// share the sessions
+    /// Play every Nth session, from the Ith on: N programs share the sessions
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<Shard>,
     /// Stop after so many sessions in which something was wrong

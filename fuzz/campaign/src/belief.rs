@@ -3,14 +3,13 @@
 use reference_devices::change::Replica;
 
 use crate::blueprint::{Blueprint, Candidate};
-use crate::oracle::{Seen, Tolerance};
+use crate::oracle::Seen;
 use crate::session::judge;
 
 /// The freedoms that a device is believed to use.
 #[derive(Clone)]
 pub struct Belief<'b> {
     blueprint: &'b Blueprint,
-    tolerance: Tolerance,
     /// The freedoms that it begins with, by their places in the blueprint.
     given: Vec<usize>,
     /// Those that it has now.
@@ -43,10 +42,10 @@ const MOST_EVIDENCE: usize = 16;
 impl<'b> Belief<'b> {
     /// A device that uses these freedoms, by their places in the blueprint; `None` when it cannot
     /// be built.
-    pub fn new(blueprint: &'b Blueprint, tolerance: Tolerance, used: Vec<usize>) -> Option<Self> {
+    pub fn new(blueprint: &'b Blueprint, used: Vec<usize>) -> Option<Self> {
         let model = blueprint.build(used.iter().map(|place| &blueprint.freedoms()[*place]))?;
         let (given, evidence, doubtful) = (used.clone(), Vec::new(), Vec::new());
-        Some(Self { blueprint, tolerance, given, used, model, evidence, doubtful })
+        Some(Self { blueprint, given, used, model, evidence, doubtful })
     }
 
     /// A device that is like the one that is believed in, switched on at time 0.
@@ -104,7 +103,7 @@ impl<'b> Belief<'b> {
             return (0, 0);
         };
         for (number, log) in logs.iter().enumerate() {
-            let (place, end) = judge(self.blueprint, model.clone(), self.tolerance, log);
+            let (place, end) = judge(self.blueprint, model.clone(), log);
             if end.is_some() {
                 return (number, place);
             }
@@ -190,7 +189,7 @@ impl<'b> Belief<'b> {
     /// The freedoms that would have made a difference to what was seen, or may have.
     fn dissenting(&self, used: &[usize], seen: &[Seen]) -> Vec<usize> {
         let Some(muted) = self.blueprint.muted(used) else { return Vec::new() };
-        judge(self.blueprint, muted.device, self.tolerance, seen);
+        judge(self.blueprint, muted.device, seen);
         let noted = muted.notes.into_iter().filter(|(_, dissent)| dissent.take());
         let noted = noted.map(|(place, _)| place);
         let mut places: Vec<usize> = noted.chain(muted.unknown).collect();
@@ -211,8 +210,7 @@ pub(crate) fn suspects(
     let sessions: Vec<&[Seen]> = sessions.iter().copied().chain(doubtful).collect();
     let explained = |mutant: &Candidate| {
         let Some(device) = blueprint.build(belief.freedoms().chain([mutant])) else { return 0 };
-        let explains =
-            |seen: &&&[Seen]| judge(blueprint, device.clone(), belief.tolerance, seen).1.is_none();
+        let explains = |seen: &&&[Seen]| judge(blueprint, device.clone(), seen).1.is_none();
         sessions.iter().filter(explains).count()
     };
     let each = blueprint.mutants().iter().enumerate();
@@ -231,5 +229,5 @@ pub(crate) fn explains(
 ) -> bool {
     let mutant = &blueprint.mutants()[mutant];
     let device = blueprint.build(belief.freedoms().chain([mutant]));
-    device.is_some_and(|device| judge(blueprint, device, belief.tolerance, seen).1.is_none())
+    device.is_some_and(|device| judge(blueprint, device, seen).1.is_none())
 }

@@ -34,21 +34,11 @@ impl Candidate {
     }
 }
 
-/// Whether the application of the device is part of the model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Application {
-    /// It is not: what it decides is not judged.
-    Unknown,
-    /// It is that of a reference device.
-    Known,
-}
-
 /// How models of one device are built.
 #[derive(Clone, Debug)]
 pub struct Blueprint {
     device: ReferenceDevice,
     node: u8,
-    application: Application,
     freedoms: Arc<[Candidate]>,
     mutants: Arc<[Candidate]>,
     /// Whether the application reports an error from the start.
@@ -65,25 +55,9 @@ impl Blueprint {
     /// When the data sheet gives a value that is not one of its type.
     pub fn of_sheet(eds: Eds, node: u8, settings: NodeSettings) -> Result<Self, Vec<Complaint>> {
         let device = ReferenceDevice::of_sheet(eds, node, settings);
-        Self::new(device, node, Application::Unknown)
-    }
-
-    /// A reference device with its application.
-    ///
-    /// # Errors
-    /// As [`of_sheet`](Self::of_sheet).
-    pub fn of_reference(device: ReferenceDevice, node: u8) -> Result<Self, Vec<Complaint>> {
-        Self::new(device, node, Application::Known)
-    }
-
-    fn new(
-        device: ReferenceDevice,
-        node: u8,
-        application: Application,
-    ) -> Result<Self, Vec<Complaint>> {
         Deviation::default().build(&device, node).map_err(|wrong| vec![wrong])?;
         let (freedoms, mutants) = COMMON.clone()?;
-        Ok(Self { device, node, application, freedoms, mutants, errors: false, emergencies: true })
+        Ok(Self { device, node, freedoms, mutants, errors: false, emergencies: true })
     }
 
     /// The same for a device of which it is not known which errors it reports, and how.
@@ -140,7 +114,7 @@ impl Blueprint {
 
     /// Whether the application decides the value of an object.
     pub fn is_of_application(&self, mux: Mux) -> bool {
-        self.application == Application::Unknown && mux.index >= FIRST_OF_APPLICATION
+        mux.index >= FIRST_OF_APPLICATION
     }
 
     /// A device with these deviations, switched on at time 0; `None` when one of them does not fit

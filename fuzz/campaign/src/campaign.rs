@@ -8,7 +8,6 @@ use rustc_hash::FxHashSet;
 
 use crate::belief::{Belief, Judged, explains, suspects};
 use crate::blueprint::Blueprint;
-use crate::draw::Powers;
 use crate::oracle::{End, Seen, Violation};
 use crate::session::{Goal, Played, Script, Session};
 
@@ -67,7 +66,6 @@ pub struct Tally {
 pub struct Campaign<'b> {
     blueprint: &'b Blueprint,
     belief: Belief<'b>,
-    powers: Powers,
     seed: u64,
     tally: Tally,
 }
@@ -77,8 +75,8 @@ const LESSONS: u32 = 32;
 
 impl<'b> Campaign<'b> {
     /// A campaign that begins with this belief.
-    pub fn new(blueprint: &'b Blueprint, belief: Belief<'b>, powers: Powers, seed: u64) -> Self {
-        Self { blueprint, belief, powers, seed, tally: Tally::default() }
+    pub fn new(blueprint: &'b Blueprint, belief: Belief<'b>, seed: u64) -> Self {
+        Self { blueprint, belief, seed, tally: Tally::default() }
     }
 
     /// What is believed of the device.
@@ -101,7 +99,7 @@ impl<'b> Campaign<'b> {
         number: u64,
     ) -> Result<Option<Finding>, BusError> {
         let bytes = bytes(self.seed, number);
-        let script = Script::Bytes(&bytes, self.powers);
+        let script = Script::Bytes(&bytes);
         for lesson in 0..=LESSONS {
             let played = stage.play(self.blueprint, self.belief.model(), &script)?;
             self.count(&played);

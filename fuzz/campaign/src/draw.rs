@@ -6,8 +6,6 @@ mod network;
 mod sdo;
 mod values;
 
-use std::time::Duration;
-
 use arbitrary::Unstructured;
 use canopen::eds::Entry;
 use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request};
@@ -18,56 +16,10 @@ use crate::blueprint::Blueprint;
 use crate::model::Model;
 use crate::talk::{Open, Talk};
 
-/// What a campaign may do to a device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Powers {
-    /// Switch its supply.
-    pub power: bool,
-    /// Let it store and restore its parameters.
-    pub storage: bool,
-    /// Take its node id for a moment, and store its address.
-    pub address: bool,
-    /// Use layer setting services.
-    pub lss: bool,
-    /// Reset it, and change its state.
-    pub nmt: bool,
-    /// Send it process data, and write objects that can be received.
-    pub outputs: bool,
-    /// The longest wait.
-    pub longest: Duration,
-}
-
-impl Powers {
-    /// Everything.
-    pub const ALL: Self = Self {
-        power: true,
-        storage: true,
-        address: true,
-        lss: true,
-        nmt: true,
-        outputs: true,
-        longest: Duration::from_secs(10),
-    };
-
-    /// Whether actions of a kind are among them.
-    pub const fn include(&self, kind: Kind) -> bool {
-        match kind {
-            Kind::PowerCycle => self.power,
-            Kind::Store | Kind::Restore => self.storage,
-            Kind::LssSwitch | Kind::LssInquire | Kind::LssIdentify | Kind::LssWrong => self.lss,
-            Kind::LssConfigure | Kind::LssStore => self.lss && self.address,
-            Kind::NmtState | Kind::NmtReset | Kind::NmtWrong => self.nmt,
-            Kind::Rpdo | Kind::RpdoWrong => self.outputs,
-            _ => true,
-        }
-    }
-}
-
 /// Draws the actions of a session.
 pub(crate) struct Draw<'a> {
     bytes: Unstructured<'a>,
     blueprint: &'a Blueprint,
-    powers: Powers,
     /// What kinds this session is about, a weight for each group.
     swarm: [u8; GROUPS],
     /// The PDOs that it is about.
@@ -175,7 +127,7 @@ fn weight(kind: Kind, open: Open, state: NmtState) -> (usize, u32) {
 }
 
 impl<'a> Draw<'a> {
-    pub(crate) fn new(bytes: &'a [u8], blueprint: &'a Blueprint, powers: Powers) -> Self {
+    pub(crate) fn new(bytes: &'a [u8], blueprint: &'a Blueprint) -> Self {
         let mut bytes = Unstructured::new(bytes);
         let mut swarm = [1; GROUPS];
         for weight in &mut swarm {
@@ -193,7 +145,6 @@ impl<'a> Draw<'a> {
         Self {
             bytes,
             blueprint,
-            powers,
             swarm,
             pdos,
             written: None,
@@ -257,8 +208,7 @@ impl<'a> Draw<'a> {
         let open = scene.talk.open();
         let weight = |kind: &Kind| {
             let (group, weight) = weight(*kind, open, scene.state);
-            let allowed = self.powers.include(*kind);
-            if allowed { weight * u32::from(self.swarm[group]) } else { 0 }
+            weight * u32::from(self.swarm[group])
         };
         let weights: Vec<u32> = Kind::ALL.iter().map(weight).collect();
         let sum: u32 = weights.iter().sum();

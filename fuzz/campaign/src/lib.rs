@@ -23,11 +23,10 @@ mod virtual_device;
 
 pub use action::{Action, Kind, Then};
 pub use belief::{Belief, Judged};
-pub use blueprint::{Application, Blueprint, Candidate};
+pub use blueprint::{Blueprint, Candidate};
 pub use campaign::{Ask, Campaign, Finding, Stage, Tally, bytes};
-pub use draw::Powers;
 pub use look::{Look, look};
-pub use oracle::{End, Oracle, Seen, Tolerance, Violation, What};
+pub use oracle::{End, Oracle, Seen, Violation, What};
 pub use shrink::shrink;
 pub use talk::Open;
 pub use virtual_device::VirtualDevice;

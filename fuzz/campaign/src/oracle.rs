@@ -35,23 +35,6 @@ pub enum Seen {
     Until(Instant),
 }
 
-/// How exactly the times of a device are known.
-#[derive(Clone, Copy, Debug)]
-pub struct Tolerance {
-    /// How much later a frame may be than the model sends it.
-    pub late: Duration,
-    /// How much earlier.
-    pub early: Duration,
-    /// The same in parts of a thousand of the time since the session began, for clocks that differ.
-    pub per_mille: u32,
-}
-
-impl Tolerance {
-    /// In virtual time, a frame waits for the wire and for nothing else.
-    pub const VIRTUAL: Self =
-        Self { late: Duration::from_millis(8), early: Duration::ZERO, per_mille: 0 };
-}
-
 /// What is wrong with a device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Violation {
@@ -117,7 +100,6 @@ pub enum End {
 /// A model beside the device.
 pub struct Oracle<'b> {
     blueprint: &'b Blueprint,
-    tolerance: Tolerance,
     model: Model,
     now: Instant,
     queues: Queues,
@@ -140,11 +122,10 @@ pub struct Oracle<'b> {
 
 impl<'b> Oracle<'b> {
     /// The judge of a device that is like `device`, both of which are switched on at time 0.
-    pub fn new(blueprint: &'b Blueprint, device: Box<dyn Replica>, tolerance: Tolerance) -> Self {
+    pub fn new(blueprint: &'b Blueprint, device: Box<dyn Replica>) -> Self {
         let node = blueprint.node();
         Self {
             blueprint,
-            tolerance,
             model: Model::new(device),
             now: Instant::ZERO,
             queues: Queues::default(),
@@ -202,7 +183,7 @@ impl<'b> Oracle<'b> {
             self.overdue(due)?;
             let sent: Vec<Frame> = self.model.poll(due).collect();
             self.now = due;
-            sent.into_iter().try_for_each(|frame| self.expect(due, frame))?;
+            sent.into_iter().for_each(|frame| self.expect(due, frame));
         }
         self.now = self.now.max(to);
         if self.model.state() == NmtState::OPERATIONAL {
@@ -222,10 +203,7 @@ impl<'b> Oracle<'b> {
             self.queues.release();
         }
         let sent: Vec<Frame> = self.model.take(now, frame).collect();
-        for frame in sent {
-            // An early frame of the device that is none of the model's is noticed when it is late.
-            _ = self.expect(now, frame);
-        }
+        sent.into_iter().for_each(|frame| self.expect(now, frame));
     }
 
     /// A frame was on the bus until `now`.
@@ -238,14 +216,14 @@ impl<'b> Oracle<'b> {
     }
 
     /// How much later than the model the device may be now: a frame waits while others are sent.
-    fn late(&self, at: Instant) -> Duration {
+    fn late(&self) -> Duration {
         let waits = self.busy.1.since(self.busy.0);
-        self.tolerance.late + waits + at.since(Instant::ZERO) * self.tolerance.per_mille / 1000
+        LATE + waits
     }
 
     /// Notes a frame of the model.
-    fn expect(&mut self, now: Instant, frame: Frame) -> Result<(), End> {
-        let class = self.identifiers.class(&frame, &self.model, now, self.tolerance.late);
+    fn expect(&mut self, now: Instant, frame: Frame) {
+        let class = self.identifiers.class(&frame, &self.model, now, LATE);
         let must = match class {
             Class::Tpdo(tpdo) if self.is_free(&tpdo) => match tpdo.period.is_zero() {
                 true => Must::Not,
@@ -255,7 +233,6 @@ impl<'b> Oracle<'b> {
             _ => Must::Come,
         };
         self.queues.expect(Expected { at: now, frame, must });
-        Ok(())
     }
 
     /// Whether the application decides when a TPDO comes.
@@ -276,7 +253,7 @@ impl<'b> Oracle<'b> {
 
     /// Judges a frame of the device.
     fn judge(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
-        let class = self.identifiers.class(frame, &self.model, now, self.tolerance.late);
+        let class = self.identifiers.class(frame, &self.model, now, LATE);
         if self.model.state() == NmtState::OPERATIONAL {
             self.operational = now;
         }
@@ -367,12 +344,12 @@ impl<'b> Oracle<'b> {
             Class::Tpdo(tpdo)
                 if self.is_free(tpdo)
                     && frame.data.len() == tpdo.bytes
-                    && now.since(self.operational) <= self.tolerance.late =>
+                    && now.since(self.operational) <= LATE =>
             {
                 let last = self.queues.last(frame);
                 self.queues.came(frame, now);
                 let gap = last.map(|last| now.since(last));
-                let inhibit = tpdo.inhibit.saturating_sub(self.late(now));
+                let inhibit = tpdo.inhibit.saturating_sub(self.late());
                 match gap.filter(|gap| tpdo.kind >= 254 && *gap < inhibit) {
                     Some(gap) => wrong(now, What::Inhibited(*frame, gap)),
                     None => Ok(()),
@@ -400,10 +377,7 @@ impl<'b> Oracle<'b> {
         frame: &Frame,
         expected: Option<Frame>,
     ) -> Result<(), End> {
-        match self.tolerance.early.is_zero() {
-            true => wrong(now, What::Unexpected(*frame, expected)),
-            false => self.queues.premature(now, *frame, expected),
-        }
+        wrong(now, What::Unexpected(*frame, expected))
     }
 
     /// Whether an emergency message is none about the communication.
@@ -416,9 +390,8 @@ impl<'b> Oracle<'b> {
     }
 
     fn overdue(&mut self, now: Instant) -> Result<(), End> {
-        let late = self.late(now);
-        let early = self.tolerance.early;
-        if let Some(what) = self.queues.overdue(now, late, early) {
+        let late = self.late();
+        if let Some(what) = self.queues.overdue(now, late) {
             return match self.errors {
                 true => Err(End::Void(now)),
                 false => wrong(now, what),
@@ -443,6 +416,8 @@ pub(crate) fn error_control(node: u8) -> u16 {
     heartbeat::COB_ID + u16::from(node)
 }
 
+/// How much later than the model the device may send a frame that waits for nothing but the wire.
+const LATE: Duration = Duration::from_millis(8);
 const ERROR_REGISTER: u16 = 0x1001;
 const STATUS_REGISTER: u16 = 0x1002;
 const HISTORY: u16 = 0x1003;

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::action::{Action, Kind, Then};
 use crate::blueprint::Blueprint;
-use crate::draw::{Draw, Powers};
-use crate::oracle::{End, Oracle, Seen, Tolerance, error_control};
+use crate::draw::Draw;
+use crate::oracle::{End, Oracle, Seen, error_control};
 use crate::talk::Open;
 
 /// Actions, in their order.
@@ -49,7 +49,7 @@ pub struct Played {
 /// Where the actions of a session come from.
 pub enum Script<'s> {
     /// Bytes of which they are drawn.
-    Bytes(&'s [u8], Powers),
+    Bytes(&'s [u8]),
     /// A session that was played before.
     Actions(&'s [Action]),
 }
@@ -74,13 +74,8 @@ const REST: Duration = Duration::from_millis(200);
 
 impl<'p> Player<'p> {
     /// A session on this bus with a device that may be like `model`.
-    pub fn new(
-        bus: &'p mut dyn Bus,
-        blueprint: &'p Blueprint,
-        model: Box<dyn Replica>,
-        tolerance: Tolerance,
-    ) -> Self {
-        let oracle = Oracle::new(blueprint, model, tolerance);
+    pub fn new(bus: &'p mut dyn Bus, blueprint: &'p Blueprint, model: Box<dyn Replica>) -> Self {
+        let oracle = Oracle::new(blueprint, model);
         Self { bus, oracle, blueprint, seen: Vec::new(), end: None }
     }
 
@@ -101,9 +96,9 @@ impl<'p> Player<'p> {
                     self.carry_out(action, &mut |_| ())?;
                 }
             }
-            Script::Bytes(bytes, powers) => {
+            Script::Bytes(bytes) => {
                 let blueprint = self.blueprint;
-                let mut draw = Draw::new(bytes, blueprint, *powers);
+                let mut draw = Draw::new(bytes, blueprint);
                 while self.end.is_none() && actions.len() < LONGEST {
                     let model = self.oracle.model();
                     let (state, open) = (model.state(), draw.open());
@@ -234,10 +229,9 @@ impl<'p> Player<'p> {
 pub fn judge(
     blueprint: &Blueprint,
     model: Box<dyn Replica>,
-    tolerance: Tolerance,
     seen: &[Seen],
 ) -> (usize, Option<End>) {
-    let mut oracle = Oracle::new(blueprint, model, tolerance);
+    let mut oracle = Oracle::new(blueprint, model);
     for (place, one) in seen.iter().enumerate() {
         if let Err(end) = oracle.see(one) {
             return (place, Some(end));

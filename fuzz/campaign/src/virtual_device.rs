@@ -5,7 +5,6 @@ use reference_devices::change::Replica;
 
 use crate::blueprint::Blueprint;
 use crate::campaign::{Ask, Stage};
-use crate::oracle::Tolerance;
 use crate::session::{Played, Player, Script};
 
 /// A device in virtual time.
@@ -39,7 +38,7 @@ impl Stage for VirtualDevice {
         script: &Script<'_>,
     ) -> Result<Played, BusError> {
         let mut bus = self.bus();
-        Player::new(&mut bus, blueprint, model, Tolerance::VIRTUAL).play(script)
+        Player::new(&mut bus, blueprint, model).play(script)
     }
 
     fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError> {

@@ -3,8 +3,7 @@
 
 use campaign::session::{Script, Session};
 use campaign::{
-    Belief, Blueprint, Campaign, End, Finding, Look, Powers, Stage, Tolerance, VirtualDevice,
-    bytes, look, shrink,
+    Belief, Blueprint, Campaign, End, Finding, Look, Stage, VirtualDevice, bytes, look, shrink,
 };
 use reference_devices::change::Deviation;
 use reference_devices::devices::{self, ReferenceDevice};
@@ -37,16 +36,14 @@ impl Subject {
     }
 
     fn belief(&self) -> Belief<'_> {
-        let tolerance = Tolerance::VIRTUAL;
-        Belief::new(&self.blueprint, tolerance, Vec::new()).unwrap()
+        Belief::new(&self.blueprint, Vec::new()).unwrap()
     }
 
     /// What so many sessions find, the requirements of the likeliest mutant, and what was learnt.
     fn fuzzed(&mut self, sessions: u64, most: usize) -> (Vec<Finding>, Vec<String>, Vec<String>) {
         let Self { stage, blueprint } = self;
-        let tolerance = Tolerance::VIRTUAL;
-        let belief = Belief::new(blueprint, tolerance, Vec::new()).unwrap();
-        let mut campaign = Campaign::new(blueprint, belief, Powers::ALL, 1);
+        let belief = Belief::new(blueprint, Vec::new()).unwrap();
+        let mut campaign = Campaign::new(blueprint, belief, 1);
         let mut findings = Vec::new();
         for number in 0..sessions {
             findings.extend(campaign.session(stage, number).unwrap());
@@ -136,13 +133,32 @@ fn a_finding_becomes_shorter_and_shows_the_same() {
     assert_eq!(serde_json::from_str::<Session>(&text).unwrap().actions, short);
 }
 
+/// The reset takes the confirmation of the first download, and the device refuses the second one,
+/// since its heartbeat cannot have a period of 1 ms.
+#[test]
+fn a_refusal_is_of_the_object_that_was_written() {
+    let text = r#"[
+        { "does": "download", "frames": ["67F#2316100100000000"], "then": { "wait": 0 } },
+        { "does": "nmt-reset", "frames": ["000#8100"],
+          "then": { "answers": { "id": 1919, "count": 1 } } },
+        { "does": "configure-error-control", "frames": ["67F#2B17100001000000"],
+          "then": { "answers": { "id": 1535, "count": 1 } } } ]"#;
+    let session: Session = serde_json::from_str(text).unwrap();
+    let device = devices::device("ax021211").unwrap();
+    let mut subject = Subject::new(&device, &Deviation::default());
+    let model = subject.belief().model();
+    let script = Script::Actions(&session.actions);
+    let played = subject.stage.play(&subject.blueprint, model, &script).unwrap();
+    assert_eq!(played.end, None);
+}
+
 #[test]
 fn the_same_bytes_are_the_same_session() {
     let device = devices::device("generic").unwrap();
     let mut subject = Subject::new(&device, &Deviation::default());
     let bytes = bytes(7, 3);
     let model = subject.belief().model();
-    let script = Script::Bytes(&bytes, Powers::ALL);
+    let script = Script::Bytes(&bytes);
     let first = subject.stage.play(&subject.blueprint, model.clone(), &script).unwrap();
     let second = subject.stage.play(&subject.blueprint, model, &script).unwrap();
     assert!(first.session.actions.len() >= 16);

@@ -57,11 +57,10 @@ fn target(device: &DeviceArgs, stop: &Stop) -> Result<Target, Refused> {
 fn campaign(args: &CampaignArgs, stop: &Stop) -> Result<Exit, Refused> {
     let target = target(&args.device, stop)?;
     let _held = stop.hold();
-    let powers = stage::powers(&target);
     let mut stage = stage::open(&target)?;
     let modelled = Modelled::of(&target, &mut stage)?;
     let belief = modelled.belief()?;
-    let mut campaign = Campaign::new(&modelled.blueprint, belief, powers, args.seed);
+    let mut campaign = Campaign::new(&modelled.blueprint, belief, args.seed);
     let clock = Clock::start(args.time);
     let bar = progress(args);
     let mut findings: Vec<Finding> = Vec::new();

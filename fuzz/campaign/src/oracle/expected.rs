@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use canopen::{Frame, Id, Instant};
 
-use super::{End, Violation, What};
+use super::What;
 
 /// A frame of the model.
 #[derive(Clone, Copy, Debug)]
@@ -31,7 +31,6 @@ pub(super) enum Must {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Queues {
     of_ids: Vec<Queue>,
-    early: VecDeque<(Instant, Frame, Option<Frame>)>,
 }
 
 #[derive(Clone, Debug)]
@@ -55,10 +54,6 @@ impl Queues {
 
     /// The device must send this frame.
     pub(super) fn expect(&mut self, expected: Expected) {
-        if let Some(place) = self.early.iter().position(|(_, frame, _)| *frame == expected.frame) {
-            self.early.remove(place);
-            return;
-        }
         self.queue(expected.frame.id).expected.push_back(expected);
     }
 
@@ -113,33 +108,8 @@ impl Queues {
         self.of_ids.iter_mut().for_each(|queue| queue.last = None);
     }
 
-    /// Keeps a frame for which the model may be late.
-    pub(super) fn premature(
-        &mut self,
-        now: Instant,
-        frame: Frame,
-        expected: Option<Frame>,
-    ) -> Result<(), End> {
-        if let Some(other) = expected {
-            let what = What::Unexpected(frame, Some(other));
-            return Err(End::Violation(Violation { at: now, what }));
-        }
-        self.early.push_back((now, frame, expected));
-        Ok(())
-    }
-
-    /// What should have come by now, or came without a cause.
-    pub(super) fn overdue(
-        &mut self,
-        now: Instant,
-        late: Duration,
-        early: Duration,
-    ) -> Option<What> {
-        if let Some((at, frame, expected)) = self.early.front()
-            && *at + early < now
-        {
-            return Some(What::Unexpected(*frame, *expected));
-        }
+    /// What should have come by now.
+    pub(super) fn overdue(&mut self, now: Instant, late: Duration) -> Option<What> {
         for queue in &mut self.of_ids {
             while let Some(first) = queue.expected.front()
                 && first.at + late < now

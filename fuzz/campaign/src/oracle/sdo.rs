@@ -123,12 +123,12 @@ pub(super) fn is_like(
                 }
                 Some(MayRefuse::Nothing) | None => false,
             };
-            let confirms = matches!(
-                model,
-                Response::Download(_)
-                    | Response::DownloadSegment(_)
-                    | Response::Block(BlockResponse::DownloadEnd)
-            );
+            let confirms = match model {
+                // A confirmation that was lost with a reset may be of another object.
+                Response::Download(other) => other == mux,
+                Response::DownloadSegment(_) | Response::Block(BlockResponse::DownloadEnd) => true,
+                _ => false,
+            };
             may && confirms
         }
         _ => false,

@@ -2,8 +2,8 @@
 
 use campaign::session::{Script, Session};
 use campaign::{
-    Action, Belief, Blueprint, Campaign, End, Finding, Look, Stage, Tolerance, Violation,
-    VirtualDevice, look, shrink,
+    Action, Belief, Blueprint, Campaign, End, Finding, Look, Stage, Violation, VirtualDevice, look,
+    shrink,
 };
 use reference_devices::devices;
 use reference_devices::stack::NodeSettings;
@@ -46,7 +46,7 @@ impl Modelled {
     /// # Errors
     /// When the model cannot be built.
     pub(super) fn belief(&self) -> Result<Belief<'_>, Refused> {
-        let belief = Belief::new(&self.blueprint, Tolerance::VIRTUAL, Vec::new());
+        let belief = Belief::new(&self.blueprint, Vec::new());
         belief.ok_or_else(|| Refused::usage("the data sheet does not make a device"))
     }
 

@@ -1,6 +1,6 @@
 //! Where sessions are played: a simulated device.
 
-use campaign::{Powers, VirtualDevice};
+use campaign::VirtualDevice;
 use reference_devices::change::Deviation;
 
 use crate::bus::unix_time;
@@ -25,11 +25,6 @@ pub(super) fn open(target: &Target) -> Result<VirtualDevice, Refused> {
              `--target sim:FOLDER`; devices on a bus cannot be fuzzed yet",
         )),
     }
-}
-
-/// What a campaign may do: everything that the device has.
-pub(super) fn powers(target: &Target) -> Powers {
-    Powers { lss: target.dut.eds.device.lss, ..Powers::ALL }
 }
 
 /// The time that a campaign has.

@@ -4,9 +4,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use campaign::{
-    Belief, Blueprint, Campaign, Finding, Powers, Stage, Tolerance, VirtualDevice, look,
-};
+use campaign::{Belief, Blueprint, Campaign, Finding, Stage, VirtualDevice, look};
 use reference_devices::devices::{ReferenceDevice, WITH_EVERYTHING};
 use reference_devices::mutant::{self, Mutant};
 use runner::parallel::{self, processors};
@@ -65,9 +63,9 @@ fn fuzzed(
     });
     let (eds, settings) = seen.amend(&description.eds, node, &description.settings);
     let blueprint = Blueprint::of_sheet(eds, node, settings)?.with_errors(seen.errors);
-    let belief = Belief::new(&blueprint, Tolerance::VIRTUAL, Vec::new());
+    let belief = Belief::new(&blueprint, Vec::new());
     let belief = belief.ok_or_else(|| Refused::usage("the device cannot be built"))?;
-    let mut campaign = Campaign::new(&blueprint, belief, Powers::ALL, seed);
+    let mut campaign = Campaign::new(&blueprint, belief, seed);
     let mut findings: Vec<Finding> = Vec::new();
     for number in 0..sessions {
         // A mutant that lets no time pass is a defect of the mutant.
