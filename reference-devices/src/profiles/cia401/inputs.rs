@@ -146,12 +146,13 @@ pub(super) fn threshold(
     if now == last || !rules.analogue_interrupts(enabled(analogue), enabled(digital)) {
         return false;
     }
+    let change = rules.change(last, now);
     let conditions = [
-        now >= setting(Setting::UpperLimit),
+        rules.reaches_limit(now, setting(Setting::UpperLimit)),
         rules.below_limit(now, setting(Setting::LowerLimit)),
-        (now - last).abs() > setting(Setting::Delta),
-        last - now > setting(Setting::NegativeDelta),
-        now - last > setting(Setting::PositiveDelta),
+        change.abs() > setting(Setting::Delta),
+        -change > setting(Setting::NegativeDelta),
+        change > setting(Setting::PositiveDelta),
     ];
     let selected = setting(Setting::TriggerSelection);
     (0..).zip(conditions).any(|(bit, met)| met && selected & 1 << bit != 0)

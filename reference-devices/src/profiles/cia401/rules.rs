@@ -38,6 +38,16 @@ decisions! {
         value < limit
     }
 
+    /// A value at the upper limit reaches it (6424h).
+    fn reaches_limit(&self, value: i64, limit: i64) -> bool {
+        value >= limit
+    }
+
+    /// The deltas are compared with the whole change since the last transmission (6426h to 6428h).
+    fn change(&self, last: i64, now: i64) -> i64 {
+        now - last
+    }
+
     /// Analogue inputs are transmitted when 6423h says so, regardless of 6005h.
     fn analogue_interrupts(&self, enabled: bool, _digital: bool) -> bool {
         enabled
@@ -203,6 +213,8 @@ deviations! {
         event == CommunicationEvent::Entered(NmtState::OPERATIONAL) || rules.recovers(event)
     };
     "channels-set-up-as-the-first" => set_up_at: |_, value| Mux::new(value.index, 1);
+    "upper-limit-without-sign" => reaches_limit: |_, value, limit| value & 0xFFFF >= limit & 0xFFFF;
+    "change-of-16-bits" => change: |_, last, now| i64::from((now - last) as i16);
     "lower-limit-excluded" => below_limit: |_, value, limit| value < limit;
     "upper-limit-excluded" => setting: as_said(|setting, configured| match setting {
         Setting::UpperLimit => configured.saturating_add(1),
