@@ -320,12 +320,17 @@ pub struct QualifyArgs {
     pub unproved: bool,
     /// Show how this mutant is made, what it changes on the bus, which cases were tried on it, and
     /// the first step that noticed; the exit code is 1 when none did
-    #[arg(long, value_name = "MUTANT", conflicts_with_all = ["record", "unproved"])]
+    #[arg(long, value_name = "MUTANT")]
+    #[arg(conflicts_with_all = ["record", "matrices", "unproved"])]
     pub why: Option<String>,
     /// Write what each instance does (its frames and stimuli as a number), its verdict, the kills
     /// and the proofs to a file, a line each: what a change of suites must leave as it is
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
+    /// Write what `-v` shows of each device to a file `DEVICE.txt` in this folder: a mutant that is
+    /// killed by another case than before shows that a case changed its meaning
+    #[arg(long, value_name = "FOLDER")]
+    pub matrices: Option<PathBuf>,
     /// How many random mixtures of freedoms are tried; each device has a part of them by how many
     /// freedoms it has
     #[arg(long, value_name = "N", default_value_t = 1000)]
@@ -335,7 +340,8 @@ pub struct QualifyArgs {
     pub seed: u64,
     /// Fuzz each mutant of the stack with so many sessions instead, and print which are found and
     /// whether their requirements are named
-    #[arg(long, value_name = "SESSIONS", conflicts_with_all = ["record", "unproved", "why"])]
+    #[arg(long, value_name = "SESSIONS")]
+    #[arg(conflicts_with_all = ["record", "matrices", "unproved", "why"])]
     #[arg(value_parser = whole::<u64>(1..=1_000_000))]
     pub fuzz: Option<u64>,
 }

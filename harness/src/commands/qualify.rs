@@ -63,11 +63,18 @@ pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     Freedoms::mix(&mut freedoms, args)?;
     let mut holes = matrix::holes(&library, &matrices, &again(args));
     holes.extend(freedoms.iter().flat_map(Freedoms::holes));
-    let mut text = String::new();
-    for (matrix, freedoms) in matrices.iter().zip(&freedoms) {
-        matrix.show(&mut text, args.verbose);
-        freedoms.show(&mut text, args.verbose);
+    let shown = |verbose: bool| {
+        matrices.iter().zip(&freedoms).map(move |(matrix, freedoms)| {
+            let mut text = String::new();
+            matrix.show(&mut text, verbose);
+            freedoms.show(&mut text, verbose);
+            (matrix.device(), text)
+        })
+    };
+    if let Some(folder) = &args.matrices {
+        record::write_matrices(folder, shown(true))?;
     }
+    let mut text: String = shown(args.verbose).map(|(_, text)| text).collect();
     let slips = slips_of(&cleans, &matrices, &freedoms, every)?;
     let assertions = Assertions::of(&library, &matrices, &freedoms, &slips);
     holes.extend(assertions.holes(args.device.is_none()));

@@ -1,8 +1,10 @@
-//! A record of what suites do: each instance on each device, the kills and what is proved. A
-//! change of the notation leaves it as it is, see `scripts/record/`.
+//! Files for comparisons. The record has what suites do: each instance on each device, the kills and
+//! what is proved. A change of the notation leaves it as it is, see `scripts/record/`. The matrices
+//! have the kills of each device for a review.
 
 use std::fmt::Write;
 use std::path::Path;
+use std::{fs, io};
 
 use super::assertions::Assertions;
 use super::matrix::Matrix;
@@ -45,8 +47,26 @@ pub(super) fn write(
     let mut text = String::new();
     // Writing to a string cannot fail.
     lines.iter().for_each(|line| _ = writeln!(text, "{line}"));
-    write_synced(file, &text).map_err(|error| {
-        let message = format!("error: {}: {}", file.display(), words(&error));
-        Refused { exit: Exit::File, message }
-    })
+    write_synced(file, &text).map_err(|error| not_written(file, &error))
+}
+
+/// Writes a file for each device, with what is shown of it.
+///
+/// # Errors
+/// When a file cannot be written.
+pub(super) fn write_matrices<'d>(
+    folder: &Path,
+    shown: impl Iterator<Item = (&'d str, String)>,
+) -> Result<(), Refused> {
+    fs::create_dir_all(folder).map_err(|error| not_written(folder, &error))?;
+    for (device, text) in shown {
+        let file = folder.join(device).with_extension("txt");
+        write_synced(&file, &text).map_err(|error| not_written(&file, &error))?;
+    }
+    Ok(())
+}
+
+fn not_written(path: &Path, error: &io::Error) -> Refused {
+    let message = format!("error: {}: {}", path.display(), words(error));
+    Refused { exit: Exit::File, message }
 }
