@@ -102,6 +102,7 @@ deviations! {
     "nmt-broadcast-ignored" => nmt_addressed: |_, node, to| to == node;
     "nmt-node-ids-above-127-obeyed" =>
         nmt_addressed: |_, node, to| to == 0 || to == node || to > 127;
+    "nmt-near-node-acts" => nmt_addressed: |_, node, to| to == 0 || to & 0x1F == node & 0x1F;
     "nmt-start-ignored-after-error" =>
         nmt_obeyed: |_, service, error_register| service != Service::START || error_register == 0;
     "reset-communication-keeps-objects" => reset_restores: |_, reset| reset == Reset::Node;

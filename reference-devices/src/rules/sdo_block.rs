@@ -81,6 +81,12 @@ decisions! {
         asked
     }
 
+    /// An object that cannot be written is refused before the first segment (7.2.4.3.17), at the
+    /// latest at the end.
+    fn write_refused_in_blocks(&self, _at_end: bool) -> bool {
+        true
+    }
+
     /// An object that cannot be read is refused in this protocol, too.
     fn missing_object_refused_in_blocks(&self) -> bool {
         true
@@ -131,6 +137,7 @@ deviations! {
         let padded = [data, &[0; 7][..unused.into()]].concat();
         block::crc(&padded)
     };
+    "block-download-refused-at-its-end" => write_refused_in_blocks: |_, at_end| at_end;
     "block-size-alternates" => block_size_after: |_, size| if size > 8 { 8 } else { 127 };
     "block-size-unchecked" => block_size_valid: |_, _, first| !first;
     "block-next-size-unchecked" =>

@@ -41,7 +41,13 @@ impl BlockDownload {
         let rules = &services.base.rules;
         let size = size.map(|size| size as usize);
         let checked = size.filter(|_| rules.size_checked_at_initiate());
-        let longest = services.check_download(mux, checked).map_err(|abort| (mux, abort))?;
+        let longest = match services.check_download(mux, checked) {
+            Ok(longest) => longest,
+            Err(_) if !rules.write_refused_in_blocks(false) => {
+                services.base.settings.longest_value
+            }
+            Err(abort) => return Err((mux, abort)),
+        };
         let limit = size.unwrap_or(longest).min(services.base.settings.longest_value);
         let block = settings.size;
         let known = rules.checksum_known();
@@ -141,7 +147,11 @@ impl BlockDownload {
         if self.crc && !rules.checksum_right(end.crc, &self.data, &padded) {
             return Err((mux, Abort::CRC));
         }
-        services.write(now, mux, &self.data).map_err(|abort| (mux, abort))?;
+        let told = rules.write_refused_in_blocks(true);
+        match services.write(now, mux, &self.data) {
+            Err(abort) if told => return Err((mux, abort)),
+            _ => {}
+        }
         Ok((None, Some(Response::Block(BlockResponse::DownloadEnd))))
     }
 }
