@@ -63,7 +63,7 @@ impl DigitalInput {
         for (place, due) in self.due.iter_mut().enumerate() {
             let bit = 1 << place;
             if (present ^ self.levels) & bit == 0 {
-                *due = None;
+                due.take_if(|_| rules.return_restarts_filter());
                 continue;
             }
             let is_filtered = filtered & bit != 0;
@@ -80,7 +80,7 @@ impl DigitalInput {
                 *due = None;
             }
         }
-        self.next = self.due.iter().flatten().min().copied();
+        self.next = self.due.iter().flatten().filter(|due| **due > now).min().copied();
         od.set_int(self.channel.value, self.levels ^ polarity);
     }
 

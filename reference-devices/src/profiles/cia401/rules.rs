@@ -98,6 +98,11 @@ decisions! {
         false
     }
 
+    /// A level that goes back while it waits has to hold for the whole time again (6003h).
+    fn return_restarts_filter(&self) -> bool {
+        true
+    }
+
     /// A level waits whether it rises or falls (6003h).
     fn filters_level(&self, _high: bool) -> bool {
         true

@@ -43,9 +43,7 @@ impl BlockDownload {
         let checked = size.filter(|_| rules.size_checked_at_initiate());
         let longest = match services.check_download(mux, checked) {
             Ok(longest) => longest,
-            Err(_) if !rules.write_refused_in_blocks(false) => {
-                services.base.settings.longest_value
-            }
+            Err(_) if !rules.write_refused_in_blocks(false) => services.base.settings.longest_value,
             Err(abort) => return Err((mux, abort)),
         };
         let limit = size.unwrap_or(longest).min(services.base.settings.longest_value);
