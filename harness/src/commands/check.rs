@@ -8,6 +8,7 @@ use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::freedom::{self, Freedom};
 use reference_devices::mutant::{self, Mutant};
 use runner::dut::Dut;
+use runner::parallel;
 use runner::suite::{self, Library, Register};
 
 use super::counted::counted;
@@ -49,24 +50,10 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
             paths.iter().map(family).collect::<Result<Vec<_>, _>>()?.concat()
         }
     };
-    let (mut targets, mut mutants, mut freedoms) = (Vec::new(), 0, 0);
-    let mut complaints = Vec::<Complaint>::new();
+    let mut targets = Vec::new();
     for name in &names {
-        let device = target::reference_device(name, &library.catalogue)?;
-        let sound = [
-            sound_mutants(&device, &library.register).map(|sound| mutants += sound.len()),
-            sound_freedoms(&device, &library.register).map(|sound| freedoms += sound.len()),
-        ];
-        for mut wrong in sound.into_iter().filter_map(Result::err) {
-            // A mistake of one device is mostly a mistake of its variants, too.
-            wrong.retain(|wrong| !complaints.iter().any(|told| wrong.is_about_place_of(told)));
-            complaints.append(&mut wrong);
-        }
         let selection = Selection::of_target(Some(&format!("sim:{name}")));
         targets.append(&mut target::resolve(&selection, &library.catalogue, &Arc::default())?);
-    }
-    if !complaints.is_empty() {
-        return Err(complaints.into());
     }
     let duts: Vec<&Dut> = targets.iter().map(|target| &target.dut).collect();
     let plans = match &own {
@@ -78,6 +65,8 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
             plans
         }
     };
+    // Last, because it takes longest and suites are what people write.
+    let (mutants, freedoms) = sound_deviations(&names, &library)?;
     let cases: usize = library.suites.iter().map(|suite| suite.file.cases.len()).sum();
     let instances: usize = plans.iter().map(|plan| plan.instances.len()).sum();
     let counts = [
@@ -99,6 +88,31 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
          {freedoms}: no errors\n"
     ));
     Ok(Exit::Green)
+}
+
+/// How many mutants and freedoms these devices have.
+///
+/// # Errors
+/// Everything that is wrong with them.
+fn sound_deviations(names: &[String], library: &Library) -> Result<(usize, usize), Refused> {
+    let sound = parallel::try_map(names, |name| {
+        let device = target::reference_device(name, &library.catalogue)?;
+        let mutants = sound_mutants(&device, &library.register).map(|sound| sound.len());
+        let freedoms = sound_freedoms(&device, &library.register).map(|sound| sound.len());
+        Ok::<_, Refused>((mutants, freedoms))
+    })?;
+    let (mut mutants, mut freedoms) = (0, 0);
+    let mut complaints = Vec::<Complaint>::new();
+    for (of_mutants, of_freedoms) in sound {
+        let wrong =
+            [of_mutants.map(|count| mutants += count), of_freedoms.map(|count| freedoms += count)];
+        for mut wrong in wrong.into_iter().filter_map(Result::err) {
+            // A mistake of one device is mostly a mistake of its variants, too.
+            wrong.retain(|wrong| !complaints.iter().any(|told| wrong.is_about_place_of(told)));
+            complaints.append(&mut wrong);
+        }
+    }
+    if complaints.is_empty() { Ok((mutants, freedoms)) } else { Err(complaints.into()) }
 }
 
 /// The library without suites of the user.
