@@ -4,6 +4,7 @@
 //! reported, and ends the run with an exit code of its own.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 
@@ -145,10 +146,11 @@ impl Waivers {
         }
     }
 
-    /// The waivers that `run` does not confirm, where `names` are the existing cases, selected or
-    /// not.
-    pub fn out_of_date(&self, run: &Run, names: &[String]) -> Vec<Complaint> {
+    /// The waivers that `run` does not confirm, where `names` are the existing cases. Of a run of
+    /// `selected` ones, nothing is known of a waiver that names others, too.
+    pub fn out_of_date(&self, run: &Run, names: &[String], selected: bool) -> Vec<Complaint> {
         let mut complaints = Vec::new();
+        let in_run: BTreeSet<String> = run.cases().map(|(_, case)| case.info.name()).collect();
         for At { value: waiver, place } in &self.entries {
             let mut complain = |place, message| {
                 complaints.push(Complaint::at(&self.source, place, message));
@@ -171,7 +173,9 @@ impl Waivers {
             let of_devices = run.cases().filter(|(device, _)| waiver.concerns(&device.info.device));
             let cases = of_devices.map(|(_, case)| case);
             let ran: Vec<&CaseRun> = cases.filter(|case| waiver.is_about(case)).collect();
-            if !known || waiver.sometimes || ran.is_empty() {
+            let mut of_waiver = names.iter().filter(|name| waiver.names(name));
+            let not_all = selected && of_waiver.any(|name| !in_run.contains(name));
+            if !known || waiver.sometimes || ran.is_empty() || not_all {
                 continue;
             }
             let causes = waiver.causes(*place);
