@@ -14,24 +14,25 @@ use crate::run::{CaseRun, DeviceRun, Run};
 use crate::seen::{Seen, seen};
 
 /// An instance with its device, and its place in the run.
-pub(crate) type Noticed<'r> = (usize, &'r DeviceRun, &'r CaseRun);
+pub type Noticed<'r> = (usize, &'r DeviceRun, &'r CaseRun);
 
 /// A broken fact.
-pub(crate) struct Fact<'r> {
+#[derive(Debug)]
+pub struct Fact<'r> {
     /// The instance that explains the others.
-    pub(crate) first: Noticed<'r>,
+    pub first: Noticed<'r>,
     /// The instances that show it, in the order of the run.
-    pub(crate) cases: Vec<Noticed<'r>>,
+    pub cases: Vec<Noticed<'r>>,
 }
 
 impl<'r> Fact<'r> {
     /// The cause of the instance that explains it.
-    pub(crate) fn cause(&self) -> Option<&'r Cause> {
+    pub fn cause(&self) -> Option<&'r Cause> {
         self.first.2.cause.as_deref()
     }
 
     /// Whether it makes the run red.
-    pub(crate) fn is_red(&self, run: &Run) -> bool {
+    pub fn is_red(&self, run: &Run) -> bool {
         self.cases.iter().any(|(.., case)| run.is_red(case.verdict()))
     }
 }
@@ -82,7 +83,7 @@ fn follows(device: &DeviceRun, case: &CaseRun) -> impl Iterator<Item = Sign> {
 
 /// What did not pass, by fact. Facts that make the run red come first; among these, that of most
 /// instances comes first.
-pub(crate) fn facts(run: &Run) -> Vec<Fact<'_>> {
+pub fn facts(run: &Run) -> Vec<Fact<'_>> {
     let all = run.cases().enumerate().map(|(place, (device, case))| (place, device, case));
     let unusual = |(.., case): &Noticed| !case.verdict().is_usual() && !case.outcome.is_not_run();
     let cases: Vec<Noticed> = all.filter(unusual).collect();

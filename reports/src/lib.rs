@@ -23,6 +23,7 @@ pub use event::{
     Begun, CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
     RunStarted, SheetUsed, Stimulus, Versions,
 };
+pub use fact::{Fact, Noticed, facts};
 pub use format::{FORMATS, Format};
 pub use junit::date;
 pub use names::ObjectNames;

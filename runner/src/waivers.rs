@@ -4,18 +4,20 @@
 //! reported, and ends the run with an exit code of its own.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
 
 use reports::{CaseRun, CaseStarted, Cause, Outcome, Run, Verdict, Waiver};
 use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
-use serde::de::{self, SeqAccess, Visitor};
+use serde::de::value::{MapAccessDeserializer, SeqAccessDeserializer};
+use serde::de::{self, MapAccess, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer};
 use wildmatch::WildMatch;
 
 use crate::nearest::did_you_mean;
 use crate::plan::is_named;
-use crate::source::{At, Complaint, Source, read_yaml};
+use crate::source::{At, Complaint, Place, Source, read_yaml};
 use crate::suite::Register;
 
 /// The reason that stands for one until somebody writes it.
@@ -45,9 +47,9 @@ pub struct WaiverEntry {
     /// The device as reports call it, a glob; every device when absent.
     #[serde(default)]
     device: Option<String>,
-    /// Only what has this cause; without it, whatever the cases find.
+    /// Only what has this cause, or one of these; without it, whatever the cases find.
     #[serde(default)]
-    cause: Option<CauseEntry>,
+    cause: Causes,
     /// Only what has this verdict.
     #[serde(default)]
     verdict: Option<WaivedVerdict>,
@@ -65,7 +67,7 @@ pub struct WaiverEntry {
 }
 
 /// The parts of a cause, as the summary of a run and the journal say them. All are globs.
-#[derive(Debug, Deserialize, JsonSchema)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct CauseEntry {
     /// The requirement that is checked; of several, all ids with blanks between them.
@@ -94,6 +96,10 @@ enum WaivedVerdict {
 /// One glob or several.
 #[derive(Debug)]
 struct Globs(Vec<At<String>>);
+
+/// One cause or several, as of a fact that shows in cases about several requirements.
+#[derive(Debug, Default)]
+struct Causes(Vec<At<CauseEntry>>);
 
 impl Waivers {
     /// Reads a file of waivers.
@@ -140,10 +146,11 @@ impl Waivers {
         }
     }
 
-    /// The waivers that `run` does not confirm, where `names` are the existing cases, selected or
-    /// not.
-    pub fn out_of_date(&self, run: &Run, names: &[String]) -> Vec<Complaint> {
+    /// The waivers that `run` does not confirm, where `names` are the existing cases. Of a run of
+    /// `selected` ones, nothing is known of a waiver that names others, too.
+    pub fn out_of_date(&self, run: &Run, names: &[String], selected: bool) -> Vec<Complaint> {
         let mut complaints = Vec::new();
+        let in_run: BTreeSet<String> = run.cases().map(|(_, case)| case.info.name()).collect();
         for At { value: waiver, place } in &self.entries {
             let mut complain = |place, message| {
                 complaints.push(Complaint::at(&self.source, place, message));
@@ -165,13 +172,16 @@ impl Waivers {
             }
             let of_devices = run.cases().filter(|(device, _)| waiver.concerns(&device.info.device));
             let cases = of_devices.map(|(_, case)| case);
-            let mut ran = cases.filter(|case| waiver.is_about(case)).peekable();
-            if known
-                && !waiver.sometimes
-                && ran.peek().is_some()
-                && !ran.any(|case| waiver.occurs_in(case))
-            {
-                complain(*place, "what this waives does not occur any more".to_owned());
+            let ran: Vec<&CaseRun> = cases.filter(|case| waiver.is_about(case)).collect();
+            let mut of_waiver = names.iter().filter(|name| waiver.names(name));
+            let not_all = selected && of_waiver.any(|name| !in_run.contains(name));
+            if !known || waiver.sometimes || ran.is_empty() || not_all {
+                continue;
+            }
+            let causes = waiver.causes(*place);
+            let gone = |(_, cause): &(_, _)| !ran.iter().any(|case| waiver.occurs_in(case, *cause));
+            for (place, _) in causes.into_iter().filter(gone) {
+                complain(place, "what this waives does not occur any more".to_owned());
             }
         }
         complaints
@@ -192,8 +202,8 @@ impl WaiverEntry {
         {
             complain(*place, wrong);
         }
-        let requirement = self.cause.as_ref().and_then(|cause| cause.requirement.as_ref());
-        if let Some(At { value: ids, place }) = requirement {
+        let requirements = self.cause.0.iter().filter_map(|cause| cause.value.requirement.as_ref());
+        for At { value: ids, place } in requirements {
             let is_id = |id: &&str| !id.contains(['*', '?']);
             for id in ids.split_whitespace().filter(is_id) {
                 if register.find(id).is_none() && !register.lacks_document_of(id) {
@@ -226,7 +236,16 @@ impl WaiverEntry {
         };
         self.names(name)
             && self.verdict.is_none_or(wanted)
-            && self.cause.as_ref().is_none_or(|entry| entry.is(cause))
+            && (self.cause.0.is_empty() || self.cause.0.iter().any(|entry| entry.value.is(cause)))
+    }
+
+    /// What must occur for it to be true, and where it is written; `place` is that of the waiver.
+    fn causes(&self, place: Place) -> Vec<(Place, Option<&CauseEntry>)> {
+        match self.cause.0.as_slice() {
+            [] => vec![(place, None)],
+            [cause] => vec![(place, Some(&cause.value))],
+            causes => causes.iter().map(|cause| (cause.place, Some(&cause.value))).collect(),
+        }
     }
 
     /// Whether the case said something about the device, which an ERROR of the tester, such as its
@@ -244,13 +263,15 @@ impl WaiverEntry {
         said && !outcome.is_not_run() && self.names(&case.info.name())
     }
 
-    fn occurs_in(&self, case: &CaseRun) -> bool {
+    /// Whether it covers the outcome of the case, which has this one of its causes.
+    fn occurs_in(&self, case: &CaseRun, of: Option<&CauseEntry>) -> bool {
         let verdict = match &case.outcome {
             Outcome::Waived { outcome, .. } => outcome.verdict(),
             other => other.verdict(),
         };
         let covers = |cause| self.covers(&case.info.name(), verdict, cause);
-        case.cause.as_deref().is_some_and(covers)
+        let is_it = |cause: &&Cause| of.is_none_or(|entry| entry.is(cause));
+        case.cause.as_deref().filter(is_it).is_some_and(covers)
     }
 }
 
@@ -329,6 +350,46 @@ impl<'de> Deserialize<'de> for Globs {
         let unplaced = |glob: &&mut At<String>| glob.place.line == 0;
         globs.iter_mut().filter(unplaced).for_each(|glob| glob.place = place);
         Ok(Self(globs))
+    }
+}
+
+impl<'de> Deserialize<'de> for Causes {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct OneOrSeveral;
+        impl<'de> Visitor<'de> for OneOrSeveral {
+            type Value = Vec<At<CauseEntry>>;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a cause such as `{ text: \"*came accepted\" }`, or a list of causes")
+            }
+            fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Self::Value, A::Error> {
+                let cause = CauseEntry::deserialize(MapAccessDeserializer::new(map))?;
+                Ok(vec![At { value: cause, ..At::default() }])
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
+                let causes = Vec::deserialize(SeqAccessDeserializer::new(list))?;
+                match causes.is_empty() {
+                    true => Err(de::Error::custom("a list of causes has at least one")),
+                    false => Ok(causes),
+                }
+            }
+        }
+        deserializer.deserialize_any(OneOrSeveral).map(Self)
+    }
+}
+
+impl JsonSchema for Causes {
+    fn inline_schema() -> bool {
+        true
+    }
+    fn schema_name() -> Cow<'static, str> {
+        "Causes".into()
+    }
+    fn json_schema(generator: &mut SchemaGenerator) -> Schema {
+        let cause = generator.subschema_for::<CauseEntry>();
+        json_schema!({
+            "description": "One cause, or several.",
+            "oneOf": [cause, { "type": "array", "items": cause, "minItems": 1 }]
+        })
     }
 }
 

@@ -85,6 +85,8 @@ struct Prepared {
     plans: Vec<Plan>,
     /// All cases, selected or not.
     names: Vec<String>,
+    /// Whether some of them are selected.
+    selected: bool,
 }
 
 impl Prepared {
@@ -128,11 +130,13 @@ impl Prepared {
             let message = format!("error: there is nothing to run{why}");
             return Err(Refused { exit: Exit::NothingRan, message });
         }
-        Ok(Self { library, waivers, targets, plans, names })
+        let selected =
+            last_failed.is_some() || args.shard.is_some() || !args.selection.patterns.is_empty();
+        Ok(Self { library, waivers, targets, plans, names, selected })
     }
 
     fn run(self, args: &RunArgs, stop: &Stop, reporter: &mut Reporter) -> Exit {
-        let Self { library, waivers, targets, plans, names } = self;
+        let Self { library, waivers, targets, plans, names, selected } = self;
         reporter.expect(plans.iter().map(|plan| plan.instances.len()).sum());
         let real = targets.iter().any(|target| !target.is_simulation());
         reporter.tell(&Event::RunStarted(started(args, real)));
@@ -145,7 +149,7 @@ impl Prepared {
             stopped = stopped.max(exit);
             reason = reason.or(why);
         }
-        let outdated = waivers.out_of_date(reporter.run(), &names);
+        let outdated = waivers.out_of_date(reporter.run(), &names, selected);
         let of_waivers = if outdated.is_empty() { Exit::Green } else { Exit::Waivers };
         let worst = stopped.max(of_verdicts(reporter)).max(of_waivers);
         // The user asked to stop after enough failures.

@@ -1,13 +1,13 @@
-//! `harness waive`: a first file of waivers, by cause.
+//! `harness waive`: a first file of waivers, by broken fact.
 
 use std::cmp::Reverse;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::Write as _;
 use std::path::Path;
 
-use reports::{Cause, Keep, Outcome, Run, Verdict};
+use reports::{Cause, Keep, Outcome, Run, Verdict, facts};
 
 use super::counted::counted;
 use crate::cli::WaiveArgs;
@@ -15,7 +15,7 @@ use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST_JOURNAL, read, text, words};
 use crate::reporter::say;
 
-/// Writes a waiver for each cause that makes a run of these journals red.
+/// Writes a waiver for each fact that makes a run of these journals red.
 ///
 /// # Errors
 /// When a journal cannot be read, or the file cannot be written.
@@ -62,7 +62,7 @@ fn folded(journal: &Path) -> Result<Run, Refused> {
     Ok(run)
 }
 
-/// A cause that makes runs red.
+/// A cause that makes runs red, with one verdict.
 struct Known<'r> {
     cause: &'r Cause,
     verdict: Verdict,
@@ -72,8 +72,22 @@ struct Known<'r> {
     runs: BTreeSet<usize>,
 }
 
-/// The waivers of these runs, the cause of most instances first.
+/// The waivers of these runs, the one of most instances first.
 fn waivers(runs: &[Run], args: &WaiveArgs) -> String {
+    let known = known(runs);
+    let waived = by_fact(runs, &known);
+    let mut text = String::from("# Written by `harness waive`: say in each reason why it is so.\n");
+    if waived.is_empty() {
+        text.push_str("[]\n");
+    }
+    for causes in waived {
+        let _ = write!(text, "\n{}", waiver(&causes, runs.len(), args));
+    }
+    text
+}
+
+/// The causes of these runs.
+fn known(runs: &[Run]) -> Vec<Known<'_>> {
     let mut causes: Vec<Known> = Vec::new();
     for (place, run) in runs.iter().enumerate() {
         for (_, case) in run.cases().filter(|(_, case)| run.is_red(case.verdict())) {
@@ -90,19 +104,46 @@ fn waivers(runs: &[Run], args: &WaiveArgs) -> String {
             causes[at].runs.insert(place);
         }
     }
-    causes.sort_by_key(|known| Reverse(known.instances.len()));
-    let mut text = String::from("# Written by `harness waive`: say in each reason why it is so.\n");
-    if causes.is_empty() {
-        text.push_str("[]\n");
-    }
-    for known in causes {
-        let _ = write!(text, "\n{}", waiver(&known, runs.len(), args));
-    }
-    text
+    causes
 }
 
-fn waiver(known: &Known, runs: usize, args: &WaiveArgs) -> String {
-    let Known { cause, verdict, instances, .. } = known;
+/// The causes that one waiver names: those of one fact, as the headlines of a run join them, which
+/// have one verdict and occur equally often. The cause that explains the others comes first.
+fn by_fact<'k>(runs: &[Run], known: &'k [Known<'k>]) -> Vec<Vec<&'k Known<'k>>> {
+    let mut group: Vec<usize> = (0..known.len()).collect();
+    let mut explains = vec![0; known.len()];
+    for fact in runs.iter().flat_map(facts) {
+        let of = |cause| known.iter().position(|known| Some(known.cause) == cause);
+        if let Some(first) = of(fact.cause()) {
+            explains[first] += fact.cases.len();
+        }
+        let mut first = BTreeMap::new();
+        for (.., case) in &fact.cases {
+            let same = |known: &Known| {
+                case.cause.as_deref() == Some(known.cause) && known.verdict == case.verdict()
+            };
+            let Some(at) = known.iter().position(same) else { continue };
+            let sometimes = known[at].runs.len() < runs.len();
+            let first = *first.entry((known[at].verdict, sometimes)).or_insert(at);
+            let (joined, kept) = (group[at], group[first]);
+            group.iter_mut().filter(|of| **of == joined).for_each(|of| *of = kept);
+        }
+    }
+    let mut waived = BTreeMap::<usize, Vec<usize>>::new();
+    (0..known.len()).for_each(|at| waived.entry(group[at]).or_default().push(at));
+    let mut waived: Vec<Vec<usize>> = waived.into_values().collect();
+    let weight = |at: &usize| Reverse((explains[*at], known[*at].instances.len()));
+    waived.iter_mut().for_each(|causes| causes.sort_by_key(weight));
+    let mut waived: Vec<Vec<&Known>> = waived
+        .into_iter()
+        .map(|causes| causes.into_iter().map(|at| &known[at]).collect())
+        .collect();
+    waived.sort_by_key(|causes| Reverse(causes.iter().map(|it| it.instances.len()).sum::<usize>()));
+    waived
+}
+
+fn waiver(causes: &[&Known], runs: usize, args: &WaiveArgs) -> String {
+    let instances: BTreeSet<_> = causes.iter().flat_map(|known| &known.instances).collect();
     let mut names: Vec<&str> = instances.iter().map(|(name, _)| name.as_str()).collect();
     names.dedup();
     let mut text = format!("# {}\n", counted(instances.len(), "instance"));
@@ -114,20 +155,23 @@ fn waiver(known: &Known, runs: usize, args: &WaiveArgs) -> String {
         }
     }
     text.push_str("  cause:\n");
-    let parts = [
-        ("requirement", Some(&cause.requirement).filter(|ids| !ids.is_empty())),
-        ("object", cause.object.as_ref()),
-        ("text", Some(&cause.difference)),
-    ];
-    for (key, part) in parts {
-        if let Some(part) = part {
+    for Known { cause, .. } in causes {
+        let mut lead = if causes.len() > 1 { "    - " } else { "    " };
+        let parts = [
+            ("requirement", Some(&cause.requirement).filter(|ids| !ids.is_empty())),
+            ("object", cause.object.as_ref()),
+            ("text", Some(&cause.difference)),
+        ];
+        for (key, part) in parts.into_iter().filter_map(|(key, part)| Some((key, part?))) {
             // A text of JSON is one of YAML.
-            let _ = writeln!(text, "    {key}: {}", serde_json::Value::from(part.as_str()));
+            let _ = writeln!(text, "{lead}{key}: {}", serde_json::Value::from(part.as_str()));
+            lead = if causes.len() > 1 { "      " } else { "    " };
         }
     }
-    let _ = writeln!(text, "  verdict: {}", verdict.name().to_lowercase());
-    if known.runs.len() < runs {
-        text.push_str("  sometimes: true\n");
+    let said = causes.first().map(|known| (known.verdict, known.runs.len() < runs));
+    if let Some((verdict, sometimes)) = said {
+        let _ = writeln!(text, "  verdict: {}", verdict.name().to_lowercase());
+        text.push_str(if sometimes { "  sometimes: true\n" } else { "" });
     }
     let said = [
         ("reason", Some(&args.reason)),

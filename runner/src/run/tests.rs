@@ -33,6 +33,10 @@ struct Odd {
     real: bool,
     /// How often the host stalls when nothing came for [`WINDOW`] after a device was settled.
     stalls: u32,
+    /// How often it does not before.
+    calm: u32,
+    /// How long it stalls.
+    stall: Duration,
     /// When it was, when nothing came since.
     last: Instant,
     /// After which time the tester learns of a frame of the device.
@@ -86,11 +90,15 @@ impl Bus for Odd {
                     }
                 }
                 None => {
-                    if until.since(self.last) >= WINDOW && self.stalls > 0 {
+                    let is_long = until.since(self.last) >= WINDOW && self.stalls > 0;
+                    if is_long && self.calm > 0 {
+                        self.calm -= 1;
+                        self.last = Instant::NEVER;
+                    } else if is_long {
                         self.stalls -= 1;
                         // Once after each frame.
                         self.last = Instant::NEVER;
-                        while let Some(seen) = self.bus.recv(until + STALL)? {
+                        while let Some(seen) = self.bus.recv(until + self.stall)? {
                             self.held.push_back(seen);
                         }
                     }
@@ -125,6 +133,8 @@ fn odd(way: Way) -> Odd {
         bus,
         real: true,
         stalls: 0,
+        calm: 0,
+        stall: STALL,
         last,
         lag,
         held,
@@ -243,6 +253,18 @@ fn dut() -> Dut {
     Dut { bit_rate: Some(BIT_RATE), ..Dut::new("drr460", NODE, eds) }
 }
 
+/// The device with every service, alone on its bus.
+fn generic() -> VirtualBus<'static> {
+    let mut bus = VirtualBus::new(BIT_RATE);
+    bus.attach(devices::device("generic").unwrap().node(NODE, Rules::default()));
+    bus
+}
+
+fn dut_of_generic() -> Dut {
+    let eds = eds::read(devices::device("generic").unwrap().eds_text().as_bytes()).eds;
+    Dut { bit_rate: Some(BIT_RATE), ..Dut::new("generic", NODE, eds) }
+}
+
 fn verdicts(ran: &Ran) -> Vec<Verdict> {
     ran.outcomes.iter().map(Outcome::verdict).collect()
 }
@@ -308,6 +330,41 @@ fn what_fails_after_the_host_stalled_fails_twice_or_not_at_all() {
                  expect: { frame: '580+n#80FF5F07...', within: 50 ms } ]";
     let bus = Odd { stalls: 1, ..odd(Box::new(way)) };
     assert_eq!(judged(bus, steps), (Verdict::Pass, notes));
+}
+
+/// A device that monitors the tester sends more while it does not run.
+#[test]
+fn what_comes_after_the_host_stood_still_proves_nothing() {
+    const COMES: &str = "[ wait: 77 ms, write: { object: '1017:00', value: 50 ms }, \
+                         expect: { frame: '700+n#7F', within: 100 ms } ]";
+    for (ms, repeated) in [(42, false), (142, true)] {
+        let stall = Duration::from_millis(ms);
+        let ran = run(&mut Odd { stall, ..stalled(1) }, 1, COMES);
+        assert_eq!(verdicts(&ran), [Verdict::Pass]);
+        assert_eq!(ran.notes.iter().any(|note| note.contains("142 ms")), repeated, "{ms} ms");
+    }
+}
+
+/// A slave of LSS keeps no time between requests, and its answer is the same whenever it is noticed.
+#[test]
+fn a_pause_beside_a_request_of_lss_may_be_longer() {
+    const PAUSES: &str = "[ wait: 77 ms, send: '7E5#04 01 00 00 00 00 00 00', wait: 40 ms, \
+                          send: '7E5#5E 00 00 00 00 00 00 00', \
+                          never: { frame: '7E4#...', for: 35 ms } ]";
+    let late = "the tester was late by 42 ms: the case is repeated";
+    let judged = |steps: &str| {
+        let mut bus = Odd { bus: generic(), ..stalled(1) };
+        let mut ran =
+            run_on(&mut bus, &dut_of_generic(), 1, steps, &Stop::default(), &Undo::default());
+        ran.notes.retain(|note| note.ends_with("repeated"));
+        (ran.outcomes[0].verdict(), ran.notes)
+    };
+    assert_eq!(judged(PAUSES), (Verdict::Fail, Vec::new()));
+    let again = "the tester was late in the attempt before: the case is repeated";
+    // A PDO comes when its time has come.
+    let timed = PAUSES.replacen("send", "send: '123#', send", 1);
+    let notes = vec![late.to_owned(), again.to_owned()];
+    assert_eq!(judged(&timed), (Verdict::Fail, notes));
 }
 
 #[test]
@@ -432,6 +489,24 @@ fn a_boot_up_message_that_never_comes_is_waited_for_once() {
     assert!(ran.took < Duration::from_secs(70), "{:?}", ran.took);
 }
 
+/// One that is known to send none is asked until it answers.
+#[test]
+fn a_step_does_not_wait_for_an_optional_boot_up_message_that_never_comes() {
+    let took = |place: u16| {
+        let silent = Frame::new(0x700 + place, [0]);
+        let mut bus = odd(Box::new(move |_, seen| (seen.frame != silent).then_some(seen)));
+        let steps = "[ nmt: reset-node, \
+                     expect: { frame: '700+n#00', within: 5 s, optional: true }, \
+                     read: { object: '1000:00' } ]";
+        let ran = run(&mut bus, 4, steps);
+        (verdicts(&ran), ran.took)
+    };
+    let ((usual, in_time), (without, took)) = (took(NODE.into() + 1), took(NODE.into()));
+    assert_eq!((usual, without), (vec![Verdict::Pass; 4], vec![Verdict::Lenient; 4]));
+    // Ten seconds once, and no more than the device takes to start in each case.
+    assert!(took < in_time + Duration::from_secs(14), "{took:?} instead of {in_time:?}");
+}
+
 #[test]
 fn a_device_that_only_a_reset_of_all_nodes_brings_back_is_not_given_up() {
     let all = Frame::new(0, [0x81, 0]);
@@ -462,12 +537,11 @@ fn a_device_that_no_reset_brings_back_is_given_up() {
 fn a_node_that_an_earlier_case_had_monitored_is_no_failure_of_the_next_one() {
     let device = devices::device("generic").unwrap();
     let mutants = mutant::of(&device).unwrap();
+    let dut = dut_of_generic();
     let watches_on = mutants.iter().find(|known| known.name == "unused-entry-watched-on").unwrap();
     let mut bus = VirtualBus::new(BIT_RATE);
     bus.attach_boxed(watches_on.deviation().build(&device, NODE).unwrap());
     let mut bus = Odd { bus, ..odd(Box::new(|_, seen| Some(seen))) };
-    let eds = eds::read(device.eds_text().as_bytes()).eds;
-    let dut = Dut { bit_rate: Some(BIT_RATE), ..Dut::new("generic", NODE, eds) };
     let steps = "[ never: { frame: '080+n#...', for: 3 s }, \
                  write: { object: '1016:01', value: $other-consumer + 2000 }, \
                  send: '$other-heartbeat#05', write: { object: '1016:01', value: 0 } ]";

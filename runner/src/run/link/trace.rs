@@ -41,6 +41,8 @@ pub struct Link<'b> {
     /// Whether a case is open, to which the frames belong.
     in_case: bool,
     lateness: Lateness,
+    /// The longest time that it took to notice something in the case.
+    noticed: Duration,
     stop: Stop,
     silence: Silence,
     traffic: Traffic,
@@ -88,6 +90,7 @@ impl<'b> Link<'b> {
             observer: &Unobserved,
             in_case: false,
             lateness: Lateness::default(),
+            noticed: Duration::ZERO,
             stop: Stop::default(),
             silence: Silence::default(),
             traffic: Traffic::default(),
@@ -224,9 +227,20 @@ impl<'b> Link<'b> {
         self.lateness
     }
 
+    /// The longest time that it took to notice something since the case began.
+    pub(in crate::run) fn noticed(&self) -> Duration {
+        self.noticed.max(self.lateness.noticed)
+    }
+
+    /// The device starts anew: what it did, or did not get, because the tester was late is over.
+    pub(in crate::run) fn starts_anew(&mut self) {
+        self.noticed = self.noticed();
+        self.lateness = Lateness::default();
+    }
+
     /// Restarts the measurement of how late the tester is.
     pub fn forget_lateness(&mut self) {
-        self.lateness = Lateness::default();
+        (self.lateness, self.noticed) = (Lateness::default(), Duration::ZERO);
     }
 
     /// Waits until the tester has been in time for a while, at most two seconds: a stall of the

@@ -119,7 +119,7 @@ impl Baseline {
     }
 
     /// Whether the device sends a boot-up message.
-    pub(super) fn boots_up(&self) -> bool {
+    pub(in crate::run) fn boots_up(&self) -> bool {
         self.boots_up.get()
     }
 

@@ -130,10 +130,9 @@ fn at(outcome: &Outcome, instance: &Instance) -> Option<String> {
 /// Runs one instance.
 pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Left) -> Finished {
     let mut left = left;
-    let (mut attempt, mut stalled, mut failed, mut cleared) = (0, false, false, false);
+    let (mut lost, mut stalls, mut failed, mut cleared) = (0, 0, false, false);
     let mut failures = Failures::default();
     loop {
-        attempt += 1;
         let mut run = CaseRun::new(link, common, instance);
         run.link.forget_traffic();
         let (mut outcome, aftermath) = run.run(left);
@@ -147,7 +146,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         let Aftermath::Left(how) = aftermath else { return finished(outcome, aftermath) };
         // After a stall, a failure counts only if it repeats: the next stall may go unnoticed.
         let is_fail = matches!(outcome, Outcome::Fail(_));
-        let doubtful = stalled && !failed && is_fail;
+        let doubtful = stalls > 0 && !failed && is_fail;
         if is_fail && run.earlier_cause && !cleared {
             (left, cleared) = (Left::Dirty, true);
             run.repeat(
@@ -180,10 +179,11 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
                 }
             },
         };
-        if attempt == ATTEMPTS {
+        (lost, stalls) = (lost + 1, stalls + u32::from(late.is_some()));
+        if lost == ATTEMPTS {
             let mut reason = match &late {
-                Some(_) => format!("{why}, and in {attempt} attempts"),
-                None => format!("the tester was late in {} attempts, and one failed", attempt - 1),
+                Some(_) => format!("{why}, and in {stalls} attempts"),
+                None => format!("the tester was late in {stalls} attempts, and one failed"),
             };
             if let Some(problem) = outcome.problem() {
                 let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
@@ -192,7 +192,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             }
             return finished(Outcome::Undecided(reason), aftermath);
         }
-        (left, stalled, failed) = (how, stalled || late.is_some(), failed || doubtful);
+        (left, failed) = (how, failed || doubtful);
         run.repeat(format!("{why}: the case is repeated"));
         if let Err(error) = run.link.calm() {
             let (outcome, aftermath) = run.bus_failed(error);
@@ -219,5 +219,6 @@ fn under_load(outcome: Outcome, traffic: &Traffic) -> Outcome {
     }
 }
 
-/// How often a case is run at most while the tester is late.
+/// How many attempts at a case the tester may spoil. Those that show how the device fails beside
+/// them do not count: each brings the verdict nearer.
 const ATTEMPTS: u32 = 4;

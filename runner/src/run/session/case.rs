@@ -19,7 +19,7 @@ use crate::run::rest::{
     Address, Baseline, BenchSnapshot, Leaving, Left, Settled, Snapshot, Undo, application, enter,
     give_back, is_still, owes_a_sign, settle,
 };
-use crate::run::steps::{Difference, Proof, Steps, bench, promise};
+use crate::run::steps::{Difference, Proof, Steps, bench, is_reset, promise};
 
 /// The consequence of a case for the next ones.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -57,10 +57,6 @@ enum Ready {
     With(Snapshot),
     /// It is lost, and why.
     Lost(String),
-}
-
-const fn is_reset(service: Service) -> bool {
-    matches!(service, Service::RESET_NODE | Service::RESET_COMMUNICATION)
 }
 
 const CONSUMER_HEARTBEAT_TIME: u16 = 0x1016;
@@ -281,6 +277,9 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             words: &self.instance.suite.words,
             margin: Duration::ZERO,
             awaited: Duration::ZERO,
+            from: watched_from,
+            next: None,
+            boots_up: self.common.baseline.boots_up(),
             begun: Vec::new(),
         };
         let observer = self.common.observer;
@@ -321,7 +320,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         self.proof.iter_mut().for_each(Proof::spoil);
         result.fail(Phase::Monitor, last, difference);
         // A device on the same host is delayed equally.
-        let noticed = self.link.lateness().noticed;
+        let noticed = self.link.noticed();
         let late = (noticed > self.common.policy.bears(Duration::ZERO)).then_some(noticed);
         result.late = result.late.max(late);
     }

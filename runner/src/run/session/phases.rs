@@ -26,6 +26,7 @@ pub(super) fn run_phase<'s>(
                 continue;
             }
         }
+        steps.next = list.get(place + 1).map(|next| &next.value);
         steps.begins(phase, step);
         let judgement = promised(steps, &step.value);
         observer.step_ended(place, steps.link.mark(), &steps.scope);

@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use canopen::catalogue::Catalogue;
+use canopen::heartbeat::{self, ErrorControl};
 use canopen::pdo::CobId;
-use canopen::{Abort, BusError, Frame, Instant, Mux, Pattern, Stamped, lss, sdo, sync};
+use canopen::{Abort, BusError, Frame, Instant, Mux, Pattern, Stamped, lss, nmt, sdo, sync};
 use reports::{Begun, Event, Phase};
 
 use super::apart;
@@ -14,7 +15,7 @@ use crate::dut::Dut;
 use crate::plan::{Binding, Scope, Wording, nmt_frame};
 use crate::run::link::{Lateness, Link};
 use crate::run::policy::Policy;
-use crate::run::rest::BenchSnapshot;
+use crate::run::rest::{BenchSnapshot, first_answer};
 use crate::source::At;
 use crate::suite::Words;
 use crate::suite::constraint::{Allowance, Constraint};
@@ -46,6 +47,12 @@ pub(in crate::run) struct Steps<'s, 'b> {
     pub margin: Duration,
     /// How long a measurement waited for a frame that did not come.
     pub awaited: Duration,
+    /// Where in the trace the steps begin.
+    pub from: usize,
+    /// The step after the one that runs.
+    pub next: Option<&'s Step>,
+    /// Whether the device is known to send a boot-up message.
+    pub boots_up: bool,
     /// The steps that began and are not reported.
     pub begun: Vec<(Instant, Phase, &'s At<Step>)>,
 }
@@ -58,7 +65,7 @@ const LOOKS: Duration = Duration::from_secs(1);
 /// How many times as late as the tester a device on the same host is at most.
 const SHARED: u32 = 5;
 /// A host that stood still for longer may have changed what the device did before the step that
-/// fails: a node was missed, an entry was made twice.
+/// fails, or before what it expects comes: a node was missed, an entry was made twice.
 const STALL: Duration = Duration::from_millis(100);
 
 impl<'s> Steps<'s, '_> {
@@ -111,7 +118,13 @@ impl Steps<'_, '_> {
             Step::Wait(time) => {
                 let time = self.time(time)?;
                 let until = self.link.mark() + time;
-                self.link.wait_for(until, self.policy.bears(time))?;
+                match self.is_pause() {
+                    true => {
+                        self.link.wait(until)?;
+                        self.link.moved();
+                    }
+                    false => self.link.wait_for(until, self.policy.bears(time))?,
+                }
                 Ok(None)
             }
             Step::Until(until) => self.until(until),
@@ -218,11 +231,22 @@ impl Steps<'_, '_> {
         self.stimulate(expect.during.as_ref())?;
         let sent = self.link.mark().max(start);
         self.link_rewind(expect.during.is_some(), start);
+        let boot_up = ErrorControl::BOOT_UP.frame(self.dut.node);
+        let awaited = !expect.optional || self.boots_up || strict.frame() != Some(boot_up);
         let got = match beside {
             Some(got) => Some(got),
-            None => self.link.find(sent + within, fits)?,
+            None if awaited => self.link.find(sent + within, fits)?,
+            // It has started when it answers.
+            None => {
+                let policy = Policy { boot_timeout: within, ..*self.policy };
+                first_answer(self.link, &policy, self.dut)?;
+                self.link.look_from(sent);
+                let now = self.link.now();
+                self.link.find(now, fits)?
+            }
         };
         let Some(got) = got else {
+            let within = if awaited { within } else { self.link.now().since(sent) };
             let missing = self.missing(&strict, start, within);
             self.margin = within;
             self.link.skip_to(sent + within);
@@ -375,7 +399,7 @@ impl Steps<'_, '_> {
             }
             // The wire may be too slow for the demanded distance between frames.
             let meant = next.max(self.link.mark());
-            self.link.send_at(frame, meant, self.policy.bears(every))?;
+            self.send_meant(frame, meant, every)?;
             next += every;
         }
         Ok(())
@@ -384,14 +408,64 @@ impl Steps<'_, '_> {
     /// Sends a frame that is meant to leave when the last step ended. A request of a confirmed
     /// service bears to be late.
     fn send_now(&mut self, frame: &Frame) -> Result<(), BusError> {
-        let requests = [sdo::REQUEST_COB_ID + u16::from(self.dut.node), lss::REQUEST_COB_ID];
-        match frame.data_id().is_some_and(|id| requests.contains(&id)) {
-            true => self.link.send(frame),
-            false => {
-                let meant = self.link.mark();
-                self.link.send_at(frame, meant, self.policy.bears(Duration::ZERO))
-            }
+        self.send_meant(frame, self.link.mark(), Duration::ZERO)
+    }
+
+    /// Sends a frame that is meant to leave at that moment, as one of several with that distance.
+    fn send_meant(
+        &mut self,
+        frame: &Frame,
+        meant: Instant,
+        every: Duration,
+    ) -> Result<(), BusError> {
+        match is_request(frame) {
+            true => self.link.send(frame)?,
+            false => self.link.send_at(frame, meant, self.policy.bears(every))?,
         }
+        if self.is_reset(frame) {
+            self.link.starts_anew();
+        }
+        Ok(())
+    }
+
+    /// Whether a wait gives a slave of LSS time before or after a request, and may be longer.
+    fn is_pause(&self) -> bool {
+        let next = match self.next {
+            Some(Step::Send(frame)) => self.frame(frame).ok(),
+            Some(Step::Ask(ask)) => self.frame(ask.first.as_ref().unwrap_or(&ask.send)).ok(),
+            _ => None,
+        };
+        let sent = self.link.trace().iter().map(|seen| &seen.stamped).filter(|seen| seen.own);
+        let last = sent.last().map(|seen| &seen.frame);
+        let is_request = |frame: &Frame| frame.data_id() == Some(lss::REQUEST_COB_ID);
+        last.into_iter().chain(&next).any(is_request) && !self.is_silent_for_a_time()
+    }
+
+    /// Whether the case has the device be silent for a time that it keeps: for the switch delay of
+    /// its bit rate, or while it starts, until something comes.
+    fn is_silent_for_a_time(&self) -> bool {
+        let seen = self.link.trace()[self.from..].iter().map(|seen| &seen.stamped);
+        let node = u16::from(self.dut.node);
+        let of_device =
+            [sdo::RESPONSE_COB_ID + node, heartbeat::COB_ID + node, lss::RESPONSE_COB_ID];
+        let (mut switches, mut starts) = (false, false);
+        for Stamped { own, frame, .. } in seen {
+            let activates = || {
+                let request = lss::Request::decode(&frame.data);
+                matches!(request, Ok(lss::Request::ActivateBitTiming(_)))
+            };
+            switches |= *own && frame.data_id() == Some(lss::REQUEST_COB_ID) && activates();
+            starts |= *own && self.is_reset(frame);
+            starts &= *own || !frame.data_id().is_some_and(|id| of_device.contains(&id));
+        }
+        switches || starts
+    }
+
+    /// Whether the frame has the device start anew.
+    fn is_reset(&self, frame: &Frame) -> bool {
+        let command = frame.data_id().filter(|id| *id == nmt::COB_ID);
+        let command = command.and_then(|_| nmt::Command::decode(&frame.data).ok());
+        command.is_some_and(|it| is_reset(it.service) && [0, self.dut.node].contains(&it.node))
     }
 
     /// How late the tester was, where that may be the reason why the step ended as it did.
@@ -406,6 +480,14 @@ impl Steps<'_, '_> {
         let is_time = matches!(step, Step::Measure(_) | Step::Ask(_));
         let doubtful = is_time && Duration::ZERO < self.margin && self.margin <= noticed;
         let late = match failed {
+            // A device that must not answer does or does not, however late the request came.
+            Some(failed)
+                if matches!(step, Step::Never(_))
+                    && self.answered(step, failed)
+                    && !self.is_silent_for_a_time() =>
+            {
+                Duration::ZERO
+            }
             Some(_) if doubtful => missed.max(overslept).max(noticed),
             Some(_) => missed.max(overslept),
             // A longer pause is no reason for a device to stay silent.
@@ -414,8 +496,17 @@ impl Steps<'_, '_> {
         if late > Duration::ZERO && (failed.is_some() || matches!(step, Step::Never(_))) {
             return Some(late);
         }
-        if failed.is_some() && noticed > STALL {
-            return Some(noticed);
+        if failed.is_some() && self.link.noticed() > STALL {
+            return Some(self.link.noticed());
+        }
+        // What comes may come because the device missed the tester, as one that monitors it does.
+        if failed.is_none()
+            && let Step::Expect(expect) = step
+        {
+            let lost = noticed.max(overslept).max(missed);
+            let every = expect.during.as_ref().and_then(|during| self.time(&during.every).ok());
+            let bears_missing = every.is_none_or(|every| missed <= every);
+            return (lost > STALL || !bears_missing).then_some(lost);
         }
         // A device on the same host is late at other moments, and by other times, than the tester.
         let shares = self.dut.shares_its_machine && noticed > self.policy.bears(Duration::ZERO);
@@ -444,9 +535,28 @@ impl Steps<'_, '_> {
             // delayed as much.
             _ if self.gave_up() => Duration::ZERO,
             true => self.policy.sdo_timeout,
+            // What a server or a slave answers is the same, however soon it is noticed.
+            false if self.answered(step, failed) => return None,
             false => self.window(step)?,
         };
         (noticed > self.policy.bears(window)).then_some(noticed)
+    }
+
+    /// Whether the step fails with an answer to a request: of the first SDO server, or of LSS. A
+    /// transfer that the server has given up is answered with an error of the protocol.
+    fn answered(&self, step: &Step, failed: &Difference) -> bool {
+        const OF_PROTOCOL: u32 = 0x0504;
+        let answers = Some(sdo::RESPONSE_COB_ID + u16::from(self.dut.node));
+        let Some(came) = &failed.raw else { return false };
+        let is_answer = match sdo::Response::decode(&came.data) {
+            _ if came.data_id() == Some(lss::RESPONSE_COB_ID) => true,
+            Ok(sdo::Response::Abort(_, Abort(code))) => code >> 16 != OF_PROTOCOL,
+            _ => true,
+        };
+        let ids = [answers, Some(lss::RESPONSE_COB_ID)];
+        matches!(step, Step::Reply(_) | Step::Ask(_) | Step::Never(_))
+            && ids.contains(&came.data_id())
+            && is_answer
     }
 
     /// Whether the server has aborted a transfer of this case because of the time. The abort itself
@@ -468,9 +578,10 @@ impl Steps<'_, '_> {
             Step::Never(never) => self.time(&never.time),
             Step::Collect(collect) => self.time(&collect.time),
             Step::Reply(reply) => self.optional_time(&reply.within, DEFAULT_REPLY),
-            Step::Ask(ask) if ask.latency.is_none() => {
-                self.optional_time(&ask.within, DEFAULT_REPLY)
-            }
+            // It had as long for the answer to each request, one of which was enough.
+            Step::Ask(ask) if ask.latency.is_none() => self
+                .optional_time(&ask.within, DEFAULT_REPLY)
+                .map(|within| within * ask.tries.unwrap_or(1) as u32),
             // A value that has not come within seconds was not missed in a moment without a look.
             Step::Until(until) => self.time(&until.within).map(|within| within.min(LOOKS)),
             Step::Measure(_) => Ok(self.awaited.min(LOOKS)),
@@ -534,6 +645,18 @@ impl Steps<'_, '_> {
     ) -> Result<Duration, Trouble> {
         amount.as_ref().map_or(Ok(usual), |amount| self.time(amount))
     }
+}
+
+/// Whether a node starts anew with the command.
+pub(in crate::run) const fn is_reset(service: nmt::Service) -> bool {
+    matches!(service, nmt::Service::RESET_NODE | nmt::Service::RESET_COMMUNICATION)
+}
+
+/// Whether the frame is a request of a confirmed service, of SDO on a default identifier or of LSS.
+fn is_request(frame: &Frame) -> bool {
+    const OF_SERVERS: std::ops::RangeInclusive<u16> =
+        sdo::REQUEST_COB_ID + 1..=sdo::REQUEST_COB_ID + 0x7F;
+    frame.data_id().is_some_and(|id| OF_SERVERS.contains(&id) || id == lss::REQUEST_COB_ID)
 }
 
 /// Whether the step fails because something came too late, too early or not at all.

@@ -84,6 +84,16 @@ fn what_fails_again_and_again_is_a_failure_and_is_repeated_no_more() {
     assert!(!alone.notes.iter().any(|note| note.contains("is repeated")), "{:?}", alone.notes);
 }
 
+/// Where the machine is busy, the attempts that show a failure come among others.
+#[test]
+fn attempts_that_the_tester_spoils_leave_the_others_to_show_a_failure() {
+    let mut bus = Odd { stalls: 3, calm: 2, ..odd(Box::new(|_, seen| Some(seen))) };
+    let ran = run_shared(&mut bus, 1, "[ wait: 77 ms, read: { object: '1000:00', value: 1 } ]");
+    assert_eq!(verdicts(&ran), [Verdict::Fail], "{:?}", ran.notes);
+    let late = ran.notes.iter().filter(|note| note.contains("the tester was late by 42 ms"));
+    assert_eq!(late.count(), 3);
+}
+
 /// Of two answers in the case, now the first and now the other is lost, or wrong.
 #[test]
 fn what_never_passes_is_a_failure_unless_frames_are_only_missing() {
