@@ -32,10 +32,22 @@ pub enum Judged {
     Wrong,
 }
 
-/// How many freedoms are looked for at a time.
-const MOST_FREEDOMS: usize = 24;
-/// How many beliefs are followed up at a time.
-const BEAM: usize = 4;
+/// Freedoms, and how far they explain what was seen.
+#[derive(Clone)]
+struct Step {
+    /// Which session they do not explain, and up to where they do.
+    reached: (usize, usize),
+    used: Vec<usize>,
+    /// What could have been added instead of those that were.
+    others: Vec<(usize, Vec<usize>)>,
+}
+
+/// How much is looked at before something that two freedoms do together.
+const LATELY: usize = 16;
+/// How many freedoms may be needed beside one that replaces another.
+const MOST_COMPANIONS: usize = 4;
+/// How often a freedom is added or replaced.
+const MOST_STEPS: usize = 48;
 /// How many sessions are kept that changed the belief.
 const MOST_EVIDENCE: usize = 16;
 
@@ -111,123 +123,94 @@ impl<'b> Belief<'b> {
         (logs.len(), 0)
     }
 
-    /// Adds freedoms, those first that explain most.
+    /// Adds freedoms, those first that explain most. Where none helps, one of those before is
+    /// replaced by one that explained as much.
     fn search(&self, base: Vec<usize>, logs: &[&[Seen]]) -> Option<Vec<usize>> {
-        let reached = self.reaches(&base, logs);
-        if reached.0 == logs.len() {
-            return Some(base);
-        }
-        let mut beam = vec![(reached, base)];
-        for _ in 0..MOST_FREEDOMS {
-            let mut next = Vec::new();
-            for (reached, used) in &beam {
-                let found = self.extended(*reached, used, logs, &mut next);
-                if found.is_some() {
-                    return found;
-                }
+        let mut now = Step { reached: self.reaches(&base, logs), used: base, others: Vec::new() };
+        for _ in 0..MOST_STEPS {
+            if now.reached.0 == logs.len() {
+                return Some(now.used);
             }
-            if next.is_empty() {
-                // A freedom may only show what another one does.
-                for (reached, used) in &beam {
-                    let seen = self.dissenting(used, &logs[reached.0][..=reached.1]);
-                    for freedom in &seen {
-                        let more: Vec<usize> = used.iter().copied().chain([*freedom]).collect();
-                        let found = self.extended_but(*reached, &more, logs, &mut next, &seen);
-                        if found.is_some() {
-                            return found;
-                        }
+            now = self
+                .with_one_more(&now, logs, &[])
+                .or_else(|| self.with_another(&now, logs))
+                .or_else(|| self.with_two_more(&now, logs))?;
+        }
+        None
+    }
+
+    /// The freedom that explains most beside those that are used.
+    fn with_one_more(&self, now: &Step, logs: &[&[Seen]], but: &[usize]) -> Option<Step> {
+        let (number, place) = now.reached;
+        let all = self.dissenting(&now.used, &logs[number][..=place]);
+        let others = all.into_iter().filter(|freedom| !but.contains(freedom));
+        let further = others.filter_map(|freedom| {
+            let used: Vec<usize> = now.used.iter().copied().chain([freedom]).collect();
+            let reached = self.reaches(&used, logs);
+            (reached > now.reached).then_some((reached, freedom))
+        });
+        let mut further: Vec<((usize, usize), usize)> = further.collect();
+        further.sort_by_key(|(reached, _)| std::cmp::Reverse(*reached));
+        let (reached, best) = *further.first()?;
+        let mut step = now.clone();
+        step.used.push(best);
+        step.reached = reached;
+        step.others.push((best, further[1..].iter().map(|(_, other)| *other).collect()));
+        Some(step)
+    }
+
+    /// Replaces a freedom by one that was as good when it was added, or leaves it out: the last
+    /// ones first.
+    fn with_another(&self, now: &Step, logs: &[&[Seen]]) -> Option<Step> {
+        for (place, (freedom, others)) in now.others.iter().enumerate().rev() {
+            let rest: Vec<usize> =
+                now.used.iter().filter(|used| *used != freedom).copied().collect();
+            let fits = |other: &&usize| self.blueprint.agree(&rest, **other);
+            for other in others.iter().filter(fits).map(|it| Some(*it)).chain([None]) {
+                let used: Vec<usize> = rest.iter().copied().chain(other).collect();
+                let mut others = now.others.clone();
+                match other {
+                    Some(other) => others[place].0 = other,
+                    None => drop(others.remove(place)),
+                }
+                let mut step = Step { reached: self.reaches(&used, logs), used, others };
+                // Another one may need company before it explains as much.
+                for _ in 0..MOST_COMPANIONS {
+                    if step.reached > now.reached {
+                        return Some(step);
                     }
+                    let Some(next) = self.with_one_more(&step, logs, &[]) else { break };
+                    step = next;
                 }
             }
-            next.sort_by_key(|(further, _)| std::cmp::Reverse(*further));
-            next.truncate(BEAM);
-            if next.is_empty() {
-                return None;
-            }
-            beam = next;
         }
         None
     }
 
-    fn extended(
-        &self,
-        reached: (usize, usize),
-        used: &[usize],
-        logs: &[&[Seen]],
-        next: &mut Vec<((usize, usize), Vec<usize>)>,
-    ) -> Option<Vec<usize>> {
-        self.extended_but(reached, used, logs, next, &[])
-    }
-
-    /// Adds each freedom that makes a difference, but for some that do not help. Returns one that
-    /// explains all, and notes those that explain more.
-    fn extended_but(
-        &self,
-        reached: (usize, usize),
-        used: &[usize],
-        logs: &[&[Seen]],
-        next: &mut Vec<((usize, usize), Vec<usize>)>,
-        but: &[usize],
-    ) -> Option<Vec<usize>> {
-        let (number, place) = reached;
-        for freedom in self.dissenting(used, &logs[number][..=place]) {
-            if but.contains(&freedom) {
-                continue;
-            }
-            let more: Vec<usize> = used.iter().copied().chain([freedom]).collect();
-            let further = self.reaches(&more, logs);
-            if further.0 == logs.len() {
-                return Some(more);
-            }
-            if further > reached {
-                next.push((further, more));
-            }
-        }
-        None
+    /// A freedom may only show what another one does: both are asked about the same thing.
+    fn with_two_more(&self, now: &Step, logs: &[&[Seen]]) -> Option<Step> {
+        let (number, place) = now.reached;
+        let seen = &logs[number][..=place];
+        let muted = self.blueprint.muted_freedoms(&now.used)?;
+        let lately = muted.dissenting_lately(self.blueprint, seen, LATELY);
+        lately.iter().find_map(|freedom| {
+            let mut step = now.clone();
+            step.used.push(*freedom);
+            step.others.push((*freedom, Vec::new()));
+            self.with_one_more(&step, logs, &lately)
+        })
     }
 
     /// The freedoms that would have made a difference to what was seen, or may have.
     fn dissenting(&self, used: &[usize], seen: &[Seen]) -> Vec<usize> {
-        let Some(muted) = self.blueprint.muted(used) else { return Vec::new() };
-        judge(self.blueprint, muted.device, seen);
-        let noted = muted.notes.into_iter().filter(|(_, dissent)| dissent.take());
-        let noted = noted.map(|(place, _)| place);
-        let mut places: Vec<usize> = noted.chain(muted.unknown).collect();
+        let muted = self.blueprint.muted_freedoms(used);
+        let mut places = muted.map_or_else(Vec::new, |it| it.dissenting(self.blueprint, seen));
         places.sort_unstable();
-        places.dedup();
         places
     }
-}
 
-/// The mutants of a blueprint that do what was seen, each by its place, with how many of the
-/// sessions it explains: those first that explain most.
-pub(crate) fn suspects(
-    blueprint: &Blueprint,
-    belief: &Belief<'_>,
-    sessions: &[&[Seen]],
-) -> Vec<(usize, usize)> {
-    let doubtful = belief.doubtful.iter().map(Vec::as_slice);
-    let sessions: Vec<&[Seen]> = sessions.iter().copied().chain(doubtful).collect();
-    let explained = |mutant: &Candidate| {
-        let Some(device) = blueprint.build(belief.freedoms().chain([mutant])) else { return 0 };
-        let explains = |seen: &&&[Seen]| judge(blueprint, device.clone(), seen).1.is_none();
-        sessions.iter().filter(explains).count()
-    };
-    let each = blueprint.mutants().iter().enumerate();
-    let all = each.map(|(place, mutant)| (place, explained(mutant)));
-    let mut all: Vec<(usize, usize)> = all.filter(|(_, count)| *count > 0).collect();
-    all.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-    all
-}
-
-/// Whether a mutant does what was seen.
-pub(crate) fn explains(
-    blueprint: &Blueprint,
-    belief: &Belief<'_>,
-    mutant: usize,
-    seen: &[Seen],
-) -> bool {
-    let mutant = &blueprint.mutants()[mutant];
-    let device = blueprint.build(belief.freedoms().chain([mutant]));
-    device.is_some_and(|device| judge(blueprint, device, seen).1.is_none())
+    /// What showed freedoms that did not hold.
+    pub(crate) fn doubtful(&self) -> impl Iterator<Item = &[Seen]> {
+        self.doubtful.iter().map(Vec::as_slice)
+    }
 }

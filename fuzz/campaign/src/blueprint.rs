@@ -1,7 +1,7 @@
 //! What a device is built like, as far as it is known: the data sheet, and the deviations that a
 //! document leaves to it or forbids.
 
-use std::sync::{Arc, LazyLock};
+use std::sync::{Arc, LazyLock, OnceLock};
 
 use canopen::Mux;
 use canopen::eds::Eds;
@@ -12,6 +12,9 @@ use reference_devices::freedom::{self, Freedom};
 use reference_devices::mutant::{self, Mutant};
 use reference_devices::rules::Dissent;
 use reference_devices::stack::NodeSettings;
+
+use crate::oracle::{Oracle, Seen};
+use crate::session::judge;
 
 /// A deviation that may explain what a device does.
 #[derive(Clone, Debug)]
@@ -39,8 +42,8 @@ impl Candidate {
 pub struct Blueprint {
     device: ReferenceDevice,
     node: u8,
-    freedoms: Arc<[Candidate]>,
-    mutants: Arc<[Candidate]>,
+    freedoms: Pool,
+    mutants: Pool,
     /// Whether the application reports an error from the start.
     errors: bool,
     /// Whether it is known which errors the device reports, and how.
@@ -57,6 +60,7 @@ impl Blueprint {
         let device = ReferenceDevice::of_sheet(eds, node, settings);
         Deviation::default().build(&device, node).map_err(|wrong| vec![wrong])?;
         let (freedoms, mutants) = COMMON.clone()?;
+        let (freedoms, mutants) = (Pool::new(freedoms), Pool::new(mutants));
         Ok(Self { device, node, freedoms, mutants, errors: false, emergencies: true })
     }
 
@@ -104,12 +108,12 @@ impl Blueprint {
 
     /// The freedoms that the device may use.
     pub fn freedoms(&self) -> &[Candidate] {
-        &self.freedoms
+        &self.freedoms.all
     }
 
     /// The mistakes that the device may have.
     pub fn mutants(&self) -> &[Candidate] {
-        &self.mutants
+        &self.mutants.all
     }
 
     /// Whether the application decides the value of an object.
@@ -131,24 +135,50 @@ impl Blueprint {
 }
 
 impl Blueprint {
-    /// A device with the freedoms at these places, beside which all others are muted; `None` when
-    /// it cannot be built.
-    pub(crate) fn muted(&self, used: &[usize]) -> Option<Muted> {
+    /// A device with these deviations, beside which the freedoms at other places are muted; `None`
+    /// when it cannot be built.
+    pub(crate) fn muted_freedoms(&self, used: &[usize]) -> Option<Muted> {
+        let all = &self.freedoms.all;
+        let others = (0..all.len()).filter(|place| self.agree(used, *place));
+        self.muted(used.iter().map(|place| &all[*place]), &self.freedoms, others)
+    }
+
+    /// Whether a device can use one more freedom, each given by its place.
+    pub(crate) fn agree(&self, used: &[usize], one: usize) -> bool {
+        let all = &self.freedoms.all;
+        let agrees = |other: &usize| *other != one && all[one].agrees_with(&all[*other]);
+        used.iter().all(agrees)
+    }
+
+    /// A device with these deviations, beside which the mutants at these places are muted; `None`
+    /// when it cannot be built.
+    pub(crate) fn muted_mutants<'c>(
+        &self,
+        used: impl Iterator<Item = &'c Candidate>,
+        mutants: impl Iterator<Item = usize>,
+    ) -> Option<Muted> {
+        self.muted(used, &self.mutants, mutants)
+    }
+
+    fn muted<'c>(
+        &self,
+        used: impl Iterator<Item = &'c Candidate>,
+        of: &Pool,
+        others: impl Iterator<Item = usize>,
+    ) -> Option<Muted> {
         let mut all = Deviation::default();
-        used.iter().for_each(|place| all.append(self.freedoms[*place].deviation.clone()));
+        used.for_each(|candidate| all.append(candidate.deviation.clone()));
         let (mut notes, mut unknown) = (Vec::new(), Vec::new());
-        for (place, freedom) in self.freedoms.iter().enumerate() {
-            let agrees = |other: &usize| freedom.agrees_with(&self.freedoms[*other]);
-            if used.contains(&place) || !used.iter().all(agrees) {
-                continue;
-            }
-            let dissent = Dissent::default();
-            let (part, is_all) = freedom.deviation.clone().muted(&dissent);
-            if !is_all {
-                unknown.push(place);
-            } else if part.build(&self.device, self.node).is_ok() {
-                all.append(part);
-                notes.push((place, dissent));
+        let muted = of.muted(&self.device, self.node);
+        for place in others {
+            match &muted[place] {
+                Mutable::Not => {}
+                Mutable::InPart => unknown.push(place),
+                Mutable::Whole(deviation) => {
+                    let dissent = Dissent::default();
+                    all.append(deviation.clone().muted(&dissent).0);
+                    notes.push((place, dissent));
+                }
             }
         }
         let device = all.build(&self.device, self.node).ok()?;
@@ -156,13 +186,83 @@ impl Blueprint {
     }
 }
 
-/// A device with muted freedoms.
+/// Deviations that a device may have.
+#[derive(Clone, Debug)]
+struct Pool {
+    all: Arc<[Candidate]>,
+    /// What can be muted of each. It takes a device each, so it is looked at when it is needed.
+    muted: Arc<OnceLock<Vec<Mutable>>>,
+}
+
+/// Whether a deviation can be muted.
+#[derive(Debug)]
+enum Mutable {
+    /// It does not fit the device.
+    Not,
+    /// It has parts that cannot.
+    InPart,
+    /// It can.
+    Whole(Deviation),
+}
+
+impl Pool {
+    fn new(all: Arc<[Candidate]>) -> Self {
+        Self { all, muted: Arc::default() }
+    }
+
+    fn muted(&self, device: &ReferenceDevice, node: u8) -> &[Mutable] {
+        let mutable = |candidate: &Candidate| {
+            let deviation = &candidate.deviation;
+            if deviation.build(device, node).is_err() {
+                return Mutable::Not;
+            }
+            match deviation.clone().muted(&Dissent::default()) {
+                (_, false) => Mutable::InPart,
+                (_, true) => Mutable::Whole(deviation.clone()),
+            }
+        };
+        self.muted.get_or_init(|| self.all.iter().map(mutable).collect())
+    }
+}
+
+/// A device with muted deviations.
 pub(crate) struct Muted {
-    pub(crate) device: Box<dyn Replica>,
+    device: Box<dyn Replica>,
     /// What each of them notes.
-    pub(crate) notes: Vec<(usize, Dissent)>,
+    notes: Vec<(usize, Dissent)>,
     /// Those that cannot be muted.
-    pub(crate) unknown: Vec<usize>,
+    unknown: Vec<usize>,
+}
+
+impl Muted {
+    /// The places of the deviations that would have made a difference to what was seen, or may
+    /// have.
+    pub(crate) fn dissenting(self, blueprint: &Blueprint, seen: &[Seen]) -> Vec<usize> {
+        judge(blueprint, self.device, seen);
+        let noted = self.notes.into_iter().filter(|(_, dissent)| dissent.take());
+        noted.map(|(place, _)| place).chain(self.unknown).collect()
+    }
+
+    /// Those of them that can be muted and would have made one lately.
+    pub(crate) fn dissenting_lately(
+        self,
+        blueprint: &Blueprint,
+        seen: &[Seen],
+        lately: usize,
+    ) -> Vec<usize> {
+        let mut oracle = Oracle::new(blueprint, self.device);
+        let earlier = seen.len().saturating_sub(lately);
+        for (place, one) in seen.iter().enumerate() {
+            if place == earlier {
+                self.notes.iter().for_each(|(_, dissent)| _ = dissent.take());
+            }
+            if oracle.see(one).is_err() {
+                break;
+            }
+        }
+        let noted = self.notes.into_iter().filter(|(_, dissent)| dissent.take());
+        noted.map(|(place, _)| place).collect()
+    }
 }
 
 /// The freedoms and the mutants that any device can be.

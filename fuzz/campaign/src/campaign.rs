@@ -1,13 +1,14 @@
 //! Session after session on one device.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 
 use canopen::{Bus, BusError, Mux};
 use reference_devices::change::Replica;
 use rustc_hash::FxHashSet;
 
-use crate::belief::{Belief, Judged, explains, suspects};
+use crate::belief::{Belief, Judged};
 use crate::blueprint::Blueprint;
+use crate::diagnosis::{Suspect, explains, suspects};
 use crate::oracle::{End, Seen, Violation};
 use crate::session::{Goal, Played, Script, Session};
 
@@ -68,15 +69,20 @@ pub struct Campaign<'b> {
     belief: Belief<'b>,
     seed: u64,
     tally: Tally,
+    /// The last sessions in which nothing was wrong.
+    right: VecDeque<Vec<Seen>>,
 }
 
 /// How often a session is played again since something was learnt in it.
 const LESSONS: u32 = 32;
 
+/// How many sessions are kept in which nothing was wrong.
+const MOST_RIGHT: usize = 48;
+
 impl<'b> Campaign<'b> {
     /// A campaign that begins with this belief.
     pub fn new(blueprint: &'b Blueprint, belief: Belief<'b>, seed: u64) -> Self {
-        Self { blueprint, belief, seed, tally: Tally::default() }
+        Self { blueprint, belief, seed, tally: Tally::default(), right: VecDeque::new() }
     }
 
     /// What is believed of the device.
@@ -104,7 +110,13 @@ impl<'b> Campaign<'b> {
             let played = stage.play(self.blueprint, self.belief.model(), &script)?;
             self.count(&played);
             let violation = match played.end {
-                None => return Ok(None),
+                None => {
+                    if self.right.len() == MOST_RIGHT {
+                        self.right.pop_front();
+                    }
+                    self.right.push_back(played.seen);
+                    return Ok(None);
+                }
                 Some(End::Void(_)) => {
                     self.tally.void += 1;
                     return Ok(None);
@@ -129,11 +141,11 @@ impl<'b> Campaign<'b> {
         self.tally.followed.extend(played.followed.iter().copied());
     }
 
-    /// The mutants that do what these findings are, each by its place in the blueprint, with how
-    /// many of them it explains.
-    pub fn suspects(&self, findings: &[&Finding]) -> Vec<(usize, usize)> {
-        let seen: Vec<&[Seen]> = findings.iter().map(|finding| &*finding.seen).collect();
-        suspects(self.blueprint, &self.belief, &seen)
+    /// The mutants that do what these findings are, the likeliest first.
+    pub fn suspects(&self, findings: &[&Finding]) -> Vec<Suspect> {
+        let seen = findings.iter().map(|finding| finding.seen.as_slice());
+        let right: Vec<&[Seen]> = self.right.iter().map(Vec::as_slice).collect();
+        suspects(self.blueprint, &self.belief, seen.chain(self.belief.doubtful()), &right)
     }
 }
 

@@ -29,6 +29,11 @@ impl Model {
         self.device.node().state()
     }
 
+    /// Whether an SDO transfer is open.
+    pub(crate) fn transfers(&self) -> bool {
+        self.device.node().transfers()
+    }
+
     /// The next deadline, when it is before `to`.
     pub(crate) fn due_before(&self, to: Instant) -> Option<Instant> {
         self.due.filter(|due| *due < to)

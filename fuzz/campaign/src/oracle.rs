@@ -304,6 +304,9 @@ impl<'b> Oracle<'b> {
         let Some((mux, value)) = sdo::followed(frame, expected, &self.requests) else {
             return Ok(());
         };
+        if refused.is_some() && sdo::leaves_open(mux, &self.requests) {
+            return Err(End::Void(now));
+        }
         if refused.is_some() && !self.blueprint.is_of_application(mux) {
             return self.undo(now, mux);
         }

@@ -6,7 +6,7 @@
 mod causes;
 mod file;
 mod model;
-mod stage;
+pub(super) mod stage;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -25,7 +25,7 @@ use crate::target::{self, Target};
 
 use causes::{Cause, group};
 use file::FindingFile;
-use model::Modelled;
+pub(super) use model::Modelled;
 use stage::Clock;
 
 /// Runs a campaign, or what is wanted with a finding.

@@ -87,6 +87,11 @@ impl Node {
         &self.services.base.od
     }
 
+    /// Whether an SDO server has a transfer open.
+    pub fn transfers(&self) -> bool {
+        self.sdo.are_busy()
+    }
+
     /// Gives an object the value that the application of another device has given it.
     pub fn take_value(&mut self, mux: Mux, bytes: &[u8]) {
         self.services.base.od.set(mux, bytes);

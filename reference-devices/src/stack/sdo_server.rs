@@ -73,6 +73,11 @@ impl SdoServer {
         }
     }
 
+    /// Whether a transfer is open.
+    pub(crate) fn is_busy(&self) -> bool {
+        self.state.mux().is_some()
+    }
+
     /// The node leaves the states in which SDOs are served: an open transfer is dropped without an
     /// abort.
     pub(crate) fn drop_transfer(&mut self) {

@@ -21,6 +21,12 @@ impl SdoServers {
         Self { default: SdoServer::default(), further }
     }
 
+    /// Whether a transfer is open.
+    pub(crate) fn are_busy(&self) -> bool {
+        let further = self.further.iter().map(|(_, server)| server);
+        std::iter::once(&self.default).chain(further).any(SdoServer::is_busy)
+    }
+
     /// Serves a request; `false` when the frame is none.
     pub(crate) fn handle_data(
         &mut self,

@@ -217,11 +217,27 @@ impl Draw<'_> {
             0 => Mapping { bits: bits.wrapping_add(8), ..right },
             1 => Mapping { mux: Mux::new(entry.mux.index, 0xF0), bits: 8 },
             2 => Mapping { mux: Mux::new(0x5FFF, 0), bits: 8 },
-            3 => Mapping { mux: Mux::new(self.pick(&[2, 3, 5, 6, 7])?, 0), bits: 8 },
+            3 => self.dummy(),
             4 => Mapping { mux: Mux::new(0x1018, 1), bits: 32 },
             5 => Mapping { mux: Mux::new(0, 0), bits: 0 },
             _ => right,
         })
+    }
+}
+
+impl Draw<'_> {
+    /// A gap, mostly of its length. A data sheet may leave out which a device supports.
+    fn dummy(&mut self) -> Mapping {
+        let dummies = &self.blueprint.eds().dummies;
+        match dummies.get(self.below(dummies.len())) {
+            Some(dummy) => {
+                let size = DataType(*dummy).size().unwrap_or(1) as u8;
+                let bits = if *dummy == DataType::BOOLEAN.0 { 1 } else { 8 * size };
+                let bits = if self.chance(20) { 8 } else { bits };
+                Mapping { mux: Mux::new(*dummy, 0), bits }
+            }
+            None => Mapping { mux: Mux::new(0, 0), bits: 0 },
+        }
     }
 }
 

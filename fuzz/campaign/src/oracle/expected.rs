@@ -78,6 +78,7 @@ impl Queues {
         let known = || queue.expected.iter().take(within);
         let exact = known().position(|it| it.frame == *frame && !came(it));
         let place = exact
+            .or_else(|| known().position(|it| it.must == Must::Come && is_like(&it.frame)))
             .or_else(|| known().position(|it| is_like(&it.frame) && !came(it)))
             .or_else(|| known().position(|it| it.frame == *frame));
         let Some(place) = place else {

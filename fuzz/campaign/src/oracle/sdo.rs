@@ -14,6 +14,8 @@ pub(super) struct Request {
     /// The value before, of an object that the device may refuse to change.
     before: Option<Vec<u8>>,
     may: MayRefuse,
+    /// Whether a transfer was open when it came.
+    over: bool,
     /// The model before, where a service takes the value, and how many frames it had taken.
     model: Option<(Box<Model>, u64)>,
 }
@@ -65,8 +67,15 @@ pub(super) fn request(
     };
     let before = (may != MayRefuse::Nothing).then(|| od.get(mux).map(<[u8]>::to_vec));
     let writes = may == MayRefuse::Times && !uploads;
-    let model = writes.then(|| (Box::new(model.clone()), taken));
-    Some(Request { mux, uploads, before: before.flatten(), may, model })
+    let undo = writes.then(|| (Box::new(model.clone()), taken));
+    Some(Request {
+        mux,
+        uploads,
+        before: before.flatten(),
+        may,
+        over: model.transfers(),
+        model: undo,
+    })
 }
 
 /// Whether an object holds a time, whose range the data sheet may leave out.
@@ -150,6 +159,13 @@ pub(super) fn followed(
         }
         _ => None,
     }
+}
+
+/// Whether a refused request came while a transfer was open: a device that refuses it before it
+/// looks at its transfer goes on with that one.
+pub(super) fn leaves_open(mux: Mux, requests: &[Option<Request>; 2]) -> bool {
+    let of = |request: &&Request| request.mux == mux;
+    requests.iter().flatten().rev().find(of).is_some_and(|request| request.over)
 }
 
 /// The error history.

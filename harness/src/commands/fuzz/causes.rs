@@ -33,14 +33,14 @@ pub(super) fn group(
         let looked: Vec<&Finding> =
             left.iter().take(DIAGNOSED).map(|place| &findings[*place]).collect();
         let suspects = campaign.suspects(&looked);
-        let Some((best, _)) = suspects.first() else { break };
-        let explains = |place: &usize| campaign.explains(*best, &findings[*place]);
+        let Some(best) = suspects.first().map(|suspect| suspect.mutant) else { break };
+        let explains = |place: &usize| campaign.explains(best, &findings[*place]);
         let (explained, others): (Vec<usize>, Vec<usize>) =
             left.iter().partition(|place| explains(place));
         if explained.is_empty() {
             break;
         }
-        let mutants: Vec<usize> = suspects.iter().map(|(place, _)| *place).collect();
+        let mutants: Vec<usize> = suspects.iter().map(|suspect| suspect.mutant).collect();
         let mut says = BTreeMap::new();
         let mut order = Vec::new();
         for mutant in mutants.iter().map(|place| &blueprint.mutants()[*place]) {
@@ -49,7 +49,7 @@ pub(super) fn group(
                 order.push((clause, mutant.why.clone()));
             }
         }
-        let name = blueprint.mutants()[*best].name.clone();
+        let name = blueprint.mutants()[best].name.clone();
         all.push(Cause { name, mutants, says: order, findings: explained });
         left = others;
     }

@@ -12,8 +12,8 @@ use crate::exit::Refused;
 use crate::target::{DEFAULT_BIT_RATE, Target};
 
 /// What is known of a device before the first session.
-pub(super) struct Modelled {
-    pub(super) blueprint: Blueprint,
+pub(in crate::commands) struct Modelled {
+    pub(in crate::commands) blueprint: Blueprint,
 }
 
 impl Modelled {
@@ -21,7 +21,7 @@ impl Modelled {
     ///
     /// # Errors
     /// When it does not answer, or its data sheet is wrong in itself.
-    pub(super) fn of(target: &Target, stage: &mut dyn Stage) -> Result<Self, Refused> {
+    pub(in crate::commands) fn of(target: &Target, stage: &mut dyn Stage) -> Result<Self, Refused> {
         let dut = &target.dut;
         let known = devices::all().find(|device| device.description.device == dut.name);
         let settings = NodeSettings {
@@ -45,7 +45,7 @@ impl Modelled {
     ///
     /// # Errors
     /// When the model cannot be built.
-    pub(super) fn belief(&self) -> Result<Belief<'_>, Refused> {
+    pub(in crate::commands) fn belief(&self) -> Result<Belief<'_>, Refused> {
         let belief = Belief::new(&self.blueprint, Vec::new());
         belief.ok_or_else(|| Refused::usage("the data sheet does not make a device"))
     }

@@ -12,7 +12,7 @@ use crate::target::{Connection, Target};
 /// # Errors
 /// When it is another one: the times of a device on a bus are not known exactly enough to judge it
 /// frame by frame.
-pub(super) fn open(target: &Target) -> Result<VirtualDevice, Refused> {
+pub(in crate::commands) fn open(target: &Target) -> Result<VirtualDevice, Refused> {
     match &target.connection {
         Connection::Simulation { device, deviation, bit_rate } => {
             let none = Deviation::default();

@@ -4,15 +4,17 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use campaign::{Belief, Blueprint, Campaign, Finding, Stage, VirtualDevice, look};
-use reference_devices::devices::{ReferenceDevice, WITH_EVERYTHING};
+use campaign::{Campaign, Finding};
+use reference_devices::devices::WITH_EVERYTHING;
 use reference_devices::mutant::{self, Mutant};
 use runner::parallel::{self, processors};
+use runner::stop::Stop;
 
 use crate::cli::QualifyArgs;
+use crate::commands::fuzz::{Modelled, stage};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
-use crate::target::reference_device;
+use crate::target::{self, Selection, Target};
 
 /// The result of one mutant.
 struct Fuzzed {
@@ -35,37 +37,23 @@ const GUESSES: usize = 2;
 pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     let catalogue = args.folders.catalogue.load()?;
     let name = args.device.as_deref().unwrap_or(WITH_EVERYTHING);
-    let device = reference_device(name, &catalogue)?;
-    let mut mutants = mutant::of(&device)?;
+    let selection = Selection::of_target(Some(&format!("sim:{name}")));
+    let target = target::resolve(&selection, &catalogue, &Stop::default())?.remove(0);
+    let mut mutants = mutant::of(&*target::reference_device(name, &catalogue)?)?;
     mutants.retain(|mutant| mutant.shared && !mutant.canary && !mutant.is_of_data_sheet());
     let fuzzed =
-        parallel::map(mutants, processors(), |mutant| fuzzed(&device, mutant, args.seed, sessions));
+        parallel::map(mutants, processors(), |mutant| fuzzed(&target, mutant, args.seed, sessions));
     let fuzzed = fuzzed.into_iter().collect::<Result<Vec<_>, _>>()?;
     say(&table(&fuzzed, args.verbose));
     Ok(Exit::Green)
 }
 
-fn fuzzed(
-    device: &ReferenceDevice,
-    mutant: Mutant,
-    seed: u64,
-    sessions: u64,
-) -> Result<Fuzzed, Refused> {
-    let description = &device.description;
-    let node = description.default_node;
-    let built = mutant.deviation().build(device, node)?;
-    let mut stage = VirtualDevice::new(built, description.settings.bit_rate);
-    let mut seen = campaign::Look::default();
-    // A mutant that falls silent is looked at as far as it answers.
-    _ = stage.ask(&mut |bus| {
-        seen = look(bus, &description.eds, node)?;
-        Ok(())
-    });
-    let (eds, settings) = seen.amend(&description.eds, node, &description.settings);
-    let blueprint = Blueprint::of_sheet(eds, node, settings)?.with_errors(seen.errors);
-    let belief = Belief::new(&blueprint, Vec::new());
-    let belief = belief.ok_or_else(|| Refused::usage("the device cannot be built"))?;
-    let mut campaign = Campaign::new(&blueprint, belief, seed);
+fn fuzzed(device: &Target, mutant: Mutant, seed: u64, sessions: u64) -> Result<Fuzzed, Refused> {
+    let target = device.deviating(mutant.deviation())?;
+    let mut stage = stage::open(&target)?;
+    let modelled = Modelled::of(&target, &mut stage)?;
+    let blueprint = &modelled.blueprint;
+    let mut campaign = Campaign::new(blueprint, modelled.belief()?, seed);
     let mut findings: Vec<Finding> = Vec::new();
     for number in 0..sessions {
         // A mutant that lets no time pass is a defect of the mutant.
@@ -79,8 +67,8 @@ fn fuzzed(
     let looked: Vec<&Finding> = findings.iter().collect();
     let suspects = if looked.is_empty() { Vec::new() } else { campaign.suspects(&looked) };
     let mut guesses: Vec<&str> = Vec::new();
-    for (place, _) in suspects {
-        let clauses = &blueprint.mutants()[place].clauses;
+    for suspect in suspects {
+        let clauses = &blueprint.mutants()[suspect.mutant].clauses;
         let guess = clauses.first().map_or("", String::as_str);
         if !guesses.contains(&guess) {
             guesses.push(guess);
