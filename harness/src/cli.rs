@@ -344,6 +344,12 @@ pub struct QualifyArgs {
     #[arg(conflicts_with_all = ["record", "matrices", "unproved", "why"])]
     #[arg(value_parser = whole::<u64>(1..=1_000_000))]
     pub fuzz: Option<u64>,
+    /// Fuzz each device with so many sessions instead, as it is, with each freedom, as each
+    /// personality and with --mixtures of freedoms, and print what is found: nothing may be
+    #[arg(long, value_name = "SESSIONS")]
+    #[arg(conflicts_with_all = ["fuzz", "record", "unproved", "why"])]
+    #[arg(value_parser = whole::<u64>(1..=1_000_000))]
+    pub fuzz_freedoms: Option<u64>,
 }
 
 /// Arguments of `fuzz`.

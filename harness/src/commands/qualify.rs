@@ -8,6 +8,7 @@ mod assertion;
 mod assertions;
 mod freedoms;
 mod fuzzed;
+mod fuzzed_freedoms;
 mod matrix;
 mod mistakes;
 mod record;
@@ -44,6 +45,9 @@ use trial::{Clean, Fits};
 pub(crate) fn run(args: &QualifyArgs) -> Result<Exit, Refused> {
     if let Some(sessions) = args.fuzz {
         return fuzzed::run(args, sessions);
+    }
+    if let Some(sessions) = args.fuzz_freedoms {
+        return fuzzed_freedoms::run(args, sessions);
     }
     let mut library = args.folders.load()?;
     if let Some(device) = &args.device {

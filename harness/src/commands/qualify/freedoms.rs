@@ -499,7 +499,7 @@ fn touched<'t>(members: impl Iterator<Item = &'t Tried>) -> BTreeSet<String> {
 
 /// Random sets of freedoms that a device can use together, by their places, each with a seed for
 /// the order of the instances.
-fn mixtures(
+pub(super) fn mixtures(
     device: &ReferenceDevice,
     freedoms: &[Freedom],
     count: usize,
