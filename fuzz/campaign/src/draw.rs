@@ -26,6 +26,8 @@ pub(crate) struct Draw<'a> {
     pdos: [u16; 2],
     /// The object that was written last.
     written: Option<Mux>,
+    /// The same, when nothing was done since.
+    fresh: Option<Mux>,
     /// The last counter of SYNC.
     sync_counter: u8,
     /// The transfer with the default server.
@@ -148,6 +150,7 @@ impl<'a> Draw<'a> {
             swarm,
             pdos,
             written: None,
+            fresh: None,
             sync_counter: 0,
             talk: Talk::Idle,
             plan: None,
@@ -192,6 +195,12 @@ impl<'a> Draw<'a> {
     }
 
     fn drawn(&mut self, scene: Scene<'_>) -> Option<Action> {
+        // What was written is read back, often at once: a device may have kept a part of it.
+        if let Some(mux) = self.fresh.take().filter(|_| scene.talk.is_idle())
+            && self.chance(READ_BACK)
+        {
+            return Some(self.asks(Kind::Upload, Request::Upload(mux)));
+        }
         for _ in 0..TRIES {
             if self.bytes.is_empty() {
                 return None;
@@ -297,6 +306,8 @@ impl<'a> Draw<'a> {
     }
 }
 
+/// In how many of a hundred cases an object is read that was just written.
+const READ_BACK: u8 = 15;
 /// How often an action is drawn for which there is no occasion.
 const TRIES: usize = 32;
 

@@ -81,6 +81,10 @@ impl Talk {
         }
     }
 
+    pub(crate) const fn is_idle(&self) -> bool {
+        matches!(self, Self::Idle)
+    }
+
     /// The server has answered.
     pub(crate) fn hear(&mut self, data: &[u8]) {
         if let Self::Receiving { last, ended, size } = self

@@ -155,7 +155,7 @@ impl Draw<'_> {
         if !(1..=4).contains(&value.len()) {
             return None;
         }
-        self.written = Some(mux);
+        (self.written, self.fresh) = (Some(mux), Some(mux));
         let mut bytes = [0; 4];
         bytes[..value.len()].copy_from_slice(value);
         let initiate = match kind {

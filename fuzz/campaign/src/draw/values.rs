@@ -124,7 +124,8 @@ impl Draw<'_> {
 
     fn number(&mut self, mux: Mux, scene: Scene<'_>) -> Option<u64> {
         let present = scene.od.int(mux).unwrap_or(0) as u64;
-        let time = u64::from(self.pick(&TIMES)?);
+        // 0 switches off what runs, and is drawn more often than each time.
+        let time = if self.chance(12) { 0 } else { u64::from(self.pick(&TIMES)?) };
         Some(match (mux.index, mux.sub) {
             (0x1003, 0) => self.pick(&[0, 0, 1])?,
             (0x1005 | 0x1012 | 0x1014, 0) => self.cob_id(mux, present, scene),
