@@ -60,12 +60,12 @@ impl Draw<'_> {
         let mapping = communication(direction) + pdo + 0x200;
         let valid = CobId(scene.od.int(cob)? as u32).valid();
         let count = scene.int(mapping, 0)?;
-        if valid && self.chance(75) {
+        if valid && self.chance(88) {
             let off = scene.od.int(cob)? as u32 | CobId::INVALID;
             return self.writes(kind, cob, &off.to_le_bytes());
         }
-        if count > 0 && self.chance(65) {
-            return match self.chance(50) {
+        if count > 0 && self.chance(75) {
+            return match self.chance(65) {
                 true => self.writes(kind, Mux::new(mapping, 0), &[0]),
                 false => {
                     let on = scene.od.int(cob)? as u32 & !CobId::INVALID;

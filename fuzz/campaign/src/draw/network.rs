@@ -18,7 +18,9 @@ impl Draw<'_> {
             K::NmtReset => {
                 let service = self.pick(&[Service::RESET_NODE, Service::RESET_COMMUNICATION])?;
                 let node = if self.chance(80) { self.node() } else { 0 };
-                let frames = vec![Command { service, node }.frame()];
+                // A master that is started again sends what it sends more than once.
+                let times = if self.chance(6) { 2 + self.below(7) } else { 1 };
+                let frames = vec![Command { service, node }.frame(); times];
                 return Some(Action { does: kind, frames, then: self.boots() });
             }
             K::NmtState => {
@@ -81,7 +83,8 @@ impl Draw<'_> {
             }
             K::HeartbeatWrong => {
                 let id = 0x700 + u16::from(self.other(scene)?);
-                match self.below(5) {
+                match self.below(6) {
+                    5 => Frame::new(id, [self.byte() & 0x7F]),
                     0 => Frame::new(id, [0]),
                     1 => Frame::new(id, []),
                     2 => Frame::new(id, [0x85]),
@@ -119,8 +122,10 @@ impl Draw<'_> {
     fn other(&mut self, scene: Scene<'_>) -> Option<u8> {
         let watched = scene.int(0x1016, 1 + self.below(4) as u8).unwrap_or(0);
         let watched = (watched >> 16 & 0x7F) as u8;
-        match watched != 0 && watched != self.node() && self.chance(80) {
-            true => Some(watched),
+        // A node id that differs in one bit is another node.
+        let near = if self.chance(10) { watched ^ 1 << self.below(7) } else { watched };
+        match near != 0 && near != self.node() && self.chance(80) {
+            true => Some(near),
             false => self.pick(&OTHERS),
         }
     }

@@ -198,7 +198,11 @@ impl Draw<'_> {
                     |entry: &Entry| !entry.access.writable() && entry.data_type.size().is_some();
                 match self.chance(60) {
                     true => {
-                        let entry = self.entry(scene.od.entries(), fixed)?;
+                        let all = match self.chance(60) {
+                            true => scene.od.entries_in(0x1000..=0x1FFF),
+                            false => scene.od.entries(),
+                        };
+                        let entry = self.entry(all, fixed)?;
                         (entry.mux, scene.od.get(entry.mux)?.to_vec())
                     }
                     false => {
