@@ -31,6 +31,13 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// The part of a freedom that a device of another application can have.
+    fn of(freedom: Freedom) -> Option<Self> {
+        let deviation = freedom.deviation().of_stack()?;
+        let Freedom { name, allowed_by: clauses, why, excludes, .. } = freedom;
+        Some(Self { name, clauses, why, deviation, excludes })
+    }
+
     /// Whether a device can use both.
     pub(crate) fn agrees_with(&self, other: &Self) -> bool {
         !self.excludes.contains(&other.name) && !other.excludes.contains(&self.name)
@@ -68,6 +75,16 @@ impl Blueprint {
     #[must_use]
     pub fn with_unknown_emergencies(self, unknown: bool) -> Self {
         Self { emergencies: !unknown, ..self }
+    }
+
+    /// The same for a device whose own documents leave more open.
+    #[must_use]
+    pub fn with_freedoms(mut self, own: Vec<Freedom>) -> Self {
+        let known = |name: &str| self.freedoms.all.iter().any(|known| known.name == name);
+        let new = own.into_iter().filter(|freedom| !known(&freedom.name));
+        let new: Vec<Candidate> = new.filter_map(Candidate::of).collect();
+        self.freedoms = Pool::new(self.freedoms.all.iter().cloned().chain(new).collect());
+        self
     }
 
     /// Whether it is known which errors the device reports, and how.
@@ -269,11 +286,7 @@ impl Muted {
 type Candidates = (Arc<[Candidate]>, Arc<[Candidate]>);
 
 static COMMON: LazyLock<Result<Candidates, Vec<Complaint>>> = LazyLock::new(|| {
-    let freedoms = freedom::common()?.into_iter().filter_map(|freedom| {
-        let deviation = freedom.deviation().of_stack()?;
-        let Freedom { name, allowed_by: clauses, why, excludes, .. } = freedom;
-        Some(Candidate { name, clauses, why, deviation, excludes })
-    });
+    let freedoms = freedom::common()?.into_iter().filter_map(Candidate::of);
     let mutants = mutant::common()?.into_iter().filter_map(|mutant| {
         let deviation = mutant.deviation().of_stack().filter(|_| !mutant.canary)?;
         let Mutant { name, breaks: clauses, why, .. } = mutant;

@@ -32,6 +32,7 @@ impl Subject {
             .unwrap();
         let (eds, settings) = seen.amend(eds, node, settings);
         let blueprint = Blueprint::of_sheet(eds, node, settings).unwrap();
+        let blueprint = blueprint.with_freedoms(freedom::of(device).unwrap());
         Self { stage, blueprint: blueprint.with_errors(seen.errors) }
     }
 
@@ -119,6 +120,17 @@ fn a_freedom_that_explained_too_little_is_replaced() {
     for name in ["optimist", "strict-configurator"] {
         let personality = personalities.iter().find(|known| known.name == name).unwrap();
         let found = Subject::new(&device, &personality.deviation()).found(40);
+        assert!(found.is_empty(), "{name}: {found:?}");
+    }
+}
+
+#[test]
+fn what_the_manual_of_a_device_leaves_open_is_learnt() {
+    let device = devices::device("drr460").unwrap();
+    let freedoms = freedom::of(&device).unwrap();
+    for name in ["registers-with-the-communication-bit", "pdo-errors-with-the-communication-bit"] {
+        let freedom = freedoms.iter().find(|freedom| freedom.name == name).unwrap();
+        let found = Subject::new(&device, &freedom.deviation()).found(8);
         assert!(found.is_empty(), "{name}: {found:?}");
     }
 }

@@ -6,6 +6,7 @@ use campaign::{
     shrink,
 };
 use reference_devices::devices;
+use reference_devices::freedom;
 use reference_devices::stack::NodeSettings;
 
 use crate::exit::Refused;
@@ -35,7 +36,8 @@ impl Modelled {
             Ok(())
         });
         let (eds, settings) = seen.amend(&dut.eds, dut.node, &settings);
-        let blueprint = Blueprint::of_sheet(eds, dut.node, settings)?;
+        let own = known.map(freedom::of).transpose()?.unwrap_or_default();
+        let blueprint = Blueprint::of_sheet(eds, dut.node, settings)?.with_freedoms(own);
         let blueprint =
             blueprint.with_errors(seen.errors).with_unknown_emergencies(known.is_none());
         Ok(Self { blueprint })
@@ -69,7 +71,7 @@ impl Modelled {
     }
 
     /// The actions of a finding that a mutant needs to show the same, found in virtual time.
-    pub(super) fn shrunk(
+    pub(in crate::commands) fn shrunk(
         &self,
         campaign: &Campaign<'_>,
         mutant: usize,
