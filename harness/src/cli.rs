@@ -400,6 +400,9 @@ pub struct CampaignArgs {
     /// Print in how many states each kind of action was tried
     #[arg(long)]
     pub goals: bool,
+    /// Print what the campaign showed as JSON
+    #[arg(long, conflicts_with = "goals")]
+    pub json: bool,
     /// Show no progress
     #[arg(short, long)]
     pub quiet: bool,

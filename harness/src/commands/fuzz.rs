@@ -6,12 +6,12 @@
 mod causes;
 mod file;
 mod model;
+mod outcome;
 pub(super) mod stage;
 
-use std::collections::BTreeMap;
 use std::fs;
 
-use campaign::{Campaign, Finding, Kind, Tally, session::Session, shrink};
+use campaign::{Campaign, Finding, Tally, session::Session, shrink};
 use canopen::BusError;
 use indicatif::{ProgressBar, ProgressDrawTarget};
 use runner::stop::Stop;
@@ -26,6 +26,7 @@ use crate::target::{self, Target};
 use causes::{Cause, group};
 use file::FindingFile;
 pub(super) use model::Modelled;
+use outcome::{Found, Outcome};
 use stage::Clock;
 
 /// Runs a campaign, or what is wanted with a finding.
@@ -87,12 +88,10 @@ fn campaign(args: &CampaignArgs, stop: &Stop) -> Result<Exit, Refused> {
     }
     bar.finish_and_clear();
     let causes = group(&campaign, &modelled.blueprint, &findings);
-    let mut text = String::new();
-    for cause in &causes {
-        text.push_str(&told(args, &target, &modelled, &campaign, cause, &findings)?);
-    }
-    text.push_str(&summary(&campaign, findings.len(), causes.len(), args.goals));
-    say(&text);
+    let found =
+        causes.iter().map(|cause| kept(args, &target, &modelled, &campaign, cause, &findings));
+    let outcome = Outcome::new(&campaign, found.collect::<Result<_, _>>()?);
+    say(&if args.json { outcome.json() } else { outcome.text(args.goals) });
     Ok(ending(stopped.as_ref(), !findings.is_empty()))
 }
 
@@ -130,79 +129,33 @@ fn line(tally: &Tally, findings: usize, clock: &Clock) -> String {
     )
 }
 
-/// A cause in words; its smallest session is written to a file.
-fn told(
+/// A cause; its smallest session is written to a file.
+fn kept(
     args: &CampaignArgs,
     target: &Target,
     modelled: &Modelled,
     campaign: &Campaign<'_>,
     cause: &Cause,
     findings: &[Finding],
-) -> Result<String, Refused> {
+) -> Result<Found, Refused> {
     let first = &findings[cause.findings[0]];
     let mut session = first.session.clone();
     let short = cause.mutants.first().and_then(|mutant| modelled.shrunk(campaign, *mutant, first));
     session.actions = short.unwrap_or(session.actions);
-    let file = FindingFile::of(target, args, cause, first, session);
-    let mut text = format!("FINDING {}\n", cause.name);
-    let times = counted(cause.findings.len(), "session");
-    text.push_str(&format!("  found in     {times}, first in session {}\n", first.number));
-    text.push_str(&format!("  what         {}\n", first.violation));
-    for (clause, why) in &cause.says {
-        text.push_str(&format!("  like         {why} ({clause})\n"));
-    }
-    text.push_str(&format!("  actions      {}\n", file.actions.len()));
+    let actions = session.actions.len();
+    let mut path = None;
     if let Some(folder) = &args.findings {
         let refused = |error: &std::io::Error| Refused {
             exit: Exit::File,
             message: format!("error: {}: {}", folder.display(), words(error)),
         };
+        let file = FindingFile::of(target, args, cause, first, session);
         fs::create_dir_all(folder).map_err(|error| refused(&error))?;
-        let path = folder.join(format!("{}.json", cause.name));
-        fs::write(&path, file.text()).map_err(|error| refused(&error))?;
-        text.push_str(&format!("  repeat       harness fuzz repro {}\n", path.display()));
+        let name = folder.join(format!("{}.json", cause.name));
+        fs::write(&name, file.text()).map_err(|error| refused(&error))?;
+        path = Some(name);
     }
-    Ok(text + "\n")
-}
-
-fn summary(campaign: &Campaign<'_>, findings: usize, causes: usize, goals: bool) -> String {
-    let tally = campaign.tally();
-    let mut text = format!(
-        "{} with {} actions, {} pairs of state and action; {} in {}\n",
-        counted(tally.sessions as usize, "session"),
-        tally.actions,
-        tally.goals.len(),
-        counted(causes, "cause"),
-        counted(findings, "finding"),
-    );
-    for freedom in campaign.belief().freedoms() {
-        let by = freedom.clauses.join(", ");
-        text.push_str(&format!("learnt: {}: {} ({by})\n", freedom.name, freedom.why));
-    }
-    if !tally.followed.is_empty() {
-        let objects: Vec<String> = tally.followed.iter().map(ToString::to_string).collect();
-        text.push_str(&format!("the application changes {}\n", objects.join(", ")));
-    }
-    if tally.void > 0 {
-        let void = counted(tally.void as usize, "session");
-        text.push_str(&format!("{void} cut short by an error of the application\n"));
-    }
-    if goals {
-        text.push_str(&never(tally));
-    }
-    text
-}
-
-/// How often each kind of action was tried in how many states, the rarest first.
-fn never(tally: &Tally) -> String {
-    let mut counts: BTreeMap<Kind, usize> = Kind::ALL.iter().map(|kind| (*kind, 0)).collect();
-    tally.goals.iter().for_each(|(_, _, kind)| *counts.entry(*kind).or_default() += 1);
-    let mut rows: Vec<(Kind, usize)> = counts.into_iter().collect();
-    rows.sort_by_key(|(_, count)| *count);
-    let row = |(kind, count): (Kind, usize)| {
-        format!("  {:<24} {}\n", kind.word(), counted(count, "state"))
-    };
-    rows.into_iter().map(row).collect()
+    Ok(Found::new(cause, findings, actions, path))
 }
 
 /// Plays the session of a file again.

@@ -11,6 +11,7 @@ use runner::parallel::{self, processors};
 use runner::stop::Stop;
 
 use crate::cli::QualifyArgs;
+use crate::commands::counted::counted;
 use crate::commands::fuzz::{Modelled, stage};
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
@@ -23,6 +24,8 @@ struct Fuzzed {
     first: Option<u64>,
     /// Whether one of the first two guesses is a requirement that it breaks.
     named: bool,
+    /// How many actions show the first finding, where a mutant does the same.
+    actions: Option<usize>,
 }
 
 /// How many sessions in which something is wrong lead to a guess.
@@ -40,12 +43,47 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     let selection = Selection::of_target(Some(&format!("sim:{name}")));
     let target = target::resolve(&selection, &catalogue, &Stop::default())?.remove(0);
     let mut mutants = mutant::of(&*target::reference_device(name, &catalogue)?)?;
-    mutants.retain(|mutant| mutant.shared && !mutant.canary && !mutant.is_of_data_sheet());
+    mutants.retain(|mutant| mutant.shared && !mutant.canary);
+    let (mutants, left_out): (Vec<_>, Vec<_>) =
+        mutants.into_iter().partition(|mutant| why_left_out(mutant).is_none());
     let fuzzed =
         parallel::map(mutants, processors(), |mutant| fuzzed(&target, mutant, args.seed, sessions));
     let fuzzed = fuzzed.into_iter().collect::<Result<Vec<_>, _>>()?;
-    say(&table(&fuzzed, args.verbose));
+    say(&(table(&fuzzed, args.verbose) + &rest(&left_out, args.verbose)));
     Ok(Exit::Green)
+}
+
+/// Why a mutant is none that messages and states of the stack show, by the way it is made; `None`
+/// when they do.
+fn why_left_out(mutant: &Mutant) -> Option<&'static str> {
+    if mutant.is_of_data_sheet() {
+        Some("the data sheet is wrong, and not the device")
+    } else if mutant.deviation().of_stack().is_none() {
+        Some("the application deviates, which is not known of a device")
+    } else if !mutant.breaks.is_empty() && mutant.breaks.iter().all(|it| it.starts_with(PROFILE)) {
+        Some("the requirement is one of the profile, about what the application does")
+    } else {
+        None
+    }
+}
+
+/// The requirements of CiA 401.
+const PROFILE: &str = "CIA401-";
+
+/// The mutants that are left out, by the reasons.
+fn rest(left_out: &[Mutant], verbose: bool) -> String {
+    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for mutant in left_out {
+        let reason = why_left_out(mutant).unwrap_or_default();
+        reasons.entry(reason).or_default().push(&mutant.name);
+    }
+    let mut text = String::new();
+    for (reason, names) in reasons {
+        // Writing to a string cannot fail.
+        _ = writeln!(text, "left out: {}: {reason}", counted(names.len(), "mutant"));
+        names.iter().filter(|_| verbose).for_each(|name| _ = writeln!(text, "  {name}"));
+    }
+    text
 }
 
 fn fuzzed(device: &Target, mutant: Mutant, seed: u64, sessions: u64) -> Result<Fuzzed, Refused> {
@@ -66,6 +104,9 @@ fn fuzzed(device: &Target, mutant: Mutant, seed: u64, sessions: u64) -> Result<F
     let first = findings.first().map(|finding| finding.number);
     let looked: Vec<&Finding> = findings.iter().collect();
     let suspects = if looked.is_empty() { Vec::new() } else { campaign.suspects(&looked) };
+    let likeliest = suspects.first().zip(findings.first());
+    let short = likeliest.and_then(|(it, first)| modelled.shrunk(&campaign, it.mutant, first));
+    let actions = short.map(|actions| actions.len());
     let mut guesses: Vec<&str> = Vec::new();
     for suspect in suspects {
         let clauses = &blueprint.mutants()[suspect.mutant].clauses;
@@ -76,7 +117,7 @@ fn fuzzed(device: &Target, mutant: Mutant, seed: u64, sessions: u64) -> Result<F
     }
     let breaks = |guess: &&str| mutant.breaks.iter().any(|broken| broken == guess);
     let named = guesses.iter().take(GUESSES).any(breaks);
-    Ok(Fuzzed { mutant, first, named })
+    Ok(Fuzzed { mutant, first, named, actions })
 }
 
 /// The numbers of each group of requirements, such as `CIA301-SEG`.
@@ -111,6 +152,11 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
     for (group, row) in rows {
         let Row { mutants, found, named } = row;
         _ = writeln!(text, "{group:<14} {mutants:>4} mutants, {found:>4} found, {named:>4} named");
+    }
+    let mut actions: Vec<usize> = all.iter().filter_map(|one| one.actions).collect();
+    actions.sort_unstable();
+    if let Some(median) = actions.get(actions.len() / 2) {
+        _ = writeln!(text, "{median} actions show the median of the findings");
     }
     text
 }

@@ -1,0 +1,173 @@
+//! What a campaign showed, in words and as JSON.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::PathBuf;
+
+use campaign::{Campaign, Finding, Kind, Tally};
+use serde::Serialize;
+
+use super::causes::Cause;
+use crate::commands::counted::counted;
+
+/// What a campaign showed.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) struct Outcome {
+    /// Sessions that were played.
+    sessions: u64,
+    /// Actions in them.
+    actions: u64,
+    /// Pairs of a state of the device and a kind of action.
+    goals: usize,
+    /// Sessions that an error of the application has cut short.
+    cut_short: u64,
+    /// The findings by their causes.
+    pub(super) causes: Vec<Found>,
+    /// The freedoms that the device was seen to use.
+    learnt: Vec<Learnt>,
+    /// The objects that the application changes.
+    changes: Vec<String>,
+    /// In how many states each kind of action was tried, the rarest first.
+    tried: Vec<(String, usize)>,
+}
+
+/// Findings that have a cause in common.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub(super) struct Found {
+    cause: String,
+    /// What is wrong in the first of them.
+    what: String,
+    /// What the device may do wrong, the likeliest first.
+    like: Vec<Like>,
+    /// The numbers of the sessions.
+    sessions: Vec<u64>,
+    /// How many actions show it.
+    actions: usize,
+    /// The file with them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    file: Option<PathBuf>,
+}
+
+/// A mutant that does the same.
+#[derive(Debug, Serialize)]
+struct Like {
+    requirements: String,
+    why: String,
+}
+
+/// A freedom that the device uses.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct Learnt {
+    freedom: String,
+    why: String,
+    allowed_by: Vec<String>,
+}
+
+impl Found {
+    pub(super) fn new(
+        cause: &Cause,
+        findings: &[Finding],
+        actions: usize,
+        file: Option<PathBuf>,
+    ) -> Self {
+        let of_cause = || cause.findings.iter().map(|place| &findings[*place]);
+        let like = cause.says.iter();
+        let like = like.map(|(requirements, why)| Like {
+            requirements: requirements.clone(),
+            why: why.clone(),
+        });
+        Self {
+            cause: cause.name.clone(),
+            what: of_cause().next().map_or_else(String::new, |it| it.violation.to_string()),
+            like: like.collect(),
+            sessions: of_cause().map(|finding| finding.number).collect(),
+            actions,
+            file,
+        }
+    }
+
+    fn text(&self) -> String {
+        let mut text = format!("FINDING {}\n", self.cause);
+        let times = counted(self.sessions.len(), "session");
+        let first = self.sessions.first().copied().unwrap_or_default();
+        // Writing to a string cannot fail.
+        _ = writeln!(text, "  found in     {times}, first in session {first}");
+        _ = writeln!(text, "  what         {}", self.what);
+        for Like { requirements, why } in &self.like {
+            _ = writeln!(text, "  like         {why} ({requirements})");
+        }
+        _ = writeln!(text, "  actions      {}", self.actions);
+        if let Some(file) = &self.file {
+            _ = writeln!(text, "  repeat       harness fuzz repro {}", file.display());
+        }
+        text + "\n"
+    }
+}
+
+impl Outcome {
+    pub(super) fn new(campaign: &Campaign<'_>, causes: Vec<Found>) -> Self {
+        let tally = campaign.tally();
+        let learnt = campaign.belief().freedoms().map(|freedom| Learnt {
+            freedom: freedom.name.clone(),
+            why: freedom.why.clone(),
+            allowed_by: freedom.clauses.clone(),
+        });
+        Self {
+            sessions: tally.sessions,
+            actions: tally.actions,
+            goals: tally.goals.len(),
+            cut_short: tally.void,
+            causes,
+            learnt: learnt.collect(),
+            changes: tally.followed.iter().map(ToString::to_string).collect(),
+            tried: tried(tally),
+        }
+    }
+
+    /// The same for programs.
+    pub(super) fn json(&self) -> String {
+        let text = serde_json::to_string_pretty(self);
+        text.expect("what a campaign showed is written as JSON") + "\n"
+    }
+
+    /// The same for people; with `goals`, how often each kind of action was tried.
+    pub(super) fn text(&self, goals: bool) -> String {
+        let mut text: String = self.causes.iter().map(Found::text).collect();
+        let findings: usize = self.causes.iter().map(|found| found.sessions.len()).sum();
+        // Writing to a string cannot fail.
+        _ = writeln!(
+            text,
+            "{} with {} actions, {} pairs of state and action; {} in {}",
+            counted(self.sessions as usize, "session"),
+            self.actions,
+            self.goals,
+            counted(self.causes.len(), "cause"),
+            counted(findings, "finding"),
+        );
+        for Learnt { freedom, why, allowed_by } in &self.learnt {
+            _ = writeln!(text, "learnt: {freedom}: {why} ({})", allowed_by.join(", "));
+        }
+        if !self.changes.is_empty() {
+            _ = writeln!(text, "the application changes {}", self.changes.join(", "));
+        }
+        if self.cut_short > 0 {
+            let void = counted(self.cut_short as usize, "session");
+            _ = writeln!(text, "{void} cut short by an error of the application");
+        }
+        for (kind, states) in self.tried.iter().filter(|_| goals) {
+            _ = writeln!(text, "  {kind:<24} {}", counted(*states, "state"));
+        }
+        text
+    }
+}
+
+fn tried(tally: &Tally) -> Vec<(String, usize)> {
+    let mut counts: BTreeMap<Kind, usize> = Kind::ALL.iter().map(|kind| (*kind, 0)).collect();
+    tally.goals.iter().for_each(|(_, _, kind)| *counts.entry(*kind).or_default() += 1);
+    let mut rows: Vec<(Kind, usize)> = counts.into_iter().collect();
+    rows.sort_by_key(|(_, count)| *count);
+    rows.into_iter().map(|(kind, count)| (kind.word(), count)).collect()
+}
