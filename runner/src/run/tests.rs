@@ -501,7 +501,7 @@ fn a_step_does_not_wait_for_an_optional_boot_up_message_that_never_comes() {
         let ran = run(&mut bus, 4, steps);
         (verdicts(&ran), ran.took)
     };
-    let ((usual, in_time), (without, took)) = (took(NODE.into() + 1), took(NODE.into()));
+    let ((usual, in_time), (without, took)) = (took(u16::from(NODE) + 1), took(u16::from(NODE)));
     assert_eq!((usual, without), (vec![Verdict::Pass; 4], vec![Verdict::Lenient; 4]));
     // Ten seconds once, and no more than the device takes to start in each case.
     assert!(took < in_time + Duration::from_secs(14), "{took:?} instead of {in_time:?}");

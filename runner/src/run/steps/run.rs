@@ -435,8 +435,8 @@ impl Steps<'_, '_> {
             Some(Step::Ask(ask)) => self.frame(ask.first.as_ref().unwrap_or(&ask.send)).ok(),
             _ => None,
         };
-        let sent = self.link.trace().iter().map(|seen| &seen.stamped).filter(|seen| seen.own);
-        let last = sent.last().map(|seen| &seen.frame);
+        let mut sent = self.link.trace().iter().map(|seen| &seen.stamped).filter(|seen| seen.own);
+        let last = sent.next_back().map(|seen| &seen.frame);
         let is_request = |frame: &Frame| frame.data_id() == Some(lss::REQUEST_COB_ID);
         last.into_iter().chain(&next).any(is_request) && !self.is_silent_for_a_time()
     }
