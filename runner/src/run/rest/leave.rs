@@ -140,7 +140,8 @@ impl Leaving<'_, '_> {
                 false => self.policy.quiet_after_emergency,
             };
             looked_at = self.link.trace().len();
-            self.link.drain(quiet + inhibited)?;
+            // Others may never fall silent.
+            self.link.wait(self.link.mark() + quiet + inhibited)?;
         }
         Ok(())
     }
