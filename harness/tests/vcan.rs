@@ -54,8 +54,8 @@ const OF_THERMOSTAT: [&str; 26] = [
     "drr460/valve",
 ];
 
-// A test for each device, and one for each third of the longest run: `.ci/run` runs them side by side,
-// each on a vcan0 of its own.
+// A test for each device, and one for each third of the longest run: `.ci/run` runs them side by
+// side, each on a vcan0 of its own.
 
 #[test]
 #[ignore = "needs vcan0: scripts/with-vcan"]

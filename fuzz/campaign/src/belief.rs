@@ -2,8 +2,8 @@
 
 use reference_devices::change::Replica;
 
-use crate::blueprint::{Blueprint, Candidate};
-use crate::oracle::Seen;
+use crate::blueprint::{Blueprint, Candidate, Muted};
+use crate::oracle::{Oracle, Seen};
 use crate::session::judge;
 
 /// The freedoms that a device is believed to use.
@@ -212,5 +212,36 @@ impl<'b> Belief<'b> {
     /// What showed freedoms that did not hold.
     pub(crate) fn doubtful(&self) -> impl Iterator<Item = &[Seen]> {
         self.doubtful.iter().map(Vec::as_slice)
+    }
+}
+
+impl Muted {
+    /// The places of the deviations that would have made a difference to what was seen, or may
+    /// have.
+    pub(crate) fn dissenting(self, blueprint: &Blueprint, seen: &[Seen]) -> Vec<usize> {
+        judge(blueprint, self.device, seen);
+        let noted = self.notes.into_iter().filter(|(_, dissent)| dissent.take());
+        noted.map(|(place, _)| place).chain(self.unknown).collect()
+    }
+
+    /// Those of them that can be muted and would have made one lately.
+    pub(crate) fn dissenting_lately(
+        self,
+        blueprint: &Blueprint,
+        seen: &[Seen],
+        lately: usize,
+    ) -> Vec<usize> {
+        let mut oracle = Oracle::new(blueprint, self.device);
+        let earlier = seen.len().saturating_sub(lately);
+        for (place, one) in seen.iter().enumerate() {
+            if place == earlier {
+                self.notes.iter().for_each(|(_, dissent)| _ = dissent.take());
+            }
+            if oracle.see(one).is_err() {
+                break;
+            }
+        }
+        let noted = self.notes.into_iter().filter(|(_, dissent)| dissent.take());
+        noted.map(|(place, _)| place).collect()
     }
 }

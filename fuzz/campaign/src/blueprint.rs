@@ -13,9 +13,6 @@ use reference_devices::mutant::{self, Mutant};
 use reference_devices::rules::Dissent;
 use reference_devices::stack::NodeSettings;
 
-use crate::oracle::{Oracle, Seen};
-use crate::session::judge;
-
 /// A deviation that may explain what a device does.
 #[derive(Clone, Debug)]
 pub struct Candidate {
@@ -244,42 +241,11 @@ impl Pool {
 
 /// A device with muted deviations.
 pub(crate) struct Muted {
-    device: Box<dyn Replica>,
-    /// What each of them notes.
-    notes: Vec<(usize, Dissent)>,
-    /// Those that cannot be muted.
-    unknown: Vec<usize>,
-}
-
-impl Muted {
-    /// The places of the deviations that would have made a difference to what was seen, or may
-    /// have.
-    pub(crate) fn dissenting(self, blueprint: &Blueprint, seen: &[Seen]) -> Vec<usize> {
-        judge(blueprint, self.device, seen);
-        let noted = self.notes.into_iter().filter(|(_, dissent)| dissent.take());
-        noted.map(|(place, _)| place).chain(self.unknown).collect()
-    }
-
-    /// Those of them that can be muted and would have made one lately.
-    pub(crate) fn dissenting_lately(
-        self,
-        blueprint: &Blueprint,
-        seen: &[Seen],
-        lately: usize,
-    ) -> Vec<usize> {
-        let mut oracle = Oracle::new(blueprint, self.device);
-        let earlier = seen.len().saturating_sub(lately);
-        for (place, one) in seen.iter().enumerate() {
-            if place == earlier {
-                self.notes.iter().for_each(|(_, dissent)| _ = dissent.take());
-            }
-            if oracle.see(one).is_err() {
-                break;
-            }
-        }
-        let noted = self.notes.into_iter().filter(|(_, dissent)| dissent.take());
-        noted.map(|(place, _)| place).collect()
-    }
+    pub(crate) device: Box<dyn Replica>,
+    /// What each of them notes, by its place.
+    pub(crate) notes: Vec<(usize, Dissent)>,
+    /// The places of those that cannot be muted.
+    pub(crate) unknown: Vec<usize>,
 }
 
 /// The freedoms and the mutants that any device can be.

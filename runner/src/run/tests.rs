@@ -345,7 +345,8 @@ fn what_comes_after_the_host_stood_still_proves_nothing() {
     }
 }
 
-/// A slave of LSS keeps no time between requests, and its answer is the same whenever it is noticed.
+/// A slave of LSS keeps no time between requests, and its answer is the same whenever it is
+/// noticed.
 #[test]
 fn a_pause_beside_a_request_of_lss_may_be_longer() {
     const PAUSES: &str = "[ wait: 77 ms, send: '7E5#04 01 00 00 00 00 00 00', wait: 40 ms, \

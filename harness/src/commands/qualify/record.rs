@@ -1,6 +1,6 @@
-//! Files for comparisons. The record has what suites do: each instance on each device, the kills and
-//! what is proved. A change of the notation leaves it as it is, see `scripts/record/`. The matrices
-//! have the kills of each device for a review.
+//! Files for comparisons. The record has what suites do: each instance on each device, the kills
+//! and what is proved. A change of the notation leaves it as it is, see `scripts/record/`. The
+//! matrices have the kills of each device for a review.
 
 use std::fmt::Write;
 use std::path::Path;

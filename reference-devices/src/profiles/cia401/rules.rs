@@ -255,8 +255,8 @@ deviations! {
         Setting::UpperLimit | Setting::LowerLimit => configured & 0xFFFF,
         _ => configured,
     });
-    "filter-for-the-whole-block" => setting: as_said(|setting, configured| match (setting, configured) {
-        (Setting::InputFilter, 1..) => EVERY_LEVEL,
+    "filter-for-the-whole-block" => setting: as_said(|setting, configured| match setting {
+        Setting::InputFilter if configured != 0 => EVERY_LEVEL,
         _ => configured,
     });
     "filter-of-rising-levels" => filters_level: |_, high| high;
