@@ -335,8 +335,8 @@ fn what_fails_after_the_host_stalled_fails_twice_or_not_at_all() {
 /// A device that monitors the tester sends more while it does not run.
 #[test]
 fn what_comes_after_the_host_stood_still_proves_nothing() {
-    const COMES: &str = "[ wait: 77 ms, write: { object: '1017:00', value: 50 ms }, \
-                         expect: { frame: '700+n#7F', within: 100 ms } ]";
+    const COMES: &str = "[ wait: 77 ms, send: '600+n#40 00 10 00 00 00 00 00', \
+                         expect: { frame: '580+n#43 00 10 00 ...', within: 100 ms } ]";
     for (ms, repeated) in [(42, false), (142, true)] {
         let stall = Duration::from_millis(ms);
         let ran = run(&mut Odd { stall, ..stalled(1) }, 1, COMES);
@@ -349,23 +349,25 @@ fn what_comes_after_the_host_stood_still_proves_nothing() {
 /// noticed.
 #[test]
 fn a_pause_beside_a_request_of_lss_may_be_longer() {
-    const PAUSES: &str = "[ wait: 77 ms, send: '7E5#04 01 00 00 00 00 00 00', wait: 40 ms, \
-                          send: '7E5#5E 00 00 00 00 00 00 00', \
-                          never: { frame: '7E4#...', for: 35 ms } ]";
-    let late = "the tester was late by 42 ms: the case is repeated";
-    let judged = |steps: &str| {
+    const SWITCHES: &str = "wait: 77 ms, send: '7E5#04 01 00 00 00 00 00 00', wait: 40 ms";
+    const SILENT: &str = "expect: { frame: '080+n#...', within: 1 s }";
+    const ANSWERS: &str = "send: '7E5#5E 00 00 00 00 00 00 00', \
+                           never: { frame: '7E4#...', for: 35 ms }";
+    let judged = |first: &str, then: &str| {
         let mut bus = Odd { bus: generic(), ..stalled(1) };
-        let mut ran =
-            run_on(&mut bus, &dut_of_generic(), 1, steps, &Stop::default(), &Undo::default());
+        let (dut, stop, undo) = (dut_of_generic(), Stop::default(), Undo::default());
+        let mut ran = run_on(&mut bus, &dut, 1, &format!("[ {first}, {then} ]"), &stop, &undo);
         ran.notes.retain(|note| note.ends_with("repeated"));
         (ran.outcomes[0].verdict(), ran.notes)
     };
-    assert_eq!(judged(PAUSES), (Verdict::Fail, Vec::new()));
-    let again = "the tester was late in the attempt before: the case is repeated";
-    // A PDO comes when its time has come.
-    let timed = PAUSES.replacen("send", "send: '123#', send", 1);
-    let notes = vec![late.to_owned(), again.to_owned()];
-    assert_eq!(judged(&timed), (Verdict::Fail, notes));
+    assert_eq!(judged(SWITCHES, SILENT), (Verdict::Fail, Vec::new()));
+    assert_eq!(judged(SWITCHES, ANSWERS), (Verdict::Fail, Vec::new()));
+    // Another frame comes when its time has come.
+    let timed = SWITCHES.replacen("send", "send: '123#', send", 1);
+    let late = "the tester was late by 42 ms: the case is repeated".to_owned();
+    let again = "the tester was late in the attempt before: the case is repeated".to_owned();
+    assert_eq!(judged(&timed, SILENT), (Verdict::Fail, vec![late, again]));
+    assert_eq!(judged(&timed, ANSWERS), (Verdict::Fail, Vec::new()));
 }
 
 #[test]
