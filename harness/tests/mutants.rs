@@ -1,5 +1,5 @@
-//! Every requirement is traced. That every case can fail is proved by `harness qualify`, which takes
-//! a minute: `.ci/run proofs` runs it and compares the kills with `matrices/`.
+//! Every requirement is traced. That every case can fail is proved by `harness qualify`, which
+//! takes a minute: `.ci/run proofs` runs it and compares the kills with `matrices/`.
 
 mod common;
 
