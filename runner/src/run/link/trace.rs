@@ -43,6 +43,8 @@ pub struct Link<'b> {
     lateness: Lateness,
     /// The longest time that it took to notice something in the case.
     noticed: Duration,
+    /// Until when the tester was busy with frames during which it looks at what came.
+    busy: Instant,
     stop: Stop,
     silence: Silence,
     traffic: Traffic,
@@ -91,6 +93,7 @@ impl<'b> Link<'b> {
             in_case: false,
             lateness: Lateness::default(),
             noticed: Duration::ZERO,
+            busy: Instant::default(),
             stop: Stop::default(),
             silence: Silence::default(),
             traffic: Traffic::default(),
@@ -202,7 +205,7 @@ impl<'b> Link<'b> {
         bears: Duration,
     ) -> Result<(), BusError> {
         self.send(frame)?;
-        let late = self.mark.since(meant);
+        let late = self.mark.since(meant.max(self.busy));
         if self.bus.is_real() && late > bears {
             self.lateness.missed = self.lateness.missed.max(late);
         }
@@ -215,7 +218,7 @@ impl<'b> Link<'b> {
     /// Whatever the bus reports.
     pub fn wait_for(&mut self, until: Instant, bears: Duration) -> Result<(), BusError> {
         self.wait(until)?;
-        let late = self.bus.now().since(until);
+        let late = self.bus.now().since(until.max(self.busy));
         if self.bus.is_real() && late > bears {
             self.lateness.overslept = self.lateness.overslept.max(late);
         }
@@ -444,6 +447,8 @@ impl<'b> Link<'b> {
 
     /// Looks again at everything that came after `start`, as after sending many frames.
     pub fn look_from(&mut self, start: Instant) {
+        // What follows the first of them cannot leave before the last.
+        self.busy = self.busy.max(self.mark);
         self.cursor = self.trace.partition_point(|seen| seen.stamped.at <= start);
         self.mark = start;
     }
