@@ -97,6 +97,7 @@ const fn of_pdo(has: PdoHas) -> &'static str {
         PdoHas::Neighbour => "before another one in use",
         PdoHas::VariableNeighbour => "before another one in use whose mapping can be changed",
         PdoHas::Dummy => "with dummy mapping of UNSIGNED8",
+        PdoHas::Quiet => "whose event timer can be off",
         PdoHas::NoReserved => "without a compatibility entry",
     }
 }

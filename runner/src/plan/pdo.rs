@@ -91,6 +91,12 @@ impl Pdo {
                 neighbour.is_some_and(|next| next.states(PdoHas::Variable, None, dut))
             }
             PdoHas::Dummy => dut.eds.dummies.contains(&DataType::UNSIGNED8.0),
+            PdoHas::Quiet => {
+                let event_timer = Mux::new(self.communication, 5);
+                let entry = dut.eds.entry(event_timer);
+                entry.is_none_or(|entry| entry.access.writable())
+                    || dut.default_int(event_timer) == Some(0)
+            }
             PdoHas::NoReserved => dut.eds.entry(Mux::new(self.communication, 4)).is_none(),
         }
     }
@@ -128,6 +134,7 @@ impl Pdo {
             for (name, index, sub) in [
                 ("neighbour-cob-id", next.communication, 1),
                 ("neighbour-transmission", next.communication, 2),
+                ("neighbour-inhibit", next.communication, 3),
                 ("neighbour-count", next.mapping, 0),
             ] {
                 scope.bind(name, Binding::Mux(Mux::new(index, sub)));

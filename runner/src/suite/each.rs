@@ -24,7 +24,7 @@ pub enum Each {
     /// `$count`, `$first` and `$second` (mapping entries), `$entries` (how many of them there
     /// are) and `$length` (bytes of the default mapping); of the next PDO in use `$neighbour`
     /// (its identifier), `$neighbour-on`, `$neighbour-off`, `$neighbour-cob-id`,
-    /// `$neighbour-transmission` and `$neighbour-count`.
+    /// `$neighbour-transmission`, `$neighbour-inhibit` and `$neighbour-count`.
     Pdos(Pdos),
     /// ... block of objects that the profile of the suite repeats and the device has whole. Binds
     /// the address of each object by its name in the catalogue, those of the next block with
@@ -187,6 +187,8 @@ pub enum PdoHas {
     VariableNeighbour,
     /// Gaps of eight bits, by the data type UNSIGNED8 (`Dummy0005` of the data sheet).
     Dummy,
+    /// An event timer that is 0 or can be written, or none: nothing is transmitted without an event.
+    Quiet,
     /// No sub-index 4 of its communication parameter, which was a compatibility entry in early
     /// editions.
     NoReserved,
