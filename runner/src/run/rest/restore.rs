@@ -137,7 +137,7 @@ impl Snapshot {
             let mut still = Vec::new();
             for (mux, value) in &wrong {
                 let back = to.reads(**mux, value)?
-                    || to.writes(**mux, value)? && to.reads(**mux, value)?;
+                    || to.writes_cob_id(**mux, value)? && to.reads(**mux, value)?;
                 if back {
                     changed.remove(mux);
                 } else {
@@ -264,6 +264,19 @@ impl Restoring<'_, '_> {
         })
     }
 
+    /// As `writes`, for any object. A COB-ID of emergency messages or of an SDO channel changes only
+    /// while it is invalid (CiA 301, 7.5.2.17 and 7.5.2.33).
+    fn writes_cob_id(&mut self, mux: Mux, value: &[u8]) -> Result<bool, BusError> {
+        if self.writes(mux, value)? {
+            return Ok(true);
+        }
+        let Some(cob_id) = value.first_chunk::<4>().filter(|_| has_valid_bit(mux)) else {
+            return Ok(false);
+        };
+        let invalid = u32::from_le_bytes(*cob_id) | CobId::INVALID;
+        Ok(self.writes(mux, &invalid.to_le_bytes())? && self.writes(mux, value)?)
+    }
+
     /// A device that has gone is not asked for every object.
     fn unless_silent(
         &mut self,
@@ -336,6 +349,11 @@ const fn in_pdo_record(index: u16) -> bool {
     matches!(index, 0x1400..=0x1BFF)
 }
 
+/// Whether bit 31 makes the COB-ID invalid; those of PDOs are part of their records.
+const fn has_valid_bit(mux: Mux) -> bool {
+    matches!((mux.index, mux.sub), (0x1014, 0) | (0x1200..=0x12FF, 1 | 2))
+}
+
 /// The object, and with one of a PDO what it depends on: the COB-ID, and the rest of a mapping.
 fn with_record(mux: Mux, eds: &Eds) -> Vec<Mux> {
     if !in_pdo_record(mux.index) {
@@ -401,14 +419,16 @@ mod tests {
     use std::time::Duration;
 
     use canopen::sdo::Initiate;
-    use canopen::{Data, Device, Instant, Outbox, VirtualBus};
+    use canopen::{Abort, Data, Device, Instant, Outbox, VirtualBus};
 
     use super::*;
 
     const NODE: u8 = 5;
     const HEARTBEAT: Mux = Mux::new(0x1016, 1);
+    const EMCY_ID: Mux = Mux::new(0x1014, 0);
 
-    /// A server of one object whose first answers are late, as on a bus that is full.
+    /// A server of one object whose first answers are late, as on a bus that is full. A valid
+    /// COB-ID takes no other one.
     struct Late {
         value: Data,
         delay: Duration,
@@ -420,8 +440,14 @@ mod tests {
             let answer = match Request::decode(&frame.data) {
                 Ok(Request::Upload(mux)) => Response::Upload(mux, Initiate::Expedited(self.value)),
                 Ok(Request::Download(mux, Initiate::Expedited(value))) => {
-                    self.value = value;
-                    Response::Download(mux)
+                    let valid = |value: &Data| value[3] & 0x80 == 0;
+                    match mux == EMCY_ID && valid(&self.value) && valid(&value) {
+                        true => Response::Abort(mux, Abort::VALUE),
+                        false => {
+                            self.value = value;
+                            Response::Download(mux)
+                        }
+                    }
                 }
                 _ => return,
             };
@@ -439,6 +465,21 @@ mod tests {
         fn poll_at(&self) -> Option<Instant> {
             self.answers.front().map(|(due, _)| *due)
         }
+    }
+
+    #[test]
+    fn a_cob_id_that_is_valid_is_restored_by_way_of_an_invalid_one() {
+        let policy = Policy::at_bit_rate(1_000_000);
+        let mut bus = VirtualBus::new(1_000_000);
+        let value = Data::new(&[0x85, 0, 0, 0]);
+        bus.attach(Late { value, delay: Duration::ZERO, answers: VecDeque::new() });
+        let mut link = Link::new(&mut bus);
+        let values = BTreeMap::from([(EMCY_ID, vec![0xF0, 3, 0, 0])]);
+        let mut changed = BTreeSet::from([EMCY_ID]);
+        let snapshot = Snapshot { values, ..Snapshot::default() };
+        assert!(snapshot.restore(&mut link, &policy, NODE, &mut changed).unwrap());
+        let last = sdo::upload(&mut link, &policy, NODE, EMCY_ID).unwrap();
+        assert_eq!((last.result, changed), (Ok(vec![0xF0, 3, 0, 0]), BTreeSet::new()));
     }
 
     #[test]
