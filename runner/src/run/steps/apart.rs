@@ -1,7 +1,8 @@
 //! How far the actual behaviour is from the expected one: by which amount, in which bits or bytes.
 
 use canopen::eds::Entry;
-use canopen::{Frame, Pattern, Word};
+use canopen::nmt::NmtState;
+use canopen::{Frame, Pattern, Word, heartbeat};
 
 use crate::suite::Words;
 use crate::suite::literal::ObjectRef;
@@ -47,6 +48,9 @@ pub(super) fn frames(expected: &Pattern, got: &Frame) -> Option<String> {
     if expected.id() != got.id || got.remote {
         return None;
     }
+    if let Some(states) = states(expected, got) {
+        return Some(states);
+    }
     let (words, mut odd) = (expected.words(), Vec::new());
     for (place, word) in words.iter().enumerate() {
         match (word, got.data.get(place)) {
@@ -72,6 +76,21 @@ pub(super) fn frames(expected: &Pattern, got: &Frame) -> Option<String> {
         odd.push(format!("{} more bytes differ", count - shown));
     }
     (count > 0).then(|| format!("{} (bytes and bits are counted from 0)", odd.join("; ")))
+}
+
+/// Two NMT states in messages of error control, of which the bits say nothing to anybody.
+fn states(expected: &Pattern, got: &Frame) -> Option<String> {
+    const TOGGLE: u8 = 0x80;
+    let ids = heartbeat::COB_ID + 1..=heartbeat::COB_ID + 127;
+    got.data_id().filter(|id| ids.contains(id))?;
+    let words = expected.words();
+    let ([Word::Bits { mask, value }], [state]) = (&words[..], &*got.data) else { return None };
+    let state = state & !TOGGLE;
+    // Of a state, a pattern may have one digit.
+    let is_wanted = |state: &u8| (state ^ value) & mask & !TOGGLE == 0;
+    let wanted = [0x00, 0x04, 0x05, 0x7F].into_iter().find(is_wanted)?;
+    let (state, wanted) = (NmtState(state), NmtState(wanted));
+    (state != wanted).then(|| format!("the state is {state} where {wanted} is expected"))
 }
 
 /// The bits that differ within a mask.
@@ -123,7 +142,13 @@ mod tests {
         };
         for (pattern, frame, text) in [
             ("082#30 81 11 ...", "082#308100", Some("byte 2 is 00: bits 0, 4 differ")),
-            ("701#04", "701#05", Some("byte 0 is 05: bit 0 differs")),
+            ("701#04", "701#05", Some("the state is OPERATIONAL where STOPPED is expected")),
+            (
+                "701#.F",
+                "701#85",
+                Some("the state is OPERATIONAL where PRE-OPERATIONAL is expected"),
+            ),
+            ("701#85", "701#05", Some("byte 0 is 05: bit 7 differs")),
             ("7E4#01 .. 03", "7E4#01", Some("byte 1 is missing")),
             ("7E4#01", "7E4#0102", Some("2 bytes where 1 are expected")),
             ("7E4#01 .. 03", "7E4#014203", None),
