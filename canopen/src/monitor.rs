@@ -108,7 +108,13 @@ pub struct Watched {
 pub fn all(watched: Watched) -> Vec<Box<dyn Monitor>> {
     let Watched { node, known, tpdos, standing, slack } = watched;
     let mut monitors: Vec<Box<dyn Monitor>> = vec![
-        Box::new(NoSurprise { node, stands: standing.is_any(), standing, ..NoSurprise::default() }),
+        Box::new(NoSurprise {
+            node,
+            slack,
+            stands: standing.is_any(),
+            standing,
+            ..NoSurprise::default()
+        }),
         Box::new(HeartbeatAlive { node, slack, own: 0, asked: None, period: None, last: None }),
         Box::new(SilentWhenStopped { node, stopped: false, asked: false }),
         Box::new(NoPdoOutsideOperational { node, tpdos, slack, said: None, sent: None }),
@@ -142,19 +148,35 @@ struct NoSurprise {
     in_a_block: bool,
     /// The object of a transfer that a command of the NMT interrupted.
     interrupted: Option<Mux>,
+    /// Whether the server sends segments of a block.
+    uploads_a_block: bool,
+    /// When the tester aborted a transfer whose segments came.
+    cut: Option<Instant>,
+    /// How late a frame may be because others are on a slow wire.
+    slack: Duration,
 }
 
 impl NoSurprise {
     const ERROR_COUNT: Mux = Mux::new(0x1003, 0);
 
+    /// The queue of a controller, which may hold segments when the abort of the client is read.
+    const ON_THEIR_WAY: Duration = Duration::from_millis(20);
+
     /// Takes note of what the tester sent.
-    fn sent(&mut self, frame: &Frame) {
+    fn sent(&mut self, at: Instant, frame: &Frame) {
         if frame.data_id() == Some(sdo::REQUEST_COB_ID + u16::from(self.node)) {
             self.asked += 1;
             let request = Request::decode(&frame.data);
             self.history_cleared |= matches!(request, Ok(Request::Download(Self::ERROR_COUNT, _)));
             match request {
-                Ok(Request::Abort(..)) => (self.open, self.in_a_block) = (None, false),
+                Ok(Request::Abort(..)) => {
+                    (self.open, self.in_a_block) = (None, false);
+                    self.cut = std::mem::take(&mut self.uploads_a_block).then_some(at);
+                }
+                Ok(Request::Block(BlockRequest::UploadStart)) if !self.in_a_block => {
+                    self.uploads_a_block = true;
+                }
+                Ok(Request::Block(BlockRequest::UploadEnd)) => self.uploads_a_block = false,
                 Ok(request) if !self.in_a_block => self.open = initiated(request).or(self.open),
                 _ => {}
             }
@@ -183,7 +205,7 @@ impl NoSurprise {
             Ok(Response::Block(BlockResponse::DownloadEnd)) => self.in_a_block = false,
             Ok(Response::Abort(mux, _)) => {
                 self.open.take_if(|open| *open == mux);
-                self.in_a_block = false;
+                (self.in_a_block, self.uploads_a_block) = (false, false);
             }
             Ok(Response::Upload(mux, Initiate::Expedited(_) | Initiate::Unsized(_))) => {
                 self.open.take_if(|open| *open == mux);
@@ -198,6 +220,18 @@ impl NoSurprise {
         let Ok(Response::Abort(mux, code)) = Response::decode(&frame.data) else { return false };
         code == Abort::TIMEOUT && self.open.take_if(|open| *open == mux).is_some()
             || self.interrupted.take_if(|open| *open == mux).is_some()
+    }
+
+    /// Whether this may be a segment of a block, of which one request asks for many.
+    fn is_segment(&self, frame: &Frame) -> bool {
+        const LAST: u8 = 0x80;
+        self.uploads_a_block && frame.data.first().is_some_and(|first| first & !LAST != 0)
+    }
+
+    /// Whether this may be a segment that was on its way when the tester aborted its transfer.
+    fn was_on_its_way(&self, seen: &Seen) -> bool {
+        let since = |cut| seen.stamped.at.since(cut);
+        self.cut.is_some_and(|cut| since(cut) <= Self::ON_THEIR_WAY + self.slack)
     }
 
     /// Whether an emergency message has a cause: an error that stands, or its end, or that the
@@ -218,7 +252,7 @@ impl Monitor for NoSurprise {
         let node = u16::from(self.node);
         let frame = &seen.stamped.frame;
         if seen.stamped.own {
-            self.sent(frame);
+            self.sent(seen.stamped.at, frame);
         }
         let booted = incoming(seen) == Some(heartbeat::COB_ID + node)
             && ErrorControl::decode(&frame.data) == Ok(ErrorControl::BOOT_UP);
@@ -248,7 +282,9 @@ impl Monitor for NoSurprise {
             let got = "the node booted".to_owned();
             return Err(breach(seen, "no boot-up without a reset", got));
         }
-        if id == sdo::RESPONSE_COB_ID + node && !asked && !self.gives_up(frame) {
+        let unasked = id == sdo::RESPONSE_COB_ID + node && !asked;
+        let of_transfer = self.is_segment(frame) || self.was_on_its_way(seen);
+        if unasked && !of_transfer && !self.gives_up(frame) {
             let got = "an SDO answer without a request".to_owned();
             return Err(breach(seen, "at most one SDO answer to a request", got));
         }
@@ -584,6 +620,22 @@ mod tests {
         assert_eq!(stopped(&twice), 1);
         assert_eq!(stopped(&["3 >000#0205", "4 585#8009100022000008"]), 1);
         assert_eq!(stopped(&["3 >000#0206", "4 585#8008100022000008"]), 1);
+    }
+
+    #[test]
+    fn segments_that_are_on_their_way_when_the_client_aborts() {
+        let begun = ["1 >605#A408100004000000", "2 !585#C60810001E000000"];
+        let first = ["3 >605#A300000000000000", "4 !585#0130313233343536", "5 585#0230313233343536"];
+        let cut = [&begun[..], &first, &["5 >605#8008100000000008"]].concat();
+        let then = |lines: &[&str]| breaches(&[&cut[..], lines].concat()).len();
+        // One answer is to the abort itself, as far as the number of requests says.
+        let queued = ["6 585#0237383930313233", "7 585#0337383930313233"];
+        assert_eq!(then(&queued), 0);
+        assert_eq!(then(&[queued[0], "100 585#0337383930313233"]), 1);
+        assert_eq!(then(&[queued[0], "100 585#8008100000000405"]), 1);
+        let ended = ["5 >605#A100000000000000", "6 >605#8008100000000008", queued[0], queued[0]];
+        assert_eq!(breaches(&[&cut[..4], &ended].concat()).len(), 0);
+        assert_eq!(breaches(&[&cut[..4], &ended, &[queued[0]]].concat()).len(), 1);
     }
 
     #[test]

@@ -31,6 +31,7 @@ pub use built_in::built_in;
 pub use dimension::{Dimension, Extent};
 pub use library::{Library, is_register, is_suite};
 pub use loaded::Suite;
+pub(crate) use register::Relaxation;
 pub use register::{Level, Register, RegisterFile, Requirement};
 pub use rewrite::{Changes, Rewritten, rewritten};
 pub use schema::{steps_schema, suite_schema, words_schema};

@@ -127,6 +127,8 @@ impl Book {
             page.field("decided", &decision.decision);
             page.field("because", &decision.reason);
             page.list("relaxes", decision.relaxes.iter().map(|id| id.value.clone()).collect());
+            let opposed = decision.contradicts.iter().map(|id| id.value.clone());
+            page.list("contradicts", opposed.collect());
             return Some(page.0);
         }
         let mutants = self.mutants.iter().filter(|(known, _)| known.name == name);

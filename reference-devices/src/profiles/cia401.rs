@@ -149,6 +149,10 @@ impl Behaviour for IoBlock {
     }
 
     fn uploaded(&mut self, mux: Mux, od: &mut Dictionary) {
+        if self.rules.upload_clears_sources(mux) {
+            self.sources.fill(0);
+            self.show_sources(od);
+        }
         if is_source(mux)
             && let Some(bank) = self.sources.get_mut(usize::from(mux.sub) - 1)
             && self.rules.reading_clears_source()

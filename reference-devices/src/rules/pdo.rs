@@ -224,6 +224,11 @@ decisions! {
         true
     }
 
+    /// What the event timer transmits is the last transmitted value.
+    fn timer_transmission_remembered(&self) -> bool {
+        true
+    }
+
     /// The inhibit time holds back what the event timer triggers as well (7.5.2.37).
     fn event_timer_is_inhibited(&self) -> bool {
         true

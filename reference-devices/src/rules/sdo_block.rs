@@ -14,6 +14,11 @@ decisions! {
         first == 0x80
     }
 
+    /// An abort of the client is read while the segments of an upload are sent (7.2.4.3.17).
+    fn abort_read_while_sending(&self) -> bool {
+        true
+    }
+
     /// Segments count from 1 to at most the block size (7.2.4.3.10).
     fn sequence_valid(&self, sequence: u8, block: u8) -> bool {
         (1..=block).contains(&sequence)

@@ -35,6 +35,9 @@ pub(crate) struct SdoServer {
 /// has such an identifier.
 const GAP_BITS: u64 = 2;
 
+/// The first byte of an abort (7.2.4.3.17).
+const ABORT: u8 = 0x80;
+
 impl SdoServer {
     /// A frame on the request identifier; answers have the identifier `answers`.
     pub(crate) fn handle_request(
@@ -47,6 +50,10 @@ impl SdoServer {
     ) {
         self.answers = answers;
         let rules = &services.base.rules;
+        let aborts = data.first() == Some(&ABORT);
+        if aborts && self.state.in_upload_sub_block() && !rules.abort_read_while_sending() {
+            return;
+        }
         let command = data.first().is_none_or(|first| rules.command_in_sub_block(*first));
         let request = match self.state.in_sub_block() && !command {
             true => BlockSegment::decode(data).ok().map(Request::BlockSegment),

@@ -219,9 +219,13 @@ impl Tpdo {
 
     pub(crate) fn handle_timeout(&mut self, now: Instant, base: &Base, out: &mut Outbox) {
         if let Some(due) = self.due.filter(|due| base.rules.elapsed(Timer::Event, *due, now)) {
+            let (last, seen) = (self.last, self.seen);
             match base.rules.event_timer_is_inhibited() {
                 true => self.event(now, base, out),
                 false => self.transmit(now, base, out),
+            }
+            if !base.rules.timer_transmission_remembered() {
+                (self.last, self.seen, self.quiet) = (last, seen, None);
             }
             // The inhibit time can delay the transmission, but never the next beat of the timer.
             self.due = Some(next_beat(due, self.period, now));

@@ -18,7 +18,7 @@ use crate::source::{At, Complaint};
 use crate::suite::literal::{Amount, Literal, ObjectRef};
 use crate::suite::model::{Case, Requires};
 use crate::suite::profile::Capability;
-use crate::suite::{Library, Suite};
+use crate::suite::{Library, Relaxation, Suite};
 
 /// Binds every suite that is for this device: those for any device, those that name it, and those
 /// for the reference devices in `models`, which are of the same vendor and product.
@@ -68,9 +68,13 @@ pub fn plan_cases(
                     let checks = &case.value.checks;
                     let is_checked = |id: &str| checks.iter().any(|check| check.value == id);
                     let relaxed = relaxed.iter().filter(|(id, _)| is_checked(id));
-                    let relaxed = relaxed.map(|(id, by)| ((*id).to_owned(), (*by).to_owned()));
-                    let relaxed = relaxed.collect();
-                    Instance { relaxed, ..instance }
+                    let opposed = relaxed.clone().find(|(_, found)| found.contradicts);
+                    let fate = opposed.map(|(id, found)| {
+                        Fate::Lacking(format!("{} demands the opposite of {id}", found.by))
+                    });
+                    let relaxed = relaxed.map(|(id, found)| ((*id).to_owned(), found.by.clone()));
+                    let (relaxed, fate) = (relaxed.collect(), fate.unwrap_or(instance.fate));
+                    Instance { relaxed, fate, ..instance }
                 })),
                 Err(wrong) => complaints.extend(wrong),
             }
@@ -91,15 +95,15 @@ fn model_of<'m>(name: &str, dut: &'m Dut, models: &BTreeMap<&str, &'m Eds>) -> O
     models.get(name).copied().or_else(|| (name == dut.name).then_some(&*dut.eds))
 }
 
-/// The requirements that the device's own document relaxes, with the decision on each.
+/// The requirements that the device's own document relaxes or contradicts.
 fn relaxed<'l>(
     library: &'l Library,
     dut: &Dut,
     models: &BTreeMap<&str, &Eds>,
-) -> BTreeMap<&'l str, &'l str> {
+) -> BTreeMap<&'l str, &'l Relaxation> {
     let all = library.register.relaxations().iter();
     let own = all.filter(|relaxation| model_of(&relaxation.device, dut, models).is_some());
-    own.map(|relaxation| (relaxation.requirement.value.as_str(), relaxation.by.as_str())).collect()
+    own.map(|relaxation| (relaxation.requirement.value.as_str(), relaxation)).collect()
 }
 
 /// The names that all instances of a suite have.

@@ -54,6 +54,8 @@ pub(crate) struct Relaxation {
     pub(crate) requirement: At<String>,
     /// The decision that says so.
     pub(crate) by: String,
+    /// Whether the document demands the opposite, so that a case about it is not run.
+    pub(crate) contradicts: bool,
     /// The file that contains it.
     pub(crate) source: Arc<Source>,
 }
@@ -147,6 +149,10 @@ pub struct InterpretationEntry {
     /// this is: a case that checks nothing else is LENIENT instead of FAIL on it.
     #[serde(default)]
     pub relaxes: Vec<At<String>>,
+    /// Requirements of other documents of which the manual demands the opposite: a case that checks
+    /// one is skipped on the device.
+    #[serde(default)]
+    pub contradicts: Vec<At<String>>,
 }
 
 /// How binding a statement is.
@@ -286,7 +292,9 @@ impl Register {
 
     fn add(&mut self, source: &Arc<Source>, file: RegisterFile, complaints: &mut Vec<Complaint>) {
         for At { value: decision, .. } in file.interpretations {
-            for requirement in &decision.relaxes {
+            let relaxed = decision.relaxes.iter().map(|requirement| (requirement, false));
+            let opposed = decision.contradicts.iter().map(|requirement| (requirement, true));
+            for (requirement, contradicts) in relaxed.chain(opposed) {
                 let mut devices = file.device.iter().chain(&file.devices).peekable();
                 if devices.peek().is_none() {
                     let message = "a document relaxes others for its device, and none is named at \
@@ -297,6 +305,7 @@ impl Register {
                     device: device.clone(),
                     requirement: requirement.clone(),
                     by: decision.id.value.clone(),
+                    contradicts,
                     source: Arc::clone(source),
                 }));
             }

@@ -69,6 +69,8 @@ struct Start {
     /// What began the wait.
     cause: Wait,
     codes: Codes,
+    /// How often in a row the set point was found reached.
+    reached: u32,
 }
 
 impl Alarms {
@@ -303,7 +305,11 @@ impl Setup {
         let Some(input) = read(self.link) else { return false };
         let alternate = read(self.alternate);
         let quantity = quantity(self.link, PROCESS_VALUES, od, rules);
-        let hysteresis = rules.alarm_hysteresis_of(quantity, self.hysteresis);
+        let works = self.alternate == NONE
+            || kind.is_difference()
+            || rules.alarm_hysteresis_with_alternate();
+        let hysteresis = if works { self.hysteresis } else { 0 };
+        let hysteresis = rules.alarm_hysteresis_of(quantity, hysteresis);
         compare(kind, &Sides { input, alternate, level: self.level, hysteresis, before }, rules)
     }
 }
@@ -342,7 +348,7 @@ fn compare(kind: AlarmType, sides: &Sides, rules: &Em66Rules) -> bool {
 impl Start {
     const fn new(codes: Codes) -> Self {
         let set_points = SetPoints { first: 0, second: 0, is_second: false };
-        Self { on: false, set_points, waiting: true, cause: Wait::SwitchedOn, codes }
+        Self { on: false, set_points, waiting: true, cause: Wait::SwitchedOn, codes, reached: 0 }
     }
 
     fn watch(&mut self, duty: &Duty, od: &Dictionary, rules: &Em66Rules) {
@@ -360,7 +366,10 @@ impl Start {
         if begins {
             self.cause = if switched_on { Wait::SwitchedOn } else { Wait::SetPointChanged };
         }
-        let there = rules.alarm_set_point_reached(value(od, EFFECTIVE_VALUE) - now.in_use());
+        let there =
+            rules.alarm_set_point_reached(value(od, EFFECTIVE_VALUE) - rules.alarm_set_point(now));
+        self.reached = if there { self.reached.saturating_add(1) } else { 0 };
+        let there = self.reached > rules.alarm_set_point_counts_after();
         self.waiting = (self.waiting || begins || !rules.alarm_waits_once()) && !(on && there);
         (self.on, self.set_points) = (on, now);
     }

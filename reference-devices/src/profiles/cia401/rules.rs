@@ -53,6 +53,11 @@ decisions! {
         enabled
     }
 
+    /// Reading another object leaves 6422h as it is.
+    fn upload_clears_sources(&self, _mux: Mux) -> bool {
+        false
+    }
+
     /// Reading 6422h takes its bits back.
     fn reading_clears_source(&self) -> bool {
         true
@@ -220,6 +225,8 @@ deviations! {
     "channels-set-up-as-the-first" => set_up_at: |_, value| Mux::new(value.index, 1);
     "upper-limit-without-sign" => reaches_limit: |_, value, limit| value & 0xFFFF >= limit & 0xFFFF;
     "change-of-16-bits" => change: |_, last, now| i64::from((now - last) as i16);
+    "lower-limit-included" => below_limit: |_, value, limit| value <= limit;
+    "reading-an-input-clears-sources" => upload_clears_sources: |_, mux| mux.index == 0x6401;
     "lower-limit-excluded" => below_limit: |_, value, limit| value < limit;
     "upper-limit-excluded" => setting: as_said(|setting, configured| match setting {
         Setting::UpperLimit => configured.saturating_add(1),

@@ -157,6 +157,11 @@ decisions! {
         input != Some(Quantity::Flow)
     }
 
+    /// The hysteresis works with an alternate link, too.
+    fn alarm_hysteresis_with_alternate(&self) -> bool {
+        true
+    }
+
     /// The hysteresis in force.
     fn alarm_hysteresis_of(&self, input: Option<Quantity>, written: i64) -> i64 {
         if input == Some(Quantity::Flow) { FLOW_HYSTERESIS } else { written }
@@ -190,6 +195,17 @@ decisions! {
     /// Without a controller there is no set point to reach.
     fn alarm_waits_while_off(&self) -> bool {
         true
+    }
+
+    /// The set point that has to be reached is the selected one.
+    fn alarm_set_point(&self, now: SetPoints) -> i64 {
+        now.in_use()
+    }
+
+    /// How often the effective value has been looked at, at least each 100 ms, before a set point
+    /// that it has reached counts as reached.
+    fn alarm_set_point_counts_after(&self) -> u32 {
+        0
     }
 
     /// Whether the effective value is at the set point.
@@ -234,6 +250,7 @@ deviations! {
     "alarm-goes-on-with-type-0" =>
         alarm_type: |_, kind, before| if kind == AlarmType::OFF { before } else { kind };
     "alarm-stays-with-type-0" => alarm_state_while_off: |_, before| before;
+    "alarm-reaches-the-first-set-point" => alarm_set_point: |_, now| now.first;
     "alarm-level-needs-type" => alarm_adjustable: |_, on| on;
     "alarm-level-locked-while-on" => alarm_adjustable: |_, on| !on;
 
