@@ -625,7 +625,8 @@ mod tests {
     #[test]
     fn segments_that_are_on_their_way_when_the_client_aborts() {
         let begun = ["1 >605#A408100004000000", "2 !585#C60810001E000000"];
-        let first = ["3 >605#A300000000000000", "4 !585#0130313233343536", "5 585#0230313233343536"];
+        let first =
+            ["3 >605#A300000000000000", "4 !585#0130313233343536", "5 585#0230313233343536"];
         let cut = [&begun[..], &first, &["5 >605#8008100000000008"]].concat();
         let then = |lines: &[&str]| breaches(&[&cut[..], lines].concat()).len();
         // One answer is to the abort itself, as far as the number of requests says.
