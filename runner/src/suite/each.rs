@@ -187,7 +187,7 @@ pub enum PdoHas {
     VariableNeighbour,
     /// Gaps of eight bits, by the data type UNSIGNED8 (`Dummy0005` of the data sheet).
     Dummy,
-    /// An event timer that is 0 or can be written, or none: nothing is transmitted without an event.
+    /// No event timer, or one that is 0 or can be written: nothing is transmitted without an event.
     Quiet,
     /// No sub-index 4 of its communication parameter, which was a compatibility entry in early
     /// editions.

@@ -264,8 +264,8 @@ impl Restoring<'_, '_> {
         })
     }
 
-    /// As `writes`, for any object. A COB-ID of emergency messages or of an SDO channel changes only
-    /// while it is invalid (CiA 301, 7.5.2.17 and 7.5.2.33).
+    /// As `writes`, for any object. A COB-ID of emergency messages or of an SDO channel changes
+    /// only while it is invalid (CiA 301, 7.5.2.17 and 7.5.2.33).
     fn writes_cob_id(&mut self, mux: Mux, value: &[u8]) -> Result<bool, BusError> {
         if self.writes(mux, value)? {
             return Ok(true);
