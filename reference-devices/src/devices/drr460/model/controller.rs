@@ -416,7 +416,11 @@ impl Controller {
     ) -> (Wanted, Option<Found>) {
         let step = self.tuning.step(sight.process, &settings.tuning, elapsed);
         self.output = match step.forced {
-            Some(on) => f64::from(u8::from(on)),
+            Some(on) => {
+                // It controls anew then, with the parameters that were found.
+                self.pid = Pid::default();
+                f64::from(u8::from(on))
+            }
             None => self.automatic(sight, settings, elapsed, rules),
         };
         self.was_manual = false;
@@ -435,7 +439,10 @@ impl Controller {
         let moved = direction * (sight.set_point - self.last_real_set_point);
         self.last_real_set_point = sight.set_point;
         let output = match &settings.pid {
-            None => f64::from(u8::from(self.on_off.step(missing, &settings.on_off, rules))),
+            None => {
+                self.pid = Pid::default();
+                f64::from(u8::from(self.on_off.step(missing, &settings.on_off, rules)))
+            }
             Some(pid) => {
                 if self.was_manual {
                     self.pid.restart(self.output, pid);
@@ -617,6 +624,19 @@ mod tests {
         fixture.settings = Settings::of(&Parameters::listed(&all, &Rules::plain()));
         let outcome = fixture.tenths(18_000);
         assert!((980..=1020).contains(&outcome.process), "{found:?} {outcome:?}");
+    }
+
+    #[test]
+    fn what_the_process_did_before_a_tuning_is_no_movement_after_it() {
+        let limits = [(47, 30), (48, 50), (49, 500), (50, 400)];
+        let list = [(31, 4), (33, 10_000), (35, 100)];
+        let mut fixture = Fixture::new(&[&list[..], &limits[..]].concat());
+        fixture.inputs.set_point = 1000;
+        fixture.at(-20.0);
+        fixture.controller.command_tuning(1, (-200, 1000), &fixture.settings);
+        assert_eq!(fixture.at(20.0).output, 0.0);
+        fixture.controller.command_tuning(0, (200, 1000), &fixture.settings);
+        assert_eq!(fixture.at(20.0).output, 0.08);
     }
 
     #[test]
