@@ -3,6 +3,7 @@
 //!
 //! Everything that goes over the wire belongs here. Its meaning for a verdict does not.
 
+mod lateness;
 mod oddities;
 mod probe;
 mod read;
@@ -12,12 +13,12 @@ mod trace;
 mod traffic;
 mod twins;
 
+pub(super) use lateness::Lateness;
 pub(in crate::run) use oddities::contradiction;
 pub use oddities::oddities;
 pub use probe::{Lost, objects as probe};
 pub(super) use read::versions;
 pub use read::{exists, identity, read_number, read_text};
 pub use sdo::{Ended, transfer, value_length};
-pub(super) use trace::Lateness;
 pub use trace::Link;
 pub use traffic::Traffic;

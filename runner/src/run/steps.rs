@@ -17,4 +17,4 @@ mod run;
 
 pub(in crate::run) use judge::{Difference, Judgement, Trouble, excerpt};
 pub(in crate::run) use proof::Proof;
-pub(in crate::run) use run::{Steps, is_reset};
+pub(in crate::run) use run::{Steps, is_of_protocol, is_reset};

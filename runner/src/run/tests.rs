@@ -41,6 +41,8 @@ struct Odd {
     last: Instant,
     /// After which time the tester learns of a frame of the device.
     lag: Duration,
+    /// How long the host stalls before the request for a segment leaves.
+    before_segments: Duration,
     held: VecDeque<Stamped>,
     sent: Vec<Frame>,
     way: Way,
@@ -66,6 +68,12 @@ impl Bus for Odd {
     }
 
     fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+        if frame.data_id() == Some(0x600 + u16::from(NODE)) && frame.data.first() == Some(&0x60) {
+            let until = self.bus.now() + self.before_segments;
+            while let Some(seen) = self.bus.recv(until)? {
+                self.held.push_back(seen);
+            }
+        }
         self.sent.push(*frame);
         self.bus.send(frame)
     }
@@ -127,7 +135,7 @@ fn odd(way: Way) -> Odd {
     let mut bus = VirtualBus::new(BIT_RATE);
     bus.attach(devices::device("drr460").unwrap().node(NODE, Rules::default()));
     let (held, sent) = (VecDeque::new(), Vec::new());
-    let (last, lag) = (Instant::NEVER, Duration::ZERO);
+    let (last, lag, before_segments) = (Instant::NEVER, Duration::ZERO, Duration::ZERO);
     let (twice_after, twice_once, stranger) = (None, false, None);
     Odd {
         bus,
@@ -137,6 +145,7 @@ fn odd(way: Way) -> Odd {
         stall: STALL,
         last,
         lag,
+        before_segments,
         held,
         sent,
         way,
@@ -406,6 +415,42 @@ fn a_transfer_that_a_late_tester_lets_time_out_says_nothing() {
     };
     assert_eq!(judged(0), [Verdict::Fail]);
     assert_eq!(judged(10), [Verdict::Error, Verdict::Error]);
+}
+
+/// A server may give up a transfer after a few milliseconds, and the tester may stall between an
+/// answer and its next request, whatever kind of step makes it.
+#[test]
+fn a_server_that_waited_for_the_tester_may_give_up() {
+    const READS: &str = "[ read: { object: '1009:00' } ]";
+    const SENDS: &str = "[ send: '600+n#40 09 10 00 00 00 00 00', reply: { frame: '580+n#41 ...' }, \
+                         send: '600+n#60 00 00 00 00 00 00 00', reply: { frame: '580+n#0. ...' } ]";
+    const FIRST: &str =
+        "[ send: '600+n#60 00 00 00 00 00 00 00', reply: { frame: '580+n#0. ...' } ]";
+    let judged = |steps: &str, late: u64, code: Option<[u8; 4]>| {
+        // What the server says instead of a segment, if it says anything.
+        let way = move |sent: &[Frame], seen: Stamped| {
+            let of_segment = sent.last().is_some_and(|sent| sent.data.first() == Some(&0x60))
+                && seen.frame.data_id() == Some(0x580 + u16::from(NODE));
+            let Some([a, b, c, d]) = code else { return (!of_segment).then_some(seen) };
+            let given_up = Frame::new(0x581, [0x80, 0x09, 0x10, 0, a, b, c, d]);
+            Some(Stamped { frame: if of_segment { given_up } else { seen.frame }, ..seen })
+        };
+        let before_segments = Duration::from_millis(late);
+        let mut bus = Odd { before_segments, ..odd(Box::new(way)) };
+        verdicts(&run(&mut bus, 1, steps))[0]
+    };
+    const TIMEOUT: [u8; 4] = [0, 0, 0x04, 0x05];
+    const COMMAND: [u8; 4] = [1, 0, 0x04, 0x05];
+    const GENERAL: [u8; 4] = [0, 0, 0, 0x08];
+    for steps in [READS, SENDS] {
+        for code in [Some(TIMEOUT), Some(COMMAND), None] {
+            assert_eq!(judged(steps, 0, code), Verdict::Fail, "{steps} {code:?}");
+            assert_eq!(judged(steps, 48, code), Verdict::Error, "{steps} {code:?}");
+        }
+        assert_eq!(judged(steps, 48, Some(GENERAL)), Verdict::Fail, "{steps}");
+    }
+    // No server waits for the first request.
+    assert_eq!(judged(FIRST, 48, Some(COMMAND)), Verdict::Fail);
 }
 
 /// A device that shares the machine is late at other moments than the tester, and by a few times as

@@ -11,6 +11,7 @@ use canopen::{Bench, Bus, BusError, Frame, Instant, Mux, Stamped};
 use reports::Event;
 use smallvec::SmallVec;
 
+use super::lateness::{Awaited, Lateness};
 use super::silence::Silence;
 use super::traffic::Traffic;
 use super::twins::Twins;
@@ -41,41 +42,16 @@ pub struct Link<'b> {
     /// Whether a case is open, to which the frames belong.
     in_case: bool,
     lateness: Lateness,
-    /// The longest time that it took to notice something in the case.
-    noticed: Duration,
-    /// Until when the tester was busy with frames during which it looks at what came.
+    /// The lateness in the case before the device started anew.
+    before: Lateness,
+    /// Whether the SDO server waits for the tester.
+    awaited: Awaited,
+    /// Until when the tester was busy with frames during which it looks at what came, or waited.
     busy: Instant,
     stop: Stop,
     silence: Silence,
     traffic: Traffic,
     twins: Twins,
-}
-
-/// How late the tester was on a bus where it can be. In virtual time all of it stays zero.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Lateness {
-    /// The longest time by which a frame missed the moment at which it was meant to leave, of those
-    /// that were more than the step bears.
-    pub missed: Duration,
-    /// The same of the ends of waits.
-    pub overslept: Duration,
-    /// The longest time that it took to notice a frame, or the end of a wait.
-    pub noticed: Duration,
-    /// The shortest.
-    pub soonest: Duration,
-    /// All of these times together.
-    pub sum: Duration,
-    /// How many there are.
-    pub count: u32,
-}
-
-impl Lateness {
-    fn notice(&mut self, late: Duration) {
-        self.noticed = self.noticed.max(late);
-        self.soonest = if self.count == 0 { late } else { self.soonest.min(late) };
-        self.sum += late;
-        self.count += 1;
-    }
 }
 
 impl<'b> Link<'b> {
@@ -92,7 +68,8 @@ impl<'b> Link<'b> {
             observer: &Unobserved,
             in_case: false,
             lateness: Lateness::default(),
-            noticed: Duration::ZERO,
+            before: Lateness::default(),
+            awaited: Awaited::default(),
             busy: Instant::default(),
             stop: Stop::default(),
             silence: Silence::default(),
@@ -232,18 +209,24 @@ impl<'b> Link<'b> {
 
     /// The longest time that it took to notice something since the case began.
     pub(in crate::run) fn noticed(&self) -> Duration {
-        self.noticed.max(self.lateness.noticed)
+        self.before.noticed.max(self.lateness.noticed)
+    }
+
+    /// The longest time that an SDO server waited for the tester since the case began.
+    pub(in crate::run) fn kept_waiting(&self) -> Duration {
+        self.before.kept_waiting.max(self.lateness.kept_waiting)
     }
 
     /// The device starts anew: what it did, or did not get, because the tester was late is over.
     pub(in crate::run) fn starts_anew(&mut self) {
-        self.noticed = self.noticed();
-        self.lateness = Lateness::default();
+        let (noticed, kept_waiting) = (self.noticed(), self.kept_waiting());
+        self.before = Lateness { noticed, kept_waiting, ..Lateness::default() };
+        (self.lateness, self.awaited) = Default::default();
     }
 
     /// Restarts the measurement of how late the tester is.
     pub fn forget_lateness(&mut self) {
-        (self.lateness, self.noticed) = (Lateness::default(), Duration::ZERO);
+        (self.lateness, self.before, self.awaited) = Default::default();
     }
 
     /// Waits until the tester has been in time for a while, at most two seconds: a stall of the
@@ -284,7 +267,12 @@ impl<'b> Link<'b> {
             if ahead.is_empty() {
                 return Ok(());
             }
-            self.complete(&ahead.remove(0))?;
+            let (could, is_awaited) = (self.mark.max(self.busy), self.awaited.is_open());
+            let frame = ahead.remove(0);
+            self.complete(&frame)?;
+            if self.bus.is_real() && is_awaited && Awaited::is_request(&frame) {
+                self.lateness.keep_waiting(self.mark.since(could));
+            }
         }
     }
 
@@ -357,10 +345,12 @@ impl<'b> Link<'b> {
                 if self.bus.is_real() && first_look > until {
                     self.lateness.notice(first_look.since(self.mark));
                 }
+                self.busy = self.busy.max(until);
                 return Ok(None);
             }
             let seen = &mut self.trace[place];
             if seen.stamped.at > until {
+                self.busy = self.busy.max(until);
                 return Ok(None);
             }
             if fits(&seen.stamped) {
@@ -492,6 +482,7 @@ impl<'b> Link<'b> {
         };
         let Some(stamped) = got else { return Ok(None) };
         self.silence.see(&stamped);
+        self.awaited.see(&stamped);
         self.traffic.see(&stamped);
         self.twins.see(&stamped);
         self.observer.frame(&stamped);

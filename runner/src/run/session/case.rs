@@ -19,7 +19,7 @@ use crate::run::rest::{
     Address, Baseline, BenchSnapshot, Leaving, Left, Settled, Snapshot, Undo, application, enter,
     give_back, is_still, owes_a_sign, settle,
 };
-use crate::run::steps::{Difference, Proof, Steps, bench, is_reset, promise};
+use crate::run::steps::{Difference, Proof, Steps, bench, is_of_protocol, is_reset, promise};
 
 /// The consequence of a case for the next ones.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -315,13 +315,17 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         let Some(breach) = self.watch(from) else { return };
         let case = self.instance.case();
         let last = case.steps.last().map_or(case.id.place, |step| step.place);
+        // A device on the same host is delayed equally, and a server may give up a transfer.
+        let waited = match is_of_protocol(breach.frame.as_ref()) {
+            true => self.link.kept_waiting(),
+            false => Duration::ZERO,
+        };
         let difference =
             Difference { raw: breach.frame, ..Difference::new(breach.rule, breach.got) };
         self.proof.iter_mut().for_each(Proof::spoil);
         result.fail(Phase::Monitor, last, difference);
-        // A device on the same host is delayed equally.
-        let noticed = self.link.noticed();
-        let late = (noticed > self.common.policy.bears(Duration::ZERO)).then_some(noticed);
+        let late = self.link.noticed().max(waited);
+        let late = (late > self.common.policy.bears(Duration::ZERO)).then_some(late);
         result.late = result.late.max(late);
     }
 

@@ -45,6 +45,10 @@ pub(super) fn run_phase<'s>(
         result.at = steps.link.now();
         let failed = judgement.as_ref().err().and_then(Trouble::of_device);
         result.late = result.late.max(steps.late(&step.value, failed));
+        // A transfer that the server has given up may be tolerated.
+        if let Ok(Some(tolerated)) = &judgement {
+            result.late = result.late.max(steps.kept_waiting(&step.value, tolerated));
+        }
         match judgement {
             Ok(None) => {}
             Ok(Some(difference)) => result.lenient(phase, step.place, difference),

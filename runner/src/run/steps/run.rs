@@ -499,6 +499,9 @@ impl Steps<'_, '_> {
         if failed.is_some() && self.link.noticed() > STALL {
             return Some(self.link.noticed());
         }
+        if let Some(kept_waiting) = failed.and_then(|failed| self.kept_waiting(step, failed)) {
+            return Some(kept_waiting);
+        }
         // What comes may come because the device missed the tester, as one that monitors it does.
         if failed.is_none()
             && let Step::Expect(expect) = step
@@ -542,21 +545,24 @@ impl Steps<'_, '_> {
         (noticed > self.policy.bears(window)).then_some(noticed)
     }
 
+    /// How long the tester let the server wait for a request of a transfer, where what came instead
+    /// of what is expected may be because the server has given it up.
+    pub(in crate::run) fn kept_waiting(&self, step: &Step, came: &Difference) -> Option<Duration> {
+        let kept_waiting = self.link.lateness().kept_waiting;
+        let is_silent = came.raw.is_none() && waits_for_an_answer(step);
+        let given_up = is_silent || is_of_protocol(came.raw.as_ref()) || self.gave_up();
+        (given_up && kept_waiting > self.policy.bears(Duration::ZERO)).then_some(kept_waiting)
+    }
+
     /// Whether the step fails with an answer to a request: of the first SDO server, or of LSS. A
     /// transfer that the server has given up is answered with an error of the protocol.
     fn answered(&self, step: &Step, failed: &Difference) -> bool {
-        const OF_PROTOCOL: u32 = 0x0504;
         let answers = Some(sdo::RESPONSE_COB_ID + u16::from(self.dut.node));
         let Some(came) = &failed.raw else { return false };
-        let is_answer = match sdo::Response::decode(&came.data) {
-            _ if came.data_id() == Some(lss::RESPONSE_COB_ID) => true,
-            Ok(sdo::Response::Abort(_, Abort(code))) => code >> 16 != OF_PROTOCOL,
-            _ => true,
-        };
         let ids = [answers, Some(lss::RESPONSE_COB_ID)];
         matches!(step, Step::Reply(_) | Step::Ask(_) | Step::Never(_))
             && ids.contains(&came.data_id())
-            && is_answer
+            && !is_of_protocol(Some(came))
     }
 
     /// Whether the server has aborted a transfer of this case because of the time. The abort itself
@@ -657,6 +663,33 @@ fn is_request(frame: &Frame) -> bool {
     const OF_SERVERS: std::ops::RangeInclusive<u16> =
         sdo::REQUEST_COB_ID + 1..=sdo::REQUEST_COB_ID + 0x7F;
     frame.data_id().is_some_and(|id| OF_SERVERS.contains(&id) || id == lss::REQUEST_COB_ID)
+}
+
+/// Whether the frame is an abort because of an error of the protocol, such as a request that belongs
+/// to no transfer, or the time.
+pub(in crate::run) fn is_of_protocol(frame: Option<&Frame>) -> bool {
+    const OF_PROTOCOL: u32 = 0x0504;
+    let Some(frame) = frame.filter(|frame| frame.data_id() != Some(lss::RESPONSE_COB_ID)) else {
+        return false;
+    };
+    matches!(
+        sdo::Response::decode(&frame.data),
+        Ok(sdo::Response::Abort(_, Abort(code))) if code >> 16 == OF_PROTOCOL
+    )
+}
+
+/// Whether the step makes requests and waits for their answers.
+const fn waits_for_an_answer(step: &Step) -> bool {
+    matches!(
+        step,
+        Step::Reply(_)
+            | Step::Ask(_)
+            | Step::Read(_)
+            | Step::Write(_)
+            | Step::Remap(_)
+            | Step::Defaults(_)
+            | Step::Undeclared(_)
+    )
 }
 
 /// Whether the step fails because something came too late, too early or not at all.
