@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use canopen::catalogue::Profile;
-use canopen::sdo::Failure;
-use canopen::{BusError, Mux};
+use canopen::sdo::{Failure, RESPONSE_COB_ID};
+use canopen::{BusError, Mux, emcy, heartbeat};
 
 use super::address::Address;
 use super::answer::{DEVICE_TYPE, answers};
@@ -59,34 +59,17 @@ pub(in crate::run) fn settle(
     if unrest.is_none() && left != Left::Dirty {
         return Ok(Settled::AtRest(None));
     }
-    let mut silent = matches!(unrest, Some(Unrest::Silent(_)));
     let mut tried = Tried::default();
-    for rung in rungs(link, dut, baseline, unrest.as_ref()) {
-        let climbed = rung.climb(link, policy, dut, baseline)?;
-        tried.add(rung, &climbed);
-        silent |= climbed == Climbed::InVain;
-        if climbed != Climbed::Up {
-            continue;
+    let rungs = rungs(link, dut, baseline, unrest.as_ref());
+    for _ in 0..ROUNDS {
+        let from = link.trace().len();
+        if let Some(settled) = climb(&rungs, link, policy, dut, baseline, &mut unrest, &mut tried)?
+        {
+            return Ok(settled);
         }
-        unrest = look(link, policy, dut, baseline)?;
-        silent |= matches!(unrest, Some(Unrest::Silent(_)));
-        if silent && !matches!(unrest, Some(Unrest::Silent(_))) {
-            baseline.help_came_by(rung);
-        }
-        match &unrest {
-            None => {
-                let remark = format!("settled by {}", rung.name());
-                return Ok(Settled::AtRest(Some(remark)));
-            }
-            Some(Unrest::Errors(what, register)) if rung.clears_errors() => {
-                baseline.accept(register.clone());
-                let remark = format!(
-                    "{what}, which {} does not clear; it counts as no error from now on",
-                    rung.name()
-                );
-                return Ok(Settled::AtRest(Some(remark)));
-            }
-            Some(_) => {}
+        // Where frames may be lost, a device that was heard on the way is alive.
+        if !dut.shares_its_bus || !is_heard(link, dut, from) {
+            break;
         }
     }
     let what = match unrest {
@@ -98,6 +81,61 @@ pub(in crate::run) fn settle(
         None => "nothing after a reset".to_owned(),
     };
     Ok(Settled::Lost(lost(&what, link, &tried)))
+}
+
+/// How often the ladder is climbed at most.
+const ROUNDS: u32 = 3;
+
+/// Climbs rungs, of which `tried` takes note, until one brings the device to rest; `unrest` is why
+/// it was not at rest the last time.
+fn climb(
+    rungs: &[Rung],
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+    baseline: &Baseline,
+    unrest: &mut Option<Unrest>,
+    tried: &mut Tried,
+) -> Result<Option<Settled>, BusError> {
+    let mut silent = matches!(unrest, Some(Unrest::Silent(_)));
+    for rung in rungs {
+        let climbed = rung.climb(link, policy, dut, baseline)?;
+        tried.add(*rung, &climbed);
+        silent |= climbed == Climbed::InVain;
+        if climbed != Climbed::Up {
+            continue;
+        }
+        *unrest = look(link, policy, dut, baseline)?;
+        silent |= matches!(unrest, Some(Unrest::Silent(_)));
+        if silent && !matches!(unrest, Some(Unrest::Silent(_))) {
+            baseline.help_came_by(*rung);
+        }
+        match unrest {
+            None => {
+                let remark = format!("settled by {}", rung.name());
+                return Ok(Some(Settled::AtRest(Some(remark))));
+            }
+            Some(Unrest::Errors(what, register)) if rung.clears_errors() => {
+                baseline.accept(register.clone());
+                let remark = format!(
+                    "{what}, which {} does not clear; it counts as no error from now on",
+                    rung.name()
+                );
+                return Ok(Some(Settled::AtRest(Some(remark))));
+            }
+            Some(_) => {}
+        }
+    }
+    Ok(None)
+}
+
+/// Whether the device sent an answer or a message of its own, from a place in the trace on.
+fn is_heard(link: &Link, dut: &Dut, from: usize) -> bool {
+    let node = u16::from(dut.node);
+    let own = [emcy::COB_ID, RESPONSE_COB_ID, heartbeat::COB_ID].map(|id| id + node);
+    let came = link.trace()[from..].iter().map(|seen| &seen.stamped);
+    came.filter(|seen| !seen.own)
+        .any(|seen| seen.frame.data_id().is_some_and(|id| own.contains(&id)))
 }
 
 /// The rungs to climb, in order: for a silent device first what helped the last time, or what the
@@ -220,7 +258,11 @@ fn look(
     if let Some(unrest) = device_type.err().and_then(|failure| unrest(DEVICE_TYPE, &failure)) {
         return Ok(Some(unrest));
     }
-    let register = sdo::upload(link, policy, dut.node, ERROR_REGISTER)?.result;
+    // It answers: where frames may be lost, one that does not come proves no silence.
+    let register = match dut.shares_its_bus {
+        true => sdo::upload_patiently(link, policy, dut.node, ERROR_REGISTER)?.result,
+        false => sdo::upload(link, policy, dut.node, ERROR_REGISTER)?.result,
+    };
     let errors = baseline.new_errors(&register);
     let failed = register.as_ref().err().and_then(|failure| unrest(ERROR_REGISTER, failure));
     Ok(errors.map(|what| failed.unwrap_or(Unrest::Errors(what, register))))

@@ -132,3 +132,26 @@ fn a_stranger_is_named_and_not_judged() {
     assert_eq!(verdicts(&shared), [Verdict::Pass]);
     assert!(shared.notes.iter().any(|note| note.contains("123h")), "{:?}", shared.notes);
 }
+
+#[test]
+fn a_device_that_is_heard_while_answers_are_lost_is_not_given_up() {
+    let judged = |shares_its_bus| {
+        let mut bus = odd(Box::new(|sent, seen| {
+            let stopped = sent.iter().position(|frame| *frame == Frame::new(0, [2, NODE]));
+            let since = stopped.map_or(&[][..], |place| &sent[place..]);
+            let is_reset = |frame: &&Frame| {
+                frame.data_id() == Some(0) && matches!(frame.data.first(), Some(0x81 | 0x82))
+            };
+            // More than the ladder has.
+            let lost = stopped.is_some() && since.iter().filter(is_reset).count() < 5;
+            (!lost || seen.frame.data_id() != Some(0x581)).then_some(seen)
+        }));
+        let dut = Dut { shares_its_bus, ..dut() };
+        let steps = "[ nmt: stop, wait: 100 ms ]";
+        run_on(&mut bus, &dut, 2, steps, &Stop::default(), &Undo::default())
+    };
+    let shared = judged(true);
+    assert_eq!(shared.ending, Ending::Complete);
+    assert_eq!(verdicts(&shared), [Verdict::Pass; 2]);
+    assert!(matches!(judged(false).ending, Ending::Gone(_)));
+}
