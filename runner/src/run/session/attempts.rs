@@ -5,10 +5,12 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::time::Duration;
 
+use canopen::monitor::Seen;
 use canopen::nmt::Service;
 use reports::{Outcome, Problem};
 
 use super::case::{Aftermath, CaseRun, Common};
+use crate::dut::Dut;
 use crate::plan::Instance;
 use crate::run::link::{Link, Traffic};
 use crate::run::observer::Shown;
@@ -44,9 +46,38 @@ struct Failures {
     /// How often the last of them came in a row.
     same: u32,
     at: String,
+    /// How many frames the tester had sent in the last of them.
+    sent: usize,
     first: Option<Outcome>,
-    /// Whether the device sent something wrong once, which no lost frame explains.
-    wrong: bool,
+    /// In how many of them the device sent something wrong, which the wire does not explain.
+    wrong: u32,
+}
+
+/// What a failed attempt shows beside its outcome.
+#[derive(Clone, Copy, Debug)]
+struct Evidence {
+    /// How many frames the tester had sent in its steps.
+    sent: usize,
+    /// Whether a frame that was lost or came twice explains it: nothing came, or once more what had
+    /// come before.
+    by_the_wire: bool,
+}
+
+impl Evidence {
+    /// From the frames of the steps.
+    fn of(problem: Option<&Problem>, steps: &[Seen], dut: &Dut) -> Self {
+        let Some(problem) = problem else { return Self { sent: 0, by_the_wire: false } };
+        let until = steps.iter().map(|seen| &seen.stamped).take_while(|it| it.at <= problem.at);
+        let times = |raw| until.clone().filter(|seen| !seen.own && seen.frame == raw).count();
+        let by_the_wire = dut.shares_its_bus && problem.raw.is_none_or(|raw| times(raw) > 1);
+        Self { sent: until.clone().filter(|seen| seen.own).count(), by_the_wire }
+    }
+
+    /// Whether it failed where another attempt did after `sent` frames. In a long case, two frames
+    /// are lost at two places.
+    const fn is_near(self, sent: usize) -> bool {
+        !self.by_the_wire || self.sent.abs_diff(sent) <= 1 + self.sent / 20
+    }
 }
 
 /// What follows from an attempt.
@@ -64,13 +95,21 @@ impl Failures {
     const MOST: u32 = 6;
 
     /// Takes the outcome of an attempt.
-    fn weigh(&mut self, outcome: Outcome, instance: &Instance, repeats: &Repeats) -> Follows {
+    fn weigh(
+        &mut self,
+        outcome: Outcome,
+        evidence: Evidence,
+        instance: &Instance,
+        repeats: &Repeats,
+    ) -> Follows {
         let Some(at) = at(&outcome, instance) else {
             return Follows::Outcome(self.beside_failures(outcome));
         };
-        self.same = if at == self.at { self.same + 1 } else { 1 };
-        (self.count, self.at) = (self.count + 1, at);
-        self.wrong |= outcome.problem().is_some_and(|problem| problem.raw.is_some());
+        let again = at == self.at && evidence.is_near(self.sent);
+        self.same = if again { self.same + 1 } else { 1 };
+        (self.count, self.at, self.sent) = (self.count + 1, at, evidence.sent);
+        let came = outcome.problem().is_some_and(|problem| problem.raw.is_some());
+        self.wrong += u32::from(came && !evidence.by_the_wire);
         if repeats.proved.borrow().contains(&self.at) {
             return Follows::Outcome(outcome);
         }
@@ -78,8 +117,9 @@ impl Failures {
             repeats.proved.borrow_mut().insert(self.at.clone());
             return Follows::Outcome(outcome);
         }
-        // A device that has not passed once, and was wrong in several ways, is not in order.
-        if self.count == Self::MOST && self.wrong {
+        // A device that has not passed once, and was wrong in several ways, is not in order. A
+        // command or a PDO that was lost explains one or two of them.
+        if self.count == Self::MOST && self.wrong >= Self::PROOF {
             return Follows::Outcome(outcome);
         }
         if self.count == Self::MOST {
@@ -138,6 +178,8 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         let (mut outcome, aftermath) = run.run(left);
         run.link.clean(false);
         outcome = under_load(outcome, run.link.traffic());
+        let steps = run.link.trace().get(run.steps_from..).unwrap_or_default();
+        let evidence = Evidence::of(outcome.problem(), steps, common.dut);
         let late = run.late.map(|late| show_time(Duration::from_millis(late.as_millis() as u64)));
         run.link.take_trace();
         let shown = run.proof.take().map(Proof::end);
@@ -166,7 +208,7 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             {
                 return finished(outcome, aftermath);
             }
-            None => match failures.weigh(outcome, instance, common.repeats) {
+            None => match failures.weigh(outcome, evidence, instance, common.repeats) {
                 Follows::Outcome(outcome) => return finished(outcome, aftermath),
                 Follows::Again => {
                     left = Left::Dirty;

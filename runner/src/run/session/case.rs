@@ -75,6 +75,8 @@ pub(super) struct CaseRun<'r, 'b> {
     pub bench_snapshot: BenchSnapshot,
     /// How late the tester was, when that may be the reason of the outcome.
     pub late: Option<Duration>,
+    /// Where in the trace its steps begin.
+    pub steps_from: usize,
     /// Whether an emergency came whose cause an earlier case may have left.
     pub earlier_cause: bool,
     /// The NMT commands in effect when the problem came up.
@@ -92,6 +94,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             instance,
             bench_snapshot,
             late: None,
+            steps_from: 0,
             earlier_cause: false,
             commanded: Vec::new(),
             proof,
@@ -263,6 +266,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
         }
         self.link.forget_lateness();
         let watched_from = self.link.trace().len();
+        self.steps_from = watched_from;
         let (case, patience) = (self.instance.case(), self.patience());
         let scope = self.scope();
         let mut steps = Steps {

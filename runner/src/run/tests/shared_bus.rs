@@ -155,3 +155,32 @@ fn a_device_that_is_heard_while_answers_are_lost_is_not_given_up() {
     assert_eq!(verdicts(&shared), [Verdict::Pass; 2]);
     assert!(matches!(judged(false).ending, Ending::Gone(_)));
 }
+
+/// In a case with many frames, one is lost in each attempt, here or there.
+#[test]
+fn frames_that_are_lost_at_several_places_prove_no_failure() {
+    let judged = |places: [usize; 3], twice: bool| {
+        let start = Frame::new(0, [1, NODE]);
+        let mut bus = odd(Box::new(move |sent, mut seen| {
+            let attempt = sent.iter().filter(|frame| **frame == start).count();
+            let begun = sent.iter().rposition(|frame| *frame == start).unwrap_or(sent.len());
+            let asked = &sent[begun..];
+            let hit = attempt > 0
+                && seen.frame.data_id() == Some(0x581)
+                && asked.last().is_some_and(|frame| frame.data[1] == 0x18)
+                && asked.len() == places[attempt % 3];
+            if hit && twice {
+                // The answer to the request before comes once more.
+                seen.frame = Frame::new(0x581, [0x43, 0, 0x10, 0, 0x91, 1, 0x0E, 0]);
+            }
+            (!hit || twice).then_some(seen)
+        }));
+        let reads = "read: { object: '1000:00' }, read: { object: '1018:01' }, ".repeat(30);
+        verdicts(&run_shared(&mut bus, 1, &format!("[ nmt: start, {reads} wait: 1 ms ]")))
+    };
+    for twice in [false, true] {
+        // What is undecided is tried again at the end.
+        assert_eq!(judged([5, 25, 45], twice), [Verdict::Error; 2], "twice: {twice}");
+        assert_eq!(judged([25, 25, 25], twice), [Verdict::Fail], "twice: {twice}");
+    }
+}
