@@ -422,8 +422,10 @@ fn a_transfer_that_a_late_tester_lets_time_out_says_nothing() {
 #[test]
 fn a_server_that_waited_for_the_tester_may_give_up() {
     const READS: &str = "[ read: { object: '1009:00' } ]";
-    const SENDS: &str = "[ send: '600+n#40 09 10 00 00 00 00 00', reply: { frame: '580+n#41 ...' }, \
-                         send: '600+n#60 00 00 00 00 00 00 00', reply: { frame: '580+n#0. ...' } ]";
+    const SENDS: &str = "[ send: '600+n#40 09 10 00 00 00 00 00', \
+                         reply: { frame: '580+n#41 ...' }, \
+                         send: '600+n#60 00 00 00 00 00 00 00', \
+                         reply: { frame: '580+n#0. ...' } ]";
     const FIRST: &str =
         "[ send: '600+n#60 00 00 00 00 00 00 00', reply: { frame: '580+n#0. ...' } ]";
     let judged = |steps: &str, late: u64, code: Option<[u8; 4]>| {

@@ -79,7 +79,8 @@ pub(in crate::run) fn booted(
     Ok(back)
 }
 
-/// Whether the device answers an upload of 1000h in any way; where frames may be lost, one of a few.
+/// Whether the device answers an upload of 1000h in any way; where frames may be lost, one of
+/// three.
 pub(super) fn answers(link: &mut Link, policy: &Policy, dut: &Dut) -> Result<bool, BusError> {
     for _ in 0..if dut.shares_its_bus { 3 } else { 1 } {
         let ended = sdo::upload(link, policy, dut.node, DEVICE_TYPE)?;

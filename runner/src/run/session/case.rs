@@ -265,8 +265,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             enter(self.link, self.common.policy, self.common.dut, self.common.baseline, state)?;
         }
         self.link.forget_lateness();
-        let watched_from = self.link.trace().len();
-        self.steps_from = watched_from;
+        self.steps_from = self.link.trace().len();
         let (case, patience) = (self.instance.case(), self.patience());
         let scope = self.scope();
         let mut steps = Steps {
@@ -281,7 +280,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             words: &self.instance.suite.words,
             margin: Duration::ZERO,
             awaited: Duration::ZERO,
-            from: watched_from,
+            from: self.steps_from,
             next: None,
             boots_up: self.common.baseline.boots_up(),
             begun: Vec::new(),
@@ -307,7 +306,7 @@ impl<'r, 'b> CaseRun<'r, 'b> {
             ));
         }
         if alive {
-            self.judge_monitors(watched_from, &mut result);
+            self.judge_monitors(self.steps_from, &mut result);
         }
         self.late = result.late;
         self.commanded = self.in_effect(commanded_from, &result.outcome);

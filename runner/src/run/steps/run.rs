@@ -665,8 +665,8 @@ fn is_request(frame: &Frame) -> bool {
     frame.data_id().is_some_and(|id| OF_SERVERS.contains(&id) || id == lss::REQUEST_COB_ID)
 }
 
-/// Whether the frame is an abort because of an error of the protocol, such as a request that belongs
-/// to no transfer, or the time.
+/// Whether the frame is an abort because of an error of the protocol, such as a request that
+/// belongs to no transfer, or the time.
 pub(in crate::run) fn is_of_protocol(frame: Option<&Frame>) -> bool {
     const OF_PROTOCOL: u32 = 0x0504;
     let Some(frame) = frame.filter(|frame| frame.data_id() != Some(lss::RESPONSE_COB_ID)) else {
