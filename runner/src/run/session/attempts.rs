@@ -61,16 +61,20 @@ struct Evidence {
     /// Whether a frame that was lost or came twice explains it: nothing came, or once more what had
     /// come before.
     by_the_wire: bool,
+    /// How many wrong frames of six attempts are proof: where nobody shares the bus, none is lost
+    /// that would explain them.
+    enough: u32,
 }
 
 impl Evidence {
     /// From the frames of the steps.
     fn of(problem: Option<&Problem>, steps: &[Seen], dut: &Dut) -> Self {
-        let Some(problem) = problem else { return Self { sent: 0, by_the_wire: false } };
+        let enough = if dut.shares_its_bus { Failures::PROOF } else { 1 };
+        let Some(problem) = problem else { return Self { sent: 0, by_the_wire: false, enough } };
         let until = steps.iter().map(|seen| &seen.stamped).take_while(|it| it.at <= problem.at);
         let times = |raw| until.clone().filter(|seen| !seen.own && seen.frame == raw).count();
         let by_the_wire = dut.shares_its_bus && problem.raw.is_none_or(|raw| times(raw) > 1);
-        Self { sent: until.clone().filter(|seen| seen.own).count(), by_the_wire }
+        Self { sent: until.clone().filter(|seen| seen.own).count(), by_the_wire, enough }
     }
 
     /// Whether it failed where another attempt did after `sent` frames. In a long case, two frames
@@ -119,7 +123,7 @@ impl Failures {
         }
         // A device that has not passed once, and was wrong in several ways, is not in order. A
         // command or a PDO that was lost explains one or two of them.
-        if self.count == Self::MOST && self.wrong >= Self::PROOF {
+        if self.count == Self::MOST && self.wrong >= evidence.enough {
             return Follows::Outcome(outcome);
         }
         if self.count == Self::MOST {
