@@ -42,8 +42,10 @@ struct Step {
     others: Vec<(usize, Vec<usize>)>,
 }
 
-/// How much is looked at before something that two freedoms do together.
+/// How much is looked at before something that several freedoms do together.
 const LATELY: usize = 16;
+/// How many checks of one request may hide the one that explains what was seen.
+const MOST_CHECKS: usize = 3;
 /// How many freedoms may be needed beside one that replaces another.
 const MOST_COMPANIONS: usize = 4;
 /// How often a freedom is added or replaced.
@@ -134,7 +136,7 @@ impl<'b> Belief<'b> {
             now = self
                 .with_one_more(&now, logs, &[])
                 .or_else(|| self.with_another(&now, logs))
-                .or_else(|| self.with_two_more(&now, logs))?;
+                .or_else(|| self.with_several_more(&now, logs, &[], MOST_CHECKS))?;
         }
         None
     }
@@ -187,17 +189,32 @@ impl<'b> Belief<'b> {
         None
     }
 
-    /// A freedom may only show what another one does: both are asked about the same thing.
-    fn with_two_more(&self, now: &Step, logs: &[&[Seen]]) -> Option<Step> {
+    /// A freedom may only show what another one does: a server that leaves out the first check of
+    /// a request comes to the second one. `known` are those that were asked without it, and it
+    /// takes at most `more` of them before the one that explains something.
+    fn with_several_more(
+        &self,
+        now: &Step,
+        logs: &[&[Seen]],
+        known: &[usize],
+        more: usize,
+    ) -> Option<Step> {
         let (number, place) = now.reached;
         let seen = &logs[number][..=place];
         let muted = self.blueprint.muted_freedoms(&now.used)?;
-        let lately = muted.dissenting_lately(self.blueprint, seen, LATELY);
-        lately.iter().find_map(|freedom| {
+        let mut lately = muted.dissenting_lately(self.blueprint, seen, LATELY);
+        lately.retain(|freedom| !known.contains(freedom));
+        let steps = lately.iter().map(|freedom| {
             let mut step = now.clone();
             step.used.push(*freedom);
             step.others.push((*freedom, Vec::new()));
-            self.with_one_more(&step, logs, &lately)
+            step
+        });
+        let steps: Vec<Step> = steps.collect();
+        let known: Vec<usize> = known.iter().copied().chain(lately).collect();
+        steps.iter().find_map(|step| self.with_one_more(step, logs, &known)).or_else(|| {
+            let more = more.checked_sub(1).filter(|more| *more > 0)?;
+            steps.iter().find_map(|step| self.with_several_more(step, logs, &known, more))
         })
     }
 

@@ -124,6 +124,17 @@ fn a_freedom_that_explained_too_little_is_replaced() {
     }
 }
 
+/// The device takes an entry of a valid mapping that is in use, with a length that is not that of
+/// the object: each of three checks is the first one that a model refuses it for.
+#[test]
+fn several_checks_that_a_device_leaves_out_explain_one_answer() {
+    let device = devices::device("generic").unwrap();
+    let personalities = freedom::personalities(&device).unwrap();
+    let personality = personalities.iter().find(|known| known.name == "small-buffers").unwrap();
+    let found = Subject::new(&device, &personality.deviation()).found(40);
+    assert!(found.is_empty(), "{found:?}");
+}
+
 #[test]
 fn what_the_manual_of_a_device_leaves_open_is_learnt() {
     let device = devices::device("drr460").unwrap();
