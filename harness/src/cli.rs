@@ -388,12 +388,31 @@ pub struct CampaignArgs {
     /// How long, such as `30s`, `10m` or `2h`
     #[arg(long, value_parser = seconds)]
     pub time: Option<u64>,
+    /// Sessions that are played at the same time on a simulated device; as many as there are
+    /// processors when absent. What is found does not depend on it
+    #[arg(long, value_name = "N")]
+    pub jobs: Option<NonZero<usize>>,
     /// Play every Nth session, from the Ith on: N programs share the sessions
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<Shard>,
     /// Stop after so many sessions in which something was wrong
     #[arg(long, value_name = "N", default_value_t = 20)]
     pub max_findings: usize,
+    /// Begin with the freedoms that a run of this journal showed: what its LENIENT cases name
+    #[arg(long, value_name = "JOURNAL")]
+    pub after: Option<PathBuf>,
+    /// The reports to write.
+    #[command(flatten)]
+    pub reports: ReportArgs,
+    /// Write the journal: the findings with their frames, one JSON object per line
+    #[arg(long, value_name = "FILE")]
+    pub journal: Option<PathBuf>,
+    /// Waivers: causes that are known and do not make the campaign red, as cases `fuzz/CAUSE`
+    #[arg(long, value_name = "FILE")]
+    pub waivers: Option<PathBuf>,
+    /// The date on which waivers expire, instead of that of the clock
+    #[arg(long, value_name = "DATE", hide = true, value_parser = date)]
+    pub today: Option<String>,
     /// The folder for files of findings, one for each cause
     #[arg(long, value_name = "FOLDER")]
     pub findings: Option<PathBuf>,
@@ -406,6 +425,33 @@ pub struct CampaignArgs {
     /// Show no progress
     #[arg(short, long)]
     pub quiet: bool,
+}
+
+impl CampaignArgs {
+    /// The run that leaves the same reports.
+    pub(crate) fn as_run(&self) -> RunArgs {
+        RunArgs {
+            selection: self.device.typed(),
+            reports: self.reports.clone(),
+            journal: self.journal.clone(),
+            grade: None,
+            waivers: self.waivers.clone(),
+            today: self.today.clone(),
+            dry_run: false,
+            last_failed: None,
+            shard: self.shard,
+            shuffle: false,
+            seed: Some(self.seed),
+            every_index: false,
+            patience: None,
+            max_fail: None,
+            jobs: self.jobs,
+            verbose: false,
+            quiet: self.quiet,
+            color: When::Never,
+            no_progress: self.quiet,
+        }
+    }
 }
 
 /// The device of a campaign.

@@ -29,6 +29,8 @@ pub(crate) struct Reporter {
     run: Run,
     printer: Printer,
     annotate: bool,
+    /// Cases and summary are printed.
+    prints: bool,
     bar: ProgressBar,
     journal: Option<JournalFile>,
     /// The reports to write at the end.
@@ -69,11 +71,29 @@ impl Reporter {
             run: Run::new(Keep::Unusual),
             printer: Printer::new(Style { color }, verbosity),
             annotate: std::env::var_os("GITHUB_ACTIONS").is_some(),
+            prints: true,
             bar,
             journal,
             reports,
             unwritten: false,
         })
+    }
+
+    /// The same for a command that prints what it found in words of its own. How far it came is a
+    /// sentence.
+    #[must_use]
+    pub(crate) fn without_text(mut self) -> Self {
+        if let Ok(style) = ProgressStyle::with_template("{wide_msg}") {
+            self.bar.set_style(style);
+        }
+        self.prints = false;
+        self
+    }
+
+    /// How far it came.
+    pub(crate) fn progress(&self, said: String) {
+        self.bar.set_message(said);
+        self.bar.tick();
     }
 
     /// The number of cases to come.
@@ -88,7 +108,7 @@ impl Reporter {
         // The order of events is the runner's business; out of order is a bug.
         self.run.apply(event).unwrap_or_else(|error| panic!("{error}"));
         match event {
-            Event::CaseStarted(case) => self.bar.set_message(case.name()),
+            Event::CaseStarted(case) if self.prints => self.bar.set_message(case.name()),
             Event::CaseEnded(_) => self.case_ended(),
             _ => {}
         }
@@ -97,7 +117,9 @@ impl Reporter {
     /// Writes the reports that are due at the end, and prints the closing messages.
     pub(crate) fn finish(&mut self) -> Exit {
         self.bar.finish_and_clear();
-        print(&self.printer.summary(&self.run));
+        if self.prints {
+            print(&self.printer.summary(&self.run));
+        }
         self.write_reports();
         if self.unwritten { Exit::File } else { Exit::Green }
     }
@@ -137,7 +159,10 @@ impl Reporter {
     fn case_ended(&mut self) {
         self.bar.inc(1);
         let Some((device, case)) = self.run.latest() else { return };
-        let mut text = self.printer.case(&self.run, device, case);
+        let mut text = match self.prints {
+            true => self.printer.case(&self.run, device, case),
+            false => String::new(),
+        };
         if self.annotate {
             let is_there = |file: &str| Path::new(file).is_file();
             text.extend(github::annotation(device, case, is_there));

@@ -12,6 +12,7 @@ use canopen::bench::Needs;
 use canopen::eds::{Eds, Entry};
 use canopen::pdo::Mapping;
 use canopen::{BusError, Mux, lss};
+use reports::{DeviceStarted, Identity, Versions};
 
 use crate::protect::{Protection, Wire};
 
@@ -104,6 +105,24 @@ impl Dut {
             protection: Arc::default(),
             wire: Arc::default(),
             hooks: Hooks::default(),
+        }
+    }
+
+    /// The event that begins it in a report, as far as it is known without asking it. `rerun` is
+    /// the command that runs a case again, without its name.
+    pub fn started(&self, rerun: String) -> DeviceStarted {
+        DeviceStarted {
+            device: self.name.clone(),
+            node: self.node,
+            identity: Identity::default(),
+            versions: Versions::default(),
+            sheet: Some(self.sheet.used()),
+            objects: Arc::clone(&self.sheet.names),
+            pdos: Arc::clone(&self.sheet.pdos),
+            // Pipes have none.
+            bit_rate: self.bit_rate.filter(|_| self.shares_its_bus || !self.shares_its_machine),
+            rerun,
+            remark: None,
         }
     }
 

@@ -20,6 +20,9 @@ use crate::plan::is_named;
 use crate::source::{At, Complaint, Place, Source, read_yaml};
 use crate::suite::Register;
 
+/// The suite whose cases are the causes of what fuzzing found: a run has none of them.
+pub const CAMPAIGN: &str = "fuzz";
+
 /// The reason that stands for one until somebody writes it.
 pub const UNEXPLAINED: &str = "not explained yet";
 
@@ -121,7 +124,7 @@ impl Waivers {
     }
 
     /// The outcome of a case, waived when it has a cause that is known.
-    pub(crate) fn apply(&self, device: &str, case: &CaseStarted, outcome: Outcome) -> Outcome {
+    pub fn apply(&self, device: &str, case: &CaseStarted, outcome: Outcome) -> Outcome {
         if self.entries.is_empty() {
             return outcome;
         }
@@ -146,24 +149,39 @@ impl Waivers {
         }
     }
 
+    /// The waivers that have expired, and those without a reason.
+    pub fn not_in_force(&self) -> Vec<Complaint> {
+        self.entries.iter().filter_map(|entry| self.is_in_force(&entry.value).err()).collect()
+    }
+
+    fn is_in_force(&self, waiver: &WaiverEntry) -> Result<(), Complaint> {
+        let complain = |place, message| Err(Complaint::at(&self.source, place, message));
+        if let Some(date) = waiver.expires.as_ref().filter(|_| waiver.has_expired(&self.today)) {
+            return complain(date.place, format!("this waiver expired on {}", date.value));
+        }
+        match waiver.reason.value.trim() == UNEXPLAINED {
+            true => complain(waiver.reason.place, "this waiver has no reason yet".to_owned()),
+            false => Ok(()),
+        }
+    }
+
     /// The waivers that `run` does not confirm, where `names` are the existing cases. Of a run of
     /// `selected` ones, nothing is known of a waiver that names others, too.
     pub fn out_of_date(&self, run: &Run, names: &[String], selected: bool) -> Vec<Complaint> {
         let mut complaints = Vec::new();
         let in_run: BTreeSet<String> = run.cases().map(|(_, case)| case.info.name()).collect();
         for At { value: waiver, place } in &self.entries {
+            complaints.extend(self.is_in_force(waiver).err());
+            if waiver.has_expired(&self.today) {
+                continue;
+            }
             let mut complain = |place, message| {
                 complaints.push(Complaint::at(&self.source, place, message));
             };
-            if let Some(date) = waiver.expires.as_ref().filter(|_| waiver.has_expired(&self.today))
-            {
-                complain(date.place, format!("this waiver expired on {}", date.value));
-                continue;
-            }
-            if waiver.reason.value.trim() == UNEXPLAINED {
-                complain(waiver.reason.place, "this waiver has no reason yet".to_owned());
-            }
-            let absent = |glob: &&At<String>| !names.iter().any(|name| is_named(&glob.value, name));
+            let of_campaign = |glob: &str| glob.split('/').next() == Some(CAMPAIGN);
+            let absent = |glob: &&At<String>| {
+                !of_campaign(&glob.value) && !names.iter().any(|name| is_named(&glob.value, name))
+            };
             let mut known = true;
             for glob in waiver.cases.0.iter().filter(absent) {
                 let meant = did_you_mean(&glob.value, names.iter().map(String::as_str));

@@ -54,12 +54,23 @@ const MOST_STEPS: usize = 48;
 const MOST_EVIDENCE: usize = 16;
 
 impl<'b> Belief<'b> {
-    /// A device that uses these freedoms, by their places in the blueprint; `None` when it cannot
-    /// be built.
+    /// A device that is said to use these freedoms, by their places in the blueprint; `None` when
+    /// it cannot be built.
     pub fn new(blueprint: &'b Blueprint, used: Vec<usize>) -> Option<Self> {
         let model = blueprint.build(used.iter().map(|place| &blueprint.freedoms()[*place]))?;
         let (given, evidence, doubtful) = (used.clone(), Vec::new(), Vec::new());
         Some(Self { blueprint, given, used, model, evidence, doubtful })
+    }
+
+    /// One more freedom that the device is said to use, by its place in the blueprint; as before
+    /// when no device uses it beside the others.
+    #[must_use]
+    pub fn with(self, freedom: usize) -> Self {
+        if !self.blueprint.agree(&self.used, freedom) {
+            return self;
+        }
+        let used = self.used.iter().copied().chain([freedom]).collect();
+        Self::new(self.blueprint, used).unwrap_or(self)
     }
 
     /// A device that is like the one that is believed in, switched on at time 0.
@@ -73,13 +84,21 @@ impl<'b> Belief<'b> {
         self.used.iter().map(|place| &blueprint.freedoms()[*place])
     }
 
+    /// Whether it was said before the first session that the device uses a freedom, and no session
+    /// has contradicted it.
+    pub fn is_given(&self, freedom: &Candidate) -> bool {
+        let all = self.blueprint.freedoms();
+        self.given.iter().any(|place| all[*place].name == freedom.name)
+    }
+
     /// Takes what was seen in a session that is not as expected, and looks for freedoms that
     /// explain it.
     pub fn explain(&mut self, seen: &[Seen]) -> Judged {
         let logs: Vec<&[Seen]> = self.evidence.iter().map(Vec::as_slice).chain([seen]).collect();
-        let found = self.search(self.used.clone(), &logs).or_else(|| {
-            let other = self.used != self.given;
-            other.then(|| self.search(self.given.clone(), &logs))?
+        let found = self.search(self.used.clone(), false, &logs).or_else(|| {
+            // What a device was said to use before it was seen may be a mistake.
+            let other = !self.used.is_empty();
+            other.then(|| self.search(self.given.clone(), true, &logs))?
         });
         let Some((used, model)) = found.and_then(|used| {
             let freedoms = used.iter().map(|place| &self.blueprint.freedoms()[*place]);
@@ -92,6 +111,7 @@ impl<'b> Belief<'b> {
         if used == self.used {
             return Judged::Expected;
         }
+        self.given.retain(|freedom| used.contains(freedom));
         (self.used, self.model) = (used, model);
         if self.evidence.len() < MOST_EVIDENCE {
             self.evidence.push(seen.to_vec());
@@ -126,9 +146,11 @@ impl<'b> Belief<'b> {
     }
 
     /// Adds freedoms, those first that explain most. Where none helps, one of those before is
-    /// replaced by one that explained as much.
-    fn search(&self, base: Vec<usize>, logs: &[&[Seen]]) -> Option<Vec<usize>> {
-        let mut now = Step { reached: self.reaches(&base, logs), used: base, others: Vec::new() };
+    /// replaced by one that explained as much; with `doubts`, those of the base may be left out.
+    fn search(&self, base: Vec<usize>, doubts: bool, logs: &[&[Seen]]) -> Option<Vec<usize>> {
+        let reached = self.reaches(&base, logs);
+        let doubted = base.iter().filter(|_| doubts).map(|freedom| (*freedom, Vec::new()));
+        let mut now = Step { reached, others: doubted.collect(), used: base };
         for _ in 0..MOST_STEPS {
             if now.reached.0 == logs.len() {
                 return Some(now.used);

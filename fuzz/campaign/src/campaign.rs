@@ -69,6 +69,7 @@ pub struct Campaign<'b> {
     belief: Belief<'b>,
     seed: u64,
     tally: Tally,
+    lessons: u64,
     /// The last sessions in which nothing was wrong.
     right: VecDeque<Vec<Seen>>,
 }
@@ -82,7 +83,13 @@ const MOST_RIGHT: usize = 48;
 impl<'b> Campaign<'b> {
     /// A campaign that begins with this belief.
     pub fn new(blueprint: &'b Blueprint, belief: Belief<'b>, seed: u64) -> Self {
-        Self { blueprint, belief, seed, tally: Tally::default(), right: VecDeque::new() }
+        let (tally, right) = (Tally::default(), VecDeque::new());
+        Self { blueprint, belief, seed, tally, lessons: 0, right }
+    }
+
+    /// How models of the device are built.
+    pub const fn blueprint(&self) -> &'b Blueprint {
+        self.blueprint
     }
 
     /// What is believed of the device.
@@ -104,10 +111,35 @@ impl<'b> Campaign<'b> {
         stage: &mut dyn Stage,
         number: u64,
     ) -> Result<Option<Finding>, BusError> {
+        let played = self.play(stage, number)?;
+        self.take(stage, number, played)
+    }
+
+    /// Plays the session of this number on a device that is believed to be as it is now.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn play(&self, stage: &mut dyn Stage, number: u64) -> Result<Played, BusError> {
         let bytes = bytes(self.seed, number);
-        let script = Script::Bytes(&bytes);
+        stage.play(self.blueprint, self.belief.model(), &Script::Bytes(&bytes))
+    }
+
+    /// Takes what was [played](Self::play) in the session of this number, and plays it again while
+    /// something is learnt in it. Returns what is wrong with the device, if it is. What was played
+    /// in a later one is worth nothing when [`lessons`](Self::lessons) has changed.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub fn take(
+        &mut self,
+        stage: &mut dyn Stage,
+        number: u64,
+        mut played: Played,
+    ) -> Result<Option<Finding>, BusError> {
         for lesson in 0..=LESSONS {
-            let played = stage.play(self.blueprint, self.belief.model(), &script)?;
+            if lesson > 0 {
+                played = self.play(stage, number)?;
+            }
             self.count(&played);
             let violation = match played.end {
                 None => {
@@ -123,7 +155,9 @@ impl<'b> Campaign<'b> {
                 }
                 Some(End::Violation(violation)) => violation,
             };
-            match self.belief.explain(&played.seen) {
+            let judged = self.belief.explain(&played.seen);
+            self.lessons += u64::from(judged != Judged::Expected);
+            match judged {
                 Judged::Wrong => {}
                 Judged::Learnt if lesson < LESSONS => continue,
                 Judged::Learnt | Judged::Expected => return Ok(None),
@@ -132,6 +166,11 @@ impl<'b> Campaign<'b> {
             return Ok(Some(Finding { number, session, seen, violation }));
         }
         Ok(None)
+    }
+
+    /// How often something was learnt, or was thought to be.
+    pub const fn lessons(&self) -> u64 {
+        self.lessons
     }
 
     fn count(&mut self, played: &Played) {

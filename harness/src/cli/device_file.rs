@@ -60,18 +60,23 @@ impl CheckArgs {
 }
 
 impl DeviceArgs {
-    /// The device, with what the device file says of it.
-    ///
-    /// # Errors
-    /// What is wrong with the file.
-    pub(crate) fn selection(&self) -> Result<Selection, Refused> {
-        let selection = Selection {
+    /// The device, as it was typed.
+    pub(crate) fn typed(&self) -> Selection {
+        Selection {
             dut: self.dut.clone(),
             node: self.node,
             eds: self.eds.clone(),
             bitrate: self.bitrate,
             ..Selection::of_target(self.target.as_deref())
-        };
+        }
+    }
+
+    /// The device, with what the device file says of it.
+    ///
+    /// # Errors
+    /// What is wrong with the file.
+    pub(crate) fn selection(&self) -> Result<Selection, Refused> {
+        let selection = self.typed();
         let Some(file) = selection.load()? else { return Ok(selection) };
         let typed = selection.typed();
         Ok(selection.with(file, typed))

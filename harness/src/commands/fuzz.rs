@@ -1,33 +1,38 @@
 //! `harness fuzz`: sessions of typed actions on a device, judged by a model of it.
 //!
 //! Sessions, model and judgement belong to [`campaign`]. Here are the bus, the files and what is
-//! printed.
+//! printed. A campaign leaves what a run leaves: see [`record`].
 
 mod causes;
 mod file;
 mod model;
 mod outcome;
+mod prepared;
+mod record;
 pub(super) mod stage;
 
 use std::fs;
+use std::path::PathBuf;
 
-use campaign::{Campaign, Finding, Tally, session::Session, shrink};
+use campaign::session::{Played, Script, Session};
+use campaign::{Campaign, Finding, Stage, Tally, VirtualDevice, bytes, shrink};
 use canopen::BusError;
-use indicatif::{ProgressBar, ProgressDrawTarget};
+use runner::parallel::{self, processors};
 use runner::stop::Stop;
 
 use super::counted::counted;
-use crate::cli::{CampaignArgs, DeviceArgs, FindingArgs, FuzzArgs, FuzzCommand};
+use crate::cli::{CampaignArgs, FindingArgs, FuzzArgs, FuzzCommand, RunArgs};
 use crate::exit::{Exit, Refused};
 use crate::files::words;
-use crate::reporter::say;
-use crate::target::{self, Target};
+use crate::reporter::{Reporter, say};
 
 use causes::{Cause, group};
 use file::FindingFile;
 pub(super) use model::Modelled;
 use outcome::{Found, Outcome};
-use stage::Clock;
+use prepared::Prepared;
+use record::{Record, Shown};
+use stage::{Clock, target_of};
 
 /// Runs a campaign, or what is wanted with a finding.
 ///
@@ -41,65 +46,55 @@ pub(super) fn run(args: &FuzzArgs, stop: &Stop) -> Result<Exit, Refused> {
     }
 }
 
-/// The device that is meant; a campaign is about one.
-fn target(device: &DeviceArgs, stop: &Stop) -> Result<Target, Refused> {
-    let selection = device.selection()?;
-    if selection.target.is_none() {
-        return Err(Refused::usage(
-            "a campaign is about one device: --target names it, such as `--target sim:generic` or \
-             `--target sim:FOLDER`",
-        ));
-    }
-    let catalogue = selection.folders.catalogue.load()?;
-    let mut targets = target::resolve(&selection, &catalogue, stop)?;
-    Ok(targets.remove(0))
-}
-
 fn campaign(args: &CampaignArgs, stop: &Stop) -> Result<Exit, Refused> {
-    let target = target(&args.device, stop)?;
+    let typed = args.as_run();
+    let with_file = typed.with_file();
+    let run = with_file.as_ref().unwrap_or(&typed);
+    let mut reporter = Reporter::new(run)?.without_text();
     let _held = stop.hold();
-    let mut stage = stage::open(&target)?;
-    let modelled = Modelled::of(&target, &mut stage)?;
-    let belief = modelled.belief()?;
-    let mut campaign = Campaign::new(&modelled.blueprint, belief, args.seed);
-    let clock = Clock::start(args.time);
-    let bar = progress(args);
-    let mut findings: Vec<Finding> = Vec::new();
-    let mut stopped = None;
-    let shard = args.shard.map_or((0, 1), |shard| (shard.place as u64, shard.of as u64));
-    let most = args.sessions.or_else(|| args.time.map(|_| u64::MAX)).unwrap_or(SESSIONS);
-    for number in (0..most).map(|count| shard.0 + count * shard.1) {
-        if clock.is_over() || findings.len() >= args.max_findings {
-            break;
+    let prepared = match &with_file {
+        Ok(run) => Prepared::new(args, run, stop),
+        Err(refused) => Err(refused.clone()),
+    };
+    match prepared {
+        Ok(prepared) => carry_out(args, run, stop, prepared, &mut reporter),
+        Err(refused) => {
+            reporter.refused(run, &refused);
+            Err(refused)
         }
-        if stop.asked() {
-            stopped = Some(BusError::Interrupted);
-            break;
-        }
-        match campaign.session(&mut stage, number) {
-            Ok(found) => findings.extend(found),
-            Err(error) => {
-                stopped = Some(error);
-                break;
-            }
-        }
-        bar.set_message(line(campaign.tally(), findings.len(), &clock));
-        bar.tick();
     }
-    bar.finish_and_clear();
-    let causes = group(&campaign, &modelled.blueprint, &findings);
-    let found =
-        causes.iter().map(|cause| kept(args, &target, &modelled, &campaign, cause, &findings));
-    let outcome = Outcome::new(&campaign, found.collect::<Result<_, _>>()?);
-    say(&if args.json { outcome.json() } else { outcome.text(args.goals) });
-    Ok(ending(stopped.as_ref(), !findings.is_empty()))
 }
 
-/// The sessions of a campaign that has no other limit.
-const SESSIONS: u64 = 1_000;
-
-fn ending(stopped: Option<&BusError>, found: bool) -> Exit {
-    let stopped = match stopped {
+fn carry_out(
+    args: &CampaignArgs,
+    run: &RunArgs,
+    stop: &Stop,
+    prepared: Prepared,
+    reporter: &mut Reporter,
+) -> Result<Exit, Refused> {
+    let (modelled, mut stage) = (&prepared.modelled, prepared.stage.clone());
+    let mut campaign = Campaign::new(&modelled.blueprint, prepared.belief()?, args.seed);
+    let mut record = Record::begin(reporter, &prepared, run, modelled.identity);
+    let (findings, stopped) = play(args, stop, &mut campaign, &mut stage, &mut record);
+    let mut outcome = Outcome::new(&campaign);
+    let why = stopped.as_ref().map(ToString::to_string);
+    record.sessions_over(outcome.notes(), why.as_deref());
+    for cause in group(&campaign, &modelled.blueprint, &findings) {
+        let kept = kept(args, &prepared, &campaign, &mut stage, &cause, &findings)?;
+        let actions = kept.finding.session.actions.len();
+        let mut found = Found::new(&cause, &findings, actions, kept.file);
+        let requirements = cause.mutants.first().map(|it| &modelled.blueprint.mutants()[*it]);
+        found.waived = record.cause(&Shown {
+            cause: &cause.name,
+            requirements: requirements.map_or(&[], |mutant| &mutant.clauses),
+            finding: &kept.finding,
+            notes: found.notes(),
+            file: found.file.as_deref(),
+        });
+        outcome.causes.push(found);
+    }
+    say(&if args.json { outcome.json() } else { outcome.text(args.goals) });
+    let exit = match &stopped {
         None => Exit::Green,
         Some(BusError::Interrupted) => Exit::Interrupted,
         Some(error) => {
@@ -107,15 +102,74 @@ fn ending(stopped: Option<&BusError>, found: bool) -> Exit {
             Exit::Bus
         }
     };
-    stopped.max(if found { Exit::Findings } else { Exit::Green })
+    Ok(record.end(exit, why))
 }
 
-fn progress(args: &CampaignArgs) -> ProgressBar {
-    let bar = ProgressBar::new_spinner();
-    if args.quiet {
-        bar.set_draw_target(ProgressDrawTarget::hidden());
+/// The sessions of a campaign that has no other limit.
+const SESSIONS: u64 = 1_000;
+/// How many sessions each worker plays before all of them are judged. Those that were played for
+/// nothing, since something was learnt, are few when this is small.
+const AHEAD: usize = 16;
+
+/// Plays sessions until something ends the campaign: returns what was found, and what stopped it
+/// before its end. Workers play sessions ahead of the one that is judged, with the same belief; the
+/// outcome is that of one after the other.
+fn play(
+    args: &CampaignArgs,
+    stop: &Stop,
+    campaign: &mut Campaign<'_>,
+    stage: &mut VirtualDevice,
+    record: &mut Record<'_>,
+) -> (Vec<Finding>, Option<BusError>) {
+    let clock = Clock::start(args.time);
+    let workers = args.jobs.map_or_else(processors, Into::into);
+    let ahead = if workers == 1 { 1 } else { workers * AHEAD };
+    let (place, of) = args.shard.map_or((0, 1), |shard| (shard.place as u64, shard.of as u64));
+    let most = args.sessions.or_else(|| args.time.map(|_| u64::MAX)).unwrap_or(SESSIONS);
+    let mut findings: Vec<Finding> = Vec::new();
+    let mut done = 0;
+    while done < most {
+        let last = done.saturating_add(ahead as u64).min(most);
+        let numbers = (done..last).map(|count| place + count * of);
+        let lessons = campaign.lessons();
+        for (number, played) in played(campaign, stage, numbers.collect(), args.seed, workers) {
+            if stop.asked() {
+                return (findings, Some(BusError::Interrupted));
+            }
+            if clock.is_over() || findings.len() >= args.max_findings {
+                return (findings, None);
+            }
+            let found = match played.and_then(|played| campaign.take(stage, number, played)) {
+                Ok(found) => found,
+                Err(error) => return (findings, Some(error)),
+            };
+            found.iter().for_each(|finding| record.finds(finding));
+            findings.extend(found);
+            done += 1;
+            record.progress(line(campaign.tally(), findings.len(), &clock));
+            if campaign.lessons() != lessons {
+                break;
+            }
+        }
     }
-    bar
+    (findings, None)
+}
+
+/// The sessions of these numbers as they are played on a device that is believed to be as it is
+/// now.
+fn played(
+    campaign: &Campaign<'_>,
+    stage: &VirtualDevice,
+    numbers: Vec<u64>,
+    seed: u64,
+    workers: usize,
+) -> Vec<(u64, Result<Played, BusError>)> {
+    let blueprint = campaign.blueprint();
+    let each = numbers.into_iter().map(|it| (it, stage.clone(), campaign.belief().model()));
+    parallel::map(each.collect(), workers, |(number, mut stage, model)| {
+        let bytes = bytes(seed, number);
+        (number, stage.play(blueprint, model, &Script::Bytes(&bytes)))
+    })
 }
 
 fn line(tally: &Tally, findings: usize, clock: &Clock) -> String {
@@ -129,47 +183,52 @@ fn line(tally: &Tally, findings: usize, clock: &Clock) -> String {
     )
 }
 
-/// A cause; its smallest session is written to a file.
+/// What shows a cause best.
+struct Kept {
+    finding: Finding,
+    /// The file of it.
+    file: Option<PathBuf>,
+}
+
+/// The smallest session that shows a cause; it is written to a file.
 fn kept(
     args: &CampaignArgs,
-    target: &Target,
-    modelled: &Modelled,
+    prepared: &Prepared,
     campaign: &Campaign<'_>,
+    stage: &mut VirtualDevice,
     cause: &Cause,
     findings: &[Finding],
-) -> Result<Found, Refused> {
+) -> Result<Kept, Refused> {
     let first = &findings[cause.findings[0]];
-    let mut session = first.session.clone();
-    let short = cause.mutants.first().and_then(|mutant| modelled.shrunk(campaign, *mutant, first));
-    session.actions = short.unwrap_or(session.actions);
-    let actions = session.actions.len();
+    let finding = prepared.modelled.shortest(campaign, stage, cause.mutants.first(), first);
     let mut path = None;
     if let Some(folder) = &args.findings {
         let refused = |error: &std::io::Error| Refused {
             exit: Exit::File,
             message: format!("error: {}: {}", folder.display(), words(error)),
         };
-        let file = FindingFile::of(target, args, cause, first, session);
+        let believed = campaign.belief().freedoms().map(|freedom| freedom.name.clone());
+        let file = FindingFile::of(&prepared.target, args, cause, &finding, believed.collect());
         fs::create_dir_all(folder).map_err(|error| refused(&error))?;
         let name = folder.join(format!("{}.json", cause.name));
         fs::write(&name, file.text()).map_err(|error| refused(&error))?;
         path = Some(name);
     }
-    Ok(Found::new(cause, findings, actions, path))
+    Ok(Kept { finding, file: path })
 }
 
 /// Plays the session of a file again.
 fn repro(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     let file = FindingFile::read(&args.file)?;
-    let target = target(&file.device(&args.device), stop)?;
+    let target = target_of(&file.device(&args.device).selection()?, stop)?;
     let _held = stop.hold();
     let mut stage = stage::open(&target)?;
     let modelled = Modelled::of(&target, &mut stage)?;
     let session = Session { actions: file.actions.clone() };
-    let again = modelled.again(&mut stage, &session)?;
+    let again = modelled.again(&mut stage, &file.freedoms, &session)?;
     match again {
-        Some(violation) => {
-            say(&format!("{}\n{violation}\n", file.words()));
+        Some(finding) => {
+            say(&format!("{}\n{}\n", file.words(), finding.violation));
             Ok(Exit::Findings)
         }
         None => {
@@ -182,15 +241,16 @@ fn repro(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
 /// Makes the session of a file shorter.
 fn shorten(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     let mut file = FindingFile::read(&args.file)?;
-    let target = target(&file.device(&args.device), stop)?;
+    let target = target_of(&file.device(&args.device).selection()?, stop)?;
     let _held = stop.hold();
     let mut stage = stage::open(&target)?;
     let modelled = Modelled::of(&target, &mut stage)?;
     let before = file.actions.len();
     let mut failed = None;
+    let believed = file.freedoms.clone();
     file.actions = shrink(&file.actions, TRIES, &mut |actions| {
         let session = Session { actions: actions.to_vec() };
-        match modelled.again(&mut stage, &session) {
+        match modelled.again(&mut stage, &believed, &session) {
             Ok(found) => found.is_some() && !stop.asked(),
             Err(refused) => {
                 failed = Some(refused);

@@ -175,15 +175,23 @@ fn load(args: &RunArgs) -> Result<(Library, bool), Vec<Complaint>> {
     }
 }
 
-/// The names of the cases that made the run of a journal red.
-fn last_failed(path: &Path) -> Result<BTreeSet<String>, Refused> {
-    let name = path.display();
+/// The run that a journal records.
+///
+/// # Errors
+/// When it cannot be read, or is no journal.
+pub(super) fn recorded(path: &Path) -> Result<Run, Refused> {
     let refused = |why: String| {
-        let message = format!("error: {name}: {why}");
+        let message = format!("error: {}: {why}", path.display());
         Refused { exit: Exit::File, message }
     };
     let journal = read(path, LARGEST_JOURNAL).and_then(text).map_err(|why| refused(words(&why)))?;
-    let run = Run::fold(&journal, Keep::Unusual).map_err(|why| refused(why.to_string()))?;
+    Run::fold(&journal, Keep::Unusual).map_err(|why| refused(why.to_string()))
+}
+
+/// The names of the cases that made the run of a journal red.
+fn last_failed(path: &Path) -> Result<BTreeSet<String>, Refused> {
+    let name = path.display();
+    let run = recorded(path)?;
     if run.ended.is_none() {
         let message = format!(
             "error: there is nothing to run: the run of {name} was cut off, so that nobody knows \
@@ -203,7 +211,10 @@ fn last_failed(path: &Path) -> Result<BTreeSet<String>, Refused> {
 }
 
 /// The waivers that are in force today.
-fn waivers_of(args: &RunArgs, register: &Register) -> Result<Waivers, Refused> {
+///
+/// # Errors
+/// What is wrong with the file.
+pub(super) fn waivers_of(args: &RunArgs, register: &Register) -> Result<Waivers, Refused> {
     let Some(path) = &args.waivers else { return Ok(Waivers::default()) };
     let today = args.today.clone().unwrap_or_else(|| reports::date(unix_time()));
     Ok(Waivers::read(read_source(path)?, &today, register)?)

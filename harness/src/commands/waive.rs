@@ -7,12 +7,12 @@ use std::fs::File;
 use std::io::Write as _;
 use std::path::Path;
 
-use reports::{Cause, Keep, Outcome, Run, Verdict, facts};
+use reports::{Cause, Outcome, Run, Verdict, facts};
 
 use super::counted::counted;
+use super::run::recorded;
 use crate::cli::WaiveArgs;
 use crate::exit::{Exit, Refused};
-use crate::files::{LARGEST_JOURNAL, read, text, words};
 use crate::reporter::say;
 
 /// Writes a waiver for each fact that makes a run of these journals red.
@@ -50,12 +50,8 @@ const fn refused(message: String) -> Refused {
 
 /// The run of a journal.
 fn folded(journal: &Path) -> Result<Run, Refused> {
+    let run = recorded(journal)?;
     let path = journal.display();
-    let text = read(journal, LARGEST_JOURNAL)
-        .and_then(text)
-        .map_err(|error| refused(format!("error: {path}: {}", words(&error))))?;
-    let run = Run::fold(&text, Keep::Unusual)
-        .map_err(|error| refused(format!("error: {path}: {error}")))?;
     if run.ended.is_none() {
         complain!("note: the run of {path} was cut off: what it did not reach has no waiver");
     }

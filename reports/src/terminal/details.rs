@@ -40,6 +40,7 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
         block.field("measured", &figures(measured));
     }
     match problem {
+        Some(problem) if problem.place.file.is_empty() => {}
         Some(problem) => block.place(problem),
         // If a run did not reach its cases, its one case stands in no file.
         None if case.info.file.is_empty() => {}

@@ -141,20 +141,7 @@ impl Session<'_> {
 
     /// The device, as far as it is known without asking it.
     fn device(&self) -> DeviceStarted {
-        let dut = &self.plan.dut;
-        DeviceStarted {
-            device: dut.name.clone(),
-            node: dut.node,
-            identity: Identity::default(),
-            versions: Versions::default(),
-            sheet: Some(dut.sheet.used()),
-            objects: Arc::clone(&dut.sheet.names),
-            pdos: Arc::clone(&dut.sheet.pdos),
-            // Pipes have none.
-            bit_rate: dut.bit_rate.filter(|_| dut.shares_its_bus || !dut.shares_its_machine),
-            rerun: self.rerun.clone(),
-            remark: None,
-        }
+        self.plan.dut.started(self.rerun.clone())
     }
 
     /// Reports that no case was run, as where the bus cannot be opened.

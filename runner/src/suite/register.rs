@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use reports::Check;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -247,6 +248,20 @@ impl Register {
     /// The requirement with that id.
     pub fn find(&self, id: &str) -> Option<&Requirement> {
         self.requirements.get(id)
+    }
+
+    /// The requirement with that id, as a report has it; no decision of a manual relaxes it.
+    pub fn check(&self, id: &str) -> Option<Check> {
+        let requirement = self.find(id)?;
+        let entry = &requirement.entry.value;
+        Some(Check {
+            id: Arc::clone(&requirement.id),
+            document: Arc::clone(&requirement.title),
+            clause: Arc::clone(&entry.clause),
+            level: entry.level.name().into(),
+            relaxed_by: None,
+            says: Arc::clone(&entry.says),
+        })
     }
 
     /// Whether a requirement of that id may be missing because its document is not loaded: neither

@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use campaign::session::Session;
 use campaign::{Action, Finding};
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +28,9 @@ pub(super) struct FindingFile {
     pub(super) seed: u64,
     /// The number of that session.
     pub(super) session: u64,
+    /// The freedoms that the device was believed to use.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub(super) freedoms: Vec<String>,
     /// What shows it.
     pub(super) actions: Vec<Action>,
 }
@@ -52,7 +54,7 @@ impl FindingFile {
         args: &CampaignArgs,
         cause: &Cause,
         finding: &Finding,
-        session: Session,
+        freedoms: Vec<String>,
     ) -> Self {
         Self {
             cause: cause.name.clone(),
@@ -66,7 +68,8 @@ impl FindingFile {
             },
             seed: args.seed,
             session: finding.number,
-            actions: session.actions,
+            freedoms,
+            actions: finding.session.actions.clone(),
         }
     }
 

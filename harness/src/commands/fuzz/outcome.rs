@@ -47,7 +47,10 @@ pub(super) struct Found {
     actions: usize,
     /// The file with them.
     #[serde(skip_serializing_if = "Option::is_none")]
-    file: Option<PathBuf>,
+    pub(super) file: Option<PathBuf>,
+    /// Why it is accepted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) waived: Option<String>,
 }
 
 /// A mutant that does the same.
@@ -64,6 +67,9 @@ struct Learnt {
     freedom: String,
     why: String,
     allowed_by: Vec<String>,
+    /// Whether it is from a run, and no session has contradicted it.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    from_a_run: bool,
 }
 
 impl Found {
@@ -86,11 +92,29 @@ impl Found {
             sessions: of_cause().map(|finding| finding.number).collect(),
             actions,
             file,
+            waived: None,
         }
     }
 
+    /// What is known of it beside what was seen, a line each.
+    pub(super) fn notes(&self) -> Vec<String> {
+        let like = self
+            .like
+            .iter()
+            .map(|Like { requirements, why }| format!("like: {why} ({requirements})"));
+        let times = counted(self.sessions.len(), "session");
+        let first = self.sessions.first().copied().unwrap_or_default();
+        let found = format!("found in {times}, first in session {first}");
+        let file = self.file.iter();
+        let repeat = file.map(|file| format!("repeat: harness fuzz repro {}", file.display()));
+        like.chain([found]).chain(repeat).collect()
+    }
+
     fn text(&self) -> String {
-        let mut text = format!("FINDING {}\n", self.cause);
+        let mut text = match &self.waived {
+            None => format!("FINDING {}\n", self.cause),
+            Some(waiver) => format!("WAIVED {}: {waiver}\n", self.cause),
+        };
         let times = counted(self.sessions.len(), "session");
         let first = self.sessions.first().copied().unwrap_or_default();
         // Writing to a string cannot fail.
@@ -108,23 +132,53 @@ impl Found {
 }
 
 impl Outcome {
-    pub(super) fn new(campaign: &Campaign<'_>, causes: Vec<Found>) -> Self {
+    /// Before the causes are known.
+    pub(super) fn new(campaign: &Campaign<'_>) -> Self {
         let tally = campaign.tally();
         let learnt = campaign.belief().freedoms().map(|freedom| Learnt {
             freedom: freedom.name.clone(),
             why: freedom.why.clone(),
             allowed_by: freedom.clauses.clone(),
+            from_a_run: campaign.belief().is_given(freedom),
         });
         Self {
             sessions: tally.sessions,
             actions: tally.actions,
             goals: tally.goals.len(),
             cut_short: tally.void,
-            causes,
+            causes: Vec::new(),
             learnt: learnt.collect(),
             changes: tally.followed.iter().map(ToString::to_string).collect(),
             tried: tried(tally),
         }
+    }
+
+    /// What was done, and what was learnt of the device, a line each.
+    pub(super) fn notes(&self) -> Vec<String> {
+        std::iter::once(self.played()).chain(self.rest()).collect()
+    }
+
+    fn played(&self) -> String {
+        format!(
+            "{} with {} actions, {} pairs of state and action",
+            counted(self.sessions as usize, "session"),
+            self.actions,
+            self.goals,
+        )
+    }
+
+    fn rest(&self) -> Vec<String> {
+        let learnt = self.learnt.iter().map(|Learnt { freedom, why, allowed_by, from_a_run }| {
+            let how = if *from_a_run { "from the run" } else { "learnt" };
+            format!("{how}: {freedom}: {why} ({})", allowed_by.join(", "))
+        });
+        let changes = (!self.changes.is_empty())
+            .then(|| format!("the application changes {}", self.changes.join(", ")));
+        let void = (self.cut_short > 0).then(|| {
+            let void = counted(self.cut_short as usize, "session");
+            format!("{void} cut short by an error of the application")
+        });
+        learnt.chain(changes).chain(void).collect()
     }
 
     /// The same for programs.
@@ -140,23 +194,12 @@ impl Outcome {
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "{} with {} actions, {} pairs of state and action; {} in {}",
-            counted(self.sessions as usize, "session"),
-            self.actions,
-            self.goals,
+            "{}; {} in {}",
+            self.played(),
             counted(self.causes.len(), "cause"),
             counted(findings, "finding"),
         );
-        for Learnt { freedom, why, allowed_by } in &self.learnt {
-            _ = writeln!(text, "learnt: {freedom}: {why} ({})", allowed_by.join(", "));
-        }
-        if !self.changes.is_empty() {
-            _ = writeln!(text, "the application changes {}", self.changes.join(", "));
-        }
-        if self.cut_short > 0 {
-            let void = counted(self.cut_short as usize, "session");
-            _ = writeln!(text, "{void} cut short by an error of the application");
-        }
+        self.rest().iter().for_each(|line| _ = writeln!(text, "{line}"));
         for (kind, states) in self.tried.iter().filter(|_| goals) {
             _ = writeln!(text, "  {kind:<24} {}", counted(*states, "state"));
         }

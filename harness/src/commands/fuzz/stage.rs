@@ -2,10 +2,27 @@
 
 use campaign::VirtualDevice;
 use reference_devices::change::Deviation;
+use runner::stop::Stop;
 
 use crate::bus::unix_time;
 use crate::exit::Refused;
-use crate::target::{Connection, Target};
+use crate::target::{self, Connection, Selection, Target};
+
+/// The device that is meant; a campaign is about one.
+///
+/// # Errors
+/// When none is named, or it cannot be used.
+pub(super) fn target_of(selection: &Selection, stop: &Stop) -> Result<Target, Refused> {
+    if selection.target.is_none() {
+        return Err(Refused::usage(
+            "a campaign is about one device: --target names it, such as `--target sim:generic` or \
+             `--target sim:FOLDER`",
+        ));
+    }
+    let catalogue = selection.folders.catalogue.load()?;
+    let mut targets = target::resolve(selection, &catalogue, stop)?;
+    Ok(targets.remove(0))
+}
 
 /// The simulated device of a target.
 ///

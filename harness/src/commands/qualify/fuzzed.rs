@@ -24,7 +24,7 @@ struct Fuzzed {
     first: Option<u64>,
     /// Whether one of the first two guesses is a requirement that it breaks.
     named: bool,
-    /// How many actions show the first finding, where a mutant does the same.
+    /// How many actions show the first finding.
     actions: Option<usize>,
 }
 
@@ -104,9 +104,11 @@ fn fuzzed(device: &Target, mutant: Mutant, seed: u64, sessions: u64) -> Result<F
     let first = findings.first().map(|finding| finding.number);
     let looked: Vec<&Finding> = findings.iter().collect();
     let suspects = if looked.is_empty() { Vec::new() } else { campaign.suspects(&looked) };
-    let likeliest = suspects.first().zip(findings.first());
-    let short = likeliest.and_then(|(it, first)| modelled.shrunk(&campaign, it.mutant, first));
-    let actions = short.map(|actions| actions.len());
+    let likeliest = suspects.first().map(|suspect| &suspect.mutant);
+    let first_finding = findings.first();
+    let short =
+        first_finding.map(|found| modelled.shortest(&campaign, &mut stage, likeliest, found));
+    let actions = short.map(|finding| finding.session.actions.len());
     let mut guesses: Vec<&str> = Vec::new();
     for suspect in suspects {
         let clauses = &blueprint.mutants()[suspect.mutant].clauses;

@@ -37,16 +37,8 @@ impl<'s> Starts<'s> {
     fn of_case(&self, instance: &Instance) -> CaseStarted {
         let case = instance.case();
         let checks = case.checks.iter().filter_map(|id| {
-            let requirement = self.register.find(&id.value)?;
-            let entry = &requirement.entry.value;
-            Some(Check {
-                id: Arc::clone(&requirement.id),
-                document: Arc::clone(&requirement.title),
-                clause: Arc::clone(&entry.clause),
-                level: entry.level.name().into(),
-                relaxed_by: instance.relaxed.get(&id.value).map(|by| by.as_str().into()),
-                says: Arc::clone(&entry.says),
-            })
+            let relaxed_by = instance.relaxed.get(&id.value).map(|by| by.as_str().into());
+            Some(Check { relaxed_by, ..self.register.check(&id.value)? })
         });
         CaseStarted {
             at: Instant::ZERO,
