@@ -371,6 +371,8 @@ pub enum FuzzCommand {
     Repro(FindingArgs),
     /// Make the session of a finding shorter
     Shrink(FindingArgs),
+    /// Write a case that shows a finding, and its requirement, into a folder of suites of your own
+    Promote(PromoteArgs),
 }
 
 /// Arguments of a campaign.
@@ -479,6 +481,25 @@ pub struct DeviceArgs {
 pub struct FindingArgs {
     /// The file of the finding
     pub file: PathBuf,
+    /// The device; that of the file when absent.
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+/// Arguments of `fuzz promote`.
+#[derive(Debug, Args)]
+pub struct PromoteArgs {
+    /// The file of the finding
+    pub file: PathBuf,
+    /// The folder of suites of your own; it is made when it is not there
+    #[arg(long, value_name = "DIR")]
+    pub into: PathBuf,
+    /// Name of the case; that of the cause when absent
+    #[arg(long, value_name = "NAME")]
+    pub name: Option<String>,
+    /// Print an entry for the tree, too: the mutant that does the same, or the frame that differs
+    #[arg(long)]
+    pub mutant: bool,
     /// The device; that of the file when absent.
     #[command(flatten)]
     pub device: DeviceArgs,

@@ -89,6 +89,28 @@ fn what_a_run_showed_is_believed() {
 }
 
 #[test]
+fn a_finding_becomes_a_case_that_the_device_fails() {
+    let folder = tempfile::tempdir().unwrap();
+    let found = ["--target", MUTANT, "--sessions", "20", "--findings", "found"];
+    assert_eq!(fuzz(folder.path(), &found).status.code(), Some(8));
+    let file = "found/sdo-toggle-unchecked.json";
+    let promote = ["promote", file, "--into", "mine", "--mutant"];
+    let output = fuzz(folder.path(), &promote);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert!(said(&output).contains("has a mutant that does the same"), "{}", said(&output));
+    let run = |target: &str| {
+        let mut run = harness();
+        run.current_dir(folder.path()).args(["--suites", "mine", "found", "--target", target]);
+        run.output().unwrap()
+    };
+    let (red, green) = (run(MUTANT), run("sim:generic"));
+    assert_eq!(red.status.code(), Some(1), "{}", said(&red));
+    assert_eq!(green.status.code(), Some(0), "{}", said(&green));
+    // What somebody may have changed since is not overwritten.
+    assert_eq!(fuzz(folder.path(), &promote).status.code(), Some(3));
+}
+
+#[test]
 fn a_signal_ends_a_campaign_with_complete_reports() {
     for signal in [Signal::SIGINT, Signal::SIGTERM] {
         let folder = tempfile::tempdir().unwrap();

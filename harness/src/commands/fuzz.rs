@@ -3,11 +3,13 @@
 //! Sessions, model and judgement belong to [`campaign`]. Here are the bus, the files and what is
 //! printed. A campaign leaves what a run leaves: see [`record`].
 
+mod case;
 mod causes;
 mod file;
 mod model;
 mod outcome;
 mod prepared;
+mod promote;
 mod record;
 pub(super) mod stage;
 
@@ -43,6 +45,7 @@ pub(super) fn run(args: &FuzzArgs, stop: &Stop) -> Result<Exit, Refused> {
         None => campaign(&args.campaign, stop),
         Some(FuzzCommand::Repro(again)) => repro(again, stop),
         Some(FuzzCommand::Shrink(again)) => shorten(again, stop),
+        Some(FuzzCommand::Promote(args)) => promote::run(args, stop),
     }
 }
 

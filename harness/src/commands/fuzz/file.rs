@@ -97,6 +97,12 @@ impl FindingFile {
         format!("{}: {} ({requirements})", self.cause, self.what)
     }
 
+    /// The requirements of the likeliest mutant.
+    pub(super) fn requirements_of_first(&self) -> Vec<String> {
+        let first = self.requirements.first().map(|ids| ids.split(", ").map(str::to_owned));
+        first.into_iter().flatten().collect()
+    }
+
     /// The device, unless another one is given.
     pub(super) fn device(&self, given: &DeviceArgs) -> DeviceArgs {
         if given.target.is_some() || given.dut.is_some() {

@@ -1,0 +1,300 @@
+//! A finding as a case of a suite, and its requirement, as text.
+
+use std::fmt::Write;
+
+use campaign::{Action, Finding, Kind, Seen, Then, What};
+use canopen::{Frame, Instant, meaning};
+
+/// How much of a frame a case judges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Strictness {
+    /// The next frame with the identifier is that of the model, byte by byte.
+    Whole,
+    /// Its first four bytes are: the service and the object.
+    Service,
+    /// The frame that the device sent is not sent, or one with the identifier is.
+    Absence,
+}
+
+impl Strictness {
+    /// The strictest first.
+    pub(super) const ALL: [Self; 3] = [Self::Whole, Self::Service, Self::Absence];
+}
+
+/// What a case is called.
+pub(super) struct Names<'n> {
+    /// The name of case and suite, such as `sdo-toggle-unchecked`.
+    pub(super) case: &'n str,
+    /// The requirement of its own.
+    pub(super) requirement: &'n str,
+    /// The requirements of the documents that a mutant breaks which does the same.
+    pub(super) known: &'n [String],
+    /// The device.
+    pub(super) device: &'n str,
+    pub(super) node: u8,
+}
+
+/// The suite with the case of a finding; `None` when no step says what is wrong.
+pub(super) fn suite(names: &Names<'_>, finding: &Finding, how: Strictness) -> Option<String> {
+    let node = names.node;
+    let mut steps = Vec::new();
+    let begins = begins(finding);
+    let answers = answers(finding);
+    let awaited = answers.last().and_then(|last| last.first()).map(|frame| frame.id);
+    for (action, answers) in finding.session.actions.iter().zip(answers) {
+        done(action, node, &mut steps);
+        for answer in &answers {
+            steps.push(taken(answer, node));
+        }
+        if answers.is_empty()
+            && let Then::Wait(micros @ 1..) = action.then
+        {
+            steps.push(format!("wait: {micros} us"));
+        }
+    }
+    // The last wait is that of the judgement.
+    if steps.last().is_some_and(|step| step.starts_with("wait")) {
+        steps.pop();
+    }
+    let before = before(finding, begins).filter(|frame| Some(frame.id) != awaited);
+    steps.extend(before.map(|it| format!("reply: {{ frame: \"{}#...\" }}", id(&it, node))));
+    steps.push(judged(finding, node, how)?);
+    let reset = ["nmt: reset-node", "expect: { frame: \"700+n#...\", within: 3 s }"];
+    let setup: &[&str] = if begins.is_some() { &reset } else { &[] };
+    if begins.is_none() {
+        steps.insert(0, reset[0].to_owned());
+    }
+    let Names { case, requirement, known, device, .. } = names;
+    let checks: Vec<&str> =
+        std::iter::once(*requirement).chain(known.iter().map(String::as_str)).collect();
+    let mut text = format!(
+        "suite: found/{case}\n\
+         about: Found by harness fuzz on {device}.\n\
+         device: {device}\n\
+         cases:\n\
+         \x20 - id: {case}\n\
+         \x20   title: {}\n\
+         \x20   checks: [{}]\n\
+         \x20   tolerates: [emergency]\n",
+        quoted(&sentence(finding)),
+        checks.join(", "),
+    );
+    // Writing to a string cannot fail.
+    if !setup.is_empty() {
+        _ = writeln!(text, "    setup:");
+        setup.iter().for_each(|step| _ = writeln!(text, "      - {step}"));
+    }
+    _ = writeln!(text, "    steps:");
+    steps.iter().for_each(|step| _ = writeln!(text, "      - {step}"));
+    Some(text)
+}
+
+/// When the last frame of the tester before something was wrong was sent; `None` when the device is
+/// wrong before it is sent one.
+fn begins(finding: &Finding) -> Option<Instant> {
+    let mut own = finding.seen.iter().rev().filter_map(|seen| match seen {
+        Seen::Frame(stamped) if stamped.own && stamped.at <= finding.violation.at => {
+            Some(stamped.at)
+        }
+        _ => None,
+    });
+    own.next()
+}
+
+/// The frames of the device with the identifier that is judged, after the last one of the tester
+/// and before the one that is wrong.
+fn before(finding: &Finding, begins: Option<Instant>) -> impl Iterator<Item = Frame> {
+    let violation = &finding.violation;
+    let judged = match violation.what {
+        What::Unexpected(frame, _) | What::Missing(frame, _) | What::Inhibited(frame, _) => frame,
+    };
+    let from = begins.unwrap_or(Instant::ZERO);
+    finding
+        .seen
+        .iter()
+        .filter_map(move |seen| match seen {
+            Seen::Frame(it) if !it.own && (from..violation.at).contains(&it.at) => Some(it.frame),
+            _ => None,
+        })
+        .filter(move |frame| frame.id == judged.id)
+}
+
+/// The register with the requirement of a case.
+pub(super) fn register(names: &Names<'_>, finding: &Finding) -> String {
+    format!(
+        "document: found-{}\n\
+         title: Found by harness fuzz\n\
+         requirements:\n\
+         \x20 - id: {}\n\
+         \x20   clause: found\n\
+         \x20   level: must\n\
+         \x20   says: {}\n",
+        names.case,
+        names.requirement,
+        quoted(&sentence(finding)),
+    )
+}
+
+/// An entry for the mutants of the tree that shows what the device does; `None` where nothing but
+/// its time is wrong.
+pub(super) fn mutant(names: &Names<'_>, finding: &Finding) -> Option<String> {
+    let node = names.node;
+    let change = match finding.violation.what {
+        What::Unexpected(frame, Some(other)) => {
+            let edit = pattern(&frame, node, 8);
+            format!("{{ when: \"{}\", edit: \"{edit}\" }}", pattern(&other, node, 8))
+        }
+        What::Missing(frame, _) => {
+            format!("{{ when: \"{}\", drop: true }}", pattern(&frame, node, 8))
+        }
+        What::Unexpected(_, None) | What::Inhibited(..) => return None,
+    };
+    Some(format!(
+        "- {}:\n    {}\n  breaks: [{}]\n  frame: {change}\n",
+        names.case,
+        quoted(&sentence(finding)),
+        names.requirement,
+    ))
+}
+
+/// What a conformant device does, in a sentence.
+fn sentence(finding: &Finding) -> String {
+    let Finding { session, violation, .. } = finding;
+    let last = session.actions.last();
+    let last = last.map_or_else(|| "a reset".to_owned(), |action| action.does.word());
+    let words = |frame: &Frame| meaning(frame).to_string().trim_end_matches('.').to_owned();
+    match violation.what {
+        What::Unexpected(_, Some(other)) => {
+            format!("After {last}, the device sends {}.", words(&other))
+        }
+        What::Unexpected(frame, None) => {
+            format!("After {last}, the device does not send {}.", words(&frame))
+        }
+        What::Missing(frame, _) => format!("After {last}, the device sends {}.", words(&frame)),
+        What::Inhibited(frame, _) => {
+            format!("The device keeps the inhibit time of {}.", words(&frame))
+        }
+    }
+}
+
+/// The frames with the awaited identifier that the device sent after each action, until something
+/// was wrong.
+fn answers(finding: &Finding) -> Vec<Vec<Frame>> {
+    let actions = &finding.session.actions;
+    let mut all = vec![Vec::new(); actions.len()];
+    let (mut place, mut left): (Option<usize>, usize) = (None, 0);
+    for seen in &finding.seen {
+        let Seen::Frame(stamped) = seen else { continue };
+        if stamped.own {
+            if left == 0 {
+                let from = place.map_or(0, |place| place + 1);
+                let next = actions[from..].iter().position(|action| !action.frames.is_empty());
+                place = next.map(|next| from + next);
+                left = place.map_or(0, |place| actions[place].frames.len());
+            }
+            left = left.saturating_sub(1);
+        } else if let Some(place) = place
+            && stamped.at < finding.violation.at
+            && let Then::Answers { id, .. } = actions[place].then
+            && stamped.frame.data_id() == Some(id)
+        {
+            all[place].push(stamped.frame);
+        }
+    }
+    all
+}
+
+/// The steps that do what an action does.
+fn done(action: &Action, node: u8, steps: &mut Vec<String>) {
+    if action.does == Kind::PowerCycle {
+        let switched = ["bench: { power: \"off\" }", "wait: 200 ms", "bench: { power: \"on\" }"];
+        steps.extend(switched.map(str::to_owned));
+    }
+    steps.extend(action.frames.iter().map(|it| format!("send: \"{}\"", pattern(it, node, 8))));
+}
+
+/// An answer that only leads to what is judged: the same service, and no other bytes. After a
+/// refusal, or where the device takes another way, nothing is judged.
+fn taken(answer: &Frame, node: u8) -> String {
+    let id = id(answer, node);
+    match answer.data.first() {
+        Some(&command) if answer.data.len() == 8 => {
+            let others = [0x4, 0x6, 0x8].into_iter().filter(|digit| *digit != command >> 4);
+            let others: Vec<String> =
+                others.map(|digit| format!("\"{id}#{digit:X}. ...\"")).collect();
+            format!(
+                "reply: {{ frame: \"{id}#{:X}. ...\", or-else: [{}], or-silence: true }}",
+                command >> 4,
+                others.join(", "),
+            )
+        }
+        _ => format!("reply: {{ frame: \"{id}#...\", or-silence: true }}"),
+    }
+}
+
+/// The step that fails on the device.
+fn judged(finding: &Finding, node: u8, how: Strictness) -> Option<String> {
+    let violation = &finding.violation;
+    let never = |frame: String, after: Instant| {
+        let since = violation.at.since(after).as_millis() + MARGIN_MS;
+        format!("never: {{ frame: \"{frame}\", for: {since} ms }}")
+    };
+    let last = begins(finding).unwrap_or(Instant::ZERO);
+    let bytes = if how == Strictness::Service { 4 } else { 8 };
+    match violation.what {
+        What::Unexpected(frame, Some(_)) if how == Strictness::Absence => {
+            Some(never(pattern(&frame, node, 8), last))
+        }
+        What::Unexpected(_, Some(other)) => {
+            Some(format!("reply: {{ frame: \"{}\" }}", pattern(&other, node, bytes)))
+        }
+        What::Unexpected(frame, None) => {
+            let any = format!("{}#...", id(&frame, node));
+            let frame = if how == Strictness::Whole { any } else { pattern(&frame, node, bytes) };
+            Some(never(frame, last))
+        }
+        What::Missing(frame, due) => {
+            let within = due.since(last).as_millis() + MARGIN_MS;
+            let frame = match how {
+                Strictness::Absence => format!("{}#...", id(&frame, node)),
+                _ => pattern(&frame, node, bytes),
+            };
+            Some(format!("expect: {{ frame: \"{frame}\", within: {within} ms }}"))
+        }
+        What::Inhibited(..) => None,
+    }
+}
+
+/// How much longer than in the session a case waits.
+const MARGIN_MS: u128 = 50;
+
+/// A frame as a pattern: its identifier, and the first bytes.
+fn pattern(frame: &Frame, node: u8, bytes: usize) -> String {
+    let id = id(frame, node);
+    if frame.remote {
+        let text = frame.to_string();
+        let asked = text.split_once('#').map_or("R", |(_, asked)| asked);
+        return format!("{id}#{asked}");
+    }
+    let mut words: Vec<String> =
+        frame.data.iter().take(bytes).map(|byte| format!("{byte:02X}")).collect();
+    if frame.data.len() > bytes {
+        words.push("...".to_owned());
+    }
+    format!("{id}#{}", words.join(" "))
+}
+
+/// An identifier; one that has the node id has it from the device.
+fn id(frame: &Frame, node: u8) -> String {
+    match frame.id.as_standard() {
+        Some(id) if (0x81..0x7E4).contains(&id) && id & 0x7F == u16::from(node) => {
+            format!("{:03X}+n", id - u16::from(node))
+        }
+        _ => frame.id.to_string(),
+    }
+}
+
+/// A text for YAML.
+fn quoted(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
+}

@@ -1,0 +1,257 @@
+//! `harness fuzz promote`: a finding becomes a case of the user's, once it is shown to be red on
+//! the device, and green on a model of it with each freedom.
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use campaign::session::Session as Actions;
+use campaign::{Blueprint, Candidate, Finding};
+use canopen::{Bus, Device, VirtualBus};
+use reports::{Event, Outcome, Verdict};
+use runner::dut::Dut;
+use runner::plan::{Plan, plan_cases};
+use runner::run::{Policy, Session, Undo, Unobserved};
+use runner::stop::Stop;
+use runner::suite::Library;
+use runner::waivers::Waivers;
+
+use super::case::{Names, Strictness, mutant, register, suite};
+use super::file::FindingFile;
+use super::model::Modelled;
+use super::stage::{self, target_of};
+use crate::cli::PromoteArgs;
+use crate::exit::{Exit, Refused};
+use crate::files::words;
+use crate::reporter::say;
+use crate::source::Source;
+use crate::target::{self, DEFAULT_BIT_RATE, Selection, Target};
+
+/// Writes the case of a finding.
+///
+/// # Errors
+/// When the finding does not show again, or no case is red on the device alone.
+pub(super) fn run(args: &PromoteArgs, stop: &Stop) -> Result<Exit, Refused> {
+    let file = FindingFile::read(&args.file)?;
+    let selection = file.device(&args.device).selection()?;
+    let target = target_of(&selection, stop)?;
+    let _held = stop.hold();
+    let mut stage = stage::open(&target)?;
+    let modelled = Modelled::of(&target, &mut stage)?;
+    let session = Actions { actions: file.actions.clone() };
+    let shown = modelled.again(&mut stage, &file.freedoms, &session)?;
+    drop(stage);
+    let Some(finding) = shown else {
+        return Err(not_promoted(args, "nothing is wrong this time"));
+    };
+    let case = args.name.as_ref().unwrap_or(&file.cause);
+    let requirement = format!("FOUND-{}", case.to_ascii_uppercase());
+    let names = Names {
+        case,
+        requirement: &requirement,
+        known: &file.requirements_of_first(),
+        device: &target.dut.name,
+        node: target.dut.node,
+    };
+    let trial = Trial { selection: &selection, target: &target, modelled: &modelled, stop };
+    let mut why = None;
+    for how in Strictness::ALL {
+        let Some(suite) = suite(&names, &finding, how) else { continue };
+        let files = Files::of(args, &names, suite, register(&names, &finding));
+        match trial.is_just(&files, &names, &file.freedoms)? {
+            Ok(()) => {
+                files.write()?;
+                say(&files.said(&names, &selection));
+                if args.mutant {
+                    say(&for_the_tree(&file, &names, &finding, &modelled.blueprint));
+                }
+                return Ok(Exit::Green);
+            }
+            Err(reason) => _ = why.get_or_insert(reason),
+        }
+    }
+    let inhibited = "it is about the time between two frames, which no step judges";
+    Err(not_promoted(args, why.as_deref().unwrap_or(inhibited)))
+}
+
+fn not_promoted(args: &PromoteArgs, why: &str) -> Refused {
+    let message = format!("error: {} is not promoted: {why}", args.file.display());
+    Refused { exit: Exit::NothingRan, message }
+}
+
+/// The entry for the tree.
+fn for_the_tree(
+    file: &FindingFile,
+    names: &Names<'_>,
+    finding: &Finding,
+    blueprint: &Blueprint,
+) -> String {
+    if blueprint.mutants().iter().any(|mutant| mutant.name == file.cause) {
+        return format!("the tree has a mutant that does the same: {}\n", file.cause);
+    }
+    mutant(names, finding).map_or_else(
+        || "no entry for the tree: no frame that differs shows what the device does\n".to_owned(),
+        |entry| format!("for reference-devices/mutants, to be generalised:\n{entry}"),
+    )
+}
+
+/// The files of a case.
+struct Files {
+    suite: (PathBuf, String),
+    register: (PathBuf, String),
+}
+
+impl Files {
+    fn of(args: &PromoteArgs, names: &Names<'_>, suite: String, register: String) -> Self {
+        let (into, case) = (&args.into, names.case);
+        Self {
+            suite: (into.join("found").join(format!("{case}.yaml")), suite),
+            register: (into.join("requirements").join(format!("found-{case}.yaml")), register),
+        }
+    }
+
+    fn sources(&self) -> impl Iterator<Item = Arc<Source>> {
+        let source = |(path, text): &(PathBuf, String)| {
+            Arc::new(Source { name: path.display().to_string(), text: text.clone() })
+        };
+        [&self.suite, &self.register].into_iter().map(source)
+    }
+
+    /// What somebody has written is not overwritten.
+    fn write(&self) -> Result<(), Refused> {
+        for (path, text) in [&self.register, &self.suite] {
+            let written = write_new(path, text);
+            written.map_err(|error| Refused {
+                exit: Exit::File,
+                message: format!("error: {}: {}", path.display(), words(&error)),
+            })?;
+        }
+        Ok(())
+    }
+
+    fn said(&self, names: &Names<'_>, selection: &Selection) -> String {
+        let (suite, register) = (self.suite.0.display(), self.register.0.display());
+        let into = self.suite.0.parent().and_then(Path::parent).unwrap_or_else(|| Path::new("."));
+        format!(
+            "{suite}\n{register}\nred on the device, green on a model of it and with each \
+             freedom\nrun it: harness {} --suites {} found/{}\n",
+            selection.typed(),
+            into.display(),
+            names.case,
+        )
+    }
+}
+
+fn write_new(path: &Path, text: &str) -> std::io::Result<()> {
+    fs::create_dir_all(path.parent().unwrap_or_else(|| Path::new(".")))?;
+    File::options().write(true).create_new(true).open(path)?.write_all(text.as_bytes())
+}
+
+/// Tries a case.
+struct Trial<'t> {
+    selection: &'t Selection,
+    target: &'t Target,
+    modelled: &'t Modelled,
+    stop: &'t Stop,
+}
+
+impl Trial<'_> {
+    /// Whether a case is red on the device, and green on models of it; the inner error says where
+    /// it is not.
+    fn is_just(
+        &self,
+        files: &Files,
+        names: &Names<'_>,
+        believed: &[String],
+    ) -> Result<Result<(), String>, Refused> {
+        let folders = &self.selection.folders;
+        let mut sources = folders.register_sources()?;
+        sources.extend(files.sources());
+        let library = Library::from_part(&sources, &folders.catalogue.load()?)?;
+        let name = format!("found/{}", names.case);
+        let plan = |dut: &Dut| {
+            let models = target::models(&dut.eds);
+            plan_cases(&library, dut, &models, |suite, _| suite.name() == name, &mut |_| true)
+        };
+        let mut bus = self.target.open(self.stop)?;
+        let on_device = self.outcome(&library, &plan(&self.target.dut)?, &mut *bus);
+        drop(bus);
+        if on_device.verdict() != Verdict::Fail {
+            return Ok(Err(format!("the case is {} on the device", said(&on_device))));
+        }
+        let blueprint = &self.modelled.blueprint;
+        let plan = plan(&self.model())?;
+        let all = blueprint.freedoms();
+        let of_belief = all.iter().filter(|freedom| believed.contains(&freedom.name));
+        let alone = all.iter().map(|freedom| vec![freedom]);
+        for freedoms in [Vec::new(), of_belief.collect()].into_iter().chain(alone) {
+            let Some(mut bus) = self.on_model(&freedoms) else { continue };
+            let outcome = self.outcome(&library, &plan, &mut bus);
+            if !matches!(outcome.verdict(), Verdict::Pass | Verdict::Lenient) {
+                let with: Vec<&str> = freedoms.iter().map(|it| it.name.as_str()).collect();
+                let with = if with.is_empty() { "no freedom".to_owned() } else { with.join(", ") };
+                let outcome = said(&outcome);
+                return Ok(Err(format!("the case is {outcome} on a model with {with}")));
+            }
+        }
+        Ok(Ok(()))
+    }
+
+    /// The device as one in virtual time.
+    fn model(&self) -> Dut {
+        Dut {
+            interface: None,
+            shares_its_bus: false,
+            shares_its_machine: false,
+            protection: Arc::default(),
+            hooks: runner::dut::Hooks::default(),
+            ..self.target.dut.clone()
+        }
+    }
+
+    fn on_model(&self, freedoms: &[&Candidate]) -> Option<VirtualBus<'static>> {
+        let blueprint = &self.modelled.blueprint;
+        let device: Box<dyn Device> = blueprint.build(freedoms.iter().copied())?;
+        let mut bus = VirtualBus::new(blueprint.settings().bit_rate);
+        bus.attach_boxed(device);
+        Some(bus)
+    }
+
+    /// How the case comes out.
+    fn outcome(&self, library: &Library, plan: &Plan, bus: &mut dyn Bus) -> Outcome {
+        let session = Session {
+            plan,
+            register: &library.register,
+            policy: Policy::at_bit_rate(plan.dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE)),
+            rerun: String::new(),
+            waivers: &Waivers::default(),
+            max_fail: None,
+            observer: &Unobserved,
+            stop: self.stop,
+            undo: &Undo::default(),
+        };
+        let mut outcome = Outcome::not_run("there is no such case");
+        session.run(bus, &mut |event| {
+            if let Event::CaseEnded(ended) = event {
+                outcome = ended.outcome;
+            }
+        });
+        outcome
+    }
+}
+
+/// A verdict, and why.
+fn said(outcome: &Outcome) -> String {
+    let verdict = outcome.verdict();
+    match outcome {
+        Outcome::Skip(why) | Outcome::Blocked(why) | Outcome::Undecided(why) => {
+            format!("{verdict} ({why})")
+        }
+        Outcome::Error { reason, .. } => format!("{verdict} ({reason})"),
+        other => other.problem().map_or_else(
+            || verdict.to_string(),
+            |it| format!("{verdict} (expected {}, came {})", it.expected, it.actual),
+        ),
+    }
+}
