@@ -4,6 +4,8 @@ use std::hint::black_box;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use campaign::session::Script;
+use campaign::{Action, Belief, Blueprint, Stage, Then, VirtualDevice, bytes};
 use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Client, Transfer};
 use canopen::{Bus, Device, Frame, Instant, Mux, Outbox, Stamped, VirtualBus, eds, wire};
@@ -26,6 +28,8 @@ criterion_group!(
     minutes_of_packaging,
     cycles_of_function_blocks,
     eds_read,
+    fuzzing,
+    model_of_eds,
     journal_line,
 );
 criterion_main!(benches);
@@ -165,6 +169,93 @@ fn eds_read(bench: &mut Criterion) {
     group.throughput(Throughput::Bytes(text.len() as u64));
     group.bench_function("drr460", |bench| bench.iter(|| eds::read(black_box(text.as_bytes()))));
     group.finish();
+}
+
+/// Actions of campaigns a second: a session is drawn and played beside a model that judges it, and
+/// its frames are played without one.
+fn fuzzing(bench: &mut Criterion) {
+    const SESSIONS: u64 = 8;
+    const SEED: u64 = 1;
+    let generic = devices::device("generic").expect("it is part of the program");
+    let description = &generic.description;
+    let node = description.default_node;
+    let blueprint =
+        Blueprint::of_sheet(description.eds.clone(), node, description.settings.clone());
+    let blueprint = blueprint.expect("its data sheet is right");
+    let model = Belief::new(&blueprint, Vec::new()).expect("it is a device").model();
+    let mut stage = VirtualDevice::new(model.clone(), BIT_RATE);
+    let sessions: Vec<Vec<Action>> = (0..SESSIONS)
+        .map(|number| {
+            let script = bytes(SEED, number);
+            let played = stage.play(&blueprint, model.clone(), &Script::Bytes(&script));
+            played.expect("a simulated bus does not fail").session.actions
+        })
+        .collect();
+    let actions: usize = sessions.iter().map(Vec::len).sum();
+    let mut group = bench.benchmark_group("actions of a campaign");
+    group.throughput(Throughput::Elements(actions as u64));
+    group.bench_function("generic, judged", |bench| {
+        bench.iter(|| {
+            for number in 0..SESSIONS {
+                let script = bytes(SEED, number);
+                let played = stage.play(&blueprint, model.clone(), &Script::Bytes(&script));
+                assert!(played.is_ok());
+            }
+        });
+    });
+    group.bench_function("generic, frames alone", |bench| {
+        bench.iter(|| {
+            for actions in &sessions {
+                let mut bus = VirtualBus::new(BIT_RATE);
+                let device: Box<dyn Device> = model.clone();
+                bus.attach_boxed(device);
+                send_all(&mut bus, actions);
+            }
+        });
+    });
+    group.finish();
+}
+
+/// Does what actions do, and reads what comes.
+fn send_all(bus: &mut VirtualBus<'_>, actions: &[Action]) {
+    for action in actions {
+        for frame in &action.frames {
+            bus.send(frame).expect("a simulated bus does not fail");
+        }
+        let time = match action.then {
+            Then::Wait(micros) => Duration::from_micros(micros),
+            Then::Answers { .. } => Duration::from_millis(1),
+        };
+        let until = bus.now() + time;
+        while let Ok(Some(seen)) = bus.recv(until) {
+            black_box(seen);
+        }
+    }
+}
+
+/// The model of a device whose data sheet has a thousand entries.
+fn model_of_eds(bench: &mut Criterion) {
+    let generic = devices::device("generic").expect("it is part of the program");
+    let mut eds = generic.description.eds.clone();
+    let one = eds.objects.iter().find(|object| object.index >= 0x2000 && object.entries.len() == 1);
+    let one = one.expect("it has objects of its own").clone();
+    let mut index = 0x5000;
+    while eds.entries().count() < 1_000 {
+        let mut object = one.clone();
+        object.index = index;
+        object.entries[0].mux.index = index;
+        eds.objects.push(object);
+        index += 1;
+    }
+    eds.objects.sort_by_key(|object| object.index);
+    let (node, settings) = (generic.description.default_node, &generic.description.settings);
+    bench.bench_function("model of an EDS with 1 000 entries", |bench| {
+        bench.iter_batched(
+            || (eds.clone(), settings.clone()),
+            |(eds, settings)| Blueprint::of_sheet(eds, node, settings),
+            BatchSize::SmallInput,
+        );
+    });
 }
 
 /// The line of a frame, as nearly every line of a journal is.
