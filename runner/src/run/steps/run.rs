@@ -525,15 +525,7 @@ impl Steps<'_, '_> {
             return (lost > self.policy.bears(window).max(window / 2)).then_some(lost);
         }
         let failed = failed?;
-        let asks = matches!(
-            step,
-            Step::Read(_)
-                | Step::Write(_)
-                | Step::Remap(_)
-                | Step::Defaults(_)
-                | Step::Undeclared(_)
-        );
-        let window = match asks && failed.raw.is_none() {
+        let window = match transfers(step) && failed.raw.is_none() {
             // The client may have been too slow for the server. A device on the same host is
             // delayed as much.
             _ if self.gave_up() => Duration::ZERO,
@@ -680,15 +672,14 @@ pub(in crate::run) fn is_of_protocol(frame: Option<&Frame>) -> bool {
 
 /// Whether the step makes requests and waits for their answers.
 const fn waits_for_an_answer(step: &Step) -> bool {
+    matches!(step, Step::Reply(_) | Step::Ask(_)) || transfers(step)
+}
+
+/// Whether the step is transfers by the SDO client.
+const fn transfers(step: &Step) -> bool {
     matches!(
         step,
-        Step::Reply(_)
-            | Step::Ask(_)
-            | Step::Read(_)
-            | Step::Write(_)
-            | Step::Remap(_)
-            | Step::Defaults(_)
-            | Step::Undeclared(_)
+        Step::Read(_) | Step::Write(_) | Step::Remap(_) | Step::Defaults(_) | Step::Undeclared(_)
     )
 }
 
