@@ -4,6 +4,7 @@
 //! second proof is that no case is unjust: nothing is red on a device that uses the freedoms which
 //! the documents leave, one at a time, as a personality or mixed at random.
 
+mod alike;
 mod assertion;
 mod assertions;
 mod freedoms;

@@ -16,7 +16,7 @@ use super::step::{Ask, Bounds, Collect, Expect, LssStep, Measure, Read, Reply, S
 use crate::source::At;
 
 /// A part of what a step judges. Places count from 1.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Constraint {
     /// This word of a frame, as the pattern is written.
     Word(usize),
@@ -59,7 +59,7 @@ pub enum Constraint {
 }
 
 /// A time that is measured.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Time {
     /// Each interval.
     Interval,
@@ -72,7 +72,7 @@ pub enum Time {
 }
 
 /// An alternative that a step accepts beside the expected one. Lists are counted from 1.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Allowance {
     /// One of `lenient`.
     Lenient(usize),

@@ -10,6 +10,7 @@ use runner::suite::constraint::{Constraint, assertion_name};
 use runner::suite::model::Case;
 use runner::suite::{Library, Suite};
 
+use super::alike::represented;
 use super::assertion::Assertion;
 use super::freedoms::Freedoms;
 use super::matrix::Matrix;
@@ -55,6 +56,7 @@ impl<'l> Assertions<'l> {
         for suite in library.suites.iter().map(|suite| &**suite).filter(at_home) {
             for case in suite.file.cases.iter().map(|case| &case.value) {
                 let name = format!("{}/{}", suite.name(), case.id.value);
+                let represented = represented(case);
                 all.extend(case.assertions().map(|(step, constraint)| {
                     let excuse = [None, constraint.as_ref()]
                         .iter()
@@ -62,6 +64,11 @@ impl<'l> Assertions<'l> {
                     let excuse = excuse.map(|reason| reason.value.as_str());
                     let assertion = Assertion { case: name.clone(), step, constraint };
                     let by = proofs.get(&assertion).map(|&by| by.to_owned());
+                    let by = by.or_else(|| {
+                        let step = *represented.get(&step)?;
+                        let by = proofs.get(&Assertion { step, ..assertion.clone() })?;
+                        Some(format!("as step {}, {by}", step + 1))
+                    });
                     let fails = failing.contains(&assertion);
                     let constraint = assertion.constraint;
                     Judged { suite, case, step, constraint, by, excuse, fails }

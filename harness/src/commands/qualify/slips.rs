@@ -16,6 +16,7 @@ use runner::stop::Stop;
 use runner::suite::constraint::{Allowance, Constraint, assertion_name};
 use runner::waivers::Waivers;
 
+use super::alike::represented;
 use super::assertion::Assertion;
 use super::matrix::home;
 use super::slip::{
@@ -73,7 +74,10 @@ impl Slips {
                 }
             }
             let open = |case: &str, instance: &Instance| -> BTreeSet<Assertion> {
-                let all = instance.case().assertions().map(|(step, constraint)| Assertion {
+                let represented = represented(instance.case());
+                let tried = instance.case().assertions();
+                let tried = tried.filter(|(step, _)| !represented.contains_key(step));
+                let all = tried.map(|(step, constraint)| Assertion {
                     case: case.to_owned(),
                     step,
                     constraint,
