@@ -1,9 +1,12 @@
 //! Facts: what is broken in a device, each with all instances that show it.
 //!
 //! A [`Cause`] is about a requirement. One broken fact may show in cases about several of them: bit
-//! 0 of 1001h that is never set, or a command that has no effect. Two instances show one fact when
-//! they have one cause, when they are [equal observations](seen), or when one of them rests on a
-//! requirement that the other one shows to be broken.
+//! 0 of 1001h that is never set, or a command that has no effect. Two instances show one thing when
+//! they have one cause, or when they are [equal observations](seen). Where each instance that shows
+//! it rests on a requirement that others show to be broken, it follows from what they show. One that
+//! rests on nothing broken shows a fact of its own: a second fault stays apart, although some of the
+//! cases that meet it rest on the first one. What differs alike in cases about many requirements is
+//! one fact as well: a PDO that never comes.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -46,10 +49,12 @@ impl Explained {
         Self(BTreeSet::new())
     }
 
-    /// Adds an instance; whether an earlier one shows the same fact.
+    /// Adds an instance; whether an earlier one shows the same fact, or what it follows from. What
+    /// follows explains nothing: the next instance that shows the same may rest on nothing broken.
     pub(crate) fn takes(&mut self, device: &DeviceRun, case: &CaseRun) -> bool {
-        let known = shown(case).chain(follows(device, case)).any(|sign| self.0.contains(&sign));
-        self.0.extend(shown(case).chain(broken(device, case)));
+        let follows = follows(device, case).any(|sign| self.0.contains(&sign));
+        let known = follows || shown(case).any(|sign| self.0.contains(&sign));
+        self.0.extend(broken(device, case).chain(shown(case).filter(|_| !follows)));
         known
     }
 }
@@ -102,14 +107,25 @@ pub fn facts(run: &Run) -> Vec<Fact<'_>> {
         }
     }
     let mut explains = vec![0; cases.len()];
+    let mut origins_of = vec![None; cases.len()];
     for (at, (_, device, case)) in cases.iter().enumerate() {
-        for origin in follows(device, case).filter_map(|sign| origins.get(&sign)) {
-            joined.join(*origin, at);
-            explains[*origin] += 1;
+        let signs = follows(device, case);
+        let others = signs.filter_map(|sign| origins.get(&sign).copied());
+        for origin in others.filter(|origin| *origin != at) {
+            explains[origin] += 1;
+            if joined.root(origin) != joined.root(at) {
+                origins_of[at].get_or_insert(origin);
+            }
         }
     }
-    let mut members = BTreeMap::<usize, Vec<usize>>::new();
-    (0..cases.len()).for_each(|at| members.entry(joined.root(at)).or_default().push(at));
+    joined.join_widespread(&cases);
+    for group in joined.groups() {
+        // The fact on which the first of them rests has all of them.
+        let origins: Option<Vec<usize>> = group.iter().map(|at| origins_of[*at]).collect();
+        if let Some(origin) = origins.and_then(|all| all.first().copied()) {
+            joined.join(origin, group[0]);
+        }
+    }
     let fact = |members: &Vec<usize>| {
         let alike = |at: usize| {
             let (suite, cause) = (&cases[at].2.info.suite, &cases[at].2.cause);
@@ -122,16 +138,21 @@ pub fn facts(run: &Run) -> Vec<Fact<'_>> {
             let holds = outcome.holds_against_device();
             // A case about nothing else shows it best.
             let about = Reverse(cases[at].2.info.checks.len());
-            (explains[at], run.is_red(outcome.verdict()), holds, about, alike(at), Reverse(at))
+            let explains = (origins_of[at].is_none(), explains[at]);
+            (explains, run.is_red(outcome.verdict()), holds, about, alike(at), Reverse(at))
         };
         let first = members.iter().copied().max_by_key(|at| weight(*at)).unwrap_or_default();
         let members = members.iter().map(|at| cases[*at]).collect();
         Fact { first: cases[first], cases: members }
     };
-    let mut facts: Vec<Fact> = members.values().map(fact).collect();
+    let mut facts: Vec<Fact> = joined.groups().iter().map(fact).collect();
     facts.sort_by_key(|fact| (!fact.is_red(run), Reverse(fact.cases.len()), fact.cases[0].0));
     facts
 }
+
+/// In cases about how many requirements the same difference has to come up to be one fact. In a few
+/// it may come up by several faults.
+const WIDESPREAD: usize = 6;
 
 /// Which of so many things belong together.
 struct Joined(Vec<usize>);
@@ -146,6 +167,30 @@ impl Joined {
             at = self.0[at];
         }
         at
+    }
+
+    /// What belongs together, each in order.
+    fn groups(&self) -> Vec<Vec<usize>> {
+        let mut groups = BTreeMap::<usize, Vec<usize>>::new();
+        (0..self.0.len()).for_each(|at| groups.entry(self.root(at)).or_default().push(at));
+        groups.into_values().collect()
+    }
+
+    /// Joins the instances with the same difference, where it came up in many requirements.
+    fn join_widespread(&mut self, cases: &[Noticed]) {
+        let mut alike = BTreeMap::<(&str, Option<&str>), Vec<(usize, &str)>>::new();
+        for (at, (.., case)) in cases.iter().enumerate() {
+            if let Some(cause) = &case.cause {
+                let difference = (cause.difference.as_str(), cause.object.as_deref());
+                alike.entry(difference).or_default().push((at, &cause.requirement));
+            }
+        }
+        for group in alike.values() {
+            let requirements: BTreeSet<&str> = group.iter().map(|(_, id)| *id).collect();
+            if requirements.len() >= WIDESPREAD {
+                group.iter().for_each(|(at, _)| self.join(group[0].0, *at));
+            }
+        }
     }
 
     fn join(&mut self, one: usize, other: usize) {

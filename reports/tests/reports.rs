@@ -9,8 +9,8 @@ use std::{env, fs};
 
 use canopen::Mux;
 use reports::{
-    CaseEnded, Event, FORMATS, Grade, Keep, OutOfOrder, Outcome, Run, Style, Verdict, github,
-    journal, junit, terminal,
+    CaseEnded, Event, FORMATS, Grade, Keep, OutOfOrder, Outcome, Run, Style, Verdict, facts,
+    github, journal, junit, terminal,
 };
 
 const PLAIN: Style = Style { color: false };
@@ -242,6 +242,45 @@ fn every_order_that_cannot_be_is_refused() {
     for (order, why) in table {
         assert_eq!(refused(&order).to_string(), why);
     }
+}
+
+/// How many cases each fact has, and the place of the case that explains it.
+fn explained(cases: &[(&str, &str, &[&str])]) -> Vec<(usize, usize)> {
+    let run = fold(&fixture::failing(cases), Keep::Unusual);
+    facts(&run).iter().map(|fact| (fact.cases.len(), fact.first.0)).collect()
+}
+
+#[test]
+fn what_rests_on_a_broken_requirement_is_no_fact_of_its_own() {
+    assert_eq!(
+        explained(&[
+            ("NMT-05", "702#04", &[]),
+            ("HB-01", "702#05", &["NMT-05"]),
+            ("PDO-01", "182#*", &["HB-01"]),
+        ]),
+        [(3, 0)]
+    );
+}
+
+#[test]
+fn a_second_fault_stays_apart_although_a_case_rests_on_both() {
+    assert_eq!(
+        explained(&[
+            ("NMT-05", "702#04", &[]),
+            ("EMCY-10", "1014:00 = 82h", &["NMT-05"]),
+            ("EMCY-10", "1014:00 = 82h", &[]),
+        ]),
+        [(2, 2), (1, 0)]
+    );
+}
+
+#[test]
+fn what_is_missing_in_cases_about_many_requirements_is_one_fact() {
+    let ids = ["MAP-01", "MAP-02", "SYNC-15", "TPDO-02", "AI-64", "AI-66"];
+    let alike: Vec<(&str, &str, &[&str])> =
+        ids.iter().map(|id| (*id, "182#*", [].as_slice())).collect();
+    assert_eq!(explained(&alike), [(6, 0)]);
+    assert_eq!(explained(&alike[1..]).len(), 5);
 }
 
 #[test]
