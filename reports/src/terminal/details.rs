@@ -197,13 +197,14 @@ impl Block<'_> {
                 (relative(case.info.at, trace.frames[place].at), &trace.seen[place].text);
             self.named(std::mem::take(&mut label), &one_line(&format!("{at} {text}")));
         }
-        let before = case.trace.last().is_some_and(|last| last.at > until);
+        // What came after the failure is neither shown nor left out.
+        let after = case.trace.len() - trace.frames.len();
         let since = "in seconds since the case began";
-        let heading = match (case.frames, excerpt.frames) {
+        let heading = match (case.frames - after, excerpt.frames) {
             (0, _) => "none".to_owned(),
             (all, _) if case.trace.is_empty() => format!("{all}, not kept"),
             (all, some) if all == some => format!("{all}, {since}"),
-            (all, some) if before => format!("{some} of {all}, up to the failure, {since}"),
+            (all, some) if after > 0 => format!("{some} of {all}, up to the failure, {since}"),
             (all, some) => format!("{some} of {all}, {since}"),
         };
         self.field("frames", &heading);
