@@ -13,6 +13,7 @@ use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::Error;
 use serde::{Deserialize, Deserializer};
 
+use crate::command_line::words_of;
 use crate::files::read_source;
 use crate::hook::Program;
 use crate::nearest::did_you_mean;
@@ -240,8 +241,12 @@ impl DeviceFile {
             (!there).then(|| (*place, format!("there is no file {}", self.path(value).display())))
         });
         let programs = said.reset.iter().chain(&said.power).filter_map(|At { value, place }| {
+            let parts = match words_of(value) {
+                Ok(parts) => parts,
+                Err(wrong) => return Some((*place, wrong)),
+            };
             // The name of a program is looked for elsewhere.
-            let program = value.split_whitespace().next().filter(|word| word.contains('/'))?;
+            let program = parts.first().filter(|word| word.contains('/'))?;
             let path = self.path(Path::new(program));
             let name = path.display();
             let wrong = match fs::metadata(&path) {

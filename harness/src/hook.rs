@@ -12,6 +12,7 @@ use nix::sys::signal::{Signal, killpg};
 use nix::unistd::Pid;
 use runner::dut::{Hook, Look};
 
+use crate::command_line::words_of;
 use crate::files::words;
 
 /// How long a program may take.
@@ -43,15 +44,15 @@ impl Hook for Program {
 
 /// Its path and its arguments are relative to the folder of the device file.
 fn start(hook: &Program, argument: Option<&str>) -> std::io::Result<Child> {
-    let mut words = hook.command.split_whitespace();
-    let program = words.next().unwrap_or_default();
+    let parts = words_of(&hook.command).map_err(std::io::Error::other)?;
+    let program = &parts[0];
     let path = match program.contains('/') {
         true => hook.folder.join(program),
         false => program.into(),
     };
     let folder = if hook.folder.as_os_str().is_empty() { ".".as_ref() } else { &*hook.folder };
     Command::new(path.canonicalize().unwrap_or(path))
-        .args(words)
+        .args(&parts[1..])
         .args(argument)
         .current_dir(folder)
         .stdin(Stdio::null())

@@ -16,6 +16,7 @@ mod argument;
 pub mod bus;
 pub mod candump;
 pub mod cli;
+mod command_line;
 pub mod commands;
 mod data;
 pub mod device_file;

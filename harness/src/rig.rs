@@ -9,7 +9,6 @@ use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
 use std::os::unix::process::CommandExt;
-use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
 use std::sync::{Arc, Mutex};
@@ -23,6 +22,7 @@ use nix::unistd::Pid;
 use serde::Deserialize;
 use serde_json::{Value as Json, json};
 
+use crate::command_line::words_of;
 use crate::files::words;
 
 /// How long a rig may take to answer, and a socket to be there again.
@@ -65,11 +65,9 @@ impl Rig {
                 .and_then(|socket| Self::behind(text, socket))
                 .map_err(failed);
         }
-        // A path may have blanks.
-        let whole = Path::new(text).is_file();
-        let mut words = text.split_whitespace().filter(|_| !whole);
-        let mut program = Command::new(words.next().unwrap_or(text))
-            .args(words)
+        let parts = words_of(text).map_err(BenchError)?;
+        let mut program = Command::new(&parts[0])
+            .args(&parts[1..])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             // Its own process group: children of the rig end with it, and Ctrl-C reaches only the

@@ -3,7 +3,6 @@
 
 use std::io;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
-use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc;
 use std::time::Duration;
@@ -15,6 +14,7 @@ use runner::stop::Stop;
 
 use super::lines::{Clock, Ending, Lines};
 use super::socketcan::SocketCan;
+use crate::command_line::words_of;
 use crate::files::words;
 
 /// The environment variable that names the interface to a program that uses one.
@@ -27,15 +27,13 @@ struct Process {
 }
 
 impl Process {
-    /// Starts a program with its arguments, which blanks separate.
+    /// Starts a program with its arguments, [split](words_of) as a shell splits them.
     fn start(command: &str, set_up: impl FnOnce(&mut Command)) -> Result<Self, BusError> {
-        // A path may have blanks.
-        let whole = Path::new(command).is_file();
-        let mut parts = command.split_whitespace().filter(|_| !whole);
-        let mut started = Command::new(parts.next().unwrap_or(command));
+        let parts = words_of(command).map_err(BusError::Open)?;
+        let mut started = Command::new(&parts[0]);
         // Its own process group: children of the program end with it, and Ctrl-C reaches only the
         // harness.
-        started.args(parts).process_group(0);
+        started.args(&parts[1..]).process_group(0);
         set_up(&mut started);
         let child = started.spawn().map_err(|error| {
             BusError::Open(format!("the program `{command}` cannot be started: {}", words(&error)))
