@@ -78,6 +78,10 @@ pub enum Command {
 }
 
 /// After how many failures to stop. A run that stops before the first one tests nothing.
+fn jobs(text: &str) -> Result<NonZero<usize>, String> {
+    text.parse().map_err(|_| "a whole number from 1 on belongs here".to_owned())
+}
+
 fn failures(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(0) => Err("expected at least 1, which stops at the first failure".to_owned()),
@@ -154,7 +158,7 @@ pub struct RunArgs {
     pub max_fail: Option<usize>,
     /// Simulated devices that are tested at the same time; as many as there are processors when
     /// absent
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = jobs)]
     pub jobs: Option<NonZero<usize>>,
     /// Print a line for each case and the figures that it measured; otherwise only what is not PASS
     #[arg(short, long)]
@@ -392,7 +396,7 @@ pub struct CampaignArgs {
     pub time: Option<u64>,
     /// Sessions that are played at the same time on a simulated device; as many as there are
     /// processors when absent. What is found does not depend on it
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = jobs)]
     pub jobs: Option<NonZero<usize>>,
     /// Play every Nth session, from the Ith on: N programs share the sessions
     #[arg(long, value_name = "I/N", value_parser = shard)]

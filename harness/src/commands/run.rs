@@ -363,7 +363,8 @@ pub(super) fn plan_all(library: &Library, targets: &[Target]) -> Result<Vec<Plan
 /// # Errors
 /// As [`plan_all`].
 pub(super) fn plan_for(library: &Library, duts: &[&Dut]) -> Result<Vec<Plan>, Refused> {
-    let (mut plans, mut complaints) = (Vec::new(), suites_of_nobody(library, duts));
+    note_suites_of_nobody(library, duts);
+    let (mut plans, mut complaints) = (Vec::new(), Vec::<Complaint>::new());
     let planned = parallel::map(duts.to_vec(), processors(), |dut| {
         plan::plan(library, dut, &target::models(&dut.eds))
     });
@@ -380,30 +381,21 @@ pub(super) fn plan_for(library: &Library, duts: &[&Dut]) -> Result<Vec<Plan>, Re
     if complaints.is_empty() { Ok(plans) } else { Err(complaints.into()) }
 }
 
-/// A suite for a device that is neither tested nor a reference device would silently never run: a
-/// name that resembles one is a mistake, any other is noted.
-fn suites_of_nobody(library: &Library, duts: &[&Dut]) -> Vec<Complaint> {
-    let mut complaints = Vec::new();
+/// Notes the suites for a device that is neither tested nor a reference device, which would
+/// silently never run.
+fn note_suites_of_nobody(library: &Library, duts: &[&Dut]) {
     for suite in &library.suites {
-        let Some(At { value: device, place }) = &suite.file.device else { continue };
+        let Some(At { value: device, .. }) = &suite.file.device else { continue };
         let tested = duts.iter().any(|dut| dut.name == *device);
-        if tested || devices::names().any(|name| name == device) {
-            continue;
-        }
-        let meant = did_you_mean(device, devices::names());
-        match meant.is_empty() {
-            true => complain!(
+        if !tested && !devices::names().any(|name| name == device) {
+            complain!(
                 "note: suite {} is for the device `{device}` and is left out; `--device {device}` \
-                 names the device under test",
-                suite.name()
-            ),
-            false => {
-                let message = format!("no reference device `{device}`{meant}");
-                complaints.push(Complaint::at(&suite.source, *place, message));
-            }
+                 names the device under test{}",
+                suite.name(),
+                did_you_mean(device, devices::names())
+            );
         }
     }
-    complaints
 }
 
 fn after(ending: &Ending, target: &Target) -> Ended {

@@ -130,11 +130,12 @@ impl Matrix {
         let killed = self.rows.iter().filter(|row| !row.kills.is_empty()).count();
         let canaries = self.rows.iter().filter(|row| row.mutant.canary).count();
         let proved: BTreeSet<&String> = self.rows.iter().flat_map(|row| &row.kills).collect();
+        // The user's own mutants have none.
+        let canary = if canaries > 0 { format!(", {canaries} canary") } else { String::new() };
         // Writing to a string cannot fail.
         _ = writeln!(
             text,
-            "{}: {}, {killed} killed, {canaries} canary; {} apply, {} of them killed a mutant of \
-             this device",
+            "{}: {}, {killed} killed{canary}; {} apply, {} of them killed a mutant of this device",
             self.device,
             counted(self.rows.len(), "mutant"),
             counted(self.clean.len(), "case"),
