@@ -115,6 +115,8 @@ impl Lss {
             let length = whole.map_or(response.len(), |_| SHORT_RESPONSE);
             out.push(Frame::new(RESPONSE_COB_ID, Data::new(&response[..length])));
         }
+        // Without a node id there is no NMT command that could start the node, so leaving the
+        // configuration state does. A node with one waits for its reset.
         let configured = self.node.active == UNCONFIGURED && self.node.pending != UNCONFIGURED;
         let left = request == Request::SwitchGlobal(Mode::WAITING);
         let at_once = !base.rules.lss_node_id_waits() && self.node.active != self.node.pending;
@@ -195,6 +197,8 @@ impl Lss {
             return None;
         }
         let place = part as usize;
+        // The vendor-ID begins a selection wherever the one before stopped: another master, or one
+        // that gave up, leaves no trace.
         let in_order = place == 0 || place == self.selected || !rules.lss_selection_in_order();
         let fits = number == address(base, part) || !rules.lss_part_compared(part);
         self.selected = if in_order && fits { place + 1 } else { 0 };
@@ -230,6 +234,8 @@ impl Lss {
         if self.mode != Mode::WAITING || !asked {
             return None;
         }
+        // Every unconfigured slave answers at the same time with the same frame, which is how a
+        // master finds out with one question whether there is any.
         if scan.bit == Fastscan::CONFIRM {
             if rules.lss_confirm_restarts_scan() {
                 self.scanned = 0;
@@ -239,6 +245,7 @@ impl Lss {
         let in_order = usize::from(scan.part) == self.scanned || !rules.lss_scan_in_order();
         let valid = rules.lss_scan_valid(scan) && in_order;
         let part = Part::ALL.get(usize::from(scan.part)).filter(|_| valid)?;
+        // A shift by 32 or more is none for the processor, and compares nothing here.
         let compared = u32::MAX.checked_shl(scan.bit.into()).unwrap_or(0);
         if (address(base, *part) ^ scan.number) & compared != 0 {
             return None;
@@ -247,6 +254,8 @@ impl Lss {
             if rules.lss_scan_complete(scan) {
                 self.switch(Mode::CONFIGURATION);
             } else {
+                // The slave changes the part only with an answer: one whose part differs would
+                // else answer for another slave's number.
                 let follows = scan.next == scan.part + 1;
                 self.scanned = if follows { usize::from(scan.next) } else { 0 };
             }
