@@ -47,7 +47,7 @@ pub fn plan_cases(
 ) -> Result<Plan, Vec<Complaint>> {
     let (mut instances, mut complaints) = (Vec::new(), Vec::new());
     let relaxed = relaxed(library, dut, models);
-    let bus = bus(dut);
+    let bus = Arc::new(bus(dut));
     for suite in &library.suites {
         let model = match &suite.file.device {
             None => None,
@@ -114,8 +114,9 @@ struct Offered<'s> {
 }
 
 impl<'s> Offered<'s> {
-    fn of(suite: &'s Suite, bus: &Scope) -> Self {
-        let (mut names, mut reserved) = (bus.clone(), BTreeSet::from([NODE, BIT_RATE]));
+    fn of(suite: &'s Suite, bus: &Arc<Scope>) -> Self {
+        let (mut names, mut reserved) = (Scope::default(), BTreeSet::from([NODE, BIT_RATE]));
+        names.share(bus);
         for (name, binding) in profile::names(suite) {
             names.bind(name.to_owned(), binding);
             reserved.insert(name);

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
+use std::iter::successors;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
@@ -117,9 +118,9 @@ impl Scope {
     /// When it has no value.
     pub fn get(&self, name: &Name) -> Result<&Binding, Wrong> {
         self.bound(&name.0).ok_or_else(|| {
-            let shared = self.shared.iter().flat_map(|shared| &shared.names);
-            let known: BTreeSet<String> =
-                self.names.iter().chain(shared).map(|(name, _)| format!("${name}")).collect();
+            let all = successors(Some(self), |scope| scope.shared.as_deref());
+            let names = all.flat_map(|scope| &scope.names);
+            let known: BTreeSet<String> = names.map(|(name, _)| format!("${name}")).collect();
             let known: Vec<String> = known.into_iter().collect();
             let meant = did_you_mean(&name.to_string(), known.iter().map(String::as_str));
             match known.is_empty() {
