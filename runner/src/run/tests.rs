@@ -2,6 +2,7 @@
 //! start.
 
 mod kept;
+mod reliance;
 mod shared_bus;
 
 use std::collections::{BTreeMap, VecDeque};
@@ -52,6 +53,8 @@ struct Odd {
     twice_once: bool,
     /// A frame of another station after each answer.
     stranger: Option<Frame>,
+    /// A frame of the tester, and one of the device that comes once, 1 ms after it.
+    once: Option<(Frame, Frame)>,
 }
 
 /// The window that the cases have and nothing else.
@@ -120,6 +123,10 @@ impl Bus for Odd {
 impl Odd {
     /// What comes beside an answer of the device, right after it.
     fn beside(&mut self, seen: Stamped) {
+        if let Some((_, frame)) = self.once.take_if(|(of, _)| seen.own && *of == seen.frame) {
+            let at = seen.at + Duration::from_millis(1);
+            self.held.push_back(Stamped { at, frame, own: false });
+        }
         if seen.own || seen.frame.data_id() != Some(0x580 + u16::from(NODE)) {
             return;
         }
@@ -136,7 +143,7 @@ fn odd(way: Way) -> Odd {
     bus.attach(devices::device("drr460").unwrap().node(NODE, Rules::default()));
     let (held, sent) = (VecDeque::new(), Vec::new());
     let (last, lag, before_segments) = (Instant::NEVER, Duration::ZERO, Duration::ZERO);
-    let (twice_after, twice_once, stranger) = (None, false, None);
+    let (twice_after, twice_once, stranger, once) = (None, false, None, None);
     Odd {
         bus,
         real: true,
@@ -152,6 +159,7 @@ fn odd(way: Way) -> Odd {
         twice_after,
         twice_once,
         stranger,
+        once,
     }
 }
 
@@ -225,8 +233,12 @@ fn run_on(bus: &mut Odd, dut: &Dut, cases: usize, steps: &str, stop: &Stop, undo
             "  - id: case-{case}\n    title: Anything.\n    checks: [ANY-01]\n    steps: {steps}\n"
         ));
     }
-    let library = library(&text);
-    let plan = plan::plan(&library, dut, &BTreeMap::new()).unwrap();
+    run_library(bus, dut, &library(&text), stop, undo)
+}
+
+/// Runs all cases of a library.
+fn run_library(bus: &mut Odd, dut: &Dut, library: &Library, stop: &Stop, undo: &Undo) -> Ran {
+    let plan = plan::plan(library, dut, &BTreeMap::new()).unwrap();
     let session = Session {
         plan: &plan,
         register: &library.register,

@@ -20,9 +20,11 @@ pub(super) struct Reliance<'p> {
 /// How it showed that a requirement does not hold.
 struct Broken<'p> {
     why: String,
-    /// The case that showed it, until it was looked at again before the first case that it blocks:
-    /// the reason may be gone by then.
+    /// The case that showed it, or that showed what blocked the case about it.
     shown_by: Option<&'p Instance>,
+    /// Whether that case is to be looked at again before the first one that it blocks: the reason
+    /// may be gone by then.
+    doubted: bool,
 }
 
 impl<'p> Reliance<'p> {
@@ -64,7 +66,7 @@ impl<'p> Reliance<'p> {
     /// The case that showed what blocks this one, if it was not looked at again.
     pub(super) fn doubted(&self, instance: &Instance) -> Option<&'p Instance> {
         let blocking = instance.relies_on().filter_map(|id| self.broken.get(id));
-        blocking.filter_map(|broken| broken.shown_by).next()
+        blocking.filter(|broken| broken.doubted).find_map(|broken| broken.shown_by)
     }
 
     /// Takes the result of a second look into account. Where the case passes now, what it showed
@@ -73,9 +75,9 @@ impl<'p> Reliance<'p> {
         let is_it = |broken: &Broken| broken.shown_by.is_some_and(|it| std::ptr::eq(it, shown_by));
         let holds = matches!(outcome, Outcome::Pass) || is_another_way(outcome);
         if holds {
-            self.broken.retain(|_, broken| broken.shown_by.is_some() && !is_it(broken));
+            self.broken.retain(|_, broken| !is_it(broken));
         }
-        self.broken.values_mut().filter(|broken| is_it(broken)).for_each(|it| it.shown_by = None);
+        self.broken.values_mut().filter(|broken| is_it(broken)).for_each(|it| it.doubted = false);
     }
 
     /// The result of a case that depends on more than itself: a setup that failed is excused by a
@@ -107,9 +109,12 @@ impl<'p> Reliance<'p> {
             format!("{} expected {expected}, came {actual}", instance.name())
         };
         match (outcome, outcome.problem()) {
-            (Outcome::Blocked(why), _) => self.breaks(instance, why, None),
+            (Outcome::Blocked(why), _) => {
+                let blocking = instance.relies_on().find_map(|id| self.broken.get(id));
+                self.breaks(instance, why, blocking.and_then(|broken| broken.shown_by), false);
+            }
             (_, Some(problem)) if outcome.holds_against_device() => {
-                self.breaks(instance, &showed(problem), Some(instance));
+                self.breaks(instance, &showed(problem), Some(instance), true);
             }
             (Outcome::Lenient(problem), _) => {
                 for id in checks(instance) {
@@ -120,10 +125,16 @@ impl<'p> Reliance<'p> {
         }
     }
 
-    fn breaks(&mut self, of: &'p Instance, why: &str, shown_by: Option<&'p Instance>) {
+    fn breaks(
+        &mut self,
+        of: &'p Instance,
+        why: &str,
+        shown_by: Option<&'p Instance>,
+        doubted: bool,
+    ) {
         for id in checks(of) {
             let why = why.to_owned();
-            self.broken.entry(id).or_insert(Broken { why, shown_by });
+            self.broken.entry(id).or_insert(Broken { why, shown_by, doubted });
         }
     }
 
