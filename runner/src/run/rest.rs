@@ -7,6 +7,7 @@
 //! ```text
 //! settle, first_look, bring_back ▶ ladder ▶ answer, state, lss ▶ baseline ▶ rung
 //! leave ▶ restore, stimuli, answer, state, lss ▶ address
+//! settle, leave, first_look ▶ emergencies ▶ baseline
 //! first_look ▶ shown ▶ undo ▶ restore
 //! ```
 
@@ -14,6 +15,7 @@ mod address;
 mod answer;
 mod baseline;
 mod bring_back;
+mod emergencies;
 mod first_look;
 mod ladder;
 mod leave;
@@ -31,6 +33,7 @@ pub use address::Address;
 pub(super) use answer::first_answer;
 pub(super) use baseline::Baseline;
 pub use bring_back::{Abandoned, BroughtBack, differs};
+pub(super) use emergencies::emergencies;
 pub(super) use first_look::{Wanted, first_look};
 pub(super) use leave::Leaving;
 pub(super) use lss::give_back;

@@ -28,6 +28,8 @@ pub(in crate::run) struct Baseline {
     boots_up: Cell<bool>,
     /// The device's behaviour without requests.
     pub habits: Habits,
+    /// The identifier of its emergency messages by 1014h, if there is one.
+    pub(super) emergency_id: Option<u16>,
     /// The error codes of the emergencies that it sent, without 0000h.
     pub(super) emergencies: Vec<EmcyCode>,
     /// Errors of which it sends no emergency, since 1014h disables them.
@@ -86,6 +88,7 @@ impl Baseline {
             register: RefCell::new(Ok(Vec::new())),
             boots_up: Cell::new(true),
             habits: Habits::default(),
+            emergency_id: None,
             emergencies: Vec::new(),
             waited: Cell::default(),
             hidden: Standing::default(),

@@ -12,6 +12,7 @@ use reports::Identity;
 
 use super::answer::booted;
 use super::baseline::{Baseline, ERROR_REGISTER};
+use super::emergencies::COB_ID_EMCY;
 use super::shown::shown_state;
 use super::state::pre_operational;
 use super::undo::Undo;
@@ -22,7 +23,6 @@ use crate::run::link::{Link, sdo};
 use crate::run::policy::Policy;
 use crate::suite::profile::{Autonomous, Habits};
 
-const EMCY_ID: Mux = Mux::new(0x1014, 0);
 const ERROR_FIELD: u16 = 0x1003;
 /// At most this many errors stand at the same time.
 const NEWEST_ERRORS: u8 = 8;
@@ -73,7 +73,7 @@ pub(in crate::run) fn first_look(
     let sent = sent.iter().filter(|seen| !seen.own);
     // Another identifier may have been stored.
     let usual = emcy::COB_ID + u16::from(dut.node);
-    let stored = sdo::upload_patiently(link, policy, dut.node, EMCY_ID)?.result.ok();
+    let stored = sdo::upload_patiently(link, policy, dut.node, COB_ID_EMCY)?.result.ok();
     let stored = stored.and_then(|value| Some(u32::from_le_bytes(*value.first_chunk()?)));
     let disabled = stored.is_some_and(|cob_id| !CobId(cob_id).valid());
     let stored = stored.map(|cob_id| CobId(cob_id).can_id());
@@ -112,7 +112,8 @@ pub(in crate::run) fn first_look(
     }
     baseline.accept(register);
     (baseline.habits, baseline.monitored) = (habits, monitored);
-    (baseline.emergencies, baseline.hidden) = (emergencies, hidden);
+    (baseline.emergency_id, baseline.emergencies) = (stored, emergencies);
+    baseline.hidden = hidden;
     Ok(baseline)
 }
 

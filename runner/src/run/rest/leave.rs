@@ -5,12 +5,13 @@ use std::time::Duration;
 
 use canopen::monitor::Seen;
 use canopen::sdo;
-use canopen::{BenchError, BusError, Frame, Instant, Mux, emcy};
+use canopen::{BenchError, BusError, Frame, Instant, Mux};
 use reports::{Event, Note};
 
 use super::address::Address;
 use super::answer::booted;
 use super::baseline::Baseline;
+use super::emergencies::{INHIBIT_TIME_EMCY, inhibit_time, rest_after};
 use super::lss;
 use super::restore::Snapshot;
 use super::state::{is_still, pre_operational};
@@ -122,45 +123,30 @@ impl Leaving<'_, '_> {
         missed.map_or(Ok(()), |missed| self.link.wait(missed.max(self.link.mark())))
     }
 
-    /// The end of an error is of this case, and not one without a cause in the next. Messages that
-    /// an inhibit time holds back follow each other, so the device rests when none came for long.
+    /// The end of an error is of this case, and not one without a cause in the next.
     fn rest_after_emergencies(&mut self) -> Result<(), BusError> {
-        /// More than a device with errors that come and go for ever needs.
-        const MOST: usize = 8;
-        let units = |time: u64| Duration::from_micros(time * 100);
-        let usual = self.dut.default_int(INHIBIT_TIME_EMCY).unwrap_or(0);
-        let times = written(self.link.trace(), self.dut.node, INHIBIT_TIME_EMCY.index);
-        let of_case = times.map(|time| units(time.into())).filter(|time| *time <= LONGEST).max();
-        let inhibited = units(u64::try_from(usual).unwrap_or(0)).max(of_case.unwrap_or_default());
-        let mut looked_at = 0;
-        for _ in 0..MOST {
-            let Some(last) = self.last_emergency(looked_at) else { break };
-            let quiet = match self.ends_all_errors(&last) {
-                true => self.policy.quiet,
-                false => self.policy.quiet_after_emergency,
+        let Self { policy, dut, baseline, .. } = *self;
+        let usual = dut.default_int(INHIBIT_TIME_EMCY).unwrap_or(0);
+        let times = written(self.link.trace(), dut.node, INHIBIT_TIME_EMCY.index);
+        let of_case = times.map(|time| inhibit_time(time.into())).filter(|time| *time <= LONGEST);
+        let usual = inhibit_time(u64::try_from(usual).unwrap_or(0));
+        let inhibited = usual.max(of_case.max().unwrap_or_default());
+        rest_after(self.link, dut, baseline, 0, |last| {
+            let quiet = match ends_all_errors(last, baseline) {
+                true => policy.quiet,
+                false => policy.quiet_after_emergency,
             };
-            looked_at = self.link.trace().len();
-            // Others may never fall silent.
-            self.link.wait(self.link.mark() + quiet + inhibited)?;
-        }
-        Ok(())
+            quiet + inhibited
+        })
     }
+}
 
-    /// The last emergency message of the device in the trace from place `from`.
-    fn last_emergency(&self, from: usize) -> Option<Frame> {
-        let emergency = Some(emcy::COB_ID + u16::from(self.dut.node));
-        let sent = self.link.trace()[from..].iter().map(|seen| &seen.stamped);
-        let mut sent = sent.filter(|seen| !seen.own && seen.frame.data_id() == emergency);
-        sent.next_back().map(|seen| seen.frame)
-    }
-
-    /// Whether an emergency message says that no error is left but those from the start: nothing
-    /// is to follow it.
-    fn ends_all_errors(&self, message: &Frame) -> bool {
-        match &*message.data {
-            [0, 0, register, ..] => self.baseline.new_errors(&Ok(vec![*register])).is_none(),
-            _ => false,
-        }
+/// Whether an emergency message says that no error is left but those from the start: nothing is to
+/// follow it.
+fn ends_all_errors(message: &Frame, baseline: &Baseline) -> bool {
+    match &*message.data {
+        [0, 0, register, ..] => baseline.new_errors(&Ok(vec![*register])).is_none(),
+        _ => false,
     }
 }
 
@@ -185,5 +171,3 @@ fn written(trace: &[Seen], node: u8, index: u16) -> impl Iterator<Item = u16> {
 
 /// No case waits longer for an emergency message. A longer time is one that is only read back.
 const LONGEST: Duration = Duration::from_secs(1);
-
-const INHIBIT_TIME_EMCY: Mux = Mux::new(0x1015, 0);

@@ -9,6 +9,7 @@ use canopen::{BusError, Mux, emcy, heartbeat};
 use super::address::Address;
 use super::answer::{DEVICE_TYPE, answers};
 use super::baseline::{Baseline, ERROR_REGISTER};
+use super::emergencies::rest_after_start;
 use super::ladder::{Climbed, Tried};
 use super::lss;
 use super::rung::{LADDER, RESET_NODE, Rung};
@@ -65,6 +66,7 @@ pub(in crate::run) fn settle(
         let from = link.trace().len();
         if let Some(settled) = climb(&rungs, link, policy, dut, baseline, &mut unrest, &mut tried)?
         {
+            rest_after_start(link, policy, dut, baseline, from)?;
             return Ok(settled);
         }
         // Where frames may be lost, a device that was heard on the way is alive.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use canopen::emcy::{self, EmcyCode};
+use canopen::emcy::EmcyCode;
 use canopen::nmt::{self, Command, Service};
 use canopen::{BusError, Mux};
 use reports::{Event, Note, Outcome, Phase};
@@ -16,8 +16,8 @@ use crate::run::link::Link;
 use crate::run::observer::{Observer, Unobserved};
 use crate::run::policy::Policy;
 use crate::run::rest::{
-    Address, Baseline, BenchSnapshot, Leaving, Left, Settled, Snapshot, Undo, application, enter,
-    give_back, is_still, owes_a_sign, settle,
+    Address, Baseline, BenchSnapshot, Leaving, Left, Settled, Snapshot, Undo, application,
+    emergencies, enter, give_back, is_still, owes_a_sign, settle,
 };
 use crate::run::steps::{Difference, Proof, Steps, bench, is_of_protocol, is_reset, promise};
 
@@ -166,11 +166,9 @@ impl<'r, 'b> CaseRun<'r, 'b> {
 
     /// Whether the device reported in this attempt that a node it monitors is lost.
     fn reports_a_lost_node(&self) -> bool {
-        let emergency = Some(emcy::COB_ID + u16::from(self.common.dut.node));
-        let sent = self.link.trace().iter().map(|seen| seen.stamped);
-        let mut sent = sent.filter(|seen| !seen.own && seen.frame.data_id() == emergency);
+        let mut sent = emergencies(self.link.trace(), self.common.dut, self.common.baseline);
         let code = EmcyCode::HEARTBEAT.0.to_le_bytes();
-        sent.any(|seen| seen.frame.data.starts_with(&code))
+        sent.any(|frame| frame.data.starts_with(&code))
     }
 
     /// A device of which the case has left no sign is brought to rest at once: the case in which it
