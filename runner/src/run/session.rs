@@ -6,6 +6,7 @@
 mod attempts;
 mod case;
 mod monitors;
+mod of_itself;
 mod outcome;
 mod phases;
 mod reliance;

@@ -10,6 +10,7 @@ use canopen::nmt::Service;
 use reports::{Outcome, Problem};
 
 use super::case::{Aftermath, CaseRun, Common};
+use super::of_itself::of_itself;
 use crate::dut::Dut;
 use crate::plan::Instance;
 use crate::run::link::{Link, Traffic};
@@ -184,12 +185,16 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         outcome = under_load(outcome, run.link.traffic());
         let steps = run.link.trace().get(run.steps_from..).unwrap_or_default();
         let evidence = Evidence::of(outcome.problem(), steps, common.dut);
+        let certain = is_certain(&mut outcome, run.link.trace(), common);
         let late = run.late.map(|late| show_time(Duration::from_millis(late.as_millis() as u64)));
         run.link.take_trace();
         let shown = run.proof.take().map(Proof::end);
         let commanded = std::mem::take(&mut run.commanded);
         let finished = |outcome, aftermath| Finished { outcome, aftermath, commanded, shown };
         let Aftermath::Left(how) = aftermath else { return finished(outcome, aftermath) };
+        if certain {
+            return finished(outcome, aftermath);
+        }
         // After a stall, a failure counts only if it repeats: the next stall may go unnoticed.
         let is_fail = matches!(outcome, Outcome::Fail(_));
         let doubtful = stalls > 0 && !failed && is_fail;
@@ -245,6 +250,21 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             return finished(outcome, aftermath);
         }
     }
+}
+
+/// Whether a failure needs no repeat, since no frame that was lost, late or copied explains it. The
+/// problem says so.
+fn is_certain(outcome: &mut Outcome, trace: &[Seen], common: Common) -> bool {
+    let Common { dut, policy, .. } = common;
+    let Outcome::Fail(problem) = outcome else { return false };
+    let Some(why) = of_itself(problem, trace, dut.node, policy.slow_wire) else { return false };
+    if dut.shares_its_bus || dut.shares_its_machine {
+        problem.notes.push(format!(
+            "the device sent it of itself, once is enough: {why}, and a frame that was lost, late \
+             or copied explains none of it"
+        ));
+    }
+    true
 }
 
 /// A case that failed while others left hardly any room on the bus says nothing about the device.

@@ -184,3 +184,22 @@ fn frames_that_are_lost_at_several_places_prove_no_failure() {
         assert_eq!(judged([25, 25, 25], twice), [Verdict::Fail], "twice: {twice}");
     }
 }
+
+/// An answer to a 29-bit request comes once. Another that comes once answers a request of the case.
+#[test]
+fn what_only_the_device_can_have_sent_needs_no_second_attempt() {
+    let steps = "[ send: '00000600+n#40 00 10 00 00 00 00 00', \
+                 never: { frame: '580+n#...', for: 40 ms } ]";
+    let judged = |answer: [u8; 8]| {
+        let request = "00000601#4000100000000000".parse().unwrap();
+        let once = Some((request, Frame::new(0x581, answer)));
+        run_shared(&mut Odd { once, ..odd(Box::new(|_, seen| Some(seen))) }, 1, steps)
+    };
+    let ran = judged([0x43, 0, 0x10, 0, 0x91, 1, 0x0E, 0]);
+    assert_eq!(verdicts(&ran), [Verdict::Fail], "{:?}", ran.notes);
+    let Outcome::Fail(problem) = &ran.outcomes[0] else { panic!("{:?}", ran.outcomes) };
+    assert!(problem.notes[0].contains("nobody asked its SDO server"), "{:?}", problem.notes);
+    // The last request, of which a copy may be answered, is for 1001h.
+    let ran = judged([0x4F, 1, 0x10, 0, 0, 0, 0, 0]);
+    assert_eq!(verdicts(&ran), [Verdict::Lenient], "{:?}", ran.outcomes);
+}
