@@ -4,8 +4,9 @@
 mod common;
 
 use std::collections::BTreeMap;
+use std::fs;
 
-use common::harness;
+use common::{harness, project};
 use reports::{Keep, Run, Verdict};
 
 /// The verdicts of cases, by their names.
@@ -16,7 +17,7 @@ fn verdicts(target: &str, cases: &[&str]) -> BTreeMap<String, Verdict> {
     run.args(cases).args(["-q", "--no-progress", "--target", target, "--journal"]).arg(&journal);
     let output = run.output().expect("the program starts");
     let (said, told) = (String::from_utf8_lossy(&output.stdout), output.stderr);
-    let journal = std::fs::read_to_string(journal).expect("the run wrote it");
+    let journal = fs::read_to_string(journal).expect("the run wrote it");
     let run = Run::fold(&journal, Keep::Unusual).expect("a journal");
     let verdicts: BTreeMap<_, _> =
         run.cases().map(|(_, case)| (case.info.name(), case.verdict())).collect();
@@ -60,3 +61,43 @@ fn a_program_with_a_defect_fails_where_it_does_in_virtual_time() {
     let found = compare(&served, &format!("sim:generic?mutant={mutant}"));
     assert!(found.values().any(|verdict| *verdict == Verdict::Fail));
 }
+
+/// What no document allows is done once: by the device in the case, since no later attempt shows it.
+#[test]
+fn what_only_the_device_can_have_sent_is_a_failure_although_it_came_once() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let device = "harness/tests/cli/qualify/first-mutant/my-device/device.yaml";
+    fs::copy(project().join(device), folder.path().join("device.yaml")).expect("it is copied");
+    fs::write(folder.path().join("mutants.yaml"), ONCE).expect("it is written");
+    let path = folder.path().display();
+    for (mutant, case, verdict) in [
+        ("another-node", "cia301/frame-formats/requests-of-other-nodes", Verdict::Fail),
+        ("long-identifier", "cia301/sdo-expedited/request-in-another-format", Verdict::Fail),
+        ("mute", "cia301/heartbeat/switched-off", Verdict::Fail),
+        ("stopped", "cia301/pdo-states/none-in-stopped[TPDO1]", Verdict::Fail),
+        // The machine may have been busy.
+        ("late", "cia301/heartbeat/switched-off", Verdict::Lenient),
+    ] {
+        let target = served(&format!("{path} --mutant {mutant}"));
+        let verdicts = verdicts(&target, &[case]);
+        assert_eq!(verdicts.values().collect::<Vec<_>>(), [&verdict], "{mutant}: {verdicts:?}");
+    }
+}
+
+const ONCE: &str = r#"mutants:
+- another-node: A request for another node is answered.
+  breaks: [CIA301-SDO-19]
+  frame: { when: "604+n#...", received: true, edit: "600+n#= = = = = = = =", most: 1 }
+- long-identifier: A 29-bit frame is a request.
+  breaks: [CIA301-SDO-10]
+  frame: { when: "00000600+n#40 ...", received: true, edit: "600+n#= ...", most: 1 }
+- stopped: A TPDO comes after the device has reported STOPPED several times.
+  breaks: [CIA301-TPDO-11]
+  frame: { when: "700+n#04", edit: "180+n#01 00", skip: 6, most: 1 }
+- mute: A heartbeat comes although the device has confirmed that there is none.
+  breaks: [CIA301-HB-02]
+  frame: { when: "700+n#7F", delay: 55 ms, most: 1 }
+- late: An answer comes too late.
+  breaks: [CIA301-HB-02]
+  frame: { when: "580+n#60 17 10 ...", delay: 2000 ms, most: 1 }
+"#;
