@@ -95,6 +95,24 @@ fn a_node_is_monitored_on_after_its_entry_was_set_back() {
     }
 }
 
+/// Of what a device sends with the identifier that somebody has stored, or when it starts, the
+/// inhibit time goes on in the next case. These orders showed it.
+#[test]
+fn an_emergency_holds_back_none_of_the_next_case() {
+    let suites = ["emcy", "heartbeat-consumer", "emcy-objects", "rpdo-errors", "sync"];
+    for more in ["identifier-of-emergencies-moved-in-the-field", "error-from-power-on"] {
+        let address =
+            format!("sim:generic?freedom=long-inhibit-time-of-emergencies-by-default,{more}");
+        for seed in [5, 8, 19] {
+            let target = target(&address, FULL);
+            let bus = target.open(&Stop::default()).map_err(|refused| refused.message);
+            let chosen = |suite: &str| suites.iter().any(|it| suite == format!("cia301/{it}"));
+            let run = run_of(&target, bus.expect("it is simulated"), seed, chosen);
+            assert_eq!(run.red, Vec::<String>::new(), "{address}, seed {seed}");
+        }
+    }
+}
+
 #[test]
 fn requests_are_lost_while_the_device_starts() {
     for file in [initial(), FULL.to_owned()] {
@@ -193,12 +211,23 @@ fn args(path: &Path) -> harness::cli::RunArgs {
     args.map_err(|refused| refused.message).expect("a device file")
 }
 
-fn run(target: &Target, mut bus: Box<dyn Bus>, seed: u64) -> Came {
+fn run(target: &Target, bus: Box<dyn Bus>, seed: u64) -> Came {
+    run_of(target, bus, seed, |_| true)
+}
+
+/// Runs the suites that are chosen, in random order.
+fn run_of(
+    target: &Target,
+    mut bus: Box<dyn Bus>,
+    seed: u64,
+    chosen: impl Fn(&str) -> bool,
+) -> Came {
     let cli = Cli::try_parse_from(["harness"]).expect("a command line");
     let library = cli.run.selection.folders.load().expect("the suites load");
     let models = target::models(&target.dut.eds);
     let mut plan = plan::plan(&library, &target.dut, &models).expect("the suites fit");
     plan.leave_out_foreign();
+    plan.instances.retain(|instance| chosen(instance.suite.name()));
     fastrand::Rng::with_seed(seed).shuffle(&mut plan.instances);
     let (mut came, mut case) = (Came::default(), String::new());
     let ending = run_session(&library, &plan, &mut *bus, &mut |event| match event {

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use canopen::monitor::Seen;
-use canopen::pdo::CobId;
+use canopen::pdo::{CobId, is_restricted};
 use canopen::{BusError, Frame, Mux, emcy, sdo};
 
 use super::baseline::Baseline;
@@ -25,7 +25,10 @@ pub(in crate::run) fn emergencies<'t>(
     let given = written.filter(|(mux, _)| *mux == COB_ID_EMCY);
     let given = given.filter_map(|(_, value)| Some(u32::from_le_bytes(*value.first_chunk()?)));
     let mut ids = vec![usual, baseline.emergency_id.unwrap_or(usual)];
-    ids.extend(given.map(|cob_id| CobId(cob_id).can_id()));
+    // What a device must refuse is no identifier of it.
+    ids.extend(
+        given.map(|cob_id| CobId(cob_id).can_id()).filter(|id| !is_restricted((*id).into())),
+    );
     let came = frames.filter(|seen| !seen.own).map(|seen| &seen.frame);
     came.filter(move |frame| frame.data_id().is_some_and(|id| ids.contains(&id)))
 }
