@@ -53,8 +53,8 @@ pub fn objects(
     constants: &[Mux],
 ) -> Result<Vec<Object>, Lost> {
     let policy = Policy { sdo_timeout: PATIENCE, ..*policy };
-    let (absent, silent, written) = (Vec::new(), None, None);
-    let mut probe = Probe { link, policy, node, constants, absent, silent, written };
+    let (absent, written) = (Vec::new(), None);
+    let mut probe = Probe { link, policy, node, constants, absent, written };
     probe.learn_absence()?;
     let mut found: Vec<Object> = Vec::new();
     let objects = profiles.iter().flat_map(|profile| profile.objects());
@@ -73,8 +73,11 @@ pub fn objects(
 const PATIENCE: Duration = Duration::from_millis(300);
 /// After this many absent indices in a row, a range of equal objects has ended.
 const GAP: usize = 16;
-/// After this many requests in a row without an answer, the device is gone.
-const SILENCE: u32 = 4;
+/// For how long a device that does not answer a request is asked for an object that any device has:
+/// on a busy machine or bus it may be alive, and late.
+const SILENCE: Duration = Duration::from_secs(10);
+/// That object.
+const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 /// An index that no device can have: it is reserved (CiA 301, 7.4.1).
 const IMPOSSIBLE: Mux = Mux::new(0x0FFF, 0);
 const HISTORY: u16 = 0x1003;
@@ -87,8 +90,6 @@ struct Probe<'p, 'b> {
     constants: &'p [Mux],
     /// The device's abort codes for objects that it does not have.
     absent: Vec<Abort>,
-    /// The first of the requests in a row that were not answered, and how many they are.
-    silent: Option<((Mux, bool), u32)>,
     /// The object that was written last.
     written: Option<Mux>,
 }
@@ -241,8 +242,11 @@ impl Probe<'_, '_> {
     }
 
     fn ask(&mut self, mux: Mux) -> Result<Answer, Lost> {
-        let ended = sdo::upload_patiently(self.link, &self.policy, self.node, mux)?;
-        self.heard((mux, false), ended.raw.is_some())?;
+        let mut ended = sdo::upload_patiently(self.link, &self.policy, self.node, mux)?;
+        if ended.raw.is_none() {
+            self.is_there((mux, false))?;
+            ended = sdo::upload_patiently(self.link, &self.policy, self.node, mux)?;
+        }
         Ok(match ended.result {
             Ok(bytes) => Answer::Value(bytes),
             Err(Failure::Aborted(code)) if !self.absent.contains(&code) => Answer::Refused,
@@ -250,17 +254,19 @@ impl Probe<'_, '_> {
         })
     }
 
-    /// Notes whether a request was answered, of a read or a write.
-    fn heard(&mut self, request: (Mux, bool), answered: bool) -> Result<(), Lost> {
-        self.silent = match (answered, self.silent) {
-            (true, _) => None,
-            (false, None) => Some((request, 1)),
-            (false, Some((first, count))) => Some((first, count + 1)),
-        };
-        match self.silent {
-            Some((first, SILENCE)) => Err(Lost::Silent { first, written: self.written }),
-            _ => Ok(()),
+    /// Makes sure that a device is there that has not answered a request: which object, and whether
+    /// it was written.
+    fn is_there(&mut self, first: (Mux, bool)) -> Result<(), Lost> {
+        let end = self.link.mark() + SILENCE;
+        while self.link.mark() < end {
+            let answer = sdo::upload(self.link, &self.policy, self.node, DEVICE_TYPE)?;
+            if answer.raw.is_some() {
+                // It may answer several requests by now.
+                self.link.drain(self.policy.quiet)?;
+                return Ok(());
+            }
         }
+        Err(Lost::Silent { first, written: self.written })
     }
 
     /// Whether the device refuses what it holds as read only.
@@ -268,7 +274,9 @@ impl Probe<'_, '_> {
         let flow = Transfer::usual(bytes.len());
         self.written = Some(mux);
         let ended = sdo::download(self.link, &self.policy, self.node, mux, bytes, flow)?;
-        self.heard((mux, true), ended.raw.is_some())?;
+        if ended.raw.is_none() {
+            self.is_there((mux, true))?;
+        }
         Ok(ended.result == Err(Failure::Aborted(Abort::READ_ONLY)))
     }
 }

@@ -203,3 +203,30 @@ fn what_only_the_device_can_have_sent_needs_no_second_attempt() {
     let ran = judged([0x4F, 1, 0x10, 0, 0, 0, 0, 0]);
     assert_eq!(verdicts(&ran), [Verdict::Lenient], "{:?}", ran.outcomes);
 }
+
+#[test]
+fn a_device_that_a_busy_machine_holds_up_has_all_its_objects() {
+    use crate::run::link::{Link, Lost, probe};
+    let found = |held_up: Duration| {
+        let mut since = None;
+        let mut bus = odd(Box::new(move |sent, seen| {
+            let asked = sent.iter().any(|frame| frame.data.get(1..3) == Some(&[0x14, 0x10][..]));
+            if asked && since.is_none() {
+                since = Some(seen.at);
+            }
+            let lost = since.is_some_and(|since| seen.at.since(since) < held_up);
+            (!lost).then_some(seen)
+        }));
+        let profile = Catalogue::built_in().profile("cia301").unwrap();
+        let policy = Policy::at_bit_rate(BIT_RATE);
+        let objects = probe(&mut Link::new(&mut bus), &policy, NODE, &[profile], &[]);
+        objects.map(|objects| objects.iter().map(|object| object.index).collect::<Vec<_>>())
+    };
+    let usual = found(Duration::ZERO).unwrap();
+    assert!(usual.contains(&0x1014), "{usual:?}");
+    assert_eq!(found(Duration::from_secs(8)), Ok(usual));
+    let Err(Lost::Silent { first, .. }) = found(Duration::from_secs(60)) else {
+        panic!("it is gone");
+    };
+    assert_eq!(first, (canopen::Mux::new(0x1014, 0), false));
+}
