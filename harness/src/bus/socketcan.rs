@@ -103,7 +103,7 @@ impl SocketCan {
         loop {
             let raw = self.read_raw();
             self.in_a_row = if raw.is_ok() { self.in_a_row + 1 } else { 0 };
-            self.was_long |= self.in_a_row == LONG_QUEUE;
+            self.was_long |= self.in_a_row >= LONG_QUEUE;
             match raw {
                 Ok((_, CanFrame::Error(frame), _)) => {
                     if let Some(what) = fault::controller(&frame.into_error()) {
@@ -498,6 +498,26 @@ mod tests {
         assert!(lost.starts_with(&format!("{} frames of vcan0 were lost", 200 - seen)), "{lost}");
         let until = slow.now() + Duration::from_millis(20);
         assert_eq!(slow.recv(until), Ok(None));
+    }
+
+    #[test]
+    #[ignore = "needs vcan0: scripts/with-vcan"]
+    fn frames_that_are_lost_from_a_queue_that_stays_long_are_reported_again() {
+        let _wire = wire();
+        let (mut slow, mut fast) = (open("vcan0"), open("vcan0"));
+        slow.socket.as_raw_socket().set_recv_buffer_size(4096).expect("a small one is granted");
+        for _ in 0..2 {
+            for count in 0..200_u8 {
+                fast.send(&Frame::new(0x123, [count])).expect("vcan0 takes it");
+            }
+            let until = slow.now();
+            for _ in 0..LONG_QUEUE {
+                assert!(slow.recv(until).expect("frames wait").is_some());
+            }
+            // It looks for losses before it says that no frame is as old.
+            let lost = slow.recv(Instant::ZERO).expect_err("a loss is noticed").to_string();
+            assert!(lost.contains("frames of vcan0 were lost"), "{lost}");
+        }
     }
 
     #[test]
