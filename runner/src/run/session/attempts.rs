@@ -232,16 +232,11 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
         };
         (lost, stalls) = (lost + 1, stalls + u32::from(late.is_some()));
         if lost == ATTEMPTS {
-            let mut reason = match &late {
+            let reason = match &late {
                 Some(_) => format!("{why}, and in {stalls} attempts"),
                 None => format!("the tester was late in {stalls} attempts, and one failed"),
             };
-            if let Some(problem) = outcome.problem() {
-                let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
-                let (expected, actual) = (first(&problem.expected), first(&problem.actual));
-                _ = write!(reason, "; the last one expected {expected}, came {actual}");
-            }
-            return finished(Outcome::Undecided(reason), aftermath);
+            return finished(undecided(reason, &outcome), aftermath);
         }
         (left, failed) = (how, failed || doubtful);
         run.repeat(format!("{why}: the case is repeated"));
@@ -250,6 +245,16 @@ pub(super) fn run(link: &mut Link, common: Common, instance: &Instance, left: Le
             return finished(outcome, aftermath);
         }
     }
+}
+
+/// What a case is for that reason, with the outcome of its last attempt.
+fn undecided(mut reason: String, last: &Outcome) -> Outcome {
+    if let Some(problem) = last.problem() {
+        let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
+        let (expected, actual) = (first(&problem.expected), first(&problem.actual));
+        _ = write!(reason, "; the last one expected {expected}, came {actual}");
+    }
+    Outcome::Undecided(reason)
 }
 
 /// Whether a failure needs no repeat, since no frame that was lost, late or copied explains it. The
