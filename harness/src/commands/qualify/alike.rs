@@ -32,12 +32,13 @@ pub(super) fn represented(case: &Case) -> BTreeMap<usize, usize> {
 
 #[cfg(test)]
 mod tests {
+    use runner::suite::Library;
+
     use super::*;
-    use crate::data;
 
     #[test]
     fn the_steps_that_stand_for_others_are_tried_and_spread() {
-        let library = data::library().expect("built-in suites load");
+        let library = Library::built_in().expect("built-in suites load");
         let cases = library.suites.iter().flat_map(|suite| suite.file.cases.iter());
         let longest = cases.max_by_key(|case| case.value.steps.len()).expect("there are cases");
         let case = &longest.value;
