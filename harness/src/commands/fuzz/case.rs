@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use campaign::{Action, Finding, Kind, Seen, Then, What};
+use canopen::heartbeat::ErrorControl;
 use canopen::{Frame, Instant, meaning};
 
 /// How much of a frame a case judges.
@@ -43,8 +44,9 @@ pub(super) fn suite(names: &Names<'_>, finding: &Finding, how: Strictness) -> Op
     let awaited = answers.last().and_then(|last| last.first()).map(|frame| frame.id);
     for (action, answers) in finding.session.actions.iter().zip(answers) {
         done(action, node, &mut steps);
+        let boots = matches!(action.does, Kind::NmtReset | Kind::PowerCycle);
         for answer in &answers {
-            steps.push(taken(answer, node));
+            steps.push(if boots { boots_up(node) } else { taken(answer, node) });
         }
         if answers.is_empty()
             && let Then::Wait(micros @ 1..) = action.then
@@ -59,10 +61,10 @@ pub(super) fn suite(names: &Names<'_>, finding: &Finding, how: Strictness) -> Op
     let before = before(finding, begins).filter(|frame| Some(frame.id) != awaited);
     steps.extend(before.map(|it| format!("reply: {{ frame: \"{}#...\" }}", id(&it, node))));
     steps.push(judged(finding, node, how)?);
-    let reset = ["nmt: reset-node", "expect: { frame: \"700+n#...\", within: 3 s }"];
-    let setup: &[&str] = if begins.is_some() { &reset } else { &[] };
+    let reset = ["nmt: reset-node".to_owned(), boots_up(node)];
+    let setup: &[String] = if begins.is_some() { &reset } else { &[] };
     if begins.is_none() {
-        steps.insert(0, reset[0].to_owned());
+        steps.insert(0, reset[0].clone());
     }
     let Names { case, requirement, known, device, .. } = names;
     let checks: Vec<&str> =
@@ -213,6 +215,12 @@ fn done(action: &Action, node: u8, steps: &mut Vec<String>) {
     steps.extend(action.frames.iter().map(|it| format!("send: \"{}\"", pattern(it, node, 8))));
 }
 
+/// The boot-up message, which a device takes its time for, as in cases of the suites.
+fn boots_up(node: u8) -> String {
+    let boot_up = ErrorControl::BOOT_UP.frame(node);
+    format!("expect: {{ frame: \"{}#...\", within: {BOOT_UP_MS} ms }}", id(&boot_up, node))
+}
+
 /// An answer that only leads to what is judged: the same service, and no other bytes. After a
 /// refusal, or where the device takes another way, nothing is judged.
 fn taken(answer: &Frame, node: u8) -> String {
@@ -255,6 +263,8 @@ fn judged(finding: &Finding, node: u8, how: Strictness) -> Option<String> {
         }
         What::Missing(frame, due) => {
             let within = due.since(last).as_millis() + MARGIN_MS;
+            let is_boot_up = frame == ErrorControl::BOOT_UP.frame(node);
+            let within = if is_boot_up { BOOT_UP_MS } else { within };
             let frame = match how {
                 Strictness::Absence => format!("{}#...", id(&frame, node)),
                 _ => pattern(&frame, node, bytes),
@@ -265,6 +275,8 @@ fn judged(finding: &Finding, node: u8, how: Strictness) -> Option<String> {
     }
 }
 
+/// How long a device may take to boot.
+const BOOT_UP_MS: u128 = 5_000;
 /// How much longer than in the session a case waits.
 const MARGIN_MS: u128 = 50;
 
