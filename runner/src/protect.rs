@@ -220,7 +220,7 @@ impl Protection {
     }
 
     /// Whether something may be done a number of times only.
-    pub(crate) fn has_budgets(&self) -> bool {
+    pub fn has_budgets(&self) -> bool {
         !self.budgets.is_empty()
     }
 

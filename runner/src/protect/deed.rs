@@ -40,11 +40,19 @@ pub enum Deed {
 }
 
 impl Deed {
+    /// The object that it writes.
+    pub const fn object(self) -> Option<Mux> {
+        match self {
+            Self::Write(mux, _) => Some(mux),
+            _ => None,
+        }
+    }
+
     /// The index of the object that it writes.
     pub const fn written(self) -> Option<u16> {
-        match self {
-            Self::Write(mux, _) => Some(mux.index),
-            _ => None,
+        match self.object() {
+            Some(mux) => Some(mux.index),
+            None => None,
         }
     }
 

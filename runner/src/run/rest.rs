@@ -34,7 +34,7 @@ pub(super) use answer::first_answer;
 pub(super) use baseline::Baseline;
 pub use bring_back::{Abandoned, BroughtBack, differs};
 pub(super) use emergencies::emergencies;
-pub(super) use first_look::{Wanted, first_look};
+pub(super) use first_look::{Wanted, first_look, look_at_channels};
 pub(super) use leave::Leaving;
 pub(super) use lss::give_back;
 pub(super) use outputs::Outputs;

@@ -22,10 +22,10 @@ use super::link::{Link, Traffic, contradiction, identity, oddities, sdo, version
 use super::observer::{Observer, Unobserved};
 use super::policy::Policy;
 use super::rest::{
-    Baseline, Left, Outputs, Undo, Wanted, first_answer, first_look, give_back, pre_operational,
+    Baseline, Left, Outputs, Undo, Wanted, first_answer, first_look, give_back, look_at_channels,
+    pre_operational,
 };
 use crate::plan::{Instance, Plan, deeds, protected};
-use crate::protect::Wire;
 use crate::source::At;
 use crate::stop::Stop;
 use crate::suite::model::Tolerated;
@@ -134,7 +134,7 @@ impl Session<'_> {
         let outputs = Outputs::look(link, &self.policy, &self.plan.dut)?;
         let baseline = self.baseline(link, identity)?;
         let versions = versions(link, &self.policy, &self.plan.dut)?;
-        self.look_at_channels(link)?;
+        look_at_channels(link, &self.policy, &self.plan.dut)?;
         let mut odd = oddities(link.trace(), self.plan.dut.node);
         odd.extend(link.traffic().said(Traffic::WORTH_A_WORD));
         Ok((Known { baseline, versions, odd, outputs }, self.knows_blocks(link)?))
@@ -273,21 +273,6 @@ impl Session<'_> {
             download: all.download || each.download,
         });
         sdo::knows_blocks(link, &self.policy, self.plan.dut.node, asked)
-    }
-
-    /// Reads by which frames the device is written, since what it stored may differ from its data
-    /// sheet. The guard of a protected device listens.
-    fn look_at_channels(&self, link: &mut Link) -> Result<(), BusError> {
-        let dut = &self.plan.dut;
-        if !dut.protection.has_objects() {
-            return Ok(());
-        }
-        for entry in dut.eds.entries() {
-            if Wire::concerns(entry.mux) && entry.access.readable() {
-                _ = sdo::upload(link, &self.policy, dut.node, entry.mux)?;
-            }
-        }
-        Ok(())
     }
 
     /// Why the device does not bear the case now: it would move an output that is on, or store

@@ -152,6 +152,13 @@ impl<'b> Link<'b> {
         &self.trace
     }
 
+    /// Takes note of what somebody else has received from the bus.
+    pub(in crate::run) fn was_seen(&mut self, frames: &[Stamped]) {
+        self.trace.extend(frames.iter().map(|it| Seen { stamped: *it, expected: false }));
+        self.cursor = self.trace.len();
+        self.mark = frames.last().map_or(self.mark, |last| self.mark.max(last.at));
+    }
+
     /// Takes the trace and begins a new one.
     pub fn take_trace(&mut self) -> Vec<Seen> {
         (self.cursor, self.beside) = (0, None);

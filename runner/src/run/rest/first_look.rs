@@ -18,7 +18,7 @@ use super::state::pre_operational;
 use super::undo::Undo;
 use crate::dut::Dut;
 use crate::plan::show_bytes;
-use crate::protect::Deed;
+use crate::protect::{Deed, Wire};
 use crate::run::link::{Link, sdo};
 use crate::run::policy::Policy;
 use crate::suite::profile::{Autonomous, Habits};
@@ -115,6 +115,27 @@ pub(in crate::run) fn first_look(
     (baseline.emergency_id, baseline.emergencies) = (stored, emergencies);
     baseline.hidden = hidden;
     Ok(baseline)
+}
+
+/// Reads by which frames the device is written, since what it stored may differ from its data
+/// sheet. The guard of a protected device listens.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub(in crate::run) fn look_at_channels(
+    link: &mut Link,
+    policy: &Policy,
+    dut: &Dut,
+) -> Result<(), BusError> {
+    if !dut.protection.has_objects() {
+        return Ok(());
+    }
+    for entry in dut.eds.entries() {
+        if Wire::concerns(entry.mux) && entry.access.readable() {
+            _ = sdo::upload(link, policy, dut.node, entry.mux)?;
+        }
+    }
+    Ok(())
 }
 
 /// Resets the device unless it is protected from that, and leaves it in the state that it enters by

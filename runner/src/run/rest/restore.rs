@@ -13,6 +13,7 @@ use canopen::{BusError, Frame, Mux, Stamped, heartbeat, nmt};
 use super::address::Address;
 use crate::dut::Dut;
 use crate::plan::{Instance, Scope, mapping_word};
+use crate::protect::Deed;
 use crate::run::link::Link;
 use crate::run::link::sdo;
 use crate::run::policy::Policy;
@@ -44,22 +45,84 @@ impl Snapshot {
     ) -> Result<Self, BusError> {
         let mut snapshot = Self::default();
         for mux in changed_by(instance, dut) {
-            snapshot.stores |= matches!(mux.index, 0x1010 | 0x1011);
+            snapshot.stores |= stores(mux);
             for mux in with_record(mux, &dut.eds) {
-                if !restorable(mux, &dut.eds) || snapshot.values.contains_key(&mux) {
-                    continue;
-                }
-                // What is not read is not set back.
-                let ended = match dut.shares_its_bus {
-                    true => sdo::upload_patiently(link, policy, dut.node, mux)?,
-                    false => sdo::upload(link, policy, dut.node, mux)?,
-                };
-                if let Ok(value) = ended.result {
-                    snapshot.values.insert(mux, value);
-                }
+                snapshot.read(link, policy, dut, mux)?;
             }
         }
         Ok(snapshot)
+    }
+
+    /// Reads every object that can be written back, but for those that nothing may write: for
+    /// somebody who may change any of them.
+    ///
+    /// # Errors
+    /// Whatever the bus reports.
+    pub(in crate::run) fn of_all(
+        link: &mut Link,
+        policy: &Policy,
+        dut: &Dut,
+    ) -> Result<Self, BusError> {
+        let may = |deed: &Deed| dut.protection.refuses(*deed).is_none();
+        let mut snapshot = Self::default();
+        if dut.eds.device.lss {
+            let lss = [Deed::NodeId, Deed::BitTiming, Deed::StoreLss];
+            let lss: Vec<Deed> = lss.into_iter().filter(may).collect();
+            snapshot.address = Address::of_deeds(&lss);
+        }
+        let writable = dut.eds.entries().filter(|entry| entry.access.writable());
+        let free = writable.map(|entry| entry.mux).filter(|mux| may(&Deed::Write(*mux, None)));
+        for mux in free {
+            snapshot.stores |= stores(mux);
+            snapshot.read(link, policy, dut, mux)?;
+        }
+        Ok(snapshot)
+    }
+
+    /// Reads an object, once, when it can be written back. What is not read is not set back.
+    fn read(
+        &mut self,
+        link: &mut Link,
+        policy: &Policy,
+        dut: &Dut,
+        mux: Mux,
+    ) -> Result<(), BusError> {
+        if !restorable(mux, &dut.eds) || self.values.contains_key(&mux) {
+            return Ok(());
+        }
+        let ended = match dut.shares_its_bus {
+            true => sdo::upload_patiently(link, policy, dut.node, mux)?,
+            false => sdo::upload(link, policy, dut.node, mux)?,
+        };
+        if let Ok(value) = ended.result {
+            self.values.insert(mux, value);
+        }
+        Ok(())
+    }
+
+    /// The part of it that is about these objects.
+    pub(in crate::run) fn only(&self, objects: &BTreeSet<Mux>) -> Self {
+        let mut part = self.clone();
+        part.values.retain(|mux, _| objects.contains(mux));
+        part
+    }
+
+    /// The part of it that these frames may have changed, and what is set back with it.
+    pub(in crate::run) fn after(&self, sent: &[Frame], dut: &Dut) -> Self {
+        let mut wire = dut.wire.as_ref().clone();
+        let mut part = Self { address: self.address, ..Self::default() };
+        for frame in sent {
+            let deeds = wire.deeds(frame);
+            wire.learn(frame);
+            for mux in deeds.into_iter().filter_map(Deed::object) {
+                part.stores |= stores(mux);
+                let with_it = with_record(mux, &dut.eds).into_iter();
+                let known = with_it.filter_map(|mux| Some((mux, self.values.get(&mux)?.clone())));
+                part.values.extend(known);
+            }
+        }
+        // What is loaded may be any parameter.
+        if part.stores { self.clone() } else { part }
     }
 
     /// Whether no object is to be restored.
@@ -218,6 +281,11 @@ impl Snapshot {
         }
         Ok(whole)
     }
+}
+
+/// Whether an object stores or loads parameters when it is written.
+const fn stores(mux: Mux) -> bool {
+    matches!(mux.index, 0x1010 | 0x1011)
 }
 
 /// Whether the device took something it was asked to store or to load.
