@@ -107,7 +107,7 @@ impl Draw<'_> {
     }
 
     fn wrong_command(&mut self) -> Option<Frame> {
-        let node = self.node();
+        let node = if self.chance(30) { 0 } else { self.node() };
         Some(match self.below(6) {
             0 => Frame::new(0, [self.pick(&[0, 3, 4, 16, 127, 131, 255])?, node]),
             1 => Frame::new(0, [self.pick(&[1, 2, 128, 129])?]),

@@ -38,6 +38,11 @@ enum MayRefuse {
     Anything,
 }
 
+/// Whether a frame may be one that the default server answers.
+pub(super) fn is_request(frame: &Frame, node: u8) -> bool {
+    frame.data_id() == Some(sdo::REQUEST_COB_ID + u16::from(node))
+}
+
 /// The request that begins with a frame of a client.
 pub(super) fn request(
     frame: &Frame,
@@ -53,8 +58,12 @@ pub(super) fn request(
     if id != default && !further.any(|cob| cob == i64::from(id)) {
         return None;
     }
+    let mut ends = false;
     let (mux, uploads) = match sdo::Request::decode(&frame.data).ok()? {
-        sdo::Request::Download(mux, _) => (mux, false),
+        sdo::Request::Download(mux, how) => {
+            ends = matches!(how, Initiate::Expedited(value) if is_off(mux, &value));
+            (mux, false)
+        }
         sdo::Request::Upload(mux) => (mux, true),
         sdo::Request::Block(BlockRequest::Download { mux, .. }) => (mux, false),
         sdo::Request::Block(BlockRequest::Upload { mux, .. }) => (mux, true),
@@ -62,7 +71,8 @@ pub(super) fn request(
     };
     let may = match blueprint.is_of_application(mux) {
         true => MayRefuse::Anything,
-        false if is_time(mux) => MayRefuse::Times,
+        // What 0 switches off can be switched off.
+        false if is_time(mux) && !ends => MayRefuse::Times,
         false => MayRefuse::Nothing,
     };
     let before = (may != MayRefuse::Nothing).then(|| od.get(mux).map(<[u8]>::to_vec));
@@ -86,6 +96,12 @@ const fn is_time(mux: Mux) -> bool {
             | (0x1016, 1..)
             | (0x1400..=0x15FF | 0x1800..=0x19FF, 3 | 5)
     )
+}
+
+/// Whether a value of an object that holds a time is 0; an entry of 1016h has it in its low half.
+fn is_off(mux: Mux, value: &[u8]) -> bool {
+    let time = if mux.index == 0x1016 { &value[..value.len().min(2)] } else { value };
+    time.iter().all(|byte| *byte == 0)
 }
 
 /// Whether an answer of the device is as good as that of the model.
