@@ -58,7 +58,7 @@ pub enum Command {
     Init(InitArgs),
     /// Prove that every case can fail: the kill matrix of mutants and cases
     Qualify(QualifyArgs),
-    /// Fuzz a simulated device: sessions of right and wrong actions, judged by a model of it
+    /// Fuzz a device: sessions of right and wrong actions, judged by a model of it
     Fuzz(FuzzArgs),
     /// Print the requirement matrix; holes are an error
     Trace(TraceArgs),
@@ -422,6 +422,9 @@ pub struct CampaignArgs {
     /// The folder for files of findings, one for each cause
     #[arg(long, value_name = "FOLDER")]
     pub findings: Option<PathBuf>,
+    /// Print what sessions may do to the device, and what protects it; no session is played
+    #[arg(long)]
+    pub dry_run: bool,
     /// Print in how many states each kind of action was tried
     #[arg(long)]
     pub goals: bool,
@@ -466,7 +469,8 @@ pub struct DeviceArgs {
     /// The device file, such as `device-under-test.yaml`
     #[arg(long, value_name = "FILE")]
     pub dut: Option<PathBuf>,
-    /// The simulated device: `sim:NAME`, `sim:NAME?mutant=NAME`, or `sim:FOLDER`
+    /// The device: `sim:NAME`, `sim:NAME?mutant=NAME` or `sim:FOLDER`, a program `exec:COMMAND`, or
+    /// a CAN interface such as `can0`
     #[arg(long)]
     pub target: Option<String>,
     /// Node id, other than that of the device

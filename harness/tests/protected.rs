@@ -8,14 +8,17 @@ mod session;
 use std::fs;
 use std::sync::{Arc, Mutex};
 
+use campaign::session::{Player, Script};
+use campaign::{Blueprint, bytes};
 use canopen::bench::Needs;
+use canopen::catalogue::Catalogue;
 use canopen::eds::Eds;
 use canopen::nmt::NmtState;
 use canopen::{BenchError, Device, Frame, Instant, Mux, Outbox, Value, VirtualBus};
 use clap::Parser;
-use harness::cli::Cli;
+use harness::cli::{Cli, RunArgs};
 use harness::target;
-use harness::target::DEFAULT_BIT_RATE;
+use harness::target::{DEFAULT_BIT_RATE, Target};
 use reference_devices::devices;
 use reference_devices::rules::Rules;
 use reference_devices::stack::Node;
@@ -53,6 +56,22 @@ fn nothing_protected_is_done_to_an_io_module() {
 #[test]
 fn nothing_protected_is_done_to_a_valve_controller() {
     watch("ax021211", 1);
+}
+
+/// A thousand sessions, and what they did to the device.
+#[test]
+fn nothing_protected_is_done_by_a_campaign() {
+    let mut unprotected = 0;
+    for seed in 1..=20 {
+        let described = devices::device("generic").expect("it is part of the program");
+        let drawn = Drawn::of(&described.description.eds, seed);
+        let file = drawn.file("generic");
+        let breaches = fuzzed("generic", &drawn, seed, &file, 50);
+        assert_eq!(breaches, Vec::<String>::new(), "seed {seed}\n{file}");
+        let free = "target: sim:generic\nallow: { outputs: true }\n";
+        unprotected += fuzzed("generic", &drawn, seed, free, 2).len();
+    }
+    assert!(unprotected > 20, "the observer sees nothing");
 }
 
 /// Draws what is protected, runs everything with that and without, and looks at what came.
@@ -134,16 +153,49 @@ struct Came {
     passed: usize,
 }
 
-fn run(device: &str, drawn: &Drawn, file: &str) -> Came {
+/// The command line with a device file.
+fn arguments(file: &str) -> RunArgs {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("device-under-test.yaml");
     fs::write(&path, file).expect("it can be written");
     let cli = Cli::try_parse_from(["harness", "--dut", path.to_str().expect("a path")]);
     let args = cli.expect("a command line").run.with_file();
-    let args = args.map_err(|refused| refused.message).expect("a device file");
+    args.map_err(|refused| refused.message).expect("a device file")
+}
+
+fn target_of(args: &RunArgs, catalogue: &Catalogue) -> Target {
+    let targets = target::resolve(&args.selection, catalogue, &Stop::default());
+    targets.map_err(|refused| refused.message).expect("a target").remove(0)
+}
+
+/// What sessions of a campaign do to the device that they must not.
+fn fuzzed(device: &str, drawn: &Drawn, seed: u64, file: &str, sessions: u64) -> Vec<String> {
+    let args = arguments(file);
+    let catalogue = args.selection.folders.catalogue.load().expect("a catalogue");
+    let target = target_of(&args, &catalogue);
+    let described = devices::device(device).expect("it is part of the program");
+    let settings = described.description.settings.clone();
+    let eds = described.description.eds.clone();
+    let blueprint = Blueprint::of_sheet(eds, target.dut.node, settings).expect("a data sheet");
+    let breaches = Arc::new(Mutex::new(Vec::new()));
+    for number in 0..sessions {
+        let node = described.node(target.dut.node, Rules::default());
+        let (drawn, breaches) = (drawn.clone(), Arc::clone(&breaches));
+        let mut bus = VirtualBus::new(DEFAULT_BIT_RATE);
+        bus.attach(Watched { node, drawn, breaches, writes: [0; 2] });
+        let mut bus = target.guard(Box::new(bus));
+        let model = blueprint.build([]).expect("a model");
+        let player = Player::new(&mut *bus, &blueprint, model);
+        let played = player.play(&Script::Bytes(&bytes(seed, number))).expect("a bus");
+        assert_eq!(played.end, None, "session {number} with seed {seed}\n{file}");
+    }
+    std::mem::take(&mut *breaches.lock().expect("nothing panicked"))
+}
+
+fn run(device: &str, drawn: &Drawn, file: &str) -> Came {
+    let args = arguments(file);
     let library = args.selection.folders.load().expect("the suites load");
-    let targets = target::resolve(&args.selection, &library.catalogue, &Stop::default());
-    let target = targets.map_err(|refused| refused.message).expect("a target").remove(0);
+    let target = target_of(&args, &library.catalogue);
     let models = target::models(&target.dut.eds);
     let mut plan = plan::plan(&library, &target.dut, &models).expect("the suites fit");
     plan.leave_out_foreign();

@@ -325,6 +325,66 @@ fn what_is_protected_is_not_set_back_either() {
     assert_eq!(restore(&[name]), (back, Some(0)));
 }
 
+/// A campaign on a device that outlives it.
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn a_campaign_finds_nothing_on_a_device_in_order() {
+    let _wire = wire();
+    let files = Files::new();
+    let _served = Served::device("generic", &[]);
+    let campaign = |number: &str| {
+        let output = files.campaign(&["--sessions", number]).wait_with_output().unwrap();
+        let said = format!("{}{}", text(&output.stdout), text(&output.stderr));
+        (output.status.code(), said)
+    };
+    let (exit, said) = campaign("20");
+    assert_eq!(exit, Some(0), "{said}");
+    assert!(said.contains("what a campaign may do to generic, node 2"), "{said}");
+    assert!(!said.contains("warning"), "{said}");
+    assert_eq!(files.restore(&[]).0, "no run has left anything changed\n");
+}
+
+/// However a campaign ends, its reports say how far it came, and the device is as before, or is so
+/// after `harness restore`.
+#[test]
+#[ignore = "needs vcan0: scripts/with-vcan"]
+fn a_campaign_that_is_ended_leaves_the_device_as_before() {
+    let _wire = wire();
+    let files = Files::new();
+    let _served = Served::device("generic", &[]);
+    let mut seen = SocketCan::open("vcan0", Stop::default()).expect("vcan0 is up");
+    for (ends, boots) in [(Signal::SIGINT, 6), (Signal::SIGTERM, 9), (Signal::SIGKILL, 12)] {
+        let campaign = files.campaign(&["--time", "1h"]);
+        let give_up = seen.now() + Duration::from_secs(120);
+        let is_boot_up = |frame: &Frame| frame.to_string() == "702#00";
+        let mut left = boots;
+        while left > 0 {
+            let frame = seen.recv(give_up).expect("vcan0 works").expect("sessions go on").frame;
+            left -= u32::from(is_boot_up(&frame));
+        }
+        signal(&campaign, ends);
+        let output = campaign.wait_with_output().unwrap();
+        let (listed, _) = files.restore(&[]);
+        if ends != Signal::SIGKILL {
+            assert_eq!(output.status.code(), Some(130), "{}", text(&output.stderr));
+            assert_eq!(files.run().ended.map(|ended| ended.exit), Some(130));
+            assert!(files.junit().contains("interrupted"));
+            assert_eq!(listed, "no run has left anything changed\n", "{ends}");
+            continue;
+        }
+        assert!(listed.contains("generic, node 2 on vcan0: "), "{listed}");
+        let name = listed.split_whitespace().next().unwrap();
+        let (said, exit) = files.restore(&[name]);
+        assert_eq!(exit, Some(0), "{said}");
+        assert_eq!(files.restore(&[]).0, "no run has left anything changed\n");
+    }
+    // What is set back is what the data sheet says.
+    let mut run = files.harness();
+    run.args(["--target", "vcan0", "cia301/objects-*"]);
+    let output = run.output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", text(&output.stdout));
+}
+
 /// The device is a program that the harness starts, and has the interface of the harness.
 #[test]
 #[ignore = "needs vcan0: scripts/with-vcan"]
@@ -525,6 +585,18 @@ impl Files {
             .args(cases)
             .args(self.options());
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    }
+
+    /// Starts a campaign on vcan0.
+    fn campaign(&self, arguments: &[&str]) -> Child {
+        let mut command = self.harness();
+        command.args(["fuzz", "--target", "vcan0", "--quiet"]).args(arguments).args(self.options());
+        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    }
+
+    fn restore(&self, arguments: &[&str]) -> (String, Option<i32>) {
+        let output = self.harness().arg("restore").args(arguments).output().unwrap();
+        (text(&output.stdout).to_owned(), output.status.code())
     }
 
     fn run(&self) -> Run {

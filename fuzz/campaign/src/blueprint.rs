@@ -13,6 +13,8 @@ use reference_devices::mutant::{self, Mutant};
 use reference_devices::rules::Dissent;
 use reference_devices::stack::NodeSettings;
 
+use crate::action::Kind;
+
 /// A deviation that may explain what a device does.
 #[derive(Clone, Debug)]
 pub struct Candidate {
@@ -52,6 +54,12 @@ pub struct Blueprint {
     errors: bool,
     /// Whether it is known which errors the device reports, and how.
     emergencies: bool,
+    /// Whether the device is in a time of its own.
+    in_its_own_time: bool,
+    /// Whether other stations send on its bus.
+    shares_its_bus: bool,
+    /// The actions that sessions leave out.
+    spared: Vec<Kind>,
 }
 
 impl Blueprint {
@@ -65,7 +73,50 @@ impl Blueprint {
         Deviation::default().build(&device, node).map_err(|wrong| vec![wrong])?;
         let (freedoms, mutants) = COMMON.clone()?;
         let (freedoms, mutants) = (Pool::new(freedoms), Pool::new(mutants));
-        Ok(Self { device, node, freedoms, mutants, errors: false, emergencies: true })
+        Ok(Self {
+            device,
+            node,
+            freedoms,
+            mutants,
+            errors: false,
+            emergencies: true,
+            in_its_own_time: false,
+            shares_its_bus: false,
+            spared: Vec::new(),
+        })
+    }
+
+    /// The same for a device on a bus, which is in a time of its own.
+    #[must_use]
+    pub fn in_its_own_time(self, yes: bool) -> Self {
+        Self { in_its_own_time: yes, ..self }
+    }
+
+    /// The same for a device whose bus has other stations.
+    #[must_use]
+    pub fn sharing_its_bus(self, yes: bool) -> Self {
+        Self { shares_its_bus: yes, ..self }
+    }
+
+    /// Whether other stations send on its bus.
+    pub(crate) const fn shares_its_bus(&self) -> bool {
+        self.shares_its_bus
+    }
+
+    /// The same for a device with which these actions are not done.
+    #[must_use]
+    pub fn sparing(self, spared: Vec<Kind>) -> Self {
+        Self { spared, ..self }
+    }
+
+    /// Whether the device is in a time of its own.
+    pub(crate) const fn is_in_its_own_time(&self) -> bool {
+        self.in_its_own_time
+    }
+
+    /// Whether an action is left out.
+    pub(crate) fn spares(&self, kind: Kind) -> bool {
+        self.spared.contains(&kind)
     }
 
     /// The same for a device of which it is not known which errors it reports, and how.

@@ -25,6 +25,12 @@ pub trait Stage {
         script: &Script<'_>,
     ) -> Result<Played, BusError>;
 
+    /// How often a session in which something was wrong is played again, and must be wrong again:
+    /// never in virtual time.
+    fn repeats(&self) -> u32 {
+        0
+    }
+
     /// Lets something be done on a bus with the device running.
     ///
     /// # Errors
@@ -57,6 +63,8 @@ pub struct Tally {
     pub actions: u64,
     /// Sessions that the application of the device has cut short.
     pub void: u64,
+    /// Sessions in which something was wrong once, and not when they were played again.
+    pub undecided: u64,
     /// States of the model in which an action was tried.
     pub goals: FxHashSet<Goal>,
     /// Objects that the application changes.
@@ -155,6 +163,10 @@ impl<'b> Campaign<'b> {
                 }
                 Some(End::Violation(violation)) => violation,
             };
+            if !self.repeats(stage, &played.session, &violation)? {
+                self.tally.undecided += 1;
+                return Ok(None);
+            }
             let judged = self.belief.explain(&played.seen);
             self.lessons += u64::from(judged != Judged::Expected);
             match judged {
@@ -166,6 +178,29 @@ impl<'b> Campaign<'b> {
             return Ok(Some(Finding { number, session, seen, violation }));
         }
         Ok(None)
+    }
+
+    /// Whether the same is wrong again when a session is repeated: where the tester or the device
+    /// was late, it is not.
+    fn repeats(
+        &self,
+        stage: &mut dyn Stage,
+        session: &Session,
+        violation: &Violation,
+    ) -> Result<bool, BusError> {
+        let script = Script::Actions(&session.actions);
+        for _ in 0..stage.repeats() {
+            match stage.play(self.blueprint, self.belief.model(), &script) {
+                Err(BusError::Interrupted) => return Err(BusError::Interrupted),
+                // A device that has gone does not repeat anything.
+                Err(_) => return Ok(true),
+                Ok(again) => match again.end {
+                    Some(End::Violation(other)) if other.is_like(violation) => {}
+                    _ => return Ok(false),
+                },
+            }
+        }
+        Ok(true)
     }
 
     /// How often something was learnt, or was thought to be.

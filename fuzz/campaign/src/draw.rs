@@ -217,7 +217,7 @@ impl<'a> Draw<'a> {
         let open = scene.talk.open();
         let weight = |kind: &Kind| {
             let (group, weight) = weight(*kind, open, scene.state);
-            weight * u32::from(self.swarm[group])
+            if self.blueprint.spares(*kind) { 0 } else { weight * u32::from(self.swarm[group]) }
         };
         let weights: Vec<u32> = Kind::ALL.iter().map(weight).collect();
         let sum: u32 = weights.iter().sum();

@@ -31,4 +31,4 @@ pub use look::{Look, look};
 pub use oracle::{End, Oracle, Seen, Violation, What};
 pub use shrink::shrink;
 pub use talk::Open;
-pub use virtual_device::VirtualDevice;
+pub use virtual_device::{Behind, VirtualDevice};

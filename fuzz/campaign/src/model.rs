@@ -57,6 +57,12 @@ impl Model {
         self.sent()
     }
 
+    /// Is switched on at another time than 0.
+    pub(crate) fn start(&mut self, now: Instant) {
+        self.power(now, false);
+        self.power(now, true);
+    }
+
     /// Switches the supply.
     pub(crate) fn power(&mut self, now: Instant, on: bool) {
         let value = Value::Text(if on { "on" } else { "off" }.to_owned());

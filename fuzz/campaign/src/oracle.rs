@@ -4,17 +4,23 @@
 //! What the application of a device decides is left out where it is not known: values of its
 //! objects are compared by their length, and the model follows them; TPDOs that map them come when
 //! they like; it may refuse what is written to it, and report errors of its own.
+//!
+//! A device on a bus is in a time of its own. Its frames may come as late as an answer, and a little
+//! earlier than those of the model; what it sends periodically is judged by its period.
 
 mod expected;
 mod identifiers;
 mod sdo;
+mod streams;
 
 use std::collections::BTreeSet;
 use std::fmt;
 use std::time::Duration;
 
 use canopen::emcy::{Emcy, EmcyCode};
+use canopen::heartbeat::ErrorControl;
 use canopen::nmt::{self, Command, Service};
+use canopen::pdo::CobId;
 use canopen::{Frame, Instant, Mux, NmtState, Stamped, heartbeat};
 use reference_devices::change::Replica;
 
@@ -23,6 +29,7 @@ use crate::model::Model;
 use expected::{Expected, Must, Queues};
 use identifiers::{Class, Identifiers};
 use sdo::Request;
+use streams::{Streams, Taken};
 
 /// Something that happened on the bus or on the bench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,6 +40,8 @@ pub enum Seen {
     Power(Instant, bool),
     /// Nothing until then.
     Until(Instant),
+    /// The device, a program, ended by itself.
+    Ended(Instant),
 }
 
 /// What is wrong with a device.
@@ -53,6 +62,8 @@ pub enum What {
     Missing(Frame, Instant),
     /// An event-driven TPDO came again within its inhibit time.
     Inhibited(Frame, Duration),
+    /// The device, a program, ended by itself after it got this frame.
+    Ended(Option<Frame>),
 }
 
 impl Violation {
@@ -71,6 +82,7 @@ impl Violation {
             }
             What::Missing(frame, _) => format!("missing-{}", frame.id),
             What::Inhibited(frame, _) => format!("inhibited-{}", frame.id),
+            What::Ended(_) => "ended".to_owned(),
         }
     }
 }
@@ -84,6 +96,8 @@ impl fmt::Display for Violation {
             What::Inhibited(frame, gap) => {
                 write!(f, "{frame} {gap:?} after the last one, within its inhibit time")
             }
+            What::Ended(None) => f.write_str("the program ended"),
+            What::Ended(Some(frame)) => write!(f, "the program ended after it got {frame}"),
         }
     }
 }
@@ -104,6 +118,15 @@ pub struct Oracle<'b> {
     now: Instant,
     queues: Queues,
     identifiers: Identifiers,
+    streams: Streams,
+    /// Frames of a device in its own time that the model has not sent yet.
+    early: Vec<Early>,
+    /// The last frame that the device got.
+    last: Option<Frame>,
+    /// The server of the model has answered since it got the last frame.
+    answered: bool,
+    /// A reset that the model gets when the device has booted, in its own time.
+    held: Option<Held>,
     /// The last two requests: what looks like a request may be a segment of a block.
     requests: [Option<Request>; 2],
     /// Since when the bus has been busy, and when it last was.
@@ -120,16 +143,44 @@ pub struct Oracle<'b> {
     followed: BTreeSet<Mux>,
 }
 
+/// A reset of a device that boots, or its power-on.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    at: Instant,
+    /// The command; none at power-on.
+    frame: Option<Frame>,
+    /// How long the model takes.
+    takes: Duration,
+}
+
+/// A frame that the model may still send.
+#[derive(Clone, Copy, Debug)]
+struct Early {
+    until: Instant,
+    frame: Frame,
+    /// The one that should have come.
+    expected: Option<Frame>,
+}
+
 impl<'b> Oracle<'b> {
     /// The judge of a device that is like `device`, both of which are switched on at time 0.
     pub fn new(blueprint: &'b Blueprint, device: Box<dyn Replica>) -> Self {
         let node = blueprint.node();
+        let model = Model::new(device);
+        let at = Instant::ZERO;
+        let takes = blueprint.is_in_its_own_time().then(|| boots_in(&model, node, at, None));
+        let held = takes.flatten().map(|takes| Held { at, frame: None, takes });
         Self {
             blueprint,
-            model: Model::new(device),
+            model,
             now: Instant::ZERO,
             queues: Queues::default(),
             identifiers: Identifiers::new(node),
+            streams: Streams::default(),
+            early: Vec::new(),
+            last: None,
+            answered: true,
+            held,
             requests: [None, None],
             busy: (Instant::ZERO, Instant::ZERO),
             refused: false,
@@ -160,30 +211,73 @@ impl<'b> Oracle<'b> {
                 self.occupy(stamped.at);
                 self.advance(stamped.at)?;
                 if stamped.own {
-                    self.take(stamped.at, &stamped.frame);
-                    Ok(())
+                    self.take(stamped.at, &stamped.frame)
                 } else {
                     self.judge(stamped.at, &stamped.frame)
                 }
             }
             Seen::Until(at) => self.advance(Instant(at.0.saturating_add(1))),
+            Seen::Ended(at) => wrong(at, What::Ended(self.last)),
             Seen::Power(at, on) => {
                 self.advance(Instant(at.0.saturating_add(1)))?;
                 self.model.power(at, on);
                 self.requests = [None, None];
-                self.queues.release();
+                self.release();
                 Ok(())
             }
         }
     }
 
+    /// The device may have lost what it had to send.
+    fn release(&mut self) {
+        self.queues.release();
+        self.streams.release();
+    }
+
+    /// Whether the device is about to boot.
+    pub(crate) fn boots(&self) -> bool {
+        self.held.is_some()
+    }
+
+    /// A frame that the model may still send, where nothing more will be seen.
+    pub(crate) fn unexplained(&self) -> Option<End> {
+        let Early { until, frame, expected } = *self.early.first()?;
+        wrong(until, What::Unexpected(frame, expected)).err()
+    }
+
+    /// Whether the device owes anything that it does not send again and again.
+    pub(crate) fn owes(&self) -> bool {
+        self.queues.owe() || !self.early.is_empty() || self.held.is_some()
+    }
+
+    /// Whether the device owes a frame with this identifier, or will by itself in that time.
+    pub(crate) fn awaits(&self, id: u16, time: Duration) -> bool {
+        if self.answered || self.queues.awaits(id) {
+            return self.queues.awaits(id);
+        }
+        let (mut model, until) = (self.model.clone(), self.now + time);
+        let mut says = || {
+            let due = model.due_before(until)?;
+            Some(model.poll(due).any(|said| said.data_id() == Some(id)))
+        };
+        std::iter::from_fn(&mut says).take(MOST_AHEAD).any(|says| says)
+    }
+
     /// Lets the model act on everything before `to`.
     fn advance(&mut self, to: Instant) -> Result<(), End> {
+        if let Some(held) = self.held {
+            self.now = self.now.max(to);
+            let boot_up = ErrorControl::BOOT_UP.frame(self.blueprint.node());
+            return match held.at + START < to {
+                true => wrong(to, What::Missing(boot_up, held.at)),
+                false => Ok(()),
+            };
+        }
         while let Some(due) = self.model.due_before(to) {
             self.overdue(due)?;
             let sent: Vec<Frame> = self.model.poll(due).collect();
             self.now = due;
-            sent.into_iter().for_each(|frame| self.expect(due, frame));
+            sent.into_iter().try_for_each(|frame| self.expect(due, frame))?;
         }
         self.now = self.now.max(to);
         if self.model.state() == NmtState::OPERATIONAL {
@@ -192,18 +286,53 @@ impl<'b> Oracle<'b> {
         self.overdue(to)
     }
 
-    fn take(&mut self, now: Instant, frame: &Frame) {
+    fn take(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
         if let Some(request) = sdo::request(frame, self.blueprint, &self.model, self.taken) {
             let [_, last] = std::mem::take(&mut self.requests);
             self.requests = [last, Some(request)];
             self.refused = false;
         }
-        self.taken += 1;
+        self.last = Some(*frame);
         if is_reset(frame) {
-            self.queues.release();
+            self.release();
+            if self.blueprint.is_in_its_own_time()
+                && let Some(takes) = boots_in(&self.model, self.blueprint.node(), now, Some(frame))
+            {
+                self.held = Some(Held { at: now, frame: Some(*frame), takes });
+                return Ok(());
+            }
         }
+        if let Some(held) = self.held.take() {
+            // The device has not come back, and will not hear this.
+            self.begin(held.at, &held)?;
+        }
+        self.give(now, frame)
+    }
+
+    /// Gives the model a frame of the tester.
+    fn give(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
+        self.taken += 1;
+        self.answered = !sdo::is_request(frame, self.blueprint.node()) && self.answered;
         let sent: Vec<Frame> = self.model.take(now, frame).collect();
-        sent.into_iter().for_each(|frame| self.expect(now, frame));
+        sent.into_iter().try_for_each(|frame| self.expect(now, frame))
+    }
+
+    /// The model gets what was held.
+    fn begin(&mut self, at: Instant, held: &Held) -> Result<(), End> {
+        match &held.frame {
+            Some(command) => self.give(at, command),
+            None => {
+                self.model.start(at);
+                Ok(())
+            }
+        }
+    }
+
+    /// The device has booted: so does the model, at the same time.
+    fn boot(&mut self, now: Instant, held: &Held) -> Result<(), End> {
+        let reset = Instant(now.0.saturating_sub(held.takes.as_nanos() as u64));
+        self.begin(reset, held)?;
+        self.advance(Instant(now.0.saturating_add(1)))
     }
 
     /// A frame was on the bus until `now`.
@@ -218,21 +347,100 @@ impl<'b> Oracle<'b> {
     /// How much later than the model the device may be now: a frame waits while others are sent.
     fn late(&self) -> Duration {
         let waits = self.busy.1.since(self.busy.0);
-        LATE + waits
+        self.usually_late() + waits
+    }
+
+    const fn usually_late(&self) -> Duration {
+        if self.blueprint.is_in_its_own_time() { LATE_ON_BUS } else { LATE }
     }
 
     /// Notes a frame of the model.
-    fn expect(&mut self, now: Instant, frame: Frame) {
-        let class = self.identifiers.class(&frame, &self.model, now, LATE);
+    fn expect(&mut self, now: Instant, frame: Frame) -> Result<(), End> {
+        let class = self.identifiers.class(&frame, &self.model, now, self.usually_late());
+        self.answered |= matches!(class, Class::Sdo);
+        if let Some(period) = self.period(&class, &frame) {
+            let like = |early: &Early| self.is_said_by(&class, &early.frame, &frame);
+            let early = self.early.iter().position(like);
+            early.map(|place| self.early.remove(place));
+            return match self.streams.expect(now, frame, period, self.late()) {
+                Some(_) if self.errors => Err(End::Void(now)),
+                Some(what) => wrong(now, what),
+                None => Ok(()),
+            };
+        }
+        let like = |early: &Early| self.is_said_by(&class, &early.frame, &frame);
+        if let Some(place) = self.early.iter().position(like) {
+            let Early { frame: early, .. } = self.early.remove(place);
+            self.queues.came(&early, now);
+            return self.follow(now, &class, &early, &frame);
+        }
         let must = match class {
-            Class::Tpdo(tpdo) if self.is_free(&tpdo) => match tpdo.period.is_zero() {
+            Class::Tpdo(ref tpdo) if self.is_free(tpdo) => match tpdo.period.is_zero() {
                 true => Must::Not,
                 false => Must::Within(tpdo.period),
             },
             Class::Emergency if self.errors || !self.blueprint.knows_emergencies() => Must::Not,
             _ => Must::Come,
         };
-        self.queues.expect(Expected { at: now, frame, must });
+        let later = self.later(&class);
+        self.queues.expect(Expected { at: now, frame, must, later });
+        Ok(())
+    }
+
+    /// How much longer than for any other frame a device in its own time may take.
+    fn later(&self, class: &Class) -> Duration {
+        match class {
+            _ if !self.blueprint.is_in_its_own_time() => Duration::ZERO,
+            Class::Sdo | Class::Lss => ANSWER,
+            _ => Duration::ZERO,
+        }
+    }
+
+    /// Whether a frame of the device is one of the model.
+    fn is_said_by(&self, class: &Class, frame: &Frame, model: &Frame) -> bool {
+        frame.id == model.id && (frame == model || self.is_like(class, frame, model))
+    }
+
+    /// The period of a frame that a device sends by itself again and again, when only that can be
+    /// judged.
+    fn period(&self, class: &Class, frame: &Frame) -> Option<Duration> {
+        if !self.blueprint.is_in_its_own_time() || frame.remote {
+            return None;
+        }
+        let od = self.model.dictionary();
+        let number = |index| od.int(Mux::new(index, 0)).and_then(|it| u64::try_from(it).ok());
+        let sync = || {
+            let cob = CobId(number(SYNC)? as u32);
+            let produces = cob.0 & SYNC_PRODUCER != 0;
+            let period = Duration::from_micros(number(SYNC_PERIOD)?);
+            produces.then_some((cob.can_id(), period))
+        };
+        let period = match class {
+            Class::ErrorControl if frame.data.first() != Some(&0) => {
+                Duration::from_millis(number(HEARTBEAT)?)
+            }
+            Class::Tpdo(tpdo) if tpdo.kind >= 254 && !tpdo.period.is_zero() => {
+                tpdo.period.max(tpdo.inhibit)
+            }
+            Class::Tpdo(tpdo) if (1..=240).contains(&tpdo.kind) => sync()?.1 * u32::from(tpdo.kind),
+            Class::Other if self.is_time(frame) => {
+                let interval = self.blueprint.settings().time_interval_object;
+                Duration::from_millis(interval.and_then(|mux| od.int(mux)).unwrap_or(0) as u64)
+            }
+            Class::Other => {
+                let (id, period) = sync()?;
+                if frame.data_id() == Some(id) { period } else { Duration::ZERO }
+            }
+            _ => Duration::ZERO,
+        };
+        Some(period).filter(|period| !period.is_zero())
+    }
+
+    /// Whether a frame is the time of a clock, which is another one in each device.
+    fn is_time(&self, frame: &Frame) -> bool {
+        let cob = self.model.dictionary().int(Mux::new(TIME, 0)).map(|cob| CobId(cob as u32));
+        self.blueprint.is_in_its_own_time()
+            && cob.is_some_and(|cob| frame.data_id() == Some(cob.can_id()))
     }
 
     /// Whether the application decides when a TPDO comes.
@@ -253,9 +461,30 @@ impl<'b> Oracle<'b> {
 
     /// Judges a frame of the device.
     fn judge(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
-        let class = self.identifiers.class(frame, &self.model, now, LATE);
+        let boots = *frame == ErrorControl::BOOT_UP.frame(self.blueprint.node());
+        if let Some(held) = self.held.take_if(|_| boots) {
+            self.boot(now, &held)?;
+        }
+        let class = self.identifiers.class(frame, &self.model, now, self.usually_late());
         if self.model.state() == NmtState::OPERATIONAL {
             self.operational = now;
+        }
+        let mut streams = std::mem::take(&mut self.streams);
+        let like = |model: &Frame| self.is_said_by(&class, frame, model);
+        // An answer may look like what is sent by itself, as that of guarding does.
+        let taken = match self.queues.awaits_exactly(frame) {
+            true => Taken::Unknown,
+            false => streams.take(now, frame, self.late(), like),
+        };
+        self.streams = streams;
+        match taken {
+            Taken::InTime => return Ok(()),
+            // An event of the application has its own frame.
+            Taken::TooOften if matches!(&class, Class::Tpdo(tpdo) if self.is_free(tpdo)) => {
+                return Ok(());
+            }
+            Taken::TooOften => return wrong(now, What::Unexpected(*frame, None)),
+            Taken::Unknown => {}
         }
         let mut queues = std::mem::take(&mut self.queues);
         let found = queues.find(now, frame, |expected| self.is_like(&class, frame, expected));
@@ -281,7 +510,11 @@ impl<'b> Oracle<'b> {
                 same && tpdo.mapped.iter().any(|mux| self.is_volatile(*mux))
             }
             Class::Emergency => self.errors && frame.data.get(..2) == expected.data.get(..2),
-            Class::ErrorControl | Class::Lss | Class::Other => false,
+            Class::Other => {
+                let counts = self.is_time(frame) || self.period(class, frame).is_some();
+                counts && frame.data.len() == expected.data.len() && !frame.remote
+            }
+            Class::ErrorControl | Class::Lss => false,
         }
     }
 
@@ -347,7 +580,7 @@ impl<'b> Oracle<'b> {
             Class::Tpdo(tpdo)
                 if self.is_free(tpdo)
                     && frame.data.len() == tpdo.bytes
-                    && now.since(self.operational) <= LATE =>
+                    && now.since(self.operational) <= self.usually_late() =>
             {
                 let last = self.queues.last(frame);
                 self.queues.came(frame, now);
@@ -360,7 +593,7 @@ impl<'b> Oracle<'b> {
             }
             Class::Emergency if !self.blueprint.knows_emergencies() => match frame.data.len() {
                 8 => Ok(()),
-                _ => self.unexpected(now, frame, expected),
+                _ => wrong(now, What::Unexpected(*frame, expected)),
             },
             Class::Emergency if self.is_of_application(frame) => {
                 self.errors = true;
@@ -368,19 +601,30 @@ impl<'b> Oracle<'b> {
             }
             // The application may have led its device to another state.
             Class::Sdo if sdo::is_refusal(frame, &self.requests) => Err(End::Void(now)),
+            // It is the frame of another station, which the device has got as well.
+            Class::Other if self.blueprint.shares_its_bus() => match self.held {
+                Some(_) => Ok(()),
+                None => self.take(now, frame),
+            },
+            Class::Sdo if expected.is_some() => wrong(now, What::Unexpected(*frame, expected)),
             Class::Sdo => self.unexpected(now, frame, expected),
             _ if self.errors => Err(End::Void(now)),
             _ => self.unexpected(now, frame, expected),
         }
     }
 
+    /// A frame that the model has not sent; a device in its own time may be a little early.
     fn unexpected(
         &mut self,
         now: Instant,
         frame: &Frame,
         expected: Option<Frame>,
     ) -> Result<(), End> {
-        wrong(now, What::Unexpected(*frame, expected))
+        if !self.blueprint.is_in_its_own_time() {
+            return wrong(now, What::Unexpected(*frame, expected));
+        }
+        self.early.push(Early { until: now + EARLY, frame: *frame, expected });
+        Ok(())
     }
 
     /// Whether an emergency message is none about the communication.
@@ -393,6 +637,12 @@ impl<'b> Oracle<'b> {
     }
 
     fn overdue(&mut self, now: Instant) -> Result<(), End> {
+        if let Some(early) = self.early.iter().find(|early| early.until < now) {
+            return match self.errors {
+                true => Err(End::Void(now)),
+                false => wrong(now, What::Unexpected(early.frame, early.expected)),
+            };
+        }
         let late = self.late();
         if let Some(what) = self.queues.overdue(now, late) {
             return match self.errors {
@@ -402,6 +652,22 @@ impl<'b> Oracle<'b> {
         }
         Ok(())
     }
+}
+
+/// How long after a command, or after power-on, the model sends its boot-up message.
+fn boots_in(model: &Model, node: u8, now: Instant, command: Option<&Frame>) -> Option<Duration> {
+    let mut model = model.clone();
+    match command {
+        Some(command) => model.take(now, command).for_each(drop),
+        None => model.start(now),
+    }
+    let boot_up = Some(error_control(node));
+    while let Some(due) = model.due_before(now + START) {
+        if model.poll(due).any(|sent| sent.data_id() == boot_up) {
+            return Some(due.since(now));
+        }
+    }
+    None
 }
 
 fn wrong(at: Instant, what: What) -> Result<(), End> {
@@ -421,6 +687,21 @@ pub(crate) fn error_control(node: u8) -> u16 {
 
 /// How much later than the model the device may send a frame that waits for nothing but the wire.
 const LATE: Duration = Duration::from_millis(8);
+/// The same for a device in its own time.
+const LATE_ON_BUS: Duration = Duration::from_millis(250);
+/// How much longer an answer to a request may take there, and a boot-up message.
+const ANSWER: Duration = Duration::from_millis(750);
+const START: Duration = Duration::from_secs(5);
+/// How much earlier than the model it may send what is not an answer.
+const EARLY: Duration = Duration::from_millis(60);
+/// In the COB-ID of SYNC: the device produces it.
+const SYNC_PRODUCER: u32 = 1 << 30;
+const SYNC: u16 = 0x1005;
+const TIME: u16 = 0x1012;
+/// How much of what a model does by itself is looked at to see whether it will say something.
+const MOST_AHEAD: usize = 256;
+const SYNC_PERIOD: u16 = 0x1006;
+const HEARTBEAT: u16 = 0x1017;
 const ERROR_REGISTER: u16 = 0x1001;
 const STATUS_REGISTER: u16 = 0x1002;
 const HISTORY: u16 = 0x1003;

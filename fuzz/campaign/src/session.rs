@@ -3,7 +3,9 @@
 use std::time::Duration;
 
 use canopen::bench::POWER;
-use canopen::{Bus, BusError, Frame, Instant, NmtState, Value};
+use canopen::nmt::{Command, Service};
+use canopen::sdo::RESPONSE_COB_ID;
+use canopen::{Bus, BusError, Frame, Instant, NmtState, Stamped, Value};
 use reference_devices::change::Replica;
 use serde::{Deserialize, Serialize};
 
@@ -61,22 +63,44 @@ pub struct Player<'p> {
     blueprint: &'p Blueprint,
     seen: Vec<Seen>,
     end: Option<End>,
+    /// How long it may still wait, in microseconds, where time passes for everybody.
+    left: u64,
 }
 
+/// When a device in its own time has booted: early enough for the slowest models to begin before.
+pub const BOOTED: Instant = Instant(4_000_000_000);
 /// How long an answer may take.
 const PATIENCE: Duration = Duration::from_millis(250);
+/// The same for a device in its own time.
+const PATIENCE_ON_BUS: Duration = Duration::from_secs(1);
+/// How long an answer is waited for on a bus that the model does not give.
+const SILENCE: Duration = Duration::from_millis(3);
+/// How long a session on a bus waits altogether, in microseconds, and for how long each time at
+/// least once it has.
+const BUDGET: u64 = 1_000_000;
+const LEAST: u64 = 1_000;
+/// How far the end of a wait is from what the model does then, and how often it is moved.
+const APART: Duration = Duration::from_millis(30);
+const MOVES: u32 = 3;
+/// How many frames wait for the wire: a CAN interface queues about ten.
+const MOST_AHEAD: usize = 8;
 /// How long a device may take to boot.
 const BOOT: Duration = Duration::from_secs(3);
+/// The same for a device in its own time.
+const BOOT_ON_BUS: Duration = Duration::from_secs(10);
 /// How long a frame of the tester may wait for the bus.
 const ECHO: Duration = Duration::from_secs(1);
 /// The time after the last action in which what is owed must come.
 const REST: Duration = Duration::from_millis(200);
+/// The same for a device in its own time, as often as something is owed.
+const REST_ON_BUS: Duration = Duration::from_millis(80);
 
 impl<'p> Player<'p> {
     /// A session on this bus with a device that may be like `model`.
     pub fn new(bus: &'p mut dyn Bus, blueprint: &'p Blueprint, model: Box<dyn Replica>) -> Self {
         let oracle = Oracle::new(blueprint, model);
-        Self { bus, oracle, blueprint, seen: Vec::new(), end: None }
+        let left = if blueprint.is_in_its_own_time() { BUDGET } else { u64::MAX };
+        Self { bus, oracle, blueprint, seen: Vec::new(), end: None, left }
     }
 
     /// Plays the actions of a script until something is wrong, and to its end.
@@ -85,7 +109,7 @@ impl<'p> Player<'p> {
     /// Whatever the bus reports.
     pub fn play(mut self, script: &Script<'_>) -> Result<Played, BusError> {
         let (mut actions, mut goals) = (Vec::new(), Vec::new());
-        self.begin()?;
+        self.begin(&mut |_| ())?;
         match script {
             Script::Actions(all) => {
                 for action in *all {
@@ -102,26 +126,82 @@ impl<'p> Player<'p> {
                 while self.end.is_none() && actions.len() < LONGEST {
                     let model = self.oracle.model();
                     let (state, open) = (model.state(), draw.open());
-                    let Some(action) = draw.next(model) else { break };
+                    let Some(mut action) = draw.next(model) else { break };
+                    action.then = self.affords(action.then);
+                    self.once(&mut action);
                     goals.push((state.0, open, action.does));
                     actions.push(action.clone());
                     self.carry_out(&action, &mut |frame| draw.hear(frame))?;
                 }
             }
         }
-        if self.end.is_none() {
-            let until = self.bus.now() + REST;
-            self.wait(until, &mut |_| false)?;
-        }
+        self.rest()?;
         let Self { seen, end, oracle, .. } = self;
         let followed = oracle.followed().iter().copied().collect();
         Ok(Played { session: Session { actions }, seen, end, goals, followed })
     }
 
-    fn begin(&mut self) -> Result<(), BusError> {
+    /// Waits for what is owed. A device on a bus is reset at the end: it must come back.
+    fn rest(&mut self) -> Result<(), BusError> {
+        if !self.blueprint.is_in_its_own_time() {
+            let until = self.bus.now() + REST;
+            return self.wait(until, &mut |_| false);
+        }
+        loop {
+            let until = self.bus.now() + REST_ON_BUS;
+            self.wait(until, &mut |_| false)?;
+            if self.end.is_some() || !self.oracle.owes() {
+                break;
+            }
+        }
+        let (service, node) = (Service::RESET_NODE, self.blueprint.node());
+        self.send(&[Command { service, node }.frame()], &mut |_| ())?;
+        self.begin(&mut |_| ())
+    }
+
+    /// On a bus, each reset waits for its boot-up message: how often a device boots that gets some in
+    /// a row depends on how fast it is.
+    fn once(&self, action: &mut Action) {
+        if action.does == Kind::NmtReset && self.blueprint.is_in_its_own_time() {
+            action.frames.truncate(1);
+        }
+    }
+
+    /// What the session can wait for. On a bus, a session that waits long waits once or twice.
+    fn affords(&mut self, then: Then) -> Then {
+        let Then::Wait(micros @ 1..) = then else { return then };
+        let micros = micros.min(self.left.max(LEAST));
+        self.left = self.left.saturating_sub(micros);
+        Then::Wait(micros)
+    }
+
+    /// How long a device may take to boot.
+    fn boot(&self) -> Duration {
+        match self.blueprint.is_in_its_own_time() {
+            true if self.oracle.boots() => BOOT_ON_BUS,
+            true => SILENCE,
+            false => BOOT,
+        }
+    }
+
+    /// How long an answer may take.
+    fn patience(&self, id: u16) -> Duration {
+        match self.blueprint.is_in_its_own_time() {
+            true if self.oracle.awaits(id, PATIENCE_ON_BUS) => PATIENCE_ON_BUS,
+            true => SILENCE,
+            false => PATIENCE,
+        }
+    }
+
+    /// Waits for the boot-up message. On a bus, a heartbeat from before may still come.
+    fn begin(&mut self, hear: &mut dyn FnMut(&Frame)) -> Result<(), BusError> {
         let boot_up = error_control(self.blueprint.node());
-        let until = self.bus.now() + BOOT;
-        self.wait(until, &mut |frame| frame.data_id() == Some(boot_up))
+        let any = !self.blueprint.is_in_its_own_time();
+        let until = self.bus.now() + self.boot();
+        self.wait(until, &mut |frame| {
+            hear(frame);
+            frame.data_id() == Some(boot_up) && (any || frame.data.first() == Some(&0))
+        })
     }
 
     fn carry_out(&mut self, action: &Action, hear: &mut dyn FnMut(&Frame)) -> Result<(), BusError> {
@@ -129,6 +209,7 @@ impl<'p> Player<'p> {
             self.power(false)?;
             self.power(true)?;
         }
+        self.let_it_answer(hear)?;
         let boots = matches!(action.does, Kind::NmtReset | Kind::PowerCycle);
         let mut answers = 0;
         let mut early = |frame: &Frame| {
@@ -142,16 +223,21 @@ impl<'p> Player<'p> {
             Then::Wait(0) => Ok(()),
             Then::Wait(micros) => {
                 let until = self.bus.now() + Duration::from_micros(micros);
+                let until = self.apart(until);
                 self.wait(until, &mut |frame| {
                     hear(frame);
                     false
                 })
             }
             Then::Answers { id, count } => {
-                let until = self.bus.now() + if boots { BOOT } else { PATIENCE };
                 if answers >= count {
                     return Ok(());
                 }
+                if boots && self.blueprint.is_in_its_own_time() {
+                    return self.begin(hear);
+                }
+                let patience = if boots { self.boot() } else { self.patience(id) };
+                let until = self.bus.now() + patience;
                 // A sub-block ends with its last segment, or with an abort.
                 self.wait(until, &mut |frame| {
                     hear(frame);
@@ -162,6 +248,37 @@ impl<'p> Player<'p> {
                 })
             }
         }
+    }
+
+    /// Waits for the answer to the last request. What else a device on a bus gets before it has
+    /// answered comes before or after what it does for the request, and nobody knows which.
+    fn let_it_answer(&mut self, hear: &mut dyn FnMut(&Frame)) -> Result<(), BusError> {
+        let id = RESPONSE_COB_ID + u16::from(self.blueprint.node());
+        let until = self.bus.now() + PATIENCE_ON_BUS;
+        while self.blueprint.is_in_its_own_time()
+            && self.end.is_none()
+            && self.bus.now() < until
+            && self.oracle.awaits(id, PATIENCE_ON_BUS)
+        {
+            self.wait(until, &mut |frame| {
+                hear(frame);
+                frame.data_id() == Some(id)
+            })?;
+        }
+        Ok(())
+    }
+
+    /// A moment at which nothing is about to happen in the device. What happens then in a device in
+    /// its own time, before the next frame or after it, nobody knows.
+    fn apart(&self, mut until: Instant) -> Instant {
+        for _ in 0..MOVES {
+            let due = self.oracle.model().due_before(until + APART);
+            match due.filter(|due| self.blueprint.is_in_its_own_time() && *due + APART > until) {
+                Some(due) => until = due + APART,
+                None => break,
+            }
+        }
+        until
     }
 
     fn power(&mut self, on: bool) -> Result<(), BusError> {
@@ -175,21 +292,36 @@ impl<'p> Player<'p> {
 
     /// Sends frames, and waits until the last of them is on the bus.
     fn send(&mut self, frames: &[Frame], hear: &mut dyn FnMut(&Frame)) -> Result<(), BusError> {
-        let mut sent = 0;
+        let most = if self.blueprint.is_in_its_own_time() { MOST_AHEAD } else { usize::MAX };
+        let mut under_way = 0;
         for frame in frames {
+            self.echoes(&mut under_way, most, hear)?;
             match self.bus.send(frame) {
-                Ok(()) => sent += 1,
+                Ok(()) => under_way += 1,
                 // What is protected is left out.
                 Err(BusError::Withheld(_)) => {}
                 Err(error) => return Err(error),
             }
         }
+        self.echoes(&mut under_way, 1, hear)
+    }
+
+    /// Waits until fewer than so many frames are under way.
+    fn echoes(
+        &mut self,
+        under_way: &mut usize,
+        most: usize,
+        hear: &mut dyn FnMut(&Frame),
+    ) -> Result<(), BusError> {
         let until = self.bus.now() + ECHO;
-        while sent > 0 && self.end.is_none() {
-            let Some(stamped) = self.bus.recv(until)? else {
+        while *under_way >= most && self.end.is_none() {
+            let Some(stamped) = self.received(until)? else {
+                if self.end.is_some() {
+                    return Ok(());
+                }
                 return Err(BusError::Io("a frame was not sent within a second".to_owned()));
             };
-            sent -= usize::from(stamped.own);
+            *under_way -= usize::from(stamped.own);
             self.note(Seen::Frame(stamped));
             if !stamped.own {
                 hear(&stamped.frame);
@@ -205,7 +337,7 @@ impl<'p> Player<'p> {
         ends: &mut dyn FnMut(&Frame) -> bool,
     ) -> Result<(), BusError> {
         while self.end.is_none() {
-            let Some(stamped) = self.bus.recv(until)? else {
+            let Some(stamped) = self.received(until)? else {
                 self.note(Seen::Until(until));
                 break;
             };
@@ -215,6 +347,18 @@ impl<'p> Player<'p> {
             }
         }
         Ok(())
+    }
+
+    /// The next frame that is complete by `until`. A device that is a program may have ended.
+    fn received(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+        match self.bus.recv(until) {
+            Err(BusError::Ended(_)) => {
+                let at = self.bus.now();
+                self.note(Seen::Ended(at));
+                Ok(None)
+            }
+            other => other,
+        }
     }
 
     fn note(&mut self, seen: Seen) {
@@ -237,7 +381,10 @@ pub fn judge(
             return (place, Some(end));
         }
     }
-    (seen.len(), None)
+    match oracle.unexplained() {
+        None => (seen.len(), None),
+        end => (seen.len().saturating_sub(1), end),
+    }
 }
 
 /// The state of the network management, for people.

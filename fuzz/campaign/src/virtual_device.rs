@@ -1,5 +1,7 @@
 //! A simulated device, a new one for each session.
 
+use std::sync::Arc;
+
 use canopen::{Bus, BusError, Device, Instant, VirtualBus};
 use reference_devices::change::Replica;
 
@@ -12,21 +14,32 @@ use crate::session::{Played, Player, Script};
 pub struct VirtualDevice {
     device: Box<dyn Replica>,
     bit_rate: u32,
+    behind: Option<Arc<Behind>>,
 }
+
+/// Puts something between a session and the bus, such as what protects the device.
+pub type Behind = dyn Fn(Box<dyn Bus>) -> Box<dyn Bus> + Send + Sync;
 
 impl VirtualDevice {
     /// A device that is switched on at time 0, on a bus with this bit rate in bit/s.
     pub const fn new(device: Box<dyn Replica>, bit_rate: u32) -> Self {
-        Self { device, bit_rate }
+        Self { device, bit_rate, behind: None }
     }
-}
 
-impl VirtualDevice {
-    fn bus(&self) -> VirtualBus<'static> {
+    /// The same behind something that sees each frame before the device does.
+    #[must_use]
+    pub fn behind(self, what: Arc<Behind>) -> Self {
+        Self { behind: Some(what), ..self }
+    }
+
+    fn bus(&self) -> Box<dyn Bus> {
         let mut bus = VirtualBus::new(self.bit_rate);
         let device: Box<dyn Device> = self.device.clone();
         bus.attach_boxed(device);
-        bus
+        match &self.behind {
+            Some(behind) => behind(Box::new(bus)),
+            None => Box::new(bus),
+        }
     }
 }
 
@@ -38,13 +51,13 @@ impl Stage for VirtualDevice {
         script: &Script<'_>,
     ) -> Result<Played, BusError> {
         let mut bus = self.bus();
-        Player::new(&mut bus, blueprint, model).play(script)
+        Player::new(&mut *bus, blueprint, model).play(script)
     }
 
     fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError> {
         let mut bus = self.bus();
         while bus.recv(BOOTED)?.is_some() {}
-        what(&mut bus)
+        what(&mut *bus)
     }
 }
 

@@ -6,6 +6,7 @@
 mod case;
 mod causes;
 mod file;
+mod may;
 mod model;
 mod outcome;
 mod prepared;
@@ -17,7 +18,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use campaign::session::{Played, Script, Session};
-use campaign::{Campaign, Finding, Stage, Tally, VirtualDevice, bytes, shrink};
+use campaign::{Campaign, Finding, Stage, Tally, bytes, shrink};
 use canopen::BusError;
 use runner::parallel::{self, processors};
 use runner::stop::Stop;
@@ -26,15 +27,16 @@ use super::counted::counted;
 use crate::cli::{CampaignArgs, FindingArgs, FuzzArgs, FuzzCommand, RunArgs};
 use crate::exit::{Exit, Refused};
 use crate::files::words;
-use crate::reporter::{Reporter, say};
+use crate::reporter::{Reporter, harmless, say};
 
 use causes::{Cause, group};
 use file::FindingFile;
+use may::may_do;
 pub(super) use model::Modelled;
 use outcome::{Found, Outcome};
 use prepared::Prepared;
 use record::{Record, Shown};
-use stage::{Clock, target_of};
+use stage::{Clock, Place, target_of};
 
 /// Runs a campaign, or what is wanted with a finding.
 ///
@@ -52,15 +54,26 @@ pub(super) fn run(args: &FuzzArgs, stop: &Stop) -> Result<Exit, Refused> {
 fn campaign(args: &CampaignArgs, stop: &Stop) -> Result<Exit, Refused> {
     let typed = args.as_run();
     let with_file = typed.with_file();
+    if args.dry_run {
+        say(&may_do(&target_of(&with_file?.selection, stop)?));
+        return Ok(Exit::Green);
+    }
     let run = with_file.as_ref().unwrap_or(&typed);
     let mut reporter = Reporter::new(run)?.without_text();
     let _held = stop.hold();
-    let prepared = match &with_file {
-        Ok(run) => Prepared::new(args, run, stop),
+    let target = match &with_file {
+        Ok(run) => target_of(&run.selection, stop),
+        Err(refused) => Err(refused.clone()),
+    };
+    if let Some(target) = target.as_ref().ok().filter(|target| target.outlives_the_program()) {
+        may_do(target).lines().for_each(|line| complain!("{}", harmless(line)));
+    }
+    let prepared = match &target {
+        Ok(target) => Prepared::new(args, run, target, stop),
         Err(refused) => Err(refused.clone()),
     };
     match prepared {
-        Ok(prepared) => carry_out(args, run, stop, prepared, &mut reporter),
+        Ok((prepared, place)) => carry_out(args, run, stop, &prepared, place, &mut reporter),
         Err(refused) => {
             reporter.refused(run, &refused);
             Err(refused)
@@ -72,18 +85,19 @@ fn carry_out(
     args: &CampaignArgs,
     run: &RunArgs,
     stop: &Stop,
-    prepared: Prepared,
+    prepared: &Prepared<'_>,
+    mut place: Place<'_>,
     reporter: &mut Reporter,
 ) -> Result<Exit, Refused> {
-    let (modelled, mut stage) = (&prepared.modelled, prepared.stage.clone());
+    let modelled = &prepared.modelled;
     let mut campaign = Campaign::new(&modelled.blueprint, prepared.belief()?, args.seed);
-    let mut record = Record::begin(reporter, &prepared, run, modelled.identity);
-    let (findings, stopped) = play(args, stop, &mut campaign, &mut stage, &mut record);
+    let mut record = Record::begin(reporter, prepared, run, modelled.identity);
+    let (findings, stopped) = play(args, stop, &mut campaign, &mut place, &mut record);
     let mut outcome = Outcome::new(&campaign);
     let why = stopped.as_ref().map(ToString::to_string);
     record.sessions_over(outcome.notes(), why.as_deref());
     for cause in group(&campaign, &modelled.blueprint, &findings) {
-        let kept = kept(args, &prepared, &campaign, &mut stage, &cause, &findings)?;
+        let kept = kept(args, prepared, &campaign, &mut place, &cause, &findings)?;
         let actions = kept.finding.session.actions.len();
         let mut found = Found::new(&cause, &findings, actions, kept.file);
         let requirements = cause.mutants.first().map(|it| &modelled.blueprint.mutants()[*it]);
@@ -96,13 +110,14 @@ fn carry_out(
         });
         outcome.causes.push(found);
     }
+    place.give_back();
     say(&if args.json { outcome.json() } else { outcome.text(args.goals) });
     let exit = match &stopped {
         None => Exit::Green,
         Some(BusError::Interrupted) => Exit::Interrupted,
         Some(error) => {
-            complain!("error: {error}");
-            Exit::Bus
+            complain!("error: {}", harmless(&error.to_string()));
+            if place.lost().is_some() { Exit::DeviceGone } else { Exit::Bus }
         }
     };
     Ok(record.end(exit, why))
@@ -121,28 +136,32 @@ fn play(
     args: &CampaignArgs,
     stop: &Stop,
     campaign: &mut Campaign<'_>,
-    stage: &mut VirtualDevice,
+    place: &mut Place<'_>,
     record: &mut Record<'_>,
 ) -> (Vec<Finding>, Option<BusError>) {
     let clock = Clock::start(args.time);
-    let workers = args.jobs.map_or_else(processors, Into::into);
+    let workers = match place {
+        Place::Virtual(_) if !record.is_budgeted() => args.jobs.map_or_else(processors, Into::into),
+        // What may be done a number of times is done by one after the other.
+        Place::Virtual(_) | Place::Bus(_) => 1,
+    };
     let ahead = if workers == 1 { 1 } else { workers * AHEAD };
-    let (place, of) = args.shard.map_or((0, 1), |shard| (shard.place as u64, shard.of as u64));
+    let (first, of) = args.shard.map_or((0, 1), |shard| (shard.place as u64, shard.of as u64));
     let most = args.sessions.or_else(|| args.time.map(|_| u64::MAX)).unwrap_or(SESSIONS);
     let mut findings: Vec<Finding> = Vec::new();
     let mut done = 0;
     while done < most {
         let last = done.saturating_add(ahead as u64).min(most);
-        let numbers = (done..last).map(|count| place + count * of);
+        let numbers = (done..last).map(|count| first + count * of);
         let lessons = campaign.lessons();
-        for (number, played) in played(campaign, stage, numbers.collect(), args.seed, workers) {
+        for (number, played) in played(campaign, place, numbers.collect(), args.seed, workers) {
             if stop.asked() {
                 return (findings, Some(BusError::Interrupted));
             }
             if clock.is_over() || findings.len() >= args.max_findings {
                 return (findings, None);
             }
-            let found = match played.and_then(|played| campaign.take(stage, number, played)) {
+            let found = match played.and_then(|played| campaign.take(place, number, played)) {
                 Ok(found) => found,
                 Err(error) => return (findings, Some(error)),
             };
@@ -162,11 +181,14 @@ fn play(
 /// now.
 fn played(
     campaign: &Campaign<'_>,
-    stage: &VirtualDevice,
+    place: &mut Place<'_>,
     numbers: Vec<u64>,
     seed: u64,
     workers: usize,
 ) -> Vec<(u64, Result<Played, BusError>)> {
+    let Place::Virtual(stage) = place else {
+        return numbers.into_iter().map(|it| (it, campaign.play(place, it))).collect();
+    };
     let blueprint = campaign.blueprint();
     let each = numbers.into_iter().map(|it| (it, stage.clone(), campaign.belief().model()));
     parallel::map(each.collect(), workers, |(number, mut stage, model)| {
@@ -196,14 +218,14 @@ struct Kept {
 /// The smallest session that shows a cause; it is written to a file.
 fn kept(
     args: &CampaignArgs,
-    prepared: &Prepared,
+    prepared: &Prepared<'_>,
     campaign: &Campaign<'_>,
-    stage: &mut VirtualDevice,
+    place: &mut Place<'_>,
     cause: &Cause,
     findings: &[Finding],
 ) -> Result<Kept, Refused> {
     let first = &findings[cause.findings[0]];
-    let finding = prepared.modelled.shortest(campaign, stage, cause.mutants.first(), first);
+    let finding = prepared.modelled.shortest(campaign, place, cause.mutants.first(), first);
     let mut path = None;
     if let Some(folder) = &args.findings {
         let refused = |error: &std::io::Error| Refused {
@@ -211,7 +233,7 @@ fn kept(
             message: format!("error: {}: {}", folder.display(), words(error)),
         };
         let believed = campaign.belief().freedoms().map(|freedom| freedom.name.clone());
-        let file = FindingFile::of(&prepared.target, args, cause, &finding, believed.collect());
+        let file = FindingFile::of(prepared.target, args, cause, &finding, believed.collect());
         fs::create_dir_all(folder).map_err(|error| refused(&error))?;
         let name = folder.join(format!("{}.json", cause.name));
         fs::write(&name, file.text()).map_err(|error| refused(&error))?;
@@ -223,9 +245,10 @@ fn kept(
 /// Plays the session of a file again.
 fn repro(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     let file = FindingFile::read(&args.file)?;
-    let target = target_of(&file.device(&args.device).selection()?, stop)?;
+    let selection = file.device(&args.device).selection()?;
+    let target = target_of(&selection, stop)?;
     let _held = stop.hold();
-    let mut stage = stage::open(&target)?;
+    let mut stage = Place::of(&target, &selection, stop)?;
     let modelled = Modelled::of(&target, &mut stage)?;
     let session = Session { actions: file.actions.clone() };
     let again = modelled.again(&mut stage, &file.freedoms, &session)?;
@@ -244,9 +267,10 @@ fn repro(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
 /// Makes the session of a file shorter.
 fn shorten(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     let mut file = FindingFile::read(&args.file)?;
-    let target = target_of(&file.device(&args.device).selection()?, stop)?;
+    let selection = file.device(&args.device).selection()?;
+    let target = target_of(&selection, stop)?;
     let _held = stop.hold();
-    let mut stage = stage::open(&target)?;
+    let mut stage = Place::of(&target, &selection, stop)?;
     let modelled = Modelled::of(&target, &mut stage)?;
     let before = file.actions.len();
     let mut failed = None;

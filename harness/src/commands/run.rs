@@ -312,7 +312,7 @@ impl Sessions<'_> {
 }
 
 /// Where a session notes what it changes: on disk, when the device outlives this process.
-fn undo(target: &Target, selection: &Selection) -> Undo {
+pub(super) fn undo(target: &Target, selection: &Selection) -> Undo {
     let Connection::Interface(interface) = &target.connection else { return Undo::default() };
     if interface.is_program() {
         return Undo::default();

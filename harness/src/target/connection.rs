@@ -47,6 +47,14 @@ impl Target {
         matches!(self.connection, Connection::Simulation { .. }) && self.rig.is_none()
     }
 
+    /// Whether the device goes on when this program ends.
+    pub const fn outlives_the_program(&self) -> bool {
+        match &self.connection {
+            Connection::Simulation { .. } => false,
+            Connection::Interface(interface) => !interface.is_program(),
+        }
+    }
+
     /// Opens the bus. A simulated device is switched on at that moment.
     ///
     /// # Errors

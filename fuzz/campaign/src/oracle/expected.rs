@@ -14,6 +14,8 @@ pub(super) struct Expected {
     pub(super) at: Instant,
     pub(super) frame: Frame,
     pub(super) must: Must,
+    /// How much later than the others it may come.
+    pub(super) later: Duration,
 }
 
 /// Whether the device must send a frame, too.
@@ -50,6 +52,25 @@ impl Queues {
             self.of_ids.len() - 1
         });
         &mut self.of_ids[place]
+    }
+
+    /// Whether a frame with this identifier must come.
+    pub(super) fn awaits(&self, id: u16) -> bool {
+        let mut of_id = self.of_ids.iter().filter(|queue| queue.id.as_standard() == Some(id));
+        of_id.any(|queue| queue.expected.iter().any(|expected| expected.must == Must::Come))
+    }
+
+    /// Whether the next frame with its identifier that must come is this one.
+    pub(super) fn awaits_exactly(&self, frame: &Frame) -> bool {
+        let queue = self.of_ids.iter().find(|queue| queue.id == frame.id);
+        let mut must = queue.into_iter().flat_map(|queue| &queue.expected);
+        must.find(|expected| expected.must == Must::Come).is_some_and(|it| it.frame == *frame)
+    }
+
+    /// Whether any frame must come.
+    pub(super) fn owe(&self) -> bool {
+        let mut all = self.of_ids.iter().flat_map(|queue| &queue.expected);
+        all.any(|expected| expected.must == Must::Come)
     }
 
     /// The device must send this frame.
@@ -113,9 +134,9 @@ impl Queues {
     pub(super) fn overdue(&mut self, now: Instant, late: Duration) -> Option<What> {
         for queue in &mut self.of_ids {
             while let Some(first) = queue.expected.front()
-                && first.at + late < now
+                && first.at + late + first.later < now
             {
-                let Expected { at, frame, must } = *first;
+                let Expected { at, frame, must, .. } = *first;
                 let came = match must {
                     Must::Come => queue
                         .spare

@@ -108,7 +108,10 @@ fn begins(finding: &Finding) -> Option<Instant> {
 fn before(finding: &Finding, begins: Option<Instant>) -> impl Iterator<Item = Frame> {
     let violation = &finding.violation;
     let judged = match violation.what {
-        What::Unexpected(frame, _) | What::Missing(frame, _) | What::Inhibited(frame, _) => frame,
+        What::Unexpected(frame, _) | What::Missing(frame, _) | What::Inhibited(frame, _) => {
+            Some(frame.id)
+        }
+        What::Ended(_) => None,
     };
     let from = begins.unwrap_or(Instant::ZERO);
     finding
@@ -118,7 +121,7 @@ fn before(finding: &Finding, begins: Option<Instant>) -> impl Iterator<Item = Fr
             Seen::Frame(it) if !it.own && (from..violation.at).contains(&it.at) => Some(it.frame),
             _ => None,
         })
-        .filter(move |frame| frame.id == judged.id)
+        .filter(move |frame| Some(frame.id) == judged)
 }
 
 /// The register with the requirement of a case.
@@ -149,7 +152,7 @@ pub(super) fn mutant(names: &Names<'_>, finding: &Finding) -> Option<String> {
         What::Missing(frame, _) => {
             format!("{{ when: \"{}\", drop: true }}", pattern(&frame, node, 8))
         }
-        What::Unexpected(_, None) | What::Inhibited(..) => return None,
+        What::Unexpected(_, None) | What::Inhibited(..) | What::Ended(_) => return None,
     };
     Some(format!(
         "- {}:\n    {}\n  breaks: [{}]\n  frame: {change}\n",
@@ -176,6 +179,7 @@ fn sentence(finding: &Finding) -> String {
         What::Inhibited(frame, _) => {
             format!("The device keeps the inhibit time of {}.", words(&frame))
         }
+        What::Ended(_) => format!("After {last}, the device goes on."),
     }
 }
 
@@ -271,7 +275,7 @@ fn judged(finding: &Finding, node: u8, how: Strictness) -> Option<String> {
             };
             Some(format!("expect: {{ frame: \"{frame}\", within: {within} ms }}"))
         }
-        What::Inhibited(..) => None,
+        What::Inhibited(..) | What::Ended(_) => None,
     }
 }
 

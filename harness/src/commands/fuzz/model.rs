@@ -5,14 +5,15 @@ use campaign::{
     Action, Belief, Blueprint, Campaign, End, Finding, Judged, Look, Stage, VirtualDevice, look,
     shrink,
 };
-use canopen::Mux;
+use canopen::{BusError, Mux};
 use reference_devices::devices;
 use reference_devices::freedom;
 use reference_devices::stack::NodeSettings;
 use reports::Identity;
 
+use super::stage::spared;
 use crate::exit::Refused;
-use crate::target::{DEFAULT_BIT_RATE, Target};
+use crate::target::{Connection, DEFAULT_BIT_RATE, Target};
 
 /// What is known of a device before the first session.
 pub(in crate::commands) struct Modelled {
@@ -34,17 +35,27 @@ impl Modelled {
             ..known.map(|device| device.description.settings.clone()).unwrap_or_default()
         };
         let mut seen = Look::default();
-        // A device that answers nothing is looked at in vain, and judged all the same.
-        _ = stage.ask(&mut |bus| {
+        let on_bus = matches!(target.connection, Connection::Interface(_));
+        let looked = stage.ask(&mut |bus| {
             seen = look(bus, &dut.eds, dut.node)?;
             Ok(())
         });
+        match looked {
+            Err(BusError::Interrupted) => return Err(Refused::interrupted()),
+            Err(error) if on_bus => return Err(Refused::bus(error.to_string())),
+            // A simulated one that answers nothing is looked at in vain, and judged all the same.
+            Ok(()) | Err(_) => {}
+        }
         let identity = identity(&seen);
         let (eds, settings) = seen.amend(&dut.eds, dut.node, &settings);
         let own = known.map(freedom::of).transpose()?.unwrap_or_default();
         let blueprint = Blueprint::of_sheet(eds, dut.node, settings)?.with_freedoms(own);
-        let blueprint =
-            blueprint.with_errors(seen.errors).with_unknown_emergencies(known.is_none());
+        let blueprint = blueprint
+            .with_errors(seen.errors)
+            .with_unknown_emergencies(known.is_none())
+            .in_its_own_time(on_bus)
+            .sharing_its_bus(dut.shares_its_bus)
+            .sparing(spared(target));
         Ok(Self { blueprint, identity })
     }
 
@@ -113,7 +124,8 @@ impl Modelled {
         {
             return shown;
         }
-        let shrunk = self.shrunk(campaign, stage, finding, TRIES_ON_DEVICE);
+        let tries = if stage.repeats() == 0 { TRIES_ON_DEVICE } else { TRIES_ON_BUS };
+        let shrunk = self.shrunk(campaign, stage, finding, tries);
         shrunk.filter(|short| is_wrong(campaign, short)).unwrap_or_else(|| finding.clone())
     }
 
@@ -186,7 +198,9 @@ fn is_wrong(campaign: &Campaign<'_>, finding: &Finding) -> bool {
 const CAREFUL: usize = 60;
 /// How many sessions are tried to make one shorter.
 const TRIES: usize = 2_000;
-/// The same on a device that may be a real one.
+/// The same on the device itself.
 const TRIES_ON_DEVICE: usize = 400;
+/// The same where time passes for everybody.
+const TRIES_ON_BUS: usize = 60;
 /// How often a session is played again since something was learnt in it.
 const LESSONS: u32 = 32;

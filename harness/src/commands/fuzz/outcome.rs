@@ -22,6 +22,9 @@ pub(super) struct Outcome {
     goals: usize,
     /// Sessions that an error of the application has cut short.
     cut_short: u64,
+    /// Sessions that were wrong once, and not when they were repeated.
+    #[serde(skip_serializing_if = "is_zero")]
+    undecided: u64,
     /// The findings by their causes.
     pub(super) causes: Vec<Found>,
     /// The freedoms that the device was seen to use.
@@ -146,6 +149,7 @@ impl Outcome {
             actions: tally.actions,
             goals: tally.goals.len(),
             cut_short: tally.void,
+            undecided: tally.undecided,
             causes: Vec::new(),
             learnt: learnt.collect(),
             changes: tally.followed.iter().map(ToString::to_string).collect(),
@@ -178,7 +182,11 @@ impl Outcome {
             let void = counted(self.cut_short as usize, "session");
             format!("{void} cut short by an error of the application")
         });
-        learnt.chain(changes).chain(void).collect()
+        let undecided = (self.undecided > 0).then(|| {
+            let undecided = counted(self.undecided as usize, "session");
+            format!("{undecided} undecided: what was wrong once was not when it was repeated")
+        });
+        learnt.chain(changes).chain(void).chain(undecided).collect()
     }
 
     /// The same for programs.
@@ -205,6 +213,11 @@ impl Outcome {
         }
         text
     }
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde wants it so")]
+const fn is_zero(count: &u64) -> bool {
+    *count == 0
 }
 
 fn tried(tally: &Tally) -> Vec<(String, usize)> {

@@ -4,23 +4,22 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::sync::Arc;
 
-use campaign::{Belief, Blueprint, VirtualDevice};
+use campaign::{Belief, Blueprint};
 use reports::{CaseRun, Outcome};
 use runner::stop::Stop;
 use runner::suite::Register;
 use runner::waivers::Waivers;
 
 use super::model::Modelled;
-use super::stage::{self, target_of};
+use super::stage::Place;
 use crate::cli::{CampaignArgs, RunArgs};
 use crate::commands::run::{recorded, waivers_of};
 use crate::exit::Refused;
 use crate::target::Target;
 
 /// What a campaign begins with.
-pub(super) struct Prepared {
-    pub(super) target: Target,
-    pub(super) stage: VirtualDevice,
+pub(super) struct Prepared<'t> {
+    pub(super) target: &'t Target,
     pub(super) modelled: Modelled,
     pub(super) register: Arc<Register>,
     pub(super) waivers: Waivers,
@@ -28,22 +27,26 @@ pub(super) struct Prepared {
     given: Vec<usize>,
 }
 
-impl Prepared {
-    /// Looks at the device.
+impl<'t> Prepared<'t> {
+    /// Looks at the device, and returns where sessions are played, too.
     ///
     /// # Errors
-    /// When the target cannot be used, or a file cannot be read.
-    pub(super) fn new(args: &CampaignArgs, run: &RunArgs, stop: &Stop) -> Result<Self, Refused> {
+    /// When the device cannot be used, or a file cannot be read.
+    pub(super) fn new(
+        args: &CampaignArgs,
+        run: &RunArgs,
+        target: &'t Target,
+        stop: &Stop,
+    ) -> Result<(Self, Place<'t>), Refused> {
         let register = run.selection.folders.load_part(|_| false)?.register;
         let waivers = waivers_of(run, &register)?;
-        let target = target_of(&run.selection, stop)?;
-        let mut stage = stage::open(&target)?;
-        let modelled = Modelled::of(&target, &mut stage)?;
+        let mut place = Place::of(target, &run.selection, stop)?;
+        let modelled = Modelled::of(target, &mut place)?;
         let given = match &args.after {
             Some(path) => shown(path, &target.dut.name, &modelled.blueprint)?,
             None => Vec::new(),
         };
-        Ok(Self { target, stage, modelled, register, waivers, given })
+        Ok((Self { target, modelled, register, waivers, given }, place))
     }
 
     /// What is believed of the device before the first session.

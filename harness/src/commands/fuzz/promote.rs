@@ -20,8 +20,9 @@ use runner::waivers::Waivers;
 use super::case::{Names, Strictness, mutant, register, suite};
 use super::file::FindingFile;
 use super::model::Modelled;
-use super::stage::{self, target_of};
+use super::stage::{Place, target_of};
 use crate::cli::PromoteArgs;
+use crate::commands::run::undo;
 use crate::exit::{Exit, Refused};
 use crate::files::words;
 use crate::reporter::say;
@@ -37,7 +38,7 @@ pub(super) fn run(args: &PromoteArgs, stop: &Stop) -> Result<Exit, Refused> {
     let selection = file.device(&args.device).selection()?;
     let target = target_of(&selection, stop)?;
     let _held = stop.hold();
-    let mut stage = stage::open(&target)?;
+    let mut stage = Place::of(&target, &selection, stop)?;
     let modelled = Modelled::of(&target, &mut stage)?;
     let session = Actions { actions: file.actions.clone() };
     let shown = modelled.again(&mut stage, &file.freedoms, &session)?;
@@ -175,7 +176,8 @@ impl Trial<'_> {
             plan_cases(&library, dut, &models, |suite, _| suite.name() == name, &mut |_| true)
         };
         let mut bus = self.target.open(self.stop)?;
-        let on_device = self.outcome(&library, &plan(&self.target.dut)?, &mut *bus);
+        let undo = undo(self.target, self.selection);
+        let on_device = self.outcome(&library, &plan(&self.target.dut)?, &mut *bus, &undo);
         drop(bus);
         if on_device.verdict() != Verdict::Fail {
             return Ok(Err(format!("the case is {} on the device", said(&on_device))));
@@ -187,7 +189,7 @@ impl Trial<'_> {
         let alone = all.iter().map(|freedom| vec![freedom]);
         for freedoms in [Vec::new(), of_belief.collect()].into_iter().chain(alone) {
             let Some(mut bus) = self.on_model(&freedoms) else { continue };
-            let outcome = self.outcome(&library, &plan, &mut bus);
+            let outcome = self.outcome(&library, &plan, &mut bus, &Undo::default());
             if !matches!(outcome.verdict(), Verdict::Pass | Verdict::Lenient) {
                 let with: Vec<&str> = freedoms.iter().map(|it| it.name.as_str()).collect();
                 let with = if with.is_empty() { "no freedom".to_owned() } else { with.join(", ") };
@@ -219,7 +221,7 @@ impl Trial<'_> {
     }
 
     /// How the case comes out.
-    fn outcome(&self, library: &Library, plan: &Plan, bus: &mut dyn Bus) -> Outcome {
+    fn outcome(&self, library: &Library, plan: &Plan, bus: &mut dyn Bus, undo: &Undo) -> Outcome {
         let session = Session {
             plan,
             register: &library.register,
@@ -229,7 +231,7 @@ impl Trial<'_> {
             max_fail: None,
             observer: &Unobserved,
             stop: self.stop,
-            undo: &Undo::default(),
+            undo,
         };
         let mut outcome = Outcome::not_run("there is no such case");
         session.run(bus, &mut |event| {

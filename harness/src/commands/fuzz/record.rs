@@ -20,7 +20,7 @@ use crate::reporter::{Reporter, started};
 /// Tells the reporter of a campaign what happens in it.
 pub(super) struct Record<'r> {
     reporter: &'r mut Reporter,
-    prepared: &'r Prepared,
+    prepared: &'r Prepared<'r>,
     sessions: CaseStarted,
 }
 
@@ -42,7 +42,7 @@ impl<'r> Record<'r> {
     /// The campaign begins.
     pub(super) fn begin(
         reporter: &'r mut Reporter,
-        prepared: &'r Prepared,
+        prepared: &'r Prepared<'r>,
         args: &RunArgs,
         identity: Identity,
     ) -> Self {
@@ -53,6 +53,11 @@ impl<'r> Record<'r> {
         let sessions = case("sessions", "The sessions are played to their end.", Arc::default());
         reporter.tell(&Event::CaseStarted(sessions.clone()));
         Self { reporter, prepared, sessions }
+    }
+
+    /// Whether something may be done to the device a number of times only.
+    pub(super) fn is_budgeted(&self) -> bool {
+        self.prepared.target.dut.protection.has_budgets()
     }
 
     /// How far it came.
@@ -100,6 +105,10 @@ impl<'r> Record<'r> {
                 Seen::Frame(stamped) => self.reporter.tell(&Event::Frame(stamped)),
                 Seen::Power(at, on) => {
                     let text = format!("the supply is switched {}", if on { "on" } else { "off" });
+                    self.reporter.tell(&Event::Note(Note { at, text }));
+                }
+                Seen::Ended(at) => {
+                    let text = "the program ended by itself".to_owned();
                     self.reporter.tell(&Event::Note(Note { at, text }));
                 }
                 Seen::Until(_) => {}
@@ -161,6 +170,10 @@ fn problem(shown: &Shown<'_>) -> Problem {
         What::Inhibited(frame, gap) => {
             let expected = "the inhibit time between two TPDOs".to_owned();
             (expected, format!("{} after {gap:?}", words(&frame)), Some(frame))
+        }
+        What::Ended(last) => {
+            let actual = "it ended by itself".to_owned();
+            ("the program that is the device goes on".to_owned(), actual, last)
         }
     };
     Problem {

@@ -88,7 +88,7 @@ fn rest(left_out: &[Mutant], verbose: bool) -> String {
 
 fn fuzzed(device: &Target, mutant: Mutant, seed: u64, sessions: u64) -> Result<Fuzzed, Refused> {
     let target = device.deviating(mutant.deviation())?;
-    let mut stage = stage::open(&target)?;
+    let mut stage = stage::simulated(&target)?;
     let modelled = Modelled::of(&target, &mut stage)?;
     let blueprint = &modelled.blueprint;
     let mut campaign = Campaign::new(blueprint, modelled.belief()?, seed);

@@ -104,7 +104,7 @@ impl Subject<'_> {
             query => format!("sim:{device}?{query}"),
         };
         let target = home.target.deviating(deviation)?;
-        let mut stage = stage::open(&target)?;
+        let mut stage = stage::simulated(&target)?;
         let modelled = Modelled::of(&target, &mut stage)?;
         let mut campaign = Campaign::new(&modelled.blueprint, modelled.belief()?, args.seed);
         let mut findings = Vec::new();

@@ -1,0 +1,185 @@
+//! Campaigns on devices in a time of their own, as on a bus: their clock is another one, and they
+//! take some time for each frame. Only the order of their frames is that of the model.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use campaign::session::{Played, Player, Script};
+use campaign::{Ask, Belief, Blueprint, Campaign, Finding, Kind, Look, Stage, look};
+use canopen::{Bus, BusError, Device, Frame, Instant, Outbox, VirtualBus, eds};
+use reference_devices::change::{Deviation, Replica};
+use reference_devices::devices::{self, ReferenceDevice};
+use reference_devices::{freedom, mutant};
+
+/// How long the device may take for a frame that it gets, and for one that it sends.
+const HEARS_IN: Duration = Duration::from_millis(4);
+const SENDS_IN: Duration = Duration::from_millis(12);
+/// Its clock is faster by this part.
+const FASTER: u64 = 2_000;
+
+/// A device in its own time.
+struct Apart {
+    device: Box<dyn Replica>,
+    random: fastrand::Rng,
+    heard: VecDeque<(Instant, Frame)>,
+    said: VecDeque<(Instant, Frame)>,
+}
+
+impl Apart {
+    fn new(device: Box<dyn Replica>, seed: u64) -> Self {
+        let random = fastrand::Rng::with_seed(seed);
+        Self { device, random, heard: VecDeque::new(), said: VecDeque::new() }
+    }
+
+    /// At most so long after `now`, and not before what is in front.
+    fn soon(&mut self, now: Instant, most: Duration, last: Option<Instant>) -> Instant {
+        let nanos = self.random.u64(0..=most.as_nanos() as u64);
+        (now + Duration::from_nanos(nanos)).max(last.unwrap_or(now))
+    }
+
+    fn say(&mut self, now: Instant, mut out: Outbox) {
+        while let Some(frame) = out.pop() {
+            let last = self.said.back().map(|(at, _)| *at);
+            let at = self.soon(now, SENDS_IN, last);
+            self.said.push_back((at, frame));
+        }
+    }
+}
+
+/// The time on the clock of the device.
+fn there(at: Instant) -> Instant {
+    Instant(at.0.saturating_add(at.0 / FASTER))
+}
+
+/// When that clock shows it.
+fn here(at: Instant) -> Instant {
+    Instant((u128::from(at.0) * u128::from(FASTER) / u128::from(FASTER + 1)) as u64 + 1)
+}
+
+impl Device for Apart {
+    fn handle_frame(&mut self, now: Instant, frame: &Frame, _: &mut Outbox) {
+        let last = self.heard.back().map(|(at, _)| *at);
+        let at = self.soon(now, HEARS_IN, last);
+        self.heard.push_back((at, *frame));
+    }
+
+    fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
+        loop {
+            let timer = self.device.poll_at().map(here).filter(|due| *due <= now);
+            let frame = self.heard.front().map(|(at, _)| *at).filter(|at| *at <= now);
+            let mut said = Outbox::default();
+            let at = match (timer, frame) {
+                (Some(due), frame) if frame.is_none_or(|at| due < at) => {
+                    self.device.handle_timeout(there(due), &mut said);
+                    due
+                }
+                (_, Some(at)) => {
+                    if let Some((_, frame)) = self.heard.pop_front() {
+                        self.device.handle_frame(there(at), &frame, &mut said);
+                    }
+                    at
+                }
+                (_, None) => break,
+            };
+            self.say(at.max(now), said);
+        }
+        while let Some((_, frame)) = self.said.pop_front_if(|(at, _)| *at <= now) {
+            out.push(frame);
+        }
+    }
+
+    fn poll_at(&self) -> Option<Instant> {
+        let queues = [self.heard.front(), self.said.front()];
+        let queues = queues.into_iter().flatten().map(|(at, _)| *at);
+        queues.chain(self.device.poll_at().map(here)).min()
+    }
+}
+
+/// A new one for each session, each a little different.
+struct Place {
+    device: Box<dyn Replica>,
+    bit_rate: u32,
+    seed: u64,
+}
+
+impl Place {
+    fn bus(&mut self) -> VirtualBus<'static> {
+        self.seed += 1;
+        let mut bus = VirtualBus::new(self.bit_rate);
+        bus.attach(Apart::new(self.device.replica(), self.seed));
+        bus
+    }
+}
+
+impl Stage for Place {
+    fn play(
+        &mut self,
+        blueprint: &Blueprint,
+        model: Box<dyn Replica>,
+        script: &Script<'_>,
+    ) -> Result<Played, BusError> {
+        Player::new(&mut self.bus(), blueprint, model).play(script)
+    }
+
+    fn repeats(&self) -> u32 {
+        2
+    }
+
+    fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError> {
+        let mut bus = self.bus();
+        while bus.recv(Instant(3_000_000_000))?.is_some() {}
+        what(&mut bus)
+    }
+}
+
+/// What so many sessions find, and how many are undecided.
+fn fuzzed(device: &ReferenceDevice, deviation: &Deviation, sessions: u64) -> (Vec<Finding>, u64) {
+    let node = device.description.default_node;
+    let eds = &eds::read(deviation.data_sheet(device).unwrap().as_bytes()).eds;
+    let settings = &device.description.settings;
+    let bit_rate = settings.bit_rate;
+    let mut place = Place { device: deviation.build(device, node).unwrap(), bit_rate, seed: 0 };
+    let mut seen = Look::default();
+    place
+        .ask(&mut |bus| {
+            seen = look(bus, eds, node)?;
+            Ok(())
+        })
+        .unwrap();
+    let (eds, settings) = seen.amend(eds, node, settings);
+    let blueprint = Blueprint::of_sheet(eds, node, settings).unwrap();
+    let blueprint = blueprint.with_freedoms(freedom::of(device).unwrap());
+    let blueprint =
+        blueprint.with_errors(seen.errors).in_its_own_time(true).sparing(vec![Kind::PowerCycle]);
+    let belief = Belief::new(&blueprint, Vec::new()).unwrap();
+    let mut campaign = Campaign::new(&blueprint, belief, 1);
+    let mut findings = Vec::new();
+    for number in 0..sessions {
+        findings.extend(campaign.session(&mut place, number).unwrap());
+    }
+    (findings, campaign.tally().undecided)
+}
+
+#[test]
+fn nothing_is_found_on_a_device_in_its_own_time() {
+    const SESSIONS: u64 = 60;
+    for name in ["generic", "em66"] {
+        let device = devices::device(name).unwrap();
+        let (findings, undecided) = fuzzed(&device, &Deviation::default(), SESSIONS);
+        let text = |it: &Finding| format!("session {}: {}", it.number, it.violation);
+        let found: Vec<String> = findings.iter().map(text).collect();
+        assert!(found.is_empty(), "{name}: {found:#?}");
+        assert!(undecided * 20 <= SESSIONS, "{name}: {undecided} undecided");
+    }
+}
+
+#[test]
+fn a_mutant_is_found_in_its_own_time() {
+    let device = devices::device("generic").unwrap();
+    let mutants = mutant::of(&device).unwrap();
+    for name in ["sdo-toggle-unchecked", "heartbeat-cannot-be-stopped"] {
+        let mutant = mutants.iter().find(|mutant| mutant.name == name).unwrap();
+        let (findings, _) = fuzzed(&device, &mutant.deviation(), 8);
+        assert!(!findings.is_empty(), "{name}");
+    }
+}
