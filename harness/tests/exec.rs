@@ -62,7 +62,8 @@ fn a_program_with_a_defect_fails_where_it_does_in_virtual_time() {
     assert!(found.values().any(|verdict| *verdict == Verdict::Fail));
 }
 
-/// What no document allows is done once: by the device in the case, since no later attempt shows it.
+/// What no document allows is done once: by the device in the case, since no attempt after it
+/// shows it.
 #[test]
 fn what_only_the_device_can_have_sent_is_a_failure_although_it_came_once() {
     let folder = tempfile::tempdir().expect("a folder");

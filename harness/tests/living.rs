@@ -79,9 +79,9 @@ fn layer_setting_services_are_slow_and_nothing_is_restored() {
     of("sim:generic?personality=slow-configurator");
 }
 
-/// CiA 301, 7.5.2.19, leaves no room here: an entry of 1016h with the time 0 is not used, so a device
-/// that reports its node as lost has a deviation. It is that of one case; that the emergency comes in
-/// others is not theirs.
+/// CiA 301, 7.5.2.19, leaves no room here: an entry of 1016h with the time 0 is not used, so a
+/// device that reports its node as lost has a deviation. It is that of one case; that the emergency
+/// comes in others is not theirs.
 #[test]
 fn a_node_is_monitored_on_after_its_entry_was_set_back() {
     for file in [initial().as_str(), FULL] {
@@ -121,9 +121,9 @@ fn requests_are_lost_while_the_device_starts() {
     }
 }
 
-/// CiA 305, 6.4.2, leaves no room here: a slave that was given a node id while it had none boots when
-/// it leaves LSS configuration. One that waits for a reset has a deviation, which is that of one case;
-/// it is not lost, and cases that only want it back get it back.
+/// CiA 305, 6.4.2, leaves no room here: a slave that was given a node id while it had none boots
+/// when it leaves LSS configuration. One that waits for a reset has a deviation, which is that of
+/// one case; it is not lost, and cases that only want it back get it back.
 #[test]
 fn a_node_id_is_used_from_reset_node_on() {
     for file in [initial(), FULL.to_owned()] {

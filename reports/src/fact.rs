@@ -3,10 +3,10 @@
 //! A [`Cause`] is about a requirement. One broken fact may show in cases about several of them: bit
 //! 0 of 1001h that is never set, or a command that has no effect. Two instances show one thing when
 //! they have one cause, or when they are [equal observations](seen). Where each instance that shows
-//! it rests on a requirement that others show to be broken, it follows from what they show. One that
-//! rests on nothing broken shows a fact of its own: a second fault stays apart, although some of the
-//! cases that meet it rest on the first one. What differs alike in cases about many requirements is
-//! one fact as well: a PDO that never comes.
+//! it rests on a requirement that others show to be broken, it follows from what they show. One
+//! that rests on nothing broken shows a fact of its own: a second fault stays apart, although some
+//! of the cases that meet it rest on the first one. What differs alike in cases about many
+//! requirements is one fact as well: a PDO that never comes.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};

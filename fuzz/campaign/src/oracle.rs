@@ -5,8 +5,8 @@
 //! objects are compared by their length, and the model follows them; TPDOs that map them come when
 //! they like; it may refuse what is written to it, and report errors of its own.
 //!
-//! A device on a bus is in a time of its own. Its frames may come as late as an answer, and a little
-//! earlier than those of the model; what it sends periodically is judged by its period.
+//! A device on a bus is in a time of its own. Its frames may come as late as an answer, and a
+//! little earlier than those of the model; what it sends periodically is judged by its period.
 
 mod expected;
 mod identifiers;

@@ -159,8 +159,8 @@ impl<'p> Player<'p> {
         self.begin(&mut |_| ())
     }
 
-    /// On a bus, each reset waits for its boot-up message: how often a device boots that gets some in
-    /// a row depends on how fast it is.
+    /// On a bus, each reset waits for its boot-up message: how often a device boots that gets some
+    /// in a row depends on how fast it is.
     fn once(&self, action: &mut Action) {
         if action.does == Kind::NmtReset && self.blueprint.is_in_its_own_time() {
             action.frames.truncate(1);

@@ -156,7 +156,7 @@ fn rooms_of_the_run_import_each_other_in_one_direction() {
         .filter(|(from, to)| from != to)
         .collect();
     assert_eq!(circles(&between), []);
-    let expected = ["link", "observer", "policy", "rest", "session", "steps"];
+    let expected = ["link", "observer", "policy", "rest", "session", "steps", "visit"];
     let rooms: BTreeSet<_> = between.iter().flat_map(|(from, to)| [*from, *to]).collect();
     assert_eq!(rooms, BTreeSet::from(expected));
 }
