@@ -83,7 +83,8 @@ impl Device for Apart {
             };
             self.say(at.max(now), said);
         }
-        while let Some((_, frame)) = self.said.pop_front_if(|(at, _)| *at <= now) {
+        while self.said.front().is_some_and(|(at, _)| *at <= now) {
+            let Some((_, frame)) = self.said.pop_front() else { break };
             out.push(frame);
         }
     }
