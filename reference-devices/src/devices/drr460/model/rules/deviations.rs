@@ -32,6 +32,15 @@ deviations! {
     "alarm-delay-without-sign" => parameter: |_, sub, configured| {
         if matches!(sub, 62 | 74) { configured.abs() } else { configured }
     };
+    // As in a signed number of 16 bits, and in an unsigned one of 50 ms each.
+    "alarm-delays-in-signed-tenths" => parameter: |_, sub, configured| match sub {
+        62 | 74 if configured.abs() > 3276 => 0,
+        _ => configured,
+    };
+    "current-delay-in-16-bits" => parameter: |_, sub, configured| match sub {
+        94 => configured * 20 % 0x1_0000 / 20,
+        _ => configured,
+    };
     "alarm-delay-ignored" =>
         parameter: |_, sub, configured| if matches!(sub, 62 | 74) { 0 } else { configured };
     "delay-both-ways" => delay: |_, _, delay| delay.abs();
