@@ -471,7 +471,8 @@ fn a_served_device_that_misses_frames_goes_on() {
 
     let mut bus = SocketCan::open("vcan0", Stop::default()).expect("vcan0 is up");
     bus.send(&Frame::new(0x601, *b"\x40\0\x10\0\0\0\0\0")).expect("vcan0 takes it");
-    let give_up = bus.now() + Duration::from_secs(10);
+    // A busy machine takes its time over the frames that were kept.
+    let give_up = bus.now() + Duration::from_secs(60);
     let is_answer = |frame: Frame| frame.to_string().starts_with("581#43001000");
     while !is_answer(bus.recv(give_up).expect("vcan0 works").expect("it answers").frame) {}
 }
