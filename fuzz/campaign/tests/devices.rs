@@ -1,14 +1,15 @@
 //! Campaigns on reference devices: nothing is found on those that keep to their documents, and
 //! mutants are found and named.
 
+mod common;
+
 use campaign::session::{Script, Session};
-use campaign::{
-    Belief, Blueprint, Campaign, End, Finding, Look, Stage, VirtualDevice, bytes, look, shrink,
-};
-use canopen::eds;
+use campaign::{Belief, Blueprint, Campaign, End, Finding, Stage, VirtualDevice, bytes, shrink};
 use reference_devices::change::Deviation;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::{freedom, mutant};
+
+use common::blueprint;
 
 /// A simulated device, and how models of it are built.
 struct Subject {
@@ -18,22 +19,10 @@ struct Subject {
 
 impl Subject {
     fn new(device: &ReferenceDevice, deviation: &Deviation) -> Self {
-        let node = device.description.default_node;
-        let eds = &eds::read(deviation.data_sheet(device).unwrap().as_bytes()).eds;
-        let settings = &device.description.settings;
-        let built = deviation.build(device, node).unwrap();
-        let mut stage = VirtualDevice::new(built, settings.bit_rate);
-        let mut seen = Look::default();
-        stage
-            .ask(&mut |bus| {
-                seen = look(bus, eds, node)?;
-                Ok(())
-            })
-            .unwrap();
-        let (eds, settings) = seen.amend(eds, node, settings);
-        let blueprint = Blueprint::of_sheet(eds, node, settings).unwrap();
-        let blueprint = blueprint.with_freedoms(freedom::of(device).unwrap());
-        Self { stage, blueprint: blueprint.with_errors(seen.errors) }
+        let built = deviation.build(device, device.description.default_node).unwrap();
+        let mut stage = VirtualDevice::new(built, device.description.settings.bit_rate);
+        let blueprint = blueprint(&mut stage, device, deviation);
+        Self { stage, blueprint }
     }
 
     fn belief(&self) -> Belief<'_> {

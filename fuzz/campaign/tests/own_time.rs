@@ -1,15 +1,18 @@
 //! Campaigns on devices in a time of their own, as on a bus: their clock is another one, and they
 //! take some time for each frame. Only the order of their frames is that of the model.
 
+mod common;
+
 use std::collections::VecDeque;
 use std::time::Duration;
 
 use campaign::session::{Played, Player, Script};
-use campaign::{Ask, Belief, Blueprint, Campaign, Finding, Kind, Look, Stage, look};
-use canopen::{Bus, BusError, Device, Frame, Instant, Outbox, VirtualBus, eds};
+use campaign::{Ask, Belief, Blueprint, Campaign, Finding, Kind, Stage};
+use canopen::{Bus, BusError, Device, Frame, Instant, Outbox, VirtualBus};
+use common::blueprint;
 use reference_devices::change::{Deviation, Replica};
 use reference_devices::devices::{self, ReferenceDevice};
-use reference_devices::{freedom, mutant};
+use reference_devices::mutant;
 
 /// How long the device may take for a frame that it gets, and for one that it sends.
 const HEARS_IN: Duration = Duration::from_millis(4);
@@ -83,9 +86,9 @@ impl Device for Apart {
             };
             self.say(at.max(now), said);
         }
-        while self.said.front().is_some_and(|(at, _)| *at <= now) {
-            let Some((_, frame)) = self.said.pop_front() else { break };
-            out.push(frame);
+        while let Some((_, frame)) = self.said.front().filter(|(at, _)| *at <= now) {
+            out.push(*frame);
+            self.said.pop_front();
         }
     }
 
@@ -135,23 +138,11 @@ impl Stage for Place {
 
 /// What so many sessions find, and how many are undecided.
 fn fuzzed(device: &ReferenceDevice, deviation: &Deviation, sessions: u64) -> (Vec<Finding>, u64) {
-    let node = device.description.default_node;
-    let eds = &eds::read(deviation.data_sheet(device).unwrap().as_bytes()).eds;
-    let settings = &device.description.settings;
-    let bit_rate = settings.bit_rate;
-    let mut place = Place { device: deviation.build(device, node).unwrap(), bit_rate, seed: 0 };
-    let mut seen = Look::default();
-    place
-        .ask(&mut |bus| {
-            seen = look(bus, eds, node)?;
-            Ok(())
-        })
-        .unwrap();
-    let (eds, settings) = seen.amend(eds, node, settings);
-    let blueprint = Blueprint::of_sheet(eds, node, settings).unwrap();
-    let blueprint = blueprint.with_freedoms(freedom::of(device).unwrap());
-    let blueprint =
-        blueprint.with_errors(seen.errors).in_its_own_time(true).sparing(vec![Kind::PowerCycle]);
+    let built = deviation.build(device, device.description.default_node).unwrap();
+    let bit_rate = device.description.settings.bit_rate;
+    let mut place = Place { device: built, bit_rate, seed: 0 };
+    let blueprint = blueprint(&mut place, device, deviation);
+    let blueprint = blueprint.in_its_own_time(true).sparing(vec![Kind::PowerCycle]);
     let belief = Belief::new(&blueprint, Vec::new()).unwrap();
     let mut campaign = Campaign::new(&blueprint, belief, 1);
     let mut findings = Vec::new();

@@ -41,6 +41,13 @@ impl<'t> Place<'t> {
         })
     }
 
+    fn stage(&mut self) -> &mut dyn Stage {
+        match self {
+            Self::Virtual(device) => device,
+            Self::Bus(device) => &mut **device,
+        }
+    }
+
     /// Why the device is lost, if it is.
     pub(super) fn lost(&self) -> Option<&str> {
         match self {
@@ -73,10 +80,7 @@ impl Stage for Place<'_> {
         model: Box<dyn Replica>,
         script: &Script<'_>,
     ) -> Result<Played, BusError> {
-        match self {
-            Self::Virtual(device) => device.play(blueprint, model, script),
-            Self::Bus(device) => device.play(blueprint, model, script),
-        }
+        self.stage().play(blueprint, model, script)
     }
 
     fn repeats(&self) -> u32 {
@@ -87,10 +91,7 @@ impl Stage for Place<'_> {
     }
 
     fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError> {
-        match self {
-            Self::Virtual(device) => device.ask(what),
-            Self::Bus(device) => device.ask(what),
-        }
+        self.stage().ask(what)
     }
 }
 
