@@ -162,7 +162,7 @@ impl Catalogue {
     /// # Errors
     /// Everything that is wrong with them.
     pub fn of_the_program() -> Result<Self, Vec<Complaint>> {
-        let source = |(name, text): (&str, &str)| {
+        let source = |(name, text): (&str, &'static str)| {
             source::built_in(&format!("canopen/catalogue/{name}"), text)
         };
         Self::read(&FILES.map(source))

@@ -9,6 +9,7 @@ mod outline;
 mod table;
 mod tree;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::{Arc, OnceLock};
@@ -28,8 +29,8 @@ pub use tree::{Node, Tree, Unfit};
 pub struct Source {
     /// Path as the user would type it.
     pub name: String,
-    /// The whole text.
-    pub text: String,
+    /// The whole text; that of a file in this program is not copied.
+    pub text: Cow<'static, str>,
 }
 
 impl Source {
@@ -37,7 +38,7 @@ impl Source {
     pub fn line(&self, line: usize) -> &str {
         // YAML takes a lone CR for the end of a line, too.
         let end = |text: &str| memchr::memchr2(b'\r', b'\n', text.as_bytes());
-        let mut rest = self.text.as_str();
+        let mut rest = &*self.text;
         for _ in 1..line {
             let Some(end) = end(rest) else { return "" };
             let two = rest[end..].starts_with("\r\n");
@@ -51,7 +52,7 @@ impl Source {
     /// The lines.
     fn lines(&self) -> impl Iterator<Item = &str> {
         // YAML takes a lone CR for the end of a line, too.
-        let mut rest = Some(self.text.as_str());
+        let mut rest = Some(&*self.text);
         std::iter::from_fn(move || {
             let text = rest?;
             let end = memchr::memchr2(b'\r', b'\n', text.as_bytes());
@@ -89,9 +90,9 @@ pub fn replace_built_in(texts: BTreeMap<String, String>) {
 }
 
 /// A file in this program, or the one that took its place.
-pub fn built_in(name: &str, text: &str) -> Arc<Source> {
+pub fn built_in(name: &str, text: &'static str) -> Arc<Source> {
     let instead = INSTEAD.get().and_then(|texts| texts.get(name));
-    let text = instead.map_or_else(|| text.to_owned(), Clone::clone);
+    let text = instead.map_or(text, String::as_str).into();
     Arc::new(Source { name: name.to_owned(), text })
 }
 
@@ -136,7 +137,7 @@ impl<T: JsonSchema> JsonSchema for At<T> {
     fn inline_schema() -> bool {
         T::inline_schema()
     }
-    fn schema_name() -> std::borrow::Cow<'static, str> {
+    fn schema_name() -> Cow<'static, str> {
         T::schema_name()
     }
     fn json_schema(generator: &mut SchemaGenerator) -> Schema {
@@ -385,7 +386,7 @@ mod tests {
     #[test]
     fn what_is_too_much_for_the_library_is_said_in_our_words() {
         let read = |text: String| {
-            let source = Arc::new(Source { name: "much".to_owned(), text });
+            let source = Arc::new(Source { name: "much".to_owned(), text: text.into() });
             read_yaml::<Outline>(&source).err().map(|complaint| complaint.message)
         };
         let deep = format!("a: {}{}", "[".repeat(5000), "]".repeat(5000));
@@ -402,7 +403,7 @@ mod tests {
     #[test]
     fn of_a_long_line_the_part_around_the_mistake_is_shown() {
         let line = format!("{}x{}", "a".repeat(100_000), "b".repeat(100_000));
-        let source = Arc::new(Source { name: "long".to_owned(), text: line });
+        let source = Arc::new(Source { name: "long".to_owned(), text: line.into() });
         for column in [1, 60, 100_001, 200_001, 4_000_000] {
             let said = Complaint::at(&source, Place::new(1, column), "wrong").to_string();
             let lines: Vec<&str> = said.lines().collect();
@@ -417,7 +418,7 @@ mod tests {
 
     #[test]
     fn lines_end_in_three_ways() {
-        let source = Source { name: String::new(), text: "a\nb\r\n\rd\n".to_owned() };
+        let source = Source { name: String::new(), text: "a\nb\r\n\rd\n".into() };
         let lines: Vec<&str> = (0..=6).map(|line| source.line(line)).collect();
         assert_eq!(lines, ["a", "a", "b", "", "d", "", ""]);
     }

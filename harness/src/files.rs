@@ -53,9 +53,9 @@ pub(crate) fn read_text(path: &Path) -> io::Result<String> {
 pub(crate) fn read_source(path: &Path) -> Result<Arc<Source>, Complaint> {
     let name = path.display().to_string();
     match read_text(path) {
-        Ok(text) => Ok(Arc::new(Source { name, text })),
+        Ok(text) => Ok(Arc::new(Source { name, text: text.into() })),
         Err(error) => {
-            let source = Arc::new(Source { name, text: String::new() });
+            let source = Arc::new(Source { name, text: "".into() });
             Err(Complaint { source, place: None, message: words(&error) })
         }
     }
@@ -67,7 +67,7 @@ pub(crate) fn read_source(path: &Path) -> Result<Arc<Source>, Complaint> {
 /// What cannot be read.
 pub(crate) fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<(), Complaint> {
     let complain = |path: &Path, error: io::Error| {
-        let source = Source { name: shown(path), text: String::new() };
+        let source = Source { name: shown(path), text: "".into() };
         Complaint { source: Arc::new(source), place: None, message: words(&error) }
     };
     for entry in fs::read_dir(folder).map_err(|error| complain(folder, error))? {
@@ -76,7 +76,7 @@ pub(crate) fn read_folder(folder: &Path, sources: &mut Vec<Source>) -> Result<()
             read_folder(&path, sources)?;
         } else if path.extension().is_some_and(|extension| extension == "yaml") {
             let text = read_text(&path).map_err(|error| complain(&path, error))?;
-            sources.push(Source { name: shown(&path), text });
+            sources.push(Source { name: shown(&path), text: text.into() });
         }
     }
     Ok(())
@@ -92,7 +92,7 @@ pub(crate) fn texts_in(folder: &Path, root: &Path) -> Result<BTreeMap<String, St
     let root = shown(root);
     let texts = sources.into_iter().map(|Source { name, text }| {
         let name = name.strip_prefix(&root).unwrap_or(&name).trim_start_matches('/').to_owned();
-        (name, text)
+        (name, text.into_owned())
     });
     Ok(texts.collect())
 }

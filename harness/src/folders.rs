@@ -143,10 +143,10 @@ impl Folders {
     ) -> BTreeSet<String> {
         let named: Vec<String> =
             self.only.iter().chain(&self.more).map(|folder| shown(folder)).collect();
-        let built_in: BTreeMap<String, String> =
-            built_in().into_iter().map(|source| (source.name, source.text)).collect();
+        let built_in = built_in();
+        let built_in = by_name(&built_in);
         let is_own = |source: &&Arc<Source>| match named.as_slice() {
-            [] => built_in.get(&source.name) != Some(&source.text),
+            [] => built_in.get(&*source.name) != Some(&&*source.text),
             named => named.iter().any(|folder| Path::new(&source.name).starts_with(folder)),
         };
         sources.filter(is_own).map(|source| source.name.clone()).collect()
@@ -198,10 +198,11 @@ fn may_name(pattern: &str, source: &Source) -> bool {
 
 /// Whether these are other files, or say something else.
 fn differ(some: &[Source], others: &[Source]) -> bool {
-    let texts = |sources: &[Source]| -> BTreeMap<String, String> {
-        sources.iter().map(|each| (each.name.clone(), each.text.clone())).collect()
-    };
-    texts(some) != texts(others)
+    by_name(some) != by_name(others)
+}
+
+fn by_name(sources: &[Source]) -> BTreeMap<&str, &str> {
+    sources.iter().map(|source| (&*source.name, &*source.text)).collect()
 }
 
 /// Adds the files of a folder by their names within it.

@@ -455,7 +455,7 @@ mod tests {
     }
 
     fn source(name: &str, text: &str) -> Arc<Source> {
-        Arc::new(Source { name: name.to_owned(), text: text.to_owned() })
+        Arc::new(Source { name: name.to_owned(), text: text.to_owned().into() })
     }
 
     /// A `device.yaml` with these objects.

@@ -352,10 +352,10 @@ struct Files {
 
 impl Files {
     fn sources(&self) -> DeviceFiles {
-        let source = |file: &str, text: &str| {
+        let source = |file: &str, text: &'static str| {
             built_in(&format!("reference-devices/{}/{file}", self.folder), text)
         };
-        let named = |folder: &str, (name, text): &(&str, &str)| {
+        let named = |folder: &str, (name, text): &(&str, &'static str)| {
             ((*name).to_owned(), source(&format!("{folder}/{name}.yaml"), text))
         };
         DeviceFiles {

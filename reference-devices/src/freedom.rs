@@ -159,7 +159,7 @@ pub fn personalities(device: &ReferenceDevice) -> Result<Vec<Personality>, Vec<C
     if complaints.is_empty() { Ok(all) } else { Err(complaints) }
 }
 
-fn source((name, text): (&str, &str)) -> Arc<Source> {
+fn source((name, text): (&str, &'static str)) -> Arc<Source> {
     built_in(name, text)
 }
 

@@ -383,7 +383,7 @@ impl Behaviour for Mcm260x {
             self.show(now, od);
         }
         if self.next_phase.is_some_and(|due| due <= now) || self.changed {
-            self.show_phases(now, od);
+            self.show_phases(now);
             self.next_phase = self.next_phase();
         }
         self.work_with_modbus(now, od);

@@ -89,6 +89,19 @@ impl IoBlock {
         self.analogue_outputs.get(place).map(|output| output.terminal)
     }
 
+    /// The levels at the terminals of a block of digital inputs, counted from 0.
+    pub(crate) fn digital_input(&self, place: usize) -> i64 {
+        self.digital_inputs.get(place).map_or(0, |block| block.terminals)
+    }
+
+    /// Puts levels at the terminals of a block of digital inputs, counted from 0.
+    pub(crate) fn put_digital_input(&mut self, place: usize, levels: i64) {
+        if let Some(block) = self.digital_inputs.get_mut(place) {
+            block.terminals = levels & block.channel.mask();
+            self.settled = None;
+        }
+    }
+
     /// Drives terminals of a block of digital inputs, counted from 0, high from inside, for a
     /// device of which they are outputs as well.
     pub(crate) fn drive_inputs(&mut self, place: usize, levels: i64) {

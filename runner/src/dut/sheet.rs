@@ -38,7 +38,7 @@ impl Sheet {
     /// Reads a data sheet in any encoding.
     pub fn read(name: impl Into<String>, bytes: &[u8]) -> (Self, Eds) {
         let reading = eds::read(bytes);
-        let source = Source { name: name.into(), text: eds::decode(bytes).into_owned() };
+        let source = Source { name: name.into(), text: eds::decode(bytes).into_owned().into() };
         let diagnostics = reading.diagnostics;
         let composed = source.line(1).trim_start_matches([';', ' ']) == COMPOSED;
         let sha256 = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();

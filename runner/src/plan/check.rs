@@ -130,7 +130,7 @@ struct Checker<'c> {
     lacking: Option<String>,
 }
 
-impl Checker<'_> {
+impl<'c> Checker<'c> {
     fn step(&mut self, step: &At<Step>) {
         match &step.value {
             Step::Send(frame) => self.sendable(frame),
@@ -341,7 +341,7 @@ impl Checker<'_> {
         let Some(entry) = self.entry(&read.object, read.refused.as_deref()) else { return };
         let bounds = [&read.mask, &read.min, &read.max].into_iter().flatten().map(|bound| &**bound);
         for value in read.value.iter().chain(bounds).chain(&read.tolerated) {
-            self.value(value, &entry);
+            self.value(value, entry);
         }
         if let Some(length) = &read.length {
             let result = self.scope.int(&length.value);
@@ -358,10 +358,10 @@ impl Checker<'_> {
             let bytes = entry.default_bytes(self.dut.node).unwrap_or_default();
             let value = entry.data_type.decode(&bytes);
             self.scope.bind(
-                name.0.clone(),
+                name.0.to_string(),
                 value.map_or(Binding::Bytes(bytes), |value| Binding::Value(value, entry.data_type)),
             );
-            self.saved.push((name.0.clone(), *place));
+            self.saved.push((name.0.to_string(), *place));
         }
     }
 
@@ -371,7 +371,7 @@ impl Checker<'_> {
         }
         let entry = self.entry(&write.object, write.refused.as_deref());
         match (&write.value, &write.bytes, &write.fill) {
-            (Some(value), None, None) => match (&entry, &write.refused) {
+            (Some(value), None, None) => match (entry, &write.refused) {
                 (Some(entry), None) => self.value(value, entry),
                 (Some(entry), Some(_)) => self.refused_value(value, entry),
                 (None, _) => {}
@@ -393,8 +393,8 @@ impl Checker<'_> {
             self.complain(refused.place, message);
         }
         if let Some(At { value: name, place }) = write.save.as_deref() {
-            self.scope.bind(name.0.clone(), Binding::Bytes(Vec::new()));
-            self.saved.push((name.0.clone(), *place));
+            self.scope.bind(name.0.to_string(), Binding::Bytes(Vec::new()));
+            self.saved.push((name.0.to_string(), *place));
         }
     }
 
@@ -447,7 +447,7 @@ impl Checker<'_> {
         let bounds =
             [&until.mask, &until.min, &until.max].into_iter().flatten().map(|bound| &**bound);
         for value in until.value.iter().chain(bounds).chain(&until.tolerated) {
-            self.value(value, &entry);
+            self.value(value, entry);
         }
     }
 
@@ -544,7 +544,11 @@ impl Checker<'_> {
     /// The entry a step works on. A missing entry is no mistake of the suite if the profile, or the
     /// device that the suite is for, has it. An entry that is known to neither is a mistake, unless
     /// the case is about that.
-    fn entry(&mut self, object: &At<ObjectRef>, refused: Option<&At<Refusal>>) -> Option<Entry> {
+    fn entry(
+        &mut self,
+        object: &At<ObjectRef>,
+        refused: Option<&At<Refusal>>,
+    ) -> Option<&'c Entry> {
         let mux = match self.scope.mux(&object.value) {
             Ok(mux) => mux,
             Err(wrong) => {
@@ -552,7 +556,8 @@ impl Checker<'_> {
                 return None;
             }
         };
-        let entry = self.dut.eds.entry(mux);
+        let dut: &'c Dut = self.dut;
+        let entry = dut.eds.entry(mux);
         if entry.is_none() && refused.is_none() {
             let in_profile = || in_profile(mux, self.suite);
             if self.model.map_or_else(in_profile, |eds| eds.entry(mux).is_some()) {
@@ -563,17 +568,16 @@ impl Checker<'_> {
                 self.complain(object.place, message);
             }
         }
-        entry.cloned()
+        entry
     }
 
     fn unused(&mut self) {
-        let used = self.scope.used();
-        let matrix = self.case.matrix.iter().map(|(name, values)| (name.clone(), values.place));
-        let names: Vec<(String, Place)> = matrix.chain(self.saved.clone()).collect();
-        for (name, place) in names {
-            if !used.contains(&name) {
-                self.complain(place, format!("${name} is never used"));
-            }
+        let matrix = self.case.matrix.iter().map(|(name, values)| (name, &values.place));
+        let names = matrix.chain(self.saved.iter().map(|(name, place)| (name, place)));
+        let unused = names.filter(|(name, _)| !self.scope.uses(name));
+        let unused: Vec<_> = unused.map(|(name, place)| (name.clone(), *place)).collect();
+        for (name, place) in unused {
+            self.complain(place, format!("${name} is never used"));
         }
     }
 

@@ -95,9 +95,15 @@ impl Scope {
     }
 
     /// The names that were asked for since [`watched`](Self::watched).
-    pub fn used(&self) -> BTreeSet<String> {
+    pub fn used(self) -> BTreeSet<String> {
         let used = self.used.as_ref().and_then(|used| used.lock().ok());
-        used.map(|used| used.clone()).unwrap_or_default()
+        used.map(|mut used| std::mem::take(&mut *used)).unwrap_or_default()
+    }
+
+    /// Whether the name is one of them.
+    pub fn uses(&self, name: &str) -> bool {
+        let used = self.used.as_ref().and_then(|used| used.lock().ok());
+        used.is_some_and(|used| used.contains(name))
     }
 
     /// Forgets the names that no step uses: a case uses few of the many names that each instance is
@@ -228,7 +234,7 @@ impl Scope {
                     entry.data_type.encode(&Value::Int(wrapped)).map_err(|_| wrong)
                 })
             }
-            Literal::Named(name, offset) => match (self.get(name)?, *offset) {
+            Literal::Named(name, offset) => match (self.get(name)?, i128::from(*offset)) {
                 (Binding::Literal(literal), 0) => self.bytes(literal, entry),
                 (Binding::Literal(Literal::Int(number)), offset) => {
                     encode(&Value::Int(number + offset))
@@ -256,13 +262,14 @@ impl Scope {
         match literal {
             Literal::Int(number) => Ok(*number),
             Literal::Named(name, offset) => match self.get(name)? {
-                Binding::Value(value, _) => value.as_int().map(|number| number + offset),
-                Binding::Literal(Literal::Int(number)) => Some(number + offset),
-                Binding::Id(id) => Some(i128::from(*id) + offset),
+                Binding::Value(value, _) => value.as_int(),
+                Binding::Literal(Literal::Int(number)) => Some(*number),
+                Binding::Id(id) => Some((*id).into()),
                 _ => None,
             }
+            .map(|number| number + i128::from(*offset))
             .ok_or_else(|| format!("{name} is not a whole number")),
-            Literal::Sum(names, number) => names.iter().try_fold(*number, |sum, name| {
+            Literal::Sum(names, number) => names.iter().try_fold((*number).into(), |sum: i128, name| {
                 Ok(sum + self.int(&Literal::Named(name.clone(), 0))?)
             }),
             other => Err(format!("`{other}` is not a whole number")),
@@ -279,7 +286,7 @@ impl Scope {
             Literal::Real(number) => Ok(Value::Real(*number)),
             Literal::Bool(on) => Ok(Value::Bool(*on)),
             Literal::Text(text) => Ok(Value::Text(text.clone())),
-            Literal::Named(name, offset) => match (self.get(name)?, offset) {
+            Literal::Named(name, offset) => match (self.get(name)?, i128::from(*offset)) {
                 (Binding::Value(Value::Int(number), _), offset)
                 | (Binding::Literal(Literal::Int(number)), offset) => {
                     Ok(Value::Int(number + offset))
@@ -313,7 +320,7 @@ impl Scope {
     ) -> Result<Pattern, Wrong> {
         let mut bound = BTreeMap::new();
         for name in text.pattern.names() {
-            let binding = self.get(&Name(name.to_owned()))?;
+            let binding = self.get(&Name(name.into()))?;
             bound.insert(name, frame_bytes(name, binding)?);
         }
         let lookup = |name: &str| bound.get(name).cloned();

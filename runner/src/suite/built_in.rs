@@ -7,7 +7,7 @@ use include_dir::{Dir, include_dir};
 
 use crate::source::{self, Source};
 
-static EMBEDDED: Dir<'_> = include_dir!("$CARGO_MANIFEST_DIR/../suites");
+static EMBEDDED: Dir<'static> = include_dir!("$CARGO_MANIFEST_DIR/../suites");
 
 /// The suites, the register and their words, by the names that they have in the project.
 pub fn built_in() -> Vec<Source> {
@@ -28,13 +28,13 @@ pub(super) fn is_built_in(source: &Source) -> bool {
     path.and_then(standard).is_some_and(|known| known.text == source.text)
 }
 
-fn read(folder: &Dir<'_>, sources: &mut Vec<Source>) {
+fn read(folder: &Dir<'static>, sources: &mut Vec<Source>) {
     for file in folder.files() {
         if let (Some("yaml"), Some(text)) =
             (file.path().extension().and_then(|extension| extension.to_str()), file.contents_utf8())
         {
             let name = format!("suites/{}", shown(file.path()));
-            sources.push(Source { name, text: text.to_owned() });
+            sources.push(Source { name, text: text.into() });
         }
     }
     folder.dirs().for_each(|below| read(below, sources));

@@ -5,6 +5,8 @@
 //! writes are defined: an object that is written and not restored changes the verdicts of later
 //! cases.
 
+use smallvec::{SmallVec, smallvec};
+
 use super::literal::{FrameText, Literal, ObjectRef};
 use super::refusal::Refusal;
 use super::step::{Produce, Step};
@@ -27,7 +29,7 @@ pub struct Access<'s> {
     /// The object.
     pub object: &'s At<ObjectRef>,
     /// The values with which it is written or compared.
-    pub literals: Vec<&'s At<Literal>>,
+    pub literals: SmallVec<[&'s At<Literal>; 2]>,
     /// The refusal that is demanded instead.
     pub refused: Option<&'s At<Refusal>>,
 }
@@ -36,7 +38,7 @@ pub struct Access<'s> {
 #[derive(Debug, Default)]
 pub struct Effect<'s> {
     /// Everything that the step may change in the device's dictionary.
-    pub writes: Vec<Written<'s>>,
+    pub writes: SmallVec<[Written<'s>; 1]>,
     /// The one object that the step is about, when it accesses one by SDO.
     pub access: Option<Access<'s>>,
     /// The frames sent while the step watches the bus.
@@ -72,7 +74,7 @@ impl Step {
                 None,
             ),
             Self::Write(write) => Effect {
-                writes: vec![Written::Object(&write.object)],
+                writes: smallvec![Written::Object(&write.object)],
                 ..Effect::of_access(
                     &write.object,
                     write.value.as_ref(),
@@ -107,7 +109,7 @@ impl Step {
 
 impl<'s> Effect<'s> {
     fn of_frame(frame: &'s At<FrameText>) -> Self {
-        Self { writes: vec![Written::Frame(frame)], ..Self::default() }
+        Self { writes: smallvec![Written::Frame(frame)], ..Self::default() }
     }
 
     fn of_watching(during: Option<&'s Produce>) -> Self {

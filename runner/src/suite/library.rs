@@ -190,11 +190,11 @@ impl Library {
 fn read_suite(
     source: &Arc<Source>,
     vocabulary: &Vocabulary,
-) -> Result<(SuiteFile, BTreeSet<String>, Arc<Words>), Vec<Complaint>> {
+) -> Result<(SuiteFile, BTreeSet<String>, Words), Vec<Complaint>> {
     let tree = Tree::of(source).map_err(|complaint| vec![complaint])?;
     let Expanded { tree, used, named } = expand(source, tree, vocabulary)?;
     let file = read_tree::<SuiteFile>(source, &tree).map_err(|complaint| vec![complaint])?;
-    Ok((file, used, Words::named_as(&vocabulary.words, named)))
+    Ok((file, used, vocabulary.words.named_as(named)))
 }
 
 /// The files as trees, and what is wrong with those that are no YAML.

@@ -13,9 +13,10 @@ use serde::{Deserialize, Deserializer};
 
 /// A name that the binder supplies or a step saved; written `$name`.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Name(pub String);
+pub struct Name(pub Box<str>);
 
 /// A value as it is written.
+// There are hundreds of thousands in a plan, so its parts are those that take the least room.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Literal {
     /// A whole number.
@@ -25,9 +26,9 @@ pub enum Literal {
     /// `true` or `false`.
     Bool(bool),
     /// The value of a name, and what is added to it.
-    Named(Name, i128),
+    Named(Name, i64),
     /// The values of several names added up, such as bits that are set together.
-    Sum(Vec<Name>, i128),
+    Sum(Box<[Name]>, i64),
     /// A time, converted to the unit of the object.
     Time(Amount),
     /// Any other text.
@@ -140,7 +141,7 @@ impl FromStr for Name {
         if name.is_empty() || !name.chars().all(fits) {
             return Err(wrong());
         }
-        Ok(Self(name.to_owned()))
+        Ok(Self(name.into()))
     }
 }
 
@@ -251,7 +252,7 @@ impl FromStr for Literal {
 fn sum(text: &str) -> Result<Literal, String> {
     let blank = [' ', '\t'];
     let (first, mut rest) = text.split_once(blank).unwrap_or((text, ""));
-    let (first, mut others, mut number) = (first.parse()?, Vec::new(), 0);
+    let (first, mut others, mut number) = (first.parse()?, Vec::new(), 0_i64);
     while !rest.trim_start().is_empty() {
         let signed = rest.trim_start();
         let sign = match signed.as_bytes().first() {
@@ -265,7 +266,8 @@ fn sum(text: &str) -> Result<Literal, String> {
             others.push(term.parse()?);
         } else {
             let wrong = || format!("`{text}`: no whole number after the sign");
-            number += i128::from(term.parse::<i64>().map_err(|_| wrong())?) * sign;
+            let term = term.parse::<i64>().map_err(|_| wrong())?.checked_mul(sign);
+            number = term.and_then(|term| number.checked_add(term)).ok_or_else(wrong)?;
         }
         rest = behind;
     }
@@ -273,7 +275,7 @@ fn sum(text: &str) -> Result<Literal, String> {
         return Ok(Literal::Named(first, number));
     }
     others.insert(0, first);
-    Ok(Literal::Sum(others, number))
+    Ok(Literal::Sum(others.into(), number))
 }
 
 impl fmt::Display for FrameText {
@@ -439,6 +441,11 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_literal_takes_little_room() {
+        assert_eq!(size_of::<Literal>(), 32);
+    }
+
+    #[test]
     fn times() {
         let table = [
             ("20 ms", Amount::Fixed(Duration::from_millis(20))),
@@ -482,7 +489,7 @@ mod tests {
         assert_eq!(literals[6..9], [x(0), x(5), x(-5)]);
         assert_eq!(literals[9], Literal::Time(Amount::Fixed(Duration::from_millis(20))));
         assert_eq!(literals[10], Literal::Text("M260".into()));
-        let sum = |number| Literal::Sum(vec![Name("x".into()), Name("y".into())], number);
+        let sum = |number| Literal::Sum([Name("x".into()), Name("y".into())].into(), number);
         assert_eq!(literals[11..], [sum(0), sum(-3)]);
         assert_eq!(literals[12].to_string(), "$x + $y -3");
         for wrong in ["$x - $y", "$x $y", "$x +", "$x + 1.5", "$x + $"] {

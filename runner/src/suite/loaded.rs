@@ -21,7 +21,7 @@ pub struct Suite {
     /// The profiles it uses.
     pub catalogue: Arc<Catalogue>,
     /// Its document's words for objects and values.
-    pub words: Arc<Words>,
+    pub words: Words,
     /// Whether this is a file of this crate: its cases are proved on the reference devices, so
     /// where one does not fit a data sheet, the data sheet is wrong.
     pub is_built_in: bool,

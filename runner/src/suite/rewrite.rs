@@ -115,7 +115,7 @@ fn rewrite(
 ) -> Result<Rewritten, Vec<Complaint>> {
     let untouched = |source: &Arc<Source>| Rewritten {
         source: Arc::clone(source),
-        text: source.text.clone(),
+        text: source.text.to_string(),
         changes: Changes::default(),
     };
     let Some(text) = Text::of(&source.text) else {
@@ -125,7 +125,7 @@ fn rewrite(
     let found = Finder { text: &text, words: &shared.words, edits: Vec::new() }.edits(&tree);
     let before = expand(source, tree, shared)?;
     let means_the_same = |edits: &[Edit]| {
-        let edited = Arc::new(Source { name: source.name.clone(), text: text.edited(edits) });
+        let edited = Arc::new(Source { name: source.name.clone(), text: text.edited(edits).into() });
         let tree = Tree::of(&edited).ok();
         let after = tree.and_then(|tree| expand(&edited, tree, shared).ok());
         after.is_some_and(|after| after.used == before.used && same(&after.tree, &before.tree))

@@ -14,7 +14,7 @@ use crate::source::{Complaint, Source, Tree};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Vocabulary {
     /// Words.
-    pub words: Arc<Words>,
+    pub words: Words,
     /// Named steps.
     pub steps: Definitions,
 }
@@ -34,14 +34,14 @@ const WORDS: &str = "words.yaml";
 const STEPS: &str = "steps.yaml";
 
 /// The words that suites everywhere may use: those of CiA 301.
-static STANDARD: LazyLock<Arc<Words>> = LazyLock::new(|| {
+static STANDARD: LazyLock<Words> = LazyLock::new(|| {
     let mut words = Words::default();
     if let Some(source) = standard(WORDS)
         && let Ok(tree) = Tree::of(&source)
     {
         words.add(&source, &tree);
     }
-    Arc::new(words)
+    words
 });
 
 impl Vocabularies {
@@ -50,7 +50,7 @@ impl Vocabularies {
         let is_suite = |tree: &Tree| tree.get("suite").is_some() || tree.get("cases").is_some();
         let (shared, suites): (Vec<_>, Vec<_>) =
             files.into_iter().partition(|(source, tree)| may_be_shared(source) && !is_suite(tree));
-        let base = Vocabulary { words: Arc::clone(&STANDARD), steps: Definitions::default() };
+        let base = Vocabulary { words: STANDARD.clone(), steps: Definitions::default() };
         let mut all = Self { folders: BTreeMap::new(), base, steps: Vec::new() };
         let mut complaints = Vec::new();
         // A folder comes before those in it, and adds to what they have.
@@ -62,7 +62,7 @@ impl Vocabularies {
             let mut vocabulary = all.at(of).clone();
             for (source, tree) in shared.iter().filter(|(source, _)| folder(&source.name) == of) {
                 if source.name.ends_with(WORDS) {
-                    complaints.extend(Arc::make_mut(&mut vocabulary.words).add(source, tree));
+                    complaints.extend(vocabulary.words.add(source, tree));
                 } else {
                     let mut own = Definitions::default();
                     complaints.extend(own.add(source, tree));

@@ -15,9 +15,19 @@ use super::scale::Scale;
 use crate::nearest::did_you_mean;
 use crate::source::{At, Complaint, Place, Source, Tree};
 
-/// The words that suites of a folder may use: its own and those of the folders above.
+/// The words that a suite may use: those of its folder and of the folders above, and the names by
+/// which the suite itself calls objects.
 #[derive(Clone, Debug, Default)]
 pub struct Words {
+    /// The suites of a folder share them.
+    folder: Arc<OfFolder>,
+    /// Names that differ from those of the folder: two devices of a family may have different
+    /// objects at one address, and each suite has the word of its own.
+    named: BTreeMap<Mux, String>,
+}
+
+#[derive(Clone, Debug, Default)]
+struct OfFolder {
     objects: BTreeMap<String, Mux>,
     values: BTreeMap<String, Arc<Enumeration>>,
     /// The meanings of the values of an object, unless two words contradict each other.
@@ -35,6 +45,16 @@ pub struct Words {
     /// The meanings of the values of words, and of names that instances bind to addresses, such as
     /// `$type`.
     facts: BTreeMap<String, Facts>,
+}
+
+impl OfFolder {
+    /// See [`Words::object`].
+    fn object(&self, word: &str) -> Result<Mux, String> {
+        self.objects.get(word).copied().ok_or_else(|| {
+            let meant = did_you_mean(word, self.objects.keys().map(String::as_str));
+            format!("`{word}` is neither an object such as \"1017:00\" nor a word for one{meant}")
+        })
+    }
 }
 
 /// The words for values, and the value of a count.
@@ -76,20 +96,17 @@ pub(super) type Enumeration = BTreeMap<String, i128>;
 impl Words {
     /// Adds the words of a file, which go before those that are known.
     pub(super) fn add(&mut self, source: &Arc<Source>, tree: &Tree) -> Vec<Complaint> {
-        let mut reader = Reader { source, words: self, complaints: Vec::new() };
+        let words = Arc::make_mut(&mut self.folder);
+        let mut reader = Reader { source, words, complaints: Vec::new() };
         reader.file(tree);
         reader.complaints
     }
 
-    /// The words with the names by which a suite calls its objects. Two devices of a family may
-    /// have different objects at one address, and each suite has the word of its own.
-    pub(super) fn named_as(words: &Arc<Self>, named: BTreeMap<Mux, Option<String>>) -> Arc<Self> {
+    /// The words with the names by which a suite calls its objects.
+    pub(super) fn named_as(&self, named: BTreeMap<Mux, Option<String>>) -> Self {
         let named = named.into_iter().filter_map(|(mux, word)| Some((mux, word?)));
-        let (mut words, named) = (Arc::clone(words), named.collect::<Vec<_>>());
-        if named.iter().any(|(mux, word)| words.name(*mux) != Some(word)) {
-            Arc::make_mut(&mut words).names.extend(named);
-        }
-        words
+        let differ = named.filter(|(mux, word)| self.name(*mux) != Some(word));
+        Self { folder: Arc::clone(&self.folder), named: differ.collect() }
     }
 
     /// The address of a word.
@@ -97,65 +114,62 @@ impl Words {
     /// # Errors
     /// When it is no word for an object.
     pub(super) fn object(&self, word: &str) -> Result<Mux, String> {
-        self.objects.get(word).copied().ok_or_else(|| {
-            let meant = did_you_mean(word, self.objects.keys().map(String::as_str));
-            format!("`{word}` is neither an object such as \"1017:00\" nor a word for one{meant}")
-        })
+        self.folder.object(word)
     }
 
     /// Whether it is a word for an object.
     pub(super) fn has_object(&self, word: &str) -> bool {
-        self.objects.contains_key(word)
+        self.folder.objects.contains_key(word)
     }
 
     /// The words of the objects of a record.
     pub(super) fn record(&self, word: &str) -> Option<&[String]> {
-        self.records.get(word).map(Vec::as_slice)
+        self.folder.records.get(word).map(Vec::as_slice)
     }
 
     /// The words for records.
     pub(super) fn records(&self) -> impl Iterator<Item = &str> {
-        self.records.keys().map(String::as_str)
+        self.folder.records.keys().map(String::as_str)
     }
 
     /// The refusal that a word stands for.
     pub(super) fn refusal(&self, word: &str) -> Option<&Tree> {
-        self.refusals.get(word)
+        self.folder.refusals.get(word)
     }
 
     /// The words for refusals.
     pub(super) fn refusals(&self) -> impl Iterator<Item = &str> {
-        self.refusals.keys().map(String::as_str)
+        self.folder.refusals.keys().map(String::as_str)
     }
 
     /// The frame that a word stands for.
     pub(super) fn frame(&self, word: &str) -> Option<&str> {
-        self.frames.get(word).map(String::as_str)
+        self.folder.frames.get(word).map(String::as_str)
     }
 
     /// The word for a frame as reports show it.
     pub fn shown_frame(&self, shown: &str) -> Option<&str> {
-        self.shown_frames.get(shown)?.as_deref()
+        self.folder.shown_frames.get(shown)?.as_deref()
     }
 
     /// The words for frames.
     pub(super) fn frames(&self) -> impl Iterator<Item = &str> {
-        self.frames.keys().map(String::as_str)
+        self.folder.frames.keys().map(String::as_str)
     }
 
     /// The meanings of the values of an object, given as a word, an address or a name.
     pub(super) fn counted(&self, object: &str) -> Counted<'_> {
-        let of_word = self.facts.get(object).filter(|facts| !facts.is_empty());
+        let of_word = self.folder.facts.get(object).filter(|facts| !facts.is_empty());
         let of_object = || {
-            let mux = object.parse().ok().or_else(|| self.objects.get(object).copied())?;
-            self.of_objects.get(&mux)
+            let mux = object.parse().ok().or_else(|| self.folder.objects.get(object).copied())?;
+            self.folder.of_objects.get(&mux)
         };
         of_word.or_else(of_object).map(Facts::counted).unwrap_or_default()
     }
 
     /// The meanings of the values of a name of the bench.
     pub(super) fn on_bench(&self, name: &str) -> Counted<'_> {
-        self.bench.get(name).map(Facts::counted).unwrap_or_default()
+        self.folder.bench.get(name).map(Facts::counted).unwrap_or_default()
     }
 
     /// A value of the bench in its unit.
@@ -186,23 +200,23 @@ impl Words {
     pub(super) fn word(&self, mux: Mux) -> Option<&str> {
         let word = self.name(mux)?;
         // A folder below may have given the word to another one.
-        (self.objects.get(word) == Some(&mux)).then_some(word)
+        (self.folder.objects.get(word) == Some(&mux)).then_some(word)
     }
 
     /// The word for these abort codes; `None` when several words stand for them.
     pub(super) fn refusal_word(&self, codes: &Tree) -> Option<&str> {
-        let known = self.refusals.iter().filter(|(_, known)| same_numbers(known, codes));
+        let known = self.folder.refusals.iter().filter(|(_, known)| same_numbers(known, codes));
         only(known.map(|(word, _)| word))
     }
 
     /// The word for a frame; `None` when several words stand for it.
     pub(super) fn frame_word(&self, frame: &str) -> Option<&str> {
-        only(self.frames.iter().filter(|(_, known)| *known == frame).map(|(word, _)| word))
+        only(self.folder.frames.iter().filter(|(_, known)| *known == frame).map(|(word, _)| word))
     }
 
     /// The name of the object.
     pub fn name(&self, mux: Mux) -> Option<&str> {
-        self.names.get(&mux).map(String::as_str)
+        self.named.get(&mux).or_else(|| self.folder.names.get(&mux)).map(String::as_str)
     }
 
     /// An amount of an object in its unit; `None` where its values are words.
@@ -218,7 +232,7 @@ impl Words {
     fn of(&self, object: &ObjectRef) -> Counted<'_> {
         match object {
             ObjectRef::Fixed(mux) => {
-                self.of_objects.get(mux).map(Facts::counted).unwrap_or_default()
+                self.folder.of_objects.get(mux).map(Facts::counted).unwrap_or_default()
             }
             ObjectRef::Named(name) => self.counted(&name.to_string()),
         }
@@ -246,7 +260,7 @@ pub(super) const OF_BENCH: [&str; 3] = ["means", "scale", "unit"];
 
 struct Reader<'w> {
     source: &'w Arc<Source>,
-    words: &'w mut Words,
+    words: &'w mut OfFolder,
     complaints: Vec<Complaint>,
 }
 

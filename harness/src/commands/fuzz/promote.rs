@@ -114,7 +114,7 @@ impl Files {
 
     fn sources(&self) -> impl Iterator<Item = Arc<Source>> {
         let source = |(path, text): &(PathBuf, String)| {
-            Arc::new(Source { name: path.display().to_string(), text: text.clone() })
+            Arc::new(Source { name: path.display().to_string(), text: text.clone().into() })
         };
         [&self.suite, &self.register].into_iter().map(source)
     }

@@ -109,7 +109,7 @@ impl Mcm260x {
             bench::DIGITAL_INPUTS => return self.set_levels(now, name, value, od),
             bench::STEPS | bench::FREQUENCIES | bench::INDICES | bench::LINES => {
                 self.turn(now, name, value)?;
-                self.show_phases(now, od);
+                self.show_phases(now);
                 return Ok(());
             }
             bench::DIGITAL_OUTPUTS
@@ -132,7 +132,7 @@ impl Mcm260x {
             && let Some(outcome) = input.connected.set(name, value)
         {
             outcome?;
-            self.set_voltage(now, place, od);
+            self.set_voltage(place);
             return Ok(());
         }
         if let Some(outcome) = self.inside.set(now, name, value) {

@@ -6,7 +6,7 @@ use canopen::{BenchError, Dictionary, Instant, Value};
 
 use super::encoder::Motion;
 use super::parameters::Table;
-use super::{Mcm260x, bench};
+use super::Mcm260x;
 use crate::stack::{Behaviour, earlier};
 
 /// The digital inputs that are the phases of an encoder, counted from 0.
@@ -71,9 +71,9 @@ impl Mcm260x {
         value: &Value,
         od: &mut Dictionary,
     ) -> Result<(), BenchError> {
-        let before = self.levels(od);
+        let before = self.levels();
         self.io.stimulate(now, name, value, od)?;
-        let levels = self.levels(od);
+        let levels = self.levels();
         let changed = levels ^ before;
         for (place, input) in self.inputs.iter_mut().enumerate() {
             let terminal = analogue(self.table, self.rules.analogue_at(place));
@@ -108,22 +108,22 @@ impl Mcm260x {
 
     /// A bench sets the voltage at an analogue input: a digital input at its terminal is on from
     /// 8 V on and off up to 4.3 V, and between them as it was.
-    pub(super) fn set_voltage(&mut self, now: Instant, place: usize, od: &mut Dictionary) {
+    pub(super) fn set_voltage(&mut self, place: usize) {
         let millivolts = self.inputs.get(place).map(|input| input.connected.millivolts);
         let terminal = analogue(self.table, self.rules.analogue_at(place)).map(bit);
         let Some((terminal, millivolts)) = terminal.zip(millivolts) else { return };
-        let before = self.levels(od);
+        let before = self.levels();
         let levels = match self.rules.input_level(millivolts) {
             Some(true) => before | terminal,
             Some(false) => before & !terminal,
             None => before,
         };
-        self.put_levels(now, before, levels, od);
+        self.put_levels(before, levels);
     }
 
     /// The digital inputs show the phases of the shafts that do not turn too fast for them.
-    pub(super) fn show_phases(&mut self, now: Instant, od: &mut Dictionary) {
-        let before = self.levels(od);
+    pub(super) fn show_phases(&mut self, now: Instant) {
+        let before = self.levels();
         let mut levels = before;
         for (place, encoder) in self.encoders.iter().enumerate() {
             if let Some(phases) =
@@ -133,7 +133,7 @@ impl Mcm260x {
                 levels = levels & !phases.all() | phases.levels(encoder.motion, at);
             }
         }
-        self.put_levels(now, before, levels, od);
+        self.put_levels(before, levels);
     }
 
     /// The next edge of a phase that a digital input shows.
@@ -147,22 +147,16 @@ impl Mcm260x {
     }
 
     /// The levels at all digital inputs.
-    fn levels(&self, od: &Dictionary) -> i64 {
-        let block = |number| {
-            let name = format!("{}{}", bench::DIGITAL_INPUTS, number + 1);
-            self.io.observe(&name, od).and_then(|levels| levels.as_int()).unwrap_or(0) as i64
-        };
+    fn levels(&self) -> i64 {
         let blocks = 0..self.io.counts().digital_inputs;
-        blocks.map(|number| block(number) << (8 * number)).sum()
+        blocks.map(|block| self.io.digital_input(block) << (8 * block)).sum()
     }
 
-    fn put_levels(&mut self, now: Instant, before: i64, levels: i64, od: &mut Dictionary) {
-        for number in 0..self.io.counts().digital_inputs {
-            let of = |levels: i64| levels >> (8 * number) & 0xFF;
+    fn put_levels(&mut self, before: i64, levels: i64) {
+        for block in 0..self.io.counts().digital_inputs {
+            let of = |levels: i64| levels >> (8 * block) & 0xFF;
             if of(levels) != of(before) {
-                let name = format!("{}{}", bench::DIGITAL_INPUTS, number + 1);
-                let put = self.io.stimulate(now, &name, &Value::Int(of(levels).into()), od);
-                put.expect("a block takes eight levels");
+                self.io.put_digital_input(block, of(levels));
                 self.changed = true;
             }
         }

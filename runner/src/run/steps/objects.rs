@@ -87,7 +87,7 @@ impl Steps<'_, '_> {
             let value = entry.as_ref().and_then(|entry| {
                 Some(Binding::Value(entry.data_type.decode(&data).ok()?, entry.data_type))
             });
-            self.scope.bind(name.0.clone(), value.unwrap_or(Binding::Bytes(data)));
+            self.scope.bind(name.0.to_string(), value.unwrap_or(Binding::Bytes(data)));
         }
         Ok(lenient)
     }
@@ -155,7 +155,7 @@ impl Steps<'_, '_> {
             return Err(Trouble::Declined(format!("{value} in {mux}: {code}")));
         }
         if let Some(At { value: name, .. }) = write.save.as_deref() {
-            self.scope.bind(name.0.clone(), Binding::Bytes(data.clone()));
+            self.scope.bind(name.0.to_string(), Binding::Bytes(data.clone()));
         }
         accepted(mux, &data, self.dut.eds.entry(mux), ended)
     }

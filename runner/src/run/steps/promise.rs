@@ -50,7 +50,7 @@ fn claim(
     dut: &Dut,
 ) -> Option<(Mux, Option<&'static str>)> {
     // Of this entry the case says what the data sheet says.
-    let of_sheet = match scope.get(&Name("mux".to_owned())) {
+    let of_sheet = match scope.get(&Name("mux".into())) {
         Ok(Binding::Mux(mux)) => Some(*mux),
         _ => None,
     };
@@ -61,7 +61,7 @@ fn claim(
         None => of_sheet.filter(|_| judges_answer(step))?,
     };
     let (literals, refused) =
-        access.map_or((Vec::new(), None), |access| (access.literals, access.refused));
+        access.map_or_else(Default::default, |access| (access.literals, access.refused));
     let answered = answered(difference.raw, mux, dut);
     if refused.is_some() && matches!(answered, Some(Some(_))) {
         // It refuses with another code, which no data sheet states.
@@ -122,7 +122,7 @@ fn key_of(abort: Abort) -> Option<&'static str> {
 /// The key that a name of `each: objects` stands for.
 fn key_of_name(literal: &Literal) -> Option<&'static str> {
     let Literal::Named(name, _) = literal else { return None };
-    Some(match name.0.as_str() {
+    Some(match &*name.0 {
         "value" => "DefaultValue",
         "low" | "below" => "LowLimit",
         "high" | "above" => "HighLimit",
