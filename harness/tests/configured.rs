@@ -3,6 +3,8 @@
 #[path = "common/session.rs"]
 mod session;
 
+use std::sync::Arc;
+
 use canopen::eds::Term;
 use canopen::{Mux, Value, VirtualBus};
 use harness::folders::Folders;
@@ -37,9 +39,9 @@ fn cases_about_alarms_leave_them_as_they_were_set_up() {
 /// what failed, and what the runner remarked on restoring.
 fn run(suites: &str, values: impl Iterator<Item = (Mux, i64)>) -> Vec<String> {
     let mut device = devices::device("em66").expect("it is part of the program");
+    let eds = Arc::make_mut(&mut device.description.eds);
     for (mux, value) in values {
-        let object =
-            device.description.eds.objects.iter_mut().find(|object| object.index == mux.index);
+        let object = eds.objects.iter_mut().find(|object| object.index == mux.index);
         let entries = object.into_iter().flat_map(|object| &mut object.entries);
         let entry = entries.into_iter().find(|entry| entry.mux == mux).expect("the object");
         entry.default = Some(Term::fixed(Value::from(value)));

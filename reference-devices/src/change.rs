@@ -17,6 +17,7 @@ mod settings;
 mod sheet;
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 #[cfg(test)]
 use canopen::Mux;
@@ -182,7 +183,7 @@ impl Deviation {
         for Part { change, origin, .. } in &self.parts {
             let (key, applied) = match change {
                 Change::Object(patch) => {
-                    ("object", patch.apply(&mut device.to_mut().description.eds))
+                    ("object", patch.apply(Arc::make_mut(&mut device.to_mut().description.eds)))
                 }
                 Change::Profile(patch) => {
                     ("profile", patch.apply(&mut device.to_mut().description))
@@ -228,7 +229,7 @@ impl Deviation {
     /// When a change names something that is not there: a rule, an object, a pattern.
     pub fn build(&self, device: &ReferenceDevice, node: u8) -> Result<Box<dyn Replica>, Complaint> {
         let device = self.described(device)?;
-        let mut eds = Cow::Borrowed(&device.description.eds);
+        let mut eds = Cow::Borrowed(&*device.description.eds);
         let mut settings = device.settings();
         for Part { change, origin, .. } in &self.parts {
             let refuse = |misfit: Misfit| origin.refuse(&misfit);

@@ -52,8 +52,8 @@ pub struct Description {
     pub blocks: BTreeMap<String, Block>,
     /// The node id, unless another is given.
     pub default_node: u8,
-    /// The data sheet.
-    pub eds: Eds,
+    /// The data sheet, which every simulation of the device shares.
+    pub eds: Arc<Eds>,
     /// The settings of the stack that the data sheet does not contain.
     pub settings: NodeSettings,
     /// Notes that have no place in the data sheet, by value.
@@ -209,13 +209,13 @@ impl Description {
         Self {
             names: of_profiles(&file.profiles, known, |profile| &profile.names),
             blocks: of_profiles(&file.profiles, known, |profile| &profile.blocks),
-            eds: Eds {
+            eds: Arc::new(Eds {
                 file: file.file_info(),
                 device: file.device_info(),
                 dummies: file.dummy.clone(),
                 comments: vec![generated_by(&file.device.value), file.title.value.clone()],
                 ..Eds::default()
-            },
+            }),
             settings: node::settings(&file.node, file.emcy.as_ref()),
             device: file.device.value,
             variant_of,
@@ -257,8 +257,8 @@ impl Description {
             self.eds.objects.iter().filter(within).count() as u16
         };
         let (rpdos, tpdos) = (count(0x1400, 0x15FF), count(0x1800, 0x19FF));
-        self.eds.device.rpdo_count = rpdos;
-        self.eds.device.tpdo_count = tpdos;
+        let device = &mut Arc::make_mut(&mut self.eds).device;
+        (device.rpdo_count, device.tpdo_count) = (rpdos, tpdos);
     }
 }
 

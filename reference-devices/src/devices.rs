@@ -215,7 +215,7 @@ impl DeviceFiles {
 impl ReferenceDevice {
     /// A device with this data sheet and the stack of the reference devices, whose application does
     /// nothing.
-    pub fn of_sheet(eds: Eds, node: u8, settings: NodeSettings) -> Self {
+    pub fn of_sheet(eds: impl Into<Arc<Eds>>, node: u8, settings: NodeSettings) -> Self {
         let source = built_in("a device of this data sheet", "");
         let files = DeviceFiles {
             device: Arc::clone(&source),
@@ -236,7 +236,7 @@ impl ReferenceDevice {
             names: BTreeMap::new(),
             blocks: BTreeMap::new(),
             default_node: node,
-            eds,
+            eds: eds.into(),
             settings,
             notes: Arc::default(),
             heads: Arc::default(),
@@ -547,7 +547,7 @@ mod tests {
             let device = device(name).unwrap();
             let reading = canopen::eds::read(device.eds_text().as_bytes());
             assert!(!reading.has_errors(), "{:#?}", reading.diagnostics);
-            assert_eq!(reading.eds.without_lines(), device.description.eds);
+            assert_eq!(reading.eds.without_lines(), *device.description.eds);
         }
     }
 

@@ -311,7 +311,8 @@ mod tests {
     fn files_override_what_is_known_and_add_to_it() {
         let base = Catalogue::built_in();
         let amended = |texts: &[&str]| {
-            let source = |text: &&str| Source { name: "x.yaml".into(), text: (*text).to_owned().into() };
+            let source =
+                |text: &&str| Source { name: "x.yaml".into(), text: (*text).to_owned().into() };
             base.amended(&texts.iter().map(|text| Arc::new(source(text))).collect::<Vec<_>>())
         };
         let catalogue = amended(&[

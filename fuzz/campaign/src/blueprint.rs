@@ -68,7 +68,11 @@ impl Blueprint {
     ///
     /// # Errors
     /// When the data sheet gives a value that is not one of its type.
-    pub fn of_sheet(eds: Eds, node: u8, settings: NodeSettings) -> Result<Self, Vec<Complaint>> {
+    pub fn of_sheet(
+        eds: impl Into<Arc<Eds>>,
+        node: u8,
+        settings: NodeSettings,
+    ) -> Result<Self, Vec<Complaint>> {
         let device = ReferenceDevice::of_sheet(eds, node, settings);
         Deviation::default().build(&device, node).map_err(|wrong| vec![wrong])?;
         let (freedoms, mutants) = COMMON.clone()?;

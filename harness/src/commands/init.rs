@@ -85,7 +85,8 @@ fn sheet(
         return Ok((Sheet::Given(path.clone()), eds));
     }
     if let Some(name) = &found.device {
-        let eds = reference_device(name, catalogue)?.description.eds.clone();
+        let device = reference_device(name, catalogue)?;
+        let eds = Eds::clone(&device.description.eds);
         return Ok((Sheet::OfProgram(name.clone()), eds));
     }
     let path = args.out.with_extension("eds");

@@ -30,7 +30,7 @@ pub fn models(eds: &Eds) -> BTreeMap<&'static str, &'static Eds> {
     let families = devices::families_of(vendor_number, product_number, device_type);
     let models = families.into_iter().flatten().map(|device| &device.description);
     let own = |model: &&Description| model.eds.device.product_number == product_number;
-    models.filter(own).map(|model| (model.device.as_str(), &model.eds)).collect()
+    models.filter(own).map(|model| (model.device.as_str(), &*model.eds)).collect()
 }
 
 /// Reads a data sheet; reports its errors, and continues with the rest.

@@ -149,7 +149,8 @@ mod tests {
 
     #[test]
     fn copies_are_objects_of_their_own_or_sub_indices() {
-        let mut eds = crate::devices::device("em66").unwrap().description.eds;
+        let device = crate::devices::device("em66").unwrap();
+        let mut eds = Eds::clone(&device.description.eds);
         let patch = |text: &str| serde_yaml::from_str::<Patch>(text).unwrap();
         let objects = eds.objects.len();
         patch("{ object: '2100:00', like: '2009:01', copies: 3 }").apply(&mut eds).unwrap();

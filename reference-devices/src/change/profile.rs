@@ -2,6 +2,7 @@
 //! objects are.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 use canopen::Mux;
 use canopen::catalogue::Block;
@@ -47,7 +48,7 @@ impl ProfilePatch {
             move_objects(block, objects, &mut moves)
                 .map_err(|object| missing(&["blocks", name], object))?;
         }
-        relocate(&mut device.eds, &moves)
+        relocate(Arc::make_mut(&mut device.eds), &moves)
     }
 }
 
@@ -121,7 +122,7 @@ mod tests {
             let object = eds.objects.iter_mut().find(|object| object.index == 0x1A02).unwrap();
             object.entries[1].default = Some(canopen::eds::Term::fixed(Value::from(word)));
         };
-        map(&mut device.eds, 0x6514_0108);
+        map(Arc::make_mut(&mut device.eds), 0x6514_0108);
         let patch = |text: &str| serde_yaml::from_str::<ProfilePatch>(text).unwrap();
         let text = "{ names: { manual: 2 }, blocks: { alarm: { state: '6505:01' } } }";
         patch(text).apply(&mut device).unwrap();

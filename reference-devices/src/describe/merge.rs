@@ -52,7 +52,8 @@ pub(super) fn object(
         Arc::make_mut(&mut described.notes).insert(mux, note(&facts));
     }
     let flags = chosen.flags.or(known.flags);
-    described.eds.objects.push(Object { index, name, kind, flags, entries, line: 0 });
+    let object = Object { index, name, kind, flags, entries, line: 0 };
+    Arc::make_mut(&mut described.eds).objects.push(object);
     Ok(())
 }
 

@@ -269,9 +269,11 @@ impl Scope {
             }
             .map(|number| number + i128::from(*offset))
             .ok_or_else(|| format!("{name} is not a whole number")),
-            Literal::Sum(names, number) => names.iter().try_fold((*number).into(), |sum: i128, name| {
-                Ok(sum + self.int(&Literal::Named(name.clone(), 0))?)
-            }),
+            Literal::Sum(names, number) => {
+                names.iter().try_fold((*number).into(), |sum: i128, name| {
+                    Ok(sum + self.int(&Literal::Named(name.clone(), 0))?)
+                })
+            }
             other => Err(format!("`{other}` is not a whole number")),
         }
     }

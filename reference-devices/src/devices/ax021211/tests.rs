@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use canopen::Device;
 use canopen::eds::Eds;
 use proptest::prelude::*;
@@ -9,7 +11,7 @@ use crate::devices;
 use crate::rules::Rules;
 use crate::stack::testing::{Fixture, mux};
 
-fn sheet() -> Eds {
+fn sheet() -> Arc<Eds> {
     devices::device("ax021211").unwrap().description.eds
 }
 

@@ -4,9 +4,9 @@
 
 use canopen::{BenchError, Dictionary, Instant, Value};
 
+use super::Mcm260x;
 use super::encoder::Motion;
 use super::parameters::Table;
-use super::Mcm260x;
 use crate::stack::{Behaviour, earlier};
 
 /// The digital inputs that are the phases of an encoder, counted from 0.

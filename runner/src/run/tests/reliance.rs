@@ -37,8 +37,9 @@ fn what_a_second_look_confirmed_blocks_although_another_reason_is_gone() {
         Some(seen)
     }));
     let sources = [("suites/requirements/any.yaml", REGISTER), ("suites/any.yaml", SUITE)];
-    let sources = sources
-        .map(|(name, text)| Arc::new(Source { name: name.to_owned(), text: text.to_owned().into() }));
+    let sources = sources.map(|(name, text)| {
+        Arc::new(Source { name: name.to_owned(), text: text.to_owned().into() })
+    });
     let library = Library::from_sources(&sources, Catalogue::built_in()).unwrap();
     let ran = run_library(&mut bus, &dut(), &library, &Stop::default(), &Undo::default());
     let expected =

@@ -203,7 +203,7 @@ fn units_and_digits_hold_one_value() {
 
 #[test]
 fn a_device_without_a_limit_of_cooling_cannot_cool() {
-    let mut eds = devices::device("em66").unwrap().description.eds;
+    let mut eds = canopen::eds::Eds::clone(&devices::device("em66").unwrap().description.eds);
     eds.objects.retain(|object| !matches!(object.index, 0x6413 | 0x6414));
     let od = Dictionary::new(&eds, 1).unwrap();
     assert_eq!(limits(&od, &Em66Rules::plain()), (0, 1000));
