@@ -236,7 +236,7 @@ fn send_all(bus: &mut VirtualBus<'_>, actions: &[Action]) {
 /// The model of a device whose data sheet has a thousand entries.
 fn model_of_eds(bench: &mut Criterion) {
     let generic = devices::device("generic").expect("it is part of the program");
-    let mut eds = Eds::clone(&generic.description.eds);
+    let mut eds = (*generic.description.eds).clone();
     let one = eds.objects.iter().find(|object| object.index >= 0x2000 && object.entries.len() == 1);
     let one = one.expect("it has objects of its own").clone();
     let mut index = 0x5000;

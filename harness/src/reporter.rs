@@ -108,7 +108,10 @@ impl Reporter {
         // The order of events is the runner's business; out of order is a bug.
         self.run.apply(event).unwrap_or_else(|error| panic!("{error}"));
         match event {
-            Event::CaseStarted(case) if self.prints => self.bar.set_message(case.name()),
+            // There are thousands of cases a second, and a name takes time to write.
+            Event::CaseStarted(case) if self.prints && !self.bar.is_hidden() => {
+                self.bar.set_message(case.name());
+            }
             Event::CaseEnded(_) => self.case_ended(),
             _ => {}
         }
@@ -151,6 +154,11 @@ impl Reporter {
         self.unwritten = true;
     }
 
+    /// The run, when it is reported.
+    pub(crate) fn into_run(self) -> Run {
+        self.run
+    }
+
     /// The run so far.
     pub(crate) const fn run(&self) -> &Run {
         &self.run
@@ -167,7 +175,9 @@ impl Reporter {
             let is_there = |file: &str| Path::new(file).is_file();
             text.extend(github::annotation(device, case, is_there));
         }
-        self.bar.suspend(|| print(&text));
+        if !text.is_empty() {
+            self.bar.suspend(|| print(&text));
+        }
     }
 }
 

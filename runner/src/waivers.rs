@@ -4,6 +4,7 @@
 //! reported, and ends the run with an exit code of its own.
 
 use std::borrow::Cow;
+use std::cell::LazyCell;
 use std::collections::BTreeSet;
 use std::fmt;
 use std::sync::Arc;
@@ -169,7 +170,9 @@ impl Waivers {
     /// `selected` ones, nothing is known of a waiver that names others, too.
     pub fn out_of_date(&self, run: &Run, names: &[String], selected: bool) -> Vec<Complaint> {
         let mut complaints = Vec::new();
-        let in_run: BTreeSet<String> = run.cases().map(|(_, case)| case.info.name()).collect();
+        let in_run = LazyCell::new(|| -> BTreeSet<String> {
+            run.cases().map(|(_, case)| case.info.name()).collect()
+        });
         for At { value: waiver, place } in &self.entries {
             complaints.extend(self.is_in_force(waiver).err());
             if waiver.has_expired(&self.today) {
