@@ -171,7 +171,7 @@ fn bind_case(
     let mut bound: Vec<Instance> = scopes
         .into_iter()
         .map(|(labels, scope)| {
-            let label = (!labels.is_empty()).then(|| labels.join(","));
+            let label = (!labels.is_empty()).then(|| labels.join(",").into());
             instance(label, scope, Fate::Runs)
         })
         .filter(holds)

@@ -37,7 +37,7 @@ pub struct Instance {
     /// The case's place in the suite.
     pub case: usize,
     /// The difference from the other instances of its case.
-    pub label: Option<String>,
+    pub label: Option<Box<str>>,
     /// The names.
     pub scope: Scope,
     /// The outcome, as far as it is known before the run.

@@ -97,10 +97,10 @@ pub struct FastscanStep {
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct EdsStep {
     /// The findings of `harness eds check` that must not be there, by their names.
-    pub without: Vec<At<String>>,
+    pub without: Box<[At<String>]>,
     /// Findings that do not violate the requirement and make the case LENIENT.
     #[serde(default)]
-    pub lenient: Vec<At<String>>,
+    pub lenient: Box<[At<String>]>,
 }
 
 /// See [`Step::Undeclared`].
@@ -163,10 +163,10 @@ pub struct Reply {
     pub frame: At<FrameText>,
     /// Answers that are accepted, too; the reason is in the register.
     #[serde(default)]
-    pub lenient: Vec<At<FrameText>>,
+    pub lenient: Box<[At<FrameText>]>,
     /// Answers that a device may give instead; the rest of the steps is then left out.
     #[serde(default)]
-    pub or_else: Vec<At<FrameText>>,
+    pub or_else: Box<[At<FrameText>]>,
     /// The device may be silent as well; the rest of the steps is then left out.
     #[serde(default)]
     pub or_silence: bool,
@@ -191,10 +191,10 @@ pub struct Ask {
     pub reply: At<FrameText>,
     /// Answers that are accepted, too; the reason is in the register.
     #[serde(default)]
-    pub lenient: Vec<At<FrameText>>,
+    pub lenient: Box<[At<FrameText>]>,
     /// Answers that a device may give instead; the rest of the steps is then left out.
     #[serde(default)]
-    pub or_else: Vec<At<FrameText>>,
+    pub or_else: Box<[At<FrameText>]>,
     /// The device may be silent as well; the rest of the steps is then left out.
     #[serde(default)]
     pub or_silence: bool,
@@ -223,7 +223,7 @@ pub struct Expect {
     pub frame: At<FrameText>,
     /// Frames that are accepted, too; the reason is in the register.
     #[serde(default)]
-    pub lenient: Vec<At<FrameText>>,
+    pub lenient: Box<[At<FrameText>]>,
     /// How long to wait.
     pub within: At<Amount>,
     /// The earliest it may come.
@@ -248,10 +248,10 @@ pub struct Never {
     pub frame: At<FrameText>,
     /// Frames that are accepted nevertheless; the reason is in the register.
     #[serde(default)]
-    pub lenient: Vec<At<FrameText>>,
+    pub lenient: Box<[At<FrameText>]>,
     /// Frames after which nothing can be judged: the rest of the steps is left out.
     #[serde(default)]
-    pub or_else: Vec<At<FrameText>>,
+    pub or_else: Box<[At<FrameText>]>,
     /// How long to watch.
     #[serde(rename = "for")]
     pub time: At<Amount>,
@@ -271,7 +271,7 @@ pub struct Read {
     pub value: Option<At<Literal>>,
     /// Values that are accepted instead of `value`; the reason is in the register.
     #[serde(default)]
-    pub tolerated: Vec<At<Literal>>,
+    pub tolerated: Box<[At<Literal>]>,
     /// Only these bits are compared with `value`.
     #[serde(default)]
     pub mask: Option<Box<At<Literal>>>,
@@ -295,7 +295,7 @@ pub struct Read {
     pub refused: Option<Box<At<Refusal>>>,
     /// Abort codes that are accepted instead of a value; the reason is in the register.
     #[serde(default)]
-    pub lenient: Vec<Refused>,
+    pub lenient: Box<[Refused]>,
     /// The protocol the device must choose; `block` is what the client asks for, too.
     #[serde(default)]
     pub transfer: Option<Flow>,
@@ -327,7 +327,7 @@ pub struct Write {
     pub refused: Option<Box<At<Refusal>>>,
     /// With these codes the device may refuse as well; the rest of the steps is then left out.
     #[serde(default)]
-    pub or_refused: Vec<At<Refused>>,
+    pub or_refused: Box<[At<Refused>]>,
     /// Nothing is written where the data sheet has no such object, or none that can be written.
     #[serde(default)]
     pub if_there: bool,
@@ -346,7 +346,7 @@ pub struct Remap {
     /// Mapping parameter's count, such as `"1A00:00"` or `$count`.
     pub pdo: At<ObjectRef>,
     /// What to map, in order: addresses, or 32-bit mapping entries as they are written.
-    pub objects: Vec<At<Literal>>,
+    pub objects: Box<[At<Literal>]>,
     /// The device must refuse at an entry or at the count, with this code.
     #[serde(default)]
     pub refused: Option<At<Refusal>>,
@@ -392,7 +392,7 @@ pub struct Until {
     pub value: Option<At<Literal>>,
     /// Values that are accepted instead of `value`; the reason is in the register.
     #[serde(default)]
-    pub tolerated: Vec<At<Literal>>,
+    pub tolerated: Box<[At<Literal>]>,
     /// Only these bits are compared with `value`.
     #[serde(default)]
     pub mask: Option<Box<At<Literal>>>,
