@@ -52,7 +52,8 @@ impl Dictionary {
     /// # Errors
     /// The address of a default value that is not one of its entry's type, and why.
     pub fn new(eds: &Eds, node: u8) -> Result<Self, (Mux, ValueError)> {
-        let entries: Vec<Entry> = eds.entries().cloned().collect();
+        let mut entries = Vec::with_capacity(eds.entries().count());
+        entries.extend(eds.entries().cloned());
         let defaults =
             entries.iter().map(|entry| default(entry, node)).collect::<Result<_, _>>()?;
         let places = Addresses::new(entries.iter().map(|entry| entry.mux));

@@ -78,6 +78,8 @@ impl Reader {
         if let (Some(head), Head::Object | Head::Value) = (parts.head, role) {
             self.check_sub_number(head, parts.subs, &object);
         }
+        // Most objects have one entry, and a list that grows has room for four.
+        object.entries.shrink_to_fit();
         self.eds.objects.push(object);
     }
 
