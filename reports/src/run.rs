@@ -237,7 +237,7 @@ impl Run {
                 suites.push(SuiteRun { name, file, cases: Vec::new() });
                 suites.len() - 1
             });
-        // What was undecided is tried again at the end of a run, and that counts.
+        // What was undecided is tried again later in a run, and that counts.
         let cases = &mut suites[self.suite].cases;
         let is_tried_again = |known: &CaseRun| {
             matches!(known.outcome, Outcome::Undecided(_))

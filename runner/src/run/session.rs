@@ -11,6 +11,7 @@ mod outcome;
 mod phases;
 mod reliance;
 mod starts;
+mod turns;
 
 use std::sync::Arc;
 
@@ -38,6 +39,7 @@ use case::{Aftermath, Common};
 use monitors::data_sheet_identifiers;
 use reliance::Reliance;
 use starts::Starts;
+use turns::{Turn, Turns};
 
 /// How a session ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -323,26 +325,28 @@ impl Session<'_> {
             repeats: &repeats,
             observer: self.observer,
         };
-        let mut instances = reliance.order(self.plan);
-        let (planned, mut place) = (instances.len(), 0);
-        while let Some(&instance) = instances.get(place) {
+        let mut turns = Turns::of(reliance.order(self.plan));
+        let runs = |instance: &Instance| self.excused(instance, baseline, blocks).is_none();
+        while let Some((instance, turn)) = turns.next(runs) {
             if self.stop.asked() {
-                let ending = Ending::Bus(BusError::Interrupted);
-                let rest = instances.get(place..planned).unwrap_or_default();
-                return self.rest_of(link, rest, ending, true);
+                let mut rest = turns.rest();
+                rest.splice(..0, (turn == Turn::Planned).then_some(instance));
+                return self.rest_of(link, &rest, Ending::Bus(BusError::Interrupted), true);
             }
-            place += 1;
+            let excused = self.excused(instance, baseline, blocks);
+            // What the device does not bear once more stays undecided.
+            if excused.is_some() && turn != Turn::Planned {
+                continue;
+            }
             let started = starts.of(instance, link.mark());
             link.emit(Event::CaseStarted(started.clone()));
-            let excused = self.excused(instance, baseline, blocks);
             if excused.is_none() && gone.is_none() {
                 match self.look_again(link, common, &mut reliance, instance, left) {
                     Aftermath::Left(how) => left = how,
                     Aftermath::Gone(reason) => gone = Some(reason),
                     Aftermath::Stop(error) => {
                         link.emit(ended(link, &started, Outcome::not_run(&error.to_string())));
-                        let rest = instances.get(place..planned).unwrap_or_default();
-                        return self.rest_of(link, rest, Ending::Bus(error), false);
+                        return self.rest_of(link, &turns.rest(), Ending::Bus(error), false);
                     }
                 }
             }
@@ -358,21 +362,20 @@ impl Session<'_> {
             let aftermath = finished.aftermath.clone();
             let outcome = self.report(link, &mut reliance, instance, &started, finished);
             failed += usize::from(matches!(outcome, Outcome::Fail(_)));
-            // The host may be quieter later; what is undecided then stays so.
-            if matches!(outcome, Outcome::Undecided(_)) && place <= planned {
-                instances.push(instance);
+            if matches!(outcome, Outcome::Undecided(_)) {
+                turns.undecided(instance, turn, reliance.proves(instance));
             }
-            let rest = instances.get(place..planned).unwrap_or_default();
             match aftermath {
                 Aftermath::Left(how) => left = how,
                 // Cases about the data sheet still run: they need no device.
                 Aftermath::Gone(reason) => gone = Some(reason),
                 Aftermath::Stop(error) => {
-                    return self.rest_of(link, rest, Ending::Bus(error), false);
+                    return self.rest_of(link, &turns.rest(), Ending::Bus(error), false);
                 }
             }
             if self.max_fail.is_some_and(|most| failed >= most) {
-                return self.rest_of(link, rest, Ending::Enough(rest.len()), false);
+                let rest = turns.rest();
+                return self.rest_of(link, &rest, Ending::Enough(rest.len()), false);
             }
         }
         gone.map_or(Ending::Complete, Ending::Gone)

@@ -15,6 +15,8 @@ pub(super) struct Reliance<'p> {
     broken: BTreeMap<&'p str, Broken<'p>>,
     /// Those that are kept in another way than the usual one, and how that showed.
     bent: BTreeMap<&'p str, String>,
+    /// The cases about them that are undecided.
+    undecided: Vec<&'p Instance>,
 }
 
 /// How it showed that a requirement does not hold.
@@ -32,7 +34,7 @@ impl<'p> Reliance<'p> {
     pub(super) fn of(plan: &'p Plan, register: &'p Register) -> Self {
         let named = plan.by_case().flat_map(|instances| instances[0].relies_on());
         let relied = named.chain(register.effects().map(|(_, id)| &**id)).collect();
-        Self { relied, broken: BTreeMap::new(), bent: BTreeMap::new() }
+        Self { relied, broken: BTreeMap::new(), bent: BTreeMap::new(), undecided: Vec::new() }
     }
 
     /// The instances, those first that prove what others rely on. Otherwise their order stays: the
@@ -80,10 +82,19 @@ impl<'p> Reliance<'p> {
         self.broken.values_mut().filter(|broken| is_it(broken)).for_each(|it| it.doubted = false);
     }
 
-    /// The result of a case that depends on more than itself: a setup that failed is excused by a
-    /// requirement that is kept in another way than the setup expects. Without such a witness
-    /// nothing else shows what is wrong.
+    /// The result of a case that depends on more than itself. It fails only where all that it relies
+    /// on is decided: what a busy host left undecided may be the reason. A setup that failed is
+    /// excused by a requirement that is kept in another way than the setup expects; without such a
+    /// witness nothing else shows what is wrong.
     pub(super) fn judged(&self, instance: &Instance, outcome: Outcome) -> Outcome {
+        if let Outcome::Fail(problem) | Outcome::Error { problem: Some(problem), .. } = &outcome
+            && let Some(id) = instance.relies_on().find(|id| self.is_undecided(id))
+        {
+            return Outcome::Undecided(format!(
+                "{id} is undecided, on which it relies; it {}",
+                in_a_line(problem)
+            ));
+        }
         match &outcome {
             Outcome::Error { reason, problem: Some(problem) } if problem.phase == Phase::Setup => {
                 match instance.relies_on().find_map(|id| self.bent.get_key_value(id)) {
@@ -103,12 +114,10 @@ impl<'p> Reliance<'p> {
         if !self.proves(instance) {
             return;
         }
-        let showed = |problem: &Problem| {
-            let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
-            let (expected, actual) = (first(&problem.expected), first(&problem.actual));
-            format!("{} expected {expected}, came {actual}", instance.name())
-        };
+        self.undecided.retain(|known| !std::ptr::eq(*known, instance));
+        let showed = |problem: &Problem| format!("{} {}", instance.name(), in_a_line(problem));
         match (outcome, outcome.problem()) {
+            (Outcome::Undecided(_), _) => self.undecided.push(instance),
             (Outcome::Blocked(why), _) => {
                 let blocking = instance.relies_on().find_map(|id| self.broken.get(id));
                 self.breaks(instance, why, blocking.and_then(|broken| broken.shown_by), false);
@@ -138,10 +147,21 @@ impl<'p> Reliance<'p> {
         }
     }
 
+    /// Whether a case about the requirement is undecided.
+    fn is_undecided(&self, id: &str) -> bool {
+        self.undecided.iter().any(|of| checks(of).any(|check| check == id))
+    }
+
     /// Whether a case is about nothing but what others rely on.
-    fn proves(&self, instance: &Instance) -> bool {
+    pub(super) fn proves(&self, instance: &Instance) -> bool {
         checks(instance).all(|id| self.relied.contains(id))
     }
+}
+
+/// What was expected, and what came.
+fn in_a_line(problem: &Problem) -> String {
+    let first = |text: &str| text.lines().next().unwrap_or_default().to_owned();
+    format!("expected {}, came {}", first(&problem.expected), first(&problem.actual))
 }
 
 /// Whether a requirement is kept, in another way than the usual one.
@@ -149,7 +169,8 @@ const fn is_another_way(outcome: &Outcome) -> bool {
     matches!(outcome, Outcome::Lenient(problem) if !problem.capped)
 }
 
-fn checks(instance: &Instance) -> impl Iterator<Item = &str> {
+/// The requirements that a case is about.
+pub(super) fn checks(instance: &Instance) -> impl Iterator<Item = &str> {
     instance.case().checks.iter().map(|id| id.value.as_str())
 }
 
