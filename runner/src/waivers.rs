@@ -192,8 +192,14 @@ impl Waivers {
                 known = false;
             }
             let of_devices = run.cases().filter(|(device, _)| waiver.concerns(&device.info.device));
-            let cases = of_devices.map(|(_, case)| case);
-            let ran: Vec<&CaseRun> = cases.filter(|case| waiver.is_about(case)).collect();
+            let named = of_devices.map(|(_, case)| case);
+            let named = named.filter(|case| waiver.names(&case.info.name()));
+            let named: Vec<&CaseRun> = named.collect();
+            // What is undecided may be where the cause would occur.
+            if named.iter().any(|case| matches!(case.outcome, Outcome::Undecided(_))) {
+                continue;
+            }
+            let ran: Vec<&CaseRun> = named.into_iter().filter(|it| waiver.is_about(it)).collect();
             let mut of_waiver = names.iter().filter(|name| waiver.names(name));
             let not_all = selected && of_waiver.any(|name| !in_run.contains(name));
             if !known || waiver.sometimes || ran.is_empty() || not_all {
@@ -269,8 +275,8 @@ impl WaiverEntry {
         }
     }
 
-    /// Whether the case said something about the device, which an ERROR of the tester, such as its
-    /// lateness, does not.
+    /// Whether a case that it names said something about the device, which an ERROR of the tester
+    /// does not.
     fn is_about(&self, case: &CaseRun) -> bool {
         let outcome = match &case.outcome {
             Outcome::Waived { outcome, .. } => outcome.as_ref(),
@@ -281,7 +287,7 @@ impl WaiverEntry {
             Outcome::Error { problem: None, .. } => self.verdict == Some(WaivedVerdict::Error),
             _ => true,
         };
-        said && !outcome.is_not_run() && self.names(&case.info.name())
+        said && !outcome.is_not_run()
     }
 
     /// Whether it covers the outcome of the case, which has this one of its causes.
@@ -435,6 +441,35 @@ impl JsonSchema for Globs {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Of two cases of a waiver, the one that shows the cause is undecided, and the other passes.
+    #[test]
+    fn what_is_undecided_leaves_a_waiver_as_it_is() {
+        let waivers =
+            r#"[{ "cases": "any/case-*", "cause": { "text": "*" }, "reason": "Known." }]"#;
+        let source = Source { name: "waivers.yaml".to_owned(), text: waivers.to_owned() };
+        let read = Waivers::read(Arc::new(source), "2026-01-31", &Register::default());
+        let waivers = read.expect("it is right");
+        let names = ["any/case-1".to_owned(), "any/case-2".to_owned()];
+        const DEVICE: &str =
+            r#"{"device-started":{"device":"any","node":1,"identity":{},"rerun":""}}"#;
+        const STARTED: &str = concat!(
+            r#"{"case-started":{"at":0,"suite":"any","case":"CASE","instance":null,"title":"Any.","#,
+            r#""checks":[],"file":"any.yaml","line":1,"column":1}}"#
+        );
+        let complaints = |first: &str| {
+            let case = |case, outcome| {
+                let started = STARTED.replace("CASE", case);
+                format!("{started}\n{{\"case-ended\":{{\"at\":0,\"outcome\":{outcome}}}}}\n")
+            };
+            let (one, other) = (case("case-1", first), case("case-2", r#""pass""#));
+            let journal = format!("{DEVICE}\n{one}{other}");
+            let run = Run::fold(&journal, reports::Keep::All).expect("a journal");
+            waivers.out_of_date(&run, &names, false).len()
+        };
+        assert_eq!(complaints(r#"{"undecided":"the tester was late"}"#), 0);
+        assert_eq!(complaints(r#""pass""#), 1);
+    }
 
     #[test]
     fn dates() {
