@@ -260,9 +260,9 @@ pub struct CaseEnded {
     /// The cause in common with the other instances that did not pass for the same reason.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<Cause>,
-    /// The requirements on which the result rests: those that the case relies on, and the effects
-    /// of its NMT commands. Where one of them does not hold, the result follows from that. Of a
-    /// case that passed, none.
+    /// The requirements on which the result rests: those that the case relies on, those that it
+    /// tries in another situation, and the effects of its NMT commands. Where one of them does not
+    /// hold, the result follows from that. Of a case that passed, none.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub relies_on: Vec<Arc<str>>,
 }

@@ -421,15 +421,20 @@ impl Session<'_> {
         outcome
     }
 
-    /// The requirements on which a result rests: those that the case relies on, and the effects of
-    /// the NMT commands before what went wrong.
+    /// The requirements on which a result rests: those that the case relies on, those that it tries
+    /// in another situation, and the effects of the NMT commands before what went wrong.
     fn rests_on(&self, instance: &Instance, outcome: &Outcome, by: &[Service]) -> Vec<Arc<str>> {
         if outcome.problem().is_none() {
             return Vec::new();
         }
         let named = instance.relies_on().map(Arc::from);
+        let checks = &instance.case().checks;
+        let checked = checks.iter().filter_map(|id| self.register.find(&id.value));
+        let extended = checked.flat_map(|found| found.entry.value.extends.keys());
+        let extended = extended.filter(|id| checks.iter().all(|check| check.value != **id));
         let effects = self.register.effects().filter(|(nmt, _)| by.contains(&nmt.service()));
-        named.chain(effects.map(|(_, id)| Arc::clone(id))).collect()
+        let effects = effects.map(|(_, id)| Arc::clone(id));
+        named.chain(extended.map(|id| id.as_str().into())).chain(effects).collect()
     }
 
     fn say_ways_back(&self, link: &mut Link) {
