@@ -130,16 +130,22 @@ impl Session<'_> {
     fn get_to_know(&self, link: &mut Link) -> Result<(Known, BlockDirections), BusError> {
         let identity = identity(link, &self.policy, &self.plan.dut)?;
         self.undo.identify(identity);
-        if let Some(why) = contradiction(link.trace(), self.plan.dut.node) {
-            return Err(BusError::Io(why));
-        }
+        self.is_alone(link)?;
         let outputs = Outputs::look(link, &self.policy, &self.plan.dut)?;
         let baseline = self.baseline(link, identity)?;
         let versions = versions(link, &self.policy, &self.plan.dut)?;
         look_at_channels(link, &self.policy, &self.plan.dut)?;
+        // The answers of a second device may have come since.
+        self.is_alone(link)?;
         let mut odd = oddities(link.trace(), self.plan.dut.node);
         odd.extend(link.traffic().said(Traffic::WORTH_A_WORD));
         Ok((Known { baseline, versions, odd, outputs }, self.knows_blocks(link)?))
+    }
+
+    /// Fails where two devices have the node id.
+    fn is_alone(&self, link: &Link) -> Result<(), BusError> {
+        let why = contradiction(link.trace(), self.plan.dut.node);
+        why.map_or(Ok(()), |why| Err(BusError::Io(why)))
     }
 
     /// The device, as far as it is known without asking it.

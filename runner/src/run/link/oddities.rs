@@ -9,6 +9,8 @@ use canopen::nmt::{self, Command, Service};
 use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request, Response};
 use canopen::{Frame, Mux};
 
+use super::twins::identifies;
+
 /// Sentences about it, each with the frames that show it. In the trace, the tester has done nothing
 /// but reset and start the device, upload objects, and give it a heartbeat for a moment.
 pub fn oddities(trace: &[Seen], node: u8) -> Vec<String> {
@@ -16,11 +18,12 @@ pub fn oddities(trace: &[Seen], node: u8) -> Vec<String> {
     said.into_iter().flatten().collect()
 }
 
-/// That two devices have the node id, where that is certain: answers to one upload contradict each
-/// other. A write would go to both, and the original value of one of them could not be read.
+/// That two devices have the node id, where that is certain: answers to one upload of what never
+/// changes contradict each other. A write would go to both, and the original value of one of them could not be read.
 pub(in crate::run) fn contradiction(trace: &[Seen], node: u8) -> Option<String> {
     let uploads = uploads(trace, node);
-    let mut several = uploads.iter().filter(|(_, upload)| upload.answers.len() > upload.requests);
+    let identities = uploads.iter().filter(|(mux, _)| identifies(**mux));
+    let mut several = identities.filter(|(_, upload)| upload.answers.len() > upload.requests);
     several.find_map(|(mux, upload)| {
         let first = upload.answers.first()?;
         let other = upload.answers.iter().find(|answer| *answer != first)?;

@@ -106,13 +106,15 @@ impl Twins {
         self.suspicion.is_some()
     }
 
-    /// Decides on the suspicion: `double` of the uploads after it had two answers.
+    /// Decides on the suspicion: `double` of the uploads after it had two answers. A device that
+    /// starts meanwhile answers none of them, but no frame is disturbed into another identity.
     pub(super) fn decide(&mut self, double: u32) {
         self.begun.clear();
         let (Some((mux, [first, other])), Some(node)) = (self.suspicion.take(), self.node) else {
             return;
         };
-        if double < Self::DOUBLE {
+        let differ = identifies(mux) && are_values(&first, &other) && first != other;
+        if double < Self::DOUBLE && !differ {
             return;
         }
         let who = match first == other {
@@ -125,6 +127,18 @@ impl Twins {
             Self::PROBES
         ));
     }
+}
+
+/// Whether the object is the same whenever a device is asked.
+pub(super) fn identifies(mux: Mux) -> bool {
+    matches!(mux.index, 0x1000 | 0x1018)
+}
+
+/// Whether both frames answer an upload with a value.
+fn are_values(one: &Frame, other: &Frame) -> bool {
+    let is_value =
+        |frame: &Frame| matches!(Response::decode(&frame.data), Ok(Response::Upload(..)));
+    is_value(one) && is_value(other)
 }
 
 /// The command of an abort.
@@ -225,12 +239,20 @@ mod tests {
         let mut twins = twins(&[ASKED, ANSWER, ANSWER]);
         twins.decide(3);
         assert!(!twins.suspects() && twins.found.is_none());
+        // One of two devices starts while the uploads decide.
         let mut twins = self::twins(&[ASKED, ANSWER, OTHER]);
-        twins.decide(4);
+        twins.decide(0);
         let found = twins.found.unwrap();
         assert!(
             found.starts_with("two devices have node id 5: a request for 1000:00 had"),
             "{found}"
         );
+        let status = ["585#4302100091010000", "585#4302100092010000"];
+        let mut twins = self::twins(&[">605#4002100000000000", status[0], status[1]]);
+        twins.decide(3);
+        assert!(twins.found.is_none(), "a value that changes is no identity");
+        let mut twins = self::twins(&[ASKED, ANSWER, ANSWER]);
+        twins.decide(4);
+        assert!(twins.found.is_some());
     }
 }
