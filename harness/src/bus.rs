@@ -64,6 +64,11 @@ impl Interface {
         }
     }
 
+    /// Whether the device is a program on this machine: nothing else reaches a virtual interface.
+    pub fn is_on_this_machine(&self) -> bool {
+        self.is_program() || self.network().is_some_and(SocketCan::is_virtual)
+    }
+
     /// The network interface of Linux that it is on, which other programs such as `candump` know,
     /// too.
     pub fn network(&self) -> Option<&str> {
@@ -144,6 +149,14 @@ mod tests {
                 Some(Interface::Program { command: command.clone(), on: Some("vcan0".to_owned()) })
             }
             Some(Interface::Program { on: Some(_), .. }) => None,
+        }
+    }
+
+    #[test]
+    fn a_device_on_a_virtual_interface_runs_on_this_machine() {
+        for (text, is_here) in [("vcan0", true), ("exec:./sim", true), ("can0", false)] {
+            let interface: Interface = text.parse().expect("an interface");
+            assert_eq!(interface.is_on_this_machine(), is_here, "{text}");
         }
     }
 

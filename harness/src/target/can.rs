@@ -54,7 +54,7 @@ pub(super) fn target(
         bench_needs,
         interface: interface.network().filter(|_| !interface.is_program()).map(str::to_owned),
         shares_its_bus: interface.network().is_some(),
-        shares_its_machine: interface.is_program(),
+        shares_its_machine: interface.is_on_this_machine(),
         bit_rate,
         without: without(selection, own.as_deref()),
         told: found.recognised(),
