@@ -8,6 +8,7 @@ A server may give up a transfer in which this program pauses, so an upload that 
 import sys
 
 import canopen
+from canopen.sdo.exceptions import SdoError
 
 INTERFACE = "vcan0"
 TRIES = 5
@@ -17,7 +18,7 @@ def upload(sdo, index, subindex):
     for _ in range(TRIES):
         try:
             return sdo.upload(index, subindex).hex(" ")
-        except canopen.SdoError as error:
+        except SdoError as error:
             failure = error
     return str(failure)
 
