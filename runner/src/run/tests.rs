@@ -55,6 +55,8 @@ struct Odd {
     stranger: Option<Frame>,
     /// A frame of the tester, and one of the device that comes once, 1 ms after it.
     once: Option<(Frame, Frame)>,
+    /// A frame of the tester after which frames are lost, once.
+    loses_after: Option<Frame>,
 }
 
 /// The window that the cases have and nothing else.
@@ -82,6 +84,9 @@ impl Bus for Odd {
     }
 
     fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+        if self.loses_after.take_if(|frame| self.sent.contains(frame)).is_some() {
+            return Err(BusError::Lost("200 frames were lost".to_owned()));
+        }
         loop {
             if self.held.front().is_some_and(|held| held.at <= until) {
                 return Ok(self.held.pop_front());
@@ -160,6 +165,7 @@ fn odd(way: Way) -> Odd {
         twice_once,
         stranger,
         once,
+        loses_after: None,
     }
 }
 
@@ -320,6 +326,17 @@ fn a_tester_that_is_always_late_neither_passes_nor_fails_a_case() {
 fn what_is_undecided_is_tried_again_at_the_end() {
     let ran = run(&mut stalled(5), 2, WAITS);
     assert_eq!(verdicts(&ran), [Verdict::Error, Verdict::Pass, Verdict::Pass]);
+}
+
+/// As where a device sends more than a busy tester reads, until it is set back.
+#[test]
+fn frames_that_were_lost_leave_one_case_undecided() {
+    let loses_after = Some(Frame::new(0x123, []));
+    let mut bus = Odd { loses_after, ..stalled(0) };
+    let ran = run(&mut bus, 2, "[ send: '123#', never: { frame: '080+n#...', for: 10 ms } ]");
+    assert_eq!(ran.outcomes[0], Outcome::Undecided("200 frames were lost".to_owned()));
+    assert_eq!(verdicts(&ran), [Verdict::Error, Verdict::Pass, Verdict::Pass]);
+    assert_eq!(ran.ending, Ending::Complete);
 }
 
 #[test]

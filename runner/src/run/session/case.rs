@@ -61,10 +61,13 @@ enum Ready {
 
 const CONSUMER_HEARTBEAT_TIME: u16 = 0x1016;
 
-/// Whether a failure of the bus is the end of the run: bad frames on the wire spoil one case, not
-/// those that follow.
+/// Whether a failure of the bus is the end of the run: bad frames on the wire, and those that a
+/// tester without time did not read, spoil one case, not those that follow.
 const fn lasts(error: &BusError) -> bool {
-    !matches!(error, BusError::Controller(_) | BusError::Withheld(_) | BusError::Ended(_))
+    !matches!(
+        error,
+        BusError::Controller(_) | BusError::Lost(_) | BusError::Withheld(_) | BusError::Ended(_)
+    )
 }
 
 /// One attempt at a case.
@@ -392,16 +395,18 @@ impl<'r, 'b> CaseRun<'r, 'b> {
     }
 
     pub(super) fn bus_failed(&self, failure: BusError) -> (Outcome, Aftermath) {
-        let reason = match &failure {
-            BusError::Interrupted => "interrupted".to_owned(),
-            BusError::Ended(why) => why.clone(),
-            other => format!("the bus failed: {other}"),
+        let outcome = match &failure {
+            BusError::Interrupted => error("interrupted".to_owned()),
+            BusError::Ended(why) => error(why.clone()),
+            // A trace with a hole in it proves nothing.
+            BusError::Lost(why) => Outcome::Undecided(why.clone()),
+            other => error(format!("the bus failed: {other}")),
         };
         let aftermath = match failure {
             // A program that ended was started again.
-            BusError::Ended(_) => Aftermath::Left(Left::Dirty),
+            BusError::Ended(_) | BusError::Lost(_) => Aftermath::Left(Left::Dirty),
             failure => Aftermath::Stop(failure),
         };
-        (error(reason), aftermath)
+        (outcome, aftermath)
     }
 }
