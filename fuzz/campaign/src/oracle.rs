@@ -21,6 +21,7 @@ use canopen::emcy::{Emcy, EmcyCode};
 use canopen::heartbeat::ErrorControl;
 use canopen::nmt::{self, Command, Service};
 use canopen::pdo::CobId;
+use canopen::sdo::RESPONSE_COB_ID;
 use canopen::{Frame, Instant, Mux, NmtState, Stamped, heartbeat};
 use reference_devices::change::Replica;
 
@@ -28,7 +29,7 @@ use crate::blueprint::Blueprint;
 use crate::model::Model;
 use expected::{Expected, Must, Queues};
 use identifiers::{Class, Identifiers};
-use sdo::Request;
+use sdo::{Before, Request};
 use streams::{Streams, Taken};
 
 /// Something that happened on the bus or on the bench.
@@ -287,7 +288,10 @@ impl<'b> Oracle<'b> {
     }
 
     fn take(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
-        if let Some(request) = sdo::request(frame, self.blueprint, &self.model, self.taken) {
+        if let Some(mut request) = sdo::request(frame, self.blueprint, &self.model) {
+            if request.takes_a_time() {
+                request.before_it = Some(Box::new(self.before()));
+            }
             let [_, last] = std::mem::take(&mut self.requests);
             self.requests = [last, Some(request)];
             self.refused = false;
@@ -307,6 +311,18 @@ impl<'b> Oracle<'b> {
             self.begin(held.at, &held)?;
         }
         self.give(now, frame)
+    }
+
+    /// What is known before the model gets a request that the device may refuse.
+    fn before(&self) -> Before {
+        Before {
+            model: self.model.clone(),
+            queues: self.queues.clone(),
+            streams: self.streams.clone(),
+            early: self.early.clone(),
+            taken: self.taken,
+            seen: Vec::new(),
+        }
     }
 
     /// Gives the model a frame of the tester.
@@ -466,6 +482,11 @@ impl<'b> Oracle<'b> {
             self.boot(now, &held)?;
         }
         let class = self.identifiers.class(frame, &self.model, now, self.usually_late());
+        if !matches!(class, Class::Sdo)
+            && let Some(before) = self.open_request()
+        {
+            before.seen.push(Stamped { at: now, frame: *frame, own: false });
+        }
         if self.model.state() == NmtState::OPERATIONAL {
             self.operational = now;
         }
@@ -548,24 +569,36 @@ impl<'b> Oracle<'b> {
         Ok(())
     }
 
-    /// Takes the model from before a request that the device refuses.
+    /// Takes the model from before a request that the device refuses, and judges by it what was
+    /// seen since.
     ///
     /// # Errors
-    /// When it has taken other frames since.
+    /// When it has taken other frames since, or one of the device was wrong.
     fn undo(&mut self, now: Instant, mux: Mux) -> Result<(), End> {
         let mut requests = self.requests.iter_mut().flatten().rev();
-        let Some((model, taken)) = requests.find_map(|request| request.undone(mux)) else {
+        let Some(before) = requests.find_map(|request| request.undone(mux)) else {
             return Err(End::Void(now));
         };
-        if self.taken != taken + 1 {
+        if self.taken != before.taken + 1 {
             return Err(End::Void(now));
         }
-        self.model = model;
+        (self.model, self.queues, self.streams) = (before.model, before.queues, before.streams);
+        self.early = before.early;
         self.identifiers.forget();
-        while let Some(due) = self.model.due_before(now) {
-            self.model.poll(due).for_each(drop);
+        for stamped in before.seen {
+            self.advance(stamped.at)?;
+            self.judge(stamped.at, &stamped.frame)?;
         }
-        Ok(())
+        self.advance(now)
+    }
+
+    /// The request that the device has not answered yet and may refuse, which the model has not.
+    fn open_request(&mut self) -> Option<&mut Before> {
+        let taken = self.taken;
+        let id = RESPONSE_COB_ID + u16::from(self.blueprint.node());
+        let open = self.queues.awaits(id);
+        let before = self.requests[1].as_mut()?.before_it.as_deref_mut();
+        before.filter(|before| open && taken == before.taken + 1)
     }
 
     /// Judges a frame that the model does not send.
@@ -613,17 +646,20 @@ impl<'b> Oracle<'b> {
         }
     }
 
-    /// A frame that the model has not sent; a device in its own time may be a little early.
+    /// A frame that the model has not sent. A device in its own time may be a little early, and one
+    /// that refuses a request goes on as before, which its answer says later.
     fn unexpected(
         &mut self,
         now: Instant,
         frame: &Frame,
         expected: Option<Frame>,
     ) -> Result<(), End> {
-        if !self.blueprint.is_in_its_own_time() {
-            return wrong(now, What::Unexpected(*frame, expected));
-        }
-        self.early.push(Early { until: now + EARLY, frame: *frame, expected });
+        let early = match self.blueprint.is_in_its_own_time() {
+            true => EARLY,
+            false if self.open_request().is_some() => LATE,
+            false => return wrong(now, What::Unexpected(*frame, expected)),
+        };
+        self.early.push(Early { until: now + early, frame: *frame, expected });
         Ok(())
     }
 

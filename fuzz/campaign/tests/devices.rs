@@ -235,3 +235,32 @@ fn the_same_bytes_are_the_same_session() {
     assert!(first.session.actions.len() >= 16);
     assert_eq!(first.seen, second.seen);
 }
+
+/// The AX021211 refuses a heartbeat of a few milliseconds. What the model does when it takes it
+/// (life guarding ends, the period begins anew) is not waited for then.
+#[test]
+fn a_time_that_is_refused_leaves_nothing() {
+    let device = devices::device("ax021211").unwrap();
+    let mut subject = Subject::new(&device, &Deviation::default());
+    let answered = r#"{"answers": {"id": 1535, "count": 1}}"#;
+    let guarded_before = format!(
+        r#"[{{"does": "configure-error-control", "frames": ["67F#2F0D100001000000"],
+              "then": {answered}}},
+            {{"does": "configure-error-control", "frames": ["67F#2B0C10000A000000"],
+              "then": {answered}}},
+            {{"does": "guarding", "frames": ["77F#R1"], "then": {{"wait": 100000}}}},
+            {{"does": "configure-error-control", "frames": ["67F#2B17100001000000"],
+              "then": {{"wait": 100000}}}}]"#,
+    );
+    assert_eq!(subject.end_of(&guarded_before), None);
+    // The heartbeat of the old period comes before the refusal.
+    for micros in (8_000..=10_500).step_by(100) {
+        let beats_on = format!(
+            r#"[{{"does": "download", "frames": ["67F#2B1710000A000000"], "then": {answered}}},
+                {{"does": "wait", "then": {{"wait": {micros}}}}},
+                {{"does": "download", "frames": ["67F#2B17100005000000"],
+                  "then": {{"wait": 50000}}}}]"#,
+        );
+        assert_eq!(subject.end_of(&beats_on), None, "{micros}");
+    }
+}

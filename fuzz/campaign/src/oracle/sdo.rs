@@ -2,8 +2,11 @@
 
 use canopen::sdo::block::{BlockRequest, BlockResponse};
 use canopen::sdo::{self, Initiate, Response};
-use canopen::{Abort, Frame, Mux};
+use canopen::{Abort, Frame, Mux, Stamped};
 
+use super::Early;
+use super::expected::Queues;
+use super::streams::Streams;
 use crate::blueprint::Blueprint;
 use crate::model::Model;
 
@@ -16,14 +19,31 @@ pub(super) struct Request {
     may: MayRefuse,
     /// Whether a transfer was open when it came.
     over: bool,
-    /// The model before, where a service takes the value, and how many frames it had taken.
-    model: Option<(Box<Model>, u64)>,
+    /// Where a service takes the value: what was before.
+    pub(super) before_it: Option<Box<Before>>,
+}
+
+/// What a judge knew before a request that the device may refuse, and what it has seen since.
+pub(super) struct Before {
+    pub(super) model: Model,
+    pub(super) queues: Queues,
+    pub(super) streams: Streams,
+    pub(super) early: Vec<Early>,
+    /// How many frames the model had taken.
+    pub(super) taken: u64,
+    /// The frames of the device, but for answers of the server.
+    pub(super) seen: Vec<Stamped>,
 }
 
 impl Request {
-    /// The model without a request that the device refuses.
-    pub(super) fn undone(&mut self, mux: Mux) -> Option<(Model, u64)> {
-        self.model.take_if(|_| self.mux == mux).map(|(model, taken)| (*model, taken))
+    /// What was before a request that the device refuses.
+    pub(super) fn undone(&mut self, mux: Mux) -> Option<Before> {
+        self.before_it.take_if(|_| self.mux == mux).map(|before| *before)
+    }
+
+    /// Whether a service takes its value, which the device may refuse.
+    pub(super) fn takes_a_time(&self) -> bool {
+        self.may == MayRefuse::Times && !self.uploads
     }
 }
 
@@ -44,12 +64,7 @@ pub(super) fn is_request(frame: &Frame, node: u8) -> bool {
 }
 
 /// The request that begins with a frame of a client.
-pub(super) fn request(
-    frame: &Frame,
-    blueprint: &Blueprint,
-    model: &Model,
-    taken: u64,
-) -> Option<Request> {
+pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Option<Request> {
     let id = frame.data_id()?;
     let default = sdo::REQUEST_COB_ID + u16::from(blueprint.node());
     let od = model.dictionary();
@@ -76,16 +91,8 @@ pub(super) fn request(
         false => MayRefuse::Nothing,
     };
     let before = (may != MayRefuse::Nothing).then(|| od.get(mux).map(<[u8]>::to_vec));
-    let writes = may == MayRefuse::Times && !uploads;
-    let undo = writes.then(|| (Box::new(model.clone()), taken));
-    Some(Request {
-        mux,
-        uploads,
-        before: before.flatten(),
-        may,
-        over: model.transfers(),
-        model: undo,
-    })
+    let (before, over) = (before.flatten(), model.transfers());
+    Some(Request { mux, uploads, before, may, over, before_it: None })
 }
 
 /// Whether an object holds a time, whose range the data sheet may leave out.
