@@ -17,6 +17,7 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::time::Duration;
 
+use canopen::eds::Entry;
 use canopen::emcy::{Emcy, EmcyCode};
 use canopen::heartbeat::ErrorControl;
 use canopen::nmt::{self, Command, Service};
@@ -469,7 +470,7 @@ impl<'b> Oracle<'b> {
     fn is_volatile(&self, mux: Mux) -> bool {
         self.blueprint.is_of_application(mux)
             || match mux.index {
-                STATUS_REGISTER | HIGH_RESOLUTION => true,
+                STATUS_REGISTER | HIGH_RESOLUTION | STORED_SHEET => true,
                 ERROR_REGISTER | HISTORY => self.errors || !self.blueprint.knows_emergencies(),
                 _ => false,
             }
@@ -517,6 +518,16 @@ impl<'b> Oracle<'b> {
             }
             Err(expected) => self.surprise(now, &class, frame, expected),
         }
+    }
+
+    /// Whether an upload begins of an object of any length that nobody but the application writes,
+    /// and that has another length than in the model.
+    fn has_another_length(&self, frame: &Frame, expected: &Frame) -> bool {
+        sdo::resized(frame, expected).is_some_and(|mux| {
+            let entry = self.blueprint.eds().entry(mux);
+            let free = |entry: &Entry| !entry.access.writable() && entry.data_type.size().is_none();
+            self.is_volatile(mux) && entry.is_some_and(free)
+        })
     }
 
     /// Whether a frame is as good as the one that is expected.
@@ -639,6 +650,10 @@ impl<'b> Oracle<'b> {
                 Some(_) => Ok(()),
                 None => self.take(now, frame),
             },
+            // Nobody but the application knows how long its text is now.
+            Class::Sdo if expected.is_some_and(|it| self.has_another_length(frame, &it)) => {
+                Err(End::Void(now))
+            }
             Class::Sdo if expected.is_some() => wrong(now, What::Unexpected(*frame, expected)),
             Class::Sdo => self.unexpected(now, frame, expected),
             _ if self.errors => Err(End::Void(now)),
@@ -742,3 +757,5 @@ const ERROR_REGISTER: u16 = 0x1001;
 const STATUS_REGISTER: u16 = 0x1002;
 const HISTORY: u16 = 0x1003;
 const HIGH_RESOLUTION: u16 = 0x1013;
+/// The data sheet that a device keeps, which may tell present values.
+const STORED_SHEET: u16 = 0x1021;
