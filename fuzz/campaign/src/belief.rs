@@ -19,6 +19,8 @@ pub struct Belief<'b> {
     evidence: Vec<Vec<Seen>>,
     /// What showed freedoms that did not hold.
     doubtful: Vec<Vec<Seen>>,
+    /// Whether the device has done something wrong, which may have looked like a freedom.
+    is_wrong: bool,
 }
 
 /// What a session says of a device.
@@ -59,7 +61,7 @@ impl<'b> Belief<'b> {
     pub fn new(blueprint: &'b Blueprint, used: Vec<usize>) -> Option<Self> {
         let model = blueprint.build(used.iter().map(|place| &blueprint.freedoms()[*place]))?;
         let (given, evidence, doubtful) = (used.clone(), Vec::new(), Vec::new());
-        Some(Self { blueprint, given, used, model, evidence, doubtful })
+        Some(Self { blueprint, given, used, model, evidence, doubtful, is_wrong: false })
     }
 
     /// One more freedom that the device is said to use, by its place in the blueprint; as before
@@ -100,6 +102,15 @@ impl<'b> Belief<'b> {
             let other = !self.used.is_empty();
             other.then(|| self.search(self.given.clone(), true, &logs))?
         });
+        let found = found.or_else(|| {
+            // What it does wrong elsewhere must not make wrong what a freedom explains, nor what
+            // was taken for a freedom because somebody was late.
+            let doubtful = self.is_wrong || self.blueprint.is_in_its_own_time();
+            let alone = doubtful && !self.evidence.is_empty();
+            let used = alone.then(|| self.search(self.given.clone(), true, &[seen]))??;
+            self.doubt();
+            Some(used)
+        });
         let Some((used, model)) = found.and_then(|used| {
             let freedoms = used.iter().map(|place| &self.blueprint.freedoms()[*place]);
             let model = self.blueprint.build(freedoms)?;
@@ -121,6 +132,7 @@ impl<'b> Belief<'b> {
 
     /// What was learnt of a device that does something wrong may be part of that.
     fn doubt(&mut self) {
+        self.is_wrong = true;
         let freedoms = self.given.iter().map(|place| &self.blueprint.freedoms()[*place]);
         if let Some(model) = self.blueprint.build(freedoms) {
             (self.used, self.model) = (self.given.clone(), model);

@@ -4,7 +4,9 @@
 mod common;
 
 use campaign::session::{Script, Session};
-use campaign::{Belief, Blueprint, Campaign, End, Finding, Stage, VirtualDevice, bytes, shrink};
+use campaign::{
+    Belief, Blueprint, Campaign, End, Finding, Judged, Stage, VirtualDevice, bytes, shrink,
+};
 use reference_devices::change::Deviation;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::{freedom, mutant};
@@ -262,5 +264,28 @@ fn a_time_that_is_refused_leaves_nothing() {
                   "then": {{"wait": 50000}}}}]"#,
         );
         assert_eq!(subject.end_of(&beats_on), None, "{micros}");
+    }
+}
+
+/// A device that leaves out an address in one way and in another one is wrong, and each of the two
+/// is a freedom.
+#[test]
+fn what_a_freedom_explains_is_right_on_a_device_that_is_wrong() {
+    let unknown = r#"[{"does": "sdo-wrong", "frames": ["602#E000100000000000"],
+                       "then": {"answers": {"id": 1410, "count": 1}}}]"#;
+    let session: Session = serde_json::from_str(unknown).unwrap();
+    let ways = ["invalid-commands-without-address", "invalid-commands-with-the-last-address"];
+    let seen = ways.map(|way| {
+        let mut subject = Subject::new_with(way);
+        let model = subject.belief().model();
+        let script = Script::Actions(&session.actions);
+        subject.stage.play(&subject.blueprint, model, &script).unwrap().seen
+    });
+    let subject = Subject::new(&devices::device("generic").unwrap(), &Deviation::default());
+    let mut belief = subject.belief();
+    assert_eq!(belief.explain(&seen[0]), Judged::Learnt);
+    assert_eq!(belief.explain(&seen[1]), Judged::Wrong);
+    for seen in [&seen[0], &seen[1], &seen[0]] {
+        assert_eq!(belief.explain(seen), Judged::Learnt);
     }
 }
