@@ -88,7 +88,11 @@ impl Draw<'_> {
             _ => (0x1011, *b"load"),
         };
         let fits = |entry: &Entry| entry.mux.sub > 0;
-        let mux = self.entry(scene.od.entries_in(index..=index), fits)?.mux;
+        let mut mux = self.entry(scene.od.entries_in(index..=index), fits)?.mux;
+        if self.chance(5) {
+            // A group that the device does not have.
+            mux.sub = self.pick(&[0, 0x7F])?;
+        }
         let signature = match self.below(6) {
             0 => *b"evas",
             1 => [right[0], right[1], right[2], right[3] ^ 1],

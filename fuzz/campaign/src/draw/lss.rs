@@ -61,6 +61,7 @@ impl Draw<'_> {
             0 => number ^ 1,
             1 => number ^ 1 << 31,
             2 => number ^ 1 << 16,
+            3 => self.pick(&[0, u32::MAX])?,
             _ => number,
         })
     }

@@ -187,8 +187,11 @@ impl Draw<'_> {
 
     fn time_stamp(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Frame> {
         let id = CobId(scene.od.int(Mux::new(0x1012, 0)).unwrap_or(0x100) as u32).can_id();
-        let days = self.pick(&[0, 1, 10_770, 15_000])?;
-        let milliseconds = self.pick(&[0, 1000, TimeOfDay::DAY - 100, TimeOfDay::DAY - 1])?;
+        // One bit alone shows which of them is lost.
+        let (day, bit) = (1 << self.below(16), 1 << self.below(27));
+        let days = self.pick(&[0, 1, 10_770, 15_000, day])?;
+        let milliseconds =
+            self.pick(&[0, 1000, TimeOfDay::DAY - 100, TimeOfDay::DAY - 1, bit, bit])?;
         let right = Frame { id: Id::standard(id), ..TimeOfDay { days, milliseconds }.frame() };
         let mut bytes = right.data.padded();
         Some(match kind {

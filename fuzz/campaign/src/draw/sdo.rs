@@ -223,7 +223,7 @@ impl Draw<'_> {
                     entry.access.writable() && entry.data_type == canopen::DataType::DOMAIN
                 };
                 let entry = self.entry(scene.od.entries(), domain)?;
-                let length = self.pick(&[0, 1, 6, 7, 8, 14, 21, 40, 200, 900])?;
+                let length = self.pick(&[0, 1, 6, 7, 8, 14, 21, 40, 200, 300, 889, 900])?;
                 let first = self.byte();
                 (entry.mux, (0..length).map(|it| first.wrapping_add(it as u8)).collect())
             }

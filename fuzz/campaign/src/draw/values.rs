@@ -128,6 +128,8 @@ impl Draw<'_> {
         let time = if self.chance(12) { 0 } else { u64::from(self.pick(&TIMES)?) };
         Some(match (mux.index, mux.sub) {
             (0x1003, 0) => self.pick(&[0, 0, 1])?,
+            // A clock that is set and told shows what it was set to.
+            (0x1012, 0) if self.chance(30) => present & 0x7FF | 0xC000_0000,
             (0x1005 | 0x1012 | 0x1014, 0) => self.cob_id(mux, present, scene),
             (0x1006, 0) => self.pick(&[
                 0,
