@@ -15,6 +15,7 @@ impl Draw<'_> {
                 0..=3 => Request::SwitchGlobal(Mode::CONFIGURATION),
                 4 | 5 => Request::SwitchGlobal(Mode::WAITING),
                 6 => Request::SwitchGlobal(Mode(self.pick(&[2, 3, 255])?)),
+                7 | 8 => return self.whole(kind),
                 _ => {
                     let part = self.next_of(4);
                     Request::SwitchSelective(Part::ALL[part], self.part_of_address(part)?)
@@ -24,6 +25,7 @@ impl Draw<'_> {
                 place @ 0..=3 => Request::Inquire(Part::ALL[place]),
                 _ => Request::InquireNodeId,
             },
+            Kind::LssIdentify if self.chance(15) => return self.whole(kind),
             Kind::LssIdentify => self.identify()?,
             Kind::LssConfigure => match self.below(4) {
                 0 => Request::ConfigureNodeId(self.node()),
@@ -35,11 +37,29 @@ impl Draw<'_> {
             Kind::LssWrong => return self.wrong_lss(),
             _ => return None,
         };
-        Some(Self::master(kind, request.frame()))
+        Some(Self::master(kind, vec![request.frame()]))
     }
 
-    fn master(does: Kind, frame: Frame) -> Action {
-        Action { does, frames: vec![frame], then: Then::answer(RESPONSE_COB_ID) }
+    fn master(does: Kind, frames: Vec<Frame>) -> Action {
+        Action { does, frames, then: Then::answer(RESPONSE_COB_ID) }
+    }
+
+    /// A selection or an identification from its beginning to its end, mostly with one part that is
+    /// not that of the device.
+    fn whole(&mut self, kind: Kind) -> Option<Action> {
+        let switches = kind == Kind::LssSwitch;
+        let parts: &[usize] = if switches { &[0, 1, 2, 3] } else { &BOUNDS };
+        let odd = self.below(parts.len() + 1);
+        let frames = parts.iter().enumerate().map(|(step, part)| {
+            let number = self.own_part(*part)?;
+            let near = [number ^ 1 << self.below(32), 0, u32::MAX, number.wrapping_add(1)];
+            let number = if step == odd { self.pick(&near)? } else { number };
+            Some(match switches {
+                true => Request::SwitchSelective(Part::ALL[step], number).frame(),
+                false => Request::Identify(Bound::ALL[step], number).frame(),
+            })
+        });
+        Some(Self::master(kind, frames.collect::<Option<_>>()?))
     }
 
     /// The next step of a sequence, mostly in order.
@@ -52,11 +72,16 @@ impl Draw<'_> {
         }
     }
 
-    /// A part of the address of the device, or nearly.
-    fn part_of_address(&mut self, part: usize) -> Option<u32> {
+    /// A part of the address of the device.
+    fn own_part(&self, part: usize) -> Option<u32> {
         let mux = Mux::new(0x1018, part as u8 + 1);
         let entry = self.blueprint.eds().entry(mux)?;
-        let number = entry.default.as_ref()?.resolve(self.node()).as_int()? as u32;
+        Some(entry.default.as_ref()?.resolve(self.node()).as_int()? as u32)
+    }
+
+    /// The same, or nearly.
+    fn part_of_address(&mut self, part: usize) -> Option<u32> {
+        let number = self.own_part(part)?;
         Some(match self.below(12) {
             0 => number ^ 1,
             1 => number ^ 1 << 31,
@@ -70,9 +95,8 @@ impl Draw<'_> {
         match self.below(8) {
             0 => Some(Request::IdentifyUnconfigured),
             1..=3 => {
-                let parts = [0, 1, 2, 2, 3, 3];
                 let step = self.next_of(6);
-                let number = self.part_of_address(parts[step])?;
+                let number = self.part_of_address(BOUNDS[step])?;
                 let number = match step {
                     2 | 4 if self.chance(30) => number.saturating_sub(5),
                     3 | 5 if self.chance(30) => number.saturating_add(5),
@@ -118,6 +142,9 @@ impl Draw<'_> {
             3 => Frame::new(REQUEST_COB_ID, [self.byte() | 0x80, 0, 0, 0, 0, 0, 0, 0]),
             _ => Frame::new(REQUEST_COB_ID, [0x04, 1, 0xFF, 0xFF, 0, 0, 0, 0]),
         };
-        Some(Self::master(Kind::LssWrong, frame))
+        Some(Self::master(Kind::LssWrong, vec![frame]))
     }
 }
+
+/// The parts of the address that the bounds of an identification are about.
+const BOUNDS: [usize; 6] = [0, 1, 2, 2, 3, 3];
