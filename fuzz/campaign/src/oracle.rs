@@ -635,6 +635,10 @@ impl<'b> Oracle<'b> {
                     None => Ok(()),
                 }
             }
+            // On what SYNC a device without 1005h acts is not in its data sheet.
+            Class::Tpdo(tpdo) if tpdo.kind <= 240 && !self.model.dictionary().has_object(SYNC) => {
+                Ok(())
+            }
             Class::Emergency if !self.blueprint.knows_emergencies() => match frame.data.len() {
                 8 => Ok(()),
                 _ => wrong(now, What::Unexpected(*frame, expected)),
