@@ -454,8 +454,8 @@ mod tests {
         const DEVICE: &str =
             r#"{"device-started":{"device":"any","node":1,"identity":{},"rerun":""}}"#;
         const STARTED: &str = concat!(
-            r#"{"case-started":{"at":0,"suite":"any","case":"CASE","instance":null,"title":"Any.","#,
-            r#""checks":[],"file":"any.yaml","line":1,"column":1}}"#
+            r#"{"case-started":{"at":0,"suite":"any","case":"CASE","instance":null,"#,
+            r#""title":"Any.","checks":[],"file":"any.yaml","line":1,"column":1}}"#
         );
         let complaints = |first: &str| {
             let case = |case, outcome| {

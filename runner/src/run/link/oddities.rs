@@ -19,7 +19,8 @@ pub fn oddities(trace: &[Seen], node: u8) -> Vec<String> {
 }
 
 /// That two devices have the node id, where that is certain: answers to one upload of what never
-/// changes contradict each other. A write would go to both, and the original value of one of them could not be read.
+/// changes contradict each other. A write would go to both, and the original value of one of them
+/// could not be read.
 pub(in crate::run) fn contradiction(trace: &[Seen], node: u8) -> Option<String> {
     let uploads = uploads(trace, node);
     let identities = uploads.iter().filter(|(mux, _)| identifies(**mux));

@@ -82,10 +82,10 @@ impl<'p> Reliance<'p> {
         self.broken.values_mut().filter(|broken| is_it(broken)).for_each(|it| it.doubted = false);
     }
 
-    /// The result of a case that depends on more than itself. It fails only where all that it relies
-    /// on is decided: what a busy host left undecided may be the reason. A setup that failed is
-    /// excused by a requirement that is kept in another way than the setup expects; without such a
-    /// witness nothing else shows what is wrong.
+    /// The result of a case that depends on more than itself. It fails only where all that it
+    /// relies on is decided: what a busy host left undecided may be the reason. A setup that failed
+    /// is excused by a requirement that is kept in another way than the setup expects; without such
+    /// a witness nothing else shows what is wrong.
     pub(super) fn judged(&self, instance: &Instance, outcome: Outcome) -> Outcome {
         if let Outcome::Fail(problem) | Outcome::Error { problem: Some(problem), .. } = &outcome
             && let Some(id) = instance.relies_on().find(|id| self.is_undecided(id))
