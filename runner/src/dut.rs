@@ -153,7 +153,16 @@ impl Dut {
     /// The whole number that the data sheet gives as default at `mux`.
     pub fn default_int(&self, mux: Mux) -> Option<i128> {
         let entry = self.eds.entry(mux)?;
-        entry.data_type.decode(&entry.default_bytes(self.node).ok()?).ok()?.as_int()
+        match (entry.data_type.limits(), &entry.default) {
+            (Some(_), None) => Some(0),
+            (Some((low, high)), Some(term)) => {
+                let number = term.resolve(self.node).as_int()?;
+                (low..=high).contains(&number).then_some(number)
+            }
+            (None, _) => {
+                entry.data_type.decode(&entry.default_bytes(self.node).ok()?).ok()?.as_int()
+            }
+        }
     }
 
     /// The entries of 1016h, each with a node that the device may monitor.
