@@ -79,7 +79,8 @@ fn what_the_device_does_not_bear_once_more_stays_undecided() {
     const STORES: Deed = Deed::Write(Mux { index: 0x1010, sub: 1 }, None);
     let text = format!(
         "suite: any\ncases:\n  - {{ id: stores, title: Any., checks: [ANY-01], \
-         steps: {EXPECTS},\n      finally: [ write: {{ object: '1010:01', value: 0x65766173 }} ] }}\n"
+         steps: {EXPECTS},\n      \
+         finally: [ write: {{ object: '1010:01', value: 0x65766173 }} ] }}\n"
     );
     let mut protection = Protection::default();
     protection.limit(0x1010, 4, "a device file".to_owned());
