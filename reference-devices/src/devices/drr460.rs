@@ -393,13 +393,12 @@ impl Drr460 {
         let bus = self.around.bus.present(self.overflow_ends);
         let found =
             Found { no_process: self.outcome.error && self.rules.reports_sensor(), ..self.found };
-        let present: Vec<_> = emergency::reports(found, bus, module).collect();
         if std::mem::take(&mut self.reports_boot) {
             let boot = emergency::BOOT;
             errors.raise(boot.error, boot.code, boot.register, boot.vendor);
             errors.clear(boot.error);
         }
-        emergency::tell(&present, errors);
+        emergency::tell(found, bus, module, errors);
     }
 
     fn light(&mut self, now: Instant, error: bool) {

@@ -121,8 +121,7 @@ impl Inside {
         self.overflow_ends = self.overflow_ends.filter(|end| now < *end);
         let bus = self.bus.present(self.overflow_ends);
         let board = if rules.reports_board() { self.board } else { Module::Fitted };
-        let present: Vec<_> = emergency::reports(self.found, bus, board).collect();
-        emergency::tell(&present, errors);
+        emergency::tell(self.found, bus, board, errors);
     }
 
     /// When an error ends by itself.

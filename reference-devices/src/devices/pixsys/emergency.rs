@@ -97,7 +97,7 @@ pub(crate) struct Found {
 }
 
 /// The errors that are present.
-pub(crate) fn reports(found: Found, bus: BusFault, module: Module) -> impl Iterator<Item = Report> {
+fn reports(found: Found, bus: BusFault, module: Module) -> impl Iterator<Item = Report> {
     let device = |error, vendor| Report {
         error,
         code: EmcyCode(0x5000),
@@ -145,10 +145,13 @@ pub(crate) fn reports(found: Found, bus: BusFault, module: Module) -> impl Itera
 }
 
 /// Raises the errors that are present, and ends the others.
-pub(crate) fn tell(present: &[Report], errors: &mut Errors) {
-    if present.is_empty() && errors.are_none() {
+pub(crate) fn tell(found: Found, bus: BusFault, module: Module, errors: &mut Errors) {
+    let is_fault = matches!(module, Module::Broken | Module::Faulty);
+    // So it is in nearly every control cycle.
+    if found == Found::default() && bus == BusFault::None && !is_fault && errors.are_none() {
         return;
     }
+    let present: Vec<_> = reports(found, bus, module).collect();
     for error in ERRORS {
         if present.iter().all(|report| report.error != error) {
             errors.clear(error);
