@@ -64,7 +64,8 @@ impl Interface {
         }
     }
 
-    /// Whether the device is a program on this machine: nothing else reaches a virtual interface.
+    /// Whether the device waits for this machine, as a program does: one behind a virtual interface
+    /// is one, or is reached through one.
     pub fn is_on_this_machine(&self) -> bool {
         self.is_program() || self.network().is_some_and(SocketCan::is_virtual)
     }

@@ -16,7 +16,7 @@ use serde::{Deserialize, Deserializer};
 pub struct Name(pub Box<str>);
 
 /// A value as it is written.
-// There are hundreds of thousands in a plan, so its parts are those that take the least room.
+// A run has hundreds of thousands, so its parts are those that take the least room.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Literal {
     /// A whole number.
