@@ -185,11 +185,16 @@ impl Folders {
     }
 }
 
-/// Whether the pattern, which is no glob, is the name of this suite, of a folder around it or of a
-/// case in it.
+/// Whether the pattern may be the name of this suite, of a folder around it or of a case in it. Of a
+/// glob the part before its first wildcard tells.
 fn may_name(pattern: &str, source: &Source) -> bool {
     let name = source.name.strip_prefix("suites/").unwrap_or(&source.name);
     let name = name.trim_end_matches(".yaml");
+    if let Some(wildcard) = pattern.find(['*', '?']) {
+        let fixed = &pattern[..wildcard];
+        return name.starts_with(fixed)
+            || fixed.strip_prefix(name).is_some_and(|rest| rest.starts_with('/'));
+    }
     let below = |whole: &str, part: &str| {
         whole.strip_prefix(part).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'))
     };
