@@ -3,8 +3,9 @@
 //!
 //! `model` holds what the manual describes, as types without objects and without a clock. This
 //! module lets them see the objects, the terminals and the time. The controller decides every
-//! 100 ms while something moves, and at once when something happens to it; cycles, valves and the
-//! plant have exact times. When nothing moves, nothing is computed.
+//! 100 ms while something moves, at the end of a delay or soft start, and at once when something
+//! happens to it; cycles, valves and the plant have exact times. When nothing moves, nothing is
+//! computed.
 //!
 //! Not modelled: USB and RS485 (3000h subs 113 and 114), and the frequency of the mains (sub 90: 1
 //! and 2 are the same). Values that survive a loss of supply without a store command are in
@@ -203,9 +204,14 @@ impl Drr460 {
         }
         self.show_outcome(outcome, od);
         self.memory.keep(od);
-        if !self.is_settled() {
-            self.next_decision = Some(self.at + BETWEEN_DECISIONS);
-        }
+        let wait = match self.is_settled() {
+            true => self
+                .controller
+                .left(&self.settings)
+                .map(|left| Duration::from_secs_f64(left.max(0.0))),
+            false => Some(BETWEEN_DECISIONS),
+        };
+        self.next_decision = wait.map(|wait| self.at + wait.max(BETWEEN_DECISIONS));
     }
 
     /// Takes the values that the network has written.

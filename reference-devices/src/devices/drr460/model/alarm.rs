@@ -121,9 +121,9 @@ impl Alarm {
         self.active.advance(elapsed);
     }
 
-    /// Whether it waits for the end of its delay.
-    pub(super) const fn waits(&self) -> bool {
-        self.active.waits()
+    /// Seconds up to the end of its delay, if it waits for that.
+    pub(super) fn left(&self) -> Option<f64> {
+        self.active.left()
     }
 
     /// Whether it can be reset by hand, as 400Bh shows.

@@ -262,14 +262,21 @@ impl Controller {
         self.connect(settings, rules);
     }
 
-    /// Whether another decision would be the same as the last one if nothing happens outside.
+    /// Seconds up to the end of the delay or soft start that ends first; above 0 or not.
+    pub(crate) fn left(&self, settings: &Settings) -> Option<f64> {
+        let alarms = self.alarms.iter().filter_map(Alarm::left);
+        let start = self.soft_start.left(&settings.soft_start);
+        alarms.chain(self.on_off.left()).chain(start).reduce(f64::min)
+    }
+
+    /// Whether another decision would be the same as the last one if nothing happens outside,
+    /// until a delay or a soft start [ends](Self::left).
     pub(crate) fn is_settled(&self, settings: &Settings, rules: &Rules) -> bool {
-        let waits = self.alarms.iter().any(Alarm::waits) || self.on_off.waits();
-        let is_under_way = self.soft_start.is_active() || !self.tuning.rests();
+        let is_under_way = self.soft_start.moves() || !self.tuning.rests();
         let watches = settings.current.enabled || self.input.latch.is_enabled();
         let controls = settings.pid.as_ref().is_some_and(|pid| !self.pid.is_settled(pid));
         let moves = controls && self.is_automatic;
-        self.input.is_settled(rules) && !waits && !is_under_way && !watches && !moves
+        self.input.is_settled(rules) && !is_under_way && !watches && !moves
     }
 
     /// The states of the terminals.

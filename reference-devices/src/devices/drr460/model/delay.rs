@@ -9,6 +9,8 @@ pub(super) struct Delayed {
     on: bool,
     /// Seconds for which the condition has been otherwise.
     waited: Option<f64>,
+    /// The seconds after which the state follows.
+    delay: f64,
 }
 
 impl Delayed {
@@ -20,8 +22,9 @@ impl Delayed {
             return self.on;
         }
         let waited = *self.waited.get_or_insert(0.0);
-        if waited + ROUNDING >= rules.delay(condition, delay) {
-            *self = Self { on: condition, waited: None };
+        self.delay = rules.delay(condition, delay);
+        if waited + ROUNDING >= self.delay {
+            *self = Self { on: condition, ..Self::default() };
         }
         self.on
     }
@@ -37,9 +40,9 @@ impl Delayed {
         self.on
     }
 
-    /// Whether it waits for the end of its delay.
-    pub(super) const fn waits(self) -> bool {
-        self.waited.is_some()
+    /// Seconds up to the end of its delay, if it waits for that.
+    pub(super) fn left(self) -> Option<f64> {
+        self.waited.map(|waited| self.delay - waited)
     }
 }
 
@@ -75,8 +78,8 @@ mod tests {
         let mut state = Delayed::default();
         assert!(!state.follow(true, 1.0, &Rules::plain()));
         state.advance(0.9);
-        assert!(!state.follow(true, 1.0, &Rules::plain()) && state.waits());
-        assert!(!state.follow(false, 1.0, &Rules::plain()) && !state.waits());
+        assert!(!state.follow(true, 1.0, &Rules::plain()) && state.left().is_some());
+        assert!(!state.follow(false, 1.0, &Rules::plain()) && state.left().is_none());
         assert_eq!(tenths(&mut state, true, 1.0), 10);
     }
 }

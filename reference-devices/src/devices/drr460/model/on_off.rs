@@ -64,9 +64,9 @@ impl OnOff {
         self.switched.advance(elapsed);
     }
 
-    /// Whether it waits for the end of its delay.
-    pub(super) const fn waits(&self) -> bool {
-        self.switched.waits()
+    /// Seconds up to the end of its delay, if it waits for that.
+    pub(super) fn left(&self) -> Option<f64> {
+        self.switched.left()
     }
 
     /// Whether it can be reset by hand, as 400Ah shows.

@@ -106,9 +106,15 @@ impl SoftStart {
         (self.phase == Phase::Percentage).then_some(settings.held)
     }
 
-    /// Whether it is under way.
-    pub(super) fn is_active(&self) -> bool {
-        self.phase != Phase::Done
+    /// Whether it moves the set point.
+    pub(super) const fn moves(&self) -> bool {
+        matches!(self.phase, Phase::Gradient { .. })
+    }
+
+    /// Seconds up to the end of its time, if it is under way and ends by time.
+    pub(super) fn left(&self, settings: &Settings) -> Option<f64> {
+        let ends = self.phase != Phase::Done && settings.longest > 0.0;
+        ends.then(|| settings.longest - self.since)
     }
 }
 
@@ -151,12 +157,14 @@ mod tests {
         let mut start = SoftStart::begin(0, &timed);
         start.advance(59.0);
         assert_eq!(start.set_point(9000, 0, &timed, &Rules::plain()), 1);
+        assert_eq!(start.left(&timed), Some(1.0));
         start.advance(1.0);
         assert_eq!(start.set_point(9000, 0, &timed, &Rules::plain()), 9000);
-        assert!(!start.is_active());
+        assert_eq!(start.left(&timed), None);
         let endless = settings(&[(80, 1), (81, 60)]);
         let mut start = SoftStart::begin(0, &endless);
         start.advance(60.0);
+        assert_eq!(start.left(&endless), None);
         assert_eq!(start.set_point(9000, 0, &endless, &Rules::plain()), 1);
         assert_eq!(start.set_point(9000, 0, &settings(&[]), &Rules::plain()), 9000);
     }
