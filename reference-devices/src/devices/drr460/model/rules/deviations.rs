@@ -41,6 +41,10 @@ deviations! {
         94 => configured * 20 % 0x1_0000 / 20,
         _ => configured,
     };
+    "soft-start-in-16-bits" => parameter: |_, sub, configured| match sub {
+        84 => configured * 60 % 0x1_0000 / 60,
+        _ => configured,
+    };
     "alarm-delay-ignored" =>
         parameter: |_, sub, configured| if matches!(sub, 62 | 74) { 0 } else { configured };
     "delay-both-ways" => delay: |_, _, delay| delay.abs();
