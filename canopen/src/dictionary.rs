@@ -138,8 +138,11 @@ impl Dictionary {
     /// Stores a whole number at `mux`, cut to the entry's type; ignored when there is no such
     /// entry.
     pub fn set_int(&mut self, mux: Mux, number: i64) {
-        if let Some(place) = self.find(mux)
-            && let Some(size) = self.sheet.entries[place].data_type.size()
+        let Some(place) = self.find(mux) else { return };
+        let data_type = self.sheet.entries[place].data_type;
+        // Devices set most of their values again and again.
+        if data_type.decode_int(&self.values[place]) != Some(number)
+            && let Some(size) = data_type.size()
         {
             let bytes = i128::from(number).to_le_bytes();
             self.store(place, &bytes[..size]);

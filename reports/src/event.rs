@@ -24,7 +24,7 @@ pub enum Event {
     /// The first event.
     RunStarted(RunStarted),
     /// The cases that follow run against this device.
-    DeviceStarted(DeviceStarted),
+    DeviceStarted(Box<DeviceStarted>),
     /// A case begins; settling the device is part of it.
     CaseStarted(CaseStarted),
     /// A frame on the bus, echoes of our own included.

@@ -32,7 +32,10 @@ pub enum Request {
 /// The object and the value of an expedited download that a frame requests of the default server of
 /// `node`.
 pub fn written(frame: &Frame, node: u8) -> Option<(Mux, Data)> {
+    const DOWNLOAD: u8 = 1;
     frame.data_id().filter(|id| *id == REQUEST_COB_ID + u16::from(node))?;
+    // Most requests are none: one look at the command tells.
+    frame.data.first().filter(|command| **command >> 5 == DOWNLOAD)?;
     match Request::decode(&frame.data).ok()? {
         Request::Download(mux, Initiate::Expedited(value)) => Some((mux, value)),
         _ => None,

@@ -42,7 +42,7 @@ pub(super) fn events(args: &RunArgs, why: &str, exit: u8) -> Vec<Event> {
     let outcome = Outcome::not_run(why);
     vec![
         Event::RunStarted(started(args, is_on_real_bus(args))),
-        Event::DeviceStarted(DeviceStarted {
+        Event::DeviceStarted(Box::new(DeviceStarted {
             device: selection.device.clone().unwrap_or(target),
             node: selection.node.unwrap_or_default(),
             identity: Identity::default(),
@@ -53,7 +53,7 @@ pub(super) fn events(args: &RunArgs, why: &str, exit: u8) -> Vec<Event> {
             bit_rate: selection.bitrate,
             rerun: String::new(),
             remark: None,
-        }),
+        })),
         Event::CaseStarted(case.clone()),
         Event::CaseEnded(CaseEnded::of(&case, Instant::ZERO, outcome)),
         Event::RunEnded(RunEnded { exit, reason: Some(why.to_owned()) }),

@@ -415,10 +415,10 @@ fn listed(labels: &[String], most: usize) -> String {
 }
 
 fn same_case(one: (&DeviceRun, &CaseRun), other: (&DeviceRun, &CaseRun)) -> bool {
-    let of = |(device, case): (&DeviceRun, &CaseRun)| {
-        (device.info.device.clone(), case.info.suite.clone(), case.info.case.clone())
-    };
-    of(one) == of(other)
+    fn names<'r>((device, case): (&'r DeviceRun, &'r CaseRun)) -> [&'r str; 3] {
+        [&device.info.device, &case.info.suite, &case.info.case]
+    }
+    names(one) == names(other)
 }
 
 /// From more instances than these on, a case has one line.

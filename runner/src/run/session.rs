@@ -113,12 +113,12 @@ impl Session<'_> {
             Ok(known) => known,
             Err(error) => return self.not_begun(&mut link, Ending::Bus(error)),
         };
-        link.emit(Event::DeviceStarted(DeviceStarted {
+        link.emit(Event::DeviceStarted(Box::new(DeviceStarted {
             identity: known.baseline.identity,
             remark: self.remark(&known),
             versions: known.versions.clone(),
             ..self.device()
-        }));
+        })));
         link.take_trace();
         let ending = self.cases(&mut link, &known.baseline, blocks);
         self.set_back(&mut link, &known.baseline.identity, &ending);
@@ -155,7 +155,7 @@ impl Session<'_> {
 
     /// Reports that no case was run, as where the bus cannot be opened.
     pub fn not_run(&self, emit: &mut dyn FnMut(Event), ending: &Ending) {
-        emit(Event::DeviceStarted(self.device()));
+        emit(Event::DeviceStarted(Box::new(self.device())));
         let instances: Vec<&Instance> = self.plan.instances.iter().collect();
         self.rest_not_run(emit, Instant::ZERO, &instances, ending, true);
     }

@@ -43,9 +43,8 @@ impl Lateness {
 /// Whether an SDO server waits for the next request of a transfer, as far as the frames tell.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Awaited {
-    /// The last request.
-    request: Option<Frame>,
-    open: bool,
+    /// The last request, and what came to it last.
+    last: Option<(Frame, Option<Frame>)>,
 }
 
 impl Awaited {
@@ -55,21 +54,28 @@ impl Awaited {
     }
 
     /// Whether the server may give up a transfer when the tester is late.
-    pub(super) const fn is_open(&self) -> bool {
-        self.open
+    pub(super) fn is_open(&self) -> bool {
+        match &self.last {
+            None => false,
+            // A segment of a block may look like the end of another transfer: its answer tells.
+            Some((request, None)) => !matches!(
+                Request::decode(&request.data),
+                Ok(Request::Abort(..) | Request::Block(BlockRequest::UploadEnd))
+            ),
+            Some((request, Some(answer))) => leaves_open(request, answer),
+        }
     }
 
     /// Takes note of a frame.
     pub(super) fn see(&mut self, seen: &Stamped) {
         let Stamped { own, frame, .. } = seen;
         if *own && Self::is_request(frame) {
-            // A segment of a block may look like the end of another transfer: its answer tells.
-            let request = Request::decode(&frame.data);
-            let ends =
-                matches!(request, Ok(Request::Abort(..) | Request::Block(BlockRequest::UploadEnd)));
-            (self.request, self.open) = (Some(*frame), !ends);
-        } else if !own && frame.data_id().is_some_and(|id| of_node(id, RESPONSE_COB_ID)) {
-            self.open = self.request.is_some_and(|request| leaves_open(&request, frame));
+            self.last = Some((*frame, None));
+        } else if !own
+            && let Some((_, answer)) = &mut self.last
+            && frame.data_id().is_some_and(|id| of_node(id, RESPONSE_COB_ID))
+        {
+            *answer = Some(*frame);
         }
     }
 }

@@ -274,10 +274,10 @@ impl<'b> Link<'b> {
             if ahead.is_empty() {
                 return Ok(());
             }
-            let (could, is_awaited) = (self.mark.max(self.busy), self.awaited.is_open());
+            let (could, before) = (self.mark.max(self.busy), self.awaited);
             let frame = ahead.remove(0);
             self.complete(&frame)?;
-            if self.bus.is_real() && is_awaited && Awaited::is_request(&frame) {
+            if self.bus.is_real() && before.is_open() && Awaited::is_request(&frame) {
                 self.lateness.keep_waiting(self.mark.since(could));
             }
         }
