@@ -185,8 +185,8 @@ impl Folders {
     }
 }
 
-/// Whether the pattern may be the name of this suite, of a folder around it or of a case in it. Of a
-/// glob the part before its first wildcard tells.
+/// Whether the pattern may be the name of this suite, of a folder around it or of a case in it. Of
+/// a glob the part before its first wildcard tells.
 fn may_name(pattern: &str, source: &Source) -> bool {
     let name = source.name.strip_prefix("suites/").unwrap_or(&source.name);
     let name = name.trim_end_matches(".yaml");
