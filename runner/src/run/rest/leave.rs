@@ -116,11 +116,12 @@ impl Leaving<'_, '_> {
         self.link.emit(Event::Note(Note { at: self.link.mark(), text }));
     }
 
-    /// A device that goes on monitoring a node although its entry is set back misses that node now,
-    /// and not in the next case.
+    /// A device that goes on monitoring a node although its entry is set back, or that was set back
+    /// at the last moment, misses that node now and says so, and not in the next case.
     fn rest_after_monitoring(&mut self) -> Result<(), BusError> {
-        let missed = missed_at(self.link.trace(), self.dut.node);
-        missed.map_or(Ok(()), |missed| self.link.wait(missed.max(self.link.mark())))
+        let Some(missed) = missed_at(self.link.trace(), self.dut.node) else { return Ok(()) };
+        let told = missed + self.policy.quiet_after_emergency;
+        self.link.wait(told.max(self.link.mark()))
     }
 
     /// The end of an error is of this case, and not one without a cause in the next.
