@@ -67,6 +67,11 @@ decisions! {
         true
     }
 
+    /// So is one that is too small.
+    fn short_size_checked_at_initiate(&self) -> bool {
+        true
+    }
+
     /// A download that ends before the size it indicated is refused.
     fn underflow_checked(&self) -> bool {
         true

@@ -74,7 +74,12 @@ impl Services {
         let longest = fixed.unwrap_or(self.base.settings.longest_value);
         match size {
             Some(size) if size > longest => Err(Abort::TOO_LONG),
-            Some(size) if fixed.is_some_and(|fixed| size < fixed) => Err(Abort::TOO_SHORT),
+            Some(size)
+                if fixed.is_some_and(|fixed| size < fixed)
+                    && self.base.rules.short_size_checked_at_initiate() =>
+            {
+                Err(Abort::TOO_SHORT)
+            }
             _ => Ok(longest),
         }
     }
