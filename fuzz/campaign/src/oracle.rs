@@ -13,7 +13,7 @@ mod identifiers;
 mod sdo;
 mod streams;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::time::Duration;
 
@@ -139,6 +139,10 @@ pub struct Oracle<'b> {
     taken: u64,
     /// When the model was last OPERATIONAL.
     operational: Instant,
+    /// When it last became so.
+    started: Instant,
+    /// When parameters of TPDOs were last written, by the index of their communication parameters.
+    configured: BTreeMap<u16, Instant>,
     /// The application has reported an error.
     errors: bool,
     /// Objects that the application has given other values than the network has.
@@ -188,6 +192,8 @@ impl<'b> Oracle<'b> {
             refused: false,
             taken: 0,
             operational: Instant::ZERO,
+            started: Instant::ZERO,
+            configured: BTreeMap::new(),
             errors: blueprint.has_errors(),
             followed: BTreeSet::new(),
         }
@@ -330,7 +336,13 @@ impl<'b> Oracle<'b> {
     fn give(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
         self.taken += 1;
         self.answered = !sdo::is_request(frame, self.blueprint.node()) && self.answered;
+        let tpdo = self.requests[1].as_ref().and_then(|request| request.configures(frame));
+        self.configured.extend(tpdo.map(|tpdo| (tpdo, now)));
+        let before = self.model.state();
         let sent: Vec<Frame> = self.model.take(now, frame).collect();
+        if self.model.state() == NmtState::OPERATIONAL && before != NmtState::OPERATIONAL {
+            self.started = now;
+        }
         sent.into_iter().try_for_each(|frame| self.expect(now, frame))
     }
 
@@ -626,7 +638,11 @@ impl<'b> Oracle<'b> {
                     && frame.data.len() == tpdo.bytes
                     && now.since(self.operational) <= self.usually_late() =>
             {
-                let last = self.queues.last(frame);
+                // What is started or configured may send at once.
+                let anew = self.configured.get(&tpdo.index).map_or(self.started, |configured| {
+                    self.started.max(*configured)
+                });
+                let last = self.queues.last(frame).filter(|last| *last > anew);
                 self.queues.came(frame, now);
                 let gap = last.map(|last| now.since(last));
                 let inhibit = tpdo.inhibit.saturating_sub(self.late());

@@ -267,6 +267,26 @@ fn a_time_that_is_refused_leaves_nothing() {
     }
 }
 
+/// The TPDO has an inhibit time of four seconds, and its identifier is written again: what was sent
+/// before does not count.
+#[test]
+fn an_inhibit_time_begins_anew_with_a_parameter() {
+    let answered = r#"{"answers": {"id": 1474, "count": 1}}"#;
+    let text = format!(
+        r#"[{{"does": "configure-mapping", "frames": ["642#2300180100000080"], "then": {answered}}},
+            {{"does": "configure-pdo", "frames": ["642#2B001803009C0000"], "then": {answered}}},
+            {{"does": "nmt-state", "frames": ["000#0100"], "then": {{"wait": 0}}}},
+            {{"does": "configure-mapping", "frames": ["642#23001801C2010000"],
+              "then": {answered}}},
+            {{"does": "rpdo", "frames": ["242#00050501FF00"], "then": {{"wait": 0}}}},
+            {{"does": "configure-pdo", "frames": ["642#23001801C2010000"],
+              "then": {answered}}}]"#,
+    );
+    let device = devices::device("em66-minimum").unwrap();
+    let end = Subject::new(&device, &Deviation::default()).end_of(&text);
+    assert!(!matches!(end, Some(End::Violation(_))), "{end:?}");
+}
+
 /// A device that leaves out an address in one way and in another one is wrong, and each of the two
 /// is a freedom.
 #[test]

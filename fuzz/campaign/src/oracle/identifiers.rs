@@ -24,6 +24,8 @@ pub(super) enum Class {
 #[derive(Clone, Debug)]
 pub(super) struct Tpdo {
     id: u16,
+    /// The object with its communication parameters.
+    pub(super) index: u16,
     pub(super) kind: u8,
     pub(super) inhibit: Duration,
     pub(super) period: Duration,
@@ -128,6 +130,7 @@ impl Tpdo {
         let bits: u32 = entries.iter().map(|entry| u32::from(entry.bits)).sum();
         Some(Self {
             id,
+            index,
             kind: parameter(2) as u8,
             inhibit: Duration::from_micros(100) * parameter(3) as u32,
             period: Duration::from_millis(parameter(5) as u64),

@@ -13,6 +13,8 @@ use crate::model::Model;
 /// The request of a client that is under way.
 pub(super) struct Request {
     mux: Mux,
+    /// The identifier of the client's frames.
+    id: u16,
     uploads: bool,
     /// The value before, of an object that the device may refuse to change.
     before: Option<Vec<u8>>,
@@ -39,6 +41,14 @@ impl Request {
     /// What was before a request that the device refuses.
     pub(super) fn undone(&mut self, mux: Mux) -> Option<Before> {
         self.before_it.take_if(|_| self.mux == mux).map(|before| *before)
+    }
+
+    /// The TPDO of which a frame of this transfer may write a parameter, or the mapping: the index
+    /// of its communication parameters.
+    pub(super) fn configures(&self, frame: &Frame) -> Option<u16> {
+        let writes = !self.uploads && frame.data_id() == Some(self.id);
+        (writes && matches!(self.mux.index, 0x1800..=0x1BFF))
+            .then_some(0x1800 | self.mux.index & 0x1FF)
     }
 
     /// Whether a service takes its value, which the device may refuse.
@@ -92,7 +102,7 @@ pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Op
     };
     let before = (may != MayRefuse::Nothing).then(|| od.get(mux).map(<[u8]>::to_vec));
     let (before, over) = (before.flatten(), model.transfers());
-    Some(Request { mux, uploads, before, may, over, before_it: None })
+    Some(Request { mux, id, uploads, before, may, over, before_it: None })
 }
 
 /// Whether an object holds a time, whose range the data sheet may leave out.
