@@ -110,6 +110,18 @@ fn a_finding_becomes_a_case_that_the_device_fails() {
     assert_eq!(fuzz(folder.path(), &promote).status.code(), Some(3));
 }
 
+/// The device confirms a command before it is done.
+#[test]
+fn a_frame_that_comes_early_becomes_a_case() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = "sim:generic?mutant=save-after-load-answered-only";
+    let found = ["--target", target, "--max-findings", "1", "--findings", "found"];
+    assert_eq!(fuzz(folder.path(), &found).status.code(), Some(8));
+    let file = "found/save-after-load-answered-only.json";
+    let output = fuzz(folder.path(), &["promote", file, "--into", "mine"]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+}
+
 #[test]
 fn a_signal_ends_a_campaign_with_complete_reports() {
     for signal in [Signal::SIGINT, Signal::SIGTERM] {

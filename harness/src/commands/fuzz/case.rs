@@ -1,6 +1,7 @@
 //! A finding as a case of a suite, and its requirement, as text.
 
 use std::fmt::Write;
+use std::time::Duration;
 
 use campaign::{Action, Finding, Kind, Seen, Then, What};
 use canopen::heartbeat::ErrorControl;
@@ -253,10 +254,11 @@ const SERVER: [u8; 5] = [0x4, 0x6, 0x8, 0xA, 0xC];
 /// The step that fails on the device.
 fn judged(finding: &Finding, node: u8, how: Strictness) -> Option<String> {
     let violation = &finding.violation;
-    let never = |frame: String, after: Instant| {
-        let since = violation.at.since(after).as_millis() + MARGIN_MS;
-        format!("never: {{ frame: \"{frame}\", for: {since} ms }}")
+    let never_for = |frame: String, time: Duration| {
+        format!("never: {{ frame: \"{frame}\", for: {} us }}", time.as_micros())
     };
+    let since = |after: Instant| violation.at.since(after);
+    let never = |frame: String, after| never_for(frame, since(after) + MARGIN);
     let last = begins(finding).unwrap_or(Instant::ZERO);
     let bytes = if how == Strictness::Service { 4 } else { 8 };
     match violation.what {
@@ -268,11 +270,17 @@ fn judged(finding: &Finding, node: u8, how: Strictness) -> Option<String> {
         }
         What::Unexpected(frame, None) => {
             let any = format!("{}#...", id(&frame, node));
-            let frame = if how == Strictness::Whole { any } else { pattern(&frame, node, bytes) };
-            Some(never(frame, last))
+            match how {
+                Strictness::Whole => Some(never(any, last)),
+                Strictness::Service => Some(never(pattern(&frame, node, bytes), last)),
+                // It may be right a little later.
+                Strictness::Absence => {
+                    Some(never_for(pattern(&frame, node, bytes), since(last) + EARLY))
+                }
+            }
         }
         What::Missing(frame, due) => {
-            let within = due.since(last).as_millis() + MARGIN_MS;
+            let within = (due.since(last) + MARGIN).as_millis();
             let is_boot_up = frame == ErrorControl::BOOT_UP.frame(node);
             let within = if is_boot_up { BOOT_UP_MS } else { within };
             let frame = match how {
@@ -288,7 +296,9 @@ fn judged(finding: &Finding, node: u8, how: Strictness) -> Option<String> {
 /// How long a device may take to boot.
 const BOOT_UP_MS: u128 = 5_000;
 /// How much longer than in the session a case waits.
-const MARGIN_MS: u128 = 50;
+const MARGIN: Duration = Duration::from_millis(50);
+/// The same where a frame came too early.
+const EARLY: Duration = Duration::from_millis(1);
 
 /// A frame as a pattern: its identifier, and the first bytes.
 fn pattern(frame: &Frame, node: u8, bytes: usize) -> String {
