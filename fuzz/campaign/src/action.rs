@@ -191,7 +191,7 @@ kinds! {
     LssStore,
     /// An LSS message of another length, format or command.
     LssWrong,
-    /// A frame with an identifier of nobody.
+    /// A frame with an identifier of nobody, or with one that the device no longer has.
     Stranger,
 }
 

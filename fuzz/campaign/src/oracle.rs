@@ -639,9 +639,10 @@ impl<'b> Oracle<'b> {
                     && now.since(self.operational) <= self.usually_late() =>
             {
                 // What is started or configured may send at once.
-                let anew = self.configured.get(&tpdo.index).map_or(self.started, |configured| {
-                    self.started.max(*configured)
-                });
+                let anew = self
+                    .configured
+                    .get(&tpdo.index)
+                    .map_or(self.started, |configured| self.started.max(*configured));
                 let last = self.queues.last(frame).filter(|last| *last > anew);
                 self.queues.came(frame, now);
                 let gap = last.map(|last| now.since(last));

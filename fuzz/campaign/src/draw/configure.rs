@@ -89,7 +89,7 @@ impl Draw<'_> {
         };
         let fits = |entry: &Entry| entry.mux.sub > 0;
         let mut mux = self.entry(scene.od.entries_in(index..=index), fits)?.mux;
-        if self.chance(5) {
+        if self.chance(12) {
             // A group that the device does not have.
             mux.sub = self.pick(&[0, 0x7F])?;
         }

@@ -5,7 +5,7 @@ use canopen::heartbeat::{ErrorControl, guarding_request};
 use canopen::nmt::{Command, Service};
 use canopen::pdo::{CobId, Mapping};
 use canopen::timestamp::TimeOfDay;
-use canopen::{Data, Frame, Id, Mux, NmtState};
+use canopen::{Data, Frame, Id, Mux, NmtState, sync, timestamp};
 
 use super::values::OTHERS;
 use super::{Draw, Scene};
@@ -55,18 +55,46 @@ impl Draw<'_> {
                 let emcy = Emcy { code: EmcyCode::HARDWARE, register: 1, vendor: [0; 5] };
                 emcy.frame(self.pick(&OTHERS)?)
             }
-            K::Stranger => {
-                let word: u16 = self.bytes.arbitrary().ok()?;
-                Frame::new(self.pick(&[0x6E0, 0x7F0, 0x123 ^ word & 7])?, word.to_le_bytes())
-            }
+            K::Stranger => self.stranger()?,
             _ => return None,
         };
+        let frames = self.repeated(kind, frame, scene);
         let then = match self.below(6) {
             0 => Then::Wait(0),
             1 => Then::after(self.time(scene)),
             _ => Then::Wait(1_500),
         };
-        Some(Action { does: kind, frames: vec![frame], then })
+        Some(Action { does: kind, frames, then })
+    }
+
+    /// A wrong frame, at times in turns with a right one: errors that come and go fill the history.
+    fn repeated(&mut self, kind: Kind, frame: Frame, scene: Scene<'_>) -> Vec<Frame> {
+        let right = match kind {
+            Kind::RpdoWrong if self.chance(8) => self.rpdo(Kind::Rpdo, scene),
+            Kind::SyncWrong if self.chance(8) => self.sync(Kind::Sync, scene),
+            _ => None,
+        };
+        match right {
+            Some(right) => [frame, right].repeat(2 + self.below(8)),
+            None => vec![frame],
+        }
+    }
+
+    /// A frame with an identifier of nobody, or with one that the device may have had before its
+    /// parameters were written.
+    fn stranger(&mut self) -> Option<Frame> {
+        let word: u16 = self.bytes.arbitrary().ok()?;
+        if self.chance(50) {
+            let id = match self.below(3) {
+                0 => sync::COB_ID,
+                1 => timestamp::COB_ID,
+                _ => self.pick(&[0x200, 0x300, 0x400, 0x500])? + u16::from(self.node()),
+            };
+            let data = word.to_le_bytes().repeat(3);
+            let length = self.pick(&[0, 0, 1, 2, 4, 6])?;
+            return Some(Frame::new(id, Data::new(&data[..length])));
+        }
+        Some(Frame::new(self.pick(&[0x6E0, 0x7F0, 0x123 ^ word & 7])?, word.to_le_bytes()))
     }
 
     fn error_control(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Frame> {

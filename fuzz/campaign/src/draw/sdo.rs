@@ -3,7 +3,7 @@
 use canopen::eds::Entry;
 use canopen::sdo::block::{BlockAck, BlockEnd, BlockRequest};
 use canopen::sdo::{self, Initiate, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Segment};
-use canopen::{Abort, Data, Frame, Id, Mux};
+use canopen::{Abort, Data, DataType, Frame, Id, Mux};
 
 use super::values::limits;
 use super::{Draw, Scene};
@@ -97,6 +97,9 @@ impl Draw<'_> {
         // What is in the history of errors that are not known is not known.
         let history = if self.blueprint.judges_errors() { 0 } else { 0x1003 };
         let readable = |entry: &Entry| entry.access.readable() && entry.mux.index != history;
+        if let Some(entry) = self.of_a_type(scene, readable) {
+            return Some(entry.mux);
+        }
         let all = match self.below(8) {
             0..=1 => scene.od.entries_in(0x1000..=0x103F),
             2..=3 => scene.od.entries_in(0x1000..=0x1BFF),
@@ -136,12 +139,28 @@ impl Draw<'_> {
                 && entry.data_type.size().is_some()
                 && !STORAGE.contains(&entry.mux.index)
         };
+        if let Some(entry) = self.of_a_type(scene, writable) {
+            return Some(entry);
+        }
         let all = match self.below(4) {
             0 | 1 => scene.od.entries_in(0x1000..=0x103F),
             2 => scene.od.entries_in(0x1000..=0x1FFF),
             _ => scene.od.entries_in(0x2000..=0xFFFF),
         };
         self.entry(all, writable)
+    }
+
+    /// At times, an entry of any type: those that few objects have are rarely met otherwise.
+    fn of_a_type<'s>(
+        &mut self,
+        scene: Scene<'s>,
+        fits: impl Fn(&Entry) -> bool,
+    ) -> Option<&'s Entry> {
+        if !self.chance(OF_A_TYPE) {
+            return None;
+        }
+        let data_type = DataType(self.pick(&TYPES)?);
+        self.entry(scene.od.entries(), |entry| entry.data_type == data_type && fits(entry))
     }
 
     fn download(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
@@ -219,9 +238,8 @@ impl Draw<'_> {
     fn long_download(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
         let (mux, data) = match self.chance(30) {
             true => {
-                let domain = |entry: &Entry| {
-                    entry.access.writable() && entry.data_type == canopen::DataType::DOMAIN
-                };
+                let domain =
+                    |entry: &Entry| entry.access.writable() && entry.data_type == DataType::DOMAIN;
                 let entry = self.entry(scene.od.entries(), domain)?;
                 let length = self.pick(&[0, 1, 6, 7, 8, 14, 21, 40, 200, 300, 889, 900])?;
                 let first = self.byte();
@@ -383,5 +401,12 @@ impl Draw<'_> {
 
 /// The most frames that confirm or follow one of a block upload: those of a sub-block.
 const SUB_BLOCK: u16 = sdo::block::LARGEST_BLOCK as u16;
+/// In how many of a hundred cases an object is chosen by its type.
+const OF_A_TYPE: u8 = 12;
+/// The types of CiA 301 that are not those of nearly every object.
+const TYPES: [u16; 21] = [
+    0x01, 0x02, 0x03, 0x04, 0x08, 0x09, 0x0A, 0x0B, 0x0C, 0x0D, 0x0F, 0x10, 0x11, 0x12, 0x13, 0x14,
+    0x15, 0x16, 0x18, 0x19, 0x1B,
+];
 /// What stores and restores parameters is an action of its own.
 const STORAGE: [u16; 2] = [0x1010, 0x1011];

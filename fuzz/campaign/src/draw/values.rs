@@ -204,12 +204,13 @@ impl Draw<'_> {
 
     /// An entry of a mapping: mostly one that fits.
     pub(super) fn mapping(&mut self, direction: Direction) -> Option<Mapping> {
-        let entries: Vec<&Entry> = self
-            .blueprint
-            .eds()
-            .entries()
-            .filter(|entry| entry.maps_into(direction) && entry.data_type.size().is_some())
-            .collect();
+        let fits = |it: &&Entry| it.maps_into(direction) && it.data_type.size().is_some();
+        let mut entries: Vec<&Entry> = self.blueprint.eds().entries().filter(fits).collect();
+        // What a PDO says of the communication, and when, is known.
+        let known = |entry: &&Entry| !self.blueprint.is_of_application(entry.mux);
+        if direction == Direction::Transmit && entries.iter().any(known) && self.chance(25) {
+            entries.retain(|entry| !self.blueprint.is_of_application(entry.mux));
+        }
         let entry = *entries.get(self.below(entries.len()))?;
         let bits = match entry.data_type {
             DataType::BOOLEAN => 1,
