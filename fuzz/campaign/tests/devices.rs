@@ -184,7 +184,7 @@ fn mutants_are_found_and_their_requirements_are_named() {
         "heartbeat-without-state",
     ] {
         let mutant = mutants.iter().find(|mutant| mutant.name == name).unwrap();
-        let (findings, named, _) = Subject::new(&device, &mutant.deviation()).fuzzed(200, 2);
+        let (findings, named, _) = Subject::new(&device, &mutant.deviation()).fuzzed(200, 4);
         assert!(!findings.is_empty(), "{name} is not found");
         assert!(named.iter().any(|id| mutant.breaks.contains(id)), "{name}: {named:?}");
     }
