@@ -96,6 +96,8 @@ pub(crate) fn rounds(target: &str) -> usize {
     if is_program { ROUNDS + WHILE_IT_STARTS } else { ROUNDS }
 }
 
+/// How many times as often a scan asks at most where the tester does not keep up with the bus.
+const WHILE_LATE: usize = 3;
 /// How long a scan waits for answers before it asks again.
 const ROUND: Duration = Duration::from_millis(300);
 /// The same after [`ROUNDS`]: a program that does not read yet has a queue of limited length.
@@ -107,14 +109,18 @@ const DEVICE_NAME: Mux = Mux::new(0x1008, 0);
 /// proper answer: it may be noise.
 fn nodes(link: &mut Link, asked: RangeInclusive<u8>, rounds: usize) -> Result<Vec<u8>, BusError> {
     let mut noise = Vec::new();
+    let (mut count, mut all) = (0, 0);
     // A device that is just booting hears no request: ask again.
-    for count in 0..rounds {
+    while count < rounds && all < rounds * WHILE_LATE {
         let round = if count < ROUNDS { ROUND } else { LATER_ROUND };
+        let begun = link.mark();
         let (answered, other) = answering(link, asked.clone(), round)?;
         if !answered.is_empty() {
             return Ok(answered);
         }
         noise.extend(other);
+        // Silence proves nothing where the tester does not keep up with the bus.
+        (count, all) = (count + usize::from(link.behind_since(begun).is_none()), all + 1);
     }
     noise.sort_unstable();
     noise.dedup();
@@ -224,8 +230,11 @@ fn recognise(
 
 #[cfg(test)]
 mod tests {
+    use std::collections::VecDeque;
+
     use canopen::{Device, Frame, Instant, Outbox, VirtualBus};
     use reference_devices::rules::Rules;
+    use reference_devices::stack::Node;
 
     use super::*;
 
@@ -244,6 +253,45 @@ mod tests {
 
         fn poll_at(&self) -> Option<Instant> {
             None
+        }
+    }
+
+    /// A device that does everything so much later.
+    struct Late {
+        node: Node,
+        by: Duration,
+        waiting: VecDeque<(Instant, Frame)>,
+    }
+
+    impl Device for Late {
+        fn handle_frame(&mut self, now: Instant, frame: &Frame, _: &mut Outbox) {
+            self.waiting.push_back((now + self.by, *frame));
+        }
+
+        fn handle_timeout(&mut self, now: Instant, out: &mut Outbox) {
+            while let Some((_, frame)) = self.waiting.front().filter(|(due, _)| *due <= now) {
+                self.node.handle_frame(now, frame, out);
+                self.waiting.pop_front();
+            }
+            self.node.handle_timeout(now, out);
+        }
+
+        fn poll_at(&self) -> Option<Instant> {
+            let due = self.waiting.front().map(|(due, _)| *due);
+            self.node.poll_at().into_iter().chain(due).min()
+        }
+    }
+
+    #[test]
+    fn a_device_on_a_busy_machine_is_recognised() {
+        for by in [0, 2_500] {
+            let node = devices::device("drr460").unwrap().node(5, Rules::default());
+            let mut bus = VirtualBus::new(500_000);
+            let by = Duration::from_millis(by);
+            bus.attach(Late { node, by, waiting: VecDeque::new() });
+            let found = scan(&mut bus, Some(5), ROUNDS, Catalogue::built_in());
+            let found = found.map_err(|refused| refused.message).unwrap();
+            assert_eq!(found[0].device.as_deref(), Some("drr460"), "{by:?} late");
         }
     }
 

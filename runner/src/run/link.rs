@@ -5,6 +5,7 @@
 
 mod lateness;
 mod oddities;
+mod patience;
 mod probe;
 mod read;
 pub(super) mod sdo;
@@ -16,6 +17,7 @@ mod twins;
 pub(super) use lateness::Lateness;
 pub(in crate::run) use oddities::contradiction;
 pub use oddities::oddities;
+pub(super) use patience::{Patience, proves_nothing};
 pub use probe::{Lost, objects as probe};
 pub(super) use read::versions;
 pub use read::{exists, identity, read_number, read_text};

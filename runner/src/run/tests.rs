@@ -57,6 +57,8 @@ struct Odd {
     once: Option<(Frame, Frame)>,
     /// A frame of the tester after which frames are lost, once.
     loses_after: Option<Frame>,
+    /// A frame of the tester after which the host is so late for the end of each wait.
+    late_after: Option<(Frame, Duration)>,
 }
 
 /// The window that the cases have and nothing else.
@@ -106,6 +108,14 @@ impl Bus for Odd {
                     }
                 }
                 None => {
+                    let late = self.late_after.filter(|(frame, _)| self.sent.contains(frame));
+                    if let Some((_, late)) = late {
+                        while let Some(seen) = self.bus.recv(until + late)? {
+                            let seen =
+                                if seen.own { Some(seen) } else { (self.way)(&self.sent, seen) };
+                            self.held.extend(seen);
+                        }
+                    }
                     let is_long = until.since(self.last) >= WINDOW && self.stalls > 0;
                     if is_long && self.calm > 0 {
                         self.calm -= 1;
@@ -166,6 +176,7 @@ fn odd(way: Way) -> Odd {
         stranger,
         once,
         loses_after: None,
+        late_after: None,
     }
 }
 

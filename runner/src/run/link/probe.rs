@@ -73,11 +73,6 @@ pub fn objects(
 const PATIENCE: Duration = Duration::from_millis(300);
 /// After this many absent indices in a row, a range of equal objects has ended.
 const GAP: usize = 16;
-/// For how long a device that does not answer a request is asked for an object that any device has:
-/// on a busy machine or bus it may be alive, and late.
-const SILENCE: Duration = Duration::from_secs(10);
-/// That object.
-const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 /// An index that no device can have: it is reserved (CiA 301, 7.4.1).
 const IMPOSSIBLE: Mux = Mux::new(0x0FFF, 0);
 const HISTORY: u16 = 0x1003;
@@ -242,11 +237,8 @@ impl Probe<'_, '_> {
     }
 
     fn ask(&mut self, mux: Mux) -> Result<Answer, Lost> {
-        let mut ended = sdo::upload_patiently(self.link, &self.policy, self.node, mux)?;
-        if ended.raw.is_none() {
-            self.is_there((mux, false))?;
-            ended = sdo::upload_patiently(self.link, &self.policy, self.node, mux)?;
-        }
+        let ended = sdo::upload_if_there(self.link, &self.policy, self.node, mux)?;
+        let ended = ended.ok_or_else(|| self.silent((mux, false)))?;
         Ok(match ended.result {
             Ok(bytes) => Answer::Value(bytes),
             Err(Failure::Aborted(code)) if !self.absent.contains(&code) => Answer::Refused,
@@ -254,19 +246,9 @@ impl Probe<'_, '_> {
         })
     }
 
-    /// Makes sure that a device is there that has not answered a request: which object, and whether
-    /// it was written.
-    fn is_there(&mut self, first: (Mux, bool)) -> Result<(), Lost> {
-        let end = self.link.mark() + SILENCE;
-        while self.link.mark() < end {
-            let answer = sdo::upload(self.link, &self.policy, self.node, DEVICE_TYPE)?;
-            if answer.raw.is_some() {
-                // It may answer several requests by now.
-                self.link.drain(self.policy.quiet)?;
-                return Ok(());
-            }
-        }
-        Err(Lost::Silent { first, written: self.written })
+    /// That the device does not answer any more.
+    const fn silent(&self, first: (Mux, bool)) -> Lost {
+        Lost::Silent { first, written: self.written }
     }
 
     /// Whether the device refuses what it holds as read only.
@@ -274,8 +256,8 @@ impl Probe<'_, '_> {
         let flow = Transfer::usual(bytes.len());
         self.written = Some(mux);
         let ended = sdo::download(self.link, &self.policy, self.node, mux, bytes, flow)?;
-        if ended.raw.is_none() {
-            self.is_there((mux, true))?;
+        if ended.raw.is_none() && sdo::is_there(self.link, &self.policy, self.node)?.is_none() {
+            return Err(self.silent((mux, true)));
         }
         Ok(ended.result == Err(Failure::Aborted(Abort::READ_ONLY)))
     }

@@ -9,6 +9,7 @@ use canopen::sdo::{
 use canopen::{Abort, BusError, Frame, Instant, Mux, Stamped};
 use smallvec::{SmallVec, smallvec};
 
+use super::patience::Patience;
 use super::trace::Link;
 use crate::run::policy::Policy;
 use crate::suite::profile::BlockDirections;
@@ -79,7 +80,8 @@ pub(in crate::run) fn reads(
 }
 
 /// Reads an object although frames of other stations, or a busy host, may delay the answers of the
-/// device. A request without an answer, or with the answer to another request, is repeated.
+/// device. A request without an answer, or with the answer to another request, is repeated as soon
+/// as the server has answered a later one.
 ///
 /// # Errors
 /// Whatever the bus reports; what the device does is in the result.
@@ -89,9 +91,29 @@ pub(in crate::run) fn upload_patiently(
     node: u8,
     mux: Mux,
 ) -> Result<Ended, BusError> {
+    let ended = upload_if_there(link, policy, node, mux)?;
+    Ok(ended.unwrap_or(Ended {
+        result: Err(Failure::Timeout),
+        raw: None,
+        protocol: Transfer::Expedited,
+        unsized_data: false,
+    }))
+}
+
+/// The same; `None` when the server answers no other request either.
+///
+/// # Errors
+/// As [`upload_patiently`].
+pub(in crate::run) fn upload_if_there(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+    mux: Mux,
+) -> Result<Option<Ended>, BusError> {
     const TRIES: usize = 3;
-    let mut ended = upload(link, policy, node, mux)?;
-    for _ in 1..TRIES {
+    let mut policy = *policy;
+    for tried in 1.. {
+        let ended = upload(link, &policy, node, mux)?;
         // A wrong answer within the transfer is none to another request.
         let begun = ended.protocol != Transfer::Expedited;
         let late = match ended.result {
@@ -99,12 +121,54 @@ pub(in crate::run) fn upload_patiently(
             Err(Failure::Violation { .. }) => !begun,
             Ok(_) | Err(Failure::Aborted(_)) => false,
         };
-        // A late answer would be taken for that to the next request.
-        if late && catches_up(link, policy, node)? {
-            ended = upload(link, policy, node, mux)?;
+        if !late {
+            return Ok(Some(ended));
         }
+        // A late answer would be taken for that to the next request.
+        let Some(took) = is_there(link, &policy, node)? else { break };
+        if tried == TRIES {
+            return Ok(Some(ended));
+        }
+        policy.sdo_timeout = policy.sdo_timeout.max(took * 2);
     }
-    Ok(ended)
+    Ok(None)
+}
+
+/// For how long a server that does not answer a request is asked for an object that any device has:
+/// on a busy machine or bus it may be there, and late.
+const SILENCE: Duration = Duration::from_secs(10);
+
+/// How long a server that has not answered a request takes to answer another one; `None` when it
+/// answers none. Unless its answers are odd, it has then answered all earlier requests: a server
+/// answers in order.
+///
+/// # Errors
+/// Whatever the bus reports, and when the tester is so late that silence proves nothing.
+pub(in crate::run) fn is_there(
+    link: &mut Link,
+    policy: &Policy,
+    node: u8,
+) -> Result<Option<Duration>, BusError> {
+    let (begun, mut asked, mut odd) = (link.mark(), 0, None);
+    let mut patience = Patience::of(link, SILENCE);
+    while patience.lasts(link)? {
+        asked += 1;
+        let before = link.trace().len();
+        if catches_up(link, policy, node)? {
+            let took = link.mark().since(begun);
+            // It may answer each of these requests by now.
+            for _ in 1..asked {
+                let until = link.mark() + policy.sdo_timeout;
+                if link.find(until, |seen| is_device_type(seen, node))?.is_none() {
+                    break;
+                }
+            }
+            return Ok(Some(took));
+        }
+        let came = link.trace()[before..].iter().any(|seen| is_of_server(&seen.stamped, node));
+        odd = odd.or(came.then_some(policy.sdo_timeout));
+    }
+    Ok(odd)
 }
 
 /// Waits until the server has answered all earlier requests, and returns whether it has. A server
@@ -119,16 +183,21 @@ pub(in crate::run) fn catches_up(
 ) -> Result<bool, BusError> {
     link.send(&Client::upload(DEVICE_TYPE).1.frame(node))?;
     let until = link.mark() + policy.sdo_timeout;
-    let answers = Some(RESPONSE_COB_ID + u16::from(node));
-    let is_answer = |seen: &Stamped| {
-        !seen.own
-            && seen.frame.data_id() == answers
-            && matches!(
-                Response::decode(&seen.frame.data),
-                Ok(Response::Upload(DEVICE_TYPE, _) | Response::Abort(DEVICE_TYPE, _))
-            )
-    };
-    Ok(link.find(until, is_answer)?.is_some())
+    Ok(link.find(until, |seen| is_device_type(seen, node))?.is_some())
+}
+
+/// Whether the SDO server of the node sends it.
+fn is_of_server(seen: &Stamped, node: u8) -> bool {
+    !seen.own && seen.frame.data_id() == Some(RESPONSE_COB_ID + u16::from(node))
+}
+
+/// Whether the server answers an upload of 1000h.
+fn is_device_type(seen: &Stamped, node: u8) -> bool {
+    is_of_server(seen, node)
+        && matches!(
+            Response::decode(&seen.frame.data),
+            Ok(Response::Upload(DEVICE_TYPE, _) | Response::Abort(DEVICE_TYPE, _))
+        )
 }
 
 /// Every device has this object, and its value never changes.
@@ -409,9 +478,12 @@ impl Running {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::VecDeque;
+
     use canopen::{Instant, VirtualBus, wire};
     use reference_devices::devices;
     use reference_devices::rules::Rules;
+    use reference_devices::stack::Node;
 
     use super::*;
 
@@ -433,6 +505,55 @@ mod tests {
         let ended = transfer(&mut link, &policy, NODE, client, request).unwrap();
         let trace: Vec<Stamped> = link.take_trace().iter().map(|seen| seen.stamped).collect();
         (wire::load(&trace, BIT_RATE), ended)
+    }
+
+    /// A device that does everything so much later.
+    struct Late {
+        node: Node,
+        by: Duration,
+        waiting: VecDeque<(Instant, Frame)>,
+    }
+
+    impl canopen::Device for Late {
+        fn handle_frame(&mut self, now: Instant, frame: &Frame, _: &mut canopen::Outbox) {
+            self.waiting.push_back((now + self.by, *frame));
+        }
+
+        fn handle_timeout(&mut self, now: Instant, out: &mut canopen::Outbox) {
+            while let Some((_, frame)) = self.waiting.front().filter(|(due, _)| *due <= now) {
+                self.node.handle_frame(now, frame, out);
+                self.waiting.pop_front();
+            }
+            self.node.handle_timeout(now, out);
+        }
+
+        fn poll_at(&self) -> Option<Instant> {
+            let due = self.waiting.front().map(|(due, _)| *due);
+            self.node.poll_at().into_iter().chain(due).min()
+        }
+    }
+
+    #[test]
+    fn what_a_late_device_answers_is_read_and_nothing_stale_is_taken_for_it() {
+        let policy =
+            Policy { sdo_timeout: Duration::from_millis(300), ..Policy::at_bit_rate(BIT_RATE) };
+        let read = |by: u64| {
+            let mut bus = VirtualBus::new(BIT_RATE);
+            let node = devices::device("generic").unwrap().node(NODE, Rules::default());
+            let by = Duration::from_millis(by);
+            bus.attach(Late { node, by, waiting: VecDeque::new() });
+            let mut link = Link::new(&mut bus);
+            link.wait(Instant::ZERO + policy.boot_timeout).unwrap();
+            [(0x1018, 1), (0x1000, 0), (0x1018, 2), (0x1FFF, 0), (0x1018, 4)].map(|(index, sub)| {
+                let mux = Mux::new(index, sub);
+                upload_patiently(&mut link, &policy, NODE, mux).unwrap().result
+            })
+        };
+        let in_time = read(0);
+        assert!(in_time[0].is_ok() && in_time[3].is_err(), "{in_time:?}");
+        for by in [500, 4_000, 9_000] {
+            assert_eq!(read(by), in_time, "{by} ms late");
+        }
     }
 
     /// Answers an upload of any object with segments that are empty and not the last one.

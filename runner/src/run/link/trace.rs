@@ -29,6 +29,10 @@ const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 /// A tester that is less late than this is in time.
 const IN_TIME: Duration = Duration::from_millis(5);
 
+/// A tester that is no later than this keeps up with the bus. The shortest wait for an answer is not
+/// much longer.
+const KEEPS_UP: Duration = Duration::from_millis(250);
+
 /// A bus, the frames seen on it since the case began, and how far the steps have looked.
 pub struct Link<'b> {
     bus: &'b mut dyn Bus,
@@ -44,6 +48,8 @@ pub struct Link<'b> {
     lateness: Lateness,
     /// The lateness in the case before the device started anew.
     before: Lateness,
+    /// When the tester did not keep up with the bus last, and how late it was then.
+    behind: Option<(Instant, Duration)>,
     /// Whether the SDO server waits for the tester.
     awaited: Awaited,
     /// Until when the tester was busy with frames during which it looks at what came, or waited.
@@ -69,6 +75,7 @@ impl<'b> Link<'b> {
             in_case: false,
             lateness: Lateness::default(),
             before: Lateness::default(),
+            behind: None,
             awaited: Awaited::default(),
             busy: Instant::default(),
             stop: Stop::default(),
@@ -222,6 +229,12 @@ impl<'b> Link<'b> {
     /// The longest time that an SDO server waited for the tester since the case began.
     pub(in crate::run) fn kept_waiting(&self) -> Duration {
         self.before.kept_waiting.max(self.lateness.kept_waiting)
+    }
+
+    /// How late the tester was when it last did not keep up with the bus, if it was since that
+    /// moment. A device that is a program of the same machine may be as late with its answers.
+    pub fn behind_since(&self, start: Instant) -> Option<Duration> {
+        self.behind.filter(|(when, _)| *when >= start).map(|(_, late)| late)
     }
 
     /// The device starts anew: what it did, or did not get, because the tester was late is over.
@@ -470,6 +483,10 @@ impl<'b> Link<'b> {
             if asked <= due {
                 asked = self.bus.now();
                 self.lateness.notice(asked.since(due));
+            }
+            let late = asked.since(due);
+            if late > KEEPS_UP {
+                self.behind = Some((asked, late));
             }
             if got.is_some() || turn == until {
                 return Ok(got);

@@ -6,7 +6,7 @@ use canopen::{BusError, Mux};
 
 use super::baseline::Baseline;
 use crate::dut::Dut;
-use crate::run::link::{Link, sdo};
+use crate::run::link::{Link, Patience, sdo};
 use crate::run::policy::Policy;
 
 /// Any device has it.
@@ -21,11 +21,11 @@ pub(in crate::run) fn first_answer(
     policy: &Policy,
     dut: &Dut,
 ) -> Result<bool, BusError> {
-    let end = link.mark() + policy.boot_timeout;
+    let mut patience = Patience::of(link, policy.boot_timeout);
     // A device that is starting hears no request: many short waits find it sooner than a long one.
     let mut eager = Policy { sdo_timeout: policy.sdo_timeout / 10, ..*policy };
     let mut refused = false;
-    while link.mark() < end {
+    while patience.lasts(link)? {
         match sdo::upload(link, &eager, dut.node, DEVICE_TYPE)?.result {
             Ok(_) => return Ok(true),
             Err(failure) => refused = failure != Failure::Timeout,

@@ -16,7 +16,7 @@ use super::rung::{LADDER, RESET_NODE, Rung};
 use super::state::pre_operational;
 use crate::dut::Dut;
 use crate::protect::Deed;
-use crate::run::link::{Link, sdo};
+use crate::run::link::{Link, proves_nothing, sdo};
 use crate::run::policy::Policy;
 
 /// How a case left the device.
@@ -62,25 +62,28 @@ pub(in crate::run) fn settle(
     }
     let mut tried = Tried::default();
     let rungs = rungs(link, dut, baseline, unrest.as_ref());
+    let mut late = None;
     for _ in 0..ROUNDS {
-        let from = link.trace().len();
+        let (from, begun) = (link.trace().len(), link.mark());
         if let Some(settled) = climb(&rungs, link, policy, dut, baseline, &mut unrest, &mut tried)?
         {
             rest_after_start(link, policy, dut, baseline, from)?;
             return Ok(settled);
         }
+        late = link.behind_since(begun);
         // Where frames may be lost, a device that was heard on the way is alive.
-        if !dut.shares_its_bus || !is_heard(link, dut, from) {
+        if late.is_none() && (!dut.shares_its_bus || !is_heard(link, dut, from)) {
             break;
         }
     }
-    let what = match unrest {
+    let what = match (unrest, late) {
         // A device that answers in any way is present; the case judges its answer.
-        Some(Unrest::Odd(what) | Unrest::Errors(what, _)) => {
+        (Some(Unrest::Odd(what) | Unrest::Errors(what, _)), _) => {
             return Ok(Settled::AtRest(Some(what)));
         }
-        Some(Unrest::Silent(what)) => what,
-        None => "nothing after a reset".to_owned(),
+        (_, Some(late)) => return Err(proves_nothing(late)),
+        (Some(Unrest::Silent(what)), None) => what,
+        (None, None) => "nothing after a reset".to_owned(),
     };
     Ok(Settled::Lost(lost(&what, link, &tried)))
 }
@@ -206,6 +209,7 @@ pub(super) fn wake(
     baseline: &Baseline,
     ways: Ways,
 ) -> Result<Settled, BusError> {
+    let begun = link.mark();
     pre_operational(link, policy, dut)?;
     if answers(link, policy, dut)? {
         return Ok(Settled::AtRest(None));
@@ -221,7 +225,10 @@ pub(super) fn wake(
             return Ok(Settled::AtRest(None));
         }
     }
-    Ok(Settled::Lost(lost("it does not answer", link, &tried)))
+    match link.behind_since(begun) {
+        Some(late) => Err(proves_nothing(late)),
+        None => Ok(Settled::Lost(lost("it does not answer", link, &tried))),
+    }
 }
 
 /// Why a device is given up.

@@ -156,6 +156,21 @@ fn a_device_that_is_heard_while_answers_are_lost_is_not_given_up() {
     assert!(matches!(judged(false).ending, Ending::Gone(_)));
 }
 
+#[test]
+fn a_tester_that_does_not_keep_up_gives_no_device_up() {
+    let judged = |late: u64| {
+        let stop = Frame::new(0, [2, NODE]);
+        let mut bus = odd(Box::new(move |sent, seen| (!sent.contains(&stop)).then_some(seen)));
+        bus.late_after = Some((stop, Duration::from_millis(late)));
+        run_shared(&mut bus, 2, "[ nmt: stop, wait: 100 ms ]")
+    };
+    assert!(matches!(judged(2).ending, Ending::Gone(_)));
+    let ran = judged(400);
+    assert_eq!(ran.ending, Ending::Complete);
+    let undecided = |outcome: &Outcome| matches!(outcome, Outcome::Undecided(_));
+    assert!(ran.outcomes.iter().all(undecided), "{:?}", ran.outcomes);
+}
+
 /// In a case with many frames, one is lost in each attempt, here or there.
 #[test]
 fn frames_that_are_lost_at_several_places_prove_no_failure() {
