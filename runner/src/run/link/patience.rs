@@ -54,7 +54,7 @@ pub(in crate::run) fn proves_nothing(late: Duration) -> BusError {
 
 #[cfg(test)]
 mod tests {
-    use canopen::{Bus, Frame, Stamped};
+    use canopen::{Bus, Frame, Mux, Stamped};
 
     use super::super::sdo;
     use super::*;
@@ -97,7 +97,7 @@ mod tests {
             let late = Duration::from_millis(late);
             let mut bus = Deserted { now: Instant::ZERO, late, sent: None };
             let mut link = Link::new(&mut bus);
-            let there = sdo::is_there(&mut link, &policy, 5);
+            let there = sdo::is_there(&mut link, &policy, 5, Mux::new(0x1018, 1));
             if proves {
                 assert_eq!(there, Ok(None), "{late:?}");
             } else {

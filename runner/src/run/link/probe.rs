@@ -256,7 +256,8 @@ impl Probe<'_, '_> {
         let flow = Transfer::usual(bytes.len());
         self.written = Some(mux);
         let ended = sdo::download(self.link, &self.policy, self.node, mux, bytes, flow)?;
-        if ended.raw.is_none() && sdo::is_there(self.link, &self.policy, self.node)?.is_none() {
+        if ended.raw.is_none() && sdo::is_there(self.link, &self.policy, self.node, mux)?.is_none()
+        {
             return Err(self.silent((mux, true)));
         }
         Ok(ended.result == Err(Failure::Aborted(Abort::READ_ONLY)))

@@ -125,7 +125,7 @@ pub(in crate::run) fn upload_if_there(
             return Ok(Some(ended));
         }
         // A late answer would be taken for that to the next request.
-        let Some(took) = is_there(link, &policy, node)? else { break };
+        let Some(took) = is_there(link, &policy, node, mux)? else { break };
         if tried == TRIES {
             return Ok(Some(ended));
         }
@@ -138,9 +138,9 @@ pub(in crate::run) fn upload_if_there(
 /// on a busy machine or bus it may be there, and late.
 const SILENCE: Duration = Duration::from_secs(10);
 
-/// How long a server that has not answered a request takes to answer another one; `None` when it
-/// answers none. Unless its answers are odd, it has then answered all earlier requests: a server
-/// answers in order.
+/// How long a server that has not answered a request for `unanswered` takes to answer another one;
+/// `None` when it answers none. Unless its answers are odd, it has then answered all earlier
+/// requests: a server answers in order.
 ///
 /// # Errors
 /// Whatever the bus reports, and when the tester is so late that silence proves nothing.
@@ -148,17 +148,23 @@ pub(in crate::run) fn is_there(
     link: &mut Link,
     policy: &Policy,
     node: u8,
+    unanswered: Mux,
 ) -> Result<Option<Duration>, BusError> {
-    let (begun, mut asked, mut odd) = (link.mark(), 0, None);
+    // The first answer may be that to the earlier request.
+    let (mut asked, waited) = match unanswered {
+        DEVICE_TYPE => (1, policy.sdo_timeout),
+        _ => (0, Duration::ZERO),
+    };
+    let (begun, mut odd) = (link.mark(), None);
     let mut patience = Patience::of(link, SILENCE);
     while patience.lasts(link)? {
         asked += 1;
         let before = link.trace().len();
         if catches_up(link, policy, node)? {
-            let took = link.mark().since(begun);
-            // It may answer each of these requests by now.
+            let took = waited + link.mark().since(begun);
+            // It may answer each of these requests by now, which left one time-out apart.
             for _ in 1..asked {
-                let until = link.mark() + policy.sdo_timeout;
+                let until = link.mark() + policy.sdo_timeout * 2;
                 if link.find(until, |seen| is_device_type(seen, node))?.is_none() {
                     break;
                 }

@@ -168,7 +168,9 @@ fn a_tester_that_does_not_keep_up_gives_no_device_up() {
     let ran = judged(400);
     assert_eq!(ran.ending, Ending::Complete);
     let undecided = |outcome: &Outcome| matches!(outcome, Outcome::Undecided(_));
-    assert!(ran.outcomes.iter().all(undecided), "{:?}", ran.outcomes);
+    // The first case has no need of it after its steps, which are in order.
+    assert_eq!(verdicts(&ran)[0], Verdict::Pass);
+    assert!(ran.outcomes[1..].iter().all(undecided), "{:?}", ran.outcomes);
 }
 
 /// In a case with many frames, one is lost in each attempt, here or there.
