@@ -8,7 +8,7 @@ use std::time::Duration;
 use canopen::catalogue::{Catalogue, Profile};
 use canopen::eds::Eds;
 use canopen::sdo::{RESPONSE_COB_ID, Request, Response};
-use canopen::{Bus, BusError, Mux};
+use canopen::{Bus, BusError, Mux, Stamped};
 use reference_devices::devices::{self, ReferenceDevice};
 use reports::Identity;
 use runner::dut::Dut;
@@ -116,6 +116,16 @@ fn nodes(link: &mut Link, asked: RangeInclusive<u8>, rounds: usize) -> Result<Ve
         let begun = link.mark();
         let (answered, other) = answering(link, asked.clone(), round)?;
         if !answered.is_empty() {
+            // To the rounds before, answers may still come, as far apart as the requests were.
+            let is_one =
+                |id: u16| answered.iter().any(|node| id == RESPONSE_COB_ID + u16::from(*node));
+            for _ in 0..all * answered.len() {
+                let until = link.mark() + round * 2;
+                let late = |seen: &Stamped| !seen.own && seen.frame.data_id().is_some_and(is_one);
+                if link.find(until, late)?.is_none() {
+                    break;
+                }
+            }
             return Ok(answered);
         }
         noise.extend(other);
