@@ -172,7 +172,7 @@ pub(in crate::run) fn is_there(
             return Ok(Some(took));
         }
         let came = link.trace()[before..].iter().any(|seen| is_of_server(&seen.stamped, node));
-        odd = odd.or(came.then_some(policy.sdo_timeout));
+        odd = odd.or_else(|| came.then_some(policy.sdo_timeout));
     }
     Ok(odd)
 }
