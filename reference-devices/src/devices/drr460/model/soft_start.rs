@@ -114,7 +114,7 @@ impl SoftStart {
     /// Seconds up to the end of its time, if it is under way and ends by time.
     pub(super) fn left(&self, settings: &Settings) -> Option<f64> {
         let ends = self.phase != Phase::Done && settings.longest > 0.0;
-        ends.then(|| settings.longest - self.since)
+        ends.then_some(settings.longest - self.since)
     }
 }
 
