@@ -29,8 +29,8 @@ const DEVICE_TYPE: Mux = Mux::new(0x1000, 0);
 /// A tester that is less late than this is in time.
 const IN_TIME: Duration = Duration::from_millis(5);
 
-/// A tester that is no later than this keeps up with the bus. The shortest wait for an answer is not
-/// much longer.
+/// A tester that is no later than this keeps up with the bus. The shortest wait for an answer is
+/// not much longer.
 const KEEPS_UP: Duration = Duration::from_millis(250);
 
 /// A bus, the frames seen on it since the case began, and how far the steps have looked.
