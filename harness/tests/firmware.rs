@@ -1,0 +1,65 @@
+//! The firmware of `examples/firmware-c`, the way its README goes: red, waived, green.
+
+mod common;
+
+use std::fs;
+use std::path::Path;
+use std::process::Command;
+
+use common::{harness, project};
+
+/// What its two defects concern, and some of what they do not.
+const CASES: [&str; 3] = [
+    "cia301/objects-types",
+    "cia301/sdo-segmented/*-than-announced-*",
+    "cia301/pdo-cob-id",
+];
+
+#[test]
+fn a_firmware_goes_from_red_over_waived_to_green() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let example = project().join("examples/firmware-c");
+    for file in ["firmware.c", "firmware.eds", "device-under-test.yaml"] {
+        fs::copy(example.join(file), folder.join(file)).expect("it is copied");
+    }
+    compile(folder, "firmware", &[]);
+    compile(folder, "firmware-defects", &["-DOVERFLOW", "-DSTALE_LENGTH"]);
+    let defects = ["--target", "exec:./firmware-defects"];
+
+    let (exit, said) = run(folder, &[]);
+    assert_eq!(exit, 0, "{said}");
+    let (exit, said) = run(folder, &[&defects[..], &["--journal", "red.jsonl"]].concat());
+    assert_eq!(exit, 1, "{said}");
+    for red in [
+        "cia301/objects-types/shorter-than-before[2002:00]",
+        "cia301/sdo-segmented/more-than-announced-of-a-text[2002:00]",
+    ] {
+        assert!(said.contains(red), "{said}");
+    }
+    let waive = ["waive", "red.jsonl", "--out", "waivers.yaml", "--reason", "mended with 1.1"];
+    let output = harness().current_dir(folder).args(waive).output().expect("it starts");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let (exit, said) = run(folder, &[&defects[..], &["--waivers", "waivers.yaml"]].concat());
+    assert_eq!(exit, 0, "{said}");
+    // What was mended is waived no longer.
+    let (exit, said) = run(folder, &["--waivers", "waivers.yaml"]);
+    assert_eq!(exit, 5, "{said}");
+}
+
+/// The exit code of a run of the cases, and what it prints.
+fn run(folder: &Path, more: &[&str]) -> (i32, String) {
+    let mut run = harness();
+    run.current_dir(folder).args(CASES).args(["-q", "--no-progress"]);
+    let output = run.args(["--dut", "device-under-test.yaml"]).args(more).output();
+    let output = output.expect("it starts");
+    let said = [output.stdout, output.stderr].concat();
+    (output.status.code().expect("an exit code"), String::from_utf8_lossy(&said).into_owned())
+}
+
+/// The compiler is the one that links Rust programs.
+fn compile(folder: &Path, program: &str, defects: &[&str]) {
+    let flags = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", "-O1", "firmware.c", "-o", program];
+    let done = Command::new("cc").current_dir(folder).args(flags).args(defects).status();
+    assert!(done.expect("there is a C compiler").success());
+}
