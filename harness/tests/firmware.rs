@@ -9,11 +9,8 @@ use std::process::Command;
 use common::{harness, project};
 
 /// What its two defects concern, and some of what they do not.
-const CASES: [&str; 3] = [
-    "cia301/objects-types",
-    "cia301/sdo-segmented/*-than-announced-*",
-    "cia301/pdo-cob-id",
-];
+const CASES: [&str; 3] =
+    ["cia301/objects-types", "cia301/sdo-segmented/*-than-announced-*", "cia301/pdo-cob-id"];
 
 #[test]
 fn a_firmware_goes_from_red_over_waived_to_green() {
