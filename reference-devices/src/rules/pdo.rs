@@ -30,6 +30,16 @@ decisions! {
         true
     }
 
+    /// Which identifier a PDO has that does not exist is looked at (7.5.2.35).
+    fn restricted_ids_of_invalid_pdos_refused(&self) -> bool {
+        false
+    }
+
+    /// Bit 30 of a TPDO can be cleared, so that remote requests are answered (7.5.2.37).
+    fn remote_requests_can_be_allowed(&self) -> bool {
+        true
+    }
+
     /// No two TPDOs that exist have one identifier: each belongs to one sender (7.3.5).
     fn tpdo_ids_unique(&self) -> bool {
         true

@@ -85,7 +85,7 @@ pub(crate) fn check_communication(
         (COB_ID, &[a, b, c, d]) => {
             let new = CobId(u32::from_le_bytes([a, b, c, d]));
             !same
-                && (cob_id_refused(cob, new, kind, base)
+                && (cob_id_refused(cob, new, kind, direction, base)
                     || new.valid() && is_taken(mux.index, new, direction, base)
                     || !cob.valid()
                         && base.rules.pdo_needs_mapping(new.valid())
@@ -104,15 +104,20 @@ pub(crate) fn check_communication(
     if refused { Err(Abort::VALUE) } else { Ok(()) }
 }
 
-fn cob_id_refused(old: CobId, new: CobId, kind: u8, base: &Base) -> bool {
+fn cob_id_refused(old: CobId, new: CobId, kind: u8, direction: Direction, base: &Base) -> bool {
     let identifier = |cob: CobId| cob.0 & !(CobId::INVALID | CobId::NO_RTR);
     let changes = identifier(old) != identifier(new) || !base.rules.same_cob_id_taken();
     let moved = old.valid() && new.valid() && changes;
     let foreign_bits = identifier(new) & !0x7FF != 0;
-    let restricted = new.valid() && is_restricted(new.can_id().into());
+    let looks = match new.valid() {
+        true => base.rules.restricted_ids_refused(),
+        false => changes && base.rules.restricted_ids_of_invalid_pdos_refused(),
+    };
+    let opens = direction == Direction::Transmit && new.rtr_allowed() && !old.rtr_allowed();
     moved && base.rules.cob_id_fixed_while_valid()
         || foreign_bits
-        || restricted && base.rules.restricted_ids_refused()
+        || looks && is_restricted(new.can_id().into())
+        || opens && !base.rules.remote_requests_can_be_allowed()
         || new.valid() && !new.rtr_allowed() && matches!(kind, 252 | 253)
 }
 
