@@ -3,9 +3,9 @@
 
 use std::sync::{Arc, LazyLock, OnceLock};
 
-use canopen::Mux;
-use canopen::eds::Eds;
+use canopen::eds::{Eds, Entry};
 use canopen::source::Complaint;
+use canopen::{DataType, Mux};
 use reference_devices::change::{Deviation, Replica};
 use reference_devices::devices::ReferenceDevice;
 use reference_devices::freedom::{self, Freedom};
@@ -139,6 +139,13 @@ impl Blueprint {
         self
     }
 
+    /// Whether sessions are drawn alike with both: a first look at two devices has shown the same.
+    pub fn is_like(&self, other: &Self) -> bool {
+        self.eds() == other.eds()
+            && self.settings() == other.settings()
+            && self.errors == other.errors
+    }
+
     /// Whether it is known which errors the device reports, and how.
     pub(crate) const fn knows_emergencies(&self) -> bool {
         self.emergencies
@@ -188,6 +195,19 @@ impl Blueprint {
     /// Whether the application decides the value of an object.
     pub fn is_of_application(&self, mux: Mux) -> bool {
         mux.index >= FIRST_OF_APPLICATION
+    }
+
+    /// Whether an object of the application is a text that may be written and read in passing: it
+    /// keeps what it was given until a reset (CIA301-OD-21).
+    pub(crate) fn is_text(&self, entry: &Entry) -> bool {
+        const MANUFACTURER: std::ops::RangeInclusive<u16> = FIRST_OF_APPLICATION..=0x5FFF;
+        let mux = entry.mux;
+        let flags = || self.eds().object(mux.index).and_then(|object| object.flags).unwrap_or(0);
+        MANUFACTURER.contains(&mux.index)
+            && matches!(entry.data_type, DataType::VISIBLE_STRING | DataType::OCTET_STRING)
+            && entry.access.writable()
+            && entry.access.readable()
+            && flags() & 3 == 0
     }
 
     /// A device with these deviations, switched on at time 0; `None` when one of them does not fit

@@ -147,6 +147,8 @@ pub struct Oracle<'b> {
     errors: bool,
     /// Objects that the application has given other values than the network has.
     followed: BTreeSet<Mux>,
+    /// Texts of the application that were written since the last reset.
+    texts: BTreeSet<Mux>,
 }
 
 /// A reset of a device that boots, or its power-on.
@@ -196,6 +198,7 @@ impl<'b> Oracle<'b> {
             configured: BTreeMap::new(),
             errors: blueprint.has_errors(),
             followed: BTreeSet::new(),
+            texts: BTreeSet::new(),
         }
     }
 
@@ -238,6 +241,7 @@ impl<'b> Oracle<'b> {
 
     /// The device may have lost what it had to send.
     fn release(&mut self) {
+        self.texts.clear();
         self.queues.release();
         self.streams.release();
     }
@@ -298,6 +302,10 @@ impl<'b> Oracle<'b> {
         if let Some(mut request) = sdo::request(frame, self.blueprint, &self.model) {
             if request.takes_a_time() {
                 request.before_it = Some(Box::new(self.before()));
+            }
+            // Until it is confirmed, nobody knows what is left of a text.
+            if let Some(mux) = request.writes() {
+                self.texts.remove(&mux);
             }
             let [_, last] = std::mem::take(&mut self.requests);
             self.requests = [last, Some(request)];
@@ -404,10 +412,12 @@ impl<'b> Oracle<'b> {
             return self.follow(now, &class, &early, &frame);
         }
         let must = match class {
-            Class::Tpdo(ref tpdo) if self.is_free(tpdo) => match tpdo.period.is_zero() {
-                true => Must::Not,
-                false => Must::Within(tpdo.period),
-            },
+            Class::Tpdo(ref tpdo) if self.is_free(tpdo) => {
+                // Before its first period is over, only the application knows whether it comes.
+                let runs = now.since(self.anew(tpdo)) >= tpdo.period;
+                let timed = !tpdo.period.is_zero() && runs;
+                if timed { Must::Within(tpdo.period) } else { Must::Not }
+            }
             Class::Emergency if self.errors || !self.blueprint.knows_emergencies() => Must::Not,
             _ => Must::Come,
         };
@@ -478,9 +488,15 @@ impl<'b> Oracle<'b> {
         matches!(tpdo.kind, 0 | 254..) && mapped.any(|mux| self.is_volatile(*mux))
     }
 
+    /// When a TPDO began: with the last start, or when its parameters were last written.
+    fn anew(&self, tpdo: &identifiers::Tpdo) -> Instant {
+        let configured = self.configured.get(&tpdo.index);
+        configured.map_or(self.started, |configured| self.started.max(*configured))
+    }
+
     /// Whether the value of an object is compared by its length.
     fn is_volatile(&self, mux: Mux) -> bool {
-        self.blueprint.is_of_application(mux)
+        self.blueprint.is_of_application(mux) && !self.texts.contains(&mux)
             || match mux.index {
                 STATUS_REGISTER | HIGH_RESOLUTION | STORED_SHEET => true,
                 ERROR_REGISTER | HISTORY => self.errors || !self.blueprint.knows_emergencies(),
@@ -525,6 +541,7 @@ impl<'b> Oracle<'b> {
         self.queues = queues;
         match found {
             Ok(expected) => {
+                self.confirm_text(frame, &expected);
                 self.queues.came(frame, now);
                 self.follow(now, &class, frame, &expected)
             }
@@ -532,12 +549,27 @@ impl<'b> Oracle<'b> {
         }
     }
 
-    /// Whether an upload begins of an object of any length that nobody but the application writes,
-    /// and that has another length than in the model.
+    /// Notes a text of the application that was written to its end.
+    fn confirm_text(&mut self, frame: &Frame, expected: &Frame) {
+        let node = self.blueprint.node();
+        let last = self.requests[1].as_ref().filter(|request| request.is_confirmed_by(frame, node));
+        let Some(mux) = last.and_then(Request::writes) else { return };
+        let entry = self.blueprint.eds().entry(mux);
+        let is_text = entry.is_some_and(|entry| self.blueprint.is_text(entry));
+        if is_text && frame == expected && !self.model.transfers() {
+            self.texts.insert(mux);
+        }
+    }
+
+    /// Whether an upload begins of an object of any length that nobody but the application has
+    /// written since the last reset, and that has another length than in the model.
     fn has_another_length(&self, frame: &Frame, expected: &Frame) -> bool {
         sdo::resized(frame, expected).is_some_and(|mux| {
             let entry = self.blueprint.eds().entry(mux);
-            let free = |entry: &Entry| !entry.access.writable() && entry.data_type.size().is_none();
+            let free = |entry: &Entry| {
+                let alone = !entry.access.writable() || self.blueprint.is_text(entry);
+                alone && entry.data_type.size().is_none()
+            };
             self.is_volatile(mux) && entry.is_some_and(free)
         })
     }
@@ -587,6 +619,7 @@ impl<'b> Oracle<'b> {
         if refused.is_some() && !self.blueprint.is_of_application(mux) {
             return self.undo(now, mux);
         }
+        self.texts.remove(&mux);
         self.model.follow(mux, &value);
         self.followed.insert(mux);
         Ok(())
@@ -639,10 +672,7 @@ impl<'b> Oracle<'b> {
                     && now.since(self.operational) <= self.usually_late() =>
             {
                 // What is started or configured may send at once.
-                let anew = self
-                    .configured
-                    .get(&tpdo.index)
-                    .map_or(self.started, |configured| self.started.max(*configured));
+                let anew = self.anew(tpdo);
                 let last = self.queues.last(frame).filter(|last| *last > anew);
                 self.queues.came(frame, now);
                 let gap = last.map(|last| now.since(last));

@@ -38,6 +38,24 @@ pub(super) struct Before {
 }
 
 impl Request {
+    /// The object that it writes.
+    pub(super) fn writes(&self) -> Option<Mux> {
+        (!self.uploads).then_some(self.mux)
+    }
+
+    /// Whether a frame of the default server confirms it, or a part of it.
+    pub(super) fn is_confirmed_by(&self, frame: &Frame, node: u8) -> bool {
+        let node = u16::from(node);
+        let own = self.id == sdo::REQUEST_COB_ID + node
+            && frame.data_id() == Some(sdo::RESPONSE_COB_ID + node);
+        let confirms = match Response::decode(&frame.data) {
+            Ok(Response::Download(mux)) => mux == self.mux,
+            Ok(Response::DownloadSegment(_) | Response::Block(BlockResponse::DownloadEnd)) => true,
+            _ => false,
+        };
+        own && confirms
+    }
+
     /// What was before a request that the device refuses.
     pub(super) fn undone(&mut self, mux: Mux) -> Option<Before> {
         self.before_it.take_if(|_| self.mux == mux).map(|before| *before)
