@@ -3,12 +3,16 @@
 mod configure;
 mod lss;
 mod network;
+mod plans;
 mod sdo;
 mod values;
 
+use std::collections::VecDeque;
+
 use arbitrary::Unstructured;
 use canopen::eds::Entry;
-use canopen::sdo::{REQUEST_COB_ID, RESPONSE_COB_ID, Request};
+use canopen::sdo::block::BlockRequest;
+use canopen::sdo::{Initiate, REQUEST_COB_ID, RESPONSE_COB_ID, Request};
 use canopen::{Dictionary, Frame, Mux, NmtState};
 
 use crate::action::{Action, Kind, Then};
@@ -26,12 +30,20 @@ pub(crate) struct Draw<'a> {
     pdos: [u16; 2],
     /// The object that was written last.
     written: Option<Mux>,
+    /// The objects that were written before, each once, as far as they are remembered.
+    remembered: VecDeque<Mux>,
+    /// What is to be done next, one after the other.
+    planned: VecDeque<Action>,
     /// The same, when nothing was done since.
     fresh: Option<Mux>,
     /// The last counter of SYNC.
     sync_counter: u8,
     /// The transfer with the default server.
     talk: Talk,
+    /// The transfers with further servers, and the identifiers of their answers.
+    further: [(u16, Talk); FURTHER],
+    /// The object of the last transfer.
+    subject: Option<Mux>,
     /// The data of a transfer that is initiated.
     plan: Option<Vec<u8>>,
     /// How many questions of a selection, an identification or a fastscan were asked.
@@ -150,9 +162,13 @@ impl<'a> Draw<'a> {
             swarm,
             pdos,
             written: None,
+            remembered: VecDeque::new(),
+            planned: VecDeque::new(),
             fresh: None,
             sync_counter: 0,
             talk: Talk::Idle,
+            further: Default::default(),
+            subject: None,
             plan: None,
             lss_step: 0,
         }
@@ -168,6 +184,10 @@ impl<'a> Draw<'a> {
         if frame.data_id() == Some(RESPONSE_COB_ID + u16::from(self.node())) {
             self.talk.hear(&frame.data);
         }
+        let from = |it: &&mut (u16, Talk)| it.0 != 0 && frame.data_id() == Some(it.0);
+        if let Some((_, talk)) = self.further.iter_mut().find(from) {
+            talk.hear(&frame.data);
+        }
     }
 
     /// The next action for a device that is like the model; `None` when the bytes are used up.
@@ -175,23 +195,44 @@ impl<'a> Draw<'a> {
         let mut talk = std::mem::take(&mut self.talk);
         self.plan = None;
         let drawn = self.drawn(Scene::new(model, &talk));
-        if let Some(action) = &drawn {
-            match action.does {
-                Kind::BlockSegments | Kind::BlockSegmentsWrong => {
-                    talk.sent_segments(action.frames.len());
-                }
-                Kind::NmtReset | Kind::PowerCycle => talk = Talk::Idle,
-                _ => {
-                    let id = REQUEST_COB_ID + u16::from(self.node());
-                    let own = action.frames.iter().filter(|frame| frame.data_id() == Some(id));
-                    for request in own.filter_map(|frame| Request::decode(&frame.data).ok()) {
-                        talk.ask(&request, self.plan.take());
-                    }
-                }
+        match &drawn {
+            Some(Action { does: Kind::NmtReset | Kind::PowerCycle, .. }) => {
+                talk = Talk::Idle;
+                self.further = Default::default();
             }
+            Some(Action { does, frames, .. }) => {
+                let id = REQUEST_COB_ID + u16::from(self.node());
+                let own = frames.iter().filter(|frame| frame.data_id() == Some(id));
+                self.sent(*does, own, &mut talk);
+            }
+            None => {}
         }
         self.talk = talk;
         drawn
+    }
+
+    /// Requests to one server are sent.
+    fn sent<'f>(&mut self, does: Kind, frames: impl Iterator<Item = &'f Frame>, talk: &mut Talk) {
+        if matches!(does, Kind::BlockSegments | Kind::BlockSegmentsWrong) {
+            return talk.sent_segments(frames.count());
+        }
+        for request in frames.filter_map(|frame| Request::decode(&frame.data).ok()) {
+            match request {
+                Request::Download(mux, initiate) => {
+                    let whole = !matches!(initiate, Initiate::Segmented(_));
+                    self.fresh = Some(mux).filter(|_| whole);
+                    (self.written, self.subject) = (Some(mux), Some(mux));
+                    self.remember(mux);
+                }
+                Request::Block(BlockRequest::Download { mux, .. }) => {
+                    (self.written, self.subject) = (Some(mux), Some(mux));
+                    self.remember(mux);
+                }
+                Request::Upload(mux) => self.subject = Some(mux),
+                _ => {}
+            }
+            talk.ask(&request, self.plan.take());
+        }
     }
 
     fn drawn(&mut self, scene: Scene<'_>) -> Option<Action> {
@@ -200,6 +241,9 @@ impl<'a> Draw<'a> {
             && self.chance(READ_BACK)
         {
             return Some(self.asks(Kind::Upload, Request::Upload(mux)));
+        }
+        if let Some(action) = self.as_planned(scene) {
+            return Some(action);
         }
         for _ in 0..TRIES {
             if self.bytes.is_empty() {
@@ -215,8 +259,11 @@ impl<'a> Draw<'a> {
 
     fn kind(&mut self, scene: Scene<'_>) -> Option<Kind> {
         let open = scene.talk.open();
+        let further = self.further.iter().any(|(_, talk)| !talk.is_idle());
         let weight = |kind: &Kind| {
             let (group, weight) = weight(*kind, open, scene.state);
+            let goes_on = *kind == Kind::FurtherServer && further;
+            let weight = if goes_on { GOES_ON } else { weight };
             if self.blueprint.spares(*kind) { 0 } else { weight * u32::from(self.swarm[group]) }
         };
         let weights: Vec<u32> = Kind::ALL.iter().map(weight).collect();
@@ -241,6 +288,7 @@ impl<'a> Draw<'a> {
             }
             K::PowerCycle => {
                 let then = self.boots();
+                self.after_a_reset();
                 Some(Action { does: kind, frames: Vec::new(), then })
             }
             K::NmtState
@@ -308,6 +356,10 @@ impl<'a> Draw<'a> {
 
 /// In how many of a hundred cases an object is read that was just written.
 const READ_BACK: u8 = 15;
+/// The weight of a request to a further server whose transfer is open.
+const GOES_ON: u32 = 40;
+/// How many further servers sessions use.
+const FURTHER: usize = 2;
 /// How often an action is drawn for which there is no occasion.
 const TRIES: usize = 32;
 

@@ -182,6 +182,11 @@ fn mutants_are_found_and_their_requirements_are_named() {
         "sdo-toggle-unchecked",
         "abort-without-sub-index",
         "heartbeat-without-state",
+        // Each of these needs a plan: a whole mapping, channel or fastscan, a claim of a size.
+        "second-server-is-read-only",
+        "full-tpdo-loses-its-end",
+        "lss-fastscan-never-ends",
+        "segmented-download-size-of-16-bits",
     ] {
         let mutant = mutants.iter().find(|mutant| mutant.name == name).unwrap();
         let (findings, named, _) = Subject::new(&device, &mutant.deviation()).fuzzed(200, 4);
@@ -285,6 +290,34 @@ fn an_inhibit_time_begins_anew_with_a_parameter() {
     let device = devices::device("em66-minimum").unwrap();
     let end = Subject::new(&device, &Deviation::default()).end_of(&text);
     assert!(!matches!(end, Some(End::Violation(_))), "{end:?}");
+}
+
+/// The model sends the TPDO because it learns what the application has in an object: the device
+/// owes a frame only when the first period since the TPDO was configured is over.
+#[test]
+fn a_tpdo_owes_nothing_before_its_first_period() {
+    let answered = r#"{"answers": {"id": 1535, "count": 1}}"#;
+    let writes = [
+        "67F#23011801000000C0",
+        "67F#2F011A0000000000",
+        "000#017F",
+        "67F#23011A0110020073",
+        "67F#2F011A0004000000",
+        "67F#23011801FF020000",
+        "67F#2F01160000000000",
+        "67F#2301160210020073",
+        "67F#2F01160002000000",
+        "67F#230114017F030000",
+    ];
+    let action = |frame: &&str| {
+        let then = if frame.starts_with("67F") { answered } else { r#"{"wait": 0}"# };
+        format!(r#"{{"does": "configure-mapping", "frames": ["{frame}"], "then": {then}}},"#)
+    };
+    let writes: String = writes.iter().map(action).collect();
+    let rpdo = r#"{"does": "rpdo", "frames": ["37F#BE0486C9"], "then": {"wait": 0}}"#;
+    let device = devices::device("ax021211").unwrap();
+    let end = Subject::new(&device, &Deviation::default()).end_of(&format!("[{writes}{rpdo}]"));
+    assert_eq!(end, None);
 }
 
 /// A device that leaves out an address in one way and in another one is wrong, and each of the two

@@ -12,6 +12,7 @@ impl Draw<'_> {
         let mux = match kind {
             Kind::Store | Kind::Restore => return self.storage(kind, scene),
             Kind::ConfigurePdo => self.of_pdo(scene)?,
+            Kind::ConfigureMapping if self.chance(25) => return self.whole_mapping(scene),
             Kind::ConfigureMapping => return self.of_mapping(scene),
             Kind::ConfigureErrorControl => {
                 self.one_of(scene, &[0x1017, 0x1017, 0x1016, 0x1016, 0x1016, 0x100C, 0x100D])?
@@ -22,6 +23,7 @@ impl Draw<'_> {
             Kind::ConfigureErrors => {
                 self.one_of(scene, &[0x1003, 0x1014, 0x1015, 0x1028, 0x1029, 0x1029])?
             }
+            Kind::ConfigureChannel if self.chance(40) => return self.whole_channel(scene),
             Kind::ConfigureChannel => self.one_of(scene, &[0x1201, 0x1201, 0x1202, 0x1280])?,
             _ => return None,
         };
@@ -37,7 +39,7 @@ impl Draw<'_> {
         self.entry(scene.od.entries_in(index..=index), writable).map(|entry| entry.mux)
     }
 
-    fn a_pdo(&mut self) -> (u16, Direction) {
+    pub(super) fn a_pdo(&mut self) -> (u16, Direction) {
         let pdo = self.pdos[self.below(2)];
         let direction = if self.chance(60) { Direction::Transmit } else { Direction::Receive };
         (pdo, direction)
@@ -98,11 +100,14 @@ impl Draw<'_> {
             1 => [right[0], right[1], right[2], right[3] ^ 1],
             _ => right,
         };
+        if kind == Kind::Store && signature == right && self.chance(40) {
+            self.plan_to_come_back(scene);
+        }
         self.writes(kind, mux, &signature)
     }
 }
 
-const fn communication(direction: Direction) -> u16 {
+pub(super) const fn communication(direction: Direction) -> u16 {
     match direction {
         Direction::Receive => 0x1400,
         Direction::Transmit => 0x1800,

@@ -25,6 +25,10 @@ impl Draw<'_> {
                 place @ 0..=3 => Request::Inquire(Part::ALL[place]),
                 _ => Request::InquireNodeId,
             },
+            // On a bus, a device without node id would not come back.
+            Kind::LssIdentify if !self.blueprint.is_in_its_own_time() && self.chance(4) => {
+                return self.whole_fastscan();
+            }
             Kind::LssIdentify if self.chance(15) => return self.whole(kind),
             Kind::LssIdentify => self.identify()?,
             Kind::LssConfigure => match self.below(4) {
@@ -40,7 +44,7 @@ impl Draw<'_> {
         Some(Self::master(kind, vec![request.frame()]))
     }
 
-    fn master(does: Kind, frames: Vec<Frame>) -> Action {
+    pub(super) fn master(does: Kind, frames: Vec<Frame>) -> Action {
         Action { does, frames, then: Then::answer(RESPONSE_COB_ID) }
     }
 
@@ -73,7 +77,7 @@ impl Draw<'_> {
     }
 
     /// A part of the address of the device.
-    fn own_part(&self, part: usize) -> Option<u32> {
+    pub(super) fn own_part(&self, part: usize) -> Option<u32> {
         let mux = Mux::new(0x1018, part as u8 + 1);
         let entry = self.blueprint.eds().entry(mux)?;
         Some(entry.default.as_ref()?.resolve(self.node()).as_int()? as u32)

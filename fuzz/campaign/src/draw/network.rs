@@ -21,6 +21,7 @@ impl Draw<'_> {
                 // A master that is started again sends what it sends more than once.
                 let times = if self.chance(6) { 2 + self.below(7) } else { 1 };
                 let frames = vec![Command { service, node }.frame(); times];
+                self.after_a_reset();
                 return Some(Action { does: kind, frames, then: self.boots() });
             }
             K::NmtState => {
@@ -74,6 +75,9 @@ impl Draw<'_> {
             Kind::SyncWrong if self.chance(8) => self.sync(Kind::Sync, scene),
             _ => None,
         };
+        if kind == Kind::Rpdo && self.chance(4) {
+            return vec![frame; 8 + self.below(32)];
+        }
         match right {
             Some(right) => [frame, right].repeat(2 + self.below(8)),
             None => vec![frame],

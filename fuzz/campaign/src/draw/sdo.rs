@@ -6,9 +6,9 @@ use canopen::sdo::{self, Initiate, REQUEST_COB_ID, RESPONSE_COB_ID, Request, Seg
 use canopen::{Abort, Data, DataType, Frame, Id, Mux};
 
 use super::values::limits;
-use super::{Draw, Scene};
+use super::{Draw, FURTHER, Scene};
 use crate::action::{Action, Kind, Then};
-use crate::talk::Talk;
+use crate::talk::{Open, Talk};
 
 impl Draw<'_> {
     /// A request, mostly waited for.
@@ -32,7 +32,7 @@ impl Draw<'_> {
         use Kind as K;
         match kind {
             K::Upload => {
-                let mux = self.readable_object(scene)?;
+                let mux = self.long_or_any(scene, 10)?;
                 Some(self.asks(kind, Request::Upload(mux)))
             }
             K::UploadOfNothing => {
@@ -54,7 +54,7 @@ impl Draw<'_> {
             K::BlockSegments | K::BlockSegmentsWrong => self.block_segments(kind, scene),
             K::BlockEnd | K::BlockEndWrong => self.block_end(kind, scene),
             K::BlockUpload => {
-                let mux = self.readable_object(scene)?;
+                let mux = self.long_or_any(scene, 50)?;
                 let size = self.pick(&[1, 2, 4, 21, 126, 127, 127, 127, 0, 128])?;
                 let threshold = self.pick(&[0, 0, 0, 4, 8, 100, 255])?;
                 let crc = self.chance(80);
@@ -71,6 +71,9 @@ impl Draw<'_> {
                 Some(self.sends(kind, vec![frame], 0))
             }
             K::Abort => {
+                if self.chance(60) {
+                    self.plan_to_go_on(scene);
+                }
                 let code = self.pick(&[Abort::GENERAL, Abort::TIMEOUT, Abort::TOGGLE])?;
                 let mux = self.readable_object(scene)?;
                 let frame = Request::Abort(mux, code).frame(self.node());
@@ -108,6 +111,14 @@ impl Draw<'_> {
             _ => scene.od.entries(),
         };
         self.entry(all, readable).map(|entry| entry.mux)
+    }
+
+    /// An object to read that takes more than one segment, in so many of a hundred cases.
+    fn long_or_any(&mut self, scene: Scene<'_>, percent: u8) -> Option<Mux> {
+        let long = |entry: &Entry| entry.access.readable() && entry.data_type.size().is_none();
+        let any = scene.od.entries();
+        let long = if self.chance(percent) { self.entry(any, long) } else { None };
+        long.map(|entry| entry.mux).or_else(|| self.readable_object(scene))
     }
 
     /// What does not exist or cannot be read.
@@ -164,9 +175,23 @@ impl Draw<'_> {
     }
 
     fn download(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
+        if self.chance(TEXT)
+            && let Some((mux, text)) = self.text(scene, &[1, 2, 3, 4])
+        {
+            return self.writes(kind, mux, &text);
+        }
         let entry = self.writable_object(scene)?;
         let value = self.value(entry, scene)?;
         self.writes(kind, entry.mux, &value)
+    }
+
+    /// A text for an object that keeps it.
+    fn text(&mut self, scene: Scene<'_>, lengths: &[usize]) -> Option<(Mux, Vec<u8>)> {
+        let blueprint = self.blueprint;
+        let mux = self.entry(scene.od.entries(), |entry| blueprint.is_text(entry))?.mux;
+        let (length, first) = (self.pick(lengths)?, self.byte() % 26);
+        let letters = (0..length).map(|place| b'A' + (first + place as u8) % 26);
+        Some((mux, letters.collect()))
     }
 
     /// A download of a value of any length.
@@ -174,7 +199,6 @@ impl Draw<'_> {
         if !(1..=4).contains(&value.len()) {
             return None;
         }
-        (self.written, self.fresh) = (Some(mux), Some(mux));
         let mut bytes = [0; 4];
         bytes[..value.len()].copy_from_slice(value);
         let initiate = match kind {
@@ -236,8 +260,10 @@ impl Draw<'_> {
 
     /// A segmented or block download is initiated.
     fn long_download(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
-        let (mux, data) = match self.chance(30) {
-            true => {
+        let of_text = self.chance(TEXT).then(|| self.text(scene, &[1, 4, 5, 7, 8, 14, 20, 40]));
+        let (mux, data) = match of_text.flatten() {
+            Some(text) => text,
+            None if self.chance(30) => {
                 let domain =
                     |entry: &Entry| entry.access.writable() && entry.data_type == DataType::DOMAIN;
                 let entry = self.entry(scene.od.entries(), domain)?;
@@ -245,17 +271,18 @@ impl Draw<'_> {
                 let first = self.byte();
                 (entry.mux, (0..length).map(|it| first.wrapping_add(it as u8)).collect())
             }
-            false => {
+            None => {
                 let entry = self.writable_object(scene)?;
                 (entry.mux, self.value(entry, scene)?)
             }
         };
-        self.written = Some(mux);
         let mut size = Some(data.len() as u32);
         if self.chance(25) {
             size = None;
         } else if self.chance(12) {
-            size = Some(data.len() as u32 + 1);
+            // One bit alone shows which of them is lost.
+            let more = self.pick(&[1, 1, 1, 1 << 8, 1 << 16, 1 << 24, 1 << 31])?;
+            size = Some(data.len() as u32 + more);
         } else if self.chance(6) {
             size = size.map(|it| it.saturating_sub(1));
         }
@@ -380,27 +407,55 @@ impl Draw<'_> {
         Some(self.sends(Kind::SdoWrong, vec![frame], u16::from(answered)))
     }
 
-    /// An upload or a download with a further server that is switched on.
+    /// A request to a further server that is switched on: the same as to the default one.
     fn further(&mut self, scene: Scene<'_>) -> Option<Action> {
-        let index = 0x1201 + self.below(2) as u16;
+        use Kind as K;
+        let place = self.below(FURTHER);
+        let index = 0x1201 + place as u16;
         let valid = |cob: &i64| cob & 1 << 31 == 0;
         let to = scene.int(index, 1).filter(valid)? as u16;
         let from = scene.int(index, 2).filter(valid)? as u16;
-        let request = match self.chance(70) {
-            true => Request::Upload(self.readable_object(scene)?),
-            false => {
-                let entry = self.writable_object(scene)?;
-                let value = self.value(entry, scene).filter(|value| value.len() <= 4)?;
-                Request::Download(entry.mux, Initiate::Expedited(Data::new(&value)))
+        let mut talk = std::mem::take(&mut self.further[place].1);
+        let kinds: &[Kind] = match talk.open() {
+            Open::Nothing | Open::Asked => &[
+                K::Upload,
+                K::Upload,
+                K::Download,
+                K::DownloadInSegments,
+                K::BlockDownload,
+                K::BlockUpload,
+                K::UploadOfNothing,
+                K::DownloadRefused,
+            ],
+            Open::Upload => &[K::UploadSegment, K::UploadSegment, K::UploadSegmentWrong, K::Abort],
+            Open::Download => {
+                &[K::DownloadSegment, K::DownloadSegment, K::DownloadSegmentWrong, K::Abort]
             }
+            Open::BlockDownload => {
+                &[K::BlockSegments, K::BlockSegmentsWrong, K::BlockEnd, K::BlockEnd, K::Abort]
+            }
+            Open::BlockUpload => &[K::BlockStart, K::BlockAck, K::BlockUploadEnd, K::Abort],
         };
-        let frames = vec![Frame::new(to, request.encode())];
-        Some(Action { does: Kind::FurtherServer, frames, then: Then::answer(from) })
+        let kind = self.pick(kinds)?;
+        let drawn = self.sdo(kind, Scene { talk: &talk, ..scene });
+        if let Some(action) = &drawn {
+            self.sent(kind, action.frames.iter(), &mut talk);
+        }
+        self.further[place] = (from, talk);
+        let Action { mut frames, then, .. } = drawn?;
+        frames.iter_mut().for_each(|frame| frame.id = Id::standard(to));
+        let then = match then {
+            Then::Answers { count, .. } => Then::Answers { id: from, count },
+            other => other,
+        };
+        Some(Action { does: K::FurtherServer, frames, then })
     }
 }
 
 /// The most frames that confirm or follow one of a block upload: those of a sub-block.
 const SUB_BLOCK: u16 = sdo::block::LARGEST_BLOCK as u16;
+/// In how many of a hundred downloads a text is written, where the device has one.
+const TEXT: u8 = 15;
 /// In how many of a hundred cases an object is chosen by its type.
 const OF_A_TYPE: u8 = 12;
 /// The types of CiA 301 that are not those of nearly every object.

@@ -204,6 +204,20 @@ impl Draw<'_> {
 
     /// An entry of a mapping: mostly one that fits.
     pub(super) fn mapping(&mut self, direction: Direction) -> Option<Mapping> {
+        let right = self.object_to_map(direction)?;
+        Some(match self.below(12) {
+            0 => Mapping { bits: right.bits.wrapping_add(8), ..right },
+            1 => Mapping { mux: Mux::new(right.mux.index, 0xF0), bits: 8 },
+            2 => Mapping { mux: Mux::new(0x5FFF, 0), bits: 8 },
+            3 => self.gap(),
+            4 => Mapping { mux: Mux::new(0x1018, 1), bits: 32 },
+            5 => Mapping { mux: Mux::new(0, 0), bits: 0 },
+            _ => right,
+        })
+    }
+
+    /// An object that a PDO can hold, in its whole length.
+    pub(super) fn object_to_map(&mut self, direction: Direction) -> Option<Mapping> {
         let fits = |it: &&Entry| it.maps_into(direction) && it.data_type.size().is_some();
         let mut entries: Vec<&Entry> = self.blueprint.eds().entries().filter(fits).collect();
         // What a PDO says of the communication, and when, is known.
@@ -216,22 +230,13 @@ impl Draw<'_> {
             DataType::BOOLEAN => 1,
             other => 8 * other.size()? as u8,
         };
-        let right = Mapping { mux: entry.mux, bits };
-        Some(match self.below(12) {
-            0 => Mapping { bits: bits.wrapping_add(8), ..right },
-            1 => Mapping { mux: Mux::new(entry.mux.index, 0xF0), bits: 8 },
-            2 => Mapping { mux: Mux::new(0x5FFF, 0), bits: 8 },
-            3 => self.dummy(),
-            4 => Mapping { mux: Mux::new(0x1018, 1), bits: 32 },
-            5 => Mapping { mux: Mux::new(0, 0), bits: 0 },
-            _ => right,
-        })
+        Some(Mapping { mux: entry.mux, bits })
     }
 }
 
 impl Draw<'_> {
     /// A gap, mostly of its length. A data sheet may leave out which a device supports.
-    fn dummy(&mut self) -> Mapping {
+    pub(super) fn gap(&mut self) -> Mapping {
         let dummies = &self.blueprint.eds().dummies;
         match dummies.get(self.below(dummies.len())) {
             Some(dummy) => {
