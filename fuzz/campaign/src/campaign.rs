@@ -8,7 +8,7 @@ use rustc_hash::FxHashSet;
 
 use crate::belief::{Belief, Judged};
 use crate::blueprint::Blueprint;
-use crate::diagnosis::{Suspect, explains, suspects};
+use crate::diagnosis::{Suspect, dissenting, explains, suspects};
 use crate::oracle::{End, Seen, Violation};
 use crate::session::{Goal, Played, Script, Session};
 
@@ -224,6 +224,12 @@ impl<'b> Campaign<'b> {
 }
 
 impl Campaign<'_> {
+    /// The mutants of the blueprint, by their places, that would have made a difference to what was
+    /// seen, or may have.
+    pub fn dissenting(&self, seen: &[Seen]) -> Vec<usize> {
+        dissenting(self.blueprint, &self.belief, seen)
+    }
+
     /// Whether a mutant of the blueprint does what a finding is.
     pub fn explains(&self, mutant: usize, finding: &Finding) -> bool {
         explains(self.blueprint, &self.belief, mutant, &finding.seen)

@@ -71,7 +71,7 @@ fn agrees(blueprint: &Blueprint, device: &dyn Replica, seen: &[Seen]) -> bool {
 }
 
 /// The mutants that would have made a difference to what was seen, or may have.
-fn dissenting(blueprint: &Blueprint, belief: &Belief<'_>, seen: &[Seen]) -> Vec<usize> {
+pub(crate) fn dissenting(blueprint: &Blueprint, belief: &Belief<'_>, seen: &[Seen]) -> Vec<usize> {
     let all = blueprint.mutants().len();
     let group = |number: usize| (number..all).step_by(GROUPS);
     let muted = (0..GROUPS).filter_map(|it| blueprint.muted_mutants(belief.freedoms(), group(it)));

@@ -12,7 +12,7 @@ use crate::stack::fault::{Fault, FaultKind};
 
 /// Properties of a device beyond its data sheet. The default is a device that adds nothing to
 /// CiA 301.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct NodeSettings {
     /// Time from power-on or a reset to the boot-up message.
     pub boot_up_time: Duration,

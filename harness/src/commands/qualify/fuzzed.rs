@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use campaign::{Campaign, Finding};
+use campaign::{Belief, Blueprint, Campaign, Finding};
+use canopen::{Pattern, Word};
 use reference_devices::devices::WITH_EVERYTHING;
 use reference_devices::mutant::{self, Mutant};
 use runner::parallel::{self, processors};
@@ -22,6 +23,8 @@ struct Fuzzed {
     mutant: Mutant,
     /// The number of the first session in which something was wrong.
     first: Option<u64>,
+    /// Whether the campaign learnt a freedom instead that names a requirement which it breaks.
+    learnt: bool,
     /// Whether one of the first two guesses is a requirement that it breaks.
     named: bool,
     /// How many actions show the first finding.
@@ -44,24 +47,30 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     let target = target::resolve(&selection, &catalogue, &Stop::default())?.remove(0);
     let mut mutants = mutant::of(&*target::reference_device(name, &catalogue)?)?;
     mutants.retain(|mutant| mutant.shared && !mutant.canary);
+    let node = target.dut.node;
     let (mutants, left_out): (Vec<_>, Vec<_>) =
-        mutants.into_iter().partition(|mutant| why_left_out(mutant).is_none());
+        mutants.into_iter().partition(|mutant| why_left_out(mutant, node).is_none());
+    let known = Known::of(&target, args.seed, sessions)?;
     let fuzzed =
-        parallel::map(mutants, processors(), |mutant| fuzzed(&target, mutant, args.seed, sessions));
+        parallel::map(mutants, processors(), |mutant| fuzzed(&target, mutant, args.seed, &known));
     let fuzzed = fuzzed.into_iter().collect::<Result<Vec<_>, _>>()?;
-    say(&(table(&fuzzed, args.verbose) + &rest(&left_out, args.verbose)));
+    say(&(table(&fuzzed, args.verbose) + &rest(&left_out, node, args.verbose)));
     Ok(Exit::Green)
 }
 
 /// Why a mutant is none that messages and states of the stack show, by the way it is made; `None`
 /// when they do.
-fn why_left_out(mutant: &Mutant) -> Option<&'static str> {
+fn why_left_out(mutant: &Mutant, node: u8) -> Option<&'static str> {
     if mutant.is_of_data_sheet() {
         Some("the data sheet is wrong, and not the device")
     } else if mutant.deviation().of_stack().is_none() {
         Some("the application deviates, which is not known of a device")
     } else if !mutant.breaks.is_empty() && mutant.breaks.iter().all(|it| it.starts_with(PROFILE)) {
         Some("the requirement is one of the profile, about what the application does")
+    } else if mutant.deviation().frames(node).any(|(when, received, _)| {
+        !is_predefined(when.id().raw(), node) || has_value(&when, received)
+    }) {
+        Some("it changes frames with an identifier or a value that one case chose, and no others")
     } else {
         None
     }
@@ -70,11 +79,41 @@ fn why_left_out(mutant: &Mutant) -> Option<&'static str> {
 /// The requirements of CiA 401.
 const PROFILE: &str = "CIA401-";
 
+/// Whether an identifier is one of the predefined connection set of a node, or of other nodes that
+/// it may listen to, or of LSS.
+fn is_predefined(id: u32, node: u8) -> bool {
+    match id {
+        0 | 0x80..=0x100 | 0x700..=0x77F | 0x7E4 | 0x7E5 => true,
+        0x181..=0x67F => id & 0x7F == u32::from(node),
+        _ => false,
+    }
+}
+
+/// Whether a pattern fits frames with one value only: bytes other than 0 behind those that say what
+/// the frame is about.
+fn has_value(pattern: &Pattern, received: bool) -> bool {
+    let words = pattern.words();
+    let bits = |word: &Word| match word {
+        Word::Bits { value, .. } => *value,
+        Word::Name | Word::Open => 0,
+    };
+    let command = words.first().map_or(0, bits) >> 5;
+    let begins = match (pattern.id().raw() & 0x780, received) {
+        (0x580, false) => matches!(command, 2..=6),
+        (0x600, true) => matches!(command, 1 | 2 | 4..=6),
+        // The parts of an LSS message say what it is about.
+        (0x780, _) => return words.iter().skip(5).any(|word| bits(word) != 0),
+        (0x000, _) => return false,
+        _ => false,
+    };
+    words.iter().skip(if begins { 4 } else { 1 }).any(|word| bits(word) != 0)
+}
+
 /// The mutants that are left out, by the reasons.
-fn rest(left_out: &[Mutant], verbose: bool) -> String {
+fn rest(left_out: &[Mutant], node: u8, verbose: bool) -> String {
     let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
     for mutant in left_out {
-        let reason = why_left_out(mutant).unwrap_or_default();
+        let reason = why_left_out(mutant, node).unwrap_or_default();
         reasons.entry(reason).or_default().push(&mutant.name);
     }
     let mut text = String::new();
@@ -86,16 +125,52 @@ fn rest(left_out: &[Mutant], verbose: bool) -> String {
     text
 }
 
-fn fuzzed(device: &Target, mutant: Mutant, seed: u64, sessions: u64) -> Result<Fuzzed, Refused> {
+/// The sessions of the device without deviation.
+struct Known {
+    blueprint: Blueprint,
+    /// For each of them the mutants, by their places in the blueprint, that would make a difference.
+    dissenting: Vec<Vec<usize>>,
+}
+
+impl Known {
+    fn of(target: &Target, seed: u64, sessions: u64) -> Result<Self, Refused> {
+        let blueprint = Modelled::of(target, &mut stage::simulated(target)?)?.blueprint;
+        let numbers: Vec<u64> = (0..sessions).collect();
+        let dissenting = parallel::map(numbers, processors(), |number| {
+            let belief = Belief::new(&blueprint, Vec::new());
+            let belief = belief.ok_or_else(|| Refused::usage("the device cannot be built"))?;
+            let campaign = Campaign::new(&blueprint, belief, seed);
+            let played = campaign.play(&mut stage::simulated(target)?, number);
+            let seen = played.map_err(|error| Refused::bus(error.to_string()))?.seen;
+            Ok(campaign.dissenting(&seen))
+        });
+        let dissenting = dissenting.into_iter().collect::<Result<_, Refused>>()?;
+        Ok(Self { blueprint, dissenting })
+    }
+
+    /// Whether a session may go otherwise with a mutant.
+    fn differs(&self, number: usize, mutant: Option<usize>) -> bool {
+        mutant.is_none_or(|mutant| self.dissenting[number].contains(&mutant))
+    }
+}
+
+fn fuzzed(device: &Target, mutant: Mutant, seed: u64, known: &Known) -> Result<Fuzzed, Refused> {
     let target = device.deviating(mutant.deviation())?;
     let mut stage = stage::simulated(&target)?;
     let modelled = Modelled::of(&target, &mut stage)?;
     let blueprint = &modelled.blueprint;
     let mut campaign = Campaign::new(blueprint, modelled.belief()?, seed);
     let mut findings: Vec<Finding> = Vec::new();
-    for number in 0..sessions {
+    let all = blueprint.mutants();
+    let place = all.iter().position(|other| other.name == mutant.name);
+    let place = place.filter(|_| blueprint.is_like(&known.blueprint));
+    for number in 0..known.dissenting.len() {
+        // A session is drawn by what is believed.
+        if campaign.lessons() == 0 && !known.differs(number, place) {
+            continue;
+        }
         // A mutant that lets no time pass is a defect of the mutant.
-        let found = campaign.session(&mut stage, number);
+        let found = campaign.session(&mut stage, number as u64);
         findings.extend(found.map_err(|error| Refused::bus(error.to_string()))?);
         if findings.len() >= FINDINGS {
             break;
@@ -119,7 +194,9 @@ fn fuzzed(device: &Target, mutant: Mutant, seed: u64, sessions: u64) -> Result<F
     }
     let breaks = |guess: &&str| mutant.breaks.iter().any(|broken| broken == guess);
     let named = guesses.iter().take(GUESSES).any(breaks);
-    Ok(Fuzzed { mutant, first, named, actions })
+    let allows = |clause: &String| mutant.breaks.contains(clause);
+    let learnt = campaign.belief().freedoms().any(|freedom| freedom.clauses.iter().any(allows));
+    Ok(Fuzzed { mutant, first, learnt, named, actions })
 }
 
 /// The numbers of each group of requirements, such as `CIA301-SEG`.
@@ -128,6 +205,7 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
     struct Row {
         mutants: usize,
         found: usize,
+        learnt: usize,
         named: usize,
     }
     let mut rows: BTreeMap<&str, Row> = BTreeMap::new();
@@ -139,11 +217,13 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
             let row = rows.entry(row).or_default();
             row.mutants += 1;
             row.found += usize::from(one.first.is_some());
+            row.learnt += usize::from(one.first.is_none() && one.learnt);
             row.named += usize::from(one.named);
         }
         if verbose {
             let found = match one.first {
                 Some(number) => format!("found in session {number}"),
+                None if one.learnt => "learnt".to_owned(),
                 None => "not found".to_owned(),
             };
             let named = if one.named { "named" } else { "not named" };
@@ -152,8 +232,11 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
         }
     }
     for (group, row) in rows {
-        let Row { mutants, found, named } = row;
-        _ = writeln!(text, "{group:<14} {mutants:>4} mutants, {found:>4} found, {named:>4} named");
+        let Row { mutants, found, learnt, named } = row;
+        _ = writeln!(
+            text,
+            "{group:<14} {mutants:>4} mutants, {found:>4} found, {named:>4} named, {learnt:>4} learnt"
+        );
     }
     let mut actions: Vec<usize> = all.iter().filter_map(|one| one.actions).collect();
     actions.sort_unstable();
