@@ -8,9 +8,11 @@ mod calendar;
 mod lines;
 mod program;
 pub mod socketcan;
+mod watch;
 
 use std::fmt;
 use std::str::FromStr;
+use std::sync::Arc;
 
 use canopen::{Bus, BusError};
 
@@ -22,6 +24,7 @@ use runner::stop::Stop;
 pub use bell::Bell;
 pub use calendar::unix_time;
 pub use lines::Stdio;
+pub(crate) use watch::{Reached, Watch};
 
 /// A CAN interface by the name that a user gives it. A new backend is a variant here: the compiler
 /// then asks how it is written and opened, and the test below how it is read.
@@ -84,11 +87,25 @@ impl Interface {
     /// # Errors
     /// [`BusError::Open`] with the reason, and what to do about it.
     pub fn open(&self, stop: &Stop) -> Result<Box<dyn Bus>, BusError> {
+        self.open_watched(stop, None)
+    }
+
+    /// The same with a program that tells more.
+    ///
+    /// # Errors
+    /// The same.
+    pub(crate) fn open_watched(
+        &self,
+        stop: &Stop,
+        watch: Option<&Arc<Watch>>,
+    ) -> Result<Box<dyn Bus>, BusError> {
         match self {
             Self::SocketCan(name) => Ok(Box::new(SocketCan::open(name, stop.clone())?)),
-            Self::Program { command, on: None } => Ok(Box::new(OnPipes::open(command, stop)?)),
+            Self::Program { command, on: None } => {
+                Ok(Box::new(OnPipes::open(command, stop, watch.cloned())?))
+            }
             Self::Program { command, on: Some(name) } => {
-                Ok(Box::new(OnInterface::open(command, name, stop)?))
+                Ok(Box::new(OnInterface::open(command, name, stop, watch.cloned())?))
             }
         }
     }

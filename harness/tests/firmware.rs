@@ -16,12 +16,9 @@ const CASES: [&str; 3] =
 fn a_firmware_goes_from_red_over_waived_to_green() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    let example = project().join("examples/firmware-c");
-    for file in ["firmware.c", "firmware.eds", "device-under-test.yaml"] {
-        fs::copy(example.join(file), folder.join(file)).expect("it is copied");
-    }
-    compile(folder, "firmware", &[]);
-    compile(folder, "firmware-defects", &["-DOVERFLOW", "-DSTALE_LENGTH"]);
+    copy(folder);
+    compile(folder, "firmware", &["firmware.c"]);
+    compile(folder, "firmware-defects", &["firmware.c", "-DOVERFLOW", "-DSTALE_LENGTH"]);
     let defects = ["--target", "exec:./firmware-defects"];
 
     let (exit, said) = run(folder, &[]);
@@ -44,6 +41,54 @@ fn a_firmware_goes_from_red_over_waived_to_green() {
     assert_eq!(exit, 5, "{said}");
 }
 
+/// A text that keeps the length of a longer one is found, repeated and promoted, and the code that
+/// is reached steers the sessions.
+#[test]
+fn a_defect_of_the_firmware_is_found_by_fuzzing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    copy(folder);
+    compile(folder, "coverage.o", &["-c", "coverage.c"]);
+    let counts =
+        format!("-fsanitize-coverage={}", if is_clang() { "trace-pc-guard" } else { "trace-pc" });
+    let defective = ["firmware.c", "coverage.o", "-DSTALE_LENGTH", &counts];
+    compile(folder, "firmware-defects", &defective);
+    let device = ["--dut", "device-under-test.yaml", "--target", "exec:./firmware-defects"];
+    let (exit, said) = fuzz(
+        folder,
+        &[&device[..], &["--max-findings", "1", "--findings", "found", "--quiet"]].concat(),
+    );
+    assert_eq!(exit, 8, "{said}");
+    assert!(said.contains("#41022000"), "{said}");
+    assert!(said.contains("reached code of the program that none before had"), "{said}");
+    let mut files = fs::read_dir(folder.join("found")).expect("there is a finding");
+    let file = files.next().expect("there is one").expect("it is read").path();
+    let file = file.to_str().expect("a name");
+    let (exit, said) = fuzz(folder, &["repro", file]);
+    assert_eq!(exit, 8, "{said}");
+    let (exit, said) = fuzz(folder, &["promote", file, "--into", "own"]);
+    assert_eq!(exit, 0, "{said}");
+}
+
+fn fuzz(folder: &Path, arguments: &[&str]) -> (i32, String) {
+    let output = harness().current_dir(folder).arg("fuzz").args(arguments).output();
+    let output = output.expect("it starts");
+    let said = [output.stdout, output.stderr].concat();
+    (output.status.code().expect("an exit code"), String::from_utf8_lossy(&said).into_owned())
+}
+
+fn is_clang() -> bool {
+    let version = Command::new("cc").arg("--version").output().expect("there is a C compiler");
+    String::from_utf8_lossy(&version.stdout).contains("clang")
+}
+
+fn copy(folder: &Path) {
+    let example = project().join("examples/firmware-c");
+    for file in ["firmware.c", "coverage.c", "firmware.eds", "device-under-test.yaml"] {
+        fs::copy(example.join(file), folder.join(file)).expect("it is copied");
+    }
+}
+
 /// The exit code of a run of the cases, and what it prints.
 fn run(folder: &Path, more: &[&str]) -> (i32, String) {
     let mut run = harness();
@@ -55,8 +100,8 @@ fn run(folder: &Path, more: &[&str]) -> (i32, String) {
 }
 
 /// The compiler is the one that links Rust programs.
-fn compile(folder: &Path, program: &str, defects: &[&str]) {
-    let flags = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", "-O1", "firmware.c", "-o", program];
-    let done = Command::new("cc").current_dir(folder).args(flags).args(defects).status();
+fn compile(folder: &Path, program: &str, arguments: &[&str]) {
+    let flags = ["-std=c99", "-D_POSIX_C_SOURCE=200809L", "-O1", "-o", program];
+    let done = Command::new("cc").current_dir(folder).args(flags).args(arguments).status();
     assert!(done.expect("there is a C compiler").success());
 }

@@ -9,7 +9,7 @@ use rustc_hash::FxHashSet;
 use crate::belief::{Belief, Judged};
 use crate::blueprint::Blueprint;
 use crate::diagnosis::{Suspect, dissenting, explains, suspects};
-use crate::oracle::{End, Seen, Violation};
+use crate::oracle::{End, Seen, Violation, What};
 use crate::session::{Goal, Played, Script, Session};
 
 /// Where sessions are played: a simulated device, or one on a bus.
@@ -29,6 +29,17 @@ pub trait Stage {
     /// never in virtual time.
     fn repeats(&self) -> u32 {
         0
+    }
+
+    /// Whether the last session reached code of the device that none before had; never when that is
+    /// not known.
+    fn reached_more(&mut self) -> bool {
+        false
+    }
+
+    /// What the device said before it ended, when it is a program that says why.
+    fn last_words(&mut self) -> Option<String> {
+        None
     }
 
     /// Lets something be done on a bus with the device running.
@@ -52,6 +63,23 @@ pub struct Finding {
     pub seen: Vec<Seen>,
     /// What is wrong.
     pub violation: Violation,
+    /// What the device, a program, said before it ended.
+    pub said: Option<String>,
+}
+
+impl Finding {
+    /// What was wrong in the session that a stage has just played.
+    pub fn new(
+        number: u64,
+        session: Session,
+        seen: Vec<Seen>,
+        violation: Violation,
+        stage: &mut dyn Stage,
+    ) -> Self {
+        let ended = matches!(violation.what, What::Ended(_));
+        let said = if ended { stage.last_words() } else { None };
+        Self { number, session, seen, violation, said }
+    }
 }
 
 /// What a campaign has shown so far.
@@ -69,6 +97,8 @@ pub struct Tally {
     pub goals: FxHashSet<Goal>,
     /// Objects that the application changes.
     pub followed: BTreeSet<Mux>,
+    /// Sessions that reached code which none before had.
+    pub further: u64,
 }
 
 /// A campaign on one device.
@@ -80,10 +110,15 @@ pub struct Campaign<'b> {
     lessons: u64,
     /// The last sessions in which nothing was wrong.
     right: VecDeque<Vec<Seen>>,
+    /// The sessions that reached code which none before had, by their numbers.
+    further: Vec<(u64, Vec<u8>)>,
 }
 
 /// How often a session is played again since something was learnt in it.
 const LESSONS: u32 = 32;
+
+/// In how many of a hundred sessions an earlier one goes on otherwise, where one reached more code.
+const FROM_EARLIER: u8 = 60;
 
 /// How many sessions are kept in which nothing was wrong.
 const MOST_RIGHT: usize = 48;
@@ -91,8 +126,8 @@ const MOST_RIGHT: usize = 48;
 impl<'b> Campaign<'b> {
     /// A campaign that begins with this belief.
     pub fn new(blueprint: &'b Blueprint, belief: Belief<'b>, seed: u64) -> Self {
-        let (tally, right) = (Tally::default(), VecDeque::new());
-        Self { blueprint, belief, seed, tally, lessons: 0, right }
+        let (tally, right, further) = (Tally::default(), VecDeque::new(), Vec::new());
+        Self { blueprint, belief, seed, tally, lessons: 0, right, further }
     }
 
     /// How models of the device are built.
@@ -128,8 +163,23 @@ impl<'b> Campaign<'b> {
     /// # Errors
     /// Whatever the bus reports.
     pub fn play(&self, stage: &mut dyn Stage, number: u64) -> Result<Played, BusError> {
-        let bytes = bytes(self.seed, number);
+        let bytes = self.bytes(number);
         stage.play(self.blueprint, self.belief.model(), &Script::Bytes(&bytes))
+    }
+
+    /// The bytes of the session of this number: new ones, or the beginning of an earlier session
+    /// that reached code which none before had.
+    fn bytes(&self, number: u64) -> Vec<u8> {
+        let mut bytes = bytes(self.seed, number);
+        // Later ones are left out, so that a number stays the same session.
+        let earlier = self.further.partition_point(|(other, _)| *other < number);
+        let mut random = fastrand::Rng::with_seed(self.seed.rotate_left(16) ^ number);
+        if earlier > 0 && random.u8(0..100) < FROM_EARLIER {
+            let (_, begun) = &self.further[random.usize(0..earlier)];
+            let kept = random.usize(0..=begun.len());
+            bytes.splice(0..0, begun[..kept].iter().copied());
+        }
+        bytes
     }
 
     /// Takes what was [played](Self::play) in the session of this number, and plays it again while
@@ -147,6 +197,10 @@ impl<'b> Campaign<'b> {
         for lesson in 0..=LESSONS {
             if lesson > 0 {
                 played = self.play(stage, number)?;
+            }
+            if lesson == 0 && stage.reached_more() {
+                self.tally.further += 1;
+                self.further.push((number, self.bytes(number)));
             }
             self.count(&played);
             let violation = match played.end {
@@ -175,7 +229,7 @@ impl<'b> Campaign<'b> {
                 Judged::Learnt | Judged::Expected => return Ok(None),
             }
             let Played { session, seen, .. } = played;
-            return Ok(Some(Finding { number, session, seen, violation }));
+            return Ok(Some(Finding::new(number, session, seen, violation, stage)));
         }
         Ok(None)
     }

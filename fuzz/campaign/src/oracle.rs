@@ -564,14 +564,22 @@ impl<'b> Oracle<'b> {
     /// Whether an upload begins of an object of any length that nobody but the application has
     /// written since the last reset, and that has another length than in the model.
     fn has_another_length(&self, frame: &Frame, expected: &Frame) -> bool {
-        sdo::resized(frame, expected).is_some_and(|mux| {
-            let entry = self.blueprint.eds().entry(mux);
-            let free = |entry: &Entry| {
-                let alone = !entry.access.writable() || self.blueprint.is_text(entry);
-                alone && entry.data_type.size().is_none()
-            };
-            self.is_volatile(mux) && entry.is_some_and(free)
-        })
+        sdo::resized(frame, expected).is_some_and(|mux| self.is_free_text(mux))
+    }
+
+    /// Whether nobody but the application knows the length of an object.
+    fn is_free_text(&self, mux: Mux) -> bool {
+        let entry = self.blueprint.eds().entry(mux);
+        let free = |entry: &Entry| {
+            let alone = !entry.access.writable() || self.blueprint.is_text(entry);
+            alone && entry.data_type.size().is_none()
+        };
+        self.is_volatile(mux) && entry.is_some_and(free)
+    }
+
+    /// Whether an upload of such an object begins, with a length that the model may not have.
+    fn begins_free_text(&self, frame: &Frame) -> bool {
+        sdo::resizable(frame).is_some_and(|mux| self.is_free_text(mux))
     }
 
     /// Whether a frame is as good as the one that is expected.
@@ -740,7 +748,7 @@ impl<'b> Oracle<'b> {
 
     fn overdue(&mut self, now: Instant) -> Result<(), End> {
         if let Some(early) = self.early.iter().find(|early| early.until < now) {
-            return match self.errors {
+            return match self.errors || self.begins_free_text(&early.frame) {
                 true => Err(End::Void(now)),
                 false => wrong(now, What::Unexpected(early.frame, early.expected)),
             };

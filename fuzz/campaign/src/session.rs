@@ -116,8 +116,7 @@ impl<'p> Player<'p> {
                     if self.end.is_some() {
                         break;
                     }
-                    actions.push(action.clone());
-                    self.carry_out(action, &mut |_| ())?;
+                    actions.push(self.carry_out(action.clone(), &mut |_| ())?);
                 }
             }
             Script::Bytes(bytes) => {
@@ -130,8 +129,7 @@ impl<'p> Player<'p> {
                     action.then = self.affords(action.then);
                     self.once(&mut action);
                     goals.push((state.0, open, action.does));
-                    actions.push(action.clone());
-                    self.carry_out(&action, &mut |frame| draw.hear(frame))?;
+                    actions.push(self.carry_out(action, &mut |frame| draw.hear(frame))?);
                 }
             }
         }
@@ -204,7 +202,12 @@ impl<'p> Player<'p> {
         })
     }
 
-    fn carry_out(&mut self, action: &Action, hear: &mut dyn FnMut(&Frame)) -> Result<(), BusError> {
+    /// Carries out an action. Returns it without the frames that were withheld.
+    fn carry_out(
+        &mut self,
+        mut action: Action,
+        hear: &mut dyn FnMut(&Frame),
+    ) -> Result<Action, BusError> {
         if action.does == Kind::PowerCycle {
             self.power(false)?;
             self.power(true)?;
@@ -218,23 +221,24 @@ impl<'p> Player<'p> {
             }
             hear(frame);
         };
-        self.send(&action.frames, &mut early)?;
+        action.frames = self.send(&action.frames, &mut early)?;
         match action.then {
-            Then::Wait(0) => Ok(()),
+            Then::Wait(0) => {}
             Then::Wait(micros) => {
                 let until = self.bus.now() + Duration::from_micros(micros);
                 let until = self.apart(until);
                 self.wait(until, &mut |frame| {
                     hear(frame);
                     false
-                })
+                })?;
             }
             Then::Answers { id, count } => {
                 if answers >= count {
-                    return Ok(());
+                    return Ok(action);
                 }
                 if boots && self.blueprint.is_in_its_own_time() {
-                    return self.begin(hear);
+                    self.begin(hear)?;
+                    return Ok(action);
                 }
                 let patience = if boots { self.boot() } else { self.patience(id) };
                 let until = self.bus.now() + patience;
@@ -245,9 +249,10 @@ impl<'p> Player<'p> {
                     answers += u16::from(answer);
                     let last = frame.data.first().is_some_and(|first| *first >= 0x80);
                     answer && (answers >= count || last)
-                })
+                })?;
             }
         }
+        Ok(action)
     }
 
     /// Waits for the answer to the last request. What else a device on a bus gets before it has
@@ -290,20 +295,29 @@ impl<'p> Player<'p> {
         Ok(())
     }
 
-    /// Sends frames, and waits until the last of them is on the bus.
-    fn send(&mut self, frames: &[Frame], hear: &mut dyn FnMut(&Frame)) -> Result<(), BusError> {
+    /// Sends frames, and waits until the last of them is on the bus. Returns those that were not
+    /// withheld.
+    fn send(
+        &mut self,
+        frames: &[Frame],
+        hear: &mut dyn FnMut(&Frame),
+    ) -> Result<Vec<Frame>, BusError> {
         let most = if self.blueprint.is_in_its_own_time() { MOST_AHEAD } else { usize::MAX };
-        let mut under_way = 0;
+        let (mut under_way, mut sent) = (0, Vec::with_capacity(frames.len()));
         for frame in frames {
             self.echoes(&mut under_way, most, hear)?;
             match self.bus.send(frame) {
-                Ok(()) => under_way += 1,
+                Ok(()) => {
+                    under_way += 1;
+                    sent.push(*frame);
+                }
                 // What is protected is left out.
                 Err(BusError::Withheld(_)) => {}
                 Err(error) => return Err(error),
             }
         }
-        self.echoes(&mut under_way, 1, hear)
+        self.echoes(&mut under_way, 1, hear)?;
+        Ok(sent)
     }
 
     /// Waits until fewer than so many frames are under way.

@@ -4,7 +4,7 @@
 use std::io;
 use std::os::unix::process::{CommandExt, ExitStatusExt};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::mpsc;
+use std::sync::{Arc, mpsc};
 use std::time::Duration;
 
 use canopen::{Bus, BusError, Frame, Instant, Stamped};
@@ -14,6 +14,7 @@ use runner::stop::Stop;
 
 use super::lines::{Clock, Ending, Lines};
 use super::socketcan::SocketCan;
+use super::watch::Watch;
 use crate::command_line::words_of;
 use crate::files::words;
 
@@ -28,13 +29,20 @@ struct Process {
 
 impl Process {
     /// Starts a program with its arguments, [split](words_of) as a shell splits them.
-    fn start(command: &str, set_up: impl FnOnce(&mut Command)) -> Result<Self, BusError> {
+    fn start(
+        command: &str,
+        watch: Option<&Arc<Watch>>,
+        set_up: impl FnOnce(&mut Command),
+    ) -> Result<Self, BusError> {
         let parts = words_of(command).map_err(BusError::Open)?;
         let mut started = Command::new(&parts[0]);
         // Its own process group: children of the program end with it, and Ctrl-C reaches only the
         // harness.
         started.args(&parts[1..]).process_group(0);
         set_up(&mut started);
+        if let Some(watch) = watch {
+            watch.set_up(&mut started);
+        }
         let child = started.spawn().map_err(|error| {
             BusError::Open(format!("the program `{command}` cannot be started: {}", words(&error)))
         })?;
@@ -114,6 +122,7 @@ pub(super) struct OnPipes {
     /// The last frame that it was sent.
     last: Option<Frame>,
     stop: Stop,
+    watch: Option<Arc<Watch>>,
 }
 
 impl OnPipes {
@@ -121,11 +130,16 @@ impl OnPipes {
     ///
     /// # Errors
     /// [`BusError::Open`] when that is not possible, or those of receiving.
-    pub(super) fn open(command: &str, stop: &Stop) -> Result<Self, BusError> {
+    pub(super) fn open(
+        command: &str,
+        stop: &Stop,
+        watch: Option<Arc<Watch>>,
+    ) -> Result<Self, BusError> {
         let clock = Clock::start();
-        let (process, lines) = start_on_pipes(command, clock, stop)?;
+        let (process, lines) = start_on_pipes(command, clock, stop, watch.as_ref())?;
         let (command, stop) = (command.to_owned(), stop.clone());
-        let mut bus = Self { command, process, lines, clock, first: None, last: None, stop };
+        let (first, last) = (None, None);
+        let mut bus = Self { command, process, lines, clock, first, last, stop, watch };
         bus.first = first_of(&mut bus)?;
         Ok(bus)
     }
@@ -146,7 +160,8 @@ impl OnPipes {
             let why = format!("the program `{command}` {said} before it sent a frame");
             return Err(BusError::Io(why));
         }
-        let (process, mut lines) = start_on_pipes(command, self.clock, &self.stop)?;
+        let (process, mut lines) =
+            start_on_pipes(command, self.clock, &self.stop, self.watch.as_ref())?;
         lines.follow(&mut self.lines);
         (self.process, self.lines) = (process, lines);
         let last = self.last.take();
@@ -158,8 +173,13 @@ impl OnPipes {
     }
 }
 
-fn start_on_pipes(command: &str, clock: Clock, stop: &Stop) -> Result<(Process, Lines), BusError> {
-    let mut process = Process::start(command, |started| {
+fn start_on_pipes(
+    command: &str,
+    clock: Clock,
+    stop: &Stop,
+    watch: Option<&Arc<Watch>>,
+) -> Result<(Process, Lines), BusError> {
+    let mut process = Process::start(command, watch, |started| {
         started.stdin(Stdio::piped()).stdout(Stdio::piped());
     })?;
     let (Some(to), Some(from)) = (process.child.stdin.take(), process.child.stdout.take()) else {
@@ -219,6 +239,7 @@ pub(super) struct OnInterface {
     /// The last frame that it was sent, and whether it sent one.
     last: Option<Frame>,
     heard: bool,
+    watch: Option<Arc<Watch>>,
 }
 
 impl OnInterface {
@@ -227,25 +248,30 @@ impl OnInterface {
     ///
     /// # Errors
     /// [`BusError::Open`] when one of them is not possible, or those of receiving.
-    pub(super) fn open(command: &str, interface: &str, stop: &Stop) -> Result<Self, BusError> {
+    pub(super) fn open(
+        command: &str,
+        interface: &str,
+        stop: &Stop,
+        watch: Option<Arc<Watch>>,
+    ) -> Result<Self, BusError> {
         let bus = SocketCan::open(interface, stop.clone())?;
-        let process = start_on_interface(command, interface)?;
+        let process = start_on_interface(command, interface, watch.as_ref())?;
         let (command, interface) = (command.to_owned(), interface.to_owned());
         let (first, last, heard) = (None, None, false);
-        let mut bus = Self { command, interface, process, bus, first, last, heard };
+        let mut bus = Self { command, interface, process, bus, first, last, heard, watch };
         bus.first = first_of(&mut bus)?;
         Ok(bus)
     }
 
     /// Looks after the program.
-    fn watch(&mut self) -> Result<(), BusError> {
+    fn look_after(&mut self) -> Result<(), BusError> {
         let Some(status) = self.process.child.try_wait().transpose() else { return Ok(()) };
         let (command, said) = (&self.command, said(&status));
         if !self.heard {
             let why = format!("the program `{command}` {said} before it sent a frame");
             return Err(BusError::Io(why));
         }
-        self.process = start_on_interface(command, &self.interface)?;
+        self.process = start_on_interface(command, &self.interface, self.watch.as_ref())?;
         let last = self.last.take();
         self.heard = false;
         if status.is_ok_and(|status| status.success()) {
@@ -262,8 +288,12 @@ fn first_of(bus: &mut dyn Bus) -> Result<Option<Stamped>, BusError> {
     bus.recv(until)
 }
 
-fn start_on_interface(command: &str, interface: &str) -> Result<Process, BusError> {
-    Process::start(command, |started| {
+fn start_on_interface(
+    command: &str,
+    interface: &str,
+    watch: Option<&Arc<Watch>>,
+) -> Result<Process, BusError> {
+    Process::start(command, watch, |started| {
         // Its output is no part of that of this program.
         started.env(INTERFACE, interface).stdin(Stdio::piped()).stdout(Stdio::null());
     })
@@ -289,7 +319,7 @@ impl Bus for OnInterface {
         if let Some(first) = self.first.take() {
             return Ok(Some(first));
         }
-        self.watch()?;
+        self.look_after()?;
         let got = self.bus.recv(until)?;
         self.heard |= got.is_some_and(|seen| !seen.own);
         Ok(got)

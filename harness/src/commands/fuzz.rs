@@ -98,8 +98,7 @@ fn carry_out(
     record.sessions_over(outcome.notes(), why.as_deref());
     for cause in group(&campaign, &modelled.blueprint, &findings) {
         let kept = kept(args, prepared, &campaign, &mut place, &cause, &findings)?;
-        let actions = kept.finding.session.actions.len();
-        let mut found = Found::new(&cause, &findings, actions, kept.file);
+        let mut found = Found::new(&cause, &findings, &kept.finding, kept.file);
         let requirements = cause.mutants.first().map(|it| &modelled.blueprint.mutants()[*it]);
         found.waived = record.cause(&Shown {
             cause: &cause.name,

@@ -10,7 +10,7 @@ use runner::dut::Dut;
 use runner::protect::Guarded;
 use runner::stop::Stop;
 
-use crate::bus::Interface;
+use crate::bus::{Interface, Watch};
 use crate::exit::Refused;
 use crate::rig::{Rig, WithRig};
 
@@ -60,6 +60,18 @@ impl Target {
     /// # Errors
     /// When the interface cannot be used, or the deviation cannot be built.
     pub fn open(&self, stop: &Stop) -> Result<Box<dyn Bus>, Refused> {
+        self.open_watched(stop, None)
+    }
+
+    /// The same with a program that tells more.
+    ///
+    /// # Errors
+    /// The same.
+    pub(crate) fn open_watched(
+        &self,
+        stop: &Stop,
+        watch: Option<&Arc<Watch>>,
+    ) -> Result<Box<dyn Bus>, Refused> {
         let bus: Box<dyn Bus> = match &self.connection {
             Connection::Simulation { device, deviation, bit_rate } => {
                 let mut bus = VirtualBus::new(*bit_rate);
@@ -69,7 +81,10 @@ impl Target {
                 };
                 Box::new(bus)
             }
-            Connection::Interface(interface) => open_interface(interface, stop)?,
+            Connection::Interface(interface) => {
+                let opened = interface.open_watched(stop, watch);
+                opened.map_err(|error| Refused::bus(error.to_string()))?
+            }
         };
         let bus: Box<dyn Bus> = match &self.rig {
             Some(rig) => Box::new(WithRig { bus, rig: Arc::clone(rig) }),

@@ -197,14 +197,22 @@ pub(super) fn is_like(
 
 /// The object of which both frames begin an upload, one of another length than the other.
 pub(super) fn resized(frame: &Frame, other: &Frame) -> Option<Mux> {
-    let begun = |frame: &Frame| match Response::decode(&frame.data).ok()? {
+    let ((mux, size), (other, other_size)) = (begun(frame)?, begun(other)?);
+    (mux == other && size != other_size).then_some(mux)
+}
+
+/// The object of which a frame begins an upload and tells the length.
+pub(super) fn resizable(frame: &Frame) -> Option<Mux> {
+    begun(frame).map(|(mux, _)| mux)
+}
+
+fn begun(frame: &Frame) -> Option<(Mux, u32)> {
+    match Response::decode(&frame.data).ok()? {
         Response::Upload(mux, Initiate::Expedited(value)) => Some((mux, value.len() as u32)),
         Response::Upload(mux, Initiate::Segmented(size)) => Some((mux, size?)),
         Response::Block(BlockResponse::Upload { mux, size, .. }) => Some((mux, size?)),
         _ => None,
-    };
-    let ((mux, size), (other, other_size)) = (begun(frame)?, begun(other)?);
-    (mux == other && size != other_size).then_some(mux)
+    }
 }
 
 /// The object that does not have the value that the network gave it, and the value that it has.

@@ -96,7 +96,7 @@ impl Modelled {
                 Judged::Expected => return Ok(None),
                 Judged::Wrong => {
                     let Played { session, seen, .. } = played;
-                    return Ok(Some(Finding { number: 0, session, seen, violation }));
+                    return Ok(Some(Finding::new(0, session, seen, violation, stage)));
                 }
             }
         }
@@ -167,7 +167,7 @@ impl Modelled {
         match played.end {
             Some(End::Violation(violation)) if violation.is_like(&finding.violation) => {
                 let Played { session, seen, .. } = played;
-                Some(Finding { number: finding.number, session, seen, violation })
+                Some(Finding::new(finding.number, session, seen, violation, stage))
             }
             _ => None,
         }

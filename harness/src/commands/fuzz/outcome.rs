@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::causes::Cause;
 use crate::commands::counted::counted;
+use crate::reporter::harmless;
 
 /// What a campaign showed.
 #[derive(Debug, Serialize)]
@@ -25,6 +26,9 @@ pub(super) struct Outcome {
     /// Sessions that were wrong once, and not when they were repeated.
     #[serde(skip_serializing_if = "is_zero")]
     undecided: u64,
+    /// Sessions that reached code of a program which none before had.
+    #[serde(skip_serializing_if = "is_zero")]
+    further: u64,
     /// The findings by their causes.
     pub(super) causes: Vec<Found>,
     /// The freedoms that the device was seen to use.
@@ -48,6 +52,9 @@ pub(super) struct Found {
     sessions: Vec<u64>,
     /// How many actions show it.
     actions: usize,
+    /// What the device, a program, said before it ended.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    said: Option<String>,
     /// The file with them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) file: Option<PathBuf>,
@@ -79,7 +86,7 @@ impl Found {
     pub(super) fn new(
         cause: &Cause,
         findings: &[Finding],
-        actions: usize,
+        shown: &Finding,
         file: Option<PathBuf>,
     ) -> Self {
         let of_cause = || cause.findings.iter().map(|place| &findings[*place]);
@@ -93,7 +100,8 @@ impl Found {
             what: of_cause().next().map_or_else(String::new, |it| it.violation.to_string()),
             like: like.collect(),
             sessions: of_cause().map(|finding| finding.number).collect(),
-            actions,
+            actions: shown.session.actions.len(),
+            said: shown.said.clone(),
             file,
             waived: None,
         }
@@ -110,7 +118,9 @@ impl Found {
         let found = format!("found in {times}, first in session {first}");
         let file = self.file.iter();
         let repeat = file.map(|file| format!("repeat: harness fuzz repro {}", file.display()));
-        like.chain([found]).chain(repeat).collect()
+        let said = self.said.iter().flat_map(|said| said.lines());
+        let said = said.map(|line| format!("said: {line}"));
+        like.chain([found]).chain(repeat).chain(said).collect()
     }
 
     fn text(&self) -> String {
@@ -127,6 +137,9 @@ impl Found {
             _ = writeln!(text, "  like         {why} ({requirements})");
         }
         _ = writeln!(text, "  actions      {}", self.actions);
+        for line in self.said.iter().flat_map(|said| said.lines()) {
+            _ = writeln!(text, "  said         {}", harmless(line));
+        }
         if let Some(file) = &self.file {
             _ = writeln!(text, "  repeat       harness fuzz repro {}", file.display());
         }
@@ -150,6 +163,7 @@ impl Outcome {
             goals: tally.goals.len(),
             cut_short: tally.void,
             undecided: tally.undecided,
+            further: tally.further,
             causes: Vec::new(),
             learnt: learnt.collect(),
             changes: tally.followed.iter().map(ToString::to_string).collect(),
@@ -186,7 +200,11 @@ impl Outcome {
             let undecided = counted(self.undecided as usize, "session");
             format!("{undecided} undecided: what was wrong once was not when it was repeated")
         });
-        learnt.chain(changes).chain(void).chain(undecided).collect()
+        let further = (self.further > 0).then(|| {
+            let further = counted(self.further as usize, "session");
+            format!("{further} reached code of the program that none before had")
+        });
+        learnt.chain(changes).chain(void).chain(undecided).chain(further).collect()
     }
 
     /// The same for programs.

@@ -90,6 +90,14 @@ impl Stage for Place<'_> {
         }
     }
 
+    fn reached_more(&mut self) -> bool {
+        self.stage().reached_more()
+    }
+
+    fn last_words(&mut self) -> Option<String> {
+        self.stage().last_words()
+    }
+
     fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError> {
         self.stage().ask(what)
     }

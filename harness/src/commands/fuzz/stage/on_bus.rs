@@ -1,6 +1,7 @@
 //! A device on a bus. A program is started anew for each session; any other device is lent as for a
 //! run: what sessions may change is in the undo log, and is set back after each of them.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use campaign::session::{BOOTED, Played, Player, Script};
@@ -11,8 +12,10 @@ use runner::protect::Deed;
 use runner::run::{Policy, Started, Visit};
 use runner::stop::Stop;
 
+use crate::bus::{Reached, Watch};
 use crate::commands::run::undo;
 use crate::exit::Refused;
+use crate::files::words;
 use crate::reporter::harmless;
 use crate::target::{DEFAULT_BIT_RATE, Selection, Target};
 
@@ -23,6 +26,9 @@ pub(in crate::commands) struct OnBus<'t> {
     bus: Option<Box<dyn Bus>>,
     /// The device as it is lent; none when it is a program.
     visit: Option<Visit<'t>>,
+    /// What a program tells beside its frames, and what it has told so far.
+    watch: Option<Arc<Watch>>,
+    reached: Reached,
     /// Why it is lost.
     lost: Option<String>,
 }
@@ -43,8 +49,11 @@ impl<'t> OnBus<'t> {
         stop: &Stop,
     ) -> Result<Self, Refused> {
         let stop = stop.of_session();
-        let mut on_bus = Self { target, stop, bus: None, visit: None, lost: None };
+        let (bus, visit, watch, reached, lost) = Default::default();
+        let mut on_bus = Self { target, stop, bus, visit, watch, reached, lost };
         if !target.outlives_the_program() {
+            let watch = Watch::new().map_err(|error| Refused::bus(words(&error)))?;
+            on_bus.watch = Some(Arc::new(watch));
             return Ok(on_bus);
         }
         let dut = &target.dut;
@@ -89,7 +98,13 @@ impl<'t> OnBus<'t> {
         let Some(visit) = &mut self.visit else {
             // A program ends before the next one begins.
             drop(self.bus.take());
-            let bus = self.target.open(&self.stop).map_err(|it| BusError::Open(it.message))?;
+            let watch = self.watch.as_ref();
+            watch.map_or(Ok(()), |watch| watch.begin()).map_err(|it| BusError::Io(words(&it)))?;
+            let bus = self.target.open_watched(&self.stop, watch).map_err(|it| {
+                let said = watch.and_then(|watch| watch.last_words());
+                let said = said.map(|said| format!("; it said:\n{said}"));
+                BusError::Open(it.message + &said.unwrap_or_default())
+            })?;
             let bus = &mut **self.bus.insert(bus);
             return Ok((None, boot_up(bus, self.target.dut.node)?));
         };
@@ -156,6 +171,14 @@ impl Stage for OnBus<'_> {
 
     fn repeats(&self) -> u32 {
         REPEATS
+    }
+
+    fn reached_more(&mut self) -> bool {
+        self.watch.as_ref().is_some_and(|watch| watch.adds_to(&mut self.reached))
+    }
+
+    fn last_words(&mut self) -> Option<String> {
+        self.watch.as_ref()?.last_words()
     }
 
     fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError> {
