@@ -82,7 +82,7 @@ impl Watch {
         let lines: Vec<&str> = said.lines().filter(|line| !line.trim().is_empty()).collect();
         let reports = |line: &&str| line.contains("ERROR: ") || line.contains("runtime error: ");
         let report = lines.iter().position(reports);
-        let from = report.unwrap_or(lines.len().saturating_sub(LINES));
+        let from = report.unwrap_or_else(|| lines.len().saturating_sub(LINES));
         let words: Vec<&str> = lines[from..].iter().take(LINES).copied().collect();
         (!words.is_empty()).then(|| words.join("\n"))
     }

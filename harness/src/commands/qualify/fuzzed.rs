@@ -128,7 +128,7 @@ fn rest(left_out: &[Mutant], node: u8, verbose: bool) -> String {
 /// The sessions of the device without deviation.
 struct Known {
     blueprint: Blueprint,
-    /// For each of them the mutants, by their places in the blueprint, that would make a difference.
+    /// For each of them the mutants that would make a difference, by their places in the blueprint.
     dissenting: Vec<Vec<usize>>,
 }
 
@@ -235,7 +235,8 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
         let Row { mutants, found, learnt, named } = row;
         _ = writeln!(
             text,
-            "{group:<14} {mutants:>4} mutants, {found:>4} found, {named:>4} named, {learnt:>4} learnt"
+            "{group:<14} {mutants:>4} mutants, {found:>4} found, {named:>4} named, \
+             {learnt:>4} learnt"
         );
     }
     let mut actions: Vec<usize> = all.iter().filter_map(|one| one.actions).collect();
