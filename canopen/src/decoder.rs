@@ -36,8 +36,8 @@ pub struct Decoder {
     /// The default SDO channels, by node id.
     channels: BTreeMap<u8, Channel>,
     layer: Layer,
-    /// The device of which the data sheet is known.
-    device: Option<Device>,
+    /// The devices of which the data sheets are known.
+    devices: Vec<Device>,
 }
 
 /// A frame of a trace.
@@ -80,7 +80,14 @@ impl Decoder {
     pub fn of_layout(node: u8, layout: PdoLayout, units: BTreeMap<Mux, Unit>) -> Self {
         let process = Process::of(node, &layout);
         let shown = Shown { types: layout.types, units };
-        Self { device: Some(Device { node, shown, process }), ..Self::default() }
+        Self { devices: vec![Device { node, shown, process }], ..Self::default() }
+    }
+
+    /// A decoder that knows the devices of another one as well, before it has seen a frame.
+    #[must_use]
+    pub fn with(mut self, other: Self) -> Self {
+        self.devices.extend(other.devices);
+        self
     }
 
     /// Takes the next frame of the trace and returns its meaning, in one line.
@@ -90,9 +97,9 @@ impl Decoder {
 
     /// Takes the next frame of the trace and returns its meaning.
     pub fn read(&mut self, frame: &Frame) -> Seen {
-        if let Some(pdo) = self.pdo(frame.id)
-            && let Some(device) = &self.device
-        {
+        let mut carriers = self.devices.iter();
+        let carrier = carriers.find_map(|it| Some((it, it.process.carried(frame.id)?)));
+        if let Some((device, pdo)) = carrier {
             let text = shown::process(&device.shown, device.node, &pdo, frame);
             return Seen { text, pdo: Some(pdo), ..Seen::default() };
         }
@@ -116,15 +123,15 @@ impl Decoder {
         plain()
     }
 
-    /// The process data object of the device that has this identifier now.
+    /// The process data object of a device that has this identifier now.
     pub fn pdo(&self, id: Id) -> Option<Pdo> {
-        self.device.as_ref()?.process.carried(id)
+        self.devices.iter().find_map(|device| device.process.carried(id))
     }
 
     fn transfer(&mut self, node: u8, side: Side, frame: &Frame) -> Seen {
         let said = self.channels.entry(node).or_default().see(side, frame, node);
         let mut seen = Seen { text: said.text, ..Seen::default() };
-        let device = self.device.as_mut().filter(|device| device.node == node);
+        let device = self.devices.iter_mut().find(|device| device.node == node);
         if let Some(whole) = said.whole {
             let shown = device.as_ref().map(|device| &device.shown);
             seen.text.push_str(&shown::whole(shown, &whole));
@@ -151,7 +158,7 @@ impl Decoder {
     /// A node sent its boot-up message: its parameters are those that it stored.
     fn restarted(&mut self, node: u8) {
         self.channels.entry(node).or_default().end();
-        if let Some(device) = self.device.as_mut().filter(|device| device.node == node) {
+        if let Some(device) = self.devices.iter_mut().find(|device| device.node == node) {
             device.process.restart();
         }
     }
