@@ -58,6 +58,10 @@ pub struct Blueprint {
     in_its_own_time: bool,
     /// Whether other stations send on its bus.
     shares_its_bus: bool,
+    /// Whether the values that it has are only known from what is heard.
+    listens: bool,
+    /// Whether it is as quick as a model, in whatever time.
+    prompt: bool,
     /// The actions that sessions leave out.
     spared: Vec<Kind>,
 }
@@ -86,6 +90,8 @@ impl Blueprint {
             emergencies: true,
             in_its_own_time: false,
             shares_its_bus: false,
+            listens: false,
+            prompt: false,
             spared: Vec::new(),
         })
     }
@@ -105,6 +111,23 @@ impl Blueprint {
     /// Whether other stations send on its bus.
     pub(crate) const fn shares_its_bus(&self) -> bool {
         self.shares_its_bus
+    }
+
+    /// The same for a device that others work with. It may have stored anything. `prompt` is that
+    /// it answers at once, as a simulated one does.
+    #[must_use]
+    pub fn listening(self, prompt: bool) -> Self {
+        Self { listens: true, in_its_own_time: true, prompt, ..self }
+    }
+
+    /// Whether values are only known from what is heard.
+    pub(crate) const fn listens(&self) -> bool {
+        self.listens
+    }
+
+    /// Whether the device is as quick as a model.
+    pub(crate) const fn is_prompt(&self) -> bool {
+        self.prompt || !self.in_its_own_time
     }
 
     /// The same for a device with which these actions are not done.

@@ -9,7 +9,7 @@ use rustc_hash::FxHashSet;
 use crate::belief::{Belief, Judged};
 use crate::blueprint::Blueprint;
 use crate::diagnosis::{Suspect, dissenting, explains, suspects};
-use crate::oracle::{End, Seen, Violation, What};
+use crate::oracle::{End, Oracle, Seen, Violation, What};
 use crate::session::{Goal, Played, Script, Session};
 
 /// Where sessions are played: a simulated device, or one on a bus.
@@ -205,10 +205,7 @@ impl<'b> Campaign<'b> {
             self.count(&played);
             let violation = match played.end {
                 None => {
-                    if self.right.len() == MOST_RIGHT {
-                        self.right.pop_front();
-                    }
-                    self.right.push_back(played.seen);
+                    self.is_right(played.seen);
                     return Ok(None);
                 }
                 Some(End::Void(_)) => {
@@ -221,9 +218,7 @@ impl<'b> Campaign<'b> {
                 self.tally.undecided += 1;
                 return Ok(None);
             }
-            let judged = self.belief.explain(&played.seen);
-            self.lessons += u64::from(judged != Judged::Expected);
-            match judged {
+            match self.explain(&played.seen) {
                 Judged::Wrong => {}
                 Judged::Learnt if lesson < LESSONS => continue,
                 Judged::Learnt | Judged::Expected => return Ok(None),
@@ -232,6 +227,26 @@ impl<'b> Campaign<'b> {
             return Ok(Some(Finding::new(number, session, seen, violation, stage)));
         }
         Ok(None)
+    }
+
+    /// The judge of a device that is believed to be as it is now.
+    pub(crate) fn oracle(&self) -> Oracle<'b> {
+        Oracle::new(self.blueprint, self.belief.model())
+    }
+
+    /// Takes note of something in which nothing was wrong.
+    pub(crate) fn is_right(&mut self, seen: Vec<Seen>) {
+        if self.right.len() == MOST_RIGHT {
+            self.right.pop_front();
+        }
+        self.right.push_back(seen);
+    }
+
+    /// Looks for freedoms that explain what is not as expected.
+    pub(crate) fn explain(&mut self, seen: &[Seen]) -> Judged {
+        let judged = self.belief.explain(seen);
+        self.lessons += u64::from(judged != Judged::Expected);
+        judged
     }
 
     /// Whether the same is wrong again when a session is repeated: where the tester or the device

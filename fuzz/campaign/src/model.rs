@@ -25,6 +25,10 @@ impl Model {
         self.device.node().dictionary()
     }
 
+    pub(crate) fn id(&self) -> u8 {
+        self.device.node().id()
+    }
+
     pub(crate) fn state(&self) -> NmtState {
         self.device.node().state()
     }
@@ -70,6 +74,11 @@ impl Model {
         _ = self.device.stimulate(now, POWER, &value, &mut self.out);
         self.out.clear();
         self.due = self.device.poll_at();
+    }
+
+    /// Has stored a value before it was switched on.
+    pub(crate) fn store(&mut self, mux: Mux, bytes: &[u8]) {
+        self.device.node_mut().store_value(mux, bytes);
     }
 
     /// Gives an object the value that the application of the device has given it.

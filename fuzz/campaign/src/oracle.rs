@@ -10,6 +10,7 @@
 
 mod expected;
 mod identifiers;
+mod known;
 mod sdo;
 mod streams;
 
@@ -23,13 +24,14 @@ use canopen::heartbeat::ErrorControl;
 use canopen::nmt::{self, Command, Service};
 use canopen::pdo::CobId;
 use canopen::sdo::RESPONSE_COB_ID;
-use canopen::{Frame, Instant, Mux, NmtState, Stamped, heartbeat};
+use canopen::{Data, Frame, Instant, Mux, NmtState, Stamped, heartbeat};
 use reference_devices::change::Replica;
 
 use crate::blueprint::Blueprint;
 use crate::model::Model;
 use expected::{Expected, Must, Queues};
 use identifiers::{Class, Identifiers};
+use known::Known;
 use sdo::{Before, Request};
 use streams::{Streams, Taken};
 
@@ -44,6 +46,10 @@ pub enum Seen {
     Until(Instant),
     /// The device, a program, ended by itself.
     Ended(Instant),
+    /// The device, which is about to boot, has this value then.
+    Stored(Mux, Data),
+    /// The device has been running until then, and nobody saw what it did.
+    Joined(Instant),
 }
 
 /// What is wrong with a device.
@@ -149,6 +155,10 @@ pub struct Oracle<'b> {
     followed: BTreeSet<Mux>,
     /// Texts of the application that were written since the last reset.
     texts: BTreeSet<Mux>,
+    /// What is known of the values of the device.
+    known: Known,
+    /// An object that has another value than the model, which nobody has written.
+    learnt: Option<(Mux, Data)>,
 }
 
 /// A reset of a device that boots, or its power-on.
@@ -177,6 +187,7 @@ impl<'b> Oracle<'b> {
         let model = Model::new(device);
         let at = Instant::ZERO;
         let takes = blueprint.is_in_its_own_time().then(|| boots_in(&model, node, at, None));
+        let known = Known::new(blueprint);
         let held = takes.flatten().map(|takes| Held { at, frame: None, takes });
         Self {
             blueprint,
@@ -199,6 +210,8 @@ impl<'b> Oracle<'b> {
             errors: blueprint.has_errors(),
             followed: BTreeSet::new(),
             texts: BTreeSet::new(),
+            known,
+            learnt: None,
         }
     }
 
@@ -234,9 +247,37 @@ impl<'b> Oracle<'b> {
                 self.model.power(at, on);
                 self.requests = [None, None];
                 self.release();
+                self.held = None;
+                if on && self.blueprint.is_in_its_own_time() {
+                    let takes = boots_in(&self.model, self.blueprint.node(), at, None);
+                    self.held = takes.map(|takes| Held { at, frame: None, takes });
+                }
+                Ok(())
+            }
+            Seen::Stored(mux, value) => {
+                self.model.store(mux, &value);
+                self.known.is_stored(mux, value);
+                Ok(())
+            }
+            Seen::Joined(at) => {
+                self.join(at);
                 Ok(())
             }
         }
+    }
+
+    /// The model comes to where the device is, which has sent something else on its way.
+    fn join(&mut self, at: Instant) {
+        while let Some(due) = self.model.due_before(at) {
+            let sent: Vec<Frame> = self.model.poll(due).collect();
+            // Nothing that is missing until then is missed.
+            sent.into_iter().for_each(|frame| _ = self.expect(due, frame));
+        }
+        self.now = self.now.max(at);
+        self.queues.release();
+        self.streams.begin(at);
+        self.early.clear();
+        self.known.join();
     }
 
     /// The device may have lost what it had to send.
@@ -244,6 +285,10 @@ impl<'b> Oracle<'b> {
         self.texts.clear();
         self.queues.release();
         self.streams.release();
+        if self.blueprint.listens() {
+            // Nobody waited until the model had sent them, too.
+            self.early.clear();
+        }
     }
 
     /// Whether the device is about to boot.
@@ -321,11 +366,27 @@ impl<'b> Oracle<'b> {
                 return Ok(());
             }
         }
+        if self.blueprint.listens() && !self.blueprint.is_prompt() {
+            self.overtakes(now, frame)?;
+        }
         if let Some(held) = self.held.take() {
             // The device has not come back, and will not hear this.
             self.begin(held.at, &held)?;
         }
         self.give(now, frame)
+    }
+
+    /// Others do not wait for a device in its own time: what it does first, nobody knows.
+    fn overtakes(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
+        if commands(frame, self.blueprint.node()) {
+            self.queues.release();
+            self.early.clear();
+        }
+        let answer = RESPONSE_COB_ID + u16::from(self.model.id());
+        match sdo::is_request(frame, self.model.id()) && self.queues.awaits(answer) {
+            true => Err(End::Void(now)),
+            false => Ok(()),
+        }
     }
 
     /// What is known before the model gets a request that the device may refuse.
@@ -347,6 +408,10 @@ impl<'b> Oracle<'b> {
         let tpdo = self.requests[1].as_ref().and_then(|request| request.configures(frame));
         self.configured.extend(tpdo.map(|tpdo| (tpdo, now)));
         let before = self.model.state();
+        if commands(frame, self.blueprint.node()) && self.known.enters() {
+            self.release();
+        }
+        self.known.hears(frame);
         let sent: Vec<Frame> = self.model.take(now, frame).collect();
         if self.model.state() == NmtState::OPERATIONAL && before != NmtState::OPERATIONAL {
             self.started = now;
@@ -369,7 +434,9 @@ impl<'b> Oracle<'b> {
     fn boot(&mut self, now: Instant, held: &Held) -> Result<(), End> {
         let reset = Instant(now.0.saturating_sub(held.takes.as_nanos() as u64));
         self.begin(reset, held)?;
-        self.advance(Instant(now.0.saturating_add(1)))
+        self.advance(Instant(now.0.saturating_add(1)))?;
+        self.known.booted(self.model.dictionary());
+        Ok(())
     }
 
     /// A frame was on the bus until `now`.
@@ -388,7 +455,7 @@ impl<'b> Oracle<'b> {
     }
 
     const fn usually_late(&self) -> Duration {
-        if self.blueprint.is_in_its_own_time() { LATE_ON_BUS } else { LATE }
+        if self.blueprint.is_prompt() { LATE } else { LATE_ON_BUS }
     }
 
     /// Notes a frame of the model.
@@ -400,8 +467,7 @@ impl<'b> Oracle<'b> {
             let early = self.early.iter().position(like);
             early.map(|place| self.early.remove(place));
             return match self.streams.expect(now, frame, period, self.late()) {
-                Some(_) if self.errors => Err(End::Void(now)),
-                Some(what) => wrong(now, what),
+                Some(what) => self.owed(now, what),
                 None => Ok(()),
             };
         }
@@ -429,7 +495,7 @@ impl<'b> Oracle<'b> {
     /// How much longer than for any other frame a device in its own time may take.
     fn later(&self, class: &Class) -> Duration {
         match class {
-            _ if !self.blueprint.is_in_its_own_time() => Duration::ZERO,
+            _ if self.blueprint.is_prompt() => Duration::ZERO,
             Class::Sdo | Class::Lss => ANSWER,
             _ => Duration::ZERO,
         }
@@ -497,15 +563,21 @@ impl<'b> Oracle<'b> {
     /// Whether the value of an object is compared by its length.
     fn is_volatile(&self, mux: Mux) -> bool {
         self.blueprint.is_of_application(mux) && !self.texts.contains(&mux)
+            || self.known.lacks(mux)
             || match mux.index {
                 STATUS_REGISTER | HIGH_RESOLUTION | STORED_SHEET => true,
-                ERROR_REGISTER | HISTORY => self.errors || !self.blueprint.knows_emergencies(),
+                ERROR_REGISTER | HISTORY => {
+                    self.errors || self.known.is_joined() || !self.blueprint.knows_emergencies()
+                }
                 _ => false,
             }
     }
 
     /// Judges a frame of the device.
     fn judge(&mut self, now: Instant, frame: &Frame) -> Result<(), End> {
+        if frame.remote && self.blueprint.shares_its_bus() {
+            return self.surprise(now, &Class::Other, frame, None);
+        }
         let boots = *frame == ErrorControl::BOOT_UP.frame(self.blueprint.node());
         if let Some(held) = self.held.take_if(|_| boots) {
             self.boot(now, &held)?;
@@ -533,7 +605,7 @@ impl<'b> Oracle<'b> {
             Taken::TooOften if matches!(&class, Class::Tpdo(tpdo) if self.is_free(tpdo)) => {
                 return Ok(());
             }
-            Taken::TooOften => return wrong(now, What::Unexpected(*frame, None)),
+            Taken::TooOften => return self.accuse(now, What::Unexpected(*frame, None)),
             Taken::Unknown => {}
         }
         let mut queues = std::mem::take(&mut self.queues);
@@ -569,12 +641,12 @@ impl<'b> Oracle<'b> {
 
     /// Whether nobody but the application knows the length of an object.
     fn is_free_text(&self, mux: Mux) -> bool {
-        let entry = self.blueprint.eds().entry(mux);
+        let unheard = self.blueprint.listens() && !self.known.is_written(mux);
         let free = |entry: &Entry| {
-            let alone = !entry.access.writable() || self.blueprint.is_text(entry);
+            let alone = !entry.access.writable() || self.blueprint.is_text(entry) || unheard;
             alone && entry.data_type.size().is_none()
         };
-        self.is_volatile(mux) && entry.is_some_and(free)
+        self.is_volatile(mux) && self.blueprint.eds().entry(mux).is_some_and(free)
     }
 
     /// Whether an upload of such an object begins, with a length that the model may not have.
@@ -610,6 +682,9 @@ impl<'b> Oracle<'b> {
         frame: &Frame,
         expected: &Frame,
     ) -> Result<(), End> {
+        if matches!(class, Class::Sdo) {
+            self.learn(frame, expected);
+        }
         if frame == expected || !matches!(class, Class::Sdo) {
             return Ok(());
         }
@@ -631,6 +706,41 @@ impl<'b> Oracle<'b> {
         self.model.follow(mux, &value);
         self.followed.insert(mux);
         Ok(())
+    }
+
+    /// Takes note of the value of an object that an answer shows.
+    fn learn(&mut self, frame: &Frame, expected: &Frame) {
+        if let Some((mux, value)) = sdo::read(frame).filter(|(mux, _)| self.known.lacks(*mux)) {
+            match frame == expected {
+                true => self.known.is_stored(mux, value),
+                false => self.learnt = Some((mux, value)),
+            }
+        }
+        let confirms = frame == expected && !self.model.transfers() && !sdo::refuses(frame);
+        if let Some(mux) = sdo::written(frame, &self.requests).filter(|_| confirms) {
+            self.known.wrote(mux, self.model.dictionary());
+        }
+    }
+
+    /// An object that has another value than the model has, which nobody has written since the
+    /// device booted.
+    pub(crate) fn learnt(&self) -> Option<(Mux, Data)> {
+        self.learnt
+    }
+
+    /// The values that the device is known to have after a reset.
+    pub(crate) fn boot_values(&self) -> &BTreeMap<Mux, Data> {
+        self.known.boot()
+    }
+
+    /// Whether the application has reported an error.
+    pub(crate) const fn has_errors(&self) -> bool {
+        self.errors
+    }
+
+    /// Whether a frame is one that must come next.
+    pub(crate) fn awaits_exactly(&self, frame: &Frame) -> bool {
+        self.queues.awaits_exactly(frame)
     }
 
     /// Takes the model from before a request that the device refuses, and judges by it what was
@@ -686,7 +796,7 @@ impl<'b> Oracle<'b> {
                 let gap = last.map(|last| now.since(last));
                 let inhibit = tpdo.inhibit.saturating_sub(self.late());
                 match gap.filter(|gap| tpdo.kind >= 254 && *gap < inhibit) {
-                    Some(gap) => wrong(now, What::Inhibited(*frame, gap)),
+                    Some(gap) => self.accuse(now, What::Inhibited(*frame, gap)),
                     None => Ok(()),
                 }
             }
@@ -696,7 +806,7 @@ impl<'b> Oracle<'b> {
             }
             Class::Emergency if !self.blueprint.knows_emergencies() => match frame.data.len() {
                 8 => Ok(()),
-                _ => wrong(now, What::Unexpected(*frame, expected)),
+                _ => self.accuse(now, What::Unexpected(*frame, expected)),
             },
             Class::Emergency if self.is_of_application(frame) => {
                 self.errors = true;
@@ -709,15 +819,37 @@ impl<'b> Oracle<'b> {
                 Some(_) => Ok(()),
                 None => self.take(now, frame),
             },
+            // An error of the application, of which there was no message.
+            Class::Sdo
+                if self.blueprint.listens()
+                    && !self.errors
+                    && sdo::read(frame).is_some_and(|(mux, _)| mux.index == ERROR_REGISTER)
+                    && expected.is_some_and(|it| sdo::read(&it).is_some()) =>
+            {
+                self.errors = true;
+                self.judge(now, frame)
+            }
+            // It is the device, which has another node id now.
+            Class::Other if self.blueprint.listens() && self.is_of_another(frame) => {
+                Err(End::Void(now))
+            }
             // Nobody but the application knows how long its text is now.
             Class::Sdo if expected.is_some_and(|it| self.has_another_length(frame, &it)) => {
                 Err(End::Void(now))
             }
-            Class::Sdo if expected.is_some() => wrong(now, What::Unexpected(*frame, expected)),
+            Class::Sdo if expected.is_some() => {
+                self.accuse(now, What::Unexpected(*frame, expected))
+            }
             Class::Sdo => self.unexpected(now, frame, expected),
-            _ if self.errors => Err(End::Void(now)),
+            _ if self.errors => self.owed(now, What::Unexpected(*frame, expected)),
             _ => self.unexpected(now, frame, expected),
         }
+    }
+
+    /// Whether a frame is the boot-up message of a node that has another id.
+    fn is_of_another(&self, frame: &Frame) -> bool {
+        let nodes = heartbeat::COB_ID + 1..=heartbeat::COB_ID + 127;
+        frame.data[..] == [0] && frame.data_id().is_some_and(|id| nodes.contains(&id))
     }
 
     /// A frame that the model has not sent. A device in its own time may be a little early, and one
@@ -728,10 +860,10 @@ impl<'b> Oracle<'b> {
         frame: &Frame,
         expected: Option<Frame>,
     ) -> Result<(), End> {
-        let early = match self.blueprint.is_in_its_own_time() {
-            true => EARLY,
-            false if self.open_request().is_some() => LATE,
-            false => return wrong(now, What::Unexpected(*frame, expected)),
+        let early = match self.blueprint.is_prompt() {
+            false => EARLY,
+            true if self.open_request().is_some() || self.blueprint.listens() => LATE,
+            true => return wrong(now, What::Unexpected(*frame, expected)),
         };
         self.early.push(Early { until: now + early, frame: *frame, expected });
         Ok(())
@@ -741,26 +873,69 @@ impl<'b> Oracle<'b> {
     fn is_of_application(&self, frame: &Frame) -> bool {
         let Ok(emcy) = Emcy::decode(&frame.data) else { return false };
         match emcy.code {
-            EmcyCode::RESET => self.errors,
+            // One that was there before anybody listened may end.
+            EmcyCode::RESET => self.errors || self.blueprint.listens() && emcy.register == 0,
+            // What a controller notices on the wire, no trace shows.
+            code if self.blueprint.listens() && OF_CONTROLLER.contains(&code.0) => true,
             code => !matches!(code.0 >> 8, 0x81 | 0x82),
         }
     }
 
     fn overdue(&mut self, now: Instant) -> Result<(), End> {
-        if let Some(early) = self.early.iter().find(|early| early.until < now) {
-            return match self.errors || self.begins_free_text(&early.frame) {
-                true => Err(End::Void(now)),
-                false => wrong(now, What::Unexpected(early.frame, early.expected)),
-            };
+        while let Some(place) = self.early.iter().position(|early| early.until < now) {
+            let Early { frame, expected, .. } = self.early.remove(place);
+            if self.begins_free_text(&frame) {
+                return Err(End::Void(now));
+            }
+            self.owed(now, What::Unexpected(frame, expected))?;
         }
         let late = self.late();
-        if let Some(what) = self.queues.overdue(now, late) {
-            return match self.errors {
-                true => Err(End::Void(now)),
-                false => wrong(now, what),
-            };
+        while let Some(what) = self.queues.overdue(now, late) {
+            self.owed(now, what)?;
         }
         Ok(())
+    }
+
+    /// Something is wrong that is nobody's business but the application's once it has reported an
+    /// error.
+    fn owed(&mut self, now: Instant, what: What) -> Result<(), End> {
+        match self.accuse(now, what) {
+            Err(End::Violation(_)) if self.errors => Err(End::Void(now)),
+            judged => judged,
+        }
+    }
+
+    /// Something is wrong, if nothing is unknown on which it depends.
+    fn accuse(&mut self, now: Instant, what: What) -> Result<(), End> {
+        let frame = match what {
+            What::Unexpected(frame, _) | What::Missing(frame, _) | What::Inhibited(frame, _) => {
+                frame
+            }
+            What::Ended(_) => return wrong(now, what),
+        };
+        let class = self.identifiers.class(&frame, &self.model, now, self.usually_late());
+        let written = sdo::written(&frame, &self.requests);
+        let refused = match &what {
+            What::Unexpected(it, Some(other)) => sdo::refuses(it) != sdo::refuses(other),
+            _ => false,
+        };
+        let written = written.filter(|_| refused && matches!(class, Class::Sdo));
+        if written.is_some_and(|mux| !self.known.decides_write(mux)) {
+            return Err(End::Void(now));
+        }
+        if matches!(class, Class::Sdo) && self.known.is_joined() && self.requests[1].is_none() {
+            return Err(End::Void(now));
+        }
+        if self.known.decides(&class, &what, &self.model) {
+            return wrong(now, what);
+        }
+        // The device is in a state that somebody has not seen it enter.
+        let says = ErrorControl::decode(&frame.data).map(|report| report.state);
+        let elsewhere = says.is_ok_and(|state| state != self.model.state());
+        match matches!(class, Class::ErrorControl) && elsewhere {
+            true => Err(End::Void(now)),
+            false => Ok(()),
+        }
     }
 }
 
@@ -771,9 +946,9 @@ fn boots_in(model: &Model, node: u8, now: Instant, command: Option<&Frame>) -> O
         Some(command) => model.take(now, command).for_each(drop),
         None => model.start(now),
     }
-    let boot_up = Some(error_control(node));
+    let boot_up = ErrorControl::BOOT_UP.frame(node);
     while let Some(due) = model.due_before(now + START) {
-        if model.poll(due).any(|sent| sent.data_id() == boot_up) {
+        if model.poll(due).any(|sent| sent == boot_up) {
             return Some(due.since(now));
         }
     }
@@ -788,6 +963,12 @@ fn is_reset(frame: &Frame) -> bool {
     let command = Command::decode(&frame.data).ok();
     let resets = [Service::RESET_NODE, Service::RESET_COMMUNICATION];
     frame.data_id() == Some(nmt::COB_ID) && command.is_some_and(|it| resets.contains(&it.service))
+}
+
+/// Whether a frame commands a node to enter a state.
+fn commands(frame: &Frame, node: u8) -> bool {
+    let command = Command::decode(&frame.data).ok();
+    frame.data_id() == Some(nmt::COB_ID) && command.is_some_and(|it| [0, node].contains(&it.node))
 }
 
 /// The identifier of heartbeat and boot-up of a node.
@@ -812,6 +993,9 @@ const TIME: u16 = 0x1012;
 const MOST_AHEAD: usize = 256;
 const SYNC_PERIOD: u16 = 0x1006;
 const HEARTBEAT: u16 = 0x1017;
+/// Emergency error codes of a CAN controller: overrun, error passive, recovered from bus-off,
+/// identifier collision.
+const OF_CONTROLLER: [u16; 4] = [0x8110, 0x8120, 0x8140, 0x8150];
 const ERROR_REGISTER: u16 = 0x1001;
 const STATUS_REGISTER: u16 = 0x1002;
 const HISTORY: u16 = 0x1003;

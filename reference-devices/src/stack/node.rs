@@ -82,6 +82,11 @@ impl Node {
         self.services.base.state
     }
 
+    /// The node id, which LSS may have changed.
+    pub fn id(&self) -> u8 {
+        self.services.base.id
+    }
+
     /// The objects, as the device itself sees them.
     pub fn dictionary(&self) -> &Dictionary {
         &self.services.base.od
@@ -95,6 +100,11 @@ impl Node {
     /// Gives an object the value that the application of another device has given it.
     pub fn take_value(&mut self, mux: Mux, bytes: &[u8]) {
         self.services.base.od.set(mux, bytes);
+    }
+
+    /// Stores a value, which the object has after the next reset.
+    pub fn store_value(&mut self, mux: Mux, bytes: &[u8]) {
+        self.services.store_value(mux, bytes);
     }
 
     fn initialise(&mut self, now: Instant, reset: Reset) {

@@ -94,6 +94,11 @@ impl Services {
         self.storage.poll_at().is_some()
     }
 
+    /// Stores a value beside those that are stored.
+    pub(crate) fn store_value(&mut self, mux: Mux, bytes: &[u8]) {
+        self.storage.put(mux, bytes);
+    }
+
     /// The supply is gone.
     pub(crate) fn cut(&mut self, now: Instant) {
         self.storage.cut(now, &self.base);

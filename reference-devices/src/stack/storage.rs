@@ -203,6 +203,13 @@ impl Storage {
         *self.older_mut() = Bank { number, values };
     }
 
+    /// Stores a value beside those that are stored.
+    pub(crate) fn put(&mut self, mux: Mux, bytes: &[u8]) {
+        let values = self.newest().values.clone();
+        let values = self.with(values, vec![(mux, Some(bytes.to_vec()))]);
+        self.commit(values);
+    }
+
     /// Forgets everything that was stored.
     pub(crate) fn forget(&mut self) {
         self.commit(Values::new());

@@ -145,10 +145,10 @@ impl Queues {
                     Must::Within(time) => queue.last.is_some_and(|last| last + time + late >= at),
                     Must::Not => true,
                 };
+                queue.expected.pop_front();
                 if !came {
                     return Some(What::Missing(frame, at));
                 }
-                queue.expected.pop_front();
             }
         }
         None

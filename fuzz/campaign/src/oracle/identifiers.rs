@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use canopen::pdo::{CobId, Mapping};
+use canopen::sdo::RESPONSE_COB_ID;
 use canopen::{Dictionary, Frame, Instant, Mux, emcy, lss};
 
 use super::error_control;
@@ -67,10 +68,10 @@ impl Identifiers {
         late: Duration,
     ) -> Class {
         let Some(id) = frame.id.as_standard() else { return Class::Other };
-        if id == canopen::sdo::RESPONSE_COB_ID + u16::from(self.node) {
+        if [self.node, model.id()].map(|it| RESPONSE_COB_ID + u16::from(it)).contains(&id) {
             return Class::Sdo;
         }
-        if id == error_control(self.node) {
+        if [self.node, model.id()].map(error_control).contains(&id) {
             return Class::ErrorControl;
         }
         if id == lss::RESPONSE_COB_ID {

@@ -2,7 +2,7 @@
 
 use canopen::sdo::block::{BlockRequest, BlockResponse};
 use canopen::sdo::{self, Initiate, Response};
-use canopen::{Abort, Frame, Mux, Stamped};
+use canopen::{Abort, Data, Frame, Mux, Stamped};
 
 use super::Early;
 use super::expected::Queues;
@@ -94,7 +94,7 @@ pub(super) fn is_request(frame: &Frame, node: u8) -> bool {
 /// The request that begins with a frame of a client.
 pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Option<Request> {
     let id = frame.data_id()?;
-    let default = sdo::REQUEST_COB_ID + u16::from(blueprint.node());
+    let default = sdo::REQUEST_COB_ID + u16::from(model.id());
     let od = model.dictionary();
     let further = od.entries_in(0x1201..=0x127F).iter().filter(|entry| entry.mux.sub == 1);
     let mut further = further.filter_map(|entry| od.int(entry.mux));
@@ -114,6 +114,8 @@ pub(super) fn request(frame: &Frame, blueprint: &Blueprint, model: &Model) -> Op
     };
     let may = match blueprint.is_of_application(mux) {
         true => MayRefuse::Anything,
+        // A memory can fail.
+        false if blueprint.listens() && matches!(mux.index, 0x1010 | 0x1011) => MayRefuse::Anything,
         // What 0 switches off can be switched off.
         false if is_time(mux) && !ends => MayRefuse::Times,
         false => MayRefuse::Nothing,
@@ -228,6 +230,31 @@ pub(super) fn followed(
             let request = known.find(|request| request.mux == mux && !request.uploads)?;
             Some((mux, request.before.clone()?))
         }
+        _ => None,
+    }
+}
+
+/// The object that the last request writes which an answer is about.
+pub(super) fn written(frame: &Frame, requests: &[Option<Request>; 2]) -> Option<Mux> {
+    let mut known = requests.iter().flatten().rev();
+    let mut of = |mux| known.find(|request| request.mux == mux);
+    let request = match Response::decode(&frame.data).ok()? {
+        Response::Download(mux) | Response::Abort(mux, _) => of(mux),
+        Response::DownloadSegment(_) | Response::Block(_) => requests[1].as_ref(),
+        _ => None,
+    };
+    request.filter(|request| !request.uploads).map(|request| request.mux)
+}
+
+/// Whether a frame is an abort.
+pub(super) fn refuses(frame: &Frame) -> bool {
+    frame.data.first() == Some(&ABORT)
+}
+
+/// The object of which an answer is the whole value.
+pub(super) fn read(frame: &Frame) -> Option<(Mux, Data)> {
+    match Response::decode(&frame.data).ok()? {
+        Response::Upload(mux, Initiate::Expedited(value)) => Some((mux, Data::new(&value))),
         _ => None,
     }
 }

@@ -103,6 +103,14 @@ impl Streams {
         if now.since(first) < least { Taken::TooOften } else { Taken::InTime }
     }
 
+    /// The frames of the device are seen from now on.
+    pub(super) fn begin(&mut self, now: Instant) {
+        for stream in &mut self.of_ids {
+            stream.since = now;
+            stream.came.clear();
+        }
+    }
+
     /// The device may begin them anew.
     pub(super) fn release(&mut self) {
         for stream in &mut self.of_ids {

@@ -111,7 +111,7 @@ impl<'r> Record<'r> {
                     let text = "the program ended by itself".to_owned();
                     self.reporter.tell(&Event::Note(Note { at, text }));
                 }
-                Seen::Until(_) => {}
+                Seen::Until(_) | Seen::Stored(..) | Seen::Joined(_) => {}
             }
         }
         let outcome = waivers.apply(&target.dut.name, &started, outcome);

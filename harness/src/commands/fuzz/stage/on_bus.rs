@@ -162,7 +162,11 @@ impl Stage for OnBus<'_> {
         let played = Player::new(&mut bus, blueprint, model).play(script)?;
         let frames = played.seen.iter().filter_map(|seen| match seen {
             Seen::Frame(stamped) => Some(*stamped),
-            Seen::Power(..) | Seen::Until(_) | Seen::Ended(_) => None,
+            Seen::Power(..)
+            | Seen::Until(_)
+            | Seen::Ended(_)
+            | Seen::Stored(..)
+            | Seen::Joined(_) => None,
         });
         let frames: Vec<Stamped> = frames.collect();
         self.leave(&frames)?;
