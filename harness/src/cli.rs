@@ -69,6 +69,9 @@ pub enum Command {
     Eds(EdsCommand),
     /// Print a trace in words: a log of candump, or the journal of a run
     Decode(DecodeArgs),
+    /// Print in words what a live bus or a log says, and with --check judge its devices without
+    /// sending a frame
+    Monitor(MonitorArgs),
     /// Write a first file of waivers from the journal of a run
     Waive(WaiveArgs),
     /// Set back what a run that was killed left changed in a device; without a run, list them
@@ -628,6 +631,44 @@ pub struct DecodeArgs {
     /// Which profiles.
     #[command(flatten)]
     pub catalogue: CatalogueFolder,
+}
+
+/// Arguments of `monitor`.
+#[derive(Debug, Args)]
+pub struct MonitorArgs {
+    /// A log of candump, with time stamps for --check, or a journal; `-` is standard input
+    #[arg(required_unless_present = "target", conflicts_with = "target")]
+    pub file: Option<PathBuf>,
+    /// The bus, such as `can0`
+    #[arg(long)]
+    pub target: Option<String>,
+    /// Judge each device that is named, and those of a journal that this program knows, by a model
+    /// of it; exit 1 when one of them does something wrong
+    #[arg(long)]
+    pub check: bool,
+    /// Node id of a device; its data sheet follows with --eds, and both may be repeated
+    #[arg(long, value_name = "ID", value_parser = whole::<u8>(1..=127))]
+    pub node: Vec<u8>,
+    /// Data sheet of the node
+    #[arg(long, value_name = "FILE")]
+    pub eds: Vec<PathBuf>,
+    /// A device that is like a reference device, with its node id if that is not the usual one:
+    /// `drr460` or `drr460@5`; may be repeated
+    #[arg(long, value_name = "NAME[@ID]")]
+    pub device: Vec<String>,
+    /// Bit rate of the bus in bit/s
+    #[arg(long, value_name = "BITS")]
+    #[arg(value_parser = whole::<u32>(1..=1_000_000))]
+    pub bitrate: Option<u32>,
+    /// How long to listen to a bus, such as `30s`, `10m` or `2h`; until Ctrl-C when absent
+    #[arg(long, value_parser = seconds, requires = "target")]
+    pub time: Option<u64>,
+    /// Print the summary and what is wrong, and not each frame
+    #[arg(short, long)]
+    pub quiet: bool,
+    /// Which requirements and profiles.
+    #[command(flatten)]
+    pub folders: Folders,
 }
 
 /// Arguments of `waive`.

@@ -12,6 +12,7 @@ mod explain;
 mod fuzz;
 mod init;
 mod list;
+mod monitor;
 mod qualify;
 mod restore;
 mod rewrite;
@@ -45,6 +46,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Explain(args)) => explain::run(&args),
         Some(Command::Eds(command)) => eds::run(&command, &stop),
         Some(Command::Decode(args)) => decode::run(&args),
+        Some(Command::Monitor(args)) => monitor::run(&args, &stop),
         Some(Command::Waive(args)) => waive::run(&args),
         Some(Command::Restore(args)) => restore::run(&args, &stop),
         Some(Command::Init(args)) => init::run(&args, &stop),

@@ -29,7 +29,7 @@ use crate::exit::{Exit, Refused};
 use crate::files::words;
 use crate::reporter::{Reporter, harmless, say};
 
-use causes::{Cause, group};
+pub(super) use causes::{Cause, group};
 use file::FindingFile;
 use may::may_do;
 pub(super) use model::Modelled;

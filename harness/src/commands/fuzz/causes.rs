@@ -2,18 +2,20 @@
 
 use std::collections::BTreeMap;
 
-use campaign::{Blueprint, Campaign, Finding};
+use campaign::{Blueprint, Campaign, Finding, Suspect};
 
 /// A cause that findings have in common.
-pub(super) struct Cause {
+pub(in crate::commands) struct Cause {
     /// A name for files and reports.
     pub(super) name: String,
     /// The mutants that do the same, by their places in the blueprint, the likeliest first.
-    pub(super) mutants: Vec<usize>,
+    pub(in crate::commands) mutants: Vec<usize>,
+    /// How many of them are as likely as the first one.
+    pub(in crate::commands) likeliest: usize,
     /// Their requirements, each with a sentence.
     pub(super) says: Vec<(String, String)>,
     /// The places of its findings.
-    pub(super) findings: Vec<usize>,
+    pub(in crate::commands) findings: Vec<usize>,
 }
 
 /// How many mutants are named.
@@ -22,7 +24,7 @@ const NAMED: usize = 2;
 const DIAGNOSED: usize = 12;
 
 /// Puts the findings of a campaign together by their causes.
-pub(super) fn group(
+pub(in crate::commands) fn group(
     campaign: &Campaign<'_>,
     blueprint: &Blueprint,
     findings: &[Finding],
@@ -40,6 +42,8 @@ pub(super) fn group(
         if explained.is_empty() {
             break;
         }
+        let order = |it: &Suspect| (it.explains, it.contradicts);
+        let likeliest = suspects.iter().filter(|it| order(it) == order(&suspects[0])).count();
         let mutants: Vec<usize> = suspects.iter().map(|suspect| suspect.mutant).collect();
         let mut says = BTreeMap::new();
         let mut order = Vec::new();
@@ -50,7 +54,7 @@ pub(super) fn group(
             }
         }
         let name = blueprint.mutants()[best].name.clone();
-        all.push(Cause { name, mutants, says: order, findings: explained });
+        all.push(Cause { name, mutants, likeliest, says: order, findings: explained });
         left = others;
     }
     let mut by_look: BTreeMap<String, Vec<usize>> = BTreeMap::new();
@@ -60,6 +64,7 @@ pub(super) fn group(
     all.extend(by_look.into_iter().map(|(name, findings)| Cause {
         name,
         mutants: Vec::new(),
+        likeliest: 0,
         says: Vec::new(),
         findings,
     }));

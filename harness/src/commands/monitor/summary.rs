@@ -1,0 +1,117 @@
+//! What a trace has shown of each device.
+
+use std::fmt::Write;
+
+use campaign::{Blueprint, Candidate, Finding};
+use runner::suite::Register;
+
+use super::judge::Judge;
+use crate::commands::counted::counted;
+use crate::commands::fuzz::{Cause, group};
+use crate::exit::Exit;
+
+/// What a trace has shown.
+pub(super) struct Summary<'r> {
+    register: &'r Register,
+    text: String,
+    is_wrong: bool,
+    devices: usize,
+}
+
+/// How many kinds of devices are named between which a trace does not decide.
+const NAMED: usize = 4;
+
+impl<'r> Summary<'r> {
+    pub(super) const fn new(register: &'r Register) -> Self {
+        Self { register, text: String::new(), is_wrong: false, devices: 0 }
+    }
+
+    /// A device of which nobody has the data sheet.
+    pub(super) fn unknown(&mut self, name: &str, node: u8) {
+        // Writing to a string cannot fail.
+        _ = writeln!(
+            self.text,
+            "{name}, node {node}: not judged, since this program has no data sheet of it: --node \
+             {node} --eds FILE gives one"
+        );
+    }
+
+    /// What was heard of a device, and what is wrong with it.
+    pub(super) fn add(&mut self, judge: &Judge<'_>) {
+        let (heard, findings) = (judge.listener.heard(), judge.listener.findings());
+        self.devices += 1;
+        self.is_wrong |= !findings.is_empty();
+        let (name, node) = (&judge.name, judge.node);
+        let text = &mut self.text;
+        // Writing to a string cannot fail.
+        _ = writeln!(
+            text,
+            "{name}, node {node}: {}, {} judged, {} open, {} wrong",
+            counted(heard.frames, "frame"),
+            heard.judged,
+            heard.open,
+            findings.len(),
+        );
+        for freedom in judge.listener.campaign().belief().freedoms() {
+            let clauses = freedom.clauses.join(", ");
+            _ = writeln!(text, "  learnt: {}: {} ({clauses})", freedom.name, freedom.why);
+        }
+        let all: Vec<Finding> = findings.iter().map(|(_, finding)| finding.clone()).collect();
+        for cause in group(judge.listener.campaign(), judge.blueprint, &all) {
+            let first = cause.findings.first().copied().unwrap_or_default();
+            let (finding, at) = (&all[first], judge.times.get(first).copied().unwrap_or_default());
+            let times = counted(cause.findings.len(), "time");
+            _ = writeln!(self.text, "  FAIL {}, {times}, first at {at} s", finding.violation);
+            self.requirements(&cause, judge.blueprint);
+        }
+    }
+
+    /// What a device like this breaks, as far as the trace decides it.
+    fn requirements(&mut self, cause: &Cause, blueprint: &Blueprint) {
+        let like = cause.mutants.iter().take(cause.likeliest);
+        let like: Vec<&Candidate> = like.map(|place| &blueprint.mutants()[*place]).collect();
+        let text = &mut self.text;
+        let Some(first) = like.first() else {
+            // Writing to a string cannot fail.
+            _ = writeln!(text, "    no mutant does the same, which would name the requirement");
+            return;
+        };
+        let common =
+            first.clauses.iter().filter(|id| like.iter().all(|it| it.clauses.contains(id)));
+        let common: Vec<&String> = common.collect();
+        let (named, rest) = match common.is_empty() {
+            false => (vec![(first, common)], 0),
+            true => {
+                _ = writeln!(text, "    the trace does not decide which one:");
+                let each = like.iter().take(NAMED).map(|it| (it, it.clauses.iter().collect()));
+                (each.collect(), like.len().saturating_sub(NAMED))
+            }
+        };
+        for (mutant, ids) in named {
+            _ = writeln!(text, "    like: {}", mutant.why);
+            for id in ids {
+                let check = self.register.check(id);
+                let says = check.map_or_else(String::new, |check| {
+                    format!(" ({}, {}): {}", check.document, check.clause, check.says)
+                });
+                _ = writeln!(text, "    {id}{says}");
+            }
+        }
+        if rest > 0 {
+            _ = writeln!(text, "    and {}", counted(rest, "other"));
+        }
+    }
+
+    /// All of it, for people.
+    pub(super) fn text(&self) -> String {
+        match self.devices {
+            0 => self.text.clone() + "no device was judged: --node ID --eds FILE names one\n",
+            _ => self.text.clone(),
+        }
+    }
+
+    /// The exit code that it makes.
+    pub(super) const fn exit(&self) -> Exit {
+        if self.is_wrong { Exit::Failed } else { Exit::Green }
+    }
+}
