@@ -277,7 +277,8 @@ impl<'b> Listener<'b> {
             let at = stretch.there(violation.at);
             let (session, number) = (Session::default(), self.findings.len() as u64);
             let seen = stretch.seen[..place].to_vec();
-            self.findings.push((at, Finding { number, session, seen, violation: *violation }));
+            self.findings
+                .push((at, Finding { number, session, seen, violation: *violation, said: None }));
             stretch.seen.clear();
         }
         self.end();
