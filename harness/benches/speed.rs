@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 use campaign::session::Script;
-use campaign::{Action, Belief, Blueprint, Stage, Then, VirtualDevice, bytes};
+use campaign::{Action, Belief, Blueprint, Kind, Stage, Then, VirtualDevice, bytes};
 use canopen::sdo::block::LARGEST_BLOCK;
 use canopen::sdo::{Client, Transfer};
 use canopen::{Bus, Device, Frame, Instant, Mux, Outbox, Stamped, VirtualBus, eds, wire};
@@ -29,6 +29,7 @@ criterion_group!(
     cycles_of_function_blocks,
     eds_read,
     fuzzing,
+    exploration,
     model_of_eds,
     journal_line,
 );
@@ -213,6 +214,37 @@ fn fuzzing(bench: &mut Criterion) {
             }
         });
     });
+    group.finish();
+}
+
+/// Explorations: a session of a quarter of an hour, in which the reference device beside the device
+/// does the same, with looks at everything. The design promises 1000 times real time, which is less
+/// than 900 ms.
+fn exploration(bench: &mut Criterion) {
+    const WORK: Duration = Duration::from_secs(900);
+    let mut group = bench.benchmark_group("quarter of an hour explored");
+    group.sample_size(20);
+    for (name, start) in [("drr460", "601#2B004000D0070000"), ("em66", "642#2F25640101000000")] {
+        let device = devices::device(name).expect("it is part of the program");
+        let node = device.description.default_node;
+        let blueprint = Blueprint::of_reference(&device, node, BIT_RATE);
+        let blueprint = blueprint.expect("its data are right");
+        let model = Belief::new(&blueprint, Vec::new()).expect("it is a device").model();
+        let mut stage = VirtualDevice::new(model.clone(), BIT_RATE);
+        let frame = start.parse().expect("it is a frame");
+        let answer = Then::answer(0x580 + u16::from(node));
+        let actions = [
+            Action::new(Kind::Download, vec![frame], answer),
+            Action::new(Kind::Wait, Vec::new(), Then::after(WORK)),
+            Action::new(Kind::LookAtAll, Vec::new(), Then::Wait(0)),
+        ];
+        group.bench_function(name, |bench| {
+            bench.iter(|| {
+                let played = stage.play(&blueprint, model.clone(), &Script::Actions(&actions));
+                assert!(played.is_ok_and(|played| played.end.is_none()));
+            });
+        });
+    }
     group.finish();
 }
 

@@ -404,6 +404,11 @@ pub struct CampaignArgs {
     /// Play every Nth session, from the Ith on: N programs share the sessions
     #[arg(long, value_name = "I/N", value_parser = shard)]
     pub shard: Option<Shard>,
+    /// The reference device that is the model, such as `drr460`, or `sheet` for one with the data
+    /// sheet of the device and an application that is not known; by default, of a simulated device,
+    /// the reference device that it is one of, and else `sheet`
+    #[arg(long, value_name = "NAME")]
+    pub oracle: Option<String>,
     /// Stop after so many sessions in which something was wrong
     #[arg(long, value_name = "N", default_value_t = 20)]
     pub max_findings: usize,
@@ -485,6 +490,10 @@ pub struct DeviceArgs {
     /// Bit rate of the bus in bit/s
     #[arg(long, value_name = "RATE")]
     pub bitrate: Option<u32>,
+    /// The bench around the device: `unix:PATH`, or a program with its arguments that answers lines
+    /// of JSON
+    #[arg(long, value_name = "RIG")]
+    pub bench: Option<String>,
 }
 
 /// Arguments of `fuzz repro` and `fuzz shrink`.

@@ -1,8 +1,9 @@
 //! What a session does to a device.
 
+use std::sync::Arc;
 use std::time::Duration;
 
-use canopen::Frame;
+use canopen::{Frame, Value};
 use serde::{Deserialize, Serialize};
 
 /// Something that a session does: frames, and what it waits for after them.
@@ -14,8 +15,44 @@ pub struct Action {
     /// The frames, as candump writes them.
     #[serde(default, skip_serializing_if = "Vec::is_empty", with = "frames")]
     pub frames: Vec<Frame>,
+    /// What is set on the bench, after the frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bench: Option<Stimulus>,
     /// What follows.
     pub then: Then,
+}
+
+impl Action {
+    /// Frames, and what follows.
+    pub const fn new(does: Kind, frames: Vec<Frame>, then: Then) -> Self {
+        Self { does, frames, bench: None, then }
+    }
+}
+
+impl Kind {
+    /// Whether only an exploration does it.
+    pub const fn is_of_explorations(self) -> bool {
+        matches!(self, Self::Stimulate | Self::Look | Self::LookAtAll)
+    }
+}
+
+/// A stimulus of the bench.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, rename_all = "kebab-case")]
+pub struct Stimulus {
+    /// Its name.
+    pub name: Arc<str>,
+    /// A number, or a word.
+    pub value: Arc<str>,
+}
+
+impl Stimulus {
+    /// The value as a bench takes it.
+    pub fn level(&self) -> Value {
+        let whole = self.value.parse().map(Value::Int);
+        let number = whole.or_else(|_| self.value.parse().map(Value::Real));
+        number.unwrap_or_else(|_| Value::Text(self.value.as_ref().to_owned()))
+    }
 }
 
 /// What a session waits for.
@@ -193,6 +230,12 @@ kinds! {
     LssWrong,
     /// A frame with an identifier of nobody, or with one that the device no longer has.
     Stranger,
+    /// A stimulus of the bench.
+    Stimulate,
+    /// A look at objects and at the bench.
+    Look,
+    /// A look at everything.
+    LookAtAll,
 }
 
 mod frames {

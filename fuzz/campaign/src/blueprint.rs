@@ -13,7 +13,8 @@ use reference_devices::mutant::{self, Mutant};
 use reference_devices::rules::Dissent;
 use reference_devices::stack::NodeSettings;
 
-use crate::action::Kind;
+use crate::action::{Action, Kind};
+use crate::surface::Surface;
 
 /// A deviation that may explain what a device does.
 #[derive(Clone, Debug)]
@@ -35,6 +36,13 @@ impl Candidate {
         let deviation = freedom.deviation().of_stack()?;
         let Freedom { name, allowed_by: clauses, why, excludes, .. } = freedom;
         Some(Self { name, clauses, why, deviation, excludes })
+    }
+
+    /// A freedom of a reference device.
+    fn whole(freedom: Freedom) -> Self {
+        let deviation = freedom.deviation();
+        let Freedom { name, allowed_by: clauses, why, excludes, .. } = freedom;
+        Self { name, clauses, why, deviation, excludes }
     }
 
     /// Whether a device can use both.
@@ -64,6 +72,10 @@ pub struct Blueprint {
     prompt: bool,
     /// The actions that sessions leave out.
     spared: Vec<Kind>,
+    /// What can be set and seen, where a reference device is the model.
+    surface: Option<Arc<Surface>>,
+    /// Sessions in which such a device works, to be told again in other ways.
+    known: Arc<[Vec<Action>]>,
 }
 
 impl Blueprint {
@@ -93,7 +105,62 @@ impl Blueprint {
             listens: false,
             prompt: false,
             spared: Vec::new(),
+            surface: None,
+            known: Arc::default(),
         })
+    }
+
+    /// A device that is to be like a reference device, whose application is the judge of its own.
+    ///
+    /// # Errors
+    /// When the data of the device, of a freedom or of a mutant do not load.
+    pub fn of_reference(
+        device: &ReferenceDevice,
+        node: u8,
+        bit_rate: u32,
+    ) -> Result<Self, Vec<Complaint>> {
+        let mut device = device.clone();
+        device.description.settings.bit_rate = bit_rate;
+        let built = Deviation::default().build(&device, node).map_err(|wrong| vec![wrong])?;
+        let surface = Arc::new(Surface::of(&device, node, &*built));
+        let freedoms = freedom::of(&device)?.into_iter().map(Candidate::whole);
+        let mutants = mutant::of(&device)?.into_iter().filter(|mutant| !mutant.canary);
+        let mutants = mutants.filter(|mutant| !mutant.is_of_data_sheet()).map(|mutant| {
+            let deviation = mutant.deviation();
+            let Mutant { name, breaks: clauses, why, .. } = mutant;
+            Candidate { name, clauses, why, deviation, excludes: Vec::new() }
+        });
+        Ok(Self {
+            device,
+            node,
+            freedoms: Pool::new(freedoms.collect()),
+            mutants: Pool::new(mutants.collect()),
+            errors: false,
+            emergencies: true,
+            in_its_own_time: false,
+            shares_its_bus: false,
+            listens: false,
+            prompt: false,
+            spared: Vec::new(),
+            surface: Some(surface),
+            known: Arc::default(),
+        })
+    }
+
+    /// The same with sessions in which such a device works, to be told again in other ways.
+    #[must_use]
+    pub fn knowing(self, known: impl Into<Arc<[Vec<Action>]>>) -> Self {
+        Self { known: known.into(), ..self }
+    }
+
+    /// Sessions in which such a device works.
+    pub fn known(&self) -> &[Vec<Action>] {
+        &self.known
+    }
+
+    /// What can be set and seen, where a reference device is the model.
+    pub fn surface(&self) -> Option<&Surface> {
+        self.surface.as_deref()
     }
 
     /// The same for a device on a bus, which is in a time of its own.

@@ -9,6 +9,7 @@ use rustc_hash::FxHashSet;
 use crate::belief::{Belief, Judged};
 use crate::blueprint::Blueprint;
 use crate::diagnosis::{Suspect, dissenting, explains, suspects};
+use crate::explore::{Coverage, Sights};
 use crate::oracle::{End, Oracle, Seen, Violation, What};
 use crate::session::{Goal, Played, Script, Session};
 
@@ -99,6 +100,10 @@ pub struct Tally {
     pub followed: BTreeSet<Mux>,
     /// Sessions that reached code which none before had.
     pub further: u64,
+    /// What an exploration tried together.
+    pub coverage: Coverage,
+    /// What an exploration has judged.
+    pub judged: Sights,
 }
 
 /// A campaign on one device.
@@ -122,6 +127,8 @@ const FROM_EARLIER: u8 = 60;
 
 /// How many sessions are kept in which nothing was wrong.
 const MOST_RIGHT: usize = 48;
+/// How many of them an exploration holds against a mutant.
+const MOST_LONG: usize = 8;
 
 impl<'b> Campaign<'b> {
     /// A campaign that begins with this belief.
@@ -164,7 +171,11 @@ impl<'b> Campaign<'b> {
     /// Whatever the bus reports.
     pub fn play(&self, stage: &mut dyn Stage, number: u64) -> Result<Played, BusError> {
         let bytes = self.bytes(number);
-        stage.play(self.blueprint, self.belief.model(), &Script::Bytes(&bytes))
+        stage.play(
+            self.blueprint,
+            self.belief.model(),
+            &Script::Steered(&bytes, &self.tally.coverage),
+        )
     }
 
     /// The bytes of the session of this number: new ones, or the beginning of an earlier session
@@ -203,7 +214,7 @@ impl<'b> Campaign<'b> {
                 self.further.push((number, self.bytes(number)));
             }
             self.count(&played);
-            let violation = match played.end {
+            let violation = match &played.end {
                 None => {
                     self.is_right(played.seen);
                     return Ok(None);
@@ -212,7 +223,7 @@ impl<'b> Campaign<'b> {
                     self.tally.void += 1;
                     return Ok(None);
                 }
-                Some(End::Violation(violation)) => violation,
+                Some(End::Violation(violation)) => violation.clone(),
             };
             if !self.repeats(stage, &played.session, &violation)? {
                 self.tally.undecided += 1;
@@ -282,12 +293,18 @@ impl<'b> Campaign<'b> {
         self.tally.actions += played.session.actions.len() as u64;
         self.tally.goals.extend(played.goals.iter().copied());
         self.tally.followed.extend(played.followed.iter().copied());
+        self.tally.coverage.take(&played.tried);
+        if let Some(surface) = self.blueprint.surface() {
+            self.tally.judged.take(&played.seen, surface, self.blueprint.node());
+        }
     }
 
     /// The mutants that do what these findings are, the likeliest first.
     pub fn suspects(&self, findings: &[&Finding]) -> Vec<Suspect> {
         let seen = findings.iter().map(|finding| finding.seen.as_slice());
-        let right: Vec<&[Seen]> = self.right.iter().map(Vec::as_slice).collect();
+        // The sessions of an exploration are long, and each mutant would work through all of them.
+        let most = if self.blueprint.surface().is_some() { MOST_LONG } else { MOST_RIGHT };
+        let right: Vec<&[Seen]> = self.right.iter().rev().take(most).map(Vec::as_slice).collect();
         suspects(self.blueprint, &self.belief, seen.chain(self.belief.doubtful()), &right)
     }
 }

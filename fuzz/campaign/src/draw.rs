@@ -130,6 +130,7 @@ fn weight(kind: Kind, open: Open, state: NmtState) -> (usize, u32) {
         K::ConfigureSync => (7, 6),
         K::Time => (7, 2),
         K::TimeWrong => (7, 1),
+        K::Stimulate | K::Look | K::LookAtAll => (0, 0),
         K::LssSwitch => (8, 14),
         K::LssInquire => (8, 12),
         K::LssIdentify => (8, 12),
@@ -254,7 +255,7 @@ impl<'a> Draw<'a> {
                 return Some(action);
             }
         }
-        Some(Action { does: Kind::Wait, frames: Vec::new(), then: Then::Wait(1000) })
+        Some(Action::new(Kind::Wait, Vec::new(), Then::Wait(1000)))
     }
 
     fn kind(&mut self, scene: Scene<'_>) -> Option<Kind> {
@@ -284,12 +285,12 @@ impl<'a> Draw<'a> {
         match kind {
             K::Wait => {
                 let then = Then::after(self.time(scene));
-                Some(Action { does: kind, frames: Vec::new(), then })
+                Some(Action::new(kind, Vec::new(), then))
             }
             K::PowerCycle => {
                 let then = self.boots();
                 self.after_a_reset();
-                Some(Action { does: kind, frames: Vec::new(), then })
+                Some(Action::new(kind, Vec::new(), then))
             }
             K::NmtState
             | K::NmtReset

@@ -277,8 +277,10 @@ impl<'b> Listener<'b> {
             let at = stretch.there(violation.at);
             let (session, number) = (Session::default(), self.findings.len() as u64);
             let seen = stretch.seen[..place].to_vec();
-            self.findings
-                .push((at, Finding { number, session, seen, violation: *violation, said: None }));
+            self.findings.push((
+                at,
+                Finding { number, session, seen, violation: violation.clone(), said: None },
+            ));
             stretch.seen.clear();
         }
         self.end();
@@ -312,12 +314,13 @@ impl<'b> Stretch<'b> {
     fn here(&self, seen: &Seen) -> Seen {
         let here =
             |at: Instant| Instant(u64::try_from(i128::from(at.0) - self.began).unwrap_or_default());
-        match *seen {
+        match seen.clone() {
             Seen::Frame(stamped) => Seen::Frame(Stamped { at: here(stamped.at), ..stamped }),
             Seen::Power(at, on) => Seen::Power(here(at), on),
             Seen::Until(at) => Seen::Until(here(at)),
             Seen::Ended(at) => Seen::Ended(here(at)),
-            Seen::Stored(..) | Seen::Joined(_) => *seen,
+            // There is no bench in a trace.
+            other => other,
         }
     }
 

@@ -90,3 +90,18 @@ impl Model {
         std::iter::from_fn(|| self.out.pop())
     }
 }
+
+impl Model {
+    /// Takes a stimulus of the bench, and returns the frames that come of it.
+    pub(crate) fn stimulate(&mut self, now: Instant, name: &str, value: &Value) -> Vec<Frame> {
+        // A stimulus that the device took is one that the model takes, or it shows no effect.
+        _ = self.device.stimulate(now, name, value, &mut self.out);
+        self.due = self.device.poll_at();
+        self.sent().collect()
+    }
+
+    /// What is to be seen on the bench.
+    pub(crate) fn observe(&self, name: &str) -> Option<Value> {
+        self.device.observe(name)
+    }
+}

@@ -16,6 +16,7 @@ mod streams;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::sync::Arc;
 use std::time::Duration;
 
 use canopen::eds::Entry;
@@ -24,7 +25,7 @@ use canopen::heartbeat::ErrorControl;
 use canopen::nmt::{self, Command, Service};
 use canopen::pdo::CobId;
 use canopen::sdo::RESPONSE_COB_ID;
-use canopen::{Data, Frame, Instant, Mux, NmtState, Stamped, heartbeat};
+use canopen::{Data, Frame, Instant, Mux, NmtState, Stamped, Value, heartbeat};
 use reference_devices::change::Replica;
 
 use crate::blueprint::Blueprint;
@@ -36,7 +37,7 @@ use sdo::{Before, Request};
 use streams::{Streams, Taken};
 
 /// Something that happened on the bus or on the bench.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Seen {
     /// A frame.
     Frame(Stamped),
@@ -50,10 +51,16 @@ pub enum Seen {
     Stored(Mux, Data),
     /// The device has been running until then, and nobody saw what it did.
     Joined(Instant),
+    /// A stimulus was set on the bench.
+    Stimulus(Instant, Arc<str>, Value),
+    /// What was to be seen on the bench.
+    Observed(Instant, Arc<str>, Value),
+    /// A look is over.
+    Looked(Instant),
 }
 
 /// What is wrong with a device.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Violation {
     /// When it was noticed.
     pub at: Instant,
@@ -62,7 +69,7 @@ pub struct Violation {
 }
 
 /// What is wrong.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum What {
     /// A frame that is not the next one of its identifier, and the one that should have come.
     Unexpected(Frame, Option<Frame>),
@@ -72,6 +79,29 @@ pub enum What {
     Inhibited(Frame, Duration),
     /// The device, a program, ended by itself after it got this frame.
     Ended(Option<Frame>),
+    /// Something is another than on the reference device.
+    Differs(Box<Difference>),
+}
+
+/// Something that is another than on the reference device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Difference {
+    /// What it is, without values and times: `value-64010110`, `bench-output-current-1`.
+    pub kind: String,
+    /// Its name, for people.
+    pub name: String,
+    /// The object, where it is the value of one.
+    pub object: Option<Mux>,
+    /// The name on the bench, where it is to be seen there.
+    pub bench: Option<Arc<str>>,
+    /// The value that the reference device shows, where it is one.
+    pub value: Option<Value>,
+    /// The same of the device.
+    pub shown: Option<Value>,
+    /// What the reference device shows.
+    pub expected: String,
+    /// What the device shows.
+    pub actual: String,
 }
 
 impl Violation {
@@ -83,21 +113,22 @@ impl Violation {
     /// What it is, without values and times: `unexpected-582` or `missing-702`.
     pub fn kind(&self) -> String {
         let command = |frame: &Frame| frame.data.first().map_or(0, |command| command >> 5);
-        match self.what {
+        match &self.what {
             What::Unexpected(frame, None) => format!("unexpected-{}", frame.id),
             What::Unexpected(frame, Some(other)) => {
-                format!("unexpected-{}-{}-for-{}", frame.id, command(&frame), command(&other))
+                format!("unexpected-{}-{}-for-{}", frame.id, command(frame), command(other))
             }
             What::Missing(frame, _) => format!("missing-{}", frame.id),
             What::Inhibited(frame, _) => format!("inhibited-{}", frame.id),
             What::Ended(_) => "ended".to_owned(),
+            What::Differs(difference) => difference.kind.clone(),
         }
     }
 }
 
 impl fmt::Display for Violation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.what {
+        match &self.what {
             What::Unexpected(frame, Some(other)) => write!(f, "{frame} instead of {other}"),
             What::Unexpected(frame, None) => write!(f, "{frame} without a cause"),
             What::Missing(frame, due) => write!(f, "no {frame}, due at {due} s"),
@@ -106,12 +137,16 @@ impl fmt::Display for Violation {
             }
             What::Ended(None) => f.write_str("the program ended"),
             What::Ended(Some(frame)) => write!(f, "the program ended after it got {frame}"),
+            What::Differs(difference) => {
+                let Difference { name, expected, actual, .. } = &**difference;
+                write!(f, "{name}: {actual} instead of {expected}")
+            }
         }
     }
 }
 
 /// Why a session is not judged any further.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum End {
     /// The device did something wrong.
     Violation(Violation),
@@ -262,6 +297,9 @@ impl<'b> Oracle<'b> {
             Seen::Joined(at) => {
                 self.join(at);
                 Ok(())
+            }
+            Seen::Stimulus(at, ..) | Seen::Observed(at, ..) | Seen::Looked(at) => {
+                self.advance(Instant(at.0.saturating_add(1)))
             }
         }
     }
@@ -911,7 +949,7 @@ impl<'b> Oracle<'b> {
             What::Unexpected(frame, _) | What::Missing(frame, _) | What::Inhibited(frame, _) => {
                 frame
             }
-            What::Ended(_) => return wrong(now, what),
+            What::Ended(_) | What::Differs(_) => return wrong(now, what),
         };
         let class = self.identifiers.class(&frame, &self.model, now, self.usually_late());
         let written = sdo::written(&frame, &self.requests);
@@ -940,7 +978,12 @@ impl<'b> Oracle<'b> {
 }
 
 /// How long after a command, or after power-on, the model sends its boot-up message.
-fn boots_in(model: &Model, node: u8, now: Instant, command: Option<&Frame>) -> Option<Duration> {
+pub(crate) fn boots_in(
+    model: &Model,
+    node: u8,
+    now: Instant,
+    command: Option<&Frame>,
+) -> Option<Duration> {
     let mut model = model.clone();
     match command {
         Some(command) => model.take(now, command).for_each(drop),
@@ -959,7 +1002,7 @@ fn wrong(at: Instant, what: What) -> Result<(), End> {
     Err(End::Violation(Violation { at, what }))
 }
 
-fn is_reset(frame: &Frame) -> bool {
+pub(crate) fn is_reset(frame: &Frame) -> bool {
     let command = Command::decode(&frame.data).ok();
     let resets = [Service::RESET_NODE, Service::RESET_COMMUNICATION];
     frame.data_id() == Some(nmt::COB_ID) && command.is_some_and(|it| resets.contains(&it.service))

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::action::{Action, Kind, Then};
 use crate::blueprint::Blueprint;
 use crate::draw::Draw;
+use crate::explore::{self, Coverage, Tried};
 use crate::oracle::{End, Oracle, Seen, error_control};
 use crate::talk::Open;
 
@@ -46,12 +47,16 @@ pub struct Played {
     pub goals: Vec<Goal>,
     /// The objects that the application has changed.
     pub followed: Vec<canopen::Mux>,
+    /// What an exploration tried together.
+    pub tried: Tried,
 }
 
 /// Where the actions of a session come from.
 pub enum Script<'s> {
     /// Bytes of which they are drawn.
     Bytes(&'s [u8]),
+    /// The same, steered by what was tried before.
+    Steered(&'s [u8], &'s Coverage),
     /// A session that was played before.
     Actions(&'s [Action]),
 }
@@ -119,7 +124,7 @@ impl<'p> Player<'p> {
                     actions.push(self.carry_out(action.clone(), &mut |_| ())?);
                 }
             }
-            Script::Bytes(bytes) => {
+            Script::Bytes(bytes) | Script::Steered(bytes, _) => {
                 let blueprint = self.blueprint;
                 let mut draw = Draw::new(bytes, blueprint);
                 while self.end.is_none() && actions.len() < LONGEST {
@@ -136,7 +141,8 @@ impl<'p> Player<'p> {
         self.rest()?;
         let Self { seen, end, oracle, .. } = self;
         let followed = oracle.followed().iter().copied().collect();
-        Ok(Played { session: Session { actions }, seen, end, goals, followed })
+        let (session, tried) = (Session { actions }, Tried::default());
+        Ok(Played { session, seen, end, goals, followed, tried })
     }
 
     /// Waits for what is owed. A device on a bus is reset at the end: it must come back.
@@ -376,11 +382,37 @@ impl<'p> Player<'p> {
     }
 
     fn note(&mut self, seen: Seen) {
-        self.seen.push(seen);
         if self.end.is_none() {
             self.end = self.oracle.see(&seen).err();
         }
+        self.seen.push(seen);
     }
+}
+
+/// Plays a session on a bus, beside a model that the device may be like.
+///
+/// # Errors
+/// Whatever the bus reports.
+pub fn play(
+    bus: &mut dyn Bus,
+    blueprint: &Blueprint,
+    model: Box<dyn Replica>,
+    script: &Script<'_>,
+) -> Result<Played, BusError> {
+    let Some(surface) = blueprint.surface() else {
+        return Player::new(bus, blueprint, model).play(script);
+    };
+    let nothing = Coverage::default();
+    let source = match script {
+        Script::Bytes(bytes) => explore::Source::Drawn(bytes, &nothing),
+        Script::Steered(bytes, coverage) => explore::Source::Drawn(bytes, coverage),
+        Script::Actions(actions) => explore::Source::Actions(actions),
+    };
+    let explore::Told { actions, seen, goals, tried } =
+        explore::play(bus, blueprint, surface, &source)?;
+    let (_, end) = explore::judge(blueprint, surface, model, &seen);
+    let (session, followed) = (Session { actions }, Vec::new());
+    Ok(Played { session, seen, end, goals, followed, tried })
 }
 
 /// Judges what was seen before with another model. Returns how far it goes, and what is wrong then.
@@ -389,6 +421,9 @@ pub fn judge(
     model: Box<dyn Replica>,
     seen: &[Seen],
 ) -> (usize, Option<End>) {
+    if let Some(surface) = blueprint.surface() {
+        return explore::judge(blueprint, surface, model, seen);
+    }
     let mut oracle = Oracle::new(blueprint, model);
     for (place, one) in seen.iter().enumerate() {
         if let Err(end) = oracle.see(one) {

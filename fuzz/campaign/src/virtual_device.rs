@@ -7,7 +7,7 @@ use reference_devices::change::Replica;
 
 use crate::blueprint::Blueprint;
 use crate::campaign::{Ask, Stage};
-use crate::session::{Played, Player, Script};
+use crate::session::{self, Played, Script};
 
 /// A device in virtual time.
 #[derive(Clone)]
@@ -51,7 +51,7 @@ impl Stage for VirtualDevice {
         script: &Script<'_>,
     ) -> Result<Played, BusError> {
         let mut bus = self.bus();
-        Player::new(&mut *bus, blueprint, model).play(script)
+        session::play(&mut *bus, blueprint, model, script)
     }
 
     fn ask(&mut self, what: Ask<'_>) -> Result<(), BusError> {

@@ -6,9 +6,9 @@ mod common;
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use campaign::session::{Played, Player, Script};
+use campaign::session::{self, Played, Script};
 use campaign::{Ask, Belief, Blueprint, Campaign, Finding, Kind, Stage};
-use canopen::{Bus, BusError, Device, Frame, Instant, Outbox, VirtualBus};
+use canopen::{BenchError, Bus, BusError, Device, Frame, Instant, Outbox, Value, VirtualBus};
 use common::blueprint;
 use reference_devices::change::{Deviation, Replica};
 use reference_devices::devices::{self, ReferenceDevice};
@@ -97,6 +97,27 @@ impl Device for Apart {
         let queues = queues.into_iter().flatten().map(|(at, _)| *at);
         queues.chain(self.device.poll_at().map(here)).min()
     }
+
+    fn bench_names(&self) -> Vec<String> {
+        self.device.bench_names()
+    }
+
+    fn stimulate(
+        &mut self,
+        now: Instant,
+        name: &str,
+        value: &Value,
+        _: &mut Outbox,
+    ) -> Result<(), BenchError> {
+        let mut said = Outbox::default();
+        self.device.stimulate(there(now), name, value, &mut said)?;
+        self.say(now, said);
+        Ok(())
+    }
+
+    fn observe(&self, name: &str) -> Option<Value> {
+        self.device.observe(name)
+    }
 }
 
 /// A new one for each session, each a little different.
@@ -122,7 +143,7 @@ impl Stage for Place {
         model: Box<dyn Replica>,
         script: &Script<'_>,
     ) -> Result<Played, BusError> {
-        Player::new(&mut self.bus(), blueprint, model).play(script)
+        session::play(&mut self.bus(), blueprint, model, script)
     }
 
     fn repeats(&self) -> u32 {
@@ -142,12 +163,26 @@ fn fuzzed(device: &ReferenceDevice, deviation: &Deviation, sessions: u64) -> (Ve
     let bit_rate = device.description.settings.bit_rate;
     let mut place = Place { device: built, bit_rate, seed: 0 };
     let blueprint = blueprint(&mut place, device, deviation);
+    campaign(&mut place, blueprint, sessions)
+}
+
+/// The same with the reference device as the model.
+fn explored(device: &ReferenceDevice, deviation: &Deviation, sessions: u64) -> (Vec<Finding>, u64) {
+    let node = device.description.default_node;
+    let built = deviation.build(device, node).unwrap();
+    let bit_rate = device.description.settings.bit_rate;
+    let mut place = Place { device: built, bit_rate, seed: 0 };
+    let blueprint = Blueprint::of_reference(device, node, bit_rate).unwrap();
+    campaign(&mut place, blueprint, sessions)
+}
+
+fn campaign(place: &mut Place, blueprint: Blueprint, sessions: u64) -> (Vec<Finding>, u64) {
     let blueprint = blueprint.in_its_own_time(true).sparing(vec![Kind::PowerCycle]);
     let belief = Belief::new(&blueprint, Vec::new()).unwrap();
     let mut campaign = Campaign::new(&blueprint, belief, 1);
     let mut findings = Vec::new();
     for number in 0..sessions {
-        findings.extend(campaign.session(&mut place, number).unwrap());
+        findings.extend(campaign.session(place, number).unwrap());
     }
     (findings, campaign.tally().undecided)
 }
@@ -174,4 +209,27 @@ fn a_mutant_is_found_in_its_own_time() {
         let (findings, _) = fuzzed(&device, &mutant.deviation(), 8);
         assert!(!findings.is_empty(), "{name}");
     }
+}
+
+#[test]
+fn an_exploration_finds_nothing_on_a_device_in_its_own_time() {
+    const SESSIONS: u64 = 60;
+    for name in ["em66"] {
+        let device = devices::device(name).unwrap();
+        let (findings, undecided) = explored(&device, &Deviation::default(), SESSIONS);
+        let text = |it: &Finding| format!("session {}: {}", it.number, it.violation);
+        let found: Vec<String> = findings.iter().map(text).collect();
+        assert!(found.is_empty(), "{name}: {found:#?}");
+        assert!(undecided * 20 <= SESSIONS, "{name}: {undecided} undecided");
+    }
+}
+
+#[test]
+fn an_exploration_finds_a_mutant_in_its_own_time() {
+    let device = devices::device("drr460").unwrap();
+    let mutants = mutant::of(&device).unwrap();
+    let name = "filter-on-by-default";
+    let mutant = mutants.iter().find(|mutant| mutant.name == name).unwrap();
+    let (findings, _) = explored(&device, &mutant.deviation(), 4);
+    assert!(!findings.is_empty(), "{name}");
 }

@@ -67,6 +67,7 @@ impl DeviceArgs {
             node: self.node,
             eds: self.eds.clone(),
             bitrate: self.bitrate,
+            bench: self.bench.clone(),
             ..Selection::of_target(self.target.as_deref())
         }
     }

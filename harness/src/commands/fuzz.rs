@@ -6,6 +6,7 @@
 mod case;
 mod causes;
 mod file;
+pub(super) mod known;
 mod may;
 mod model;
 mod outcome;
@@ -92,13 +93,20 @@ fn carry_out(
     let modelled = &prepared.modelled;
     let mut campaign = Campaign::new(&modelled.blueprint, prepared.belief()?, args.seed);
     let mut record = Record::begin(reporter, prepared, run, modelled.identity);
-    let (findings, stopped) = play(args, stop, &mut campaign, &mut place, &mut record);
+    let (mut findings, stopped) = play(args, stop, &mut campaign, &mut place, &mut record);
+    if modelled.blueprint.surface().is_some() {
+        // A session of an exploration is long: mutants are held against what is left of it.
+        for finding in findings.iter_mut().take(SHRUNK_FIRST) {
+            *finding = modelled.shortest(&campaign, &mut place, None, finding);
+        }
+    }
     let mut outcome = Outcome::new(&campaign);
     let why = stopped.as_ref().map(ToString::to_string);
     record.sessions_over(outcome.notes(), why.as_deref());
     for cause in group(&campaign, &modelled.blueprint, &findings) {
         let kept = kept(args, prepared, &campaign, &mut place, &cause, &findings)?;
-        let mut found = Found::new(&cause, &findings, &kept.finding, kept.file);
+        let surface = modelled.blueprint.surface();
+        let mut found = Found::new(&cause, &findings, &kept.finding, surface, kept.file);
         let requirements = cause.mutants.first().map(|it| &modelled.blueprint.mutants()[*it]);
         found.waived = record.cause(&Shown {
             cause: &cause.name,
@@ -127,6 +135,8 @@ const SESSIONS: u64 = 1_000;
 /// How many sessions each worker plays before all of them are judged. Those that were played for
 /// nothing, since something was learnt, are few when this is small.
 const AHEAD: usize = 16;
+/// The same for an exploration, however many workers there are.
+const GENERATION: usize = 32;
 
 /// Plays sessions until something ends the campaign: returns what was found, and what stopped it
 /// before its end. Workers play sessions ahead of the one that is judged, with the same belief; the
@@ -144,7 +154,13 @@ fn play(
         // What may be done a number of times is done by one after the other.
         Place::Virtual(_) | Place::Bus(_) => 1,
     };
-    let ahead = if workers == 1 { 1 } else { workers * AHEAD };
+    // What was tried before steers an exploration, so the number of workers must not decide how
+    // much that is.
+    let ahead = match workers {
+        _ if campaign.blueprint().surface().is_some() => GENERATION,
+        1 => 1,
+        _ => workers * AHEAD,
+    };
     let (first, of) = args.shard.map_or((0, 1), |shard| (shard.place as u64, shard.of as u64));
     let most = args.sessions.or_else(|| args.time.map(|_| u64::MAX)).unwrap_or(SESSIONS);
     let mut findings: Vec<Finding> = Vec::new();
@@ -189,10 +205,11 @@ fn played(
         return numbers.into_iter().map(|it| (it, campaign.play(place, it))).collect();
     };
     let blueprint = campaign.blueprint();
+    let coverage = &campaign.tally().coverage;
     let each = numbers.into_iter().map(|it| (it, stage.clone(), campaign.belief().model()));
     parallel::map(each.collect(), workers, |(number, mut stage, model)| {
         let bytes = bytes(seed, number);
-        (number, stage.play(blueprint, model, &Script::Bytes(&bytes)))
+        (number, stage.play(blueprint, model, &Script::Steered(&bytes, coverage)))
     })
 }
 
@@ -248,7 +265,7 @@ fn repro(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     let target = target_of(&selection, stop)?;
     let _held = stop.hold();
     let mut stage = Place::of(&target, &selection, stop)?;
-    let modelled = Modelled::of(&target, &mut stage)?;
+    let modelled = Modelled::of(&target, &mut stage, file.oracle.as_deref())?;
     let session = Session { actions: file.actions.clone() };
     let again = modelled.again(&mut stage, &file.freedoms, &session)?;
     match again {
@@ -270,7 +287,7 @@ fn shorten(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     let target = target_of(&selection, stop)?;
     let _held = stop.hold();
     let mut stage = Place::of(&target, &selection, stop)?;
-    let modelled = Modelled::of(&target, &mut stage)?;
+    let modelled = Modelled::of(&target, &mut stage, file.oracle.as_deref())?;
     let before = file.actions.len();
     let mut failed = None;
     let believed = file.freedoms.clone();
@@ -295,5 +312,7 @@ fn shorten(args: &FindingArgs, stop: &Stop) -> Result<Exit, Refused> {
     Ok(Exit::Green)
 }
 
+/// How many findings of an exploration are made shorter before their causes are sought.
+const SHRUNK_FIRST: usize = 12;
 /// How many sessions are tried to make one shorter.
 const TRIES: usize = 400;

@@ -45,7 +45,7 @@ impl Draw<'_> {
     }
 
     pub(super) fn master(does: Kind, frames: Vec<Frame>) -> Action {
-        Action { does, frames, then: Then::answer(RESPONSE_COB_ID) }
+        Action::new(does, frames, Then::answer(RESPONSE_COB_ID))
     }
 
     /// A selection or an identification from its beginning to its end, mostly with one part that is

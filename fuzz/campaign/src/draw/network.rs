@@ -22,7 +22,7 @@ impl Draw<'_> {
                 let times = if self.chance(6) { 2 + self.below(7) } else { 1 };
                 let frames = vec![Command { service, node }.frame(); times];
                 self.after_a_reset();
-                return Some(Action { does: kind, frames, then: self.boots() });
+                return Some(Action::new(kind, frames, self.boots()));
             }
             K::NmtState => {
                 let service = self.pick(&[
@@ -65,7 +65,7 @@ impl Draw<'_> {
             1 => Then::after(self.time(scene)),
             _ => Then::Wait(1_500),
         };
-        Some(Action { does: kind, frames, then })
+        Some(Action::new(kind, frames, then))
     }
 
     /// A wrong frame, at times in turns with a right one: errors that come and go fill the history.

@@ -134,8 +134,7 @@ impl Draw<'_> {
 
     /// A PDO that was mapped is used.
     fn plan_to_use(&mut self, id: u16, direction: Direction, entries: &[Mapping], bytes: usize) {
-        let after =
-            |does, frame| Some(Action { does, frames: vec![frame], then: Then::Wait(1_500) });
+        let after = |does, frame| Some(Action::new(does, vec![frame], Then::Wait(1_500)));
         if self.chance(70) {
             let command = Command { service: Service::START, node: self.node() };
             self.plan(after(Kind::NmtState, command.frame()));
@@ -167,7 +166,7 @@ impl Draw<'_> {
         self.plan(master(Kind::LssSwitch, Lss::SwitchGlobal(Mode::WAITING)));
         let command = Command { service: Service::RESET_COMMUNICATION, node: self.node() };
         let then = Then::Wait(100_000);
-        self.plan(Some(Action { does: Kind::NmtReset, frames: vec![command.frame()], then }));
+        self.plan(Some(Action::new(Kind::NmtReset, vec![command.frame()], then)));
         for _ in 0..=self.below(2) {
             let odd = self.below(8);
             let confirm = Fastscan { number: 0, bit: Fastscan::CONFIRM, part: 0, next: 0 };

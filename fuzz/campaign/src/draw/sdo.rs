@@ -25,7 +25,7 @@ impl Draw<'_> {
             _ if count == 0 => Then::Wait(500),
             _ => Then::Answers { id, count },
         };
-        Action { does, frames, then }
+        Action::new(does, frames, then)
     }
 
     pub(super) fn sdo(&mut self, kind: Kind, scene: Scene<'_>) -> Option<Action> {
@@ -448,7 +448,7 @@ impl Draw<'_> {
             Then::Answers { count, .. } => Then::Answers { id: from, count },
             other => other,
         };
-        Some(Action { does: K::FurtherServer, frames, then })
+        Some(Action::new(K::FurtherServer, frames, then))
     }
 }
 

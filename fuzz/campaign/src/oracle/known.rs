@@ -132,7 +132,7 @@ impl Known {
             What::Unexpected(frame, _) | What::Missing(frame, _) | What::Inhibited(frame, _) => {
                 frame
             }
-            What::Ended(_) => return true,
+            What::Ended(_) | What::Differs(_) => return true,
         };
         let od = model.dictionary();
         match class {

@@ -3,9 +3,10 @@
 use std::fmt::Write;
 use std::time::Duration;
 
-use campaign::{Action, Finding, Kind, Seen, Then, What};
+use campaign::{Action, Difference, Finding, Kind, Seen, Then, What};
 use canopen::heartbeat::ErrorControl;
-use canopen::{Frame, Instant, meaning};
+use canopen::sdo::Request;
+use canopen::{Frame, Instant, Value, meaning};
 
 /// How much of a frame a case judges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +44,12 @@ pub(super) fn suite(names: &Names<'_>, finding: &Finding, how: Strictness) -> Op
     let begins = begins(finding);
     let answers = answers(finding);
     let awaited = answers.last().and_then(|last| last.first()).map(|frame| frame.id);
-    for (action, answers) in finding.session.actions.iter().zip(answers) {
+    let explored = matches!(finding.violation.what, What::Differs(_));
+    if explored {
+        finding.session.actions.iter().for_each(|action| told(action, node, &mut steps));
+    }
+    let others = finding.session.actions.iter().zip(answers).filter(|_| !explored);
+    for (action, answers) in others {
         done(action, node, &mut steps);
         let boots = matches!(action.does, Kind::NmtReset | Kind::PowerCycle);
         for answer in &answers {
@@ -58,6 +64,9 @@ pub(super) fn suite(names: &Names<'_>, finding: &Finding, how: Strictness) -> Op
     // The last wait is that of the judgement.
     if steps.last().is_some_and(|step| step.starts_with("wait")) {
         steps.pop();
+    }
+    if explored {
+        steps.push(format!("wait: {} us", since_the_last(finding).as_micros()));
     }
     let before = before(finding, begins).filter(|frame| Some(frame.id) != awaited);
     // A device may lack the service that sends them.
@@ -95,6 +104,22 @@ pub(super) fn suite(names: &Names<'_>, finding: &Finding, how: Strictness) -> Op
     Some(text)
 }
 
+/// How long before a difference was seen the tester did the last thing, but for reading.
+fn since_the_last(finding: &Finding) -> Duration {
+    let at = finding.violation.at;
+    let reads = |frame: &Frame| {
+        let request = Request::decode(&frame.data);
+        matches!(request, Ok(Request::Upload(_) | Request::UploadSegment(_)))
+    };
+    let done = finding.seen.iter().filter_map(|seen| match seen {
+        Seen::Frame(it) if it.own && !reads(&it.frame) => Some(it.at),
+        Seen::Frame(it) if !it.own && it.frame.data[..] == [0] => Some(it.at),
+        Seen::Power(at, _) | Seen::Stimulus(at, ..) => Some(*at),
+        _ => None,
+    });
+    done.take_while(|done| *done <= at).last().map_or(Duration::ZERO, |last| at.since(last))
+}
+
 /// When the last frame of the tester before something was wrong was sent; `None` when the device is
 /// wrong before it is sent one.
 fn begins(finding: &Finding) -> Option<Instant> {
@@ -111,11 +136,11 @@ fn begins(finding: &Finding) -> Option<Instant> {
 /// and before the one that is wrong.
 fn before(finding: &Finding, begins: Option<Instant>) -> impl Iterator<Item = Frame> {
     let violation = &finding.violation;
-    let judged = match violation.what {
+    let judged = match &violation.what {
         What::Unexpected(frame, _) | What::Missing(frame, _) | What::Inhibited(frame, _) => {
             Some(frame.id)
         }
-        What::Ended(_) => None,
+        What::Ended(_) | What::Differs(_) => None,
     };
     let from = begins.unwrap_or(Instant::ZERO);
     finding
@@ -148,15 +173,17 @@ pub(super) fn register(names: &Names<'_>, finding: &Finding) -> String {
 /// its time is wrong.
 pub(super) fn mutant(names: &Names<'_>, finding: &Finding) -> Option<String> {
     let node = names.node;
-    let change = match finding.violation.what {
+    let change = match &finding.violation.what {
         What::Unexpected(frame, Some(other)) => {
-            let edit = pattern(&frame, node, 8);
-            format!("{{ when: \"{}\", edit: \"{edit}\" }}", pattern(&other, node, 8))
+            let edit = pattern(frame, node, 8);
+            format!("{{ when: \"{}\", edit: \"{edit}\" }}", pattern(other, node, 8))
         }
         What::Missing(frame, _) => {
-            format!("{{ when: \"{}\", drop: true }}", pattern(&frame, node, 8))
+            format!("{{ when: \"{}\", drop: true }}", pattern(frame, node, 8))
         }
-        What::Unexpected(_, None) | What::Inhibited(..) | What::Ended(_) => return None,
+        What::Unexpected(_, None) | What::Inhibited(..) | What::Ended(_) | What::Differs(_) => {
+            return None;
+        }
     };
     Some(format!(
         "- {}:\n    {}\n  breaks: [{}]\n  frame: {change}\n",
@@ -172,18 +199,22 @@ fn sentence(finding: &Finding) -> String {
     let last = session.actions.last();
     let last = last.map_or_else(|| "a reset".to_owned(), |action| action.does.word());
     let words = |frame: &Frame| meaning(frame).to_string().trim_end_matches('.').to_owned();
-    match violation.what {
+    match &violation.what {
         What::Unexpected(_, Some(other)) => {
-            format!("After {last}, the device sends {}.", words(&other))
+            format!("After {last}, the device sends {}.", words(other))
         }
         What::Unexpected(frame, None) => {
-            format!("After {last}, the device does not send {}.", words(&frame))
+            format!("After {last}, the device does not send {}.", words(frame))
         }
-        What::Missing(frame, _) => format!("After {last}, the device sends {}.", words(&frame)),
+        What::Missing(frame, _) => format!("After {last}, the device sends {}.", words(frame)),
         What::Inhibited(frame, _) => {
-            format!("The device keeps the inhibit time of {}.", words(&frame))
+            format!("The device keeps the inhibit time of {}.", words(frame))
         }
         What::Ended(_) => format!("After {last}, the device goes on."),
+        What::Differs(difference) => {
+            let Difference { name, expected, .. } = &**difference;
+            format!("After {last}, {name} is {expected}.")
+        }
     }
 }
 
@@ -217,10 +248,34 @@ fn answers(finding: &Finding) -> Vec<Vec<Frame>> {
 /// The steps that do what an action does.
 fn done(action: &Action, node: u8, steps: &mut Vec<String>) {
     if action.does == Kind::PowerCycle {
-        let switched = ["bench: { power: \"off\" }", "wait: 200 ms", "bench: { power: \"on\" }"];
+        let switched = ["bench: { power: \"off\" }", "wait: 300 ms", "bench: { power: \"on\" }"];
         steps.extend(switched.map(str::to_owned));
     }
     steps.extend(action.frames.iter().map(|it| format!("send: \"{}\"", pattern(it, node, 8))));
+    steps.extend(action.bench.iter().map(|stimulus| {
+        let value = match stimulus.level() {
+            Value::Text(text) => quoted(&text),
+            _ => stimulus.value.to_string(),
+        };
+        format!("bench: {{ {}: {value} }}", stimulus.name)
+    }));
+}
+
+/// The same of an exploration, with what follows: an answer, whatever it is, or time.
+fn told(action: &Action, node: u8, steps: &mut Vec<String>) {
+    done(action, node, steps);
+    match action.then {
+        _ if matches!(action.does, Kind::NmtReset | Kind::PowerCycle) => steps.push(boots_up(node)),
+        // A look takes its time.
+        _ if matches!(action.does, Kind::Look | Kind::LookAtAll) => {
+            steps.push("wait: 100 ms".to_owned());
+        }
+        Then::Answers { .. } => {
+            steps.push("reply: { frame: \"580+n#...\", or-silence: true }".to_owned());
+        }
+        Then::Wait(0) => {}
+        Then::Wait(micros) => steps.push(format!("wait: {micros} us")),
+    }
 }
 
 /// The boot-up message, which a device takes its time for, as in cases of the suites.
@@ -261,36 +316,62 @@ fn judged(finding: &Finding, node: u8, how: Strictness) -> Option<String> {
     let never = |frame: String, after| never_for(frame, since(after) + MARGIN);
     let last = begins(finding).unwrap_or(Instant::ZERO);
     let bytes = if how == Strictness::Service { 4 } else { 8 };
-    match violation.what {
+    match &violation.what {
         What::Unexpected(frame, Some(_)) if how == Strictness::Absence => {
-            Some(never(pattern(&frame, node, 8), last))
+            Some(never(pattern(frame, node, 8), last))
         }
         What::Unexpected(_, Some(other)) => {
-            Some(format!("reply: {{ frame: \"{}\" }}", pattern(&other, node, bytes)))
+            Some(format!("reply: {{ frame: \"{}\" }}", pattern(other, node, bytes)))
         }
         What::Unexpected(frame, None) => {
-            let any = format!("{}#...", id(&frame, node));
+            let any = format!("{}#...", id(frame, node));
             match how {
                 Strictness::Whole => Some(never(any, last)),
-                Strictness::Service => Some(never(pattern(&frame, node, bytes), last)),
+                Strictness::Service => Some(never(pattern(frame, node, bytes), last)),
                 // It may be right a little later.
                 Strictness::Absence => {
-                    Some(never_for(pattern(&frame, node, bytes), since(last) + EARLY))
+                    Some(never_for(pattern(frame, node, bytes), since(last) + EARLY))
                 }
             }
         }
         What::Missing(frame, due) => {
             let within = (due.since(last) + MARGIN).as_millis();
-            let is_boot_up = frame == ErrorControl::BOOT_UP.frame(node);
+            let is_boot_up = *frame == ErrorControl::BOOT_UP.frame(node);
             let within = if is_boot_up { BOOT_UP_MS } else { within };
             let frame = match how {
-                Strictness::Absence => format!("{}#...", id(&frame, node)),
-                _ => pattern(&frame, node, bytes),
+                Strictness::Absence => format!("{}#...", id(frame, node)),
+                _ => pattern(frame, node, bytes),
             };
             Some(format!("expect: {{ frame: \"{frame}\", within: {within} ms }}"))
         }
+        What::Differs(difference) => judged_by_name(difference, how),
         What::Inhibited(..) | What::Ended(_) => None,
     }
+}
+
+/// The step that reads an object, or looks at the bench.
+fn judged_by_name(difference: &Difference, how: Strictness) -> Option<String> {
+    let value = match difference.value.as_ref()? {
+        number if how == Strictness::Service => halfway(number, difference.shown.as_ref()?)?,
+        Value::Text(text) => format!("value: {}", quoted(text)),
+        Value::Int(number) => format!("value: {number}"),
+        Value::Bool(is_set) => format!("value: {is_set}"),
+        Value::Real(number) => format!("value: {number}"),
+        Value::Bytes(_) => return None,
+    };
+    match (&difference.object, &difference.bench) {
+        (Some(mux), _) => Some(format!("read: {{ object: \"{mux}\", {value} }}")),
+        (_, Some(name)) => Some(format!("observe: {{ bench: {name}, {value} }}")),
+        _ => None,
+    }
+}
+
+/// Every number on the side of the right one, where freedoms make small differences.
+fn halfway(right: &Value, wrong: &Value) -> Option<String> {
+    let (right, wrong) = (right.as_real()?, wrong.as_real()?);
+    let half = ((right + wrong) / 2.0).round();
+    let apart = (right - wrong).abs() > 2.0;
+    apart.then(|| format!("{}: {half}", if right > wrong { "min" } else { "max" }))
 }
 
 /// How long a device may take to boot.

@@ -28,6 +28,9 @@ pub(super) struct FindingFile {
     pub(super) seed: u64,
     /// The number of that session.
     pub(super) session: u64,
+    /// The reference device that is the model, or `sheet`, where it was named.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(super) oracle: Option<String>,
     /// The freedoms that the device was believed to use.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) freedoms: Vec<String>,
@@ -68,6 +71,7 @@ impl FindingFile {
             },
             seed: args.seed,
             session: finding.number,
+            oracle: args.oracle.clone(),
             freedoms,
             actions: finding.session.actions.clone(),
         }

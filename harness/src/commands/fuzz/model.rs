@@ -1,21 +1,30 @@
 //! The model of a target: its data sheet, what its documents add, and a first look.
 
+use std::sync::Arc;
+
 use campaign::session::{Played, Script, Session};
 use campaign::{
-    Action, Belief, Blueprint, Campaign, End, Finding, Judged, Look, Stage, VirtualDevice, look,
-    shrink,
+    Action, Belief, Blueprint, Campaign, End, Finding, Judged, Kind, Look, Stage, VirtualDevice,
+    look, shrink,
 };
+use canopen::eds::Eds;
 use canopen::{BusError, Mux};
-use reference_devices::devices;
+use reference_devices::devices::{self, ReferenceDevice, WITH_EVERYTHING};
 use reference_devices::freedom;
 use reference_devices::stack::NodeSettings;
 use reports::Identity;
 
+use super::known::known;
 use super::stage::spared;
+use runner::dut::Dut;
+use runner::stop::Stop;
+
 use crate::exit::Refused;
-use crate::target::{Connection, DEFAULT_BIT_RATE, Target};
+use crate::folders::Folders;
+use crate::target::{Connection, DEFAULT_BIT_RATE, Target, models};
 
 /// What is known of a device before the first session.
+#[derive(Clone)]
 pub(in crate::commands) struct Modelled {
     pub(in crate::commands) blueprint: Blueprint,
     /// What the device says that it is.
@@ -23,19 +32,27 @@ pub(in crate::commands) struct Modelled {
 }
 
 impl Modelled {
-    /// Looks at the device.
+    /// Looks at the device. The model is the reference device of this name, or one with the data
+    /// sheet of the device for [`SHEET`]; by default the reference device that it is one of.
     ///
     /// # Errors
-    /// When it does not answer, or its data sheet is wrong in itself.
-    pub(in crate::commands) fn of(target: &Target, stage: &mut dyn Stage) -> Result<Self, Refused> {
+    /// When it does not answer, its data sheet is wrong in itself, or there is no such oracle.
+    pub(in crate::commands) fn of(
+        target: &Target,
+        stage: &mut dyn Stage,
+        oracle: Option<&str>,
+    ) -> Result<Self, Refused> {
         let dut = &target.dut;
         let known = devices::all().find(|device| device.description.device == dut.name);
+        let on_bus = matches!(target.connection, Connection::Interface(_));
+        // LEDs and outputs that move are not judged well enough there to do so unasked.
+        let oracle = oracle.or_else(|| on_bus.then_some(SHEET));
+        let reference = reference(oracle, &dut.name, &dut.eds)?;
         let settings = NodeSettings {
             bit_rate: dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE),
             ..known.map(|device| device.description.settings.clone()).unwrap_or_default()
         };
         let mut seen = Look::default();
-        let on_bus = matches!(target.connection, Connection::Interface(_));
         let looked = stage.ask(&mut |bus| {
             seen = look(bus, &dut.eds, dut.node)?;
             Ok(())
@@ -47,6 +64,19 @@ impl Modelled {
             Ok(()) | Err(_) => {}
         }
         let identity = identity(&seen);
+        if let Some(mut reference) = reference {
+            if on_bus {
+                let eds = Arc::clone(&reference.description.eds);
+                let settings = reference.description.settings.clone();
+                reference.description.settings = seen.amend(&eds, dut.node, &settings).1;
+            }
+            let bit_rate = dut.bit_rate.unwrap_or(DEFAULT_BIT_RATE);
+            let blueprint = Blueprint::of_reference(&reference, dut.node, bit_rate)?
+                .in_its_own_time(on_bus)
+                .sharing_its_bus(dut.shares_its_bus)
+                .sparing(if on_bus { ON_BUS.to_vec() } else { Vec::new() });
+            return Ok(Self { blueprint, identity });
+        }
         let (eds, settings) = seen.amend(&dut.eds, dut.node, &settings);
         let own = known.map(freedom::of).transpose()?.unwrap_or_default();
         let blueprint = Blueprint::of_sheet(eds, dut.node, settings)?.with_freedoms(own);
@@ -57,6 +87,29 @@ impl Modelled {
             .sharing_its_bus(dut.shares_its_bus)
             .sparing(spared(target));
         Ok(Self { blueprint, identity })
+    }
+
+    /// The same with sessions of the suites to begin with, where a reference device is the model.
+    ///
+    /// # Errors
+    /// When suites do not load.
+    pub(in crate::commands) fn knowing(
+        self,
+        folders: &Folders,
+        dut: &Dut,
+        stop: &Stop,
+    ) -> Result<Self, Refused> {
+        if self.blueprint.surface().is_none() {
+            return Ok(self);
+        }
+        let library = folders.load_part(|source| !source.name.contains("/cia30"))?;
+        let known = known(&library, &self.blueprint, dut, stop)?;
+        Ok(Self { blueprint: self.blueprint.knowing(known), ..self })
+    }
+
+    /// The same with these sessions to begin with.
+    pub(in crate::commands) fn knowing_these(self, known: &Arc<[Vec<Action>]>) -> Self {
+        Self { blueprint: self.blueprint.knowing(Arc::clone(known)), ..self }
     }
 
     /// What is believed of the device before the first session.
@@ -172,6 +225,33 @@ impl Modelled {
             _ => None,
         }
     }
+}
+
+/// What an exploration leaves out on a bus: what lasts longer than a session, and the supply.
+const ON_BUS: [Kind; 3] = [Kind::PowerCycle, Kind::Store, Kind::Restore];
+
+/// The oracle that knows nothing but the data sheet.
+pub(super) const SHEET: &str = "sheet";
+
+/// The reference device that is the model: the one of that name, or the one that the device is one
+/// of by its name, or by product and objects. The device with every service has no application
+/// that another one could have.
+fn reference(
+    oracle: Option<&str>,
+    name: &str,
+    eds: &Eds,
+) -> Result<Option<ReferenceDevice>, Refused> {
+    if let Some(name) = oracle {
+        return match (name, devices::device(name)) {
+            (SHEET, _) => Ok(None),
+            (_, Some(device)) => Ok(Some(device)),
+            _ => Err(Refused::usage(format!("--oracle: no reference device `{name}`"))),
+        };
+    }
+    let common = |model: &Eds| model.entries().filter(|it| eds.entry(it.mux).is_some()).count();
+    let like_it = || models(eds).into_iter().max_by_key(|(_, model)| common(model));
+    let device = devices::device(name).or_else(|| devices::device(like_it()?.0));
+    Ok(device.filter(|device| device.family() != WITH_EVERYTHING))
 }
 
 /// The identity of a device, as far as it told it.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
 
-use campaign::{Campaign, Finding, Kind, Tally};
+use campaign::{Campaign, Finding, Kind, Surface, Tally};
 use serde::Serialize;
 
 use super::causes::Cause;
@@ -33,10 +33,28 @@ pub(super) struct Outcome {
     pub(super) causes: Vec<Found>,
     /// The freedoms that the device was seen to use.
     learnt: Vec<Learnt>,
+    /// What an exploration covered.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    explored: Option<Explored>,
     /// The objects that the application changes.
     changes: Vec<String>,
     /// In how many states each kind of action was tried, the rarest first.
     tried: Vec<(String, usize)>,
+}
+
+/// What an exploration covered.
+#[derive(Debug, Serialize)]
+#[serde(rename_all = "kebab-case")]
+struct Explored {
+    /// Pairs of a setting with a sort of value, and another function or a state.
+    pairs: usize,
+    /// Objects that were judged, and that can be read.
+    objects: (usize, usize),
+    /// Names of the bench that were judged, and that show something.
+    bench: (usize, usize),
+    /// What was not judged.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    left_out: Vec<String>,
 }
 
 /// Findings that have a cause in common.
@@ -55,6 +73,9 @@ pub(super) struct Found {
     /// What the device, a program, said before it ended.
     #[serde(skip_serializing_if = "Option::is_none")]
     said: Option<String>,
+    /// These in words, of an exploration.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    done: Vec<String>,
     /// The file with them.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) file: Option<PathBuf>,
@@ -86,9 +107,12 @@ impl Found {
     pub(super) fn new(
         cause: &Cause,
         findings: &[Finding],
-        shown: &Finding,
+        kept: &Finding,
+        surface: Option<&Surface>,
         file: Option<PathBuf>,
     ) -> Self {
+        let actions = &kept.session.actions;
+        let words = |surface: &Surface| actions.iter().map(|it| surface.words(it)).collect();
         let of_cause = || cause.findings.iter().map(|place| &findings[*place]);
         let like = cause.says.iter();
         let like = like.map(|(requirements, why)| Like {
@@ -97,11 +121,12 @@ impl Found {
         });
         Self {
             cause: cause.name.clone(),
-            what: of_cause().next().map_or_else(String::new, |it| it.violation.to_string()),
+            what: kept.violation.to_string(),
             like: like.collect(),
             sessions: of_cause().map(|finding| finding.number).collect(),
-            actions: shown.session.actions.len(),
-            said: shown.said.clone(),
+            actions: actions.len(),
+            done: surface.map_or_else(Vec::new, words),
+            said: kept.said.clone(),
             file,
             waived: None,
         }
@@ -137,6 +162,9 @@ impl Found {
             _ = writeln!(text, "  like         {why} ({requirements})");
         }
         _ = writeln!(text, "  actions      {}", self.actions);
+        for done in &self.done {
+            _ = writeln!(text, "    {done}");
+        }
         for line in self.said.iter().flat_map(|said| said.lines()) {
             _ = writeln!(text, "  said         {}", harmless(line));
         }
@@ -146,6 +174,9 @@ impl Found {
         text + "\n"
     }
 }
+
+/// How much of what was not judged is named.
+const NAMED: usize = 12;
 
 impl Outcome {
     /// Before the causes are known.
@@ -166,8 +197,18 @@ impl Outcome {
             further: tally.further,
             causes: Vec::new(),
             learnt: learnt.collect(),
+            explored: campaign.blueprint().surface().map(|surface| {
+                let (objects, bench) = tally.judged.size();
+                let (all_objects, all_bench) = surface.size();
+                Explored {
+                    pairs: tally.coverage.len(),
+                    objects: (objects, all_objects),
+                    bench: (bench, all_bench),
+                    left_out: tally.judged.left_out(surface),
+                }
+            }),
             changes: tally.followed.iter().map(ToString::to_string).collect(),
-            tried: tried(tally),
+            tried: tried(tally, campaign.blueprint().surface().is_some()),
         }
     }
 
@@ -177,6 +218,14 @@ impl Outcome {
     }
 
     fn played(&self) -> String {
+        if let Some(Explored { pairs, .. }) = self.explored {
+            return format!(
+                "{} with {} actions, {} of a setting and another function or a state",
+                counted(self.sessions as usize, "session"),
+                self.actions,
+                counted(pairs, "pair"),
+            );
+        }
         format!(
             "{} with {} actions, {} pairs of state and action",
             counted(self.sessions as usize, "session"),
@@ -204,7 +253,22 @@ impl Outcome {
             let further = counted(self.further as usize, "session");
             format!("{further} reached code of the program that none before had")
         });
-        learnt.chain(changes).chain(void).chain(undecided).chain(further).collect()
+        let explored = self.explored.iter().flat_map(|explored| {
+            let Explored { objects, bench, left_out, .. } = explored;
+            let share = format!(
+                "judged {} of {} and {} of {} on the bench",
+                objects.0,
+                counted(objects.1, "object"),
+                bench.0,
+                counted(bench.1, "name"),
+            );
+            let shown = left_out.iter().take(NAMED).cloned().collect::<Vec<_>>().join("; ");
+            let more = left_out.len().saturating_sub(NAMED);
+            let more = if more > 0 { format!(" and {more} more") } else { String::new() };
+            let rest = (!left_out.is_empty()).then(|| format!("not judged: {shown}{more}"));
+            std::iter::once(share).chain(rest)
+        });
+        learnt.chain(explored).chain(changes).chain(void).chain(undecided).chain(further).collect()
     }
 
     /// The same for programs.
@@ -238,8 +302,10 @@ const fn is_zero(count: &u64) -> bool {
     *count == 0
 }
 
-fn tried(tally: &Tally) -> Vec<(String, usize)> {
-    let mut counts: BTreeMap<Kind, usize> = Kind::ALL.iter().map(|kind| (*kind, 0)).collect();
+fn tried(tally: &Tally, explored: bool) -> Vec<(String, usize)> {
+    // An exploration leaves to the others what is not about the application.
+    let all = Kind::ALL.iter().filter(|kind| !explored && !kind.is_of_explorations());
+    let mut counts: BTreeMap<Kind, usize> = all.map(|kind| (*kind, 0)).collect();
     tally.goals.iter().for_each(|(_, _, kind)| *counts.entry(*kind).or_default() += 1);
     let mut rows: Vec<(Kind, usize)> = counts.into_iter().collect();
     rows.sort_by_key(|(_, count)| *count);

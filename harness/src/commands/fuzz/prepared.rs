@@ -38,10 +38,12 @@ impl<'t> Prepared<'t> {
         target: &'t Target,
         stop: &Stop,
     ) -> Result<(Self, Place<'t>), Refused> {
-        let register = run.selection.folders.load_part(|_| false)?.register;
-        let waivers = waivers_of(run, &register)?;
+        let library = run.selection.folders.load_part(|_| false)?;
+        let waivers = waivers_of(run, &library.register)?;
         let mut place = Place::of(target, &run.selection, stop)?;
-        let modelled = Modelled::of(target, &mut place)?;
+        let modelled = Modelled::of(target, &mut place, args.oracle.as_deref())?;
+        let modelled = modelled.knowing(&run.selection.folders, &target.dut, stop)?;
+        let register = library.register;
         let given = match &args.after {
             Some(path) => shown(path, &target.dut.name, &modelled.blueprint)?,
             None => Vec::new(),

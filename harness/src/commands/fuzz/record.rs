@@ -101,17 +101,25 @@ impl<'r> Record<'r> {
         let outcome = Outcome::Fail(Box::new(problem));
         self.reporter.tell(&Event::CaseStarted(started.clone()));
         for seen in &shown.finding.seen {
-            match *seen {
-                Seen::Frame(stamped) => self.reporter.tell(&Event::Frame(stamped)),
+            match seen {
+                Seen::Frame(stamped) => self.reporter.tell(&Event::Frame(*stamped)),
                 Seen::Power(at, on) => {
-                    let text = format!("the supply is switched {}", if on { "on" } else { "off" });
-                    self.reporter.tell(&Event::Note(Note { at, text }));
+                    let text = format!("the supply is switched {}", if *on { "on" } else { "off" });
+                    self.reporter.tell(&Event::Note(Note { at: *at, text }));
                 }
                 Seen::Ended(at) => {
                     let text = "the program ended by itself".to_owned();
-                    self.reporter.tell(&Event::Note(Note { at, text }));
+                    self.reporter.tell(&Event::Note(Note { at: *at, text }));
                 }
-                Seen::Until(_) | Seen::Stored(..) | Seen::Joined(_) => {}
+                Seen::Stimulus(at, name, value) => {
+                    let text = format!("the bench sets {name} to {value}");
+                    self.reporter.tell(&Event::Note(Note { at: *at, text }));
+                }
+                Seen::Until(_)
+                | Seen::Stored(..)
+                | Seen::Joined(_)
+                | Seen::Observed(..)
+                | Seen::Looked(_) => {}
             }
         }
         let outcome = waivers.apply(&target.dut.name, &started, outcome);
@@ -161,19 +169,23 @@ fn case(name: &str, title: &str, checks: Arc<[Check]>) -> CaseStarted {
 fn problem(shown: &Shown<'_>) -> Problem {
     let violation = &shown.finding.violation;
     let words = |frame: &Frame| format!("{frame} ({})", meaning(frame));
-    let (expected, actual, raw) = match violation.what {
-        What::Unexpected(frame, Some(other)) => (words(&other), words(&frame), Some(frame)),
+    let (expected, actual, raw) = match &violation.what {
+        What::Unexpected(frame, Some(other)) => (words(other), words(frame), Some(*frame)),
         What::Unexpected(frame, None) => {
-            ("no such frame without a cause".to_owned(), words(&frame), Some(frame))
+            ("no such frame without a cause".to_owned(), words(frame), Some(*frame))
         }
-        What::Missing(frame, due) => (words(&frame), format!("nothing, due at {due} s"), None),
+        What::Missing(frame, due) => (words(frame), format!("nothing, due at {due} s"), None),
         What::Inhibited(frame, gap) => {
             let expected = "the inhibit time between two TPDOs".to_owned();
-            (expected, format!("{} after {gap:?}", words(&frame)), Some(frame))
+            (expected, format!("{} after {gap:?}", words(frame)), Some(*frame))
         }
         What::Ended(last) => {
             let actual = "it ended by itself".to_owned();
-            ("the program that is the device goes on".to_owned(), actual, last)
+            ("the program that is the device goes on".to_owned(), actual, *last)
+        }
+        What::Differs(difference) => {
+            let named = |what: &str| format!("{}: {what}", difference.name);
+            (named(&difference.expected), named(&difference.actual), None)
         }
     };
     Problem {

@@ -1,5 +1,5 @@
 //! The proof of `harness fuzz`: it finds mutants of the stack on the device with everything, and
-//! names the requirements that they break.
+//! mutants of its own on a device with an application, and names the requirements that they break.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -23,12 +23,12 @@ struct Fuzzed {
     mutant: Mutant,
     /// The number of the first session in which something was wrong.
     first: Option<u64>,
-    /// Whether the campaign learnt a freedom instead that names a requirement which it breaks.
-    learnt: bool,
     /// Whether one of the first two guesses is a requirement that it breaks.
     named: bool,
     /// How many actions show the first finding.
     actions: Option<usize>,
+    /// What the device was taken for where nothing was found: freedoms that do the same.
+    taken_for: Vec<String>,
 }
 
 /// How many sessions in which something is wrong lead to a guess.
@@ -46,15 +46,26 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
     let selection = Selection::of_target(Some(&format!("sim:{name}")));
     let target = target::resolve(&selection, &catalogue, &Stop::default())?.remove(0);
     let mut mutants = mutant::of(&*target::reference_device(name, &catalogue)?)?;
-    mutants.retain(|mutant| mutant.shared && !mutant.canary);
-    let node = target.dut.node;
+    let modelled = Modelled::of(&target, &mut stage::simulated(&target)?, None)?;
+    let explores = modelled.blueprint.surface().is_some();
+    let known = modelled.knowing(&args.folders, &target.dut, &Stop::default())?;
+    mutants.retain(|mutant| mutant.shared != explores && !mutant.canary);
+    let why_left_out = |mutant: &Mutant| match explores {
+        true => mutant.is_of_data_sheet().then_some(OF_DATA_SHEET),
+        false => why_left_out(mutant, target.dut.node),
+    };
     let (mutants, left_out): (Vec<_>, Vec<_>) =
-        mutants.into_iter().partition(|mutant| why_left_out(mutant, node).is_none());
-    let known = Known::of(&target, args.seed, sessions)?;
-    let fuzzed =
-        parallel::map(mutants, processors(), |mutant| fuzzed(&target, mutant, args.seed, &known));
+        mutants.into_iter().partition(|mutant| why_left_out(mutant).is_none());
+    let differences = match explores {
+        true => None,
+        false => Some(Differences::of(&target, &known, args.seed, sessions)?),
+    };
+    let fuzzed = parallel::map(mutants, processors(), |mutant| {
+        fuzzed(&target, &known, differences.as_ref(), mutant, args.seed, sessions)
+    });
     let fuzzed = fuzzed.into_iter().collect::<Result<Vec<_>, _>>()?;
-    say(&(table(&fuzzed, args.verbose) + &rest(&left_out, node, args.verbose)));
+    let left_out = left_out.iter().filter_map(|mutant| Some((why_left_out(mutant)?, mutant)));
+    say(&(table(&fuzzed, args.verbose) + &rest(left_out, args.verbose)));
     Ok(Exit::Green)
 }
 
@@ -62,7 +73,7 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
 /// when they do.
 fn why_left_out(mutant: &Mutant, node: u8) -> Option<&'static str> {
     if mutant.is_of_data_sheet() {
-        Some("the data sheet is wrong, and not the device")
+        Some(OF_DATA_SHEET)
     } else if mutant.deviation().of_stack().is_none() {
         Some("the application deviates, which is not known of a device")
     } else if !mutant.breaks.is_empty() && mutant.breaks.iter().all(|it| it.starts_with(PROFILE)) {
@@ -76,6 +87,7 @@ fn why_left_out(mutant: &Mutant, node: u8) -> Option<&'static str> {
     }
 }
 
+const OF_DATA_SHEET: &str = "the data sheet is wrong, and not the device";
 /// The requirements of CiA 401.
 const PROFILE: &str = "CIA401-";
 
@@ -110,10 +122,9 @@ fn has_value(pattern: &Pattern, received: bool) -> bool {
 }
 
 /// The mutants that are left out, by the reasons.
-fn rest(left_out: &[Mutant], node: u8, verbose: bool) -> String {
+fn rest<'m>(left_out: impl Iterator<Item = (&'m str, &'m Mutant)>, verbose: bool) -> String {
     let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-    for mutant in left_out {
-        let reason = why_left_out(mutant, node).unwrap_or_default();
+    for (reason, mutant) in left_out {
         reasons.entry(reason).or_default().push(&mutant.name);
     }
     let mut text = String::new();
@@ -126,15 +137,15 @@ fn rest(left_out: &[Mutant], node: u8, verbose: bool) -> String {
 }
 
 /// The sessions of the device without deviation.
-struct Known {
+struct Differences {
     blueprint: Blueprint,
     /// For each of them the mutants that would make a difference, by their places in the blueprint.
     dissenting: Vec<Vec<usize>>,
 }
 
-impl Known {
-    fn of(target: &Target, seed: u64, sessions: u64) -> Result<Self, Refused> {
-        let blueprint = Modelled::of(target, &mut stage::simulated(target)?)?.blueprint;
+impl Differences {
+    fn of(target: &Target, known: &Modelled, seed: u64, sessions: u64) -> Result<Self, Refused> {
+        let blueprint = known.blueprint.clone();
         let numbers: Vec<u64> = (0..sessions).collect();
         let dissenting = parallel::map(numbers, processors(), |number| {
             let belief = Belief::new(&blueprint, Vec::new());
@@ -154,27 +165,44 @@ impl Known {
     }
 }
 
-fn fuzzed(device: &Target, mutant: Mutant, seed: u64, known: &Known) -> Result<Fuzzed, Refused> {
+fn fuzzed(
+    device: &Target,
+    like: &Modelled,
+    differences: Option<&Differences>,
+    mutant: Mutant,
+    seed: u64,
+    sessions: u64,
+) -> Result<Fuzzed, Refused> {
     let target = device.deviating(mutant.deviation())?;
     let mut stage = stage::simulated(&target)?;
-    let modelled = Modelled::of(&target, &mut stage)?;
+    let explores = like.blueprint.surface().is_some();
+    let modelled = match explores {
+        // The reference device is the model, whatever the device says of itself.
+        true => like.clone(),
+        false => Modelled::of(&target, &mut stage, None)?,
+    };
     let blueprint = &modelled.blueprint;
     let mut campaign = Campaign::new(blueprint, modelled.belief()?, seed);
     let mut findings: Vec<Finding> = Vec::new();
     let all = blueprint.mutants();
     let place = all.iter().position(|other| other.name == mutant.name);
-    let place = place.filter(|_| blueprint.is_like(&known.blueprint));
-    for number in 0..known.dissenting.len() {
+    let differences = differences.filter(|known| blueprint.is_like(&known.blueprint));
+    for number in 0..sessions {
         // A session is drawn by what is believed.
-        if campaign.lessons() == 0 && !known.differs(number, place) {
+        let differs = differences.is_none_or(|known| known.differs(number as usize, place));
+        if campaign.lessons() == 0 && !differs {
             continue;
         }
         // A mutant that lets no time pass is a defect of the mutant.
-        let found = campaign.session(&mut stage, number as u64);
+        let found = campaign.session(&mut stage, number);
         findings.extend(found.map_err(|error| Refused::bus(error.to_string()))?);
-        if findings.len() >= FINDINGS {
+        if findings.len() >= if explores { 1 } else { FINDINGS } {
             break;
         }
+    }
+    // Mutants are held against the whole of a session, and that of an exploration is long.
+    for finding in findings.iter_mut().filter(|_| explores) {
+        *finding = modelled.shortest(&campaign, &mut stage, None, finding);
     }
     let first = findings.first().map(|finding| finding.number);
     let looked: Vec<&Finding> = findings.iter().collect();
@@ -194,9 +222,11 @@ fn fuzzed(device: &Target, mutant: Mutant, seed: u64, known: &Known) -> Result<F
     }
     let breaks = |guess: &&str| mutant.breaks.iter().any(|broken| broken == guess);
     let named = guesses.iter().take(GUESSES).any(breaks);
-    let allows = |clause: &String| mutant.breaks.contains(clause);
-    let learnt = campaign.belief().freedoms().any(|freedom| freedom.clauses.iter().any(allows));
-    Ok(Fuzzed { mutant, first, learnt, named, actions })
+    let allows = |clause: &String| explores || mutant.breaks.contains(clause);
+    let learnt = campaign.belief().freedoms();
+    let learnt = learnt.filter(|freedom| first.is_none() && freedom.clauses.iter().any(allows));
+    let taken_for = learnt.map(|freedom| freedom.name.clone()).collect();
+    Ok(Fuzzed { mutant, first, named, actions, taken_for })
 }
 
 /// The numbers of each group of requirements, such as `CIA301-SEG`.
@@ -205,8 +235,8 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
     struct Row {
         mutants: usize,
         found: usize,
-        learnt: usize,
         named: usize,
+        taken: usize,
     }
     let mut rows: BTreeMap<&str, Row> = BTreeMap::new();
     let mut text = String::new();
@@ -217,14 +247,14 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
             let row = rows.entry(row).or_default();
             row.mutants += 1;
             row.found += usize::from(one.first.is_some());
-            row.learnt += usize::from(one.first.is_none() && one.learnt);
             row.named += usize::from(one.named);
+            row.taken += usize::from(!one.taken_for.is_empty());
         }
         if verbose {
             let found = match one.first {
                 Some(number) => format!("found in session {number}"),
-                None if one.learnt => "learnt".to_owned(),
-                None => "not found".to_owned(),
+                None if one.taken_for.is_empty() => "not found".to_owned(),
+                None => format!("taken for {}", one.taken_for.join(" and ")),
             };
             let named = if one.named { "named" } else { "not named" };
             // Writing to a string cannot fail.
@@ -232,11 +262,12 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
         }
     }
     for (group, row) in rows {
-        let Row { mutants, found, learnt, named } = row;
+        let Row { mutants, found, named, taken } = row;
+        let taken =
+            if taken > 0 { format!(", {taken} taken for a freedom") } else { String::new() };
         _ = writeln!(
             text,
-            "{group:<14} {mutants:>4} mutants, {found:>4} found, {named:>4} named, \
-             {learnt:>4} learnt"
+            "{group:<14} {mutants:>4} mutants, {found:>4} found, {named:>4} named{taken}"
         );
     }
     let mut actions: Vec<usize> = all.iter().filter_map(|one| one.actions).collect();

@@ -4,7 +4,7 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
-use campaign::{Campaign, Finding, Tally};
+use campaign::{Action, Campaign, Finding, Tally};
 use canopen::catalogue::Catalogue;
 use reference_devices::change::Deviation;
 use reference_devices::devices::{self, ReferenceDevice};
@@ -24,6 +24,8 @@ use crate::target::{self, Selection, Target};
 struct Home {
     device: Arc<ReferenceDevice>,
     target: Target,
+    /// Sessions of the suites, where the reference device is the model.
+    known: Arc<[Vec<Action>]>,
     freedoms: Vec<Freedom>,
     personalities: Vec<Personality>,
 }
@@ -58,7 +60,7 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
         None => devices::names().map(str::to_owned).collect(),
     };
     let homes =
-        names.iter().map(|name| Home::of(name, &catalogue)).collect::<Result<Vec<_>, _>>()?;
+        names.iter().map(|name| Home::of(name, &catalogue, args)).collect::<Result<Vec<_>, _>>()?;
     let whole = homes.iter().map(|home| home.freedoms.len()).sum::<usize>().max(1);
     let mixtures = |home: &Home| (args.mixtures * home.freedoms.len()).div_ceil(whole);
     let subjects: Vec<Subject<'_>> =
@@ -71,12 +73,15 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
 }
 
 impl Home {
-    fn of(name: &str, catalogue: &Catalogue) -> Result<Self, Refused> {
+    fn of(name: &str, catalogue: &Catalogue, args: &QualifyArgs) -> Result<Self, Refused> {
         let device = target::reference_device(name, catalogue)?;
         let selection = Selection::of_target(Some(&format!("sim:{name}")));
         let target = target::resolve(&selection, catalogue, &Stop::default())?.remove(0);
         let (freedoms, personalities) = (freedom::of(&device)?, freedom::personalities(&device)?);
-        Ok(Self { device, target, freedoms, personalities })
+        let modelled = Modelled::of(&target, &mut stage::simulated(&target)?, None)?;
+        let modelled = modelled.knowing(&args.folders, &target.dut, &Stop::default())?;
+        let known = modelled.blueprint.known().into();
+        Ok(Self { device, target, known, freedoms, personalities })
     }
 
     /// The device as it is, and with everything that documents allow.
@@ -105,7 +110,8 @@ impl Subject<'_> {
         };
         let target = home.target.deviating(deviation)?;
         let mut stage = stage::simulated(&target)?;
-        let modelled = Modelled::of(&target, &mut stage)?;
+        let modelled = Modelled::of(&target, &mut stage, None)?;
+        let modelled = modelled.knowing_these(&home.known);
         let mut campaign = Campaign::new(&modelled.blueprint, modelled.belief()?, args.seed);
         let mut findings = Vec::new();
         for number in 0..sessions {

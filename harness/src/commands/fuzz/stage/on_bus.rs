@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use campaign::session::{BOOTED, Played, Player, Script};
+use campaign::session::{self, BOOTED, Played, Script};
 use campaign::{Ask, Blueprint, Seen, Stage};
 use canopen::{Bench, Bus, BusError, Frame, Instant, Stamped, heartbeat};
 use reference_devices::change::Replica;
@@ -159,14 +159,17 @@ impl Stage for OnBus<'_> {
             (None, None) => i128::from(bus.now().0),
         };
         let mut bus = SinceStart { bus: &mut **bus, began, boot_up };
-        let played = Player::new(&mut bus, blueprint, model).play(script)?;
+        let played = session::play(&mut bus, blueprint, model, script)?;
         let frames = played.seen.iter().filter_map(|seen| match seen {
             Seen::Frame(stamped) => Some(*stamped),
             Seen::Power(..)
             | Seen::Until(_)
             | Seen::Ended(_)
             | Seen::Stored(..)
-            | Seen::Joined(_) => None,
+            | Seen::Joined(_)
+            | Seen::Stimulus(..)
+            | Seen::Observed(..)
+            | Seen::Looked(_) => None,
         });
         let frames: Vec<Stamped> = frames.collect();
         self.leave(&frames)?;

@@ -1,0 +1,125 @@
+//! A device in a time of its own takes its time to boot, and so does the model: both are to have
+//! booted at the same time.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use canopen::{Instant, Stamped};
+use reference_devices::change::Replica;
+
+use crate::model::Model;
+use crate::oracle::{Seen, boots_in, error_control, is_reset};
+
+/// What was seen, with each reset at the time at which the model must get it to boot when the
+/// device does; the power-on of the model comes first.
+pub(super) fn aligned(model: &dyn Replica, node: u8, seen: &[Seen]) -> Vec<Seen> {
+    let mut model = Model::new(model.replica());
+    let mut all: Vec<Seen> = Vec::with_capacity(seen.len() + 2);
+    let seen: Vec<Seen> = seen.iter().map(later).collect();
+    // Since the device is off, or was reset: what it got, and the place in `all`.
+    let mut held = Some((Instant::ZERO, None));
+    for what in &seen {
+        match what {
+            Seen::Frame(stamped) if !stamped.own => {
+                let boot_up = stamped.frame.data_id() == Some(error_control(node))
+                    && stamped.frame.data.first() == Some(&0);
+                if let Some((_, place)) = held.take_if(|_| boot_up) {
+                    start(&mut model, node, stamped.at, place, &mut all);
+                }
+                all.push(what.clone());
+                continue;
+            }
+            Seen::Frame(stamped) if is_reset(&stamped.frame) => {
+                held = Some((stamped.at, Some(all.len())));
+                all.push(what.clone());
+                continue;
+            }
+            Seen::Power(at, true) => {
+                held = Some((*at, Some(all.len())));
+                all.push(what.clone());
+                continue;
+            }
+            _ => {}
+        }
+        if held.is_none() {
+            give(&mut model, what);
+        }
+        all.push(what.clone());
+    }
+    all
+}
+
+/// By how many nanoseconds everything is later in what is judged: a replica for which all came
+/// earlier begins before the device.
+pub(super) const LEAD: u64 = 1_000_000_000;
+
+fn later(seen: &Seen) -> Seen {
+    let later = |at: &Instant| Instant(at.0.saturating_add(LEAD));
+    match seen {
+        Seen::Frame(stamped) => Seen::Frame(Stamped { at: later(&stamped.at), ..*stamped }),
+        Seen::Power(at, on) => Seen::Power(later(at), *on),
+        Seen::Until(at) => Seen::Until(later(at)),
+        Seen::Ended(at) => Seen::Ended(later(at)),
+        Seen::Stimulus(at, name, value) => {
+            Seen::Stimulus(later(at), Arc::clone(name), value.clone())
+        }
+        Seen::Observed(at, name, value) => {
+            Seen::Observed(later(at), Arc::clone(name), value.clone())
+        }
+        Seen::Looked(at) => Seen::Looked(later(at)),
+        Seen::Joined(at) => Seen::Joined(later(at)),
+        Seen::Stored(mux, value) => Seen::Stored(*mux, *value),
+    }
+}
+
+/// The model boots at this time: it gets its reset so much earlier.
+fn start(model: &mut Model, node: u8, at: Instant, place: Option<usize>, all: &mut Vec<Seen>) {
+    let earlier = |takes: Duration| Instant(at.0.saturating_sub(takes.as_nanos() as u64));
+    match place.map(|place| (place, all[place].clone())) {
+        None => {
+            let begins = boots_in(model, node, Instant::ZERO, None).map_or(at, earlier);
+            model.start(begins);
+            all.extend([Seen::Power(begins, false), Seen::Power(begins, true)]);
+        }
+        Some((place, Seen::Power(..))) => {
+            let begins = boots_in(model, node, at, None).map_or(at, earlier);
+            model.start(begins);
+            all[place] = Seen::Power(begins, true);
+        }
+        Some((place, Seen::Frame(mut stamped))) => {
+            let takes = boots_in(model, node, at, Some(&stamped.frame));
+            stamped.at = takes.map_or(stamped.at, earlier);
+            give(model, &Seen::Frame(stamped));
+            all[place] = Seen::Frame(stamped);
+        }
+        Some(_) => {}
+    }
+}
+
+fn give(model: &mut Model, what: &Seen) {
+    let mut advance = |to: Instant| {
+        while let Some(due) = model.due_before(to) {
+            model.poll(due).for_each(drop);
+        }
+    };
+    match what {
+        Seen::Frame(stamped) => {
+            advance(stamped.at);
+            model.take(stamped.at, &stamped.frame).for_each(drop);
+        }
+        Seen::Power(at, on) => {
+            advance(*at);
+            model.power(*at, *on);
+        }
+        Seen::Stimulus(at, name, value) => {
+            advance(*at);
+            drop(model.stimulate(*at, name, value));
+        }
+        Seen::Until(_)
+        | Seen::Ended(_)
+        | Seen::Observed(..)
+        | Seen::Looked(_)
+        | Seen::Stored(..)
+        | Seen::Joined(_) => {}
+    }
+}
