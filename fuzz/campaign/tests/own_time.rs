@@ -206,7 +206,7 @@ fn a_mutant_is_found_in_its_own_time() {
     let mutants = mutant::of(&device).unwrap();
     for name in ["sdo-toggle-unchecked", "heartbeat-cannot-be-stopped"] {
         let mutant = mutants.iter().find(|mutant| mutant.name == name).unwrap();
-        let (findings, _) = fuzzed(&device, &mutant.deviation(), 8);
+        let (findings, _) = fuzzed(&device, &mutant.deviation(), 24);
         assert!(!findings.is_empty(), "{name}");
     }
 }
