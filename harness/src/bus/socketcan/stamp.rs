@@ -13,7 +13,8 @@ use canopen::Instant;
 /// stamps move over to the new distance as soon as that puts them between the last stamp and now,
 /// so that frames that were stamped before the jump are still placed with the old one. A jump of
 /// less than [`JUMP`] goes unseen and shifts stamps by that little; one of less than the time that
-/// a frame waited to be read may misplace that frame by as much.
+/// a frame waited to be read may misplace that frame by as much. The two clocks are read one after
+/// the other, so that the distance, and with it every stamp, may be off by [`INEXACT`].
 ///
 /// In every case, stamps never decrease and never lie in the future.
 #[derive(Debug)]
@@ -36,7 +37,13 @@ impl Clock {
     #[expect(clippy::disallowed_methods, reason = "a bus backend may read a clock")]
     pub(super) fn start() -> Self {
         let mut clock = Self { opened: Monotonic::now(), distance: 0, last: 0 };
-        let distance = (0..8).find_map(|_| clock.sample(clock.now()).distance);
+        let samples = (0..8).map(|_| {
+            let before = clock.now();
+            let sample = clock.sample(before);
+            (sample.now - before.0 as i64, sample.distance)
+        });
+        // The reading that took least is the most exact one.
+        let (_, distance) = samples.min_by_key(|(took, _)| *took).unwrap_or_default();
         clock.distance = distance.unwrap_or_else(|| {
             // Always disturbed: take what there is.
             nanos(SystemTime::now()) - clock.elapsed()
@@ -73,7 +80,7 @@ impl Clock {
         let before = before.0 as i64;
         let wall = nanos(SystemTime::now());
         let now = self.elapsed();
-        let undisturbed = now - before <= JUMP as i64 / 2;
+        let undisturbed = now - before <= 2 * INEXACT as i64;
         Sample { now, distance: undisturbed.then(|| wall - (before + (now - before) / 2)) }
     }
 
@@ -88,6 +95,8 @@ fn nanos(wall: SystemTime) -> i64 {
 
 /// In nanoseconds. Well above what reading two clocks takes, well below what matters to CANopen.
 const JUMP: u64 = 200_000;
+/// In nanoseconds. Half of what the two readings of an undisturbed sample take at most.
+pub(super) const INEXACT: u64 = JUMP / 4;
 
 #[cfg(test)]
 mod tests {
