@@ -67,26 +67,24 @@ fn named(text: &str) -> Result<(&str, Option<u8>), Refused> {
     Ok((name, Some(id)))
 }
 
-/// The device of a part of a journal, by what the user names or by its name.
-///
-/// # Errors
-/// Never for a device that nobody knows: that is said in the summary.
+/// The device of a part of a journal, by what the user names or by its name; none when nobody knows
+/// it, which the summary says.
 pub(super) fn of_journal(
     started: &DeviceStarted,
     known: &[Known],
     summary: &mut Summary<'_>,
-) -> Result<Vec<Known>, Refused> {
+) -> Vec<Known> {
     let of_user = known.iter().filter(|known| known.described.node == started.node);
     let of_user: Vec<Known> = of_user.cloned().collect();
     if !of_user.is_empty() {
-        return Ok(of_user);
+        return of_user;
     }
     let bit_rate = started.bit_rate.unwrap_or(DEFAULT_BIT_RATE);
     match devices::device(&started.device) {
-        Some(device) => Ok(vec![Known::of_device(&Arc::new(device), Some(started.node), bit_rate)]),
+        Some(device) => vec![Known::of_device(&Arc::new(device), Some(started.node), bit_rate)],
         None => {
             summary.unknown(&started.device, started.node);
-            Ok(Vec::new())
+            Vec::new()
         }
     }
 }
