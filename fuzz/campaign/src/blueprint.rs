@@ -14,7 +14,7 @@ use reference_devices::rules::Dissent;
 use reference_devices::stack::NodeSettings;
 
 use crate::action::{Action, Kind};
-use crate::surface::Surface;
+use crate::surface::{FIRST_OF_APPLICATION, Surface};
 
 /// A deviation that may explain what a device does.
 #[derive(Clone, Debug)]
@@ -92,12 +92,20 @@ impl Blueprint {
         let device = ReferenceDevice::of_sheet(eds, node, settings);
         Deviation::default().build(&device, node).map_err(|wrong| vec![wrong])?;
         let (freedoms, mutants) = COMMON.clone()?;
-        let (freedoms, mutants) = (Pool::new(freedoms), Pool::new(mutants));
-        Ok(Self {
+        Ok(Self::new(device, node, freedoms, mutants))
+    }
+
+    fn new(
+        device: ReferenceDevice,
+        node: u8,
+        freedoms: Arc<[Candidate]>,
+        mutants: Arc<[Candidate]>,
+    ) -> Self {
+        Self {
             device,
             node,
-            freedoms,
-            mutants,
+            freedoms: Pool::new(freedoms),
+            mutants: Pool::new(mutants),
             errors: false,
             emergencies: true,
             in_its_own_time: false,
@@ -107,7 +115,7 @@ impl Blueprint {
             spared: Vec::new(),
             surface: None,
             known: Arc::default(),
-        })
+        }
     }
 
     /// A device that is to be like a reference device, whose application is the judge of its own.
@@ -130,21 +138,8 @@ impl Blueprint {
             let Mutant { name, breaks: clauses, why, .. } = mutant;
             Candidate { name, clauses, why, deviation, excludes: Vec::new() }
         });
-        Ok(Self {
-            device,
-            node,
-            freedoms: Pool::new(freedoms.collect()),
-            mutants: Pool::new(mutants.collect()),
-            errors: false,
-            emergencies: true,
-            in_its_own_time: false,
-            shares_its_bus: false,
-            listens: false,
-            prompt: false,
-            spared: Vec::new(),
-            surface: Some(surface),
-            known: Arc::default(),
-        })
+        let new = Self::new(device, node, freedoms.collect(), mutants.collect());
+        Ok(Self { surface: Some(surface), ..new })
     }
 
     /// The same with sessions in which such a device works, to be told again in other ways.
@@ -425,6 +420,3 @@ static COMMON: LazyLock<Result<Candidates, Vec<Complaint>>> = LazyLock::new(|| {
     });
     Ok((freedoms.collect(), mutants.collect()))
 });
-
-/// The first index that is not about communication.
-const FIRST_OF_APPLICATION: u16 = 0x2000;

@@ -8,6 +8,8 @@ use canopen::sdo::{Client, Next, RESPONSE_COB_ID, Request};
 use canopen::{Bus, BusError, Frame, Mux};
 use reference_devices::stack::NodeSettings;
 
+use crate::surface::FIRST_OF_APPLICATION;
+
 /// The values of a device, as it told them.
 #[derive(Clone, Debug, Default)]
 pub struct Look {
@@ -91,7 +93,7 @@ impl Look {
             let Some(bytes) = self.values.get(&entry.mux) else { continue };
             let Ok(value) = entry.data_type.decode(bytes) else { continue };
             let is_given = entry.default.is_some();
-            let of_application = entry.mux.index >= 0x2000;
+            let of_application = entry.mux.index >= FIRST_OF_APPLICATION;
             if of_application || !is_given && !STATES.contains(&entry.mux.index) {
                 entry.default = Some(Term::fixed(value));
             } else if entry.access.writable()

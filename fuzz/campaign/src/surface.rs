@@ -18,6 +18,9 @@ use crate::action::{Action, Kind, Stimulus, Then};
 pub(crate) use stimuli::Values;
 use stimuli::values_of;
 
+/// The first index that is not about communication.
+pub(crate) const FIRST_OF_APPLICATION: u16 = 0x2000;
+
 /// What can be set and seen of a device.
 #[derive(Clone, Debug)]
 pub struct Surface {
@@ -287,7 +290,7 @@ fn parted(name: &str) -> (String, Vec<u32>) {
 /// Whether the device itself may change the value.
 fn moves(entry: &Entry) -> bool {
     let index = entry.mux.index;
-    let of_application = index >= 0x2000 && !matches!(entry.access, Access::Const);
+    let of_application = index >= FIRST_OF_APPLICATION && !matches!(entry.access, Access::Const);
     let is_count = entry.mux.sub == 0 && entry.default.is_some();
     let ro = !(entry.access.writable() || is_count);
     index == 0x1001
@@ -305,7 +308,7 @@ fn is_setting(entry: &Entry) -> bool {
         0x1016 | 0x1029 => sub > 0,
         0x1400..=0x15FF => sub == 2 || sub == 5,
         0x1800..=0x19FF => matches!(sub, 2 | 3 | 5),
-        _ => index >= 0x2000,
+        _ => index >= FIRST_OF_APPLICATION,
     };
     let is_reserved = entry.name.to_ascii_lowercase().starts_with("reserved");
     let is_number = entry.data_type.size().is_some_and(|size| size <= 4);

@@ -115,11 +115,6 @@ fn give(model: &mut Model, what: &Seen) {
             advance(*at);
             drop(model.stimulate(*at, name, value));
         }
-        Seen::Until(_)
-        | Seen::Ended(_)
-        | Seen::Observed(..)
-        | Seen::Looked(_)
-        | Seen::Stored(..)
-        | Seen::Joined(_) => {}
+        _ => {}
     }
 }

@@ -15,8 +15,7 @@ use canopen::{Data, Frame, Mux};
 use super::coverage::{Coverage, Pair, Tried};
 use crate::action::{Action, Kind, Stimulus, Then};
 use crate::oracle::error_control;
-use crate::surface::Values;
-use crate::surface::{Setting, Surface, Unit};
+use crate::surface::{FIRST_OF_APPLICATION, Setting, Surface, Unit, Values};
 
 /// What a session does, and what it tries together.
 pub(super) struct Story {
@@ -149,7 +148,7 @@ impl Draw<'_> {
             values.extend(low.into_iter().flat_map(|low| [low - 1, low]));
             values.extend(high.into_iter().flat_map(|high| [high + 1, high]));
             values.retain(|value| (limits.0..=limits.1).contains(value));
-            let is_of_application = entry.mux.index >= 0x2000;
+            let is_of_application = entry.mux.index >= FIRST_OF_APPLICATION;
             for value in values.into_iter().filter(|_| is_of_application) {
                 self.put(setting, value as i64);
                 if self.chance(1, 8) {

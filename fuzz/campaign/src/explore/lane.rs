@@ -66,12 +66,7 @@ impl Lane {
                 let sent = self.model.stimulate(at, name, value);
                 self.keep(at, sent);
             }
-            Seen::Until(_)
-            | Seen::Ended(_)
-            | Seen::Observed(..)
-            | Seen::Looked(_)
-            | Seen::Stored(..)
-            | Seen::Joined(_) => {}
+            _ => {}
         }
     }
 
