@@ -13,6 +13,7 @@ mod fuzz;
 mod init;
 mod list;
 mod monitor;
+mod planned;
 mod qualify;
 mod restore;
 mod rewrite;

@@ -35,6 +35,30 @@ pub use selection::{DEFAULT_BIT_RATE, Selection};
 pub use sheet::models;
 pub(crate) use sheet::{dut_of_file, read_eds};
 
+/// The devices a selection means, beside the suites that are loaded for them. A mistake in what
+/// names a simulated device is told before suites are read, which takes longest; a bus is asked only
+/// when they are sound.
+///
+/// # Errors
+/// As [`resolve`], and what `load` refuses.
+pub(crate) fn resolve_beside<T>(
+    selection: &Selection,
+    stop: &Stop,
+    load: impl FnOnce() -> Result<T, Refused>,
+) -> Result<(T, Vec<Target>), Refused> {
+    let catalogue = selection.folders.catalogue.load()?;
+    let address = selection.target.as_deref().map(str::parse).transpose()?;
+    let simulated = match address {
+        Some(Address::Simulation { .. }) => Some(resolve(selection, &catalogue, stop)?),
+        Some(Address::Interface(_)) | None => None,
+    };
+    let loaded = load()?;
+    match simulated {
+        Some(targets) => Ok((loaded, targets)),
+        None => Ok((loaded, resolve(selection, &catalogue, stop)?)),
+    }
+}
+
 /// The devices a selection means; those in folders are described with these profiles.
 ///
 /// # Errors

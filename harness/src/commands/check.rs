@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use canopen::catalogue::Catalogue;
 use reference_devices::devices::{self, ReferenceDevice};
 use reference_devices::freedom::{self, Freedom};
 use reference_devices::mutant::{self, Mutant};
@@ -12,8 +13,8 @@ use runner::parallel;
 use runner::suite::{self, Library, Register};
 
 use super::counted::counted;
+use super::planned::plan_for;
 use super::rewrite;
-use super::run::plan_for;
 use crate::cli::CheckArgs;
 use crate::exit::{Exit, Refused};
 use crate::files::read_source;
@@ -22,7 +23,7 @@ use crate::nearest::did_you_mean;
 use crate::reporter::say;
 use crate::source::{Complaint, Source};
 use crate::target;
-use crate::target::Selection;
+use crate::target::{Selection, Target};
 
 /// Checks what the arguments name: suites for every reference device, or devices against all
 /// suites, and the catalogue with them.
@@ -38,23 +39,25 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
     let own = own_dut(args, &selection)?;
     let (devices, files): (Vec<_>, Vec<_>) =
         args.files.iter().cloned().partition(|path| target::holds_device(path));
-    let library = match files.as_slice() {
-        [] => folders.load()?,
-        files => with_register(folders, files)?,
-    };
+    let catalogue = folders.catalogue.load()?;
     let names = match devices.as_slice() {
         [] => devices::names().map(str::to_owned).collect(),
         paths => {
             let family =
-                |path: &PathBuf| target::with_variants(&path.to_string_lossy(), &library.catalogue);
+                |path: &PathBuf| target::with_variants(&path.to_string_lossy(), &catalogue);
             paths.iter().map(family).collect::<Result<Vec<_>, _>>()?.concat()
         }
     };
-    let mut targets = Vec::new();
-    for name in &names {
-        let selection = Selection::of_target(Some(&format!("sim:{name}")));
-        targets.append(&mut target::resolve(&selection, &library.catalogue, &Arc::default())?);
-    }
+    let targets = targets_of(&names, &catalogue)?;
+    // Devices that are named come before the suites, which take longest to read.
+    let sound = match devices.as_slice() {
+        [] => None,
+        _ => Some(sound_deviations(&names, &folders.load_part(|_| false)?)?),
+    };
+    let library = match files.as_slice() {
+        [] => folders.load()?,
+        files => with_register(folders, files)?,
+    };
     let duts: Vec<&Dut> = targets.iter().map(|target| &target.dut).collect();
     let plans = match &own {
         None => plan_for(&library, &duts)?,
@@ -65,8 +68,11 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
             plans
         }
     };
-    // Last, because it takes longest and suites are what people write.
-    let (mutants, freedoms) = sound_deviations(&names, &library)?;
+    // Else last, because suites are what people write.
+    let (mutants, freedoms) = match sound {
+        Some(sound) => sound,
+        None => sound_deviations(&names, &library)?,
+    };
     let cases: usize = library.suites.iter().map(|suite| suite.file.cases.len()).sum();
     let instances: usize = plans.iter().map(|plan| plan.instances.len()).sum();
     let counts = [
@@ -88,6 +94,18 @@ pub(super) fn run(args: &CheckArgs) -> Result<Exit, Refused> {
          {freedoms}: no errors\n"
     ));
     Ok(Exit::Green)
+}
+
+/// These reference devices as targets.
+///
+/// # Errors
+/// What is wrong with their files.
+fn targets_of(names: &[String], catalogue: &Catalogue) -> Result<Vec<Target>, Refused> {
+    let target = |name: &String| {
+        let selection = Selection::of_target(Some(&format!("sim:{name}")));
+        target::resolve(&selection, catalogue, &Arc::default())
+    };
+    Ok(names.iter().map(target).collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
 }
 
 /// How many mutants and freedoms these devices have.

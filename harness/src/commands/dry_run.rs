@@ -12,7 +12,7 @@ use runner::stop::Stop;
 use runner::suite::Library;
 
 use super::counted::counted;
-use super::run::plan_for;
+use super::planned::plan_for;
 use super::select::{known_device, select};
 use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};

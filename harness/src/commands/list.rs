@@ -5,11 +5,10 @@ use std::fmt::Write;
 use reference_devices::devices::ReferenceDevice;
 use reference_devices::{devices, freedom, mutant};
 use runner::stop::Stop;
-use runner::suite::Library;
 
 use super::counted::counted;
-use super::run::{plan_all, plan_for};
-use super::select::{known_device, select};
+use super::planned::{Planned, plan_for};
+use super::select::select;
 use crate::cli::ListArgs;
 use crate::exit::{Exit, Refused};
 use crate::reporter::say;
@@ -21,19 +20,18 @@ use crate::target::{self, Selection, reference_device};
 /// What keeps a run from starting, too.
 pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
     let args = &args.with_file()?;
-    let library = args.selection.folders.load()?;
     if let [what] = args.selection.patterns.as_slice()
-        && let Some(listed) = list_of(what, &library, &args.selection)
+        && let Some(listed) = list_of(what, &args.selection)
     {
         return listed;
     }
-    known_device(&args.selection, &library)?;
     let mut plans = match (&args.selection.target, &args.selection.eds) {
         (None, Some(path)) => {
+            let library = args.selection.folders.load()?;
             let dut = target::dut_of_file(&args.selection, path)?;
             plan_for(&library, &[&dut])?
         }
-        _ => plan_all(&library, &target::resolve(&args.selection, &library.catalogue, stop)?)?,
+        _ => Planned::new(&args.selection, false, stop)?.plans,
     };
     select(&mut plans, &args.selection)?;
     let instances = plans
@@ -80,18 +78,18 @@ pub(super) fn run(args: &ListArgs, stop: &Stop) -> Result<Exit, Refused> {
 }
 
 /// The list that a word selects; `None` if it is the name of a suite or a case.
-fn list_of(what: &str, library: &Library, selection: &Selection) -> Option<Result<Exit, Refused>> {
+fn list_of(what: &str, selection: &Selection) -> Option<Result<Exit, Refused>> {
     match what {
-        "suites" => Some(suites(library)),
-        "mutants" => Some(named(library, selection, |device| {
+        "suites" => Some(suites(selection)),
+        "mutants" => Some(named(selection, |device| {
             let mutants = mutant::of(device)?;
             Ok(mutants.into_iter().map(|mutant| (mutant.name, mutant.why)).collect())
         })),
-        "freedoms" => Some(named(library, selection, |device| {
+        "freedoms" => Some(named(selection, |device| {
             let freedoms = freedom::of(device)?;
             Ok(freedoms.into_iter().map(|freedom| (freedom.name, freedom.why)).collect())
         })),
-        "personalities" => Some(named(library, selection, |device| {
+        "personalities" => Some(named(selection, |device| {
             let all = freedom::personalities(device)?;
             Ok(all.into_iter().map(|known| (known.name, known.why)).collect())
         })),
@@ -100,7 +98,8 @@ fn list_of(what: &str, library: &Library, selection: &Selection) -> Option<Resul
 }
 
 /// The suites, with what they are about.
-fn suites(library: &Library) -> Result<Exit, Refused> {
+fn suites(selection: &Selection) -> Result<Exit, Refused> {
+    let library = selection.folders.load()?;
     let mut text = String::new();
     for suite in &library.suites {
         let about = suite.file.about.as_deref().map(|about| format!("  {about}"));
@@ -115,16 +114,16 @@ fn suites(library: &Library) -> Result<Exit, Refused> {
 /// The named items of each reference device, such as its mutants, each with its reason. A variant
 /// lists only those that its device does not have.
 fn named(
-    library: &Library,
     selection: &Selection,
     of: impl Fn(&ReferenceDevice) -> Result<Vec<(String, String)>, Refused>,
 ) -> Result<Exit, Refused> {
+    let catalogue = selection.folders.catalogue.load()?;
     let chosen = selection.target.as_deref().and_then(|target| target.strip_prefix("sim:"));
     let chosen = chosen.or(selection.device.as_deref());
     let names: Vec<&str> = chosen.map_or_else(|| devices::names().collect(), |name| vec![name]);
     let mut text = String::new();
     for name in names {
-        let device = reference_device(name, &library.catalogue)?;
+        let device = reference_device(name, &catalogue)?;
         for (known, why) in of(&device)? {
             _ = writeln!(text, "{name}  {known}  {why}");
         }

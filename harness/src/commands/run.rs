@@ -3,14 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem::ManuallyDrop;
 use std::path::{Path, PathBuf};
-use std::thread;
 
 use canopen::{BusError, Instant};
-use reference_devices::devices;
 use reports::{Event, Identity, Keep, Note, Run, RunEnded, Verdict};
-use runner::dut::Dut;
 use runner::parallel::{self, InTurn, processors};
-use runner::plan::{self, Instance, Plan};
+use runner::plan::{Instance, Plan};
 use runner::protect::Deed;
 use runner::run::{Address, Ending, Policy, Session, Undo, Unobserved};
 use runner::stop::Stop;
@@ -18,15 +15,14 @@ use runner::suite::{Library, Register};
 use runner::waivers::Waivers;
 
 use super::dry_run;
-use super::select::{all_named, known_device, select};
+use super::planned::Planned;
+use super::select::select;
 use crate::bus::unix_time;
 use crate::cli::RunArgs;
 use crate::exit::{Exit, Refused};
 use crate::files::{LARGEST_JOURNAL, read, read_source, text, words};
-use crate::nearest::did_you_mean;
 use crate::reporter::{Reporter, harmless, started};
-use crate::source::{At, Complaint};
-use crate::target::{self, Connection, DEFAULT_BIT_RATE, Selection, Target};
+use crate::target::{Connection, DEFAULT_BIT_RATE, Selection, Target};
 use crate::undo_log::{self, Changes, UndoLog};
 
 /// Runs the selection of the arguments. The reports are written even if the run fails.
@@ -98,21 +94,10 @@ impl Prepared {
         last_failed: Option<BTreeSet<String>>,
         stop: &Stop,
     ) -> Result<Self, Refused> {
-        let library = thread::scope(|scope| -> Result<_, Vec<Complaint>> {
-            // The reference devices are read once, which need not wait for the suites.
-            scope.spawn(|| devices::all().count());
-            load(args)
-        })?;
-        let (mut library, is_part) = library;
-        known_device(&args.selection, &library)?;
-        let targets = target::resolve(&args.selection, &library.catalogue, stop)?;
+        // Waivers are held against all suites.
+        let Planned { library, targets, mut plans } =
+            Planned::new(&args.selection, args.waivers.is_some(), stop)?;
         let waivers = waivers_of(args, &library.register)?;
-        let mut plans = plan_all(&library, &targets)?;
-        if is_part && !all_named(&plans, &args.selection) {
-            // What is near may be anywhere.
-            library = args.selection.folders.load()?;
-            plans = plan_all(&library, &targets)?;
-        }
         let names = names_of(&plans, args.waivers.is_some());
         select(&mut plans, &args.selection)?;
         if let Some(failed) = &last_failed {
@@ -173,16 +158,6 @@ impl Prepared {
 /// one by one takes a twentieth of a run.
 fn forget<T>(whole: T) {
     _ = ManuallyDrop::new(whole);
-}
-
-/// The suites, and whether they are those alone that the patterns name. Waivers and the name of a
-/// device are held against all of them.
-fn load(args: &RunArgs) -> Result<(Library, bool), Vec<Complaint>> {
-    let Selection { folders, patterns, device, .. } = &args.selection;
-    match args.waivers.is_none() && device.is_none() {
-        true => folders.load_named(patterns),
-        false => Ok((folders.load()?, false)),
-    }
 }
 
 /// The run that a journal records.
@@ -357,55 +332,6 @@ pub(super) fn undo(target: &Target, selection: &Selection) -> Undo {
 fn absolute(path: &Option<PathBuf>) -> Option<PathBuf> {
     let path = path.as_ref()?;
     Some(path.canonicalize().unwrap_or_else(|_| path.clone()))
-}
-
-/// A plan for each target.
-///
-/// # Errors
-/// Everything wrong with the suites for any of the devices.
-pub(super) fn plan_all(library: &Library, targets: &[Target]) -> Result<Vec<Plan>, Refused> {
-    let duts: Vec<&Dut> = targets.iter().map(|target| &target.dut).collect();
-    plan_for(library, &duts)
-}
-
-/// A plan for each device.
-///
-/// # Errors
-/// As [`plan_all`].
-pub(super) fn plan_for(library: &Library, duts: &[&Dut]) -> Result<Vec<Plan>, Refused> {
-    note_suites_of_nobody(library, duts);
-    let (mut plans, mut complaints) = (Vec::new(), Vec::<Complaint>::new());
-    let planned = parallel::map(duts.to_vec(), processors(), |dut| {
-        plan::plan(library, dut, &target::models(&dut.eds))
-    });
-    for plan in planned {
-        match plan {
-            Ok(plan) => plans.push(plan),
-            Err(mut wrong) => {
-                // A mistake of one device is mostly a mistake of the next one, too.
-                wrong.retain(|wrong| !complaints.iter().any(|told| wrong.is_about_place_of(told)));
-                complaints.extend(wrong);
-            }
-        }
-    }
-    if complaints.is_empty() { Ok(plans) } else { Err(complaints.into()) }
-}
-
-/// Notes the suites for a device that is neither tested nor a reference device, which would
-/// silently never run.
-fn note_suites_of_nobody(library: &Library, duts: &[&Dut]) {
-    for suite in &library.suites {
-        let Some(At { value: device, .. }) = &suite.file.device else { continue };
-        let tested = duts.iter().any(|dut| dut.name == *device);
-        if !tested && !devices::names().any(|name| name == device) {
-            complain!(
-                "note: suite {} is for the device `{device}` and is left out; `--device {device}` \
-                 names the device under test{}",
-                suite.name(),
-                did_you_mean(device, devices::names())
-            );
-        }
-    }
 }
 
 fn after(ending: &Ending, target: &Target) -> Ended {

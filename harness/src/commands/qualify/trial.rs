@@ -23,7 +23,7 @@ use runner::waivers::Waivers;
 use rustc_hash::{FxHashSet, FxHasher};
 
 use super::freedoms;
-use crate::commands::run::plan_all;
+use crate::commands::planned::plan_all;
 use crate::exit::Refused;
 use crate::target::{self, Target, reference_device};
 use crate::target::{DEFAULT_BIT_RATE, Selection};
