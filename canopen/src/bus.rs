@@ -168,28 +168,91 @@ impl Outbox {
     }
 }
 
-/// Runs `device` as a station of `bus` until `end`.
+/// Runs `device` as a station of `bus` until `end`. A station that runs late, as a program on a
+/// busy machine does, still meets things in the order in which they happened: a frame that came
+/// before a timeout was due is handled before it.
 ///
 /// # Errors
 /// Whatever the bus reports.
 pub fn serve(bus: &mut dyn Bus, device: &mut dyn Device, end: Instant) -> Result<(), BusError> {
     let mut out = Outbox::default();
     loop {
-        let now = bus.now();
-        if device.poll_at().is_some_and(|due| due <= now) {
-            device.handle_timeout(now, &mut out);
-        }
         while let Some(frame) = out.pop() {
             bus.send(&frame)?;
         }
-        if now >= end {
+        let due = device.poll_at().unwrap_or(Instant::NEVER);
+        if let Some(seen) = bus.recv(due.min(end))? {
+            if !seen.own {
+                device.handle_frame(seen.at, &seen.frame, &mut out);
+            }
+            continue;
+        }
+        let now = bus.now();
+        if due <= now {
+            device.handle_timeout(now, &mut out);
+        }
+        if now >= end && out.is_empty() {
             return Ok(());
         }
-        let wake = device.poll_at().map_or(end, |due| due.min(end));
-        if let Some(seen) = bus.recv(wake)?
-            && !seen.own
-        {
-            device.handle_frame(seen.at, &seen.frame, &mut out);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A bus whose station looks at `now`, when two frames have come.
+    struct Late {
+        now: Instant,
+        came: VecDeque<Stamped>,
+        sent: Vec<Frame>,
+    }
+
+    impl Bus for Late {
+        fn now(&mut self) -> Instant {
+            self.now
         }
+        fn send(&mut self, frame: &Frame) -> Result<(), BusError> {
+            self.sent.push(*frame);
+            Ok(())
+        }
+        fn recv(&mut self, until: Instant) -> Result<Option<Stamped>, BusError> {
+            if self.came.front().is_some_and(|seen| seen.at <= until) {
+                return Ok(self.came.pop_front());
+            }
+            self.now = self.now.max(until);
+            Ok(None)
+        }
+    }
+
+    /// Sends the identifiers of what it got, and 7FFh when its time has come.
+    struct Diary {
+        due: Option<Instant>,
+    }
+
+    impl Device for Diary {
+        fn handle_frame(&mut self, _now: Instant, frame: &Frame, out: &mut Outbox) {
+            out.push(*frame);
+        }
+        fn handle_timeout(&mut self, _now: Instant, out: &mut Outbox) {
+            self.due = None;
+            out.push(Frame::new(0x7FF, []));
+        }
+        fn poll_at(&self) -> Option<Instant> {
+            self.due
+        }
+    }
+
+    #[test]
+    fn a_late_station_sees_frames_and_its_timeout_in_their_order() {
+        let frames = [1, 3].map(|at| Stamped {
+            at: Instant(at),
+            frame: Frame::new(at as u16, []),
+            own: false,
+        });
+        let mut bus = Late { now: Instant(9), came: frames.into(), sent: Vec::new() };
+        let mut device = Diary { due: Some(Instant(2)) };
+        assert_eq!(serve(&mut bus, &mut device, Instant(9)), Ok(()));
+        assert_eq!(bus.sent, [1, 0x7FF, 3].map(|id| Frame::new(id, [])));
     }
 }
