@@ -1,43 +1,37 @@
 //! Devices that are programs: what is found over their standard input and output is what is found
 //! in virtual time.
 
+#[path = "common/agree.rs"]
+mod agree;
 mod common;
+#[path = "common/record.rs"]
+mod record;
 
-use std::collections::BTreeMap;
 use std::fs;
 
 use common::{harness, project};
-use reports::{Keep, Run, Verdict};
+use reports::{Run, Verdict};
 
-/// The verdicts of cases, by their names.
-fn verdicts(target: &str, cases: &[&str]) -> BTreeMap<String, Verdict> {
+/// A run of these cases.
+fn run(target: &str, cases: &[&str]) -> Run {
     let folder = tempfile::tempdir().expect("a folder");
     let journal = folder.path().join("journal");
     let mut run = harness();
     run.args(cases).args(["-q", "--no-progress", "--target", target, "--journal"]).arg(&journal);
     let output = run.output().expect("the program starts");
     let (said, told) = (String::from_utf8_lossy(&output.stdout), output.stderr);
-    let journal = fs::read_to_string(journal).expect("the run wrote it");
-    let run = Run::fold(&journal, Keep::Unusual).expect("a journal");
-    let verdicts: BTreeMap<_, _> =
-        run.cases().map(|(_, case)| (case.info.name(), case.verdict())).collect();
-    assert!(!verdicts.is_empty(), "{said}{}", String::from_utf8_lossy(&told));
-    verdicts
+    let run = record::read(&journal);
+    assert!(run.cases().next().is_some(), "{said}{}", String::from_utf8_lossy(&told));
+    run
 }
 
-/// Compares what is found over pipes with what is found in virtual time. A machine that stalls for
-/// a moment stalls the device as well: such a case is tried again, alone.
-fn compare(of_program: &str, simulated: &str) -> BTreeMap<String, Verdict> {
-    let (found, expected) = (verdicts(of_program, &CASES), verdicts(simulated, &CASES));
-    assert!(found.keys().eq(expected.keys()) && found.len() > 50);
-    let differs = |name: &&String| found[*name] != expected[*name];
-    let again: Vec<&str> = found.keys().filter(differs).map(String::as_str).collect();
-    assert!(again.len() <= 3, "{again:?}");
-    if !again.is_empty() {
-        for (name, verdict) in verdicts(of_program, &again) {
-            assert_eq!(verdict, expected[&name], "{name}");
-        }
-    }
+/// Compares what is found over pipes with what is found in virtual time, and returns the latter.
+fn compare(of_program: &str, simulated: &str) -> Run {
+    let (found, expected) = (run(of_program, &CASES), run(simulated, &CASES));
+    assert!(expected.cases().count() > 50);
+    agree::agree(&expected, &found, |names| {
+        run(of_program, &names.iter().map(String::as_str).collect::<Vec<_>>())
+    });
     expected
 }
 
@@ -59,7 +53,7 @@ fn a_program_with_a_defect_fails_where_it_does_in_virtual_time() {
     let mutant = "abort-no-sub-index-for-no-object";
     let served = served(&format!("generic --mutant {mutant}"));
     let found = compare(&served, &format!("sim:generic?mutant={mutant}"));
-    assert!(found.values().any(|verdict| *verdict == Verdict::Fail));
+    assert!(found.cases().any(|(_, case)| case.verdict() == Verdict::Fail));
 }
 
 /// What no document allows is done once: by the device in the case, since no attempt after it
@@ -80,8 +74,9 @@ fn what_only_the_device_can_have_sent_is_a_failure_although_it_came_once() {
         ("late", "cia301/heartbeat/switched-off", Verdict::Lenient),
     ] {
         let target = served(&format!("{path} --mutant {mutant}"));
-        let verdicts = verdicts(&target, &[case]);
-        assert_eq!(verdicts.values().collect::<Vec<_>>(), [&verdict], "{mutant}: {verdicts:?}");
+        let run = run(&target, &[case]);
+        let verdicts: Vec<_> = run.cases().map(|(_, case)| case.verdict()).collect();
+        assert_eq!(verdicts, [verdict], "{mutant}");
     }
 }
 

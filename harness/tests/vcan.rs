@@ -1,11 +1,13 @@
 //! The harness on a real bus: the device in one process, the harness in another, the kernel's CAN
 //! between them. `scripts/with-vcan cargo test -p harness --test vcan -- --ignored` runs these.
 
+#[path = "common/agree.rs"]
+mod agree;
 mod common;
 #[path = "common/record.rs"]
 mod record;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::env;
 use std::ffi::OsStr;
 use std::fs::File;
@@ -145,16 +147,9 @@ fn compare(device: &str, cases: &[&str], options: &[&str]) {
     // What failed is looked at below, and so is what the tester was too late for.
     let mut on_the_real_bus = run(&["--target", "vcan0", "--bench", &bench], &[0, 1, 6]);
     leave_out_long_cases([&mut in_virtual_time, &mut on_the_real_bus]);
-    let mut differences = record::differences(&in_virtual_time, &on_the_real_bus);
-    // A machine that stalls for a moment does not count: such a case is tried alone, once.
-    let once_more = differing(&in_virtual_time, &on_the_real_bus);
-    if (1..=MOST_STALLED).contains(&once_more.len()) {
-        eprintln!("{device}: once more, alone: {}\n{differences}", once_more.join(" "));
-        let alone = [options, &["--target", "vcan0", "--bench", &bench][..]].concat();
-        let alone = rerun(&files, &once_more, &alone);
-        differences = still_different(&in_virtual_time, &alone, &once_more);
-    }
-    assert!(differences.is_empty(), "{device}: {differences}");
+    let of_bus = [options, &["--target", "vcan0", "--bench", &bench][..]].concat();
+    let alone = |names: &[String]| rerun(&files, names, &of_bus);
+    agree::agree(&in_virtual_time, &on_the_real_bus, alone);
 }
 
 /// Takes out what is skipped in real time since it would take minutes of the bus.
@@ -401,12 +396,8 @@ fn a_program_on_the_interface_gets_the_verdicts_of_virtual_time() {
     };
     let program = format!("{} serve generic --target vcan0", env!("CARGO_BIN_EXE_harness"));
     let (simulated, served) = (run("sim:generic"), run(&format!("exec@vcan0:{program}")));
-    let once_more = differing(&simulated, &served);
-    assert!(once_more.len() <= MOST_STALLED, "{once_more:?}");
-    if !once_more.is_empty() {
-        let alone = rerun(&files, &once_more, &["--target", &format!("exec@vcan0:{program}")]);
-        assert_eq!(still_different(&simulated, &alone, &once_more), "");
-    }
+    let target = format!("exec@vcan0:{program}");
+    agree::agree(&simulated, &served, |names| rerun(&files, names, &["--target", &target]));
 }
 
 #[test]
@@ -490,31 +481,10 @@ const MORE_THAN_A_QUEUE: usize = 30_000;
 
 const SUITES: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/vcan/suites");
 
-/// More cases than a stalled machine spoils.
-const MOST_STALLED: usize = 5;
-
-/// The names of the instances that came out differently.
-fn differing(expected: &Run, got: &Run) -> Vec<String> {
-    let (expected, got) = (record::verdicts(expected), record::verdicts(got));
-    let names = expected.keys().chain(got.keys()).filter(|key| expected.get(key) != got.get(key));
-    let names: BTreeSet<&String> = names.map(|(_, name)| name).collect();
-    names.into_iter().cloned().collect()
-}
-
 /// A run of these instances alone.
 fn rerun(files: &Files, names: &[String], target: &[&str]) -> Run {
     harness().args(target).args(names).args(files.options()).output().unwrap();
     files.run()
-}
-
-/// Which of the instances come out differently alone, too.
-fn still_different(expected: &Run, alone: &Run, names: &[String]) -> String {
-    let (expected, alone) = (record::verdicts(expected), record::verdicts(alone));
-    let of = |verdicts: &BTreeMap<(String, String), Verdict>, name: &String| {
-        verdicts.iter().find(|((_, known), _)| known == name).map(|(_, verdict)| *verdict)
-    };
-    let wrong = names.iter().filter(|name| of(&expected, name) != of(&alone, name));
-    wrong.map(|name| format!("{name}: {:?} alone, too\n", of(&alone, name))).collect()
 }
 
 /// There is one vcan0 for all processes of a kernel, and no test may see the device of another one.
