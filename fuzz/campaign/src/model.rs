@@ -48,7 +48,7 @@ impl Model {
         let mut polls = 0;
         while self.due.is_some_and(|due| due <= now) && polls < POLLS_PER_INSTANT {
             self.device.handle_timeout(now, &mut self.out);
-            self.due = self.device.poll_at();
+            self.wait_from(now);
             polls += 1;
         }
         self.sent()
@@ -57,7 +57,7 @@ impl Model {
     /// Takes a frame of the tester.
     pub(crate) fn take(&mut self, now: Instant, frame: &Frame) -> impl Iterator<Item = Frame> + '_ {
         self.device.handle_frame(now, frame, &mut self.out);
-        self.due = self.device.poll_at();
+        self.wait_from(now);
         self.sent()
     }
 
@@ -73,7 +73,13 @@ impl Model {
         // Each simulated device has a supply.
         _ = self.device.stimulate(now, POWER, &value, &mut self.out);
         self.out.clear();
-        self.due = self.device.poll_at();
+        self.wait_from(now);
+    }
+
+    /// A device may ask to be polled at a time that has passed, as after a pause without supply;
+    /// its time does not go back.
+    fn wait_from(&mut self, now: Instant) {
+        self.due = self.device.poll_at().map(|due| due.max(now));
     }
 
     /// Has stored a value before it was switched on.
@@ -96,12 +102,42 @@ impl Model {
     pub(crate) fn stimulate(&mut self, now: Instant, name: &str, value: &Value) -> Vec<Frame> {
         // A stimulus that the device took is one that the model takes, or it shows no effect.
         _ = self.device.stimulate(now, name, value, &mut self.out);
-        self.due = self.device.poll_at();
+        self.wait_from(now);
         self.sent().collect()
     }
 
     /// What is to be seen on the bench.
     pub(crate) fn observe(&self, name: &str) -> Option<Value> {
         self.device.observe(name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use canopen::{Instant, Value};
+    use reference_devices::change::Deviation;
+    use reference_devices::devices;
+
+    use super::Model;
+
+    /// The edges of its encoder that were due while the module was off are over.
+    #[test]
+    fn time_does_not_go_back_after_a_pause_without_supply() {
+        let device = devices::device("mcm260x-3ad").expect("it is a reference device");
+        let built = Deviation::default().build(&device, 1).expect("it is as it is");
+        let mut model = Model::new(built);
+        let off = Instant::ZERO + Duration::from_secs(1);
+        while let Some(due) = model.due_before(off) {
+            model.poll(due).for_each(drop);
+        }
+        model.stimulate(off, "encoder-frequency-3", &Value::Real(25.6));
+        model.power(off, false);
+        assert_eq!(model.due_before(Instant::NEVER), None);
+        let on = off + Duration::from_millis(300);
+        model.power(on, true);
+        assert_eq!(model.due_before(on), None);
+        assert!(model.due_before(Instant::NEVER).is_some());
     }
 }
