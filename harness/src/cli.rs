@@ -351,6 +351,10 @@ pub struct QualifyArgs {
     #[arg(conflicts_with_all = ["record", "matrices", "unproved", "why"])]
     #[arg(value_parser = whole::<u64>(1..=1_000_000))]
     pub fuzz: Option<u64>,
+    /// With --fuzz, guess the requirements of every Nth mutant only, or of none with 0; a guess
+    /// takes many times what a finding takes
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "fuzz")]
+    pub guess_every: usize,
     /// Fuzz each device with so many sessions instead, as it is, with each freedom, as each
     /// personality and with --mixtures of freedoms, and print what is found: nothing may be
     #[arg(long, value_name = "SESSIONS")]

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use campaign::{Belief, Blueprint, Campaign, Finding};
+use campaign::{Belief, Blueprint, Campaign, Finding, VirtualDevice};
 use canopen::{Pattern, Word};
 use reference_devices::devices::WITH_EVERYTHING;
 use reference_devices::mutant::{self, Mutant};
@@ -23,8 +23,9 @@ struct Fuzzed {
     mutant: Mutant,
     /// The number of the first session in which something was wrong.
     first: Option<u64>,
-    /// Whether one of the first two guesses is a requirement that it breaks.
-    named: bool,
+    /// Whether one of the first two guesses is a requirement that it breaks; `None` where nothing
+    /// was found, or no guess was made.
+    named: Option<bool>,
     /// How many actions show the first finding.
     actions: Option<usize>,
     /// What the device was taken for where nothing was found: freedoms that do the same.
@@ -60,8 +61,10 @@ pub(super) fn run(args: &QualifyArgs, sessions: u64) -> Result<Exit, Refused> {
         true => None,
         false => Some(Differences::of(&target, &known, args.seed, sessions)?),
     };
-    let fuzzed = parallel::map(mutants, processors(), |mutant| {
-        fuzzed(&target, &known, differences.as_ref(), mutant, args.seed, sessions)
+    let trials = Trials { device: &target, like: &known, differences, seed: args.seed, sessions };
+    let mutants = mutants.into_iter().enumerate().collect();
+    let fuzzed = parallel::map(mutants, processors(), |(place, mutant): (usize, Mutant)| {
+        trials.fuzz(mutant, args.guess_every > 0 && place % args.guess_every == 0)
     });
     let fuzzed = fuzzed.into_iter().collect::<Result<Vec<_>, _>>()?;
     let left_out = left_out.iter().filter_map(|mutant| Some((why_left_out(mutant)?, mutant)));
@@ -160,73 +163,93 @@ impl Differences {
     }
 
     /// Whether a session may go otherwise with a mutant.
-    fn differs(&self, number: usize, mutant: Option<usize>) -> bool {
-        mutant.is_none_or(|mutant| self.dissenting[number].contains(&mutant))
+    fn differs(&self, number: u64, mutant: Option<usize>) -> bool {
+        mutant.is_none_or(|mutant| self.dissenting[number as usize].contains(&mutant))
     }
 }
 
-fn fuzzed(
-    device: &Target,
-    like: &Modelled,
-    differences: Option<&Differences>,
-    mutant: Mutant,
+/// What all mutants are tried with.
+struct Trials<'t> {
+    device: &'t Target,
+    /// How the device without deviation is modelled.
+    like: &'t Modelled,
+    /// `None` where the model is the reference device.
+    differences: Option<Differences>,
     seed: u64,
     sessions: u64,
-) -> Result<Fuzzed, Refused> {
-    let target = device.deviating(mutant.deviation())?;
-    let mut stage = stage::simulated(&target)?;
-    let explores = like.blueprint.surface().is_some();
-    let modelled = match explores {
-        // The reference device is the model, whatever the device says of itself.
-        true => like.clone(),
-        false => Modelled::of(&target, &mut stage, None)?,
-    };
-    let blueprint = &modelled.blueprint;
-    let mut campaign = Campaign::new(blueprint, modelled.belief()?, seed);
-    let mut findings: Vec<Finding> = Vec::new();
-    let all = blueprint.mutants();
-    let place = all.iter().position(|other| other.name == mutant.name);
-    let differences = differences.filter(|known| blueprint.is_like(&known.blueprint));
-    for number in 0..sessions {
-        // A session is drawn by what is believed.
-        let differs = differences.is_none_or(|known| known.differs(number as usize, place));
-        if campaign.lessons() == 0 && !differs {
-            continue;
+}
+
+impl Trials<'_> {
+    /// Fuzzes the device with a mutant, and guesses which one it is where `guesses`.
+    fn fuzz(&self, mutant: Mutant, guesses: bool) -> Result<Fuzzed, Refused> {
+        let target = self.device.deviating(mutant.deviation())?;
+        let mut stage = stage::simulated(&target)?;
+        let explores = self.differences.is_none();
+        let modelled = match explores {
+            // The reference device is the model, whatever the device says of itself.
+            true => self.like.clone(),
+            false => Modelled::of(&target, &mut stage, None)?,
+        };
+        let blueprint = &modelled.blueprint;
+        let mut campaign = Campaign::new(blueprint, modelled.belief()?, self.seed);
+        let most = if explores || !guesses { 1 } else { FINDINGS };
+        let place = blueprint.mutants().iter().position(|other| other.name == mutant.name);
+        let known = self.differences.as_ref();
+        let known = known.filter(|known| blueprint.is_like(&known.blueprint));
+        let differs = |number| known.is_none_or(|known| known.differs(number, place));
+        let mut findings = self.findings(&mut campaign, &mut stage, differs, most)?;
+        let first = findings.first().map(|finding| finding.number);
+        let allows = |clause: &String| explores || mutant.breaks.contains(clause);
+        let learnt = campaign.belief().freedoms();
+        let learnt = learnt.filter(|freedom| first.is_none() && freedom.clauses.iter().any(allows));
+        let taken_for = learnt.map(|freedom| freedom.name.clone()).collect();
+        if !guesses || findings.is_empty() {
+            return Ok(Fuzzed { mutant, first, named: None, actions: None, taken_for });
         }
-        // A mutant that lets no time pass is a defect of the mutant.
-        let found = campaign.session(&mut stage, number);
-        findings.extend(found.map_err(|error| Refused::bus(error.to_string()))?);
-        if findings.len() >= if explores { 1 } else { FINDINGS } {
-            break;
+        // Mutants are held against the whole of a session, and that of an exploration is long.
+        for finding in findings.iter_mut().filter(|_| explores) {
+            *finding = modelled.shortest(&campaign, &mut stage, None, finding);
         }
-    }
-    // Mutants are held against the whole of a session, and that of an exploration is long.
-    for finding in findings.iter_mut().filter(|_| explores) {
-        *finding = modelled.shortest(&campaign, &mut stage, None, finding);
-    }
-    let first = findings.first().map(|finding| finding.number);
-    let looked: Vec<&Finding> = findings.iter().collect();
-    let suspects = if looked.is_empty() { Vec::new() } else { campaign.suspects(&looked) };
-    let likeliest = suspects.first().map(|suspect| &suspect.mutant);
-    let first_finding = findings.first();
-    let short =
-        first_finding.map(|found| modelled.shortest(&campaign, &mut stage, likeliest, found));
-    let actions = short.map(|finding| finding.session.actions.len());
-    let mut guesses: Vec<&str> = Vec::new();
-    for suspect in suspects {
-        let clauses = &blueprint.mutants()[suspect.mutant].clauses;
-        let guess = clauses.first().map_or("", String::as_str);
-        if !guesses.contains(&guess) {
-            guesses.push(guess);
+        let suspects = campaign.suspects(&findings.iter().collect::<Vec<_>>());
+        let likeliest = suspects.first().map(|suspect| &suspect.mutant);
+        let short = modelled.shortest(&campaign, &mut stage, likeliest, &findings[0]);
+        let mut guesses: Vec<&str> = Vec::new();
+        for suspect in suspects {
+            let clauses = &blueprint.mutants()[suspect.mutant].clauses;
+            let guess = clauses.first().map_or("", String::as_str);
+            if !guesses.contains(&guess) {
+                guesses.push(guess);
+            }
         }
+        let breaks = |guess: &&str| mutant.breaks.iter().any(|broken| broken == guess);
+        let named = Some(guesses.iter().take(GUESSES).any(breaks));
+        let actions = Some(short.session.actions.len());
+        Ok(Fuzzed { mutant, first, named, actions, taken_for })
     }
-    let breaks = |guess: &&str| mutant.breaks.iter().any(|broken| broken == guess);
-    let named = guesses.iter().take(GUESSES).any(breaks);
-    let allows = |clause: &String| explores || mutant.breaks.contains(clause);
-    let learnt = campaign.belief().freedoms();
-    let learnt = learnt.filter(|freedom| first.is_none() && freedom.clauses.iter().any(allows));
-    let taken_for = learnt.map(|freedom| freedom.name.clone()).collect();
-    Ok(Fuzzed { mutant, first, named, actions, taken_for })
+
+    /// The first findings of a campaign, up to `most`, in sessions that may differ.
+    fn findings(
+        &self,
+        campaign: &mut Campaign<'_>,
+        stage: &mut VirtualDevice,
+        differs: impl Fn(u64) -> bool,
+        most: usize,
+    ) -> Result<Vec<Finding>, Refused> {
+        let mut findings = Vec::new();
+        for number in 0..self.sessions {
+            // A session is drawn by what is believed.
+            if campaign.lessons() == 0 && !differs(number) {
+                continue;
+            }
+            // A mutant that lets no time pass is a defect of the mutant.
+            let found = campaign.session(stage, number);
+            findings.extend(found.map_err(|error| Refused::bus(error.to_string()))?);
+            if findings.len() >= most {
+                break;
+            }
+        }
+        Ok(findings)
+    }
 }
 
 /// The numbers of each group of requirements, such as `CIA301-SEG`.
@@ -235,6 +258,7 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
     struct Row {
         mutants: usize,
         found: usize,
+        guessed: usize,
         named: usize,
         taken: usize,
     }
@@ -247,7 +271,8 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
             let row = rows.entry(row).or_default();
             row.mutants += 1;
             row.found += usize::from(one.first.is_some());
-            row.named += usize::from(one.named);
+            row.guessed += usize::from(one.named.is_some());
+            row.named += usize::from(one.named == Some(true));
             row.taken += usize::from(!one.taken_for.is_empty());
         }
         if verbose {
@@ -256,18 +281,22 @@ fn table(all: &[Fuzzed], verbose: bool) -> String {
                 None if one.taken_for.is_empty() => "not found".to_owned(),
                 None => format!("taken for {}", one.taken_for.join(" and ")),
             };
-            let named = if one.named { "named" } else { "not named" };
+            let named = match one.named {
+                Some(true) => ", named",
+                Some(false) => ", not named",
+                None => "",
+            };
             // Writing to a string cannot fail.
-            _ = writeln!(text, "  {}: {found}, {named} ({first})", one.mutant.name);
+            _ = writeln!(text, "  {}: {found}{named} ({first})", one.mutant.name);
         }
     }
     for (group, row) in rows {
-        let Row { mutants, found, named, taken } = row;
+        let Row { mutants, found, guessed, named, taken } = row;
         let taken =
             if taken > 0 { format!(", {taken} taken for a freedom") } else { String::new() };
         _ = writeln!(
             text,
-            "{group:<14} {mutants:>4} mutants, {found:>4} found, {named:>4} named{taken}"
+            "{group:<14} {mutants:>4} mutants, {found:>4} found, {named:>4} of {guessed} named{taken}"
         );
     }
     let mut actions: Vec<usize> = all.iter().filter_map(|one| one.actions).collect();
