@@ -13,6 +13,7 @@ mod names;
 pub mod reason;
 mod run;
 mod seen;
+mod story;
 mod style;
 pub mod terminal;
 mod verdict;

@@ -4,11 +4,7 @@
 //! same words belongs to the modules beside this one.
 
 mod details;
-mod excerpt;
-mod state;
-mod subject;
 mod summary;
-mod trace;
 
 use std::fmt::Write as _;
 use std::time::Duration;

@@ -1,18 +1,14 @@
 //! The reasons why a case did not pass, in the order in which a reader asks for them.
 
-use std::collections::BTreeMap;
 use std::fmt::{self, Write as _};
 
-use canopen::decoder::PdoLayout;
-use canopen::{Decoder, Frame, Instant, Stamped, meaning};
+use canopen::{Frame, Instant, Stamped, meaning};
 
-use super::excerpt::{Done, Excerpt as Happened, Line, steps_until};
-use super::subject::Subject;
-use super::trace::Trace;
-use super::{one_line, plural, state};
+use super::{one_line, plural};
 use crate::event::Measured;
 use crate::names::ObjectNames;
 use crate::run::{CaseRun, DeviceRun};
+use crate::story::{Done, Line, Story};
 use crate::style::{Style, printable, shell_word};
 use crate::verdict::{Excerpt, Outcome, Phase, Problem, Verdict};
 
@@ -49,7 +45,7 @@ pub fn details(device: &DeviceRun, case: &CaseRun, style: Style) -> String {
             block.field("in", &format!("{}:{}:{}", info.file, info.line, info.column));
         }
     }
-    block.trace(device, case);
+    block.story(device, case);
     if !device.info.rerun.is_empty() {
         let again = format!("{} {}", device.info.rerun, shell_word(&case.info.name()));
         block.field("run again", &again);
@@ -174,55 +170,34 @@ impl Block<'_> {
     }
 
     /// The excerpt, and what it leaves out.
-    fn trace(&mut self, device: &DeviceRun, case: &CaseRun) {
-        let problem = case.outcome.problem();
-        let until = problem.map_or(Instant::NEVER, |problem| problem.at);
-        let steps = steps_until(case, until);
-        let (node, pdos) = (device.info.node, PdoLayout::clone(&device.info.pdos));
-        let mut decoder = Decoder::of_layout(node, pdos, BTreeMap::new());
-        let settled = problem.is_none_or(|problem| problem.phase != Phase::Settle);
-        let first = steps.first().filter(|_| settled).map_or(Instant::ZERO, |step| step.at);
-        let trace = Trace::read(&case.trace, node, &mut decoder, (first, until));
-        let subject = problem.map(|problem| Subject::of(problem, &steps, &decoder));
-        let subject = subject.unwrap_or_default();
+    fn story(&mut self, device: &DeviceRun, case: &CaseRun) {
         let room = SCREEN.saturating_sub(self.text.lines().count()).max(LEAST);
-        let excerpt = Happened::of(case, &trace, &steps, (&subject, until), room);
-        let (reads, pdos) = state::known(&trace, &excerpt, &subject, &steps);
-        if let Some(reads) = reads {
-            self.named("reads", &reads);
+        let story = Story::of(device, case, room);
+        if let Some(reads) = &story.reads {
+            self.named("reads", reads);
         }
         let mut label = "last PDOs";
-        for place in pdos {
-            let (at, text) =
-                (relative(case.info.at, trace.frames[place].at), &trace.seen[place].text);
-            self.named(std::mem::take(&mut label), &one_line(&format!("{at} {text}")));
+        for place in &story.pdos {
+            let (stamped, meaning) = story.frame(*place);
+            let at = relative(case.info.at, stamped.at);
+            self.named(std::mem::take(&mut label), &one_line(&format!("{at} {meaning}")));
         }
-        // What came after the failure is neither shown nor left out.
-        let after = case.trace.len() - trace.frames.len();
-        let since = "in seconds since the case began";
-        let heading = match (case.frames - after, excerpt.frames) {
-            (0, _) => "none".to_owned(),
-            (all, _) if case.trace.is_empty() => format!("{all}, not kept"),
-            (all, some) if all == some => format!("{all}, {since}"),
-            (all, some) if after > 0 => format!("{some} of {all}, up to the failure, {since}"),
-            (all, some) => format!("{some} of {all}, {since}"),
-        };
-        self.field("frames", &heading);
-        self.lines(case.info.at, &trace, &excerpt);
-        if !trace.frames.is_empty() {
-            self.field("left out", &state::left_out(&trace, &excerpt));
+        self.field("frames", &story.frames);
+        self.lines(case.info.at, &story);
+        if let Some(left_out) = &story.left_out {
+            self.field("left out", left_out);
         }
     }
 
-    fn lines(&mut self, start: Instant, trace: &Trace, excerpt: &Happened) {
-        let width = excerpt.shown.iter().map(|place| length(&trace.frames[*place].frame)).max();
-        let width = width.unwrap_or_default();
-        for (at, line) in &excerpt.lines {
+    fn lines(&mut self, start: Instant, story: &Story) {
+        let width = story.shown().map(|shown| length(&shown.frame)).max().unwrap_or_default();
+        for (at, line) in story.lines() {
             match line {
                 Line::Again(times, frames) => self.aside(&again(*times, *frames)),
                 Line::Left(count) => self.aside(&format!("{count} frames of this transfer")),
                 Line::Frame(place) => {
-                    self.frame(start, &trace.frames[*place], &trace.seen[*place].text, width);
+                    let (stamped, meaning) = story.frame(*place);
+                    self.frame(start, stamped, meaning, width);
                 }
                 Line::Done(Done::Step(text) | Done::Note(text)) => self.done(start, *at, text),
                 Line::Done(Done::Bench(name, value)) => {

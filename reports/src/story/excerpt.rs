@@ -14,7 +14,7 @@ use crate::verdict::Phase;
 
 /// One line of the excerpt.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Line<'c> {
+pub(crate) enum Line<'c> {
     /// The frame in this place of the trace.
     Frame(usize),
     /// As often the frames that follow, of which there are so many, came before.
@@ -27,7 +27,7 @@ pub(super) enum Line<'c> {
 
 /// An action.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) enum Done<'c> {
+pub(crate) enum Done<'c> {
     /// A step began.
     Step(&'c str),
     /// Something was set on the bench: the name and its value.
