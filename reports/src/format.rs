@@ -2,8 +2,8 @@
 
 use std::io::{self, Write};
 
-use crate::junit;
 use crate::run::Run;
+use crate::{html, junit};
 
 /// A report. A row of [`FORMATS`] is all that a new one needs: the command line takes its flag
 /// from there, the runner writes it, and a test compares it with its sample.
@@ -26,10 +26,19 @@ pub struct Format {
 }
 
 /// Every report.
-pub const FORMATS: &[Format] = &[Format {
-    flag: "junit",
-    help: "Write a JUnit report",
-    begins: b"<?xml",
-    sample: "junit.xml",
-    write: junit::write,
-}];
+pub const FORMATS: &[Format] = &[
+    Format {
+        flag: "junit",
+        help: "Write a JUnit report",
+        begins: b"<?xml",
+        sample: "junit.xml",
+        write: junit::write,
+    },
+    Format {
+        flag: "html",
+        help: "Write a page for a browser, in one file that needs no network",
+        begins: html::BEGINS,
+        sample: "page.html",
+        write: html::write,
+    },
+];

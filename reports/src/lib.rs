@@ -7,6 +7,7 @@ mod event;
 mod fact;
 mod format;
 pub mod github;
+pub mod html;
 pub mod journal;
 pub mod junit;
 mod names;

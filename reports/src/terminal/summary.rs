@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use super::{Verbosity, one_line, plural};
 use crate::cause::Cause;
 use crate::fact::{Fact, Noticed, facts};
-use crate::reason::{LOWER_LIMIT, PROTECTED_BY, UPPER_LIMIT};
+use crate::reason::{Alike, LOWER_LIMIT, PROTECTED_BY, UPPER_LIMIT, alike, counted, listed};
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
 use crate::style::{Style, shell_word};
 use crate::verdict::{Outcome, Verdict};
@@ -82,21 +82,15 @@ fn columns(counts: Counts) -> Vec<Verdict> {
 /// share a line. What the device file forbids is counted by its lines, and is among them with `-v`
 /// only.
 fn skipped(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) {
-    let mut reasons = BTreeMap::<&str, BTreeMap<&str, usize>>::new();
-    for (_, case) in run.cases() {
-        if let Outcome::Skip(reason) = &case.outcome
-            && (verbosity == Verbosity::Verbose || !reason.contains(PROTECTED_BY))
-        {
-            let (reason, about) = split_reason(reason);
-            *reasons.entry(reason).or_default().entry(about).or_default() += 1;
-        }
-    }
+    let shown = |reason: &&str| verbosity == Verbosity::Verbose || !reason.contains(PROTECTED_BY);
+    let reasons = run.cases().filter_map(|(_, case)| match &case.outcome {
+        Outcome::Skip(reason) => Some(reason.as_str()),
+        _ => None,
+    });
+    let reasons = alike(reasons.filter(shown));
     if reasons.is_empty() {
         return;
     }
-    let sum = |about: &BTreeMap<&str, usize>| about.values().sum::<usize>();
-    let mut reasons: Vec<_> = reasons.into_iter().collect();
-    reasons.sort_by_key(|(_, about)| Reverse(sum(about)));
     let _ = writeln!(text, "{}", style.verdict(Verdict::Skip, "skipped because"));
     let shown = match verbosity {
         Verbosity::Verbose => reasons.len(),
@@ -104,14 +98,13 @@ fn skipped(run: &Run, style: Style, verbosity: Verbosity, text: &mut String) {
         _ if reasons.len() <= REASONS + 1 => reasons.len(),
         _ => REASONS,
     };
-    for (reason, about) in &reasons[..shown] {
-        let most = if verbosity == Verbosity::Verbose { about.len() } else { LABELS };
-        let line = format!("{}{}", one_line(reason), one_line(&counted(about, most)));
-        let _ = writeln!(text, "{:>6}  {}", sum(about), wrapped(&line));
+    for reason in &reasons[..shown] {
+        let most = if verbosity == Verbosity::Verbose { usize::MAX } else { LABELS };
+        let _ = writeln!(text, "{:>6}  {}", reason.count(), wrapped(&one_line(&reason.text(most))));
     }
     let rest = &reasons[shown..];
     if !rest.is_empty() {
-        let cases: usize = rest.iter().map(|(_, about)| sum(about)).sum();
+        let cases: usize = rest.iter().map(Alike::count).sum();
         let _ = writeln!(text, "{cases:>6}  {} further reasons, which -v names", rest.len());
     }
     text.push('\n');
@@ -170,36 +163,6 @@ fn kept_from(run: &Run, text: &mut String) {
     if !lines.is_empty() {
         text.push('\n');
     }
-}
-
-/// A reason, and the object or the quoted name at its end.
-fn split_reason(reason: &str) -> (&str, &str) {
-    let is_object = |word: &str| {
-        let hex = |digits: &str| digits.bytes().all(|digit| digit.is_ascii_hexdigit());
-        word.split_once(':').is_some_and(|(index, sub)| index.len() == 4 && hex(index) && hex(sub))
-    };
-    match reason.rfind(' ') {
-        Some(place) if is_object(&reason[place + 1..]) || reason.ends_with('`') => {
-            reason.split_at(place + 1)
-        }
-        _ => (reason, ""),
-    }
-}
-
-/// The subjects of a reason, the most frequent first, and how many more there are than `most`.
-fn counted(about: &BTreeMap<&str, usize>, most: usize) -> String {
-    let mut about: Vec<_> = about.iter().collect();
-    about.sort_by_key(|(_, count)| Reverse(**count));
-    let alone = about.len() == 1;
-    let words: Vec<String> = about
-        .into_iter()
-        .map(|(what, count)| match count {
-            1 => (*what).to_owned(),
-            _ if alone => (*what).to_owned(),
-            count => format!("{what} ({count})"),
-        })
-        .collect();
-    listed(&words, most)
 }
 
 /// Lines of [`WIDTH`] characters, those after the first set in below the text of the first.
@@ -405,15 +368,6 @@ fn neighbours(run: &Run, row: &Row) -> Option<String> {
 }
 
 /// The first labels, and how many more there are.
-fn listed(labels: &[String], most: usize) -> String {
-    match labels.len() {
-        many if many > most + 1 => {
-            format!("{} and {} more", labels[..most].join(", "), many - most)
-        }
-        _ => labels.join(", "),
-    }
-}
-
 fn same_case(one: (&DeviceRun, &CaseRun), other: (&DeviceRun, &CaseRun)) -> bool {
     fn names<'r>((device, case): (&'r DeviceRun, &'r CaseRun)) -> [&'r str; 3] {
         [&device.info.device, &case.info.suite, &case.info.case]
@@ -435,26 +389,6 @@ const NAMES: usize = 40;
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn reasons_end_with_what_they_are_about() {
-        for (reason, split) in [
-            ("the data sheet has no object 1F80:00", ("the data sheet has no object ", "1F80:00")),
-            ("the bench has no `lamp`", ("the bench has no ", "`lamp`")),
-            ("object 1014:00 is ro", ("object 1014:00 is ro", "")),
-            ("interrupted", ("interrupted", "")),
-        ] {
-            assert_eq!(split_reason(reason), split);
-        }
-    }
-
-    #[test]
-    fn the_most_frequent_first() {
-        let about = BTreeMap::from([("1006:00", 1), ("1019:00", 3), ("1012:00", 2)]);
-        assert_eq!(counted(&about, 2), "1019:00 (3), 1012:00 (2), 1006:00");
-        assert_eq!(counted(&about, 1), "1019:00 (3) and 2 more");
-        assert_eq!(counted(&BTreeMap::from([("1006:00", 5)]), 1), "1006:00");
-    }
 
     #[test]
     fn lines_end_between_words() {

@@ -1,0 +1,34 @@
+//! A run as a page for a browser: one file that needs no network.
+//!
+//! What everybody looks for stands in the page itself: the result, the causes, what was not tested
+//! and why, the requirements. The instances, of which there may be tens of thousands, are data that
+//! a script of the page shows as far as somebody looks.
+
+mod data;
+mod view;
+
+use std::io::{self, Write};
+
+use askama::Template;
+
+use crate::run::Run;
+
+/// Writes the page.
+///
+/// # Errors
+/// Those of the stream.
+pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
+    let page = Page { view: view::View::of(run), data: data::json(run) };
+    page.write_into(out)
+}
+
+/// The beginning of each page.
+pub const BEGINS: &[u8] = b"<!DOCTYPE html>";
+
+#[derive(Template)]
+#[template(path = "page.html")]
+struct Page<'r> {
+    view: view::View<'r>,
+    /// The instances, as JSON in which no character ends the element around it.
+    data: String,
+}

@@ -1,0 +1,346 @@
+//! What stands in the page without its script.
+
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
+
+use crate::fact::{Fact, facts};
+use crate::junit::date;
+use crate::reason::alike;
+use crate::run::{Counts, DeviceRun, Run};
+use crate::style::printable;
+use crate::verdict::{Grade, Outcome, Verdict};
+
+/// The page.
+pub(super) struct View<'r> {
+    /// The names of the devices, or how many there are.
+    pub title: String,
+    pub result: &'static str,
+    pub is_green: bool,
+    /// What kept the run from its end.
+    pub stopped: Option<String>,
+    pub facts_of_run: Vec<(&'static str, String)>,
+    pub devices: Vec<Device<'r>>,
+    pub bars: Vec<Bar>,
+    /// The verdicts that have a column.
+    pub columns: Vec<Verdict>,
+    /// The causes: those that make the run red come first.
+    pub causes: Vec<Cause>,
+    /// The most frequent reasons, and the others.
+    pub not_tested: [Vec<Reason>; 2],
+    pub documents: Vec<Document>,
+}
+
+pub(super) struct Device<'r> {
+    pub name: &'r str,
+    pub node: u8,
+    pub counts: Vec<(Verdict, usize)>,
+    pub about: Vec<(&'static str, String)>,
+}
+
+/// A part of the bar of verdicts.
+pub(super) struct Bar {
+    pub verdict: Verdict,
+    pub count: usize,
+    /// Of a hundred.
+    pub share: f64,
+}
+
+pub(super) struct Cause {
+    pub verdict: Verdict,
+    pub service: String,
+    /// The requirement, and what was expected and came instead.
+    pub said: String,
+    pub expected: String,
+    pub came: String,
+    pub says: Vec<String>,
+    pub waiver: Option<String>,
+    /// The devices and the names of the instances.
+    pub instances: Vec<(String, String)>,
+    /// How many are not listed.
+    pub more: usize,
+}
+
+pub(super) struct Reason {
+    pub verdict: Verdict,
+    pub count: usize,
+    pub text: String,
+}
+
+pub(super) struct Document {
+    pub name: String,
+    pub chapters: Vec<Chapter>,
+}
+
+/// The requirements of a chapter.
+pub(super) struct Chapter {
+    pub number: String,
+    pub requirements: Vec<Requirement>,
+}
+
+pub(super) struct Requirement {
+    pub id: String,
+    pub verdict: Verdict,
+    pub about: String,
+}
+
+impl<'r> View<'r> {
+    pub(super) fn of(run: &'r Run) -> Self {
+        let counts = run.counts();
+        let rare = |verdict: &Verdict| matches!(verdict, Verdict::Blocked | Verdict::Waived);
+        let columns = Verdict::ALL.into_iter().filter(|it| !rare(it) || counts.of(*it) > 0);
+        let names: Vec<&str> = run.devices.iter().map(|it| &*it.info.device).collect();
+        let is_green = run.is_green() && run.ended.as_ref().is_some_and(|it| it.exit == 0);
+        let ended = run.ended.as_ref();
+        Self {
+            title: match names.as_slice() {
+                [] => "no device".to_owned(),
+                names if names.len() > 3 => format!("{} devices", names.len()),
+                names => clean(&names.join(", ")),
+            },
+            result: match (is_green, ended) {
+                (_, None) => "The run did not come to its end",
+                (true, _) => "No requirement is broken",
+                (false, _) if run.is_green() => "The run is not green",
+                (false, _) => "Not conformant, or not decided",
+            },
+            is_green,
+            stopped: ended.and_then(|it| it.reason.as_deref()).map(clean),
+            facts_of_run: facts_of_run(run),
+            devices: run.devices.iter().map(Device::of).collect(),
+            bars: bars(counts),
+            columns: columns.collect(),
+            causes: causes(run),
+            not_tested: {
+                let mut first = not_tested(run);
+                let others = first.split_off(first.len().min(MOST_REASONS));
+                [first, others]
+            },
+            documents: documents(run),
+        }
+    }
+}
+
+/// Text that a device or a file chose, for a reader: without characters that HTML does not have.
+pub(super) fn clean(text: &str) -> String {
+    printable(text).replace(['\u{FFFE}', '\u{FFFF}'], "\u{FFFD}")
+}
+
+fn facts_of_run(run: &Run) -> Vec<(&'static str, String)> {
+    let Some(started) = &run.started else { return Vec::new() };
+    let mut facts = vec![
+        ("harness", started.harness.clone()),
+        ("target", clean(&started.target)),
+        (
+            "grade",
+            match started.grade {
+                Grade::Strict => "strict: LENIENT is not green".to_owned(),
+                Grade::Lenient => "lenient: LENIENT is green".to_owned(),
+            },
+        ),
+    ];
+    facts.extend(started.began.map(|began| ("began", date(began))));
+    facts.extend(started.seed.map(|seed| ("seed", seed.to_string())));
+    facts
+}
+
+impl<'r> Device<'r> {
+    fn of(device: &'r DeviceRun) -> Self {
+        let info = &device.info;
+        let hex = |number: Option<u32>| number.map(|number| format!("{number:08X}h"));
+        let identity = &info.identity;
+        let mut about: Vec<(&str, Option<String>)> = vec![
+            ("device type, 1000h", hex(identity.device_type)),
+            ("vendor, 1018h", hex(identity.vendor)),
+            ("product code", hex(identity.product)),
+            ("revision", hex(identity.revision)),
+            ("serial number", hex(identity.serial)),
+            ("name, 1008h", info.versions.name.as_deref().map(clean)),
+            ("hardware, 1009h", info.versions.hardware.as_deref().map(clean)),
+            ("software, 100Ah", info.versions.software.as_deref().map(clean)),
+            ("bit rate", info.bit_rate.map(|rate| format!("{} kbit/s", f64::from(rate) / 1e3))),
+        ];
+        if let Some(sheet) = &info.sheet {
+            about.push(("data sheet", Some(clean(&sheet.file))));
+            about.push(("its SHA-256", Some(sheet.sha256.clone())));
+        }
+        about.push(("remark", info.remark.as_deref().map(clean)));
+        let counts = device.counts();
+        Self {
+            name: &info.device,
+            node: info.node,
+            counts: Verdict::ALL.into_iter().map(|it| (it, counts.of(it))).collect(),
+            about: about.into_iter().filter_map(|(what, text)| Some((what, text?))).collect(),
+        }
+    }
+
+    pub(super) fn count(&self, verdict: &Verdict) -> usize {
+        self.counts.iter().find(|(of, _)| of == verdict).map_or(0, |(_, count)| *count)
+    }
+}
+
+fn bars(counts: Counts) -> Vec<Bar> {
+    let all = counts.total().max(1) as f64;
+    let bar = |verdict| {
+        let count = counts.of(verdict);
+        (count > 0).then(|| Bar { verdict, count, share: 100.0 * count as f64 / all })
+    };
+    Verdict::ALL.into_iter().filter_map(bar).collect()
+}
+
+fn causes(run: &Run) -> Vec<Cause> {
+    let mut all: Vec<Cause> = facts(run).iter().map(Cause::of).collect();
+    // The sort is stable: within a verdict the fact of most instances stays first.
+    all.sort_by_key(|cause| Reverse((run.is_red(cause.verdict), rank(cause.verdict))));
+    all
+}
+
+impl Cause {
+    fn of(fact: &Fact<'_>) -> Self {
+        let (_, device, case) = fact.first;
+        let names = &device.info.objects;
+        let named = |text: &str| clean(&names.in_text(text));
+        let problem = case.outcome.problem();
+        let came = match (&case.outcome, problem) {
+            (_, Some(problem)) => named(&problem.actual),
+            (Outcome::Error { reason, .. } | Outcome::Undecided(reason), None) => named(reason),
+            _ => String::new(),
+        };
+        let expected = problem.map(|problem| named(&problem.expected)).unwrap_or_default();
+        let said = [("", case.info.requirement_ids()), ("expected ", expected.clone())];
+        let said = said.into_iter().chain([("came ", came.clone())]);
+        let said: Vec<String> = said
+            .filter(|(_, text)| !text.is_empty())
+            .map(|(before, text)| format!("{before}{text}"))
+            .collect();
+        let waiver = match &case.outcome {
+            Outcome::Waived { waiver, .. } => Some(clean(&waiver.to_string())),
+            _ => None,
+        };
+        let checks = case.info.checks.iter();
+        let says = checks
+            .map(|it| format!("{} ({}, clause {}): {}", it.id, it.document, it.clause, it.says));
+        let listed = fact.cases.iter().take(MOST_LISTED);
+        Self {
+            verdict: fact
+                .cases
+                .iter()
+                .map(|(.., it)| it.verdict())
+                .max_by_key(|it| rank(*it))
+                .unwrap_or(Verdict::Pass),
+            service: case.info.suite.to_string(),
+            said: said.join(", "),
+            expected,
+            came,
+            says: says.collect(),
+            waiver,
+            instances: listed
+                .map(|(_, device, case)| (clean(&device.info.device), clean(&case.info.name())))
+                .collect(),
+            more: fact.cases.len().saturating_sub(MOST_LISTED),
+        }
+    }
+
+    pub(super) fn total(&self) -> usize {
+        self.instances.len() + self.more
+    }
+}
+
+/// The reasons why cases did not run, the most frequent first.
+fn not_tested(run: &Run) -> Vec<Reason> {
+    let of = |wanted: Verdict| {
+        let reasons = run.cases().filter_map(move |(_, case)| match &case.outcome {
+            Outcome::Skip(reason) | Outcome::Blocked(reason) => Some((case, reason)),
+            Outcome::Error { reason, .. } if case.outcome.is_not_run() => Some((case, reason)),
+            _ => None,
+        });
+        let reasons = reasons.filter(move |(case, _)| case.verdict() == wanted);
+        let reasons = alike(reasons.map(|(_, reason)| reason.as_str()));
+        reasons.into_iter().map(move |reason| Reason {
+            verdict: wanted,
+            count: reason.count(),
+            text: clean(&reason.text(MOST_SUBJECTS)),
+        })
+    };
+    [Verdict::Error, Verdict::Blocked, Verdict::Skip].into_iter().flat_map(of).collect()
+}
+
+/// The requirements that cases check, each with the heaviest verdict of those.
+fn documents(run: &Run) -> Vec<Document> {
+    type Chapters = BTreeMap<(Vec<u32>, String), BTreeMap<String, Requirement>>;
+    let mut all = BTreeMap::<&str, Chapters>::new();
+    for (_, case) in run.cases() {
+        for check in &*case.info.checks {
+            let chapters = all.entry(&check.document).or_default();
+            let of = chapters.entry(chapter(&check.clause)).or_default();
+            let verdict = case.verdict();
+            let known = of.entry(check.id.to_string()).or_insert_with(|| Requirement {
+                id: check.id.to_string(),
+                verdict,
+                about: format!("clause {}: {}", check.clause, check.says),
+            });
+            if rank(verdict) > rank(known.verdict) {
+                known.verdict = verdict;
+            }
+        }
+    }
+    let chapter = |((_, number), of): ((_, String), BTreeMap<_, Requirement>)| Chapter {
+        number,
+        requirements: of.into_values().collect(),
+    };
+    let document = |(name, chapters): (&str, Chapters)| Document {
+        name: name.to_owned(),
+        chapters: chapters.into_iter().map(chapter).collect(),
+    };
+    all.into_iter().map(document).collect()
+}
+
+/// How much a verdict says about a requirement or a cause. A requirement that one case shows to
+/// hold is tested, although others were skipped; a FAIL is certain, and an ERROR is not.
+const fn rank(verdict: Verdict) -> u8 {
+    match verdict {
+        Verdict::Skip => 0,
+        Verdict::Blocked => 1,
+        Verdict::Pass => 2,
+        Verdict::Lenient => 3,
+        Verdict::Waived => 4,
+        Verdict::Error => 5,
+        Verdict::Fail => 6,
+    }
+}
+
+/// The first two numbers of a clause, to order and to show; all of a clause without numbers.
+fn chapter(clause: &str) -> (Vec<u32>, String) {
+    let numbers: Vec<u32> = clause
+        .split(|symbol: char| !symbol.is_ascii_digit() && symbol != '.')
+        .next()
+        .unwrap_or_default()
+        .split('.')
+        .map_while(|number| number.parse().ok())
+        .take(2)
+        .collect();
+    let shown: Vec<String> = numbers.iter().map(u32::to_string).collect();
+    match shown.is_empty() {
+        true => (vec![u32::MAX], clause.to_owned()),
+        false => (numbers, shown.join(".")),
+    }
+}
+
+/// The class that colours a verdict, and the sign that stands for it where colours are not seen.
+pub(super) const fn class(verdict: &Verdict) -> &'static str {
+    match verdict {
+        Verdict::Pass => "pass",
+        Verdict::Lenient => "lenient",
+        Verdict::Skip => "skip",
+        Verdict::Blocked => "blocked",
+        Verdict::Waived => "waived",
+        Verdict::Fail => "fail",
+        Verdict::Error => "error",
+    }
+}
+
+/// How many reasons stand there at once.
+const MOST_REASONS: usize = 20;
+/// How many objects or names a reason lists.
+const MOST_SUBJECTS: usize = 24;
+/// How many instances of a cause are listed.
+const MOST_LISTED: usize = 12;
