@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use crate::run::Run;
-use crate::{html, junit};
+use crate::{html, junit, markdown};
 
 /// A report. A row of [`FORMATS`] is all that a new one needs: the command line takes its flag
 /// from there, the runner writes it, and a test compares it with its sample.
@@ -40,5 +40,12 @@ pub const FORMATS: &[Format] = &[
         begins: html::BEGINS,
         sample: "page.html",
         write: html::write,
+    },
+    Format {
+        flag: "markdown",
+        help: "Write a summary in Markdown, as for $GITHUB_STEP_SUMMARY",
+        begins: markdown::BEGINS,
+        sample: "summary.md",
+        write: markdown::write,
     },
 ];

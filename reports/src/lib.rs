@@ -3,6 +3,7 @@
 //! function of its events.
 
 mod cause;
+mod digest;
 mod event;
 mod fact;
 mod format;
@@ -10,6 +11,7 @@ pub mod github;
 pub mod html;
 pub mod journal;
 pub mod junit;
+pub mod markdown;
 mod names;
 pub mod reason;
 mod run;

@@ -7,7 +7,8 @@ use std::hash::Hash;
 use canopen::{Instant, meaning};
 use serde::Serialize;
 
-use super::view::{class, clean};
+use super::class;
+use crate::digest::clean;
 use crate::event::{Check, Measured};
 use crate::run::{CaseRun, DeviceRun, Run};
 use crate::story::{Done, Line, Story};

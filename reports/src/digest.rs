@@ -1,4 +1,5 @@
-//! What stands in the page without its script.
+//! What people look for first in a run, in words: the result, the devices, the causes, what was not
+//! tested and why, the requirements. Pages and summaries show it.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -7,84 +8,86 @@ use crate::fact::{Fact, facts};
 use crate::junit::date;
 use crate::reason::alike;
 use crate::run::{Counts, DeviceRun, Run};
-use crate::style::printable;
+use crate::style::{printable, shell_word};
 use crate::verdict::{Grade, Outcome, Verdict};
 
-/// The page.
-pub(super) struct View<'r> {
+/// The digest of a run.
+pub(crate) struct Digest<'r> {
     /// The names of the devices, or how many there are.
-    pub title: String,
-    pub result: &'static str,
-    pub is_green: bool,
+    pub(crate) title: String,
+    pub(crate) result: &'static str,
+    pub(crate) is_green: bool,
     /// What kept the run from its end.
-    pub stopped: Option<String>,
-    pub facts_of_run: Vec<(&'static str, String)>,
-    pub devices: Vec<Device<'r>>,
-    pub bars: Vec<Bar>,
+    pub(crate) stopped: Option<String>,
+    pub(crate) facts_of_run: Vec<(&'static str, String)>,
+    pub(crate) devices: Vec<Device<'r>>,
+    pub(crate) bars: Vec<Bar>,
     /// The verdicts that have a column.
-    pub columns: Vec<Verdict>,
+    pub(crate) columns: Vec<Verdict>,
     /// The causes: those that make the run red come first.
-    pub causes: Vec<Cause>,
+    pub(crate) causes: Vec<Cause>,
     /// The most frequent reasons, and the others.
-    pub not_tested: [Vec<Reason>; 2],
-    pub documents: Vec<Document>,
+    pub(crate) not_tested: [Vec<Reason>; 2],
+    pub(crate) documents: Vec<Document>,
 }
 
-pub(super) struct Device<'r> {
-    pub name: &'r str,
-    pub node: u8,
-    pub counts: Vec<(Verdict, usize)>,
-    pub about: Vec<(&'static str, String)>,
+pub(crate) struct Device<'r> {
+    pub(crate) name: &'r str,
+    pub(crate) node: u8,
+    pub(crate) counts: Vec<(Verdict, usize)>,
+    pub(crate) about: Vec<(&'static str, String)>,
 }
 
 /// A part of the bar of verdicts.
-pub(super) struct Bar {
-    pub verdict: Verdict,
-    pub count: usize,
+pub(crate) struct Bar {
+    pub(crate) verdict: Verdict,
+    pub(crate) count: usize,
     /// Of a hundred.
-    pub share: f64,
+    pub(crate) share: f64,
 }
 
-pub(super) struct Cause {
-    pub verdict: Verdict,
-    pub service: String,
+pub(crate) struct Cause {
+    pub(crate) verdict: Verdict,
+    pub(crate) service: String,
     /// The requirement, and what was expected and came instead.
-    pub said: String,
-    pub expected: String,
-    pub came: String,
-    pub says: Vec<String>,
-    pub waiver: Option<String>,
+    pub(crate) said: String,
+    pub(crate) expected: String,
+    pub(crate) came: String,
+    pub(crate) says: Vec<String>,
+    pub(crate) waiver: Option<String>,
     /// The devices and the names of the instances.
-    pub instances: Vec<(String, String)>,
+    pub(crate) instances: Vec<(String, String)>,
     /// How many are not listed.
-    pub more: usize,
+    pub(crate) more: usize,
+    /// The command that runs the one again that explains the others.
+    pub(crate) again: String,
 }
 
-pub(super) struct Reason {
-    pub verdict: Verdict,
-    pub count: usize,
-    pub text: String,
+pub(crate) struct Reason {
+    pub(crate) verdict: Verdict,
+    pub(crate) count: usize,
+    pub(crate) text: String,
 }
 
-pub(super) struct Document {
-    pub name: String,
-    pub chapters: Vec<Chapter>,
+pub(crate) struct Document {
+    pub(crate) name: String,
+    pub(crate) chapters: Vec<Chapter>,
 }
 
 /// The requirements of a chapter.
-pub(super) struct Chapter {
-    pub number: String,
-    pub requirements: Vec<Requirement>,
+pub(crate) struct Chapter {
+    pub(crate) number: String,
+    pub(crate) requirements: Vec<Requirement>,
 }
 
-pub(super) struct Requirement {
-    pub id: String,
-    pub verdict: Verdict,
-    pub about: String,
+pub(crate) struct Requirement {
+    pub(crate) id: String,
+    pub(crate) verdict: Verdict,
+    pub(crate) about: String,
 }
 
-impl<'r> View<'r> {
-    pub(super) fn of(run: &'r Run) -> Self {
+impl<'r> Digest<'r> {
+    pub(crate) fn of(run: &'r Run) -> Self {
         let counts = run.counts();
         let rare = |verdict: &Verdict| matches!(verdict, Verdict::Blocked | Verdict::Waived);
         let columns = Verdict::ALL.into_iter().filter(|it| !rare(it) || counts.of(*it) > 0);
@@ -121,7 +124,7 @@ impl<'r> View<'r> {
 }
 
 /// Text that a device or a file chose, for a reader: without characters that HTML does not have.
-pub(super) fn clean(text: &str) -> String {
+pub(crate) fn clean(text: &str) -> String {
     printable(text).replace(['\u{FFFE}', '\u{FFFF}'], "\u{FFFD}")
 }
 
@@ -173,7 +176,7 @@ impl<'r> Device<'r> {
         }
     }
 
-    pub(super) fn count(&self, verdict: &Verdict) -> usize {
+    pub(crate) fn count(&self, verdict: &Verdict) -> usize {
         self.counts.iter().find(|(of, _)| of == verdict).map_or(0, |(_, count)| *count)
     }
 }
@@ -237,10 +240,14 @@ impl Cause {
                 .map(|(_, device, case)| (clean(&device.info.device), clean(&case.info.name())))
                 .collect(),
             more: fact.cases.len().saturating_sub(MOST_LISTED),
+            again: match device.info.rerun.as_str() {
+                "" => String::new(),
+                rerun => clean(&format!("{rerun} {}", shell_word(&case.info.name()))),
+            },
         }
     }
 
-    pub(super) fn total(&self) -> usize {
+    pub(crate) fn total(&self) -> usize {
         self.instances.len() + self.more
     }
 }
@@ -322,19 +329,6 @@ fn chapter(clause: &str) -> (Vec<u32>, String) {
     match shown.is_empty() {
         true => (vec![u32::MAX], clause.to_owned()),
         false => (numbers, shown.join(".")),
-    }
-}
-
-/// The class that colours a verdict, and the sign that stands for it where colours are not seen.
-pub(super) const fn class(verdict: &Verdict) -> &'static str {
-    match verdict {
-        Verdict::Pass => "pass",
-        Verdict::Lenient => "lenient",
-        Verdict::Skip => "skip",
-        Verdict::Blocked => "blocked",
-        Verdict::Waived => "waived",
-        Verdict::Fail => "fail",
-        Verdict::Error => "error",
     }
 }
 

@@ -1,0 +1,131 @@
+//! A run as a summary in Markdown: the result and the causes first, as much as fits the page of a
+//! pipeline.
+
+use std::io::{self, Write};
+
+use crate::digest::{Cause, Digest, Reason};
+use crate::run::Run;
+
+/// Writes the summary.
+///
+/// # Errors
+/// Those of the stream.
+pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
+    let digest = Digest::of(run);
+    let mark = if digest.is_green { "\u{2705}" } else { "\u{274C}" };
+    writeln!(out, "# CANopen conformance: {}\n", escaped(&digest.title))?;
+    writeln!(out, "{mark} **{}**: {}\n", digest.result, run.counts())?;
+    if let Some(reason) = &digest.stopped {
+        writeln!(out, "The run stopped: {}\n", escaped(reason))?;
+    }
+    devices(&digest, out)?;
+    causes(&digest.causes, out)?;
+    not_tested(&digest.not_tested, out)?;
+    for (what, text) in &digest.facts_of_run {
+        writeln!(out, "- {what}: {}", escaped(text))?;
+    }
+    Ok(())
+}
+
+fn devices(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
+    if digest.devices.is_empty() {
+        return Ok(());
+    }
+    let names: Vec<&str> = digest.columns.iter().map(|verdict| verdict.name()).collect();
+    writeln!(out, "| device | node | {} |", names.join(" | "))?;
+    writeln!(out, "|---|--:|{}", "--:|".repeat(names.len()))?;
+    for device in &digest.devices {
+        let counts = digest.columns.iter().map(|verdict| device.count(verdict).to_string());
+        let counts: Vec<String> = counts.collect();
+        let name = escaped(device.name);
+        writeln!(out, "| {name} | {} | {} |", device.node, counts.join(" | "))?;
+    }
+    writeln!(out)
+}
+
+fn causes(causes: &[Cause], out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "## What needs work\n")?;
+    if causes.is_empty() {
+        return writeln!(out, "Nothing: each case that ran passed.\n");
+    }
+    writeln!(out, "| verdict | cases | service | requirement, expected and came | run again |")?;
+    writeln!(out, "|---|--:|---|---|---|")?;
+    for cause in causes.iter().take(MOST_CAUSES) {
+        let waived = cause.waiver.as_deref().map(|waiver| format!("; waived: {}", escaped(waiver)));
+        writeln!(
+            out,
+            "| {} | {} | {} | {}{} | {} |",
+            cause.verdict,
+            cause.total(),
+            escaped(&cause.service),
+            escaped(&cause.said),
+            waived.unwrap_or_default(),
+            code(&cause.again),
+        )?;
+    }
+    let more = causes.len().saturating_sub(MOST_CAUSES);
+    if more > 0 {
+        writeln!(out, "\nand {more} more")?;
+    }
+    writeln!(out)
+}
+
+fn not_tested([first, others]: &[Vec<Reason>; 2], out: &mut dyn Write) -> io::Result<()> {
+    if first.is_empty() {
+        return Ok(());
+    }
+    writeln!(out, "## What was not tested, and why\n")?;
+    writeln!(out, "| cases | verdict | reason |")?;
+    writeln!(out, "|--:|---|---|")?;
+    for Reason { count, verdict, text } in first {
+        writeln!(out, "| {count} | {verdict} | {} |", escaped(text))?;
+    }
+    if !others.is_empty() {
+        let cases: usize = others.iter().map(|reason| reason.count).sum();
+        writeln!(out, "| {cases} | | {} further reasons |", others.len())?;
+    }
+    writeln!(out)
+}
+
+/// Text in one line, in which no character is markup.
+fn escaped(text: &str) -> String {
+    let mut line = String::with_capacity(text.len());
+    for symbol in text.chars() {
+        match symbol {
+            '\n' => line.push_str("<br>"),
+            '<' => line.push_str("&lt;"),
+            '>' => line.push_str("&gt;"),
+            '&' => line.push_str("&amp;"),
+            '\\' | '`' | '*' | '_' | '[' | ']' | '|' | '#' | '~' | '!' | '$' | '@' => {
+                line.push('\\');
+                line.push(symbol);
+            }
+            other => line.push(other),
+        }
+    }
+    line
+}
+
+/// Text as code in a cell of a table.
+fn code(text: &str) -> String {
+    if text.is_empty() { String::new() } else { format!("<code>{}</code>", escaped(text)) }
+}
+
+/// The beginning of each summary.
+pub const BEGINS: &[u8] = b"# CANopen conformance";
+
+/// How many causes are listed. A pipeline takes a megabyte.
+const MOST_CAUSES: usize = 100;
+
+#[cfg(test)]
+mod tests {
+    use super::escaped;
+
+    #[test]
+    fn no_text_is_markup() {
+        let nasty = "a|b <i> `x` [y](z) *s* _u_ \\ # &lt; @me\nnext";
+        let clean =
+            "a\\|b &lt;i&gt; \\`x\\` \\[y\\](z) \\*s\\* \\_u\\_ \\\\ \\# &amp;lt; \\@me<br>next";
+        assert_eq!(escaped(nasty), clean);
+    }
+}
