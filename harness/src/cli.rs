@@ -5,11 +5,12 @@
 
 mod device_file;
 
+use std::io::{IsTerminal, stdout};
 use std::num::NonZero;
 use std::path::PathBuf;
 
 use clap::{Arg, ArgMatches, Args, FromArgMatches, Parser, Subcommand, ValueEnum};
-use reports::{FORMATS, Format, Grade};
+use reports::{FORMATS, Format, Grade, RECORDINGS, Recording};
 use runner::waivers::{UNEXPLAINED, check_date};
 
 use crate::argument::whole;
@@ -72,6 +73,8 @@ pub enum Command {
     /// Print in words what a live bus or a log says, and with --check judge its devices without
     /// sending a frame
     Monitor(MonitorArgs),
+    /// Write reports from the journals of runs: of one run, of its shards, or of several devices
+    Report(RenderArgs),
     /// Write a first file of waivers from the journal of a run
     Waive(WaiveArgs),
     /// Set back what a run that was killed left changed in a device; without a run, list them
@@ -177,15 +180,23 @@ pub struct RunArgs {
     pub no_progress: bool,
 }
 
-/// The reports to write at the end, each with its file. Every row of [`FORMATS`] is a flag.
+/// The reports to write, each with its file. Every row of [`FORMATS`] and of [`RECORDINGS`] is a
+/// flag.
 #[derive(Debug, Clone, Default)]
-pub struct ReportArgs(pub Vec<(Format, PathBuf)>);
+pub struct ReportArgs {
+    /// Those that are written at the end.
+    pub formats: Vec<(Format, PathBuf)>,
+    /// Those that are written while the run goes on.
+    pub recordings: Vec<(Recording, PathBuf)>,
+}
 
 impl Args for ReportArgs {
     fn augment_args(command: clap::Command) -> clap::Command {
-        command.args(FORMATS.iter().map(|format| {
-            let file = Arg::new(format.flag).long(format.flag).value_name("FILE");
-            file.help(format.help).value_parser(clap::value_parser!(PathBuf))
+        let formats = FORMATS.iter().map(|format| (format.flag, format.help));
+        let recordings = RECORDINGS.iter().map(|recording| (recording.flag, recording.help));
+        command.args(formats.chain(recordings).map(|(flag, help)| {
+            let file = Arg::new(flag).long(flag).value_name("FILE");
+            file.help(help).value_parser(clap::value_parser!(PathBuf))
         }))
     }
 
@@ -196,14 +207,35 @@ impl Args for ReportArgs {
 
 impl FromArgMatches for ReportArgs {
     fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let path = |format: &Format| matches.get_one::<PathBuf>(format.flag).cloned();
-        Ok(Self(FORMATS.iter().filter_map(|format| Some((*format, path(format)?))).collect()))
+        let path = |flag| matches.get_one::<PathBuf>(flag).cloned();
+        let recordings = RECORDINGS.iter();
+        Ok(Self {
+            formats: FORMATS.iter().filter_map(|it| Some((*it, path(it.flag)?))).collect(),
+            recordings: recordings.filter_map(|it| Some((*it, path(it.flag)?))).collect(),
+        })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
         *self = Self::from_arg_matches(matches)?;
         Ok(())
     }
+}
+
+/// Arguments of `report`.
+#[derive(Debug, Args)]
+pub struct RenderArgs {
+    /// The journals
+    #[arg(required = true, value_name = "JOURNAL")]
+    pub journals: Vec<PathBuf>,
+    /// The reports to write; without one, the text of a run is printed.
+    #[command(flatten)]
+    pub reports: ReportArgs,
+    /// Record the frames of the cases only that this names, as the patterns of a run do
+    #[arg(long, value_name = "PATTERN")]
+    pub case: Option<String>,
+    /// Colours
+    #[arg(long, default_value = "auto")]
+    pub color: When,
 }
 
 /// Arguments of `list`.
@@ -766,6 +798,17 @@ pub enum When {
     Always,
     /// Never
     Never,
+}
+
+impl When {
+    /// Whether standard output is coloured.
+    pub(crate) fn colours(self) -> bool {
+        match self {
+            Self::Always => true,
+            Self::Never => false,
+            Self::Auto => stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none(),
+        }
+    }
 }
 
 /// What counts as green.

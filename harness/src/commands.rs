@@ -15,6 +15,7 @@ mod list;
 mod monitor;
 mod planned;
 mod qualify;
+mod report;
 mod restore;
 mod rewrite;
 mod run;
@@ -48,6 +49,7 @@ pub fn run(cli: Cli) -> Exit {
         Some(Command::Eds(command)) => eds::run(&command, &stop),
         Some(Command::Decode(args)) => decode::run(&args),
         Some(Command::Monitor(args)) => monitor::run(&args, &stop),
+        Some(Command::Report(args)) => report::run(&args),
         Some(Command::Waive(args)) => waive::run(&args),
         Some(Command::Restore(args)) => restore::run(&args, &stop),
         Some(Command::Init(args)) => init::run(&args, &stop),

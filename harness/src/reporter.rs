@@ -4,22 +4,24 @@
 
 mod journal;
 mod output;
+mod recording;
 mod unfinished;
 
 use std::io::{ErrorKind, IsTerminal, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use reports::terminal::{Printer, Verbosity};
 use reports::{Event, Format, Keep, Run, Style, github, printable};
 
-use crate::cli::{RunArgs, When};
+use crate::cli::{ReportArgs, RunArgs};
 use crate::exit::{Exit, Refused};
 use crate::files::words;
 
 use journal::JournalFile;
 use output::Output;
+use recording::RecordingFile;
 use unfinished::is_on_real_bus;
 
 pub(crate) use unfinished::started;
@@ -33,6 +35,8 @@ pub(crate) struct Reporter {
     prints: bool,
     bar: ProgressBar,
     journal: Option<JournalFile>,
+    /// The recordings, as far as they go.
+    recordings: Vec<RecordingFile>,
     /// The reports to write at the end.
     reports: Reports,
     /// Whether a file could not be written so far.
@@ -47,11 +51,7 @@ impl Reporter {
     /// When a file cannot be written, or two are one.
     pub(crate) fn new(args: &RunArgs) -> Result<Self, Refused> {
         let on_terminal = std::io::stderr().is_terminal();
-        let color = match args.color {
-            When::Always => true,
-            When::Never => false,
-            When::Auto => std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none(),
-        };
+        let color = args.color.colours();
         let bar = ProgressBar::new(0);
         let verbosity = match (args.quiet, args.verbose) {
             (true, _) => Verbosity::Quiet,
@@ -66,7 +66,7 @@ impl Reporter {
         if let Ok(style) = ProgressStyle::with_template("{bar:32} {pos}/{len} {wide_msg}") {
             bar.set_style(style);
         }
-        let (journal, reports) = open(args)?;
+        let (journal, recordings, reports) = open(args)?;
         Ok(Self {
             run: Run::new(Keep::Unusual),
             printer: Printer::new(Style { color }, verbosity),
@@ -74,6 +74,7 @@ impl Reporter {
             prints: true,
             bar,
             journal,
+            recordings,
             reports,
             unwritten: false,
         })
@@ -103,8 +104,7 @@ impl Reporter {
 
     /// Takes an event.
     pub(crate) fn tell(&mut self, event: &Event) {
-        let written = self.journal.as_mut().map_or(Ok(()), |journal| journal.write(event));
-        written.unwrap_or_else(|failure| self.not_written(&failure));
+        self.record(event);
         // The order of events is the runner's business; out of order is a bug.
         self.run.apply(event).unwrap_or_else(|error| panic!("{error}"));
         match event {
@@ -115,6 +115,14 @@ impl Reporter {
             Event::CaseEnded(_) => self.case_ended(),
             _ => {}
         }
+    }
+
+    fn record(&mut self, event: &Event) {
+        let written = self.journal.as_mut().map_or(Ok(()), |journal| journal.write(event));
+        let recordings = self.recordings.iter_mut().map(|recording| recording.write(event));
+        let failures: Vec<String> =
+            [written].into_iter().chain(recordings).filter_map(Result::err).collect();
+        failures.iter().for_each(|failure| self.not_written(failure));
     }
 
     /// Writes the reports that are due at the end, and prints the closing messages.
@@ -132,8 +140,7 @@ impl Reporter {
         let why = refused.message.trim_start_matches("error: ");
         let why = why.lines().next().unwrap_or_default();
         for event in unfinished::events(args, why, refused.exit as u8) {
-            let written = self.journal.as_mut().map_or(Ok(()), |journal| journal.write(&event));
-            written.unwrap_or_else(|failure| self.not_written(&failure));
+            self.record(&event);
             self.run.apply(&event).unwrap_or_else(|error| panic!("{error}"));
         }
         self.write_reports();
@@ -141,6 +148,9 @@ impl Reporter {
 
     /// One that cannot be written is no reason to leave out the others.
     fn write_reports(&mut self) {
+        let recordings = self.recordings.iter_mut().map(RecordingFile::end);
+        let failures: Vec<String> = recordings.filter_map(Result::err).collect();
+        failures.iter().for_each(|failure| self.not_written(failure));
         for (format, output) in &self.reports {
             if let Err(error) = output.write(|out| (format.write)(&self.run, out)) {
                 complain!("error: {}: {}", output.path().display(), words(&error));
@@ -183,23 +193,45 @@ impl Reporter {
 
 type Reports = Vec<(Format, Output)>;
 
-/// The journal and the reports that the arguments ask for.
-fn open(args: &RunArgs) -> Result<(Option<JournalFile>, Reports), Refused> {
-    let refused = |path: &Path, error: &std::io::Error| Refused {
-        exit: Exit::File,
-        message: format!("error: {}: {}", path.display(), words(error)),
-    };
-    let paths = args.reports.0.iter().map(|(format, path)| (format.flag, format.begins, path));
-    let paths =
-        args.journal.iter().map(|path| ("journal", reports::journal::BEGINS, path)).chain(paths);
+/// The journal, the recordings and the reports that the arguments ask for.
+fn open(args: &RunArgs) -> Result<(Option<JournalFile>, Vec<RecordingFile>, Reports), Refused> {
+    let selection = &args.selection;
+    let files = [("dut", &selection.dut), ("eds", &selection.eds), ("waivers", &args.waivers)];
+    let files = files.into_iter().filter_map(|(flag, path)| Some((flag, path.as_deref()?)));
+    let outputs = outputs(args.journal.as_deref(), &args.reports, &files.collect::<Vec<_>>())?;
+    let journal = args.journal.as_ref().map(|path| {
+        JournalFile::create(path, is_on_real_bus(args)).map_err(|error| not_written(path, &error))
+    });
+    let journal = journal.transpose()?;
+    let recordings = recordings(&args.reports)?;
+    for (format, output) in outputs.iter().filter(|(_, output)| output.is_file()) {
+        let unfinished = unfinished::run(args, Exit::Internal as u8);
+        let written = output.write(|out| (format.write)(&unfinished, out));
+        written.map_err(|error| not_written(output.path(), &error))?;
+    }
+    Ok((journal, recordings, outputs))
+}
+
+/// The files of the reports, each of its own: none is one of the files that are read, and none
+/// holds anything else.
+///
+/// # Errors
+/// The first that is not so.
+fn outputs(
+    journal: Option<&Path>,
+    reports: &ReportArgs,
+    read: &[(&str, &Path)],
+) -> Result<Reports, Refused> {
+    let formats = reports.formats.iter().map(|(it, path)| (it.flag, it.begins, path.as_path()));
+    let recordings =
+        reports.recordings.iter().map(|(it, path)| (it.flag, it.begins, path.as_path()));
+    let journal = journal.map(|path| ("journal", reports::journal::BEGINS, path));
     let mut outputs: Vec<(&str, Output)> = Vec::new();
-    for (flag, begins, path) in paths {
-        let output = Output::new(path).map_err(|error| refused(path, &error))?;
-        let selection = &args.selection;
-        let files = [("dut", &selection.dut), ("eds", &selection.eds), ("waivers", &args.waivers)];
-        let files = files.into_iter().filter_map(|(flag, path)| Some((flag, path.as_deref()?)));
+    for (flag, begins, path) in formats.chain(recordings).chain(journal) {
+        let output = Output::new(path).map_err(|error| not_written(path, &error))?;
         let others = outputs.iter().map(|(flag, other)| (*flag, other.path()));
-        if let Some((other, _)) = files.chain(others).find(|(_, path)| output.is_same(path)) {
+        let mut others = read.iter().copied().chain(others);
+        if let Some((other, _)) = others.find(|(_, path)| output.is_same(path)) {
             return Err(Refused::usage(format!(
                 "--{flag} and --{other} are one file, {}: each needs one of its own",
                 path.display()
@@ -213,21 +245,54 @@ fn open(args: &RunArgs) -> Result<(Option<JournalFile>, Reports), Refused> {
         }
         outputs.push((flag, output));
     }
-    let journal = args.journal.as_ref().map(|path| {
-        JournalFile::create(path, is_on_real_bus(args)).map_err(|error| refused(path, &error))
-    });
-    let journal = journal.transpose()?;
-    let outputs = outputs.split_off(usize::from(journal.is_some()));
-    let mut reports = Vec::new();
-    for ((format, _), (_, output)) in args.reports.0.iter().zip(outputs) {
-        if output.is_file() {
-            let unfinished = unfinished::run(args, Exit::Internal as u8);
-            let written = output.write(|out| (format.write)(&unfinished, out));
-            written.map_err(|error| refused(output.path(), &error))?;
+    let formats = reports.formats.iter().map(|(format, _)| *format);
+    Ok(formats.zip(outputs.into_iter().map(|(_, output)| output)).collect())
+}
+
+fn recordings(reports: &ReportArgs) -> Result<Vec<RecordingFile>, Refused> {
+    let create = |(recording, path): &(reports::Recording, PathBuf)| {
+        RecordingFile::create(path, recording).map_err(|error| not_written(path, &error))
+    };
+    reports.recordings.iter().map(create).collect()
+}
+
+fn not_written(path: &Path, error: &std::io::Error) -> Refused {
+    let message = format!("error: {}: {}", path.display(), words(error));
+    Refused { exit: Exit::File, message }
+}
+
+/// Writes the reports of runs that are recorded in `journals`: `run` is the whole, and `events` are
+/// what to record.
+///
+/// # Errors
+/// A file that cannot be written, or that is not one of its own.
+pub(crate) fn render(
+    journals: &[PathBuf],
+    reports: &ReportArgs,
+    run: &Run,
+    events: impl Iterator<Item = Event>,
+) -> Result<(), Refused> {
+    let journals: Vec<(&str, &Path)> = journals.iter().map(|it| ("journal", &**it)).collect();
+    let outputs = outputs(None, reports, &journals)?;
+    let mut recordings = recordings(reports)?;
+    let failed =
+        |message: String| Refused { exit: Exit::File, message: format!("error: {message}") };
+    if !recordings.is_empty() {
+        for event in events {
+            recordings.iter_mut().try_for_each(|it| it.write(&event)).map_err(failed)?;
         }
-        reports.push((*format, output));
+        recordings.iter_mut().try_for_each(RecordingFile::end).map_err(failed)?;
     }
-    Ok((journal, reports))
+    for (format, output) in &outputs {
+        let written = output.write(|out| (format.write)(run, out));
+        written.map_err(|error| not_written(output.path(), &error))?;
+    }
+    Ok(())
+}
+
+/// Prints the text of a report, which is harmless and may be coloured.
+pub(crate) fn say_report(text: &str) {
+    print(text);
 }
 
 /// Prints to standard output what devices and files may have chosen parts of.

@@ -63,6 +63,19 @@ pub struct RunStarted {
     /// no date.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub began: Option<u64>,
+    /// Which part of the cases it has, when it shares them with others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shard: Option<Shard>,
+}
+
+/// A part of the cases: every `of`th, from the `place`th on, counted from 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Shard {
+    /// Which of them.
+    pub place: usize,
+    /// How many there are.
+    pub of: usize,
 }
 
 /// The device under test.

@@ -2,6 +2,7 @@
 //! writers of reports. No I/O and no clock: every report is a function of a run, and a run is a
 //! function of its events.
 
+pub mod candump;
 mod cause;
 mod digest;
 mod event;
@@ -12,8 +13,11 @@ pub mod html;
 pub mod journal;
 pub mod junit;
 pub mod markdown;
+mod merge;
 mod names;
+pub mod pcapng;
 pub mod reason;
+mod recording;
 mod run;
 mod seen;
 mod story;
@@ -25,12 +29,14 @@ mod wire;
 pub use cause::Cause;
 pub use event::{
     Begun, CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
-    RunStarted, SheetUsed, Stimulus, Versions,
+    RunStarted, Shard, SheetUsed, Stimulus, Versions,
 };
 pub use fact::{Fact, Noticed, facts};
 pub use format::{FORMATS, Format};
 pub use junit::date;
+pub use merge::merged;
 pub use names::ObjectNames;
+pub use recording::{RECORDINGS, Recorder, Recording};
 pub use run::{CaseRun, Counts, DeviceRun, Keep, OutOfOrder, Run, SuiteRun};
 pub use style::{Style, printable};
 pub use verdict::{Excerpt, Grade, Outcome, Phase, Problem, Verdict, Waiver};

@@ -8,9 +8,10 @@ use std::sync::Arc;
 use std::{env, fs};
 
 use canopen::Mux;
+use pcap_file::pcapng::{Block, PcapNgReader};
 use reports::{
-    CaseEnded, Event, FORMATS, Grade, Keep, OutOfOrder, Outcome, Run, Style, Verdict, facts,
-    github, journal, junit, terminal,
+    CaseEnded, Event, FORMATS, Grade, Keep, OutOfOrder, Outcome, RECORDINGS, Recording, Run, Shard,
+    Style, Verdict, facts, github, journal, junit, merged, terminal,
 };
 
 const PLAIN: Style = Style { color: false };
@@ -27,6 +28,13 @@ fn whole(write: fn(&Run, &mut dyn Write) -> io::Result<()>, run: &Run) -> String
     let mut bytes = Vec::new();
     write(run, &mut bytes).expect("memory takes every byte");
     String::from_utf8(bytes).expect("it is a text")
+}
+
+fn recorded(recording: &Recording, events: &[Event]) -> Vec<u8> {
+    let (mut recorder, mut bytes) = ((recording.begin)(), Vec::new());
+    let taken = events.iter().try_for_each(|event| recorder.take(event, &mut bytes));
+    taken.and_then(|()| recorder.end(&mut bytes)).expect("memory takes every byte");
+    bytes
 }
 
 /// A page without its style and its script, which are the same in each.
@@ -56,13 +64,17 @@ fn samples_are_fresh() {
         ("annotations.txt", github::annotations(&run, |_| true)),
     ];
     samples.extend(FORMATS.iter().map(|format| (format.sample, whole(format.write, &run))));
+    let mut samples: Vec<(&str, Vec<u8>)> =
+        samples.into_iter().map(|(name, text)| (name, text.into_bytes())).collect();
+    let recorded = RECORDINGS.iter().map(|it| (it.sample, recorded(it, &events)));
+    samples.extend(recorded);
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("samples");
     for (name, text) in samples {
         let path = folder.join(name);
         if env::var_os("UPDATE_SAMPLES").is_some() {
             fs::write(&path, &text).expect("the sample can be written");
         }
-        let committed = fs::read_to_string(&path).expect("the sample can be read");
+        let committed = fs::read(&path).expect("the sample can be read");
         assert!(committed == text, "samples/{name} is stale: run with UPDATE_SAMPLES=1");
     }
 }
@@ -343,4 +355,61 @@ fn grades() {
         run.grade = Grade::Lenient;
     }
     assert!(fold(&events, Keep::All).is_green());
+}
+
+/// The frames of a recording are those of the journal, in their order.
+#[test]
+fn recordings_hold_each_frame() {
+    let events = fixture::events(Grade::Lenient);
+    let frames = events.iter().filter(|event| matches!(event, Event::Frame(_))).count();
+    for recording in RECORDINGS {
+        let bytes = recorded(recording, &events);
+        assert!(bytes.starts_with(recording.begins), "{}", recording.flag);
+        let count = match recording.flag {
+            "candump" => bytes.iter().filter(|byte| **byte == b'\n').count(),
+            "pcapng" => {
+                let mut reader = PcapNgReader::new(&*bytes).expect("it begins as it should");
+                let blocks = std::iter::from_fn(|| {
+                    let block = reader.next_block()?.expect("each block is whole");
+                    Some(matches!(block, Block::EnhancedPacket(_)))
+                });
+                blocks.filter(|is_packet| *is_packet).count()
+            }
+            other => panic!("nobody counts the frames of {other}"),
+        };
+        assert_eq!(count, frames, "{}", recording.flag);
+    }
+}
+
+#[test]
+fn shards_become_one_run_that_says_what_is_missing() {
+    let events = fixture::events(Grade::Lenient);
+    let whole = fold(&events, Keep::Unusual);
+    // Every second case each.
+    let shard = |place| {
+        let mut number = 0;
+        let mut is_in = true;
+        let of_shard = events.iter().filter(|event| {
+            match event {
+                Event::CaseStarted(_) => {
+                    number += 1;
+                    is_in = number % 2 == place % 2;
+                }
+                Event::DeviceStarted(_) | Event::RunEnded(_) => is_in = true,
+                _ => {}
+            }
+            is_in
+        });
+        let mut of_shard: Vec<Event> = of_shard.cloned().collect();
+        if let Some(Event::RunStarted(started)) = of_shard.first_mut() {
+            started.shard = Some(Shard { place, of: 2 });
+        }
+        fold(&of_shard, Keep::Unusual)
+    };
+    let both = merged(vec![shard(1), shard(2)]);
+    assert_eq!(both.counts(), whole.counts());
+    assert_eq!(both.devices.len(), whole.devices.len());
+    let half = merged(vec![shard(2)]);
+    let reason = half.ended.expect("it ended").reason.expect("it is not whole");
+    assert!(reason.ends_with("the shard 1/2 is missing"), "{reason}");
 }

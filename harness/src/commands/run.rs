@@ -165,12 +165,20 @@ fn forget<T>(whole: T) {
 /// # Errors
 /// When it cannot be read, or is no journal.
 pub(super) fn recorded(path: &Path) -> Result<Run, Refused> {
-    let refused = |why: String| {
-        let message = format!("error: {}: {why}", path.display());
-        Refused { exit: Exit::File, message }
-    };
-    let journal = read(path, LARGEST_JOURNAL).and_then(text).map_err(|why| refused(words(&why)))?;
-    Run::fold(&journal, Keep::Unusual).map_err(|why| refused(why.to_string()))
+    let journal = journal_text(path)?;
+    Run::fold(&journal, Keep::Unusual).map_err(|why| unread(path, &why.to_string()))
+}
+
+/// The text of a journal.
+///
+/// # Errors
+/// When it cannot be read.
+pub(super) fn journal_text(path: &Path) -> Result<String, Refused> {
+    read(path, LARGEST_JOURNAL).and_then(text).map_err(|why| unread(path, &words(&why)))
+}
+
+fn unread(path: &Path, why: &str) -> Refused {
+    Refused { exit: Exit::File, message: format!("error: {}: {why}", path.display()) }
 }
 
 /// The names of the cases that made the run of a journal red.

@@ -21,6 +21,7 @@ pub(crate) fn started(args: &RunArgs, on_real_bus: bool) -> RunStarted {
         seed: (args.shuffle || args.seed.is_some()).then(|| args.seed.unwrap_or(1)),
         grade: args.grade.unwrap_or(GradeName::Lenient).into(),
         began: on_real_bus.then(unix_time),
+        shard: args.shard.map(|shard| reports::Shard { place: shard.place + 1, of: shard.of }),
     }
 }
 

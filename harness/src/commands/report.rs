@@ -1,0 +1,63 @@
+//! `harness report`: writes reports from the journals of runs.
+
+use reports::terminal::{Printer, Verbosity};
+use reports::{Event, Run, Style, journal, merged};
+use runner::plan::is_named;
+
+use super::run::{journal_text, recorded};
+use crate::cli::RenderArgs;
+use crate::exit::{Exit, Refused};
+use crate::reporter::{render, say_report};
+
+/// Writes what is asked for, or prints what a run prints.
+///
+/// # Errors
+/// When a journal cannot be read, or a report cannot be written.
+pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
+    let runs = args.journals.iter().map(|path| recorded(path));
+    let runs: Vec<Run> = runs.collect::<Result<_, _>>()?;
+    for (run, path) in runs.iter().zip(&args.journals).filter(|(run, _)| run.ended.is_none()) {
+        let cases = run.counts().total();
+        complain!("note: the run of {} was cut off after {cases} cases", path.display());
+    }
+    let run = merged(runs);
+    let reports = &args.reports;
+    if reports.formats.is_empty() && reports.recordings.is_empty() {
+        let mut printer = Printer::new(Style { color: args.color.colours() }, Verbosity::Normal);
+        let cases: String =
+            run.cases().map(|(device, case)| printer.case(&run, device, case)).collect();
+        say_report(&(cases + &printer.summary(&run)));
+        return Ok(Exit::Green);
+    }
+    let texts = match reports.recordings.is_empty() {
+        true => Vec::new(),
+        false => args.journals.iter().map(|path| journal_text(path)).collect::<Result<_, _>>()?,
+    };
+    let events = texts.iter().flat_map(|text| journal::read(text));
+    let mut chosen = Chosen { pattern: args.case.as_deref(), is_in: args.case.is_none() };
+    let events = events.filter_map(|(_, event)| event.ok()).filter(|event| chosen.has(event));
+    render(&args.journals, reports, &run, events)?;
+    Ok(Exit::Green)
+}
+
+/// The cases that are recorded.
+struct Chosen<'a> {
+    pattern: Option<&'a str>,
+    /// Whether the present frame is recorded.
+    is_in: bool,
+}
+
+impl Chosen<'_> {
+    fn has(&mut self, event: &Event) -> bool {
+        let Some(pattern) = self.pattern else { return true };
+        match event {
+            Event::CaseStarted(case) => {
+                self.is_in = is_named(pattern, &case.name());
+                self.is_in
+            }
+            Event::CaseEnded(_) => std::mem::replace(&mut self.is_in, false),
+            Event::Frame(_) => self.is_in,
+            _ => true,
+        }
+    }
+}
