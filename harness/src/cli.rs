@@ -38,7 +38,8 @@ const EXIT_CODES: &str = "\
 Exit codes: 0 green, 1 a case failed, 2 usage, 3 a file cannot be read or written, 4 nothing ran,
 5 waivers out of date, 6 bus or bench, or a case is ERROR and none failed,
 7 the device did not come back, 8 fuzzing found something,
-9 holes in qualification or trace, 70 internal error, 130 interrupted. The highest applies.";
+9 holes in qualification or trace, 10 a regression against an earlier run, 70 internal error,
+130 interrupted. The highest applies.";
 
 /// The commands.
 #[derive(Debug, Subcommand)]
@@ -230,6 +231,10 @@ pub struct RenderArgs {
     /// The reports to write; without one, the text of a run is printed.
     #[command(flatten)]
     pub reports: ReportArgs,
+    /// The journal of an earlier run, to tell what is new, cured and changed; where what was green
+    /// is red, the exit code is 10
+    #[arg(long, value_name = "JOURNAL")]
+    pub against: Option<PathBuf>,
     /// Record the frames of the cases only that this names, as the patterns of a run do
     #[arg(long, value_name = "PATTERN")]
     pub case: Option<String>,

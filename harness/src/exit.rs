@@ -26,6 +26,8 @@ pub enum Exit {
     Findings = 8,
     /// The qualification or the trace has holes.
     Holes = 9,
+    /// What was green in an earlier run is red.
+    Regression = 10,
     /// A bug of the harness.
     Internal = 70,
     /// The user stopped the run.

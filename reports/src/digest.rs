@@ -4,6 +4,7 @@
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
+use crate::comparison::Comparison;
 use crate::fact::{Fact, facts};
 use crate::junit::date;
 use crate::reason::alike;
@@ -26,6 +27,7 @@ pub(crate) struct Digest<'r> {
     pub(crate) columns: Vec<Verdict>,
     /// The causes: those that make the run red come first.
     pub(crate) causes: Vec<Cause>,
+    pub(crate) comparison: Option<&'r Comparison>,
     /// The most frequent reasons, and the others.
     pub(crate) not_tested: [Vec<Reason>; 2],
     pub(crate) documents: Vec<Document>,
@@ -113,6 +115,7 @@ impl<'r> Digest<'r> {
             bars: bars(counts),
             columns: columns.collect(),
             causes: causes(run),
+            comparison: run.comparison.as_ref(),
             not_tested: {
                 let mut first = not_tested(run);
                 let others = first.split_off(first.len().min(MOST_REASONS));

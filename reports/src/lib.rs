@@ -4,6 +4,7 @@
 
 pub mod candump;
 mod cause;
+mod comparison;
 mod digest;
 mod event;
 mod fact;
@@ -27,6 +28,7 @@ mod verdict;
 mod wire;
 
 pub use cause::Cause;
+pub use comparison::{Change, Comparison};
 pub use event::{
     Begun, CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,
     RunStarted, Shard, SheetUsed, Stimulus, Versions,

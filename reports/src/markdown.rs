@@ -3,6 +3,7 @@
 
 use std::io::{self, Write};
 
+use crate::comparison::{Comparison, MOST_CHANGES};
 use crate::digest::{Cause, Digest, Reason};
 use crate::run::Run;
 
@@ -19,6 +20,9 @@ pub fn write(run: &Run, out: &mut dyn Write) -> io::Result<()> {
         writeln!(out, "The run stopped: {}\n", escaped(reason))?;
     }
     devices(&digest, out)?;
+    if let Some(comparison) = digest.comparison {
+        compared(comparison, out)?;
+    }
     causes(&digest.causes, out)?;
     not_tested(&digest.not_tested, out)?;
     for (what, text) in &digest.facts_of_run {
@@ -39,6 +43,29 @@ fn devices(digest: &Digest<'_>, out: &mut dyn Write) -> io::Result<()> {
         let counts: Vec<String> = counts.collect();
         let name = escaped(device.name);
         writeln!(out, "| {name} | {} | {} |", device.node, counts.join(" | "))?;
+    }
+    writeln!(out)
+}
+
+fn compared(comparison: &Comparison, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "## Compared with the earlier run\n")?;
+    if comparison.is_empty() {
+        return writeln!(out, "Nothing changed.\n");
+    }
+    if comparison.is_regression {
+        writeln!(out, "**A regression: what was green is red.**\n")?;
+    }
+    for (heading, causes) in [("New", &comparison.new), ("Cured", &comparison.cured)] {
+        for cause in causes.iter().take(MOST_CAUSES) {
+            writeln!(out, "- **{heading}**: {}", escaped(cause))?;
+        }
+    }
+    for change in comparison.changed.iter().take(MOST_CHANGES) {
+        writeln!(out, "- {}", escaped(&change.text()))?;
+    }
+    let more = comparison.changed.len().saturating_sub(MOST_CHANGES);
+    if more > 0 {
+        writeln!(out, "- {more} more cases changed")?;
     }
     writeln!(out)
 }

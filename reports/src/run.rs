@@ -6,6 +6,7 @@ use std::sync::Arc;
 use canopen::{Instant, Stamped};
 
 use crate::cause::Cause;
+use crate::comparison::Comparison;
 use crate::event::{
     Begun, CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, RunEnded, RunStarted,
     Stimulus,
@@ -33,6 +34,8 @@ pub struct Run {
     pub devices: Vec<DeviceRun>,
     /// How it ended; `None` when it was cut off.
     pub ended: Option<RunEnded>,
+    /// What is different from an earlier run, where one was given.
+    pub comparison: Option<Comparison>,
     keep: Keep,
     running: bool,
     suite: usize,

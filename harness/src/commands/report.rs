@@ -1,7 +1,7 @@
 //! `harness report`: writes reports from the journals of runs.
 
 use reports::terminal::{Printer, Verbosity};
-use reports::{Event, Run, Style, journal, merged};
+use reports::{Comparison, Event, Run, Style, journal, merged};
 use runner::plan::is_named;
 
 use super::run::{journal_text, recorded};
@@ -20,14 +20,22 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
         let cases = run.counts().total();
         complain!("note: the run of {} was cut off after {cases} cases", path.display());
     }
-    let run = merged(runs);
+    let mut run = merged(runs);
+    let earlier = args.against.as_deref().map(recorded).transpose()?;
+    run.comparison = earlier.map(|earlier| Comparison::of(&run, &earlier));
+    let regression = run.comparison.as_ref().is_some_and(|it| it.is_regression);
+    let exit = if regression { Exit::Regression } else { Exit::Green };
     let reports = &args.reports;
     if reports.formats.is_empty() && reports.recordings.is_empty() {
         let mut printer = Printer::new(Style { color: args.color.colours() }, Verbosity::Normal);
         let cases: String =
             run.cases().map(|(device, case)| printer.case(&run, device, case)).collect();
-        say_report(&(cases + &printer.summary(&run)));
-        return Ok(Exit::Green);
+        match &run.comparison {
+            // What is not different is known.
+            Some(comparison) => say_report(&comparison.text()),
+            None => say_report(&(cases + &printer.summary(&run))),
+        }
+        return Ok(exit);
     }
     let texts = match reports.recordings.is_empty() {
         true => Vec::new(),
@@ -37,7 +45,7 @@ pub(super) fn run(args: &RenderArgs) -> Result<Exit, Refused> {
     let mut chosen = Chosen { pattern: args.case.as_deref(), is_in: args.case.is_none() };
     let events = events.filter_map(|(_, event)| event.ok()).filter(|event| chosen.has(event));
     render(&args.journals, reports, &run, events)?;
-    Ok(Exit::Green)
+    Ok(exit)
 }
 
 /// The cases that are recorded.

@@ -1,0 +1,135 @@
+//! A run against an earlier one: which causes are new, which are cured, and which cases changed.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::Write as _;
+
+use crate::digest::clean;
+use crate::fact::facts;
+use crate::run::Run;
+use crate::verdict::Verdict;
+
+/// What is different from an earlier run.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Comparison {
+    /// What makes the run red, or is tolerated or waived, and did not before.
+    pub new: Vec<String>,
+    /// What did before, and does no longer.
+    pub cured: Vec<String>,
+    /// How many causes are in both.
+    pub as_before: usize,
+    /// The cases that came out otherwise.
+    pub changed: Vec<Change>,
+    /// Whether a case is red that was not.
+    pub is_regression: bool,
+}
+
+/// A case that came out otherwise.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Change {
+    /// The device.
+    pub device: String,
+    /// The full name of the instance.
+    pub name: String,
+    /// Its verdict before; `None` when it was not in the earlier run.
+    pub before: Option<Verdict>,
+    /// Its verdict now; `None` when it is not in this run.
+    pub now: Option<Verdict>,
+}
+
+impl Comparison {
+    /// What is different in `now` from `before`.
+    pub fn of(now: &Run, before: &Run) -> Self {
+        let (causes, old_causes) = (causes(now), causes(before));
+        let (verdicts, old_verdicts) = (verdicts(now), verdicts(before));
+        let names: BTreeSet<_> = verdicts.keys().chain(old_verdicts.keys()).collect();
+        let change = |key: &&(String, String)| {
+            let (before, now) = (old_verdicts.get(*key).copied(), verdicts.get(*key).copied());
+            let (device, name) = (*key).clone();
+            (before != now).then_some(Change { device, name, before, now })
+        };
+        let changed: Vec<Change> = names.iter().filter_map(change).collect();
+        let is_red = |verdict: Option<Verdict>| verdict.is_some_and(|it| now.is_red(it));
+        Self {
+            new: causes.difference(&old_causes).cloned().collect(),
+            cured: old_causes.difference(&causes).cloned().collect(),
+            as_before: causes.intersection(&old_causes).count(),
+            is_regression: changed.iter().any(|it| is_red(it.now) && !is_red(it.before)),
+            changed,
+        }
+    }
+
+    /// Whether nothing is different.
+    pub fn is_empty(&self) -> bool {
+        self.new.is_empty() && self.cured.is_empty() && self.changed.is_empty()
+    }
+
+    /// In words, for a terminal: what is new, what is cured, and which cases changed.
+    pub fn text(&self) -> String {
+        let mut text = String::new();
+        if self.is_empty() {
+            return format!("as before: {} known, no case changed\n", causes_of(self.as_before));
+        }
+        for (heading, causes) in [("new", &self.new), ("cured", &self.cured)] {
+            for cause in causes {
+                // Writing to a string does not fail.
+                let _ = writeln!(text, "{heading:<8}{}", cause.replace('\n', " "));
+            }
+        }
+        for change in self.changed.iter().take(MOST_CHANGES) {
+            let _ = writeln!(text, "changed {}", change.text());
+        }
+        let more = self.changed.len().saturating_sub(MOST_CHANGES);
+        if more > 0 {
+            let _ = writeln!(text, "changed {more} more");
+        }
+        let _ = writeln!(
+            text,
+            "{} new, {} cured, {} as before, {} cases changed{}",
+            causes_of(self.new.len()),
+            self.cured.len(),
+            self.as_before,
+            self.changed.len(),
+            if self.is_regression { ": a regression" } else { "" }
+        );
+        text
+    }
+}
+
+impl Change {
+    /// `generic cia301/nmt/boot-up: PASS, now FAIL`.
+    pub fn text(&self) -> String {
+        let verdict = |it: Option<Verdict>| it.map_or("not run", Verdict::name);
+        format!(
+            "{} {}: {}, now {}",
+            self.device,
+            self.name,
+            verdict(self.before),
+            verdict(self.now)
+        )
+    }
+}
+
+/// How many changed cases are listed.
+pub(crate) const MOST_CHANGES: usize = 50;
+
+fn causes_of(count: usize) -> String {
+    if count == 1 { "1 cause".to_owned() } else { format!("{count} causes") }
+}
+
+/// The causes, each with its device and its service.
+fn causes(run: &Run) -> BTreeSet<String> {
+    let facts = facts(run).into_iter().filter_map(|fact| {
+        let (_, device, case) = fact.first;
+        let cause = fact.cause()?.to_string();
+        let named = device.info.objects.in_text(&cause);
+        Some(clean(&format!("{} {}: {named}", device.info.device, case.info.suite)))
+    });
+    facts.collect()
+}
+
+fn verdicts(run: &Run) -> BTreeMap<(String, String), Verdict> {
+    let named = run.cases().map(|(device, case)| {
+        ((clean(&device.info.device), clean(&case.info.name())), case.verdict())
+    });
+    named.collect()
+}
