@@ -792,6 +792,8 @@ pub enum SchemaName {
     Dut,
     /// Files of the catalogue of profiles
     Catalogue,
+    /// The report that `--json` writes
+    Report,
 }
 
 /// When to use colours.

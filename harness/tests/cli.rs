@@ -64,6 +64,7 @@ fn the_committed_schemas_are_those_of_the_program() {
         ("freedoms", "reference-devices/freedoms"),
         ("personalities", "reference-devices/personalities"),
         ("catalogue", "canopen/catalogue/catalogue"),
+        ("report", "reports/report"),
         ("waivers", "suites/waivers"),
         ("dut", "suites/device-under-test"),
     ] {

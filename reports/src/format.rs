@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use crate::run::Run;
-use crate::{html, junit, markdown};
+use crate::{html, json, junit, markdown};
 
 /// A report. A row of [`FORMATS`] is all that a new one needs: the command line takes its flag
 /// from there, the runner writes it, and a test compares it with its sample.
@@ -40,6 +40,13 @@ pub const FORMATS: &[Format] = &[
         begins: html::BEGINS,
         sample: "page.html",
         write: html::write,
+    },
+    Format {
+        flag: "json",
+        help: "Write a report for programs; `harness schema report` prints its schema",
+        begins: json::BEGINS,
+        sample: "report.json",
+        write: json::write,
     },
     Format {
         flag: "markdown",

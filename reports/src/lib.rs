@@ -12,6 +12,7 @@ mod format;
 pub mod github;
 pub mod html;
 pub mod journal;
+pub mod json;
 pub mod junit;
 pub mod markdown;
 mod merge;
