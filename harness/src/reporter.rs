@@ -67,8 +67,10 @@ impl Reporter {
             bar.set_style(style);
         }
         let (journal, recordings, reports) = open(args)?;
+        let run = Run::new(Keep::Unusual);
+        let watches = verbosity == Verbosity::Verbose || !reports.is_empty();
         Ok(Self {
-            run: Run::new(Keep::Unusual),
+            run: if watches { run.watching() } else { run },
             printer: Printer::new(Style { color }, verbosity),
             annotate: std::env::var_os("GITHUB_ACTIONS").is_some(),
             prints: true,

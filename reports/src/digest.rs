@@ -4,6 +4,9 @@
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
 
+use canopen::NmtState;
+
+use crate::characteristics::{Characteristic, Watched};
 use crate::comparison::Comparison;
 use crate::fact::{Fact, facts};
 use crate::junit::date;
@@ -38,6 +41,19 @@ pub(crate) struct Device<'r> {
     pub(crate) node: u8,
     pub(crate) counts: Vec<(Verdict, usize)>,
     pub(crate) about: Vec<(&'static str, String)>,
+    pub(crate) characteristics: Vec<Characteristic>,
+    pub(crate) strip: Option<Strip>,
+}
+
+/// What was on the bus, from the beginning to the end of the run.
+pub(crate) struct Strip {
+    /// In seconds.
+    pub(crate) length: f64,
+    /// The load in each of equal parts of the run, of a hundred; empty when the bit rate is not
+    /// known.
+    pub(crate) load: Vec<f64>,
+    /// The states that were seen: from which part on, through how many, and the name.
+    pub(crate) states: Vec<(usize, usize, &'static str)>,
 }
 
 /// A part of the bar of verdicts.
@@ -126,6 +142,13 @@ impl<'r> Digest<'r> {
     }
 }
 
+impl Digest<'_> {
+    /// Whether there are characteristics.
+    pub(crate) fn is_watched(&self) -> bool {
+        self.devices.iter().any(|device| device.strip.is_some())
+    }
+}
+
 /// Text that a device or a file chose, for a reader: without characters that HTML does not have.
 pub(crate) fn clean(text: &str) -> String {
     printable(text).replace(['\u{FFFE}', '\u{FFFF}'], "\u{FFFD}")
@@ -176,6 +199,8 @@ impl<'r> Device<'r> {
             node: info.node,
             counts: Verdict::ALL.into_iter().map(|it| (it, counts.of(it))).collect(),
             about: about.into_iter().filter_map(|(what, text)| Some((what, text?))).collect(),
+            characteristics: device.characteristics(),
+            strip: device.watched.as_ref().map(|watched| Strip::of(watched, info.bit_rate)),
         }
     }
 
@@ -183,6 +208,37 @@ impl<'r> Device<'r> {
         self.counts.iter().find(|(of, _)| of == verdict).map_or(0, |(_, count)| *count)
     }
 }
+
+impl Strip {
+    fn of(watched: &Watched, bit_rate: Option<u32>) -> Self {
+        let parts = watched.strip(PARTS, bit_rate.unwrap_or(1));
+        let mut states: Vec<(usize, usize, &'static str)> = Vec::new();
+        for (place, (_, state)) in parts.iter().enumerate() {
+            let name = state.map_or("unknown", word);
+            match states.last_mut() {
+                Some((_, length, last)) if *last == name => *length += 1,
+                _ => states.push((place, 1, name)),
+            }
+        }
+        let load = match bit_rate {
+            Some(_) => parts.iter().map(|(load, _)| load * 100.0).collect(),
+            None => Vec::new(),
+        };
+        Self { length: watched.end().0 as f64 / 1e9, load, states }
+    }
+}
+
+const fn word(state: NmtState) -> &'static str {
+    match state {
+        NmtState::STOPPED => "stopped",
+        NmtState::OPERATIONAL => "operational",
+        NmtState::PRE_OPERATIONAL => "pre-operational",
+        _ => "unknown",
+    }
+}
+
+/// How many parts a picture of the bus has.
+const PARTS: usize = 320;
 
 fn bars(counts: Counts) -> Vec<Bar> {
     let all = counts.total().max(1) as f64;

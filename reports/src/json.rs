@@ -7,6 +7,7 @@ use std::io::{self, Write};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::characteristics::Characteristic;
 use crate::digest::Digest;
 use crate::event::{Check, Measured};
 use crate::run::{CaseRun, Counts, DeviceRun, Run};
@@ -127,6 +128,8 @@ struct Device<'r> {
     data_sheet: Option<&'r str>,
     data_sheet_sha256: Option<&'r str>,
     remark: Option<&'r str>,
+    /// What the frames of the run show, without tests of their own.
+    characteristics: Vec<Characteristic>,
     counts: BTreeMap<&'static str, usize>,
     cases: Vec<Case<'r>>,
 }
@@ -280,6 +283,7 @@ impl<'r> Device<'r> {
             data_sheet: info.sheet.as_ref().map(|it| it.file.as_str()),
             data_sheet_sha256: info.sheet.as_ref().map(|it| it.sha256.as_str()),
             remark: info.remark.as_deref(),
+            characteristics: device.characteristics(),
             counts: counted(device.counts()),
             cases: device.cases().map(Case::of).collect(),
         }

@@ -4,6 +4,7 @@
 
 pub mod candump;
 mod cause;
+mod characteristics;
 mod comparison;
 mod digest;
 mod event;
@@ -29,6 +30,7 @@ mod verdict;
 mod wire;
 
 pub use cause::Cause;
+pub use characteristics::Characteristic;
 pub use comparison::{Change, Comparison};
 pub use event::{
     Begun, CaseEnded, CaseStarted, Check, DeviceStarted, Event, Identity, Measured, Note, RunEnded,

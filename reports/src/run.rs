@@ -6,6 +6,7 @@ use std::sync::Arc;
 use canopen::{Instant, Stamped};
 
 use crate::cause::Cause;
+use crate::characteristics::{Characteristic, Watched};
 use crate::comparison::Comparison;
 use crate::event::{
     Begun, CaseEnded, CaseStarted, DeviceStarted, Event, Measured, Note, RunEnded, RunStarted,
@@ -37,6 +38,7 @@ pub struct Run {
     /// What is different from an earlier run, where one was given.
     pub comparison: Option<Comparison>,
     keep: Keep,
+    watches: bool,
     running: bool,
     suite: usize,
     /// The memory of a trace that was not kept, for the next one.
@@ -50,6 +52,8 @@ pub struct DeviceRun {
     pub info: DeviceStarted,
     /// The suites, in the order of their first case.
     pub suites: Vec<SuiteRun>,
+    /// What its frames show, where the run [watches](Run::watching) them.
+    pub(crate) watched: Option<Box<Watched>>,
 }
 
 /// The cases of one suite that ran against one device.
@@ -96,12 +100,18 @@ impl Run {
         Self { keep, ..Self::default() }
     }
 
-    /// The run that a journal records.
+    /// The same, which takes the characteristics of devices from their frames.
+    #[must_use]
+    pub fn watching(self) -> Self {
+        Self { watches: true, ..self }
+    }
+
+    /// The run that a journal records, with the characteristics of its devices.
     ///
     /// # Errors
     /// The first line that is not an event, or one that cannot follow those before it.
     pub fn fold(journal: &str, keep: Keep) -> Result<Self, JournalError> {
-        let mut run = Self::new(keep);
+        let mut run = Self::new(keep).watching();
         for (line, event) in journal::read(journal) {
             run.apply(&event?).map_err(|error| JournalError {
                 line,
@@ -123,6 +133,11 @@ impl Run {
             Event::DeviceStarted(device) => self.start_device(device),
             Event::CaseStarted(case) => self.start_case(case),
             Event::Frame(seen) => {
+                if let Some(device) = self.devices.last_mut()
+                    && let Some(watched) = &mut device.watched
+                {
+                    watched.take(device.info.node, seen);
+                }
                 if let Some(case) = self.open_case() {
                     case.ended = case.ended.max(seen.at);
                     case.frames += 1;
@@ -220,7 +235,8 @@ impl Run {
 
     fn start_device(&mut self, device: &DeviceStarted) -> Result<(), OutOfOrder> {
         self.idle("a device starts within a case")?;
-        self.devices.push(DeviceRun { info: device.clone(), suites: Vec::new() });
+        let watched = self.watches.then(Box::default);
+        self.devices.push(DeviceRun { info: device.clone(), suites: Vec::new(), watched });
         Ok(())
     }
 
@@ -314,6 +330,11 @@ impl DeviceRun {
     /// How many cases came out how.
     pub fn counts(&self) -> Counts {
         self.cases().map(CaseRun::verdict).collect()
+    }
+
+    /// What its frames show, where they were [watched](Run::watching).
+    pub fn characteristics(&self) -> Vec<Characteristic> {
+        self.watched.as_ref().map(|it| it.characteristics()).unwrap_or_default()
     }
 }
 

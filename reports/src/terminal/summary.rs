@@ -22,6 +22,9 @@ pub fn summary(run: &Run, style: Style, verbosity: Verbosity) -> String {
         blocked(run, style, &mut text);
         kept_from(run, &mut text);
     }
+    if verbosity == Verbosity::Verbose {
+        characteristics(run, style, &mut text);
+    }
     not_passed(run, style, verbosity, &mut text);
     if run.ended.is_none() {
         let _ = writeln!(text, "interrupted: the run did not come to its end\n");
@@ -69,6 +72,29 @@ fn devices(run: &Run, style: Style, text: &mut String) {
         }
     }
     text.push('\n');
+}
+
+/// What the frames of each device show besides.
+fn characteristics(run: &Run, style: Style, text: &mut String) {
+    for device in &run.devices {
+        let all = device.characteristics();
+        if all.is_empty() {
+            continue;
+        }
+        let name = one_line(&device.info.device);
+        let head = format!("{:<54}{:>7}", format!("characteristics of {name}"), "values");
+        let head =
+            format!("{head}{:>10}{:>10}{:>10}{:>10}", "minimum", "median", "99 %", "maximum");
+        let _ = writeln!(text, "{}", style.dim(head));
+        for it in &all {
+            let _ = writeln!(
+                text,
+                "{:<54}{:>7}{:>10}{:>10}{:>10}{:>10} {}",
+                it.what, it.count, it.min, it.median, it.p99, it.max, it.unit
+            );
+        }
+        text.push('\n');
+    }
 }
 
 /// The verdicts that have a column: BLOCKED and XFAIL when there are any.
